@@ -1,0 +1,8 @@
+"""hopdata: is landing on several feet one smooth map?
+
+The package follows the data's way, one sub-package a stage: ``hybrid`` and ``scenes`` simulate,
+``synthesis`` observes, ``recordings`` reads, ``landings`` finds touchdowns, ``maps`` compares
+linear models, ``figures`` draws and ``report`` gathers.
+"""
+
+__version__ = "0.1.0"

@@ -1,0 +1,28 @@
+"""Errors a user can act on: each says where, what was expected and what was found."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class HopdataError(Exception):
+    """Base of every error that hopdata raises for a mistake in its input."""
+
+
+class ConfigError(HopdataError):
+    """A key of the configuration is missing, misspelt or out of range."""
+
+
+class RecordingError(HopdataError):
+    """A recording cannot be read, or does not hold what the configuration says."""
+
+
+class AnalysisError(HopdataError):
+    """The data are sound but do not suffice for the analysis asked for."""
+
+
+def did_you_mean(name: str, choices: Iterable[str]) -> str:
+    """Return ``"; did you mean 'x'?"`` for the nearest of `choices`, or an empty string."""
+    near = difflib.get_close_matches(name, list(choices), n=1, cutoff=0.5)
+    return f"; did you mean '{near[0]}'?" if near else ""

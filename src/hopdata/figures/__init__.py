@@ -1,0 +1,1 @@
+"""Figures: one module a figure, from tidy tables to matplotlib figures."""

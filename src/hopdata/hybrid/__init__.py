@@ -1,0 +1,1 @@
+"""Event-selected hybrid systems: stepping, event localisation and mode bookkeeping."""

@@ -1,0 +1,1 @@
+"""Landings: floor, sections, contact instants and schedules, and the home frame."""

@@ -1,0 +1,1 @@
+"""Maps: linear models of the landing, their bootstrap, subspaces and distances."""

@@ -1,0 +1,1 @@
+"""Recordings: the one form in which motion capture enters the analysis, and its readers."""

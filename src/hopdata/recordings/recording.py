@@ -1,0 +1,83 @@
+"""The `Recording`: marker positions over time, in SI units, with z up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+ROLES = ("body", "foot", "boom", "other")
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Motion capture of one trial.
+
+    Parameters
+    ----------
+    name : str
+        Short name, unique in a study.
+    time : (N,) array
+        Time of each frame, s, strictly increasing.
+    positions : (N, M, 3) array
+        Marker positions in the world frame with z up, m; NaN where a marker was not seen.
+    markers : tuple of str
+        The M marker names.
+    roles : tuple of str
+        One of ``"body"``, ``"foot"``, ``"boom"``, ``"other"`` for each marker.
+    rate_hz : float
+        Nominal frame rate, Hz.
+    source : str
+        Name of the file that the recording was read from.
+    source_sha256 : str
+        Digest of that file.
+    vertical_axis : str
+        Axis of the source file that pointed up (``"x"``, ``"y"`` or ``"z"``).
+    """
+
+    name: str
+    time: FloatArray
+    positions: FloatArray
+    markers: tuple[str, ...]
+    roles: tuple[str, ...]
+    rate_hz: float
+    source: str = ""
+    source_sha256: str = ""
+    vertical_axis: str = "z"
+
+    def __post_init__(self) -> None:
+        n_frames, n_markers = len(self.time), len(self.markers)
+        if self.positions.shape != (n_frames, n_markers, 3):
+            raise ValueError(
+                f"positions: expected shape {(n_frames, n_markers, 3)}, "
+                f"found {self.positions.shape}"
+            )
+        if len(self.roles) != n_markers:
+            raise ValueError(f"roles: expected {n_markers} entries, found {len(self.roles)}")
+
+    def indices(self, role: str) -> list[int]:
+        """Indices of the markers with this role, in order."""
+        return [i for i, r in enumerate(self.roles) if r == role]
+
+    def names(self, role: str) -> tuple[str, ...]:
+        """Names of the markers with this role, in order."""
+        return tuple(self.markers[i] for i in self.indices(role))
+
+    @cached_property
+    def body(self) -> FloatArray:
+        """Body markers, (N, B, 3), m."""
+        return self.positions[:, self.indices("body")]
+
+    @cached_property
+    def feet(self) -> FloatArray:
+        """Foot markers, (N, n, 3), m."""
+        return self.positions[:, self.indices("foot")]
+
+    @cached_property
+    def body_height(self) -> FloatArray:
+        """Mean height of the body markers, (N,), m; NaN where one of them is not seen."""
+        return self.body[:, :, 2].mean(axis=1)

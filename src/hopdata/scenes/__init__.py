@@ -1,0 +1,1 @@
+"""Scenes: vector fields with guards, ready for the hybrid integrator."""
