@@ -1,0 +1,84 @@
+# Two commands: `make figures` runs the bundled study, `make test` runs the tests.
+# Both build a private environment in .venv from the hash-pinned lock files; uv is used where it is present.
+
+CONFIG ?= config/config.yaml
+CORES  ?= 2
+VENV   ?= .venv
+PYTEST_ARGS ?=
+
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
+BIN := $(VENV)/bin
+# Environments do not leak into the private one.
+export PYTHONNOUSERSITE := 1
+unexport PYTHONPATH
+
+.PHONY: figures test lint format docs sample lock clean help
+
+help:
+	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
+	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
+	@echo "make lint       ruff, mypy, snakefmt and snakemake --lint"
+	@echo "make format     let ruff and snakefmt rewrite the files"
+	@echo "make docs       write docs/configuration.md from the schema"
+	@echo "make sample     simulate data/sample/hopper.h5 again"
+	@echo "make lock       resolve requirements*.lock again (needs uv)"
+	@echo "make clean      remove .venv, results and caches"
+
+figures: $(VENV)/.run
+	$(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
+
+test: $(VENV)/.dev
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/snakefmt --check Snakefile workflow/rules
+	$(BIN)/snakemake --lint
+
+format: $(VENV)/.dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+	$(BIN)/snakefmt Snakefile workflow/rules
+
+docs: $(VENV)/.run
+	$(BIN)/hopdata config-docs --out docs/configuration.md
+
+sample: $(VENV)/.run
+	$(BIN)/snakemake --cores 1 results/sample/simulated/hopper.h5
+	cp results/sample/simulated/hopper.h5 data/sample/hopper.h5
+
+$(VENV)/pyvenv.cfg:
+	@test -n "$(PYTHON)" || { echo "hopdata needs Python 3.11 or newer: none found on PATH (set PYTHON=...)" >&2; exit 1; }
+	@if command -v uv >/dev/null 2>&1; then uv venv --quiet --clear --python "$(PYTHON)" $(VENV); \
+	else "$(PYTHON)" -m venv --clear $(VENV); fi
+
+# One recipe for both environments: $(1) is the lock file.
+define install
+	@if command -v uv >/dev/null 2>&1; then \
+	  uv pip install --quiet --python $(BIN)/python --require-hashes -r $(1) && \
+	  uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation -e .; \
+	else \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(1) && \
+	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .; \
+	fi
+	@touch $@
+endef
+
+$(VENV)/.run: requirements.lock pyproject.toml | $(VENV)/pyvenv.cfg
+	@echo "Preparing $(VENV) from requirements.lock"
+	$(call install,requirements.lock)
+
+$(VENV)/.dev: requirements-dev.lock pyproject.toml | $(VENV)/pyvenv.cfg
+	@echo "Preparing $(VENV) from requirements-dev.lock"
+	$(call install,requirements-dev.lock)
+
+LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --no-emit-index-url
+lock:
+	echo "flit-core>=3.11,<5" | $(LOCK) pyproject.toml - -o requirements.lock
+	echo "flit-core>=3.11,<5" | $(LOCK) pyproject.toml - --all-extras -c requirements.lock -o requirements-dev.lock
+
+clean:
+	rm -rf $(VENV) results .snakemake .pytest_cache .mypy_cache .ruff_cache

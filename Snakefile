@@ -1,0 +1,34 @@
+"""hopdata: from motion-capture recordings to the figures, stage by stage.
+
+snakemake --cores 2                                   the bundled sample
+snakemake --cores 2 --configfile config/runner.yaml   another study
+"""
+
+from snakemake.utils import min_version
+
+min_version("9.0")
+
+# A config file given on the command line replaces the default one; it does not extend it.
+if not workflow.overwrite_configfiles:
+
+    configfile: "config/config.yaml"
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/recordings.smk"
+include: "workflow/rules/landings.smk"
+include: "workflow/rules/maps.smk"
+include: "workflow/rules/report.smk"
+
+
+localrules:
+    all,
+
+
+rule all:
+    default_target: True
+    input:
+        f"{RESULTS}/report.html",
+        f"{RESULTS}/provenance.json",
+        f"{RESULTS}/truth.json",
+        FIGURES,

@@ -1,0 +1,94 @@
+"""What every batch job needs: a log file, one clear line on failure, whole or no outputs."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import sys
+import traceback
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hopdata.errors import HopdataError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+logger = logging.getLogger("hopdata")
+
+
+@contextmanager
+def reported(log: str | Path) -> Iterator[None]:
+    """Send the package's log to `log`; end a user's mistake in one line and exit code 1.
+
+    Parameters
+    ----------
+    log : path
+        Log file, written anew. Any other exception goes there with its traceback, and on.
+
+    Raises
+    ------
+    SystemExit
+        With code 1 after a `HopdataError`, whose message is on stderr and in the log.
+    """
+    Path(log).parent.mkdir(parents=True, exist_ok=True)
+    handler = logging.FileHandler(log, mode="w", encoding="utf-8")
+    handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    except HopdataError as error:
+        logger.error("%s", error)
+        print(f"hopdata: error: {error}", file=sys.stderr)
+        raise SystemExit(1) from None
+    except Exception:
+        logger.error("unexpected error\n%s", traceback.format_exc())
+        raise
+    finally:
+        logger.removeHandler(handler)
+        handler.close()
+
+
+@contextmanager
+def whole_file(path: str | Path) -> Iterator[Path]:
+    """Yield a temporary path beside `path`, which takes its place only if the block succeeds."""
+    target = Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        yield temporary
+        os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_json(path: str | Path, content: Mapping[str, Any] | list[Any]) -> None:
+    """Write `content` as indented JSON, whole or not at all; NaN is not allowed in it."""
+    with whole_file(path) as temporary:
+        temporary.write_text(
+            json.dumps(content, indent=2, sort_keys=False, allow_nan=False) + "\n", encoding="utf-8"
+        )
+
+
+def read_json(path: str | Path) -> Any:
+    """Read a JSON file."""
+    return json.loads(Path(path).read_text(encoding="utf-8"))
+
+
+def write_table(path: str | Path, table: pd.DataFrame) -> None:
+    """Write a table as CSV, whole or not at all, with 9 significant digits."""
+    with whole_file(path) as temporary:
+        table.to_csv(temporary, index=False, float_format="%.9g", lineterminator="\n")
+
+
+def read_table(path: str | Path) -> pd.DataFrame:
+    """Read a CSV table; text columns keep empty cells as empty text."""
+    import pandas as pd
+
+    table = pd.read_csv(path)
+    text = [c for c in ("schedule", "schedule_a", "schedule_b", "reason") if c in table]
+    return table.assign(**{c: table[c].fillna("").astype(str) for c in text})

@@ -1,0 +1,124 @@
+"""Where a result comes from: code, versions, inputs, seeds and the time that each stage took."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.metadata
+import platform
+from collections.abc import Iterable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+PACKAGE = Path(__file__).parent
+REPORTED_PACKAGES = (
+    "hopdata", "numpy", "scipy", "pandas", "statsmodels", "matplotlib", "h5py", "numba",
+    "snakemake",
+)  # fmt: skip
+
+
+def file_sha256(path: str | Path) -> str:
+    """SHA-256 digest of a file's bytes."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def code_digest(script: str | Path) -> str:
+    """Digest of a script and of every hopdata source it imports, directly or not.
+
+    Imports are read from the text, those inside functions as well, so nothing is executed. A rule
+    that carries this digest as a parameter runs again when its library code changes.
+    """
+    sources = {Path(script).resolve(), *_closure(_imports(Path(script).resolve()))}
+    digest = hashlib.sha256()
+    for source in sorted(sources):
+        digest.update(source.name.encode())
+        digest.update(source.read_bytes())
+        for asset in _assets(source):
+            digest.update(asset.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _assets(source: Path) -> list[Path]:
+    """Non-Python files of a sub-package (style sheets, templates, schemas)."""
+    if source.name != "__init__.py" or source.parent == PACKAGE:
+        return []
+    folder = source.parent.rglob("*")
+    return sorted(
+        p for p in folder if p.is_file() and p.suffix in {".css", ".j2", ".mplstyle", ".yaml"}
+    )
+
+
+def _closure(start: Iterable[Path]) -> set[Path]:
+    seen: set[Path] = set()
+    waiting = list(start)
+    while waiting:
+        source = waiting.pop()
+        if source not in seen:
+            seen.add(source)
+            waiting.extend(_imports(source))
+    return seen
+
+
+@cache
+def _imports(source: Path) -> frozenset[Path]:
+    """Files of this package that `source` imports, with the packages on the way to them."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.add(node.module)
+            names.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return frozenset(path for name in names for path in _module_files(name))
+
+
+def _module_files(name: str) -> list[Path]:
+    parts = name.split(".")
+    if parts[0] != PACKAGE.name:
+        return []
+    found = []
+    for depth in range(1, len(parts) + 1):
+        base = PACKAGE.joinpath(*parts[1:depth])
+        candidates = (base / "__init__.py", base.with_suffix(".py"))
+        found.extend(path for path in candidates if path.is_file())
+    return found
+
+
+def provenance(
+    config: Mapping[str, Any], inputs: Mapping[str, str], stage_times: Iterable[Path] = ()
+) -> dict[str, Any]:
+    """Collect what is needed to make a study again.
+
+    Parameters
+    ----------
+    config : mapping
+        The validated configuration, defaults filled in.
+    inputs : mapping
+        Source file name to SHA-256 digest, one entry a recording.
+    stage_times : iterable of paths
+        Snakemake benchmark files, one a job.
+    """
+    return {
+        "study": config["study"],
+        "seed": config["seed"],
+        "config": dict(config),
+        "inputs": dict(inputs),
+        "versions": {name: _version(name) for name in REPORTED_PACKAGES},
+        "python": platform.python_version(),
+        "machine": f"{platform.system()} {platform.machine()}",
+        "stage_seconds": {path.stem: _seconds(path) for path in sorted(stage_times)},
+    }
+
+
+def _version(name: str) -> str:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _seconds(path: Path) -> float:
+    header, first = path.read_text(encoding="utf-8").splitlines()[:2]
+    return float(dict(zip(header.split("\t"), first.split("\t"), strict=True))["s"])

@@ -1,0 +1,170 @@
+"""Parameters of the legged hopper, in SI units, and the flat vector its vector field reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.errors import ConfigError
+
+FloatArray = NDArray[np.float64]
+
+# Places in the flat vector: scalars first, then (preload, x, y) of each leg's rest foot.
+N_LEGS, GRAVITY, MASS, COUNTERWEIGHT = 0, 1, 2, 3
+INERTIA_X, INERTIA_Y, INERTIA_Z = 4, 5, 6
+STIFFNESS, DAMPING, FRICTION, SLIP_VELOCITY = 7, 8, 9, 10
+RELEASE_EXTENSION, LEG_LENGTH = 11, 12
+BOOM_RADIUS, BOOM_OFFSET, BOOM_HEIGHT, BOOM_ANGLE = 13, 14, 15, 16
+BOOM_SWING, BOOM_START, BOOM_DURATION = 17, 18, 19
+LEGS, LEG_STRIDE = 20, 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class HopperParameters:
+    """A rigid chassis on evenly spaced, preloaded springy legs, with a counterweight on a boom.
+
+    The defaults are the measured prototype of FACTS section 6. Body axes have their origin at the
+    chassis' centre of mass, z up and x towards the first leg.
+
+    Parameters
+    ----------
+    n_legs : int
+        Number of legs, evenly spaced around z.
+    mass_kg, counterweight_mass_kg : float
+        Mass of the chassis, and of the point mass at the end of the boom.
+    inertia_x_kg_m2, inertia_y_kg_m2, inertia_z_kg_m2 : float
+        Moments of inertia of the chassis about its principal (body) axes.
+    stiffness_n_m, damping_n_s_m : float
+        Stiffness and damping of one leg against vertical compression.
+    preload_n : float
+        Force of a leg at its rest length; the contact force jumps to it at touchdown.
+    foot_radius_m, leg_length_m : float
+        Place of the rest feet: distance from the body z-axis, and distance below the origin.
+    friction, slip_velocity_m_s : float
+        Coefficient of friction, and the sliding speed at which it has reached 71 %.
+    release_extension_m : float
+        How far beyond its rest length a leg pushes once all legs have stood; puts energy back.
+    boom_radius_m, boom_offset_m, boom_height_m : float
+        The counterweight moves on a circle of this radius about (offset, 0, height) in the body.
+    boom_angle_rad : float
+        Angle of the boom; at pi with radius = offset the counterweight is on the body z-axis.
+    boom_swing_rad, boom_start_s, boom_duration_s : float
+        Cycloidal move by this angle, from this time on, lasting so long. Time counts from the
+        apex at which the hop begins, so that the boom moves only in flight if the move ends
+        before touchdown.
+    gravity_m_s2 : float
+        Acceleration due to gravity.
+    """
+
+    n_legs: int = 3
+    mass_kg: float = 2.3
+    counterweight_mass_kg: float = 0.4
+    inertia_x_kg_m2: float = 0.08
+    inertia_y_kg_m2: float = 0.08
+    inertia_z_kg_m2: float = 0.11
+    stiffness_n_m: float = 90.0
+    damping_n_s_m: float = 4.8
+    preload_n: float = 22.0
+    foot_radius_m: float = 0.38
+    leg_length_m: float = 0.27
+    friction: float = 0.4
+    slip_velocity_m_s: float = 0.17
+    release_extension_m: float = 0.125
+    boom_radius_m: float = 0.25
+    boom_offset_m: float = 0.25
+    boom_height_m: float = -0.03
+    boom_angle_rad: float = np.pi
+    boom_swing_rad: float = 0.0
+    boom_start_s: float = 0.0
+    boom_duration_s: float = 0.25
+    gravity_m_s2: float = 9.81
+
+    def __post_init__(self) -> None:
+        if self.n_legs < 2:
+            raise ConfigError(f"hopper.n_legs: expected at least 2, found {self.n_legs}")
+        for name in _POSITIVE:
+            if not getattr(self, name) > 0:
+                raise ConfigError(f"hopper.{name}: expected > 0, found {getattr(self, name)}")
+        for name in _NOT_NEGATIVE:
+            if not getattr(self, name) >= 0:
+                raise ConfigError(f"hopper.{name}: expected >= 0, found {getattr(self, name)}")
+
+    @property
+    def total_mass_kg(self) -> float:
+        """Mass of chassis and counterweight."""
+        return self.mass_kg + self.counterweight_mass_kg
+
+    @property
+    def can_lift_off(self) -> bool:
+        """Whether released legs at full extension push harder than the weight: F0 - k e > m g / n.
+
+        Otherwise the robot comes to rest on its extended legs.
+        """
+        push = self.preload_n - self.stiffness_n_m * self.release_extension_m
+        return push > self.total_mass_kg * self.gravity_m_s2 / self.n_legs
+
+    def rest_feet(self) -> FloatArray:
+        """Feet at rest length, (n, 3), body frame, m."""
+        angle = 2 * np.pi * np.arange(self.n_legs) / self.n_legs
+        below = np.full(self.n_legs, -self.leg_length_m)
+        return np.column_stack(
+            [self.foot_radius_m * np.cos(angle), self.foot_radius_m * np.sin(angle), below]
+        )
+
+    def vector(self, preloads_n: FloatArray | None = None) -> FloatArray:
+        """Flat parameter vector for the compiled functions.
+
+        Parameters
+        ----------
+        preloads_n : (n,) array, optional
+            Preload of each leg, N; `preload_n` for all legs if absent.
+        """
+        legs = np.empty((self.n_legs, LEG_STRIDE))
+        legs[:, 0] = self.preload_n if preloads_n is None else preloads_n
+        legs[:, 1:] = self.rest_feet()[:, :2]
+        return np.concatenate([[float(getattr(self, name)) for name in _SCALARS], legs.ravel()])
+
+
+_SCALARS = (
+    "n_legs",
+    "gravity_m_s2",
+    "mass_kg",
+    "counterweight_mass_kg",
+    "inertia_x_kg_m2",
+    "inertia_y_kg_m2",
+    "inertia_z_kg_m2",
+    "stiffness_n_m",
+    "damping_n_s_m",
+    "friction",
+    "slip_velocity_m_s",
+    "release_extension_m",
+    "leg_length_m",
+    "boom_radius_m",
+    "boom_offset_m",
+    "boom_height_m",
+    "boom_angle_rad",
+    "boom_swing_rad",
+    "boom_start_s",
+    "boom_duration_s",
+)
+_POSITIVE = (
+    "mass_kg",
+    "inertia_x_kg_m2",
+    "inertia_y_kg_m2",
+    "inertia_z_kg_m2",
+    "stiffness_n_m",
+    "foot_radius_m",
+    "leg_length_m",
+    "slip_velocity_m_s",
+    "boom_duration_s",
+)
+_NOT_NEGATIVE = (
+    "counterweight_mass_kg",
+    "damping_n_s_m",
+    "preload_n",
+    "friction",
+    "release_extension_m",
+    "gravity_m_s2",
+)

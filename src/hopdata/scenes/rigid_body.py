@@ -1,0 +1,86 @@
+"""Attitude of a rigid body by yaw, pitch and roll (z-y'-x''), and its mass matrix with a point mass.
+
+Rotations take body coordinates to world coordinates: ``R = Rz(yaw) Ry(pitch) Rx(roll)``.
+The compiled helpers work on scalars, so that they cost no allocation inside a vector field.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+
+@njit(cache=True)
+def rotation_entries(
+    yaw: float, pitch: float, roll: float
+) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Return the nine entries of R(yaw, pitch, roll), row by row; angles in rad."""
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    cp, sp = math.cos(pitch), math.sin(pitch)
+    cr, sr = math.cos(roll), math.sin(roll)
+    return (
+        cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,
+        sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
+        -sp, cp * sr, cp * cr,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def euler_rates(pitch: float, roll: float, wx: float, wy: float, wz: float) -> Vector:
+    """Rates of yaw, pitch and roll, rad/s, of a body turning at (wx, wy, wz) in its own axes.
+
+    Singular at a pitch of +-pi/2.
+    """
+    cr, sr = math.cos(roll), math.sin(roll)
+    yaw_rate = (wy * sr + wz * cr) / math.cos(pitch)
+    return yaw_rate, wy * cr - wz * sr, wx + yaw_rate * math.sin(pitch)
+
+
+@njit(cache=True)
+def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vector:
+    """Cross product a x b of two vectors given by their components."""
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@njit(cache=True)
+def solve_with_point_mass(
+    ix: float, iy: float, iz: float, mass: float, c: Vector, b: Vector
+) -> Vector:
+    """Solve ``[diag(ix, iy, iz) + mass (|c|^2 1 - c c^T)] u = b`` for u.
+
+    The matrix is a diagonal one less a dyad, so the Sherman-Morrison formula gives the answer.
+    """
+    cx, cy, cz = c
+    swing = mass * (cx * cx + cy * cy + cz * cz)
+    dx, dy, dz = ix + swing, iy + swing, iz + swing
+    gx, gy, gz = cx / dx, cy / dy, cz / dz
+    ux, uy, uz = b[0] / dx, b[1] / dy, b[2] / dz
+    factor = mass * (cx * ux + cy * uy + cz * uz) / (1.0 - mass * (cx * gx + cy * gy + cz * gz))
+    return ux + factor * gx, uy + factor * gy, uz + factor * gz
+
+
+def rotation_matrices(angles: FloatArray) -> FloatArray:
+    """Rotation matrices, body to world, of many attitudes.
+
+    Parameters
+    ----------
+    angles : (..., 3) array
+        Yaw, pitch and roll, rad.
+
+    Returns
+    -------
+    (..., 3, 3) array
+    """
+    (cy, cp, cr), (sy, sp, sr) = (np.moveaxis(f(angles), -1, 0) for f in (np.cos, np.sin))
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -1,0 +1,85 @@
+"""The house rules that a machine can check: who imports whom, and how long a module may be."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import hopdata
+
+PACKAGE = Path(hopdata.__file__).parent
+SHARED = {"errors", "jobs"}
+MAY_USE = {
+    "hybrid": set(),
+    "scenes": {"hybrid"},
+    "recordings": set(),
+    "synthesis": {"hybrid", "scenes", "recordings"},
+    "landings": {"recordings"},
+    "maps": {"landings"},
+    "figures": set(),
+    "report": set(),
+    "config": set(),
+}
+HEAVY = {"pandas", "scipy", "matplotlib", "statsmodels", "sklearn", "h5py", "jsonschema", "jinja2"}
+
+
+def modules(room):
+    return sorted((PACKAGE / room).rglob("*.py"))
+
+
+def imported(path, *, top_level_only=False):
+    """Absolute module names that a file imports."""
+    tree = ast.parse(path.read_text())
+    nodes = tree.body if top_level_only else ast.walk(tree)
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            if node.module == "hopdata":
+                yield from (f"hopdata.{alias.name}" for alias in node.names)
+
+
+@pytest.mark.parametrize("room", MAY_USE)
+def test_rooms_import_only_what_they_may(room):
+    assert modules(room), f"the room {room} is empty"
+    for path in modules(room):
+        used = {
+            name.split(".")[1]
+            for name in imported(path)
+            if name.startswith("hopdata.") and name.split(".")[1] != "__version__"
+        }
+        forbidden = used - MAY_USE[room] - SHARED - {room}
+        assert not forbidden, f"{path.name} imports {sorted(forbidden)}"
+
+
+def test_every_room_is_listed():
+    rooms = {p.name for p in PACKAGE.iterdir() if p.is_dir() and not p.name.startswith("_")}
+    assert rooms == set(MAY_USE)
+
+
+def test_the_library_does_not_know_snakemake():
+    for path in PACKAGE.rglob("*.py"):
+        assert not any(n.split(".")[0] == "snakemake" for n in imported(path)), path
+
+
+def test_heavy_libraries_are_imported_where_they_are_used():
+    """Each job pays for its imports, so only functions may import them (figures excepted)."""
+    for path in PACKAGE.rglob("*.py"):
+        if path.parent.name == "figures":
+            continue
+        heavy = {n.split(".")[0] for n in imported(path, top_level_only=True)} & HEAVY
+        assert not heavy, f"{path.relative_to(PACKAGE)} imports {sorted(heavy)} at the top"
+
+
+def test_scripts_are_thin():
+    scripts = sorted(Path("workflow/scripts").resolve().glob("*.py"))
+    assert scripts
+    for path in scripts:
+        lines = [x for x in path.read_text().splitlines() if x.strip() and not x.startswith("#")]
+        assert len(lines) <= 40, f"{path.name} has {len(lines)} lines"
+
+
+def test_every_module_explains_itself():
+    for path in PACKAGE.rglob("*.py"):
+        assert ast.get_docstring(ast.parse(path.read_text())), path

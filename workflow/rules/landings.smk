@@ -1,0 +1,75 @@
+rule level:
+    """Fit the floor to the feet at rest and take it off."""
+    input:
+        recording=f"{RESULTS}/recordings/{{recording}}.h5",
+    output:
+        recording=f"{RESULTS}/level/{{recording}}.h5",
+        floor=f"{RESULTS}/level/{{recording}}.json",
+    params:
+        options=STUDY["floor"],
+        code=code("level"),
+    log:
+        f"{RESULTS}/logs/level_{{recording}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/level_{{recording}}.tsv"
+    script:
+        "../scripts/level.py"
+
+
+rule sections:
+    """Choose the Poincare sections before and after touchdown from all recordings."""
+    input:
+        recordings=each_recording(f"{RESULTS}/level/{{recording}}.h5"),
+    output:
+        sections=f"{RESULTS}/landings/sections.json",
+        densities=f"{RESULTS}/tables/section_densities.csv",
+        frames=f"{RESULTS}/tables/section_frames.csv",
+    params:
+        options=STUDY["sections"],
+        code=code("sections"),
+    log:
+        f"{RESULTS}/logs/sections.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/sections.tsv"
+    script:
+        "../scripts/sections.py"
+
+
+rule touchdowns:
+    """Contact instants, mode schedules and exclusions of one recording."""
+    input:
+        recording=f"{RESULTS}/level/{{recording}}.h5",
+        sections=rules.sections.output.sections,
+    output:
+        touchdowns=f"{RESULTS}/landings/{{method}}/{{recording}}.csv",
+    params:
+        options=STUDY["touchdowns"],
+        code=code("touchdowns"),
+    log:
+        f"{RESULTS}/logs/touchdowns_{{method}}_{{recording}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/touchdowns_{{method}}_{{recording}}.tsv"
+    script:
+        "../scripts/touchdowns.py"
+
+
+rule pairs:
+    """States at the two sections in each touchdown's home frame, and the table of touchdowns."""
+    input:
+        recordings=each_recording(f"{RESULTS}/level/{{recording}}.h5"),
+        touchdowns=each_recording(f"{RESULTS}/landings/{METHOD}/{{recording}}.csv"),
+        sections=rules.sections.output.sections,
+    output:
+        pairs=f"{RESULTS}/landings/pairs.h5",
+        touchdowns=f"{RESULTS}/tables/touchdowns.csv",
+        example=f"{RESULTS}/tables/example_touchdown.csv",
+    params:
+        home=STUDY["home"],
+        states=STUDY["states"],
+        code=code("pairs"),
+    log:
+        f"{RESULTS}/logs/pairs.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/pairs.tsv"
+    script:
+        "../scripts/pairs.py"

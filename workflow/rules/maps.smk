@@ -1,0 +1,96 @@
+rule units:
+    """Units of length and time in which position and velocity errors weigh the same."""
+    input:
+        pairs=rules.pairs.output.pairs,
+    output:
+        pairs=f"{RESULTS}/maps/pairs.h5",
+        units=f"{RESULTS}/tables/units.json",
+    params:
+        options=STUDY["units"],
+        code=code("units"),
+    log:
+        f"{RESULTS}/logs/units.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/units.tsv"
+    script:
+        "../scripts/units.py"
+
+
+rule prediction:
+    """Bootstrapped prediction errors of the affine and the mean models."""
+    input:
+        pairs=rules.units.output.pairs,
+    output:
+        errors=f"{RESULTS}/tables/prediction_errors.csv",
+        summary=f"{RESULTS}/tables/prediction_summary.csv",
+        notes=f"{RESULTS}/maps/prediction_notes.json",
+    params:
+        options=STUDY["prediction"],
+        seed=STUDY["seed"],
+        code=code("prediction"),
+    log:
+        f"{RESULTS}/logs/prediction.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/prediction.tsv"
+    script:
+        "../scripts/prediction.py"
+
+
+rule subspaces:
+    """Bootstrapped constraint subspaces of each mode schedule."""
+    input:
+        pairs=rules.units.output.pairs,
+    output:
+        subspaces=f"{RESULTS}/maps/subspaces.h5",
+        notes=f"{RESULTS}/maps/subspaces_notes.json",
+    params:
+        options=STUDY["subspaces"],
+        seed=STUDY["seed"],
+        code=code("subspaces"),
+    log:
+        f"{RESULTS}/logs/subspaces.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/subspaces.tsv"
+    script:
+        "../scripts/subspaces.py"
+
+
+rule distances:
+    """Grassmann arc lengths within and between schedules, and their two baselines."""
+    input:
+        subspaces=rules.subspaces.output.subspaces,
+    output:
+        distances=f"{RESULTS}/tables/distances.csv",
+        summary=f"{RESULTS}/tables/distance_summary.csv",
+    params:
+        options=STUDY["distances"],
+        seed=STUDY["seed"],
+        code=code("distances"),
+    log:
+        f"{RESULTS}/logs/distances.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/distances.tsv"
+    script:
+        "../scripts/distances.py"
+
+
+rule score:
+    """Accuracy against the truth that a synthetic recording carries."""
+    input:
+        recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
+        floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
+        sections=rules.sections.output.sections,
+        kink=each_recording(f"{RESULTS}/landings/kink/{{recording}}.csv"),
+        printed=each_recording(f"{RESULTS}/landings/velocity_minimum/{{recording}}.csv"),
+        prediction=rules.prediction.output.summary,
+        distances=rules.distances.output.summary,
+    output:
+        truth=f"{RESULTS}/truth.json",
+    params:
+        code=code("score"),
+    log:
+        f"{RESULTS}/logs/score.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/score.tsv"
+    script:
+        "../scripts/score.py"

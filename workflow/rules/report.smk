@@ -1,0 +1,110 @@
+FORMATS = STUDY["figures"]["formats"]
+FIGURE_NAMES = ["fig2_2_sections", "fig2_3_schedule", "fig2_4_prediction", "fig2_5_distances"]
+FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
+
+
+def figure(name):
+    """The files of one figure, one a format."""
+    return expand(f"{RESULTS}/figures/{name}.{{format}}", format=FORMATS)
+
+
+rule figure_sections:
+    """Fig. 2.2: foot height against body height, and the sections chosen from it."""
+    input:
+        frames=rules.sections.output.frames,
+        densities=rules.sections.output.densities,
+        sections=rules.sections.output.sections,
+    output:
+        figure("fig2_2_sections"),
+    params:
+        options=STUDY["figures"],
+        code=code("figure_sections"),
+    log:
+        f"{RESULTS}/logs/figure_sections.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_sections.tsv"
+    script:
+        "../scripts/figure_sections.py"
+
+
+rule figure_schedule:
+    """Fig. 2.3: one touchdown, its contact instants and their order."""
+    input:
+        example=rules.pairs.output.example,
+        touchdowns=rules.pairs.output.touchdowns,
+    output:
+        figure("fig2_3_schedule"),
+    params:
+        options=STUDY["figures"],
+        code=code("figure_schedule"),
+    log:
+        f"{RESULTS}/logs/figure_schedule.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_schedule.tsv"
+    script:
+        "../scripts/figure_schedule.py"
+
+
+rule figure_prediction:
+    """Fig. 2.4: bootstrapped prediction errors."""
+    input:
+        errors=rules.prediction.output.errors,
+        notes=rules.prediction.output.notes,
+        units=rules.units.output.units,
+    output:
+        figure("fig2_4_prediction"),
+    params:
+        options=STUDY["figures"],
+        code=code("figure_prediction"),
+    log:
+        f"{RESULTS}/logs/figure_prediction.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_prediction.tsv"
+    script:
+        "../scripts/figure_prediction.py"
+
+
+rule figure_distances:
+    """Fig. 2.5: arc lengths within and between schedules."""
+    input:
+        distances=rules.distances.output.distances,
+        notes=rules.subspaces.output.notes,
+    output:
+        figure("fig2_5_distances"),
+    params:
+        options=STUDY["figures"],
+        code=code("figure_distances"),
+    log:
+        f"{RESULTS}/logs/figure_distances.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_distances.tsv"
+    script:
+        "../scripts/figure_distances.py"
+
+
+rule report:
+    """One page with everything, and where it comes from."""
+    input:
+        figures=FIGURES,
+        captions=expand("workflow/captions/{name}.md", name=FIGURE_NAMES),
+        recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
+        floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
+        sections=rules.sections.output.sections,
+        touchdowns=rules.pairs.output.touchdowns,
+        units=rules.units.output.units,
+        prediction=rules.prediction.output.summary,
+        prediction_notes=rules.prediction.output.notes,
+        distances=rules.distances.output.summary,
+        subspaces_notes=rules.subspaces.output.notes,
+        truth=rules.score.output.truth,
+    output:
+        report=f"{RESULTS}/report.html",
+        provenance=f"{RESULTS}/provenance.json",
+    params:
+        study=STUDY,
+        stage_times=f"{RESULTS}/benchmarks",
+        code=code("report"),
+    log:
+        f"{RESULTS}/logs/report.log",
+    script:
+        "../scripts/report.py"

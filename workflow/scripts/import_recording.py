@@ -1,0 +1,16 @@
+"""Bring one recording into the form that the analysis reads."""
+
+from hopdata.jobs import reported
+from hopdata.recordings.hdf5 import write_recording
+from hopdata.recordings.importing import import_recording
+from hopdata.recordings.plausibility import check_plausible
+
+with reported(snakemake.log[0]):
+    recording, truth = import_recording(
+        snakemake.input.source,
+        name=snakemake.wildcards.recording,
+        markers=snakemake.params.markers,
+        **snakemake.params.options,
+    )
+    check_plausible(recording)
+    write_recording(snakemake.output.recording, recording, truth=truth)

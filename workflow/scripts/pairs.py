@@ -1,0 +1,24 @@
+"""States at both sections in the home frame of each touchdown."""
+
+import pandas as pd
+
+from hopdata.jobs import read_json, read_table, reported, write_table
+from hopdata.landings.pairs import assemble_pairs, write_pairs
+from hopdata.landings.touchdowns import example_touchdown
+from hopdata.recordings.hdf5 import read_recording
+
+with reported(snakemake.log[0]):
+    recordings = [read_recording(path) for path in snakemake.input.recordings]
+    table = pd.concat(map(read_table, snakemake.input.touchdowns), ignore_index=True)
+    sections = read_json(snakemake.input.sections)
+    pairs = assemble_pairs(
+        recordings,
+        table,
+        pre_height_m=sections["pre_height_m"],
+        post_height_m=sections["post_height_m"],
+        home_marker=snakemake.params.home["marker"],
+        **snakemake.params.states,
+    )
+    write_pairs(snakemake.output.pairs, pairs)
+    write_table(snakemake.output.touchdowns, table)
+    write_table(snakemake.output.example, example_touchdown(recordings, table))
