@@ -62,6 +62,7 @@ rule distances:
     output:
         distances=f"{RESULTS}/tables/distances.csv",
         summary=f"{RESULTS}/tables/distance_summary.csv",
+        notes=f"{RESULTS}/maps/distances_notes.json",
     params:
         options=STUDY["distances"],
         seed=STUDY["seed"],

@@ -48,8 +48,7 @@ rule figure_schedule:
 rule figure_prediction:
     """Fig. 2.4: bootstrapped prediction errors."""
     input:
-        errors=rules.prediction.output.errors,
-        notes=rules.prediction.output.notes,
+        summary=rules.prediction.output.summary,
         units=rules.units.output.units,
     output:
         figure("fig2_4_prediction"),
@@ -68,7 +67,7 @@ rule figure_distances:
     """Fig. 2.5: arc lengths within and between schedules."""
     input:
         distances=rules.distances.output.distances,
-        notes=rules.subspaces.output.notes,
+        summary=rules.distances.output.summary,
     output:
         figure("fig2_5_distances"),
     params:

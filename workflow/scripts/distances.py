@@ -1,14 +1,17 @@
 """Arc lengths between constraint subspaces, and their baselines."""
 
-from hopdata.jobs import reported, write_table
-from hopdata.maps.distances import sample_distances, summarise_distances
-from hopdata.maps.subspaces import read_subspaces
+from hopdata.jobs import reported, write_json, write_table
+from hopdata.maps.distances import measure_distances
+from hopdata.maps.subspaces import read_bases
 
 with reported(snakemake.log[0]):
-    distances = sample_distances(
-        read_subspaces(snakemake.input.subspaces),
+    bases, shape = read_bases(snakemake.input.subspaces)
+    study = measure_distances(
+        bases,
+        shape,
         seed=snakemake.params.seed,
         **snakemake.params.options,
     )
-    write_table(snakemake.output.distances, distances)
-    write_table(snakemake.output.summary, summarise_distances(distances))
+    write_table(snakemake.output.distances, study.distances)
+    write_table(snakemake.output.summary, study.summary)
+    write_json(snakemake.output.notes, study.notes)

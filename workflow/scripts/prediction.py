@@ -2,13 +2,20 @@
 
 from hopdata.jobs import reported, write_json, write_table
 from hopdata.landings.pairs import read_pairs
-from hopdata.maps.prediction import bootstrap_prediction, summarise_prediction
+from hopdata.maps.prediction import bootstrap_prediction
 
 with reported(snakemake.log[0]):
     pairs = read_pairs(snakemake.input.pairs)
-    errors, notes = bootstrap_prediction(
-        pairs, seed=snakemake.params.seed, **snakemake.params.options
+    study = bootstrap_prediction(
+        pairs.x,
+        pairs.y,
+        pairs.schedule,
+        pairs.spread_s,
+        seed=snakemake.params.seed,
+        length_unit_m=pairs.length_unit_m,
+        time_unit_s=pairs.time_unit_s,
+        **snakemake.params.options,
     )
-    write_table(snakemake.output.errors, errors)
-    write_table(snakemake.output.summary, summarise_prediction(errors, pairs))
-    write_json(snakemake.output.notes, notes)
+    write_table(snakemake.output.errors, study.errors)
+    write_table(snakemake.output.summary, study.summary)
+    write_json(snakemake.output.notes, study.notes)

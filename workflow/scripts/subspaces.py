@@ -5,10 +5,13 @@ from hopdata.landings.pairs import read_pairs
 from hopdata.maps.subspaces import bootstrap_subspaces, write_subspaces
 
 with reported(snakemake.log[0]):
-    subspaces, notes = bootstrap_subspaces(
-        read_pairs(snakemake.input.pairs),
+    pairs = read_pairs(snakemake.input.pairs)
+    study = bootstrap_subspaces(
+        pairs.x,
+        pairs.y,
+        pairs.schedule,
         seed=snakemake.params.seed,
         **snakemake.params.options,
     )
-    write_subspaces(snakemake.output.subspaces, subspaces)
-    write_json(snakemake.output.notes, notes)
+    write_subspaces(snakemake.output.subspaces, study)
+    write_json(snakemake.output.notes, study.notes)

@@ -1,0 +1,204 @@
+"""Statistics of the maps against the libraries: error and time, side by side in one run.
+
+    python -P benchmarks/statistics.py --out statistics.csv
+
+(-P keeps this folder off the import path, where this file would hide Python's own `statistics`.)
+
+Rows: one method on one problem; `seconds` is the median over repeats taken in turn with the
+peers, `error` the largest relative error of a mean squared error (regressions) or the largest
+absolute error in rad (arc lengths) against a reference in more digits than a double,
+`times_faster` the peer's time over ours.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import sys
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, TextIO
+
+import numpy as np
+
+from hopdata.maps.affine import affine_test_errors
+from hopdata.maps.draws import distinct_draws, named_generator
+from hopdata.maps.grassmann import arc_length, orthonormalised
+
+OURS = "hopdata"
+Methods = dict[str, Callable[..., np.ndarray]]
+#: Fits and pairs whose reference is computed in more digits; it is slow.
+EXACT_FITS, EXACT_PAIRS = 10, 5
+COLUMNS = ("problem", "method", "size", "seconds", "error", "times_faster")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", help="CSV to write; standard output by default")
+    parser.add_argument("--bootstraps", type=int, default=1000, help="fits per regression problem")
+    parser.add_argument("--pairs", type=int, default=1000, help="pairs of subspaces")
+    parser.add_argument("--repeats", type=int, default=5, help="timings whose median is given")
+    options = parser.parse_args()
+    rows = list(run(options.bootstraps, options.pairs, options.repeats))
+    if options.out:
+        with open(options.out, "w", newline="", encoding="utf-8") as file:
+            write(rows, file)
+    else:
+        write(rows, sys.stdout)
+
+
+def write(rows: list[dict[str, Any]], file: TextIO) -> None:
+    writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+
+
+def run(bootstraps: int, pairs: int, repeats: int) -> Iterator[dict[str, Any]]:
+    """Yield the rows of all problems."""
+    fits: Methods = {
+        OURS: affine_test_errors,
+        "statsmodels OLS, loop": statsmodels_loop,
+        "scikit-learn LinearRegression, loop": sklearn_loop,
+    }
+    for condition in (1e2, 1e6):
+        data = regression_problem(bootstraps, condition)
+        error_of = partial(relative_error, exact_errors(*data))
+        name = f"affine bootstrap, condition {condition:.0e}"
+        yield from race(name, fits, data, error_of, bootstraps, repeats)
+    lengths: Methods = {OURS: arc_length, "scipy subspace_angles, loop": scipy_loop}
+    for name, data in (("far", far_pairs(pairs)), ("mixed", mixed_pairs(pairs))):
+        error_of = partial(absolute_error, exact_arc_lengths(*data))
+        yield from race(f"arc length, {name} angles", lengths, data, error_of, pairs, repeats)
+
+
+def relative_error(exact: np.ndarray, found: np.ndarray) -> float:
+    return float(np.abs(found[: len(exact)] / exact - 1).max())
+
+
+def absolute_error(exact: np.ndarray, found: np.ndarray) -> float:
+    return float(np.abs(found[: len(exact)] - exact).max())
+
+
+def race(
+    problem: str,
+    methods: Methods,
+    data: tuple[np.ndarray, ...],
+    error_of: Callable[[np.ndarray], float],
+    size: int,
+    repeats: int,
+) -> Iterator[dict[str, Any]]:
+    """Time the methods in turn, so that a busy machine slows all alike, and compare errors."""
+    seconds: dict[str, list[float]] = {name: [] for name in methods}
+    errors = {name: error_of(method(*data)) for name, method in methods.items()}
+    for _ in range(repeats):
+        for name, method in methods.items():
+            start = time.perf_counter()
+            method(*data)
+            seconds[name].append(time.perf_counter() - start)
+    median = {name: float(np.median(taken)) for name, taken in seconds.items()}
+    for name in methods:
+        values = (median[name], errors[name], median[name] / median[OURS])
+        digits = (f"{value:.3g}" for value in values)
+        yield dict(zip(COLUMNS, (problem, name, size, *digits), strict=True))
+
+
+def regression_problem(bootstraps: int, condition: float) -> tuple[np.ndarray, ...]:
+    """Return a class of 161 landings of 18 inputs and outputs, and its 120/41 splits."""
+    rng = np.random.default_rng(1)
+    twist = orthonormalised(rng.normal(size=(18, 18)))
+    x = rng.normal(size=(161, 18)) @ (np.geomspace(1, 1 / condition, 18)[:, None] * twist)
+    y = x @ rng.normal(size=(18, 18)) + 0.05 * rng.normal(size=(161, 18))
+    return x, y, *distinct_draws(named_generator(1, "splits"), 161, (120, 41), bootstraps)
+
+
+def statsmodels_loop(
+    x: np.ndarray, y: np.ndarray, train: np.ndarray, test: np.ndarray
+) -> np.ndarray:
+    import statsmodels.api as sm
+
+    errors = []
+    x = sm.add_constant(x)
+    for fitted, held in zip(train, test, strict=True):
+        model = sm.OLS(y[fitted], x[fitted]).fit()
+        errors.append(np.mean((y[held] - x[held] @ model.params) ** 2, axis=0))
+    return np.array(errors)
+
+
+def sklearn_loop(x: np.ndarray, y: np.ndarray, train: np.ndarray, test: np.ndarray) -> np.ndarray:
+    from sklearn.linear_model import LinearRegression
+
+    errors = []
+    for fitted, held in zip(train, test, strict=True):
+        model = LinearRegression().fit(x[fitted], y[fitted])
+        errors.append(np.mean((y[held] - model.predict(x[held])) ** 2, axis=0))
+    return np.array(errors)
+
+
+def exact_errors(x: np.ndarray, y: np.ndarray, train: np.ndarray, test: np.ndarray) -> np.ndarray:
+    """Return the errors of the first fits, in extended precision (where the machine has it)."""
+    x, y = (part.astype(np.longdouble) for part in (np.column_stack([np.ones(len(x)), x]), y))
+    errors = []
+    for fitted, held in zip(train[:EXACT_FITS], test[:EXACT_FITS], strict=True):
+        basis, upper = gram_schmidt(x[fitted])
+        right = basis.T @ y[fitted]
+        slopes = np.zeros_like(right)
+        for row in reversed(range(len(upper))):
+            slopes[row] = (right[row] - upper[row, row + 1 :] @ slopes[row + 1 :]) / upper[row, row]
+        errors.append(np.mean((y[held] - x[held] @ slopes) ** 2, axis=0))
+    return np.array(errors)
+
+
+def gram_schmidt(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return Q and R of a matrix of any precision, each column orthogonalised twice."""
+    basis = matrix.copy()
+    upper = np.zeros((matrix.shape[1],) * 2, matrix.dtype)
+    for column in range(matrix.shape[1]):
+        for _ in range(2):
+            overlap = basis[:, :column].T @ basis[:, column]
+            upper[:column, column] += overlap
+            basis[:, column] -= basis[:, :column] @ overlap
+        upper[column, column] = np.sqrt(np.sum(basis[:, column] ** 2))
+        basis[:, column] /= upper[column, column]
+    return basis, upper
+
+
+def far_pairs(count: int) -> tuple[np.ndarray, ...]:
+    """Return random pairs of 17-dimensional subspaces of 34 dimensions."""
+    return tuple(orthonormalised(np.random.default_rng(2).normal(size=(2, count, 34, 17))))
+
+
+def mixed_pairs(count: int) -> tuple[np.ndarray, ...]:
+    """Return pairs with angles from 1e-16 to a right angle in each."""
+    rng = np.random.default_rng(3)
+    frame = orthonormalised(rng.normal(size=(count, 34, 34)))
+    angles = np.sort(10 ** rng.uniform(-16, 0, (count, 1, 17)) * np.pi / 2)
+    angles[..., -1] = np.pi / 2 - 1e-10
+    mixes = orthonormalised(rng.normal(size=(2, count, 17, 17)))
+    tilted = frame[..., :17] * np.cos(angles) + frame[..., 17:] * np.sin(angles)
+    return frame[..., :17] @ mixes[0], tilted @ mixes[1]
+
+
+def scipy_loop(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    from scipy.linalg import subspace_angles
+
+    return np.array([np.linalg.norm(subspace_angles(*pair)) for pair in zip(a, b, strict=True)])
+
+
+def exact_arc_lengths(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the arc lengths of the first pairs, computed in 40 digits."""
+    import mpmath  # type: ignore[import-untyped]
+
+    lengths = []
+    with mpmath.workdps(40):
+        for pair in zip(a[:EXACT_PAIRS], b[:EXACT_PAIRS], strict=True):
+            p, q = (mpmath.qr(mpmath.matrix(m.tolist()), mode="skinny")[0] for m in pair)
+            sines = sorted(mpmath.svd_r(q - p * (p.T * q), compute_uv=False))
+            cosines = sorted(mpmath.svd_r(p.T * q, compute_uv=False), reverse=True)
+            angles = [mpmath.atan2(s, c) for s, c in zip(sines, cosines, strict=True)]
+            lengths.append(float(mpmath.norm(angles)))
+    return np.array(lengths)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,78 @@
+"""Random draws of the bootstraps: one independent, named stream for each thing that is drawn."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+_CHUNK_BYTES = 16 * 2**20
+
+Indices = NDArray[np.int64]
+
+
+def named_generator(seed: int, *names: str) -> np.random.Generator:
+    """Return the generator that `names` own under `seed`.
+
+    The stream depends on the seed and the names only, so results do not change when other
+    models or schedules are added, left out or taken in another order.
+
+    Parameters
+    ----------
+    seed
+        Non-negative seed of the study.
+    names
+        What is drawn, e.g. ``("prediction", "schedule 2>3>1")``.
+    """
+    key = tuple(zlib.crc32(name.encode()) for name in names)
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
+
+
+def distinct_draws(
+    generator: np.random.Generator, population: int, sizes: tuple[int, ...], count: int
+) -> tuple[Indices, ...]:
+    """Draw `count` times disjoint random sets of the given sizes, without replacement.
+
+    Parameters
+    ----------
+    generator
+        Source of randomness.
+    population
+        Number of items to draw from.
+    sizes
+        Size of each set; together at most `population`.
+    count
+        Number of draws.
+
+    Returns
+    -------
+    tuple of ndarray
+        One (count, size) array of increasing indices per set. In a row of the first and the
+        same row of the second no index occurs twice.
+
+    Raises
+    ------
+    ValueError
+        If the sets together are larger than the population.
+    """
+    total = sum(sizes)
+    if total > population:
+        raise ValueError(f"cannot draw {total} distinct items from {population}")
+    rows = max(1, _CHUNK_BYTES // (8 * population))
+    chunks = [
+        _smallest(generator.random((min(rows, count - start), population)), sizes)
+        for start in range(0, count, rows)
+    ]
+    # Sorted, so that sums over a set do not depend on the order a partition happens to leave.
+    bounds = np.cumsum(sizes)[:-1]
+    parts = np.split(np.concatenate(chunks), bounds, axis=1)
+    return tuple(np.sort(part, axis=1) for part in parts)
+
+
+def _smallest(keys: NDArray[np.float64], sizes: tuple[int, ...]) -> Indices:
+    """Return the columns of the smallest keys of each row, grouped by `sizes`."""
+    bounds = np.cumsum(sizes)
+    inner = [int(bound) for bound in bounds if bound < keys.shape[1]]
+    order = np.argpartition(keys, inner, axis=1) if inner else np.argsort(keys, axis=1)
+    return order[:, : bounds[-1]]

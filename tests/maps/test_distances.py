@@ -1,0 +1,124 @@
+import numpy as np
+import pandas as pd
+import pytest
+
+from hopdata.maps.distances import (
+    auc,
+    cross_class,
+    in_class,
+    measure_distances,
+    noised_identity,
+    random,
+    summarise_distances,
+)
+from hopdata.maps.grassmann import arc_length, orthonormalised
+
+
+def clouds(rng, centres, count=40, scatter=0.05):
+    bases = orthonormalised(rng.normal(size=(centres, 1, 12, 5)))
+    noise = scatter * rng.normal(size=(centres, count, 12, 5))
+    return dict(zip("abcdef", orthonormalised(bases + noise), strict=False))
+
+
+def test_baselines_of_seventeen_in_thirty_four():
+    haar = random(np.random.default_rng(0), (34, 17), 4000)
+    noised = noised_identity(np.random.default_rng(1), (34, 17), 4000, 0.1)
+    # Standard error of the mean 0.0016, of the sd 1.1 %.
+    assert haar.mean() == pytest.approx(3.7605, abs=0.006)
+    assert haar.std() == pytest.approx(0.102, rel=0.05)
+    assert noised.mean() == pytest.approx(2.268, abs=0.006)
+    assert noised.std() == pytest.approx(0.098, rel=0.05)
+
+
+def test_baselines_of_a_line_in_a_plane():
+    # The angle between two random lines in a plane is uniform in [0, pi/2].
+    lengths = random(np.random.default_rng(2), (2, 1), 20_000)
+    assert lengths.mean() == pytest.approx(np.pi / 4, abs=0.015)
+    assert np.quantile(lengths, 0.25) == pytest.approx(np.pi / 8, abs=0.02)
+    assert noised_identity(np.random.default_rng(3), (9, 4), 5, 0.0).max() == 0
+
+
+def test_all_pairs_are_used_once_where_they_are_few():
+    bases = clouds(np.random.default_rng(4), 2, count=5)
+    found = in_class(np.random.default_rng(5), bases["a"], 1000)
+    a = bases["a"]
+    expected = [arc_length(a[i], a[j]) for i in range(5) for j in range(i + 1, 5)]
+    np.testing.assert_allclose(np.sort(found), np.sort(expected), atol=1e-14)
+    found = cross_class(np.random.default_rng(5), bases["a"], bases["b"][:3], 1000)
+    expected = [arc_length(i, j) for i in bases["a"] for j in bases["b"][:3]]
+    np.testing.assert_allclose(np.sort(found), np.sort(expected), atol=1e-14)
+
+
+def test_in_class_never_compares_a_draw_with_itself():
+    bases = orthonormalised(np.random.default_rng(6).normal(size=(30, 8, 3)))
+    assert in_class(np.random.default_rng(7), bases, 400).min() > 0.1
+
+
+def test_equal_pools_overlap_and_different_ones_do_not():
+    apart = clouds(np.random.default_rng(8), 3)
+    table = measure_distances(apart, (12, 5), seed=1, pairs=200).summary.set_index("kind")
+    assert table.loc["cross_class", "auc_against_in_class"] == 1.0
+    one = clouds(np.random.default_rng(9), 1, count=120)["a"]
+    same = dict(zip("abc", np.split(one, 3), strict=True))
+    table = measure_distances(same, (12, 5), seed=1, pairs=200).summary.set_index("kind")
+    assert table.loc["cross_class", "auc_against_in_class"] == pytest.approx(0.5, abs=0.06)
+    assert table.loc["in_class", "auc_against_in_class"] == 0.5
+
+
+def test_tables():
+    result = measure_distances(clouds(np.random.default_rng(10), 3), (12, 5), seed=1, pairs=50)
+    assert result.notes == []
+    counts = result.distances.groupby("kind", sort=False).size().to_dict()
+    assert counts == {"in_class": 150, "cross_class": 150, "noised_identity": 50, "random": 50}
+    pairs = result.distances.query("kind == 'cross_class'")[["schedule_a", "schedule_b"]]
+    assert sorted(set(map(tuple, pairs.to_numpy()))) == [("a", "b"), ("a", "c"), ("b", "c")]
+    row = result.summary.set_index("kind").loc["random"]
+    values = result.distances.query("kind == 'random'")["distance_rad"]
+    assert row["mean"] == pytest.approx(values.mean(), rel=1e-12)
+    assert row["sd"] == pytest.approx(values.std(), rel=1e-12)
+    assert row["q95"] == pytest.approx(values.quantile(0.95), rel=1e-12)
+
+
+def test_a_schedule_keeps_its_distances_when_others_come_and_go():
+    bases = clouds(np.random.default_rng(11), 3)
+    whole = measure_distances(bases, (12, 5), seed=1, pairs=50).distances
+    part = measure_distances(
+        {"c": bases["c"], "a": bases["a"]}, (12, 5), seed=1, pairs=50
+    ).distances
+    for kind in ("in_class", "random"):
+        one, two = (
+            table.query(f"kind == '{kind}' and schedule_a in ['', 'c']")["distance_rad"].to_numpy()
+            for table in (whole, part)
+        )
+        assert np.array_equal(one, two)
+    again = measure_distances(bases, (12, 5), seed=1, pairs=50).distances
+    pd.testing.assert_frame_equal(whole, again)
+
+
+def test_missing_classes_are_noted_and_the_baselines_stay():
+    result = measure_distances({}, (34, 17), seed=1, pairs=20)
+    assert result.summary["kind"].tolist() == ["noised_identity", "random"]
+    assert result.summary["auc_against_in_class"].isna().all()
+    assert [note["what"] for note in result.notes] == [
+        "in-class distances",
+        "cross-class distances",
+    ]
+    one = measure_distances(clouds(np.random.default_rng(12), 1), (12, 5), seed=1, pairs=20)
+    assert one.notes == [
+        {
+            "what": "cross-class distances",
+            "reason": "1 of the 2 schedules needed have subspaces",
+        }
+    ]
+
+
+def test_auc_by_hand_with_ties():
+    assert auc(np.array([2.0, 3.0]), np.array([1.0, 2.0, 4.0])) == pytest.approx((1.5 + 2) / 6)
+    assert np.isnan(auc(np.array([1.0]), np.array([])))
+
+
+def test_summary_of_a_single_distance():
+    table = pd.DataFrame({"kind": ["random"], "distance_rad": [1.25]})
+    row = summarise_distances(table).iloc[0]
+    assert row["median"] == 1.25
+    assert np.isnan(row["sd"])

@@ -1,0 +1,181 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hopdata import __version__
+from hopdata.cli import main
+
+ROOT = Path(__file__).parents[1]
+CONFIG = """\
+study: trial
+recordings:
+  - name: hopper
+    file: {file}
+markers:
+  body: [body1, body2, body3]
+  feet: [foot1, foot2, foot3]
+"""
+
+
+def hopdata(*arguments, **options):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    command = [sys.executable, "-m", "hopdata", *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, env=environment, **options
+    )
+
+
+@pytest.fixture
+def config(tmp_path, sample_path):
+    path = tmp_path / "config.yaml"
+    path.write_text(CONFIG.format(file=sample_path))
+    return path
+
+
+def edited(config, old, new):
+    text = config.read_text()
+    assert old in text
+    config.write_text(text.replace(old, new))
+    return str(config)
+
+
+def test_check_sums_up_a_sound_study(config, capsys):
+    assert main(["check", str(config)]) == 0
+    out, err = capsys.readouterr()
+    assert "study trial" in out
+    assert "at 100 Hz" in out
+    assert "foot1, foot2, foot3" in out
+    assert "100.0 % of all markers" in out
+    assert out.rstrip().endswith("is sound")
+    assert err == ""
+
+
+def test_check_names_a_simulated_recording(config, capsys, sample_path):
+    text = config.read_text().replace(f"    file: {sample_path}\n", "")
+    config.write_text(text)
+    assert main(["check", str(config)]) == 0
+    assert "hopper: simulated, 1000 hops" in capsys.readouterr().out
+
+
+MISTAKES = {
+    "misspelt key": ("study:", "stduy:", ["stduy: expected a known key", "'study'"]),
+    "missing file": ("hopper.h5", "hoper.h5", ["recordings[0].file", "did you mean 'hopper.h5'"]),
+    "unknown marker": ("body3", "bdy3", ["markers.body", "'bdy3'", "did you mean 'body3'"]),
+    "rate 0": ("markers:", "input: {rate_hz: 0}\nmarkers:", ["input.rate_hz", "found 0"]),
+    "m taken for mm": ("markers:", "input: {unit: mm}\nmarkers:", ["scale", "input.unit: m"]),
+    "body and feet exchanged": (
+        "body: [body1, body2, body3]\n  feet: [foot1, foot2, foot3]",
+        "feet: [body1, body2, body3]\n  body: [foot1, foot2, foot3]",
+        ["the body above the feet"],
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_one_line_on_stderr_and_exit_code_1(config, capsys, mistake):
+    old, new, parts = MISTAKES[mistake]
+    before = sorted(config.parent.rglob("*"))
+    assert main(["check", edited(config, old, new)]) == 1
+    out, err = capsys.readouterr()
+    assert err.startswith("hopdata: error: ")
+    assert err.count("\n") == 1
+    assert "Traceback" not in out + err
+    assert "is sound" not in out
+    for part in ("expected", "found", *parts):
+        assert part in err
+    assert sorted(config.parent.rglob("*")) == before
+
+
+def test_all_unsound_recordings_are_told(config, capsys, sample_path, tmp_path):
+    broken = tmp_path / "broken.tsv"
+    broken.write_text("hello\n")
+    more = "".join(f"  - {{name: r{i}, file: {broken}}}\n" for i in range(2))
+    edited(config, "markers:", more + "markers:")
+    assert main(["check", str(config)]) == 1
+    out, err = capsys.readouterr()
+    assert err.count("broken.tsv, line 1: expected") == 2
+    assert "at 100 Hz" in out
+
+
+def test_the_real_recording(external_recording, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("data/external").mkdir(parents=True)
+    Path("data/external", external_recording.name).symlink_to(external_recording)
+    assert main(["check", str(ROOT / "config/runner.yaml")]) == 0
+    assert "4500 at 150 Hz, 30.0 s" in capsys.readouterr().out
+
+
+def test_config_docs_writes_the_page(tmp_path, capsys):
+    assert main(["config-docs", "--out", str(tmp_path / "docs/page.md")]) == 0
+    assert main(["config-docs"]) == 0
+    page = (tmp_path / "docs/page.md").read_text(encoding="utf-8")
+    assert page == capsys.readouterr().out
+    assert "## `sections`" in page
+
+
+def test_config_docs_tells_where_it_cannot_write(tmp_path, capsys):
+    assert main(["config-docs", "--out", str(tmp_path)]) == 1
+    assert "expected a file that can be written" in capsys.readouterr().err
+
+
+def test_version_and_help():
+    result = hopdata("--version")
+    assert (result.returncode, result.stdout) == (0, f"hopdata {__version__}\n")
+    result = hopdata("check", "--help")
+    assert result.returncode == 0
+    assert "CONFIG" in result.stdout
+
+
+@pytest.mark.parametrize("arguments", [[], ["chekc", "x"], ["check"], ["check", "a", "b"]])
+def test_a_wrong_command_line_is_exit_code_2(arguments):
+    result = hopdata(*arguments)
+    assert result.returncode == 2
+    assert result.stderr.startswith("usage: hopdata")
+
+
+def test_help_does_not_import_numpy():
+    code = (
+        "import sys\nfrom hopdata.cli import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'pandas', 'yaml', 'h5py'} & set(sys.modules)\nassert not heavy, heavy"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False
+    )
+    assert result.returncode == 0, result.stderr
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a named pipe to wait at")
+def test_an_interrupt_ends_without_a_traceback(tmp_path):
+    pipe = tmp_path / "config.yaml"
+    os.mkfifo(pipe)  # reading it waits for a writer, for ever
+    process = subprocess.Popen(
+        [sys.executable, "-m", "hopdata", "check", str(pipe)],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+    )
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert err == "hopdata: interrupted\n"
+
+
+def test_a_closed_pipe_is_no_error():
+    command = f"{sys.executable} -m hopdata config-docs | head -n 1; exit ${{PIPESTATUS[0]}}"
+    result = subprocess.run(
+        ["bash", "-c", command],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+    )
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout == "# Configuration\n"

@@ -1,0 +1,53 @@
+import json
+
+import pandas as pd
+import pytest
+
+from hopdata.errors import AnalysisError
+from hopdata.jobs import read_json, read_table, reported, whole_file, write_json, write_table
+
+
+def test_a_users_mistake_is_one_line_and_exit_code_1(tmp_path, capsys):
+    log = tmp_path / "logs" / "job.log"
+    with pytest.raises(SystemExit) as caught, reported(log):
+        raise AnalysisError("sections.pre_height_m: expected more than 0.3, found 0.2")
+    assert caught.value.code == 1
+    assert capsys.readouterr().err.splitlines() == [
+        "hopdata: error: sections.pre_height_m: expected more than 0.3, found 0.2"
+    ]
+    assert "expected more than 0.3" in log.read_text()
+    assert "Traceback" not in log.read_text()
+
+
+def test_a_defect_keeps_its_traceback(tmp_path):
+    with pytest.raises(ZeroDivisionError), reported(tmp_path / "job.log"):
+        _ = 1 / 0
+    assert "Traceback" in (tmp_path / "job.log").read_text()
+
+
+def test_a_file_is_whole_or_not_there(tmp_path):
+    target = tmp_path / "table.csv"
+    target.write_text("old")
+    with pytest.raises(RuntimeError), whole_file(target) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert target.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["table.csv"]
+
+
+def test_json_refuses_nan_and_comes_back(tmp_path):
+    write_json(tmp_path / "a.json", {"x": 0.1})
+    assert read_json(tmp_path / "a.json") == {"x": 0.1}
+    with pytest.raises(ValueError):
+        write_json(tmp_path / "b.json", {"x": float("nan")})
+    assert not (tmp_path / "b.json").exists()
+    assert json.loads((tmp_path / "a.json").read_text())
+
+
+def test_tables_keep_empty_text_and_nine_digits(tmp_path):
+    table = pd.DataFrame({"schedule": ["1>2", ""], "reason": ["", "no contact"], "t": [1 / 3, 2.0]})
+    write_table(tmp_path / "t.csv", table)
+    back = read_table(tmp_path / "t.csv")
+    assert back["schedule"].tolist() == ["1>2", ""]
+    assert back["reason"].tolist() == ["", "no contact"]
+    assert back["t"].tolist() == pytest.approx([1 / 3, 2.0], rel=1e-9)

@@ -1,0 +1,58 @@
+import hashlib
+from pathlib import Path
+
+from hopdata.provenance import code_digest, file_sha256, provenance
+
+ROOT = Path(__file__).parents[1]
+
+
+def copied_script(tmp_path, text):
+    script = tmp_path / "script.py"
+    script.write_text(text)
+    return script
+
+
+def test_digest_follows_imports_and_only_those(tmp_path):
+    lone = code_digest(copied_script(tmp_path, "import numpy\n"))
+    floor = code_digest(copied_script(tmp_path, "from hopdata.landings.floor import fit_floor\n"))
+    inner = code_digest(
+        copied_script(tmp_path, "def f():\n    from hopdata.landings import floor\n    floor\n")
+    )
+    assert len({lone, floor, inner}) == 3
+    again = code_digest(copied_script(tmp_path, "from hopdata.landings.floor import fit_floor\n"))
+    assert again == floor
+
+
+def test_digest_changes_with_a_library_file(tmp_path, monkeypatch):
+    import hopdata.provenance as module
+
+    package = tmp_path / "hopdata"
+    (package / "landings").mkdir(parents=True)
+    (package / "__init__.py").write_text("")
+    (package / "landings" / "__init__.py").write_text("")
+    (package / "landings" / "floor.py").write_text("from hopdata.landings import density\n")
+    (package / "landings" / "density.py").write_text("a = 1\n")
+    (package / "landings" / "other.py").write_text("a = 1\n")
+    monkeypatch.setattr(module, "PACKAGE", package)
+    script = copied_script(tmp_path, "from hopdata.landings.floor import fit\n")
+    module._imports.cache_clear()
+    before = code_digest(script)
+    (package / "landings" / "other.py").write_text("a = 2\n")
+    assert code_digest(script) == before
+    (package / "landings" / "density.py").write_text("a = 2\n")
+    assert code_digest(script) != before
+    module._imports.cache_clear()
+
+
+def test_file_digest(tmp_path):
+    (tmp_path / "a").write_bytes(b"hop")
+    assert file_sha256(tmp_path / "a") == hashlib.sha256(b"hop").hexdigest()
+
+
+def test_provenance_names_seed_inputs_versions_and_times(tmp_path):
+    (tmp_path / "level.tsv").write_text("s\th:m:s\n1.25\t0:00:01\n")
+    record = provenance({"study": "s", "seed": 3}, {"a.h5": "ff"}, tmp_path.glob("*.tsv"))
+    assert record["seed"] == 3
+    assert record["inputs"] == {"a.h5": "ff"}
+    assert record["stage_seconds"] == {"level": 1.25}
+    assert record["versions"]["numpy"][0].isdigit()

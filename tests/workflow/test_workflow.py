@@ -1,0 +1,206 @@
+"""The whole workflow, run as a user runs it, in a copy of the checkout."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[2]
+PARTS = ("Snakefile", "workflow", "config", "profiles", "data/sample", "src", "pyproject.toml")
+FIGURES = ("fig2_2_sections", "fig2_3_schedule", "fig2_4_prediction", "fig2_5_distances")
+
+pytestmark = pytest.mark.workflow
+
+
+def copy_checkout(target):
+    for part in PARTS:
+        source, copy = ROOT / part, target / part
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        if source.is_dir():
+            shutil.copytree(source, copy, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(source, copy)
+    return target
+
+
+def snakemake(folder, *arguments, cores=2):
+    environment = {**os.environ, "PYTHONPATH": str(folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run(
+        [sys.executable, "-m", "snakemake", "--cores", str(cores), *arguments],
+        cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=600,
+    )  # fmt: skip
+
+
+def edit_config(folder, edit, *, source="config/config.yaml"):
+    """Write a changed copy of a config and return its path."""
+    config = yaml.safe_load((folder / source).read_text())
+    edit(config)
+    path = folder / "config" / "edited.yaml"
+    path.write_text(yaml.safe_dump(config, sort_keys=False))
+    return str(path)
+
+
+def planned_rules(folder, *arguments):
+    """Names of the rules that a dry run would execute."""
+    run = snakemake(folder, "--dry-run", *arguments)
+    assert run.returncode == 0, run.stderr
+    lines = (run.stdout + run.stderr).splitlines()
+    return {x.split()[1].rstrip(":") for x in lines if x.startswith(("rule ", "localrule "))}
+
+
+@pytest.fixture(scope="module")
+def sample(tmp_path_factory):
+    """A checkout in which the sample study has run on two cores."""
+    folder = copy_checkout(tmp_path_factory.mktemp("sample"))
+    run = snakemake(folder)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return folder
+
+
+def test_all_figures_and_the_report_are_there(sample):
+    results = sample / "results" / "sample"
+    for name in FIGURES:
+        assert (results / "figures" / f"{name}.svg").stat().st_size > 2000
+        assert (results / "figures" / f"{name}.png").stat().st_size > 2000
+    page = (results / "report.html").read_text()
+    assert page.count("<figure") >= len(FIGURES)
+    assert json.loads((results / "provenance.json").read_text())["study"] == "sample"
+
+
+def test_nothing_is_left_to_do(sample):
+    run = snakemake(sample)
+    assert run.returncode == 0
+    assert "Nothing to be done" in run.stdout + run.stderr
+
+
+def test_a_key_of_the_last_stage_runs_only_that_stage(sample):
+    def edit(config):
+        config.setdefault("distances", {})["noise_sd"] = 0.2
+
+    planned = planned_rules(sample, "--configfile", edit_config(sample, edit))
+    assert planned == {"all", "distances", "figure_distances", "score", "report"}
+
+
+def test_an_edited_library_module_runs_the_stages_that_use_it(sample):
+    module = sample / "src" / "hopdata" / "landings" / "home_frame.py"
+    text = module.read_text()
+    module.write_text(text + "\n# edited\n")
+    planned = planned_rules(sample)
+    module.write_text(text)
+    assert {"pairs", "units", "prediction", "distances", "report"} <= planned
+    assert not {"import_recording", "level", "sections", "touchdowns"} & planned
+
+
+def test_one_core_gives_the_same_tables(sample, tmp_path):
+    other = copy_checkout(tmp_path / "one")
+    run = snakemake(other, cores=1)
+    assert run.returncode == 0, run.stdout + run.stderr
+    results = Path("results/sample")
+    tables = sorted((sample / results / "tables").iterdir())
+    assert len(tables) >= 8
+    for table in [*tables, sample / results / "truth.json"]:
+        twin = other / table.relative_to(sample)
+        assert twin.read_bytes() == table.read_bytes(), table.name
+    for figure in (sample / results / "figures").glob("*.svg"):
+        twin = other / figure.relative_to(sample)
+        assert twin.read_bytes() == figure.read_bytes(), figure.name
+
+
+def test_accuracy_against_truth(sample):
+    truth = json.loads((sample / "results" / "sample" / "truth.json").read_text())
+    value = {name: entry["value"] for name, entry in truth.items()}
+    assert value["labels_right_kink"] >= 0.96
+    assert value["labels_right_velocity_minimum"] > 1 / 6
+    assert value["contact_instants_rms"] <= 1.5e-3
+    assert abs(value["pre_section_error"]) <= 2e-3
+    assert abs(value["post_section_error"]) <= 2e-3
+    assert value["body_travel"] >= 0.140
+    assert value["specialised_over_its_mean"] <= 0.2
+    assert value["near_mse"] < value["all_mse"] < value["far_mse"]
+    assert value["random_over_others"] > 1.0
+
+
+def test_every_touchdown_is_accounted_for(sample):
+    table = pd.read_csv(sample / "results" / "sample" / "tables" / "touchdowns.csv")
+    assert len(table) >= 400
+    excluded = table[table["excluded"]]
+    assert excluded["reason"].notna().all()
+    assert table.loc[~table["excluded"], "schedule"].str.count(">").eq(2).all()
+
+
+def test_a_real_recording_runs_to_a_report(sample, external_recording):
+    target = sample / "data" / "external"
+    target.mkdir(parents=True, exist_ok=True)
+    shutil.copy(external_recording("RBDS001runT25markers.tsv"), target)
+    run = snakemake(sample, "--configfile", "config/runner.yaml")
+    assert run.returncode == 0, run.stdout + run.stderr
+    results = sample / "results" / "runner"
+    table = pd.read_csv(results / "tables" / "touchdowns.csv")
+    assert 25 <= (~table["excluded"]).sum() <= 45
+    for name in FIGURES:
+        assert (results / "figures" / f"{name}.svg").exists()
+    assert "minimum" in (results / "report.html").read_text()
+
+
+MISTAKES = {
+    "misspelt key": (lambda c: c.update(floors={"degree": 3}), ["floors", "floor"]),
+    "missing file": (
+        lambda c: c["recordings"][0].update(file="data/sample/hoper.h5"),
+        ["hoper.h5", "hopper.h5"],
+    ),
+    "unknown marker": (
+        lambda c: c["markers"].update(feet=["foot1", "foot2", "fot3"]),
+        ["fot3", "foot3"],
+    ),
+    "body below the feet": (
+        lambda c: c["markers"].update(
+            body=["foot1", "foot2", "foot3"], feet=["body1", "body2", "body3"]
+        )
+        or c.update(home={"marker": "foot1"}),
+        ["body", "feet"],
+    ),
+    "millimetres taken for metres": (lambda c: c.update(input={"unit": "mm"}), ["mm", "hopper"]),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_one_clear_message_and_nothing_half_written(sample, name):
+    edit, words = MISTAKES[name]
+
+    def renamed(config):
+        edit(config)
+        config["study"] = "mistake"
+
+    run = snakemake(sample, "--configfile", edit_config(sample, renamed))
+    assert run.returncode == 1
+    message = [x for x in run.stderr.splitlines() if x.startswith("hopdata: error: ")]
+    assert message, run.stderr
+    assert all(word in message[0] for word in words), message
+    assert "Traceback" not in run.stderr
+    written = [p for p in (sample / "results" / "mistake").rglob("*") if p.suffix in {".h5", ".csv"}]
+    assert written == []
+
+
+def test_the_bundled_sample_is_what_the_committed_rule_makes(sample):
+    import numpy as np
+
+    from hopdata.recordings.hdf5 import read_recording, read_truth
+
+    run = snakemake(sample, "results/sample/simulated/hopper.h5")
+    assert run.returncode == 0, run.stdout + run.stderr
+    made = sample / "results" / "sample" / "simulated" / "hopper.h5"
+    bundled = sample / "data" / "sample" / "hopper.h5"
+    assert bundled.stat().st_size < 3_000_000
+    np.testing.assert_allclose(
+        read_recording(made).positions, read_recording(bundled).positions, rtol=0, atol=2e-5
+    )
+    np.testing.assert_allclose(
+        read_truth(made).contact_times, read_truth(bundled).contact_times, rtol=0, atol=1e-6
+    )
+    assert np.isfinite(read_truth(bundled).contact_times).all(axis=1).sum() >= 400
