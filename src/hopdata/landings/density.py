@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 
-_NODES_PER_BANDWIDTH = 16  # spacing of the fine grid; aliasing about 1e-9 of the peak
+_NODES_PER_BANDWIDTH = 32  # spacing of the fine grid; aliasing below 1e-8 of the peak
 _REACH = 8.0  # bandwidths after which the kernel is nothing (exp(-32) = 1e-14)
 _MAX_FINE_NODES = 2**23
 

@@ -1,0 +1,242 @@
+"""Contact instants of every foot in every landing, by the method chosen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.errors import ConfigError, did_you_mean
+from hopdata.landings.approach import LANDED, MISSING, POOR_FIT, approaches, height_noise
+from hopdata.landings.kink import (
+    FlightPriors,
+    KinkFits,
+    kink_fits,
+    learn,
+    pooled_noise,
+)
+from hopdata.landings.transitions import Transitions
+from hopdata.landings.velocity_minimum import velocity_minima
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+METHODS = ("kink", "velocity_minimum", "velocity_minimum_parabola")
+GRAVITIES = ("learned", "free", "known")
+GRAVITY_M_S2 = 9.80665
+FLAT_SD, SHARP_SD = 1e4, 1e-3  # m/s^2: as good as no prior, and as good as known
+WEAK_CHANGE_SD, WEAK_JERK_SD = 30.0, 500.0  # m/s^2, m/s^3: pushes not yet learned
+LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight law holds
+SHORT_WINDOWS_S = (0.04, 0.027)  # where it does not
+REFUTED = 2.0  # rms residual over measurement noise from which the flight law does not hold
+LEARNING_STEPS = 5
+FRAMES_BEFORE, FRAMES_AFTER = 3, 2  # the least that determine a kink
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contact instants of L landings and n feet.
+
+    Parameters
+    ----------
+    instant, se : (L, n) array
+        Contact instant and its standard error, s; NaN where none was found.
+    status : (L, n) int array
+        Codes of `hopdata.landings.approach`: ``LANDED``, or why there is no instant to trust.
+    noise_m : float
+        Standard deviation of a foot's height in this recording, m.
+    """
+
+    instant: FloatArray
+    se: FloatArray
+    status: IntArray
+    noise_m: float
+
+
+def find_contacts(
+    time: FloatArray,
+    heights: FloatArray,
+    transitions: Transitions,
+    *,
+    down_height_m: float,
+    method: str = "kink",
+    gravity: str = "learned",
+    window_before_s: float | None = None,
+    window_after_s: float | None = None,
+    maximum_misfit: float = 5.0,
+) -> Contacts:
+    """Find when each foot touched in each transition.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Time of each frame, s.
+    heights : (N, n) array
+        Heights of the feet above the levelled floor, m; NaN where unseen.
+    transitions : Transitions
+        The descents of the body.
+    down_height_m : float
+        A foot that never sinks below this height has not landed, m.
+    method : {"kink", "velocity_minimum", "velocity_minimum_parabola"}
+        Maximum-likelihood kink; or the least vertical velocity in the transition (the printed
+        method, Sec. 2.2.3), as a whole frame or at the vertex of a parabola through it.
+    gravity : {"learned", "free", "known"}
+        Acceleration of a foot in free flight, for the kink fit: its distribution taken from the
+        recording, unknown in each landing, or that of gravity.
+    window_before_s, window_after_s : float, optional
+        Frames used by the kink fit before and after the contact, s (at least 5 and 3 frames). By
+        default 0.08 and 0.05 s where feet fly freely and then stand still to within the noise, and
+        0.04 and 0.027 s where they do not (a runner's foot rolls).
+    maximum_misfit : float
+        Largest ratio of a kink fit's rms residual to that of the whole recording.
+
+    Returns
+    -------
+    Contacts
+
+    Raises
+    ------
+    ConfigError
+        If `method` or `gravity` is unknown.
+    """
+    _check("touchdowns.method", method, METHODS)
+    _check("touchdowns.gravity", gravity, GRAVITIES)
+    noise_m = height_noise(heights)
+    near, status = approaches(
+        time,
+        heights,
+        transitions,
+        noise_m=noise_m,
+        down_height_m=down_height_m,
+        lead_s=window_before_s or SHORT_WINDOWS_S[0],
+        trail_s=window_after_s or SHORT_WINDOWS_S[1],
+    )
+    if method != "kink":
+        return _by_velocity(time, heights, transitions, status, noise_m, method)
+    asked = (window_before_s, window_after_s)
+    fits = _joint_fits(
+        time, heights, near, noise_m, gravity, windows=_windows(time, asked, LONG_WINDOWS_S)
+    )
+    if not pooled_noise(fits) <= REFUTED * noise_m:
+        fits = _single_fits(
+            time, heights, near, noise_m, gravity, windows=_windows(time, asked, SHORT_WINDOWS_S)
+        )
+    return _judged(fits, status, pooled_noise(fits), maximum_misfit)
+
+
+def _by_velocity(
+    time: FloatArray,
+    heights: FloatArray,
+    transitions: Transitions,
+    status: IntArray,
+    noise_m: float,
+    method: str,
+) -> Contacts:
+    instant, se = velocity_minima(
+        time, heights, transitions, noise_m=noise_m, parabola=method.endswith("parabola")
+    )
+    landed = status == LANDED
+    instant, se = np.where(landed, instant, np.nan), np.where(landed, se, np.nan)
+    return Contacts(instant, se, np.where(landed & np.isnan(instant), MISSING, status), noise_m)
+
+
+def _windows(
+    time: FloatArray, asked: tuple[float | None, float | None], default: tuple[float, float]
+) -> tuple[float, float]:
+    """Windows before and after a contact, s: as asked, else the default; never too few frames."""
+    frame_s = float(np.median(np.diff(time)))
+    before, after = (d if a is None else a for a, d in zip(asked, default, strict=True))
+    return max(before, 5 * frame_s), max(after, 3 * frame_s)
+
+
+def _joint_fits(
+    time: FloatArray,
+    heights: FloatArray,
+    near: FloatArray,
+    noise_m: float,
+    gravity: str,
+    *,
+    windows: tuple[float, float],
+) -> KinkFits:
+    """Fit each foot alone, then with the pushes of the feet that touched before it.
+
+    Priors are weak at first and learned from the recording between the fits. A search in the fits
+    about the last instants follows contacts that the learning moves.
+    """
+    priors = weak_priors(heights.shape[1], gravity)
+    coarse, fine = _searches(time)
+    fits = kink_fits(
+        time, heights, near, priors=priors, noise_m=noise_m, windows_s=windows, search_s=coarse
+    )
+    for _ in range(LEARNING_STEPS):
+        fits = kink_fits(
+            time, heights, fits.instant, priors=priors, noise_m=noise_m, windows_s=windows,
+            search_s=fine, earlier=fits.instant,
+        )  # fmt: skip
+        noise_m = pooled_noise(fits)
+        priors = learn(fits, noise_m=noise_m, prior=priors, own=gravity == "learned")
+    return kink_fits(
+        time, heights, fits.instant, priors=priors, noise_m=noise_m, windows_s=windows,
+        search_s=fine, earlier=fits.instant,
+    )  # fmt: skip
+
+
+def _single_fits(
+    time: FloatArray,
+    heights: FloatArray,
+    near: FloatArray,
+    noise_m: float,
+    gravity: str,
+    *,
+    windows: tuple[float, float],
+) -> KinkFits:
+    """Fit each foot alone with a free curvature (unless gravity is `known`), windows recentred."""
+    priors = weak_priors(heights.shape[1], gravity)
+    instant = near
+    for search_s in (*_searches(time), *_searches(time)[1:] * 2):
+        fits = kink_fits(
+            time, heights, instant, priors=priors, noise_m=noise_m, windows_s=windows,
+            search_s=search_s,
+        )  # fmt: skip
+        instant = fits.instant
+    return fits
+
+
+def _searches(time: FloatArray) -> tuple[float, float]:
+    """Half widths of the first and of the later searches for an instant, s."""
+    frame_s = float(np.median(np.diff(time)))
+    return max(0.015, 2.5 * frame_s), max(0.008, 1.5 * frame_s)
+
+
+def weak_priors(n: int, gravity: str) -> FlightPriors:
+    """Priors of n feet before the recording has been asked: see `find_contacts` for `gravity`."""
+    mean = np.zeros((n, 2 * n - 1))
+    sd = np.tile([FLAT_SD] + [WEAK_CHANGE_SD, WEAK_JERK_SD] * (n - 1), (n, 1))
+    if gravity == "known":
+        mean[:, 0], sd[:, 0] = -GRAVITY_M_S2, SHARP_SD
+    return FlightPriors(mean, sd)
+
+
+def _judged(fits: KinkFits, status: IntArray, noise_m: float, maximum_misfit: float) -> Contacts:
+    """Mark the fits with too few frames or too large a misfit; widen errors by the misfit."""
+    thin = (fits.n_before < FRAMES_BEFORE) | (fits.n_after < FRAMES_AFTER) | (fits.dof <= 0)
+    ratio = np.sqrt(fits.misfit / np.maximum(fits.dof, 1.0)) / noise_m
+    poor = (ratio > maximum_misfit) | ~(fits.velocity < 0)
+    landed = status == LANDED
+    status = np.where(landed & thin, MISSING, np.where(landed & poor, POOR_FIT, status))
+    # A misfit beyond three standard deviations of its chance value is no chance: Birge's ratio.
+    chance = 1 + 3 / np.sqrt(2 * np.maximum(fits.dof, 1.0))
+    se = fits.unit_se * noise_m * np.where(ratio > chance, ratio, 1.0)
+    seen = status != MISSING
+    return Contacts(
+        np.where(seen, fits.instant, np.nan), np.where(seen, se, np.nan), status, noise_m
+    )
+
+
+def _check(key: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ConfigError(
+            f"{key}: expected one of {', '.join(choices)}, found {value!r}"
+            f"{did_you_mean(value, choices)}"
+        )

@@ -1,0 +1,184 @@
+"""Floor compensation: fit the floor to the feet at rest, then take it off.
+
+The model is z = floor(x, y) + offset(foot): a polynomial of the place, and for each foot the
+height at which its marker is mounted. The offsets sum to zero, so that the level of the floor
+carries their mean. The degree is the highest, up to the one asked for, at which the feet at
+rest still fix the floor all over the ground that they step on: few steps cannot, nor can feet
+that each keep to a place of their own, since a slope is then the same as a mount height.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.errors import AnalysisError
+from hopdata.landings.floor_regression import RIM_DIRECTIONS, regress_floor, robust_rms
+from hopdata.landings.rest import RestPoints, rest_points
+from hopdata.landings.surface import FloorModel, polynomial_terms, rim_of
+from hopdata.recordings.recording import Recording
+
+__all__ = ["FloorModel", "fit_floor", "level"]
+
+FloatArray = NDArray[np.float64]
+
+_OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
+
+
+def fit_floor(
+    recording: Recording,
+    *,
+    enabled: bool = True,
+    degree: int = 3,
+    rest_speed_m_s: float = 0.05,
+    rest_window_s: float = 0.04,
+    rest_band_m: float = 0.02,
+    largest_error_m: float = 0.0005,
+    norm: str = "tukey",
+    max_points: int = 10000,
+) -> FloorModel:
+    """Fit the floor under a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+        With at least one foot, z up, m.
+    enabled : bool
+        If false, the floor is z = 0 and the offsets are zero; the residual is still that of
+        the feet at rest.
+    degree : int
+        Highest degree of the polynomial, 0 (level) to 8.
+    rest_speed_m_s : float
+        Largest vertical speed of a foot at rest, m/s.
+    rest_window_s : float
+        Span of the central difference which gives that speed, s.
+    rest_band_m : float
+        How far from the floor a resting foot may be, m; three times as far at the start.
+    largest_error_m : float
+        Largest standard error of the floor on the rim of the ground stepped on, m, with one
+        step counted as one point; the degree is lowered until it is met, or is 0.
+    norm : {"tukey", "huber"}
+        Norm of the robust regression.
+    max_points : int
+        Rest points used, at most; taken evenly from all.
+
+    Raises
+    ------
+    AnalysisError
+        A foot is never at rest.
+    ValueError
+        An option is out of its range.
+
+    Notes
+    -----
+    Dissertation Sec. 2.2.1 (compensation of the slight curvature of the floor). Robust
+    regression by iteratively reweighted least squares: `statsmodels.api.RLM`.
+    """
+    if not 0 <= degree <= 8:
+        raise ValueError(f"degree: expected 0 to 8, found {degree}")
+    rest = rest_points(recording, speed_m_s=rest_speed_m_s, window_s=rest_window_s)
+    if not enabled:
+        return _zero_floor(recording, rest, degree)
+    _require_rest(recording, rest, rest_speed_m_s)
+    rest = rest.take(np.abs(rest.above_mode) <= 3 * rest_band_m)
+    n_steps = rest.n_steps
+    rest = rest.take(slice(None, None, max(1, -(-len(rest.foot) // max_points))))
+    centre, scale = _centre_and_scale(rest.points[:, :2])
+    scaled = (rest.points[:, :2] - centre) / scale
+    near = np.full(len(rest.foot), True)
+    for _ in range(2):  # the second time near the floor that the first has found
+        fit = regress_floor(
+            rest,
+            scaled,
+            near,
+            degree=degree,
+            norm=norm,
+            largest_error_m=largest_error_m,
+            independent_share=min(1.0, n_steps / len(rest.foot)),
+        )
+        used, near = near, np.abs(fit.residuals) <= rest_band_m
+    rms = robust_rms(fit.residuals[used])
+    inlier = used & (np.abs(fit.residuals) <= _OUTLIER_SIGMAS * rms)
+    return FloorModel(
+        terms=fit.terms,
+        coefficients_m=fit.coefficients_m,
+        centre_m=centre,
+        scale_m=scale,
+        rim_m=rim_of(scaled[inlier], RIM_DIRECTIONS) * scale,
+        feet=recording.names("foot"),
+        foot_offsets_m=fit.offsets_m,
+        residual_rms_m=rms,
+        n_points=int(used.sum()),
+        n_outliers=int(used.sum() - inlier.sum()),
+        degree=fit.degree,
+        degree_wanted=degree,
+        note=""
+        if fit.degree == degree
+        else f"the feet at rest do not fix a floor of degree {degree} to {largest_error_m:g} m",
+    )
+
+
+def level(recording: Recording, floor: FloorModel) -> Recording:
+    """Take the floor off a recording, so that feet at rest have height 0.
+
+    Parameters
+    ----------
+    recording : Recording
+        Its feet are those of `floor`, in the same order.
+    floor : FloorModel
+        What to take off.
+
+    Returns
+    -------
+    Recording
+        The same, except that each marker's z is less the floor's height at the marker's own
+        (x, y), and each foot's z less its offset as well. NaN stays NaN.
+    """
+    if recording.names("foot") != floor.feet:
+        raise ValueError(f"feet: expected {floor.feet}, found {recording.names('foot')}")
+    positions = recording.positions.copy()
+    positions[:, :, 2] -= floor.height(positions[:, :, 0], positions[:, :, 1])
+    positions[:, recording.indices("foot"), 2] -= floor.foot_offsets_m
+    return replace(recording, positions=positions)
+
+
+def _centre_and_scale(places: FloatArray) -> tuple[FloatArray, float]:
+    """Middle of the ground stepped on, (2,), and half of its longer side, m."""
+    low, high = np.quantile(places, [0.005, 0.995], axis=0)
+    return 0.5 * (low + high), max(0.5 * float(np.max(high - low)), 1e-3)
+
+
+def _require_rest(recording: Recording, rest: RestPoints, speed_m_s: float) -> None:
+    """Raise an error that names the feet which are never at rest."""
+    names = recording.names("foot")
+    if not names:
+        raise AnalysisError(f"{recording.name}: floor: expected at least one foot, found none")
+    moving = [name for name, start in zip(names, rest.start_m, strict=True) if np.isnan(start)]
+    if moving:
+        raise AnalysisError(
+            f"{recording.name}: floor: {', '.join(moving)} hardly ever at rest (slower than "
+            f"{speed_m_s:g} m/s up or down); raise floor.rest_speed_m_s, or set floor.enabled "
+            "to false"
+        )
+
+
+def _zero_floor(recording: Recording, rest: RestPoints, degree: int) -> FloorModel:
+    """Return the floor z = 0, with the residual of the feet at rest on it."""
+    n_feet = len(rest.start_m)
+    return FloorModel(
+        terms=polynomial_terms(0),
+        coefficients_m=np.zeros(1),
+        centre_m=np.zeros(2),
+        scale_m=1.0,
+        rim_m=np.full(RIM_DIRECTIONS, 1.0),
+        feet=recording.names("foot"),
+        foot_offsets_m=np.zeros(n_feet),
+        residual_rms_m=robust_rms(rest.points[:, 2]) if len(rest.foot) else float("nan"),
+        n_points=len(rest.foot),
+        n_outliers=0,
+        degree=0,
+        degree_wanted=degree,
+        note="not compensated: floor.enabled is false",
+    )

@@ -1,0 +1,307 @@
+"""Pairs: states of the body at the pre and at the post section, in the home frame."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.errors import AnalysisError, ConfigError, did_you_mean
+from hopdata.landings.home_frame import home_frames
+from hopdata.landings.states import SectionStates, section_states
+from hopdata.recordings.recording import Recording
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FloatArray = NDArray[np.float64]
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Input and output states of the map through the touchdown.
+
+    Parameters
+    ----------
+    x, y : (n, 6B) array
+        States at the pre and at the post section: positions of the B body markers (x1, y1, z1, x2,
+        ...) and then their velocities, in the home frame; in units of `length_unit_m` and
+        `length_unit_m` / `time_unit_s`.
+    schedule : (n,) str array
+        Mode schedules.
+    spread_s : (n,) array
+        Standard deviation of the contact instants, s.
+    recording : (n,) str array
+        Names of the recordings.
+    index : (n,) int array
+        Number of the touchdown in its recording's table.
+    body_markers : tuple of str
+        Names of the body markers.
+    length_unit_m, time_unit_s : float
+        Units; 1 for raw SI.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    schedule: NDArray[np.str_]
+    spread_s: FloatArray
+    recording: NDArray[np.str_]
+    index: NDArray[np.int64]
+    body_markers: tuple[str, ...]
+    length_unit_m: float = 1.0
+    time_unit_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        shape = (len(self.schedule), 6 * len(self.body_markers))
+        for name in ("x", "y"):
+            if getattr(self, name).shape != shape:
+                raise ValueError(f"{name}: expected {shape}, found {getattr(self, name).shape}")
+
+    def __len__(self) -> int:
+        return len(self.schedule)
+
+    def in_units(self, length_m: float, time_s: float) -> Pairs:
+        """Return the same pairs in other units of length, m, and time, s.
+
+        Raises
+        ------
+        ValueError
+            If a unit is not positive.
+        """
+        if not (length_m > 0 and time_s > 0):
+            raise ValueError(f"units: expected positive, found {length_m} m and {time_s} s")
+        length = self.length_unit_m / length_m
+        half = 3 * len(self.body_markers)
+        factor = np.repeat([length, length * time_s / self.time_unit_s], half)
+        return replace(
+            self,
+            x=self.x * factor,
+            y=self.y * factor,
+            length_unit_m=length_m,
+            time_unit_s=time_s,
+        )
+
+
+def assemble_pairs(
+    recordings: Iterable[Recording],
+    table: pd.DataFrame,
+    *,
+    pre_height_m: float,
+    post_height_m: float,
+    home_marker: str | None = None,
+    method: str = "split_fit",
+    window_s: float | None = None,
+    gravity: str = "auto",
+) -> Pairs:
+    """Collect the pairs of the touchdowns that are used.
+
+    Parameters
+    ----------
+    recordings : iterable of Recording
+        Levelled recordings with the same body markers.
+    table : pandas.DataFrame
+        Their touchdowns.
+    pre_height_m, post_height_m : float
+        The sections, m.
+    home_marker : str, optional
+        Body marker on the x axis of the home frame; the first one by default.
+    method, window_s, gravity
+        See `hopdata.landings.states.section_states`.
+
+    Returns
+    -------
+    Pairs
+        Raw, SI. A touchdown whose state cannot be fitted for want of frames is logged and left out.
+
+    Raises
+    ------
+    AnalysisError
+        If nothing is left, or the recordings differ in their body markers.
+    ConfigError
+        If `home_marker` is no body marker.
+    """
+    parts: list[Pairs] = []
+    for recording in recordings:
+        marker = _marker_number(recording, home_marker)
+        used = table[(table["recording"] == recording.name) & ~table["excluded"].astype(bool)]
+        if len(used):
+            states = _states(
+                recording, used, (pre_height_m, post_height_m), method, window_s, gravity
+            )
+            parts.append(_pairs_of(recording, used, states, marker))
+    if not sum(len(part) for part in parts):
+        raise AnalysisError("pairs: expected at least one usable touchdown, found none")
+    return _joined(parts)
+
+
+def _marker_number(recording: Recording, home_marker: str | None) -> int:
+    names = recording.names("body")
+    if home_marker is None:
+        return 0
+    if home_marker not in names:
+        raise ConfigError(
+            f"home.marker: expected one of the body markers {', '.join(names)}, found "
+            f"{home_marker!r}{did_you_mean(home_marker, names)}"
+        )
+    return names.index(home_marker)
+
+
+def _states(
+    recording: Recording,
+    used: pd.DataFrame,
+    sections: tuple[float, float],
+    method: str,
+    window_s: float | None,
+    gravity: str,
+) -> tuple[SectionStates, SectionStates]:
+    """States of the used touchdowns at the pre and at the post section, in the world."""
+    contacts = used[[f"contact_{foot}_s" for foot in recording.names("foot")]].to_numpy()
+    ends = (
+        ("before", "t_pre_s", sections[0], contacts.min(axis=1)),
+        ("after", "t_post_s", sections[1], contacts.max(axis=1)),
+    )
+    pre, post = (
+        section_states(
+            recording.time,
+            recording.body,
+            used[column].to_numpy(),
+            height_m=height_m,
+            side=side,
+            contact=contact,
+            method=method,
+            window_s=window_s,
+            gravity=gravity,
+        )
+        for side, column, height_m, contact in ends
+    )
+    return pre, post
+
+
+def _pairs_of(
+    recording: Recording,
+    used: pd.DataFrame,
+    states: tuple[SectionStates, SectionStates],
+    marker: int,
+) -> Pairs:
+    """Bring states to the home frames of their touchdowns; leave out those not determined."""
+    t_pre, t_post = used["t_pre_s"].to_numpy(), used["t_post_s"].to_numpy()
+    home = home_frames(recording.time, recording.body, t_pre, t_post, marker=marker)
+    x, y = (
+        np.concatenate([home.points(s.position), home.vectors(s.velocity)], axis=1).reshape(
+            len(used), -1
+        )
+        for s in states
+    )
+    whole = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
+    if not whole.all():
+        lost = ", ".join(str(i) for i in used["index"].to_numpy()[~whole])
+        logger.warning("%s: too few frames for the states of touchdowns %s", recording.name, lost)
+    kept = used[whole]
+    return Pairs(
+        x[whole],
+        y[whole],
+        kept["schedule"].to_numpy(dtype=str),
+        kept["spread_s"].to_numpy(dtype=float),
+        kept["recording"].to_numpy(dtype=str),
+        kept["index"].to_numpy(dtype=np.int64),
+        recording.names("body"),
+    )
+
+
+def _joined(parts: Sequence[Pairs]) -> Pairs:
+    first = parts[0]
+    for part in parts:
+        if part.body_markers != first.body_markers:
+            raise AnalysisError(
+                f"pairs: expected the body markers {', '.join(first.body_markers)} in every "
+                f"recording, found {', '.join(part.body_markers)}"
+            )
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("x", "y", "schedule", "spread_s", "recording", "index")
+    }
+    return replace(first, **arrays)
+
+
+def write_pairs(path: str | Path, pairs: Pairs, *, group: str = "/") -> None:
+    """Write pairs to an HDF5 file, which appears under its name only once it is whole.
+
+    Parameters
+    ----------
+    path : path
+        File to write. With a `group` other than the root, the other groups of an existing file are
+        kept.
+    pairs : Pairs
+    group : str
+        Where in the file.
+    """
+    import shutil
+
+    import h5py
+
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        if group != "/" and path.exists():
+            shutil.copyfile(path, partial)
+        with h5py.File(partial, "a") as file:
+            if group != "/" and group in file:
+                del file[group]
+            _write(file.require_group(group), pairs)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _write(target: object, pairs: Pairs) -> None:
+    import h5py
+
+    assert isinstance(target, h5py.Group)
+    text = h5py.string_dtype()
+    for name in ("x", "y", "spread_s", "index"):
+        target.create_dataset(name, data=getattr(pairs, name))
+    for name in ("schedule", "recording"):
+        target.create_dataset(name, data=getattr(pairs, name).astype(object), dtype=text)
+    target.attrs["body_markers"] = np.array(pairs.body_markers, dtype=object)
+    target.attrs["length_unit_m"] = pairs.length_unit_m
+    target.attrs["time_unit_s"] = pairs.time_unit_s
+
+
+def read_pairs(path: str | Path, *, group: str = "/") -> Pairs:
+    """Read pairs from an HDF5 file.
+
+    Raises
+    ------
+    AnalysisError
+        If the file does not exist or holds no pairs there.
+    """
+    import h5py
+
+    if not Path(path).is_file():
+        raise AnalysisError(f"{path}: no such file")
+    try:
+        with h5py.File(path, "r") as file:
+            source = file[group]
+            text = {name: source[name].asstr()[:].astype(str) for name in ("schedule", "recording")}
+            return Pairs(
+                source["x"][:],
+                source["y"][:],
+                text["schedule"],
+                source["spread_s"][:],
+                text["recording"],
+                source["index"][:],
+                tuple(str(name) for name in source.attrs["body_markers"]),
+                float(source.attrs["length_unit_m"]),
+                float(source.attrs["time_unit_s"]),
+            )
+    except (KeyError, OSError) as error:
+        raise AnalysisError(f"{path}: not a file of pairs: {error}") from error

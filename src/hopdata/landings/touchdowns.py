@@ -1,0 +1,245 @@
+"""The table of touchdowns: every descent with its contacts and schedule, or why it is left out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.errors import AnalysisError
+from hopdata.landings.approach import (
+    ALREADY_DOWN,
+    LANDED,
+    MISSING,
+    NOT_LANDED,
+    POOR_FIT,
+    height_noise,
+)
+from hopdata.landings.contacts import Contacts, find_contacts
+from hopdata.landings.schedules import order_probability, schedule_names, spread
+from hopdata.landings.transitions import Transitions, find_transitions
+from hopdata.landings.velocity_minimum import savitzky_golay_velocity
+from hopdata.recordings.recording import Recording
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FloatArray = NDArray[np.float64]
+
+LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may be missing
+LEAST_DOWN_SHARE = 0.15  # of the distance between the sections
+LEAST_DOWN_SIGMAS = 4.0
+
+
+def touchdown_table(
+    recording: Recording,
+    *,
+    pre_height_m: float,
+    post_height_m: float,
+    method: str = "kink",
+    gravity: str = "learned",
+    window_before_s: float | None = None,
+    window_after_s: float | None = None,
+    down_height_m: float | None = None,
+    maximum_misfit: float = 5.0,
+    minimum_probability: float = 0.0,
+) -> pd.DataFrame:
+    """Tabulate the touchdowns of a levelled recording (Sec. 2.2.2 and 2.2.3 of the dissertation).
+
+    Parameters
+    ----------
+    recording : Recording
+        Levelled: feet rest at height 0.
+    pre_height_m, post_height_m : float
+        The sections: mean height of the body markers, m.
+    method, gravity, window_before_s, window_after_s, maximum_misfit
+        See `hopdata.landings.contacts.find_contacts`.
+    down_height_m : float, optional
+        A foot that never sinks below this height has not landed, m. By default 15 % of the distance
+        between the sections, and at least four times the noise.
+    minimum_probability : float
+        Touchdowns whose schedule is less probable are left out as ambiguous.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each descent through the pre section, in order of time: recording, index,
+        t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, schedule, probability,
+        spread_s, excluded, reason.
+
+    Raises
+    ------
+    AnalysisError
+        If there is no descent, the sections are out of order, or there are fewer than two feet.
+    ConfigError
+        If `method` or `gravity` is unknown.
+    """
+    if len(recording.names("foot")) < 2:
+        raise AnalysisError(
+            f"{recording.name}: expected at least 2 foot markers, found "
+            f"{len(recording.names('foot'))}"
+        )
+    heights = recording.feet[:, :, 2]
+    transitions = find_transitions(
+        recording.time,
+        recording.body_height,
+        pre_height_m=pre_height_m,
+        post_height_m=post_height_m,
+    )
+    down = down_height_m or max(
+        LEAST_DOWN_SHARE * (pre_height_m - post_height_m), LEAST_DOWN_SIGMAS * height_noise(heights)
+    )
+    contacts = find_contacts(
+        recording.time,
+        heights,
+        transitions,
+        down_height_m=down,
+        method=method,
+        gravity=gravity,
+        window_before_s=window_before_s,
+        window_after_s=window_after_s,
+        maximum_misfit=maximum_misfit,
+    )
+    return _table(recording, transitions, contacts, minimum_probability)
+
+
+def _table(
+    recording: Recording, transitions: Transitions, contacts: Contacts, minimum_probability: float
+) -> pd.DataFrame:
+    import pandas as pd
+
+    feet = recording.names("foot")
+    probability = order_probability(contacts.instant, contacts.se)
+    frame_s = float(np.median(np.diff(recording.time)))
+    reasons = exclusion_reasons(transitions, contacts, longest_gap_s=LONGEST_GAP_FRAMES * frame_s)
+    doubtful = probability < minimum_probability
+    reasons = [
+        reason or ("order ambiguous" if doubt else "")
+        for reason, doubt in zip(reasons, doubtful, strict=True)
+    ]
+    columns = {
+        "recording": recording.name,
+        "index": np.arange(len(transitions)),
+        "t_pre_s": transitions.t_pre,
+        "t_post_s": transitions.t_post,
+        **{f"contact_{foot}_s": contacts.instant[:, i] for i, foot in enumerate(feet)},
+        **{f"se_{foot}_s": contacts.se[:, i] for i, foot in enumerate(feet)},
+        "schedule": schedule_names(contacts.instant),
+        "probability": probability,
+        "spread_s": spread(contacts.instant),
+        "excluded": [bool(reason) for reason in reasons],
+        "reason": reasons,
+    }
+    return pd.DataFrame(columns)
+
+
+def exclusion_reasons(
+    transitions: Transitions, contacts: Contacts, *, longest_gap_s: float
+) -> list[str]:
+    """Say of each touchdown why it is left out, the weightiest reason first; empty if it is used.
+
+    Parameters
+    ----------
+    transitions : Transitions
+        L descents of the body.
+    contacts : Contacts
+        Their contacts.
+    longest_gap_s : float
+        Longest time without a frame over a crossing, s.
+    """
+    return [
+        _transition_reason(transitions, row, longest_gap_s)
+        or _contact_reason(
+            contacts.status[row],
+            contacts.instant[row],
+            float(transitions.t_pre[row]),
+            float(transitions.t_post[row]),
+        )
+        for row in range(len(transitions))
+    ]
+
+
+def _transition_reason(transitions: Transitions, row: int, longest_gap_s: float) -> str:
+    if np.isnan(transitions.t_post[row]):
+        return "post section never reached"
+    if transitions.gap_pre[row] > longest_gap_s:
+        return "frames missing at the pre section"
+    if transitions.gap_post[row] > longest_gap_s:
+        return "frames missing at the post section"
+    return ""
+
+
+def _contact_reason(
+    status: NDArray[np.int64], instant: FloatArray, t_pre: float, t_post: float
+) -> str:
+    if (status == NOT_LANDED).all():
+        return "no foot landed"
+    timed = status == LANDED
+    failures = (
+        (status == MISSING, "frames missing at the contact of foot {}"),
+        (status == NOT_LANDED, "foot {} not down by the post section"),
+        (status == ALREADY_DOWN, "foot {} down before the pre section"),
+        (status == POOR_FIT, "poor fit of foot {}"),
+        (timed & np.isnan(instant), "no contact found for foot {}"),
+        (timed & (instant < t_pre), "foot {} down before the pre section"),
+        (timed & (instant > t_post), "foot {} not down by the post section"),
+    )
+    for failed, text in failures:
+        if failed.any():
+            return text.format(int(np.argmax(failed)) + 1)
+    return ""
+
+
+def example_touchdown(
+    recording: Recording, table: pd.DataFrame, *, margin_s: float = 0.05
+) -> pd.DataFrame:
+    """Heights and velocities of the feet in one typical touchdown (Fig. 2.3).
+
+    Parameters
+    ----------
+    recording : Recording
+        Levelled.
+    table : pandas.DataFrame
+        Touchdowns, of which those of this recording are looked at.
+    margin_s : float
+        Time shown before the pre and after the post section, s.
+
+    Returns
+    -------
+    pandas.DataFrame
+        recording, index, time_s (from the pre section), foot, height_m, velocity_m_s (by the filter
+        of the printed method). The touchdown is the one of median spread in the commonest schedule.
+
+    Raises
+    ------
+    AnalysisError
+        If no touchdown of this recording is used.
+    """
+    import pandas as pd
+
+    used = table[(table["recording"] == recording.name) & ~table["excluded"].astype(bool)]
+    if used.empty:
+        raise AnalysisError(f"{recording.name}: no usable touchdown to show")
+    counts = used["schedule"].value_counts(sort=False)
+    commonest = min(counts.index[counts == counts.max()])
+    ranked = used[used["schedule"] == commonest].sort_values(["spread_s", "index"])
+    row = ranked.iloc[(len(ranked) - 1) // 2]
+    time = recording.time
+    frames = (time >= row["t_pre_s"] - margin_s) & (time <= row["t_post_s"] + margin_s)
+    heights = recording.feet[:, :, 2]
+    velocity = savitzky_golay_velocity(heights, 1 / float(np.median(np.diff(time))))
+    pieces = [
+        pd.DataFrame(
+            {
+                "recording": recording.name,
+                "index": int(row["index"]),
+                "time_s": time[frames] - row["t_pre_s"],
+                "foot": foot,
+                "height_m": heights[frames, i],
+                "velocity_m_s": velocity[frames, i],
+            }
+        )
+        for i, foot in enumerate(recording.names("foot"))
+    ]
+    return pd.concat(pieces, ignore_index=True)

@@ -1,0 +1,111 @@
+"""The printed method: contact where the vertical velocity of a foot is least in the transition."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.landings.transitions import Transitions
+
+FloatArray = NDArray[np.float64]
+
+
+def savitzky_golay_velocity(
+    values: FloatArray, rate_hz: float, *, window: int = 7, degree: int = 3
+) -> FloatArray:
+    """First derivative by a polynomial fitted to a moving window.
+
+    Parameters
+    ----------
+    values : (N, n) array
+        Samples at a constant rate; NaN where unseen.
+    rate_hz : float
+        Frame rate, Hz.
+    window, degree : int
+        Odd number of frames in the window, and degree of the polynomial.
+
+    Returns
+    -------
+    (N, n) array
+        Derivative in units of `values` per second; NaN where the window is not complete.
+    """
+    half = window // 2
+    weights = derivative_weights(window, degree)
+    out = np.full(values.shape, np.nan)
+    inner = len(values) - 2 * half
+    if inner > 0:
+        out[half : half + inner] = sum(w * values[k : k + inner] for k, w in enumerate(weights))
+    return out * rate_hz
+
+
+def derivative_weights(window: int, degree: int) -> FloatArray:
+    """Weights of the samples of a window in the slope at its middle, (window,), per frame."""
+    powers = np.vander(np.arange(window) - window // 2, degree + 1, increasing=True)
+    return np.linalg.pinv(powers.astype(float))[1]
+
+
+def velocity_minima(
+    time: FloatArray,
+    heights: FloatArray,
+    transitions: Transitions,
+    *,
+    noise_m: float,
+    parabola: bool,
+    window: int = 7,
+    degree: int = 3,
+) -> tuple[FloatArray, FloatArray]:
+    """Find the instant of least vertical velocity of each foot between the two sections.
+
+    Sec. 2.2.3 of the dissertation. The smoothing moves the minimum ahead of the contact, by the
+    same time for all feet as far as they are alike.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Time of each frame, s.
+    heights : (N, n) array
+        Heights of the feet, m; NaN where unseen.
+    transitions : Transitions
+        L descents of the body.
+    noise_m : float
+        Standard deviation of a height, m.
+    parabola : bool
+        Take the vertex of the parabola through the least frame and its two neighbours instead of
+        the frame itself.
+    window, degree : int
+        Of the Savitzky-Golay filter.
+
+    Returns
+    -------
+    instant, se : (L, n) array
+        Instants and standard errors, s; NaN where the transition is incomplete or a frame of the
+        filter's window is missing in it. The error is that of rounding to a frame, or what the
+        noise of the heights makes of the vertex.
+    """
+    frame_s = float(np.median(np.diff(time)))
+    velocity = savitzky_golay_velocity(heights, 1 / frame_s, window=window, degree=degree)
+    shape = (len(transitions), heights.shape[1])
+    instant, se = np.full(shape, np.nan), np.full(shape, np.nan)
+    noise = noise_m / frame_s * _curvature_free_noise(window, degree)
+    first = np.searchsorted(time, transitions.t_pre)
+    stop = np.searchsorted(time, transitions.t_post, side="right")
+    for row in np.flatnonzero(transitions.complete):
+        for foot in range(shape[1]):
+            piece = velocity[first[row] : stop[row], foot]
+            if len(piece) == 0 or np.isnan(piece).any():
+                continue
+            least = int(first[row] + np.argmin(piece))
+            instant[row, foot], se[row, foot] = time[least], frame_s / np.sqrt(12)
+            around = velocity[least - 1 : least + 2, foot]
+            bend = around[0] - 2 * around[1] + around[2] if len(around) == 3 else np.nan
+            if parabola and bend > 0:
+                instant[row, foot] += frame_s * (around[0] - around[2]) / (2 * bend)
+                se[row, foot] = frame_s * noise / bend
+    return instant, se
+
+
+def _curvature_free_noise(window: int, degree: int) -> float:
+    """Noise of half the difference of the velocities one frame either side, per unit of noise."""
+    weights = derivative_weights(window, degree)
+    difference = np.convolve(weights, [0.5, 0.0, -0.5])
+    return float(np.linalg.norm(difference))

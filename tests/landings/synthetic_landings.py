@@ -1,0 +1,157 @@
+"""A small rigid-body scene with springy, preloaded legs: landings with exact contact instants.
+
+Independent of `hopdata.scenes`: small tilt angles, any number of feet, a fixed fine step, contact
+instants by interpolation within a step. Used by the tests of this folder only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.recordings.recording import Recording
+
+FloatArray = NDArray[np.float64]
+
+GRAVITY = 9.81
+MASS, INERTIA = 2.7, 0.08
+STIFFNESS, DAMPING, PRELOAD, EXTENSION = 90.0, 4.8, 22.0, 0.125
+FOOT_RADIUS, LEG_LENGTH, RETRACT_S = 0.38, 0.27, 0.08
+DROP_M, CYCLE_S = 0.241, 0.64
+BODY_RADIUS, BODY_UP = 0.1, 0.05
+PRE_HEIGHT_M = LEG_LENGTH + BODY_UP + 0.06
+POST_HEIGHT_M = LEG_LENGTH + BODY_UP - 0.065
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A recording of independent landings, and the truth behind it."""
+
+    recording: Recording
+    contact_times: FloatArray  # (L, n) s
+    clean: Recording  # without noise
+    velocities: FloatArray  # (N, B, 3) m/s, true velocities of the body markers
+
+
+def _circle(n: int, radius: float, turn: float = 0.0) -> FloatArray:
+    angle = 2 * np.pi * np.arange(n) / n + turn
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def simulate(
+    landings: int,
+    *,
+    feet: int = 3,
+    body: int = 3,
+    rate_hz: float = 100.0,
+    noise_m: float = 0.0006,
+    tilt_rate: float = 0.25,
+    drop_m: float = DROP_M,
+    seed: int = 0,
+    name: str = "synthetic",
+) -> Scene:
+    """Simulate `landings` cycles, each from a fresh random apex state."""
+    rng = np.random.default_rng(seed)
+    sub = max(1, int(np.ceil(4000 / rate_hz)))
+    dt = 1 / (rate_hz * sub)
+    n_frames = round(CYCLE_S * rate_hz)
+    phase = rng.integers(0, sub, landings)
+    foot_xy, body_xy = _circle(feet, FOOT_RADIUS), _circle(body, BODY_RADIUS, 0.3)
+    lever = np.column_stack([np.ones(feet), foot_xy[:, 1], -foot_xy[:, 0]])
+    q = np.zeros((landings, 3))
+    q[:, 0] = drop_m + rng.normal(0, 0.004, landings)
+    q[:, 1:] = rng.normal(0, 0.01, (landings, 2))
+    v = np.zeros((landings, 3))
+    v[:, 1:] = rng.normal(0, tilt_rate, (landings, 2))
+    scale = 3.0 / feet
+    inverse = np.array([1 / MASS, 1 / INERTIA, 1 / INERTIA])
+    down = np.zeros((landings, feet), bool)
+    landed = np.zeros(landings, bool)
+    touched = np.full((landings, feet), np.nan)
+    lifted = np.full((landings, feet), np.nan)
+    frames_q = np.full((landings, n_frames, 3), np.nan)
+    frames_v = np.full((landings, n_frames, 3), np.nan)
+    frames_foot = np.full((landings, n_frames, feet), np.nan)
+
+    def acceleration(q: FloatArray, v: FloatArray) -> FloatArray:
+        gap, rate = q @ lever.T, v @ lever.T
+        force = scale * np.where(down, PRELOAD - STIFFNESS * gap - DAMPING * rate, 0.0)
+        out = (force @ lever) * inverse
+        out[:, 0] -= GRAVITY
+        return out
+
+    for step in range(n_frames * sub + sub):
+        t = step * dt
+        due = (step - phase) % sub == 0
+        k = (step - phase) // sub
+        use = np.flatnonzero(due & (k >= 0) & (k < n_frames))
+        gap = q @ lever.T
+        since = np.clip(np.nan_to_num(t - lifted), 0, RETRACT_S) / RETRACT_S
+        leg = np.where(np.isnan(lifted), 0.0, EXTENSION * (1 - since**2 * (3 - 2 * since)))
+        frames_q[use, k[use]], frames_v[use, k[use]] = q[use], v[use]
+        frames_foot[use, k[use]] = np.where(down, 0.0, gap - leg)[use]
+        a = acceleration(q, v)
+        v_mid, q_mid = v + 0.5 * dt * a, q + 0.5 * dt * v
+        a_mid = acceleration(q_mid, v_mid)
+        q_new, v_new = q + dt * v_mid, v + dt * a_mid
+        gap_new = q_new @ lever.T
+        hit = ~down & (gap > 0) & (gap_new <= 0) & np.isnan(lifted)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            touched = np.where(hit, t + dt * gap / (gap - gap_new), touched)
+        down |= hit
+        landed |= down.all(axis=1)
+        off = down & (gap_new >= np.where(landed, EXTENSION, 0.0)[:, None]) & ~hit
+        lifted = np.where(off, t + dt, lifted)
+        down &= ~off
+        q, v = q_new, v_new
+
+    return _observe(
+        frames_q, frames_v, frames_foot, touched - phase[:, None] * dt, foot_xy, body_xy,
+        rate_hz=rate_hz, noise_m=noise_m, rng=rng, name=name,
+    )  # fmt: skip
+
+
+def _observe(
+    q: FloatArray, v: FloatArray, foot_z: FloatArray, touched: FloatArray, foot_xy: FloatArray,
+    body_xy: FloatArray, *, rate_hz: float, noise_m: float, rng: np.random.Generator, name: str,
+) -> Scene:  # fmt: skip
+    landings, n_frames, feet = foot_z.shape
+    body = len(body_xy)
+    time = np.arange(landings * n_frames) / rate_hz
+    local = np.arange(n_frames) / rate_hz
+    drift = rng.normal(0, 0.1, (landings, 2))
+    spin, start = rng.normal(0, 0.3, landings), rng.uniform(0, 2 * np.pi, landings)
+    yaw = start[:, None] + spin[:, None] * local
+    where = drift[:, None, :] * local[:, None]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+
+    def turned(xy: FloatArray) -> FloatArray:
+        return np.stack([cos * xy[0] - sin * xy[1], sin * xy[0] + cos * xy[1]], axis=-1)
+
+    positions = np.empty((landings, n_frames, body + feet, 3))
+    velocities = np.empty((landings, n_frames, body, 3))
+    for b, xy in enumerate(body_xy):
+        arm = np.array([1.0, xy[1], -xy[0]])
+        positions[:, :, b, :2] = where + turned(xy)
+        positions[:, :, b, 2] = LEG_LENGTH + BODY_UP + q @ arm
+        side = turned(np.array([-xy[1], xy[0]]))
+        velocities[:, :, b, :2] = drift[:, None, :] + spin[:, None, None] * side
+        velocities[:, :, b, 2] = v @ arm
+    for f, xy in enumerate(foot_xy):
+        positions[:, :, body + f, :2] = where + turned(xy)
+        positions[:, :, body + f, 2] = foot_z[:, :, f]
+    markers = tuple(f"body{i + 1}" for i in range(body)) + tuple(
+        f"foot{i + 1}" for i in range(feet)
+    )
+    roles = ("body",) * body + ("foot",) * feet
+    flat = positions.reshape(-1, body + feet, 3)
+    clean = Recording(name, time, flat, markers, roles, rate_hz)
+    noisy = flat + rng.normal(0, noise_m, flat.shape)
+    return Scene(
+        Recording(name, time, noisy, markers, roles, rate_hz),
+        touched + (np.arange(landings) * n_frames / rate_hz)[:, None],
+        clean,
+        velocities.reshape(-1, body, 3),
+    )

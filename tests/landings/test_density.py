@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+from scipy.stats import gaussian_kde
+
+from hopdata.landings.density import finite, kde, normal_bandwidth
+
+
+def exact(samples, bandwidth, grid):
+    scaled = (grid[:, None] - samples) / bandwidth
+    return np.exp(-0.5 * scaled**2).sum(axis=1) / (len(samples) * bandwidth * np.sqrt(2 * np.pi))
+
+
+@pytest.fixture
+def heights():
+    rng = np.random.default_rng(1)
+    return np.concatenate([rng.normal(0, 0.0007, 2000), rng.uniform(0, 0.25, 2000)])
+
+
+@pytest.mark.parametrize("bandwidth", [1e-4, 3e-4, 1e-3, 2.46e-3, 1e-2, 5e-2, 1.0])
+@pytest.mark.parametrize("nodes", [2, 37, 1024])
+def test_agrees_with_the_exact_sum(heights, bandwidth, nodes):
+    grid = np.linspace(-0.02, 0.27, nodes)
+    expected = exact(heights, bandwidth, grid)
+    error = np.abs(kde(heights, bandwidth=bandwidth, grid=grid) - expected)
+    assert error.max() < 1e-8 * exact(heights, bandwidth, np.sort(heights)).max()
+
+
+def test_agrees_with_scipy(heights):
+    grid = np.linspace(-0.02, 0.27, 400)
+    peer = gaussian_kde(heights, bw_method=0.01)
+    ours = kde(heights, bandwidth=float(np.sqrt(peer.covariance[0, 0])), grid=grid)
+    np.testing.assert_allclose(ours, peer(grid), rtol=0, atol=1e-8 * ours.max())
+
+
+def test_is_the_exact_kernel_for_one_sample_between_nodes():
+    grid = np.linspace(-1, 1, 301)
+    density = kde([0.1234], bandwidth=0.05, grid=grid)
+    np.testing.assert_allclose(
+        density, exact(np.array([0.1234]), 0.05, grid), rtol=0, atol=1e-8 * density.max()
+    )
+    assert np.trapezoid(density, grid) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_samples_off_the_grid_reach_into_it_and_count_in_the_total():
+    grid = np.linspace(0.0, 1.0, 101)
+    samples = np.array([-0.05, 0.5, 7.0, -300.0])
+    density = kde(samples, bandwidth=0.1, grid=grid)
+    np.testing.assert_allclose(density, exact(samples, 0.1, grid), rtol=0, atol=1e-8)
+    assert density[0] > 0.5
+    assert np.trapezoid(density, grid) < 0.4
+
+
+def test_nothing_wraps_around_from_one_end_to_the_other():
+    density = kde([1.0], bandwidth=0.02, grid=np.linspace(0.0, 1.0, 501))
+    assert density[0] == pytest.approx(0.0, abs=1e-9)
+    assert density[-1] == pytest.approx(1 / (0.02 * np.sqrt(2 * np.pi)), rel=1e-6)
+
+
+def test_moving_samples_and_grid_together_changes_nothing(heights):
+    grid = np.linspace(-0.02, 0.27, 300)
+    here = kde(heights, bandwidth=1e-3, grid=grid)
+    there = kde(heights + 5.0, bandwidth=1e-3, grid=grid + 5.0)
+    np.testing.assert_allclose(there, here, rtol=0, atol=1e-6 * here.max())
+
+
+def test_values_that_are_not_finite_are_ignored(heights):
+    grid = np.linspace(0, 0.25, 100)
+    with_gaps = np.concatenate([heights, [np.nan, np.inf, -np.inf]])
+    np.testing.assert_array_equal(
+        kde(with_gaps, bandwidth=1e-3, grid=grid), kde(heights, bandwidth=1e-3, grid=grid)
+    )
+    assert finite(with_gaps).size == heights.size
+
+
+@pytest.mark.parametrize(
+    ("samples", "bandwidth", "grid", "message"),
+    [
+        ([np.nan], 0.1, [0, 1], "at least one finite value"),
+        ([0.0], 0.0, [0, 1], "positive"),
+        ([0.0], np.nan, [0, 1], "positive"),
+        ([0.0], 0.1, [0, 1, 3], "equally spaced"),
+        ([0.0], 0.1, [1, 0], "equally spaced"),
+        ([0.0], 0.1, [1], "at least 2 nodes"),
+        ([0.0], 1e-9, [0, 1], "too small for a grid"),
+    ],
+)
+def test_says_what_is_wrong(samples, bandwidth, grid, message):
+    with pytest.raises(ValueError, match=message):
+        kde(samples, bandwidth=bandwidth, grid=grid)
+
+
+def test_normal_bandwidth_of_a_normal_sample():
+    values = np.random.default_rng(2).normal(3.0, 2.0, 10000)
+    assert normal_bandwidth(values) == pytest.approx(0.9 * 2.0 * 10000**-0.2, rel=0.02)
+
+
+def test_normal_bandwidth_is_not_widened_by_a_few_far_away():
+    values = np.random.default_rng(2).normal(0.0, 1.0, 1000)
+    far = np.concatenate([values, np.full(10, 1e3)])
+    assert normal_bandwidth(far) == pytest.approx(normal_bandwidth(values), rel=0.05)
+    with pytest.raises(ValueError, match="at least 2"):
+        normal_bandwidth([1.0])

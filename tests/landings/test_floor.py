@@ -1,0 +1,235 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from section_fakes import hopper, on_floor
+
+from hopdata.errors import AnalysisError
+from hopdata.landings.floor import FloorModel, fit_floor, level
+from hopdata.landings.rest import rest_points, vertical_speed
+from hopdata.recordings.hdf5 import read_recording, read_truth
+
+SAMPLE = Path(__file__).parents[2] / "data" / "sample" / "hopper.h5"
+MOUNTS = np.array([0.012, 0.010, 0.015])
+
+
+def curved(x, y):
+    return 0.02 + 0.003 * x - 0.002 * y + 0.002 * x * y - 0.0015 * x**2 + 0.001 * y**3
+
+
+def places(half_width=0.8, n=41):
+    x, y = np.meshgrid(*[np.linspace(-half_width, half_width, n)] * 2)
+    return x, y
+
+
+@pytest.fixture(scope="module")
+def bent():
+    return on_floor(hopper(np.random.default_rng(1)).recording, curved, MOUNTS)
+
+
+@pytest.fixture(scope="module")
+def fitted(bent):
+    return fit_floor(bent)
+
+
+def floor_error(floor, mounts=MOUNTS):
+    x, y = places()
+    return floor.height(x, y) - curved(x, y) - np.mean(mounts)
+
+
+def test_finds_a_curved_floor_and_the_mounts(fitted):
+    assert fitted.degree == 3
+    assert fitted.note == ""
+    assert floor_error(fitted).std() < 1e-4
+    assert abs(floor_error(fitted).mean()) < 1e-4
+    np.testing.assert_allclose(fitted.foot_offsets_m, MOUNTS - MOUNTS.mean(), atol=1e-4)
+    assert fitted.foot_offsets_m.sum() == pytest.approx(0.0, abs=1e-15)
+    assert fitted.residual_rms_m == pytest.approx(0.0006, rel=0.1)
+
+
+def test_degree_0_cannot_follow_the_curve(bent):
+    assert floor_error(fit_floor(bent, degree=0)).std() > 1e-3
+
+
+@pytest.mark.parametrize("norm", ["tukey", "huber"])
+def test_is_robust_where_least_squares_is_not(bent, norm):
+    rng = np.random.default_rng(2)
+    x = bent.positions[:, 3, 0]
+    lifted = (x > 0.3) & (rng.uniform(size=len(x)) < 0.3)
+    positions = bent.positions.copy()
+    positions[lifted, 3, 2] += 0.008
+    floor = fit_floor(replace(bent, positions=positions), norm=norm)
+    rest = rest_points(replace(bent, positions=positions))
+    near = np.abs(rest.above_mode) < 0.02
+    u = rest.points[near, :2]
+    columns = [u[:, 0] ** i * u[:, 1] ** j for i in range(4) for j in range(4 - i)]
+    columns += [(rest.foot[near] == k) - 1.0 * (rest.foot[near] == 2) for k in (0, 1)]
+    plain = np.linalg.lstsq(np.stack(columns, 1), rest.points[near, 2], rcond=None)[0]
+    error = np.abs(floor.foot_offsets_m - (MOUNTS - MOUNTS.mean())).max()
+    plain_error = abs(plain[-2] - (MOUNTS[0] - MOUNTS.mean()))
+    assert floor.n_outliers > 50
+    assert error < 0.5 * plain_error
+    assert error < 3e-4
+
+
+def test_levelled_feet_rest_at_zero_and_the_body_is_over_its_own_place(bent, fitted):
+    flat = level(bent, fitted)
+    rest = rest_points(flat)
+    low = np.abs(rest.above_mode) < 0.005
+    for foot in range(3):
+        height = rest.points[low & (rest.foot == foot), 2]
+        assert abs(np.median(height)) < 5e-5
+        assert height.std() < 7e-4
+    inside = np.abs(bent.body[:, :, :2]).max(axis=(1, 2)) < 0.8
+    expected = bent.body[..., 2] - curved(bent.body[..., 0], bent.body[..., 1]) - MOUNTS.mean()
+    np.testing.assert_allclose(flat.body[inside, :, 2], expected[inside], atol=5e-4)
+    np.testing.assert_array_equal(flat.positions[..., :2], bent.positions[..., :2])
+
+
+def test_a_slope_and_a_shift_of_everything_are_taken_off(bent, fitted):
+    tilted = on_floor(bent, lambda x, y: 0.01 * x - 0.02 * y + 1.5, np.zeros(3))
+    np.testing.assert_allclose(
+        level(tilted, fit_floor(tilted)).positions[..., 2],
+        level(bent, fitted).positions[..., 2],
+        atol=3e-4,
+    )
+
+
+def test_without_noise_the_floor_is_exact():
+    clean = on_floor(hopper(np.random.default_rng(3), noise_m=0.0).recording, curved, MOUNTS)
+    assert np.abs(floor_error(fit_floor(clean))).max() < 1e-5
+
+
+def test_gaps_stay_gaps_and_do_no_harm(bent):
+    rng = np.random.default_rng(4)
+    positions = bent.positions.copy()
+    positions[rng.uniform(size=positions.shape[:2]) < 0.1] = np.nan
+    gappy = replace(bent, positions=positions)
+    floor = fit_floor(gappy)
+    assert floor_error(floor).std() < 1.5e-4
+    np.testing.assert_array_equal(np.isnan(level(gappy, floor).positions), np.isnan(positions))
+
+
+def test_feet_that_travel_in_stance_are_at_rest(bent):
+    positions = bent.positions.copy()
+    positions[..., 1] += 0.3 * np.sin(2 * np.pi * bent.time / 0.7)[:, None]
+    belt = replace(bent, positions=positions)
+    belt = on_floor(belt, lambda x, y: 0.002 * (x + y), np.zeros(3))
+    assert fit_floor(belt).n_points > 0.8 * fit_floor(bent).n_points
+
+
+@pytest.mark.parametrize("feet", [2, 6])
+def test_any_number_of_feet(feet):
+    mounts = np.linspace(0.01, 0.02, feet)
+    recording = on_floor(hopper(np.random.default_rng(5), feet=feet).recording, curved, mounts)
+    floor = fit_floor(recording)
+    assert floor_error(floor, mounts).std() < 2e-4
+    np.testing.assert_allclose(floor.foot_offsets_m, mounts - mounts.mean(), atol=2e-4)
+
+
+def test_feet_that_keep_to_their_places_fix_no_slope():
+    still = hopper(np.random.default_rng(6), arena_m=0.002, hops=60).recording
+    floor = fit_floor(on_floor(still, lambda x, y: 0.0 * (x + y), MOUNTS))
+    assert (floor.degree, floor.degree_wanted) == (0, 3)
+    assert "degree 3" in floor.note
+    np.testing.assert_allclose(floor.foot_offsets_m, MOUNTS - MOUNTS.mean(), atol=1e-4)
+
+
+def test_fewer_steps_fix_a_lower_degree():
+    degrees = [
+        fit_floor(
+            on_floor(hopper(np.random.default_rng(7), hops=hops).recording, curved, MOUNTS)
+        ).degree
+        for hops in (4, 300)
+    ]
+    assert degrees[0] < 3
+    assert degrees[1] == 3
+
+
+def test_the_degree_is_lowered_to_meet_the_error_asked_for(bent):
+    assert fit_floor(bent, degree=6, largest_error_m=1e-4).degree < 6
+    assert fit_floor(bent, degree=6, largest_error_m=1e-2).degree == 6
+
+
+def test_beyond_the_rim_the_floor_keeps_the_value_of_the_rim(fitted):
+    angle = np.linspace(0, 2 * np.pi, 50)
+    x, y = np.cos(angle), np.sin(angle)
+    cx, cy = fitted.centre_m
+    far = fitted.height(cx + 1e3 * x, cy + 1e3 * y)
+    np.testing.assert_allclose(far, fitted.height(cx + 3 * x, cy + 3 * y), atol=1e-12)
+    assert np.ptp(far) < 0.02
+    inner = fitted.height(cx + 0.5 * x, cy + 0.5 * y)
+    powers = [
+        ((0.5 * x / fitted.scale_m) ** i, (0.5 * y / fitted.scale_m) ** j) for i, j in fitted.terms
+    ]
+    expected = sum(c * u * v for c, (u, v) in zip(fitted.coefficients_m, powers, strict=True))
+    np.testing.assert_allclose(inner, expected, atol=1e-12)
+
+
+def test_heights_have_the_shape_of_the_places_and_their_gaps(fitted):
+    x = np.array([[0.0, np.nan, 0.2], [0.1, 0.2, 0.3]])
+    height = fitted.height(x, 0.0)
+    assert height.shape == (2, 3)
+    np.testing.assert_array_equal(np.isnan(height), np.isnan(x))
+    assert fitted.height(np.empty((0, 4)), np.empty((0, 4))).shape == (0, 4)
+
+
+def test_disabled_leaves_heights_and_still_reports(bent):
+    floor = fit_floor(bent, enabled=False)
+    np.testing.assert_array_equal(level(bent, floor).positions, bent.positions)
+    assert "not compensated" in floor.note
+    assert floor.n_points > 1000
+    assert floor.residual_rms_m > 0.02
+
+
+def test_goes_through_json(bent, fitted):
+    again = FloorModel.from_dict(json.loads(json.dumps(fitted.to_dict())))
+    x, y = places(2.0)
+    np.testing.assert_array_equal(again.height(x, y), fitted.height(x, y))
+    assert again.to_dict() == fitted.to_dict()
+    nothing = replace(bent, positions=np.full_like(bent.positions, np.nan))
+    empty = fit_floor(nothing, enabled=False)
+    assert empty.to_dict()["residual_rms_m"] is None
+    assert np.isnan(FloorModel.from_dict(empty.to_dict()).residual_rms_m)
+
+
+def test_names_the_foot_that_is_never_at_rest(bent):
+    positions = bent.positions.copy()
+    positions[:, 4, 2] += (10.0 * bent.time) % 0.7
+    with pytest.raises(AnalysisError, match=r"floor: f2 hardly ever at rest.*rest_speed_m_s"):
+        fit_floor(replace(bent, positions=positions))
+
+
+@pytest.mark.parametrize("options", [{"degree": -1}, {"degree": 9}, {"norm": "mean"}])
+def test_options_out_of_range(bent, options):
+    with pytest.raises(ValueError, match=f"{next(iter(options))}: expected"):
+        fit_floor(bent, **options)
+
+
+def test_level_wants_the_same_feet(bent, fitted):
+    with pytest.raises(ValueError, match="feet: expected"):
+        level(bent, replace(fitted, feet=("a", "b", "c")))
+
+
+def test_vertical_speed_is_exact_on_a_parabola_and_nan_at_gaps():
+    time = np.arange(50) / 100
+    height = 2 * time - 4.905 * time**2
+    height[20] = np.nan
+    speed = vertical_speed(time, height, lag=2)
+    expected = 2 - 9.81 * time
+    expected[[0, 1, 18, 20, 22, 48, 49]] = np.nan
+    np.testing.assert_allclose(speed, expected, atol=1e-12)
+    assert np.isnan(vertical_speed(time[:3], height[:3], lag=2)).all()
+
+
+def test_sample_floor_against_its_truth():
+    recording, truth = read_recording(SAMPLE), read_truth(SAMPLE)
+    floor = fit_floor(recording)
+    seen = np.isfinite(truth.contact_times)
+    error = floor.height(truth.contact_points[..., 0], truth.contact_points[..., 1])
+    error = (error - truth.floor_at_contacts)[seen]
+    assert np.sqrt(np.mean((error - error.mean()) ** 2)) < 3e-4
+    flat = truth.floor_at_contacts[seen]
+    assert flat.std() > 3 * error.std()
