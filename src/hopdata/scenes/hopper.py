@@ -1,38 +1,168 @@
 """Hopper on preloaded springy legs with a counterweight boom: field, guards and events.
 
-State (12): position of the chassis' centre of mass O (world, m), yaw, pitch, roll (rad), velocity
-of O (world, m/s), angular velocity (body axes, rad/s). Modes: one lock per leg (+1 in contact) and
-one for the apex, then for each leg whether it has been released, then whether any foot has touched.
+The robot of the dissertation's chapters II and III, as a rigid chassis of mass M and inertia I
+with a point mass m at c(t) in the body, m_t = M + m. With f and tau the force of the floor and
+its torque about the chassis' centre of mass O in body axes, beta = w x (w x c) + 2 w x c' + c''
+and mu = m (1 - m / m_t), the momenta of both give
 
-Each leg in contact adds its own force, whatever the others do, and contact depends on position
-alone; these two make the flow through a landing continuously differentiable.
+    [I + mu (|c|^2 1 - c c^T)] w' = tau - w x I w - (m / m_t) c x f - mu c x beta
+    v' = g + R [f / m_t - (m / m_t) (w' x c + beta)].
+
+State (12): position of O (world, m), yaw, pitch, roll (rad), velocity of O (world, m/s), angular
+velocity w (body axes, rad/s). Modes, as int64: for each leg +1 while in contact and -1 else, one
+for the apex, one for a fall; then for each leg 1 once released; then 1 once any foot has touched.
+
+Gap: height of a foot at rest length above the floor, the plane z = 0. A leg in contact pushes with
+F0 - k gap - c dgap/dt, from gap = 0 at touchdown until gap = e at lift-off if all legs have stood
+meanwhile, which puts energy back. Each leg adds its own force, whatever the others do, and contact
+depends on position alone: these two make the flow through a landing continuously differentiable.
 """
 
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes import hopper_parameters as hp
-from hopdata.scenes.rigid_body import cross, euler_rates, rotation_entries, solve_with_point_mass
+from hopdata.scenes.boom import boom_motion
+from hopdata.scenes.legs import foot_gap, total_wrench
+from hopdata.scenes.rigid_body import (
+    Vector,
+    cross,
+    euler_rates,
+    rotation_entries,
+    solve_with_point_mass,
+)
 
 FloatArray = NDArray[np.float64]
 ModeArray = NDArray[np.int64]
+N_STATES = 12
 
 
-def boom(t, p):
-    """Place, velocity and acceleration of the counterweight in the body frame; s, m."""
-    s = (t - p[hp.BOOM_START]) / p[hp.BOOM_DURATION]
-    s = min(max(s, 0.0), 1.0)
-    swing, turn = p[hp.BOOM_SWING], 2.0 * math.pi
-    phi = p[hp.BOOM_ANGLE] + swing * (s - math.sin(turn * s) / turn)
-    rate = swing * (1.0 - math.cos(turn * s)) / p[hp.BOOM_DURATION]
-    acceleration = swing * turn * math.sin(turn * s) / p[hp.BOOM_DURATION] ** 2
-    x, y = p[hp.BOOM_RADIUS] * math.cos(phi), p[hp.BOOM_RADIUS] * math.sin(phi)
-    return (
-        (p[hp.BOOM_OFFSET] + x, y, p[hp.BOOM_HEIGHT]),
-        (-y * rate, x * rate, 0.0),
-        (-y * acceleration - x * rate**2, x * acceleration - y * rate**2, 0.0),
+@njit(error_model="numpy")
+def swing_acceleration(w: Vector, c: Vector, c1: Vector, c2: Vector) -> Vector:
+    """Acceleration of the counterweight in the turning body: w x (w x c) + 2 w x c' + c''."""
+    ax, ay, az = cross(w[0], w[1], w[2], c[0], c[1], c[2])
+    nx, ny, nz = cross(w[0], w[1], w[2], ax + 2.0 * c1[0], ay + 2.0 * c1[1], az + 2.0 * c1[2])
+    return nx + c2[0], ny + c2[1], nz + c2[2]
+
+
+@njit(error_model="numpy")
+def body_accelerations(
+    w: Vector, force: Vector, torque: Vector, swing: tuple[Vector, Vector, Vector], p: FloatArray
+) -> tuple[Vector, Vector]:
+    """Specific force on O and angular acceleration, both in body axes, of body and point mass."""
+    total = p[hp.MASS] + p[hp.COUNTERWEIGHT]
+    share = p[hp.COUNTERWEIGHT] / total
+    c = swing[0]
+    beta = swing_acceleration(w, c, swing[1], swing[2])
+    ix, iy, iz = p[hp.INERTIA_X], p[hp.INERTIA_Y], p[hp.INERTIA_Z]
+    gx, gy, gz = cross(w[0], w[1], w[2], ix * w[0], iy * w[1], iz * w[2])
+    reduced = p[hp.COUNTERWEIGHT] * (1.0 - share)
+    lx = share * force[0] + reduced * beta[0]
+    ly = share * force[1] + reduced * beta[1]
+    lz = share * force[2] + reduced * beta[2]
+    ax, ay, az = cross(c[0], c[1], c[2], lx, ly, lz)
+    right = (torque[0] - gx - ax, torque[1] - gy - ay, torque[2] - gz - az)
+    turn = solve_with_point_mass(ix, iy, iz, reduced, c, right)
+    sx, sy, sz = cross(turn[0], turn[1], turn[2], c[0], c[1], c[2])
+    specific = (
+        force[0] / total - share * (sx + beta[0]),
+        force[1] / total - share * (sy + beta[1]),
+        force[2] / total - share * (sz + beta[2]),
     )
+    return specific, turn
+
+
+@field
+def hopper_field(t: float, y: FloatArray, mode: ModeArray, p: FloatArray, dy: FloatArray) -> None:
+    """Fill `dy` with the rate of the state (Newton-Euler equations, see the module)."""
+    rot = rotation_entries(y[3], y[4], y[5])
+    force, torque = total_wrench(y, mode, rot, p)
+    w = (y[9], y[10], y[11])
+    a, turn = body_accelerations(w, force, torque, boom_motion(t, p), p)
+    dy[0], dy[1], dy[2] = y[6], y[7], y[8]
+    dy[3], dy[4], dy[5] = euler_rates(y[4], y[5], y[9], y[10], y[11])
+    dy[6] = rot[0] * a[0] + rot[1] * a[1] + rot[2] * a[2]
+    dy[7] = rot[3] * a[0] + rot[4] * a[1] + rot[5] * a[2]
+    dy[8] = rot[6] * a[0] + rot[7] * a[1] + rot[8] * a[2] - p[hp.GRAVITY]
+    dy[9], dy[10], dy[11] = turn
+
+
+@guards
+def hopper_guards(
+    _t: float,
+    y: FloatArray,
+    dy: FloatArray,
+    mode: ModeArray,
+    p: FloatArray,
+    h: FloatArray,
+    hdot: FloatArray,
+) -> None:
+    """Fill `h` and `hdot`: reach of each leg less its gap, climb rate, tilt beyond its limit."""
+    n = int(p[hp.N_LEGS])
+    rot = rotation_entries(y[3], y[4], y[5])
+    for leg in range(n):
+        gap, gap_rate = foot_gap(leg, y, rot, p)
+        reach = p[hp.RELEASE_EXTENSION] if mode[n + 2 + leg] > 0 else 0.0
+        h[leg] = reach - gap
+        hdot[leg] = -gap_rate
+    h[n], hdot[n] = y[8], dy[8]
+    h[n + 1] = math.cos(p[hp.TILT_LIMIT]) - rot[8]
+    hdot[n + 1] = math.sin(y[4]) * math.cos(y[5]) * dy[4] + math.cos(y[4]) * math.sin(y[5]) * dy[5]
+
+
+@on_event
+def hopper_event(
+    _t: float, _y: FloatArray, mode: ModeArray, p: FloatArray, guard: int, direction: int
+) -> int:
+    """Release the legs once all stand, re-arm a leg when it lifts, stop at an apex or a fall."""
+    n = int(p[hp.N_LEGS])
+    released, touched = n + 2, 2 * n + 2
+    standing = 0
+    for leg in range(n):
+        standing += mode[leg] > 0
+    if guard > n:
+        return 1
+    if guard == n:
+        return 1 if standing == 0 and mode[touched] > 0 else 0
+    if direction > 0:
+        mode[touched] = 1
+        if standing == n:
+            mode[released : released + n] = 1
+    else:
+        mode[released + guard] = 0
+    return 0
+
+
+@cache
+def hopper_system(n_legs: int = 3) -> System:
+    """Return the hopper as a hybrid system with this number of legs.
+
+    The guards are ``foot1`` ... ``foot<n>`` (two-way), ``apex`` (climb rate falling through zero;
+    stops the integration if the hopper is in flight and has touched the floor) and ``fallen``
+    (angle between body z-axis and the vertical rising through its limit; stops).
+    """
+    return System(
+        field=hopper_field,
+        guards=hopper_guards,
+        on_event=hopper_event,
+        n_states=N_STATES,
+        guard_names=(*(f"foot{i + 1}" for i in range(n_legs)), "apex", "fallen"),
+        directions=(*(0 for _ in range(n_legs)), -1, 1),
+        terminal=(*(False for _ in range(n_legs + 1)), True),
+        n_extra_modes=n_legs + 1,
+    )
+
+
+def flight_mode(n_legs: int, climb_rate_m_s: float) -> ModeArray:
+    """Mode of an upright hopper in flight, no leg released, that has not touched yet."""
+    mode = np.zeros(2 * n_legs + 3, dtype=np.int64)
+    mode[: n_legs + 2] = -1
+    mode[n_legs] = 1 if climb_rate_m_s > 0 else -1
+    return mode

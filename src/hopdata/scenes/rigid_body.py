@@ -1,7 +1,8 @@
-"""Attitude of a rigid body by yaw, pitch and roll (z-y'-x''), and its mass matrix with a point mass.
+"""Attitude of a rigid body by yaw, pitch and roll, and its mass matrix with a point mass.
 
-Rotations take body coordinates to world coordinates: ``R = Rz(yaw) Ry(pitch) Rx(roll)``.
-The compiled helpers work on scalars, so that they cost no allocation inside a vector field.
+Rotations (z-y'-x'') take body coordinates to world coordinates: ``R = Rz(yaw) Ry(pitch) Rx(roll)``.
+The compiled helpers work on scalars, so that they allocate nothing inside a vector field,
+and are compiled with the field that calls them, in whose cache they are kept.
 """
 
 from __future__ import annotations
@@ -14,12 +15,11 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 Vector = tuple[float, float, float]
+Rotation = tuple[float, float, float, float, float, float, float, float, float]
 
 
-@njit(cache=True)
-def rotation_entries(
-    yaw: float, pitch: float, roll: float
-) -> tuple[float, float, float, float, float, float, float, float, float]:
+@njit(error_model="numpy")
+def rotation_entries(yaw: float, pitch: float, roll: float) -> Rotation:
     """Return the nine entries of R(yaw, pitch, roll), row by row; angles in rad."""
     cy, sy = math.cos(yaw), math.sin(yaw)
     cp, sp = math.cos(pitch), math.sin(pitch)
@@ -31,7 +31,7 @@ def rotation_entries(
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(error_model="numpy")
 def euler_rates(pitch: float, roll: float, wx: float, wy: float, wz: float) -> Vector:
     """Rates of yaw, pitch and roll, rad/s, of a body turning at (wx, wy, wz) in its own axes.
 
@@ -42,13 +42,13 @@ def euler_rates(pitch: float, roll: float, wx: float, wy: float, wz: float) -> V
     return yaw_rate, wy * cr - wz * sr, wx + yaw_rate * math.sin(pitch)
 
 
-@njit(cache=True)
+@njit(error_model="numpy")
 def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vector:
     """Cross product a x b of two vectors given by their components."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@njit(cache=True)
+@njit(error_model="numpy")
 def solve_with_point_mass(
     ix: float, iy: float, iz: float, mass: float, c: Vector, b: Vector
 ) -> Vector:

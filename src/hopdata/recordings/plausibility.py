@@ -1,0 +1,206 @@
+"""Checks that catch the usual slips with a recording before they turn into results.
+
+Each check looks at the canonical recording (metres, z up) and raises one clear message.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hopdata.errors import RecordingError
+from hopdata.recordings.raw import FloatArray
+from hopdata.recordings.recording import Recording
+
+# The range spans a factor of less than 1000, so of mm and m at most one can be plausible.
+PLAUSIBLE_EXTENT_M = (0.015, 12.0)
+MIN_BODY_MARKERS = 3
+MIN_FEET = 2
+MISSING_NOTE_FRACTION = 0.1
+TILT_LIMIT = 5.0  # body further from the feet along another axis by this factor: wrong axis
+STEP_TOLERANCE = 0.02  # of a frame
+SAMPLE_FRAMES = 2000
+
+# Canonical x, y, z as axes of the file, for each axis that pointed up there (cyclic, so proper).
+FILE_AXES = {"x": "yzx", "y": "zxy", "z": "xyz"}
+
+
+def check_plausible(recording: Recording) -> None:
+    """Run all checks; the first that fails raises.
+
+    Parameters
+    ----------
+    recording : Recording
+        In metres, z up, with only the configured markers.
+
+    Raises
+    ------
+    RecordingError
+        Naming the recording, what was expected and what was found.
+    """
+    check_markers(recording)
+    check_time(recording)
+    check_positions(recording)
+    check_scale(recording)
+    check_upright(recording)
+
+
+def check_markers(recording: Recording) -> None:
+    """Require enough body markers and feet."""
+    for role, what, least in (
+        ("body", "body markers", MIN_BODY_MARKERS),
+        ("foot", "feet", MIN_FEET),
+    ):
+        names = recording.names(role)
+        if len(names) < least:
+            raise RecordingError(
+                f"{_place(recording)}: {what}: expected at least {least}, "
+                f"found {len(names)} ({', '.join(names) or 'none'})"
+            )
+
+
+def check_time(recording: Recording) -> None:
+    """Require a positive rate, strictly increasing time stamps, and that the two agree."""
+    place, time, rate = _place(recording), recording.time, recording.rate_hz
+    if not (np.isfinite(rate) and rate > 0):
+        raise RecordingError(f"{place}: frame rate: expected more than 0 Hz, found {rate:g} Hz")
+    if len(time) < 2:
+        raise RecordingError(f"{place}: expected at least 2 frames, found {len(time)}")
+    steps = np.diff(time)
+    bad = np.flatnonzero(~(steps > 0))
+    if len(bad):
+        i = int(bad[0])
+        raise RecordingError(
+            f"{place}: frame {i + 2}: expected a time after {time[i]:.6g} s, "
+            f"found {time[i + 1]:.6g} s"
+        )
+    step = float(np.median(steps))
+    if abs(step * rate - 1) > STEP_TOLERANCE:
+        raise RecordingError(
+            f"{place}: time stamps: expected {1 / rate:.6g} s from frame to frame "
+            f"({rate:g} Hz), found {step:.6g} s ({1 / step:.6g} Hz)"
+        )
+
+
+def check_positions(recording: Recording) -> None:
+    """Require that each marker was seen, that no value is infinite and no two are the same."""
+    place = _place(recording)
+    if np.isinf(recording.positions).any():
+        name = recording.markers[int(np.argwhere(np.isinf(recording.positions))[0, 1])]
+        raise RecordingError(f"{place}: marker '{name}': expected finite positions, found infinity")
+    seen = fraction_seen(recording)
+    for name, fraction in zip(recording.markers, seen, strict=True):
+        if fraction == 0:
+            raise RecordingError(
+                f"{place}: marker '{name}': expected to be seen, found in none of "
+                f"{len(recording.time)} frames"
+            )
+    frames = _sample(recording.positions)
+    for i, name in enumerate(recording.markers):
+        for j in range(i):
+            both = ~np.isnan(frames[:, i] + frames[:, j])
+            if both.any() and np.array_equal(frames[:, i][both], frames[:, j][both]):
+                raise RecordingError(
+                    f"{place}: markers '{recording.markers[j]}' and '{name}': expected different "
+                    "positions, found the same in every frame"
+                )
+
+
+def check_scale(recording: Recording) -> None:
+    """Require a size that an animal or a robot can have; millimetres taken for metres do not."""
+    size = extent(recording.positions)
+    low, high = PLAUSIBLE_EXTENT_M
+    if np.isnan(size) or low <= size <= high:
+        return
+    looks = ""
+    if low <= size * 1e-3 <= high:
+        looks = "; the numbers look like millimetres taken for metres: set input.unit: mm"
+    elif low <= size * 1e3 <= high:
+        looks = "; the numbers look like metres taken for millimetres: set input.unit: m"
+    raise RecordingError(
+        f"{_place(recording)}: scale: expected the markers to span {low:g} to {high:g} m, "
+        f"found {size:.3g} m{looks}"
+    )
+
+
+def check_upright(recording: Recording) -> None:
+    """Require the body above the feet, and not far more beside than above them."""
+    offset = body_over_feet(recording)
+    up, best = offset[2], int(np.argmax(np.abs(offset)))
+    if np.isnan(up) or abs(offset[best]) <= TILT_LIMIT * up:
+        return
+    axes = FILE_AXES[recording.vertical_axis]
+    found = ", ".join(f"{offset[axes.index(axis)]:+.3g} m along {axis}" for axis in "xyz")
+    if offset[best] > 0:
+        hint = f"; set input.vertical_axis: {axes[best]}?"
+    else:
+        hint = "; no axis of the file points up: do markers.body and markers.feet fit?"
+    raise RecordingError(
+        f"{_place(recording)}: vertical axis {recording.vertical_axis}: "
+        f"expected the body above the feet, found the body's mean at {found} from the feet{hint}"
+    )
+
+
+def notes(recording: Recording) -> list[str]:
+    """Remarks that do not stop the analysis: markers often unseen, frames dropped.
+
+    Returns
+    -------
+    list of str
+        One line each.
+    """
+    remarks = [
+        f"{_place(recording)}: marker '{name}' is missing in {100 * (1 - fraction):.1f} % of frames"
+        for name, fraction in zip(recording.markers, fraction_seen(recording), strict=True)
+        if 1 - fraction > MISSING_NOTE_FRACTION
+    ]
+    steps = np.diff(recording.time) * recording.rate_hz
+    dropped = int(np.sum(np.round(steps[steps > 1.5]) - 1))
+    if dropped:
+        remarks.append(f"{_place(recording)}: {dropped} frames are missing between the time stamps")
+    return remarks
+
+
+def fraction_seen(recording: Recording) -> FloatArray:
+    """Fraction of the frames in which each marker was seen, (M,)."""
+    fraction: FloatArray = (~np.isnan(recording.positions).any(axis=2)).mean(axis=0)
+    return fraction
+
+
+def extent(positions: FloatArray) -> float:
+    """Median over frames of the diagonal of the box around all markers seen.
+
+    Parameters
+    ----------
+    positions : (N, M, 3) array
+        In any unit, along any axes.
+
+    Returns
+    -------
+    float
+        In the unit of `positions`; NaN if no frame shows two markers.
+    """
+    frames = _sample(positions)
+    frames = frames[(~np.isnan(frames).any(axis=2)).sum(axis=1) >= 2]
+    if not len(frames):
+        return float("nan")
+    span = np.nanmax(frames, axis=1) - np.nanmin(frames, axis=1)
+    return float(np.median(np.sqrt((span**2).sum(axis=1))))
+
+
+def body_over_feet(recording: Recording) -> FloatArray:
+    """Median over frames of the mean body position less the mean foot position, (3,), m."""
+    difference = _sample(recording.body).mean(axis=1) - _sample(recording.feet).mean(axis=1)
+    difference = difference[~np.isnan(difference).any(axis=1)]
+    if not len(difference):
+        return np.full(3, np.nan)
+    offset: FloatArray = np.median(difference, axis=0)
+    return offset
+
+
+def _sample(positions: FloatArray) -> FloatArray:
+    """At most `SAMPLE_FRAMES` frames, evenly spaced."""
+    return positions[:: max(1, len(positions) // SAMPLE_FRAMES)]
+
+
+def _place(recording: Recording) -> str:
+    return recording.source or f"recording '{recording.name}'"

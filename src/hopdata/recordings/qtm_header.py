@@ -1,0 +1,176 @@
+"""The header of a QTM motion-data export (TSV): keys, events and the column row.
+
+Layout after Qualisys' manual, "Motion data (.tsv)": one key a line, values after tabs, keys in any
+order; ``EVENT`` and ``TRAJECTORY_TYPES`` are optional, ``FILE_VERSION`` came with 2.0.0, and the
+column row (``Frame  Time  <name> X ...``) stands only where the exporter was told to write it.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from hopdata.errors import RecordingError, did_you_mean
+from hopdata.recordings.raw import Event
+
+KEYS = (
+    "FILE_VERSION",
+    "NO_OF_FRAMES",
+    "NO_OF_CAMERAS",
+    "NO_OF_MARKERS",
+    "FREQUENCY",
+    "NO_OF_ANALOG",
+    "ANALOG_FREQUENCY",
+    "DESCRIPTION",
+    "TIME_STAMP",
+    "DATA_INCLUDED",
+    "EVENT",
+    "MARKER_NAMES",
+    "TRAJECTORY_TYPES",
+)
+MISSING = ("", "NULL", "NaN", "nan", "NAN", "Null", "null")
+COUNTERS = ("Frame", "Time")  # columns that may stand before the coordinates
+
+_KEY = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
+
+
+@dataclass
+class QtmHeader:
+    """What stands before the first row of numbers.
+
+    ``values`` maps a key to its fields and ``lines`` to its line number; ``columns`` is the column
+    row (empty if there is none); the numbers start at byte ``offset``, after ``n_lines`` lines,
+    with the fields ``first_row``.
+    """
+
+    path: Path
+    values: dict[str, list[str]] = field(default_factory=dict)
+    lines: dict[str, int] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
+    columns: list[str] = field(default_factory=list)
+    first_row: list[str] = field(default_factory=list)
+    n_lines: int = 0
+    offset: int = 0
+
+    def place(self, key: str) -> str:
+        """File and line of `key`, for messages."""
+        return f"{self.path}, line {self.lines[key]}" if key in self.lines else str(self.path)
+
+    def number(self, key: str) -> float | None:
+        """Value of `key` as a number; None if the key is absent.
+
+        Raises
+        ------
+        RecordingError
+            If the value is not a number.
+        """
+        if key not in self.values:
+            return None
+        text = (self.values[key] or [""])[0]
+        try:
+            return float(text)
+        except ValueError:
+            raise RecordingError(
+                f"{self.place(key)}: {key}: expected a number, found '{text}'"
+            ) from None
+
+
+def read_header(path: Path) -> QtmHeader:
+    """Read the header of the file at `path`, up to the first row of numbers.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, a line is neither a key, nor a column row, nor numbers, or there
+        are no numbers.
+    """
+    header = QtmHeader(path)
+    try:
+        with path.open("rb") as file:
+            for line in file:
+                fields = _fields(path, line)
+                if _starts_the_numbers(header, fields):
+                    header.first_row = fields
+                    return header
+                header.n_lines += 1
+                header.offset += len(line)
+                _take(header, fields)
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: expected a readable file, found: {error.strerror or error}"
+        ) from None
+    if not header.offset:
+        raise RecordingError(f"{path}: expected a QTM motion-data export, found an empty file")
+    raise RecordingError(f"{path}: expected rows of numbers after the header, found none")
+
+
+def trimmed(fields: list[str]) -> list[str]:
+    """Without the empty fields that some exports leave at a line's end."""
+    n = len(fields)
+    while n and not fields[n - 1]:
+        n -= 1
+    return fields[:n]
+
+
+def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
+    """Tell whether this row is the first of the numbers."""
+    if fields == [""]:
+        return False
+    first = next((f for f in fields if f not in MISSING), None)
+    if first is None or _is_number(first):
+        return first is not None or len(fields) > 1
+    is_key = _KEY.fullmatch(fields[0]) and fields[0] not in MISSING
+    if is_key or _is_column_row(fields):
+        return False
+    raise RecordingError(
+        f"{header.path}, line {header.n_lines + 1}: expected a header key or numbers, "
+        f"found '{first[:40]}'{did_you_mean(first.upper(), KEYS)}"
+    )
+
+
+def _take(header: QtmHeader, fields: list[str]) -> None:
+    """Put one line that is not numbers into the header."""
+    key = fields[0]
+    if _is_column_row(fields):
+        header.columns = trimmed(fields)
+    elif key == "EVENT":
+        header.events.append(_event(header, fields[1:]))
+    elif key:
+        header.values[key] = fields[1:]
+        header.lines[key] = header.n_lines
+
+
+def _event(header: QtmHeader, fields: list[str]) -> Event:
+    """Read the rest of an ``EVENT`` row: label, frame, time."""
+    place = f"{header.path}, line {header.n_lines}"
+    try:
+        label, _, seconds = trimmed(fields)
+        return Event(label, float(seconds))
+    except ValueError:
+        raise RecordingError(
+            f"{place}: EVENT: expected a label, a frame and a time, found {fields}"
+        ) from None
+
+
+def _fields(path: Path, line: bytes) -> list[str]:
+    """Fields of one line; older exports are not in UTF-8."""
+    if b"\0" in line:
+        raise RecordingError(f"{path}: expected tab-separated text, found binary data or UTF-16")
+    try:
+        text = line.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = line.decode("latin-1")
+    return [f.strip() for f in text.split("\t")]
+
+
+def _is_column_row(fields: list[str]) -> bool:
+    return fields[0] in COUNTERS or fields[0].endswith(" X")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

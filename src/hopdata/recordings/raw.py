@@ -1,0 +1,104 @@
+"""What a reader hands over: all markers of one file, in the file's own unit and axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.errors import RecordingError
+
+FloatArray = NDArray[np.float64]
+
+METRES_PER_UNIT: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
+
+RATE_TOLERANCE = 1e-3  # relative; files round their rate, but not by more than this
+
+
+@dataclass(frozen=True)
+class Event:
+    """An event that an operator or a device marked in the file.
+
+    Parameters
+    ----------
+    label : str
+        Name of the event.
+    time_s : float
+        Time stamp as in the file, s.
+    """
+
+    label: str
+    time_s: float
+
+
+@dataclass(frozen=True)
+class RawRecording:
+    """All markers of one file, before selection, scaling and rotation.
+
+    Parameters
+    ----------
+    markers : tuple of str
+        The M marker names, in the file's order.
+    time : (N,) array
+        Time stamp of each frame, s.
+    positions : (N, M, 3) array
+        Marker positions along the file's axes, in `unit`; NaN where a marker was not seen.
+    rate_hz : float
+        Nominal frame rate, Hz.
+    unit : str
+        Unit that the format prescribes, ``"mm"`` or ``"m"``.
+    vertical_axis : str
+        Axis of the original source that pointed up, if the format says so.
+    roles : tuple of str
+        Role of each marker, if the format says so.
+    events : tuple of Event
+        Events marked in the file.
+    """
+
+    markers: tuple[str, ...]
+    time: FloatArray
+    positions: FloatArray
+    rate_hz: float
+    unit: str
+    vertical_axis: str = "z"
+    roles: tuple[str, ...] = ()
+    events: tuple[Event, ...] = ()
+
+
+def resolve_rate(place: str, *, stated: float | None, given: float | None) -> float:
+    """Agree on the frame rate between the file and the configuration.
+
+    Parameters
+    ----------
+    place : str
+        File (and line), for the message.
+    stated : float or None
+        Rate that the file states, Hz; None if it states none.
+    given : float or None
+        ``input.rate_hz`` of the configuration, Hz.
+
+    Raises
+    ------
+    RecordingError
+        If neither is known, the rate is not positive, or the two disagree.
+    """
+    if stated is not None and not (math.isfinite(stated) and stated > 0):
+        raise RecordingError(f"{place}: frame rate: expected more than 0 Hz, found {stated:g} Hz")
+    if given is not None and not (math.isfinite(given) and given > 0):
+        raise RecordingError(f"input.rate_hz: expected more than 0 Hz, found {given:g} Hz")
+    if stated is None and given is None:
+        raise RecordingError(
+            f"{place}: frame rate: expected a number in the file or in input.rate_hz, found neither"
+        )
+    if stated is None or given is None:
+        return float(stated if given is None else given)  # type: ignore[arg-type]
+    if abs(given - stated) > RATE_TOLERANCE * stated:
+        raise RecordingError(
+            f"{place}: frame rate: expected {stated:g} Hz as the file states, "
+            f"found input.rate_hz: {given:g}; leave that key out"
+        )
+    return stated

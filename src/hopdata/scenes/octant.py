@@ -1,0 +1,38 @@
+"""Three affine modes a coordinate, switched at the coordinate planes (dissertation, table 4.3).
+
+The state (x, y, z) is dimensionless, as is time. Each guard is crossed once from the initial state
+used there: y rising, z falling, x rising.
+"""
+
+from __future__ import annotations
+
+from hopdata.hybrid import System, field, guards
+
+INITIAL_STATE = (-0.4, -0.15, 0.3)
+T_SPAN = (0.0, 0.5)
+
+
+@field
+def octant_field(t, y, mode, params, dy):  # type: ignore[no-untyped-def]
+    """Return the affine field of the octant that the locks name."""
+    x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
+    if x_side:
+        dy[0] = (10.0 * y[0] if y_side else -2.0 * y[1]) + 1.0
+        dy[1] = y[1] + 1.0 if y_side else 0.5 * y[0] + 2.0
+    else:
+        dy[0] = (y[1] if y_side else -y[1]) + 1.0
+        dy[1] = (-y[0] if y_side else y[0]) + 1.0
+    dy[2] = 3.0 * y[2] - 1.0 if z_fell else -y[2] - 1.0
+
+
+@guards
+def octant_guards(t, y, dy, mode, params, h, hdot):  # type: ignore[no-untyped-def]
+    """Return the coordinate planes; z is crossed downwards, so that -z rises."""
+    h[0], hdot[0] = y[0], dy[0]
+    h[1], hdot[1] = y[1], dy[1]
+    h[2], hdot[2] = -y[2], -dy[2]
+
+
+def octant() -> System:
+    """Return the system of table 4.3: guards ``x`` (rising), ``y`` (rising) and ``z`` (falling)."""
+    return System(field=octant_field, guards=octant_guards, n_states=3, guard_names=("x", "y", "z"))

@@ -1,0 +1,109 @@
+"""Where the markers are, given the hopper's motion and its contacts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.rigid_body import rotation_matrices
+from hopdata.synthesis.hops import rest_foot
+from hopdata.synthesis.options import MarkerOptions
+from hopdata.synthesis.trial import Trial
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class MarkerTracks:
+    """True marker positions over a flat floor, with names, roles and contact at each frame.
+
+    `positions` (N, M, 3) m, world frame; body markers first, then feet, then the boom.
+    `foot_down` (N, n): whether each foot is in contact.
+    """
+
+    positions: FloatArray
+    names: tuple[str, ...]
+    roles: tuple[str, ...]
+    foot_down: BoolArray
+
+
+def track_markers(
+    trial: Trial, parameters: HopperParameters, options: MarkerOptions
+) -> MarkerTracks:
+    """Follow all markers of a trial, at its frames."""
+    down, feet = _follow_feet(trial, parameters, options.retraction_s)
+    body = fixed_markers(trial.states, np.array(options.body_m))
+    boom = _in_world(trial.states, (trial.boom + options.boom_m)[:, None])
+    counts = {"body": body.shape[1], "foot": feet.shape[1], "boom": 1}
+    names = [f"{role}{i + 1}" for role in ("body", "foot") for i in range(counts[role])]
+    return MarkerTracks(
+        positions=np.concatenate([body, feet, boom], axis=1),
+        names=(*names, "boom"),
+        roles=tuple(role for role, count in counts.items() for _ in range(count)),
+        foot_down=down,
+    )
+
+
+def fixed_markers(states: FloatArray, points_m: FloatArray) -> FloatArray:
+    """World positions, (N, B, 3) m, of points (B, 3) fixed in the body, for states (N, 12)."""
+    return _in_world(states, np.broadcast_to(points_m, (len(states), *points_m.shape)))
+
+
+def _in_world(states: FloatArray, points_m: FloatArray) -> FloatArray:
+    turned = np.einsum("nij,nbj->nbi", rotation_matrices(states[:, 3:6]), points_m)
+    return states[:, None, :3] + turned
+
+
+def _follow_feet(
+    trial: Trial, parameters: HopperParameters, retraction_s: float
+) -> tuple[BoolArray, FloatArray]:
+    """Contact (N, n) and position (N, n, 3) of every foot at every frame.
+
+    In contact a foot is on the floor under its rest place. In flight it is at its rest place plus
+    the extension with which it lifted off, which stays with the body and fades within
+    `retraction_s`, with no jump in place, speed or acceleration.
+    """
+    time = np.arange(len(trial.states)) / trial.rate_hz
+    rotations = rotation_matrices(trial.states[:, 3:6])
+    down = np.zeros((len(time), parameters.n_legs), dtype=bool)
+    feet = np.empty((len(time), parameters.n_legs, 3))
+    for leg in range(parameters.n_legs):
+        mine = trial.event_leg == leg
+        last = np.searchsorted(trial.event_time[mine], time, side="right") - 1
+        since, extension, in_contact = _after_last_event(trial, parameters, leg, last, time)
+        rest = rest_foot(parameters, trial.states, leg)
+        drawn = extension * (1.0 - smooth_step(since / retraction_s))[:, None]
+        flying = rest + np.einsum("nij,nj->ni", rotations, drawn)
+        standing = rest * [1.0, 1.0, 0.0]
+        down[:, leg] = in_contact
+        feet[:, leg] = np.where(in_contact[:, None], standing, flying)
+    return down, feet
+
+
+def _after_last_event(
+    trial: Trial,
+    parameters: HopperParameters,
+    leg: int,
+    last: NDArray[np.int64],
+    time: FloatArray,
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Time since the leg's last event, its extension there (body frame), and contact, per frame."""
+    mine = np.flatnonzero(trial.event_leg == leg)
+    states = trial.event_state[mine]
+    gap = rest_foot(parameters, states, leg)[:, 2]
+    extension = -gap[:, None] * rotation_matrices(states[:, 3:6])[:, 2]
+    # Before the first event: in flight, at rest length.
+    when = np.append(trial.event_time[mine], -np.inf)
+    extension = np.vstack([extension, np.zeros(3)])
+    is_down = np.append(trial.event_down[mine], False)
+    return time - when[last], extension[last], is_down[last]
+
+
+def smooth_step(s: FloatArray) -> FloatArray:
+    """Quintic from 0 to 1 on [0, 1] whose first two derivatives vanish at both ends."""
+    s = np.clip(s, 0.0, 1.0)
+    return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)

@@ -1,0 +1,227 @@
+import hashlib
+
+import numpy as np
+import pytest
+from qtm_files import NAMES, UPRIGHT, data_rows, qtm_text, standing, write
+
+from hopdata.errors import RecordingError
+from hopdata.recordings.hdf5 import read_truth, write_recording
+from hopdata.recordings.importing import PER_FOOT, choose_unit, import_recording, rotate_up
+from hopdata.recordings.plausibility import check_plausible
+
+MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
+SAMPLE_MARKERS = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2", "foot3"]}
+INTO_FILE = {"z": [0, 1, 2], "y": [1, 2, 0], "x": [2, 0, 1]}  # canonical axes as the file's x, y, z
+
+
+def imported(path, markers=MARKERS, **options):
+    """The recording, checked, as the workflow and `hopdata check` see it."""
+    recording, _ = import_recording(path, name="trial", markers=markers, **options)
+    check_plausible(recording)
+    return recording
+
+
+def test_markers_come_in_the_order_of_their_roles(tmp_path):
+    positions = np.concatenate([standing(), standing()[:, :1] + 200], axis=1)
+    path = write(tmp_path, qtm_text(positions, names=(*NAMES, "boom")))
+    wanted = {"boom": ["boom"], "feet": ["toe", "heel"], "body": ["back", "hip right", "hip left"]}
+    recording = imported(path, wanted)
+    assert recording.markers == ("back", "hip right", "hip left", "toe", "heel", "boom")
+    assert recording.roles == ("body", "body", "body", "foot", "foot", "boom")
+    order = [2, 1, 0, 4, 3, 5]
+    np.testing.assert_allclose(recording.positions, positions[:, order] / 1000, atol=1e-6)
+
+
+def test_source_and_digest_are_kept(tmp_path):
+    path = write(tmp_path, qtm_text())
+    recording = imported(path)
+    assert recording.name == "trial"
+    assert recording.source == path.as_posix()
+    assert recording.source_sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_the_vertical_axis_is_turned_up(tmp_path, axis):
+    turned = standing()[..., INTO_FILE[axis]]
+    assert np.argmax(turned[:, :3].mean(axis=(0, 1))) == "xyz".index(axis)
+    recording = imported(write(tmp_path, qtm_text(turned)), vertical_axis=axis)
+    assert recording.vertical_axis == axis
+    height = standing()[:, :3, 2].mean(axis=1) / 1000
+    np.testing.assert_allclose(recording.body_height, height, atol=1e-6)
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_turning_is_a_proper_rotation(axis):
+    turned = rotate_up(np.eye(3), axis).T
+    assert np.linalg.det(turned) == 1
+    assert (turned @ np.eye(3)["xyz".index(axis)] == [0, 0, 1]).all()
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1000.0, "mm"), (1.0, "m")])
+def test_the_unit_is_found_or_given(tmp_path, scale, unit):
+    path = write(tmp_path, qtm_text(standing(scale=scale, wobble=0.02)))
+    found = imported(path, unit="auto")
+    assert np.array_equal(found.positions, imported(path, unit=unit).positions)
+    np.testing.assert_allclose(found.body[:, :, 2].mean(), UPRIGHT[:3, 2].mean(), atol=0.02)
+
+
+def test_of_two_units_never_both_fit():
+    for size in np.geomspace(1e-4, 1e5, 200):
+        positions = size * UPRIGHT[np.newaxis]
+        by_mm = choose_unit(positions, unit="auto", nominal="mm")
+        by_m = choose_unit(positions, unit="auto", nominal="m")
+        assert by_mm == by_m or size < 0.1 or size > 10  # outside, the format's own unit stays
+
+
+def test_the_sample_reads_as_it_was_written(tmp_path, sample_path):
+    markers = {**SAMPLE_MARKERS, "boom": ["boom"]}
+    recording = imported(sample_path, markers)
+    write_recording(tmp_path / "copy.h5", recording)
+    again = imported(tmp_path / "copy.h5", markers)
+    assert np.array_equal(again.positions, recording.positions, equal_nan=True)
+    assert np.array_equal(again.time, recording.time)
+    assert again.rate_hz == recording.rate_hz == 100
+
+
+def test_the_same_recording_by_two_formats(tmp_path):
+    recording = imported(write(tmp_path, qtm_text()))
+    write_recording(tmp_path / "trial.h5", recording)
+    again = imported(tmp_path / "trial.h5")
+    np.testing.assert_allclose(again.positions, recording.positions, atol=1e-7)
+    assert np.array_equal(again.time, recording.time)
+
+
+def sample_truth(path, **changes):
+    options = {"vertical_axis": changes.pop("vertical_axis", "z"), "name": "hopper"}
+    return import_recording(path, markers={**SAMPLE_MARKERS, **changes}, **options)[1]
+
+
+def test_truth_comes_along_with_its_feet_in_the_order_asked_for(sample_path):
+    stored = read_truth(sample_path)
+    truth = sample_truth(sample_path, feet=["foot3", "foot1", "foot2"])
+    for key in PER_FOOT:
+        expected = getattr(stored, key)[:, [2, 0, 1]]
+        assert np.array_equal(getattr(truth, key), expected, equal_nan=expected.dtype != bool)
+    assert np.array_equal(truth.apex_times, stored.apex_times)
+    n_feet = stored.contact_times.shape[1]
+    arrays = {k: v for k, v in vars(stored).items() if isinstance(v, np.ndarray) and v.ndim > 1}
+    assert {k for k, v in arrays.items() if v.shape[1] == n_feet and k != "apex_states"} == (
+        set(PER_FOOT)
+    )
+
+
+def test_truth_is_left_behind_where_it_does_not_apply(tmp_path, sample_path):
+    assert sample_truth(sample_path, feet=["foot1", "foot2"]) is None
+    assert sample_truth(sample_path, body=["body1", "body2", "boom"]) is None
+    assert sample_truth(sample_path, vertical_axis="x") is None
+    assert import_recording(write(tmp_path, qtm_text()), name="a", markers=MARKERS)[1] is None
+
+
+def good(folder):
+    return write(folder, qtm_text())
+
+
+def without_back(folder):
+    positions = standing()
+    positions[:, 2] = 0
+    return write(folder, qtm_text(positions))
+
+
+def with_markers(**changes):
+    return {"markers": {**MARKERS, **changes}}
+
+
+# What is done wrong: the file, the options, and what the message must name.
+MISTAKES = {
+    "misspelt marker": lambda f: (
+        good(f),
+        with_markers(body=["hip left", "hip rihgt", "back"]),
+        ["trial.tsv: markers.body", "found 'hip rihgt'", "did you mean 'hip right'"],
+    ),
+    "marker twice": lambda f: (
+        good(f),
+        with_markers(feet=["toe", "back"]),
+        ["markers.feet", "each marker once", "'back' twice"],
+    ),
+    "two body markers": lambda f: (
+        good(f),
+        with_markers(body=list(NAMES[:2])),
+        ["body markers", "at least 3", "found 2 (hip left, hip right)"],
+    ),
+    "one foot": lambda f: (
+        good(f),
+        with_markers(feet=["toe"]),
+        ["feet", "at least 2", "found 1 (toe)"],
+    ),
+    "misspelt file": lambda f: (
+        good(f).with_name("trail.tsv"),
+        {},
+        ["trail.tsv", "expected a file", "did you mean 'trial.tsv'"],
+    ),
+    "no such folder": lambda f: (f / "sub/trial.tsv", {}, ["a file", "there is no folder"]),
+    "other format": lambda f: (f / "trial.xlsx", {}, [".tsv, .h5", "found '.xlsx'"]),
+    "mm taken for m": lambda f: (
+        good(f),
+        {"unit": "m"},
+        ["scale", "0.015 to 12 m", "found 603 m", "input.unit: mm"],
+    ),
+    "m taken for mm": lambda f: (
+        write(f, qtm_text(standing(scale=1.0))),
+        {"unit": "mm"},
+        ["scale", "0.015 to 12 m", "input.unit: m"],
+    ),
+    "y up, not told": lambda f: (
+        write(f, qtm_text(standing()[..., [1, 2, 0]])),
+        {},
+        ["vertical axis z", "the body above the feet", "input.vertical_axis: y"],
+    ),
+    "z up, x told": lambda f: (
+        good(f),
+        {"vertical_axis": "x"},
+        ["vertical axis x", "m along z", "input.vertical_axis: z"],
+    ),
+    "upside down": lambda f: (
+        write(f, qtm_text(standing() * [1, 1, -1])),
+        {},
+        ["vertical axis z", "no axis of the file points up"],
+    ),
+    "marker never seen": lambda f: (without_back(f), {}, ["'back'", "in none of 40 frames"]),
+    "stamps against rate": lambda f: (
+        write(f, qtm_text(rows=data_rows(standing(), rate=50.0))),
+        {},
+        ["time stamps", "expected 0.01 s", "100 Hz", "found 0.02 s", "50 Hz"],
+    ),
+    "rate 0": lambda f: (
+        good(f),
+        {"rate_hz": 0.0},
+        ["input.rate_hz", "more than 0 Hz", "found 0 Hz"],
+    ),
+    "other rate": lambda f: (good(f), {"rate_hz": 120.0}, ["expected 100 Hz", "120"]),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistakes_are_told_in_one_line(tmp_path, mistake):
+    path, options, parts = MISTAKES[mistake](tmp_path)
+    with pytest.raises(RecordingError) as caught:
+        imported(path, **options)
+    message = str(caught.value)
+    assert "\n" not in message
+    for part in ("expected", "found", *parts):
+        assert part in message
+
+
+def test_a_damaged_hdf5_file_is_told(tmp_path):
+    path = write(tmp_path, qtm_text(), "trial.h5")
+    with pytest.raises(RecordingError, match=r"trial.h5: .*HDF5"):
+        imported(path)
+
+
+def test_the_real_recording(external_recording):
+    markers = {"body": ["body1", "body2", "body3"], "feet": ["R_heel", "R_mt1", "R_mt5"]}
+    recording = imported(external_recording, markers)
+    assert recording.positions.shape == (4500, 6, 3)
+    np.testing.assert_allclose(recording.positions[0, 0], [1.17022, 2.33784, 1.04126], atol=1e-9)
+    assert 0.8 < np.nanmedian(recording.body_height) < 1.2
+    with pytest.raises(RecordingError, match=r"input.vertical_axis: z"):
+        imported(external_recording, markers, vertical_axis="y")

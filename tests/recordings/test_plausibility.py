@@ -1,0 +1,152 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from qtm_files import NAMES, standing
+
+from hopdata.errors import RecordingError
+from hopdata.recordings.plausibility import (
+    body_over_feet,
+    check_plausible,
+    extent,
+    fraction_seen,
+    notes,
+)
+from hopdata.recordings.recording import Recording
+
+ROLES = ("body", "body", "body", "foot", "foot")
+
+
+def recording(n_frames=100, rate_hz=100.0, **changes):
+    sound = Recording(
+        name="trial",
+        time=np.arange(n_frames) / rate_hz,
+        positions=standing(n_frames, scale=1.0),
+        markers=NAMES,
+        roles=ROLES,
+        rate_hz=rate_hz,
+    )
+    return replace(sound, **changes)
+
+
+def refused(faulty):
+    with pytest.raises(RecordingError) as caught:
+        check_plausible(faulty)
+    message = str(caught.value)
+    assert message.startswith("recording 'trial': ")
+    assert "expected" in message
+    assert "found" in message
+    assert "\n" not in message
+    return message
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 2000.0])
+@pytest.mark.parametrize("size", [0.05, 1.0, 5.0])
+def test_a_sound_recording_passes_without_notes(rate_hz, size):
+    sound = recording(rate_hz=rate_hz)
+    sound = replace(sound, positions=size * sound.positions)
+    check_plausible(sound)
+    assert notes(sound) == []
+
+
+def test_the_sample_is_sound(sample_path):
+    from hopdata.recordings.hdf5 import read_recording
+
+    check_plausible(read_recording(sample_path))
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -100.0, np.nan, np.inf])
+def test_rate(rate_hz):
+    message = refused(replace(recording(), rate_hz=rate_hz))
+    assert "more than 0 Hz" in message
+
+
+def test_time_that_repeats_or_runs_back_is_refused_with_its_frame():
+    for value in (0.10, 0.05, np.nan):
+        time = np.arange(100) / 100.0
+        time[11] = value
+        assert "frame 12: expected a time after 0.1 s" in refused(recording(time=time))
+
+
+def test_time_steps_must_agree_with_the_rate():
+    message = refused(recording(time=np.arange(100) / 120.0))
+    assert "expected 0.01 s from frame to frame (100 Hz)" in message
+    assert "(120 Hz)" in message
+    check_plausible(recording(time=np.arange(100) / 101.0))  # a nominal rate
+
+
+def test_one_frame_is_not_enough():
+    assert "at least 2 frames, found 1" in refused(recording(n_frames=1))
+
+
+def test_scale():
+    sound = recording()
+    too_large = refused(replace(sound, positions=1e3 * sound.positions))
+    assert "millimetres taken for metres: set input.unit: mm" in too_large
+    too_small = refused(replace(sound, positions=1e-3 * sound.positions))
+    assert "metres taken for millimetres: set input.unit: m" in too_small
+    neither = refused(replace(sound, positions=1e8 * sound.positions))
+    assert "input.unit" not in neither
+
+
+@pytest.mark.parametrize(("vertical_axis", "order"), [("z", [0, 1, 2]), ("y", [2, 0, 1])])
+def test_body_beside_the_feet_names_the_axis_of_the_file(vertical_axis, order):
+    """Canonical y is up by mistake; it is the file's y, or its x where y was named as vertical."""
+    positions = recording().positions[..., [1, 2, 0]]
+    message = refused(recording(positions=positions, vertical_axis=vertical_axis))
+    assert f"set input.vertical_axis: {'xyz'[order[1]]}?" in message
+
+
+def test_body_below_the_feet():
+    positions = recording().positions * [1, -1, -1]
+    assert "no axis of the file points up" in refused(recording(positions=positions))
+    swapped = refused(recording(roles=("foot", "foot", "body", "body", "body")))
+    assert "do markers.body and markers.feet fit?" in swapped
+
+
+def test_a_marker_never_seen_is_refused_and_one_often_unseen_is_noted():
+    positions = recording().positions.copy()
+    positions[:, 4] = np.nan
+    assert "marker 'toe'" in refused(recording(positions=positions))
+    positions[:80, 4] = recording().positions[:80, 4]
+    often = recording(positions=positions)
+    check_plausible(often)
+    np.testing.assert_allclose(fraction_seen(often), [1, 1, 1, 1, 0.8])
+    assert notes(often) == ["recording 'trial': marker 'toe' is missing in 20.0 % of frames"]
+
+
+def test_dropped_frames_are_noted():
+    time = np.arange(103) / 100.0
+    time = np.delete(time, [10, 50, 51])
+    assert notes(recording(time=time)) == [
+        "recording 'trial': 3 frames are missing between the time stamps"
+    ]
+
+
+def test_a_marker_under_two_names_is_refused():
+    positions = recording().positions.copy()
+    positions[:, 1] = positions[:, 0]
+    assert "'hip left' and 'hip right'" in refused(recording(positions=positions))
+
+
+def test_infinite_positions_are_refused():
+    positions = recording().positions.copy()
+    positions[5, 3, 1] = np.inf
+    assert "marker 'heel': expected finite positions" in refused(recording(positions=positions))
+
+
+def test_too_few_markers():
+    few = recording(roles=("body", "body", "boom", "foot", "foot"))
+    assert "body markers: expected at least 3, found 2" in refused(few)
+    few = recording(roles=("body", "body", "body", "foot", "boom"))
+    assert "feet: expected at least 2, found 1 (heel)" in refused(few)
+
+
+def test_extent_and_offset_by_hand():
+    frame = np.array([[[0.0, 0, 0], [3, 0, 0], [0, 4, 0], [0, 0, 12], [np.nan] * 3]])
+    assert extent(frame) == 13
+    assert np.isnan(extent(np.full((3, 4, 3), np.nan)))
+    up = recording(
+        positions=np.tile([[0, 0, 1.0]], (100, 5, 1)) * np.array([1, 1, 1, 0, 0])[:, None]
+    )
+    np.testing.assert_array_equal(body_over_feet(up), [0, 0, 1])

@@ -1,0 +1,293 @@
+"""The hopper's equations against momentum, energy and the conditions for a C1 landing."""
+
+import math
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from hopdata.hybrid import solve
+from hopdata.scenes.boom import boom_motion
+from hopdata.scenes.hopper import (
+    flight_mode,
+    hopper_event,
+    hopper_field,
+    hopper_guards,
+    hopper_system,
+)
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.rigid_body import rotation_matrices
+
+SWINGING = HopperParameters(boom_swing_rad=1.1, boom_duration_s=0.3)
+FRICTIONLESS = HopperParameters(damping_n_s_m=0.0, friction=0.0)
+
+
+def rate(t, y, mode, parameters):
+    dy = np.zeros(12)
+    hopper_field(t, y, mode, parameters.vector(), dy)
+    return dy
+
+
+def surfaces(y, mode, parameters, dy=None):
+    n = parameters.n_legs
+    h, hdot = np.zeros(n + 2), np.zeros(n + 2)
+    dy = np.zeros(12) if dy is None else dy
+    hopper_guards(0.0, y, dy, mode, parameters.vector(), h, hdot)
+    return h, hdot
+
+
+def modes(*legs, n_legs=3):
+    mode = flight_mode(n_legs, -1.0)
+    mode[list(legs)] = 1
+    return mode
+
+
+def random_state(rng):
+    y = rng.normal(size=12)
+    y[2], y[3:6] = 0.25, 0.3 * y[3:6]
+    return y
+
+
+def momenta(t, y, parameters):
+    """Linear and angular momentum about the world's origin of chassis and counterweight."""
+    c, c_rate, _ = (np.array(v) for v in boom_motion.py_func(t, parameters.vector()))
+    turn, w = rotation_matrices(y[3:6]), y[9:12]
+    point = y[:3] + turn @ c
+    speed = y[6:9] + turn @ (np.cross(w, c) + c_rate)
+    small, large = parameters.counterweight_mass_kg, parameters.mass_kg
+    inertia = np.array(
+        [parameters.inertia_x_kg_m2, parameters.inertia_y_kg_m2, parameters.inertia_z_kg_m2]
+    )
+    linear = large * y[6:9] + small * speed
+    angular = large * np.cross(y[:3], y[6:9]) + small * np.cross(point, speed)
+    return linear, angular + turn @ (inertia * w), point
+
+
+def energy(y, standing, parameters):
+    """Kinetic, gravitational and elastic energy; the boom at rest."""
+    linear, _, point = momenta(0.0, y, parameters)
+    turn, w = rotation_matrices(y[3:6]), y[9:12]
+    inertia = np.array(
+        [parameters.inertia_x_kg_m2, parameters.inertia_y_kg_m2, parameters.inertia_z_kg_m2]
+    )
+    small, large = parameters.counterweight_mass_kg, parameters.mass_kg
+    speed = (linear - large * y[6:9]) / small
+    kinetic = (large * y[6:9] @ y[6:9] + small * speed @ speed + w @ (inertia * w)) / 2
+    gaps = (y[:3] + parameters.rest_feet() @ turn.T)[standing, 2]
+    elastic = np.sum(parameters.stiffness_n_m * gaps**2 / 2 - parameters.preload_n * gaps)
+    return kinetic + parameters.gravity_m_s2 * (large * y[2] + small * point[2]) + elastic
+
+
+def floor_forces(y, legs, parameters):
+    """Forces and points of attack in the world, written down anew with vectors."""
+    turn = rotation_matrices(y[3:6])
+    for leg in legs:
+        arm = turn @ parameters.rest_feet()[leg]
+        foot = y[:3] + arm
+        gap_rate = (y[6:9] + turn @ np.cross(y[9:12], parameters.rest_feet()[leg]))[2]
+        point = foot * [1, 1, 0]
+        sliding = (y[6:9] + np.cross(turn @ y[9:12], point - y[:3]))[:2]
+        normal = (
+            parameters.preload_n
+            - parameters.stiffness_n_m * foot[2]
+            - parameters.damping_n_s_m * gap_rate
+        )
+        drag = -parameters.friction * normal / math.hypot(*sliding, parameters.slip_velocity_m_s)
+        yield point, np.array([*(drag * sliding), normal])
+
+
+@pytest.mark.parametrize("legs", [(), (1,), (0, 2), (0, 1, 2)])
+def test_momentum_changes_by_the_forces_from_outside(legs):
+    rng, step, t = np.random.default_rng(3), 1e-6, 0.11
+    for _ in range(5):
+        y = random_state(rng)
+        dy = rate(t, y, modes(*legs), SWINGING)
+        ahead, behind = (momenta(t + s * step, y + s * step * dy, SWINGING) for s in (1, -1))
+        point = momenta(t, y, SWINGING)[2]
+        small, large = SWINGING.counterweight_mass_kg, SWINGING.mass_kg
+        weight = np.array([0.0, 0.0, -SWINGING.gravity_m_s2])
+        force = (small + large) * weight
+        torque = np.cross(large * y[:3] + small * point, weight)
+        for where, push in floor_forces(y, legs, SWINGING):
+            force = force + push
+            torque = torque + np.cross(where, push)
+        np.testing.assert_allclose((ahead[0] - behind[0]) / (2 * step), force, atol=1e-6)
+        np.testing.assert_allclose((ahead[1] - behind[1]) / (2 * step), torque, atol=1e-6)
+
+
+def fly(parameters, state, t_span, **options):
+    n = parameters.n_legs
+    return solve(
+        hopper_system(n),
+        t_span,
+        state,
+        params=parameters.vector(),
+        mode=flight_mode(n, state[8]),
+        rtol=1e-10,
+        atol=1e-12,
+        **options,
+    )
+
+
+def test_boom_swing_in_flight_turns_the_body_and_keeps_the_momenta():
+    state = np.zeros(12)
+    state[2], state[6:12] = 2.0, [0.2, -0.1, 0.3, 0.1, -0.2, 0.3]
+    state[9:12] = 0.0
+    times = np.linspace(0, 0.4, 9)
+    y = fly(SWINGING, state, (0, 0.4), t_eval=times).y.T
+    total = SWINGING.total_mass_kg
+
+    def about_centre(t, state):
+        linear, angular, point = momenta(t, state, SWINGING)
+        centre = SWINGING.mass_kg * state[:3] + SWINGING.counterweight_mass_kg * point
+        return linear, angular - np.cross(centre / total, linear)
+
+    start = about_centre(0.0, state)
+    for t, now in zip(times, y, strict=True):
+        linear, angular = about_centre(t, now)
+        np.testing.assert_allclose(angular, start[1], atol=1e-10)
+        np.testing.assert_allclose(linear - start[0], [0, 0, -total * 9.81 * t], atol=1e-9)
+    assert np.abs(y[-1, 3:6]).max() > 0.02
+    still = fly(HopperParameters(), state, (0, 0.4), t_eval=times).y.T
+    np.testing.assert_allclose(still[:, 3:6], 0, atol=1e-12)
+
+
+def tilted_start():
+    state = np.zeros(12)
+    state[2], state[3:6] = 0.27 + 0.24, [0.4, 0.03, -0.02]
+    state[6:12] = [0.1, -0.05, 0.0, 0.1, -0.2, 0.1]
+    return state
+
+
+def test_energy_is_conserved_through_a_landing_without_friction_damping_and_release():
+    hopper = HopperParameters(damping_n_s_m=0.0, friction=0.0, release_extension_m=0.0)
+    state = tilted_start()
+    solution = fly(hopper, state, (0, 2.0))
+    assert solution.status == 1
+    assert len(set(solution.events.time)) >= 6
+    end = solution.events.after[-1]
+    assert energy(end, [], hopper) == pytest.approx(energy(state, [], hopper), abs=1e-8)
+
+
+def test_release_puts_back_exactly_the_work_of_the_extended_legs():
+    state = tilted_start()
+    end = fly(FRICTIONLESS, state, (0, 2.0)).events.after[-1]
+    e = FRICTIONLESS.release_extension_m
+    work = 3 * (FRICTIONLESS.preload_n * e - FRICTIONLESS.stiffness_n_m * e**2 / 2)
+    gain = energy(end, [], FRICTIONLESS) - energy(state, [], FRICTIONLESS)
+    assert gain == pytest.approx(work, abs=1e-8)
+
+
+@pytest.mark.parametrize("lossy", [{"damping_n_s_m": 0.0}, {"friction": 0.0}])
+def test_friction_and_damping_only_take_energy(lossy):
+    hopper = HopperParameters(release_extension_m=0.0, **lossy)
+    state = tilted_start()
+    end = fly(hopper, state, (0, 2.0)).events.after[-1]
+    assert energy(end, [], hopper) < energy(state, [], hopper) - 1e-3
+
+
+def test_forces_of_the_legs_add_up():
+    rng, hopper = np.random.default_rng(4), HopperParameters()
+    for _ in range(5):
+        y = random_state(rng)
+        none = rate(0.0, y, modes(), hopper)
+        single = [rate(0.0, y, modes(leg), hopper) - none for leg in range(3)]
+        together = rate(0.0, y, modes(0, 1, 2), hopper) - none
+        np.testing.assert_allclose(sum(single), together, atol=1e-11)
+        assert min(np.abs(jump[6:]).max() for jump in single) > 1
+
+
+def test_contact_depends_on_position_alone_and_rates_are_derivatives():
+    rng, hopper, step = np.random.default_rng(5), HopperParameters(), 1e-6
+    y, other = random_state(rng), random_state(rng)
+    other[:6] = y[:6]
+    h, _ = surfaces(y, modes(), hopper)
+    np.testing.assert_array_equal(h[:3], surfaces(other, modes(), hopper)[0][:3])
+    assert h[3] != surfaces(other, modes(), hopper)[0][3]
+    dy = rate(0.0, y, modes(1), hopper)
+    ahead, behind = (surfaces(y + s * step * dy, modes(), hopper)[0] for s in (1, -1))
+    hdot = surfaces(y, modes(), hopper, dy)[1]
+    np.testing.assert_allclose((ahead - behind) / (2 * step), hdot, atol=1e-8)
+
+
+def saltations(y, hopper, guard_delay_s):
+    """Product of the three saltation matrices for each order, guards h + delay dh/dt."""
+    step = 1e-6
+    slopes = np.array(
+        [
+            [
+                np.subtract(*(surfaces(y + s * d, modes(), hopper)[0][leg] for s in (1, -1)))
+                for d in step * np.eye(12)
+            ]
+            for leg in range(3)
+        ]
+    ) / (2 * step)
+    slopes[:, 6:9] += guard_delay_s * slopes[:, :3]
+    for order in permutations(range(3)):
+        product = np.eye(12)
+        for k, leg in enumerate(order):
+            before = rate(0.0, y, modes(*order[:k]), hopper)
+            jump = rate(0.0, y, modes(*order[: k + 1]), hopper) - before
+            product = (np.eye(12) + np.outer(jump, slopes[leg]) / (slopes[leg] @ before)) @ product
+        yield product
+
+
+def test_all_orders_of_contact_have_one_jacobian_at_triple_contact():
+    y = np.zeros(12)
+    y[2], y[6:12] = 0.27, [0.05, -0.03, -2.1, 0.1, -0.2, 0.05]
+    products = list(saltations(y, HopperParameters(), 0.0))
+    spread = max(np.abs(p - products[0]).max() for p in products)
+    assert spread < 1e-13
+    delayed = list(saltations(y, HopperParameters(), 0.01))
+    assert max(np.abs(p - delayed[0]).max() for p in delayed) > 1e-3
+
+
+def test_legs_are_released_together_and_armed_one_by_one():
+    hopper, y = HopperParameters(), np.zeros(12)
+    p, mode = hopper.vector(), modes(0, 2)
+    assert hopper_event(0.0, y, mode, p, 2, 1) == 0
+    np.testing.assert_array_equal(mode[5:], [0, 0, 0, 1])
+    mode[1] = 1
+    assert hopper_event(0.0, y, mode, p, 1, 1) == 0
+    np.testing.assert_array_equal(mode[5:], [1, 1, 1, 1])
+    y[2] = 0.27
+    np.testing.assert_allclose(surfaces(y, mode, hopper)[0][:3], 0.125)
+    mode[0] = -1
+    hopper_event(0.0, y, mode, p, 0, -1)
+    np.testing.assert_array_equal(mode[5:], [0, 1, 1, 1])
+    np.testing.assert_allclose(surfaces(y, mode, hopper)[0][:3], [0, 0.125, 0.125], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("legs", "touched", "stops"), [((), 1, 1), ((), 0, 0), ((1,), 1, 0), ((0, 1, 2), 1, 0)]
+)
+def test_an_apex_ends_a_hop_only_in_flight_and_after_contact(legs, touched, stops):
+    mode = modes(*legs)
+    mode[-1] = touched
+    assert hopper_event(0.0, np.zeros(12), mode, HopperParameters().vector(), 3, -1) == stops
+
+
+def test_a_hopper_that_tips_over_stops_as_fallen():
+    state = tilted_start()
+    state[2], state[9:12] = 3.0, [4.0, 0.0, 0.0]
+    solution = fly(HopperParameters(), state, (0, 2.0))
+    assert solution.status == 1
+    assert solution.events.guard[-1] == 4
+    upright = rotation_matrices(solution.events.after[-1][3:6])[2, 2]
+    assert upright == pytest.approx(np.cos(1.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("n_legs", [2, 4, 6])
+def test_any_number_of_legs_lands_and_takes_off_again(n_legs):
+    hopper = HopperParameters(
+        n_legs=n_legs,
+        stiffness_n_m=270 / n_legs,
+        preload_n=66 / n_legs,
+        damping_n_s_m=14.4 / n_legs,
+    )
+    state = np.zeros(12)
+    state[2] = 0.27 + 0.24
+    solution = fly(hopper, state, (0, 2.0))
+    assert solution.status == 1
+    assert sorted(solution.events.guard[solution.events.direction > 0]) == list(range(n_legs))
+    assert solution.events.time[-1] == pytest.approx(0.6354, abs=2e-3)
