@@ -151,7 +151,6 @@ def test_help_does_not_import_numpy():
     assert result.returncode == 0, result.stderr
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a named pipe to wait at")
 def test_an_interrupt_ends_without_a_traceback(tmp_path):
     pipe = tmp_path / "config.yaml"
     os.mkfifo(pipe)  # reading it waits for a writer, for ever
@@ -161,11 +160,23 @@ def test_an_interrupt_ends_without_a_traceback(tmp_path):
         text=True,
         env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
     )
-    time.sleep(1.0)
+    writer = waiting_reader(pipe)
+    time.sleep(0.5)  # from opening to reading: a signal just before read() would not wake it
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=20)
     assert process.returncode == 130
     assert err == "hopdata: interrupted\n"
+    os.close(writer)
+
+
+def waiting_reader(pipe, *, seconds=20):
+    """Open the pipe for writing as soon as somebody reads it."""
+    for _ in range(100 * seconds):
+        try:
+            return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError:  # nobody there yet
+            time.sleep(0.01)
+    raise AssertionError("nobody opened the configuration")
 
 
 def test_a_closed_pipe_is_no_error():

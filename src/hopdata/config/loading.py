@@ -1,0 +1,219 @@
+"""Load a configuration: read, fill in the defaults, check against the schema and with itself."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from copy import deepcopy
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from hopdata.config.messages import describe, dotted
+from hopdata.config.schema import load_schema
+from hopdata.config.yaml_file import read_yaml
+from hopdata.errors import ConfigError, did_you_mean
+
+MOST_MISTAKES = 10
+_POWER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
+
+
+def load_config(
+    source: str | Path | Mapping[str, Any],
+    *,
+    files: Iterable[str | Path] = (),
+    check_files: bool = True,
+) -> dict[str, Any]:
+    """Load and check a configuration.
+
+    Parameters
+    ----------
+    source : path or mapping
+        A YAML file, or what others have read from `files` (and perhaps changed since).
+    files : iterable of path
+        Where the mapping comes from: named in messages, and looked into for keys that stand twice.
+    check_files : bool
+        Whether the recordings' files must exist; they are relative to the working directory.
+
+    Returns
+    -------
+    dict
+        The whole configuration in plain types, with every key of the schema.
+
+    Raises
+    ------
+    ConfigError
+        One line for each mistake: file, key, what was expected and what was found.
+    """
+    files = list(files or ())
+    if isinstance(source, Mapping):
+        content: Any = source
+        for file in files:
+            read_yaml(file)
+    else:
+        content, files = read_yaml(source), [source]
+    place = ", ".join(map(str, files)) or "configuration"
+    if not isinstance(content, Mapping):
+        kind = "nothing" if content is None else type(content).__name__
+        raise ConfigError(
+            f"{place}: expected keys with values, such as 'study: name', found {kind}"
+        )
+    schema = load_schema()
+    try:
+        config: dict[str, Any] = _with_defaults(content, schema)
+    except RecursionError:
+        raise ConfigError(f"{place}: expected a tree of keys, found one within itself") from None
+    _raise_all(place, _schema_mistakes(config, schema))
+    checks = [*CHECKS, _missing_files] if check_files else CHECKS
+    _raise_all(place, [mistake for check in checks for mistake in check(config)])
+    config["home"]["marker"] = config["home"]["marker"] or config["markers"]["body"][0]
+    return config
+
+
+def _with_defaults(value: Any, schema: dict[str, Any]) -> Any:
+    """Copy `value` into plain types, with the defaults of all keys that it leaves out."""
+    if value is None and schema.get("default") == {}:
+        value = {}  # a section whose keys are all commented out
+    if isinstance(value, Mapping):
+        properties = schema.get("properties", {})
+        filled = {key: _with_defaults(v, properties.get(key, {})) for key, v in value.items()}
+        for key, inner in properties.items():
+            if key not in filled and "default" in inner:
+                filled[key] = _with_defaults(deepcopy(inner["default"]), inner)
+        return filled
+    if isinstance(value, list | tuple):
+        return [_with_defaults(v, schema.get("items", {})) for v in value]
+    if isinstance(value, str) and "number" in schema.get("type", ()) and _POWER.fullmatch(value):
+        return float(value)  # YAML 1.1 takes 1e-3 for text, 1.0e-3 for a number
+    return value
+
+
+def _schema_mistakes(config: dict[str, Any], schema: dict[str, Any]) -> list[str]:
+    """Return what the schema rejects, and numbers that are not finite."""
+    from jsonschema import Draft202012Validator
+
+    mistakes = describe(Draft202012Validator(schema).iter_errors(config), schema)
+    for path, value in _leaves(config):
+        if isinstance(value, float) and not isfinite(value):
+            mistakes.append(f"{dotted(path)}: expected a finite number, found {value}")
+    return mistakes
+
+
+def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[Any, Any]]:
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _leaves(inner, (*path, key))
+    elif isinstance(value, list):
+        for i, inner in enumerate(value):
+            yield from _leaves(inner, (*path, i))
+    else:
+        yield path, value
+
+
+def _raise_all(place: str, mistakes: list[str]) -> None:
+    if not mistakes:
+        return
+    lines = [f"{place}: {mistake}" for mistake in mistakes[:MOST_MISTAKES]]
+    if len(mistakes) > MOST_MISTAKES:
+        lines.append(f"{place}: and {len(mistakes) - MOST_MISTAKES} more mistakes")
+    raise ConfigError("\n".join(lines))
+
+
+def _repeated_names(config: dict[str, Any]) -> Iterator[str]:
+    seen: dict[str, int] = {}
+    for i, recording in enumerate(config["recordings"]):
+        name = recording["name"]
+        if name.lower() in seen:  # some file systems do not tell case apart
+            first = seen[name.lower()]
+            yield (
+                f"recordings[{i}].name: expected a name of its own, "
+                f"found '{name}' as in recordings[{first}]"
+            )
+        seen.setdefault(name.lower(), i)
+
+
+def _repeated_markers(config: dict[str, Any]) -> Iterator[str]:
+    seen: dict[str, str] = {}
+    for role, names in config["markers"].items():
+        for name in names:
+            if name in seen:
+                other = f"in markers.{seen[name]}" if seen[name] != role else "twice"
+                yield f"markers.{role}: expected each marker once, found '{name}' {other}" + (
+                    " as well" if seen[name] != role else ""
+                )
+            seen.setdefault(name, role)
+
+
+def _home_marker(config: dict[str, Any]) -> Iterator[str]:
+    marker, body = config["home"]["marker"], config["markers"]["body"]
+    if marker is not None and marker not in body:
+        yield (
+            f"home.marker: expected a body marker ({', '.join(body)}), "
+            f"found '{marker}'{did_you_mean(marker, body)}"
+        )
+
+
+def _sections_in_order(config: dict[str, Any]) -> Iterator[str]:
+    pre, post = (config["sections"][key] for key in ("pre_height_m", "post_height_m"))
+    if pre is not None and post is not None and not pre > post:
+        yield (
+            f"sections.pre_height_m: expected more than sections.post_height_m ({post:g} m), "
+            f"found {pre:g} m"
+        )
+
+
+def _enough_samples(config: dict[str, Any]) -> Iterator[str]:
+    components, samples = (config["subspaces"][key] for key in ("components", "samples"))
+    if components is not None and components >= samples:
+        yield (
+            f"subspaces.components: expected fewer than subspaces.samples ({samples}), since "
+            f"{samples} samples span {samples - 1} dimensions, found {components}"
+        )
+
+
+def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
+    """Yield the first marker that the simulation, where there is one, will not make."""
+    if all(recording["file"] is not None for recording in config["recordings"]):
+        return
+    n_body = len(config["motion_capture"]["markers"]["body_m"])
+    n_feet = config["simulation"]["hopper"]["n_legs"]
+    made = [f"body{i + 1}" for i in range(n_body)] + [f"foot{i + 1}" for i in range(n_feet)]
+    made.append("boom")
+    for role, names in config["markers"].items():
+        for name in names:
+            if name not in made:
+                yield (
+                    f"markers.{role}: expected a marker of the simulation ({', '.join(made)}), "
+                    f"found '{name}'{did_you_mean(name, made)}"
+                )
+                return
+
+
+def _missing_files(config: dict[str, Any]) -> Iterator[str]:
+    for i, recording in enumerate(config["recordings"]):
+        if recording["file"] is None or Path(recording["file"]).is_file():
+            continue
+        file = Path(recording["file"])
+        yield f"recordings[{i}].file: expected a file, found no '{file}'{_near(file)}"
+
+
+def _near(file: Path) -> str:
+    """Say what there is instead: the nearest name, other recordings, or not even the folder."""
+    folder = file.parent
+    if not folder.is_dir():
+        return f"; there is no folder '{folder}' in {Path.cwd()}"
+    names = sorted(p.name for p in folder.iterdir() if p.is_file())
+    if near := did_you_mean(file.name, names):
+        return near
+    same = [name for name in names if name.endswith(file.suffix)][:3]
+    return f"; in that folder are {', '.join(same)}" if same else f" in {Path.cwd()}"
+
+
+CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
+    _repeated_names,
+    _repeated_markers,
+    _home_marker,
+    _sections_in_order,
+    _enough_samples,
+    _simulated_markers,
+]

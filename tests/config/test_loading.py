@@ -1,0 +1,356 @@
+from dataclasses import asdict
+from importlib import import_module
+from inspect import signature
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hopdata.config import load_config
+from hopdata.config.schema import in_words, load_schema
+from hopdata.errors import ConfigError
+
+ROOT = Path(__file__).parents[2]
+
+SOUND = """\
+study: trial
+seed: 7
+recordings:
+  - name: one
+    file: one.tsv
+markers:
+  body: [b1, b2, b3]
+  feet: [heel, toe]
+home:
+  marker: b1
+sections:
+  tail_fraction: 0.002
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Working directory with the recording that `SOUND` names."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "one.tsv").write_text("not read here")
+    return tmp_path
+
+
+def load(text):
+    Path("study.yaml").write_text(text)
+    return load_config("study.yaml")
+
+
+def plain_leaves(value):
+    children = value.values() if isinstance(value, dict) else value
+    for child in children:
+        if isinstance(child, dict | list):
+            assert type(child) in (dict, list)
+            yield from plain_leaves(child)
+        else:
+            yield child
+
+
+def test_what_is_given_stays_and_the_rest_is_filled_in(folder):
+    config = load(SOUND)
+    assert config["study"] == "trial"
+    assert config["seed"] == 7
+    assert config["markers"] == {"body": ["b1", "b2", "b3"], "feet": ["heel", "toe"], "boom": []}
+    assert config["sections"]["tail_fraction"] == 0.002
+    assert config["sections"]["grid_nodes"] == 1024
+    assert config["prediction"] == {
+        "bootstraps": 1000,
+        "train": 120,
+        "test": 41,
+        "minimum_class": 40,
+    }
+    assert config["simulation"]["hopper"]["mass_kg"] == 2.3
+    assert set(config) == set(load_schema()["properties"])
+    assert {type(leaf) for leaf in plain_leaves(config)} <= {str, int, float, bool, type(None)}
+
+
+def test_a_file_and_its_mapping_give_the_same_and_loading_is_idempotent(folder):
+    config = load(SOUND)
+    mapping = yaml.safe_load(SOUND)
+    assert load_config(mapping) == config
+    assert mapping == yaml.safe_load(SOUND)
+    assert load_config(config) == config
+
+
+def test_defaults_are_copied_not_shared(folder):
+    first = load(SOUND)
+    first["figures"]["formats"].append("pdf")
+    first["sections"]["grid_nodes"] = 1
+    again = load(SOUND)
+    assert again["figures"]["formats"] == ["svg", "png"]
+    assert again["sections"]["grid_nodes"] == 1024
+
+
+def test_an_empty_section_means_its_defaults(folder):
+    assert load(SOUND + "floor:\n  # degree: 2\n")["floor"]["degree"] == 3
+
+
+def test_the_home_marker_is_by_default_the_first_of_the_body(folder):
+    assert load(SOUND.replace("marker: b1", ""))["home"]["marker"] == "b1"
+
+
+def test_numbers_in_either_notation(folder):
+    for text in ("2e-3", "2.0e-3", "+2E-3", "0.002"):
+        config = load(SOUND.replace("0.002", text))
+        assert config["sections"]["tail_fraction"] == 0.002
+
+
+def test_a_recording_without_a_file_is_simulated(folder):
+    text = SOUND.replace("    file: one.tsv\n", "")
+    text = text.replace("b1, b2, b3", "body1, body2, body3").replace("heel, toe", "foot1, foot2")
+    config = load(text.replace("marker: b1", "marker: body2"))
+    assert config["recordings"] == [{"name": "one", "file": None}]
+
+
+def test_files_need_not_exist_if_nobody_asks(folder):
+    config = load_config(yaml.safe_load(SOUND.replace("one.tsv", "later.tsv")), check_files=False)
+    assert config["recordings"][0]["file"] == "later.tsv"
+
+
+# What is done wrong: text of SOUND and its replacement, and what the message must name.
+MISTAKES = {
+    "misspelt section": (
+        "sections:",
+        "sectoins:",
+        ["sectoins: expected a known key", "did you mean 'sections'"],
+    ),
+    "misspelt key": (
+        "tail_fraction",
+        "tail_fracton",
+        ["sections.tail_fracton", "expected a known key", "did you mean 'tail_fraction'"],
+    ),
+    "misspelt required key": (
+        "markers:",
+        "marker:",
+        ["marker: expected a known key", "did you mean 'markers'"],
+    ),
+    "key one level too high": (
+        "seed: 7",
+        "tail_fraction: 0.1",
+        ["tail_fraction: expected", "did you mean 'sections.tail_fraction'"],
+    ),
+    "unlike any key": ("marker: b1", "colour: red", ["home.colour", "the keys here are marker"]),
+    "no markers": (
+        "markers:\n  body: [b1, b2, b3]\n  feet: [heel, toe]\n",
+        "",
+        ["markers: expected this key, found none"],
+    ),
+    "no study": ("study: trial\n", "", ["study: expected this key, found none"]),
+    "study with a slash": ("study: trial", "study: ../x", ["study: expected text", "'../x'"]),
+    "study is a number": ("study: trial", "study: 7", ["study: expected text", "found 7"]),
+    "seed in words": ("seed: 7", "seed: seven", ["seed: expected a whole number", "'seven'"]),
+    "negative seed": ("seed: 7", "seed: -1", ["seed: expected", "at least 0", "found -1"]),
+    "seed true": ("seed: 7", "seed: true", ["seed: expected a whole number", "found true"]),
+    "out of range": (
+        "0.002",
+        "2",
+        ["sections.tail_fraction: expected a number above 0 and at most 0.1", "found 2"],
+    ),
+    "number in quotes": ("0.002", "'0.002'", ["expected a number", "'0.002'", "without quotes"]),
+    "not a number": ("0.002", ".nan", ["sections.tail_fraction", "a finite number", "nan"]),
+    "nothing": ("0.002", "", ["sections.tail_fraction: expected a number", "found null"]),
+    "choice": (
+        "home:",
+        "touchdowns: {method: kinks}\nhome:",
+        ["touchdowns.method: expected one of 'kink', 'velocity_minimum'", "found 'kinks'"],
+    ),
+    "section is a word": ("home:\n  marker: b1", "home: b1", ["home: expected keys", "'b1'"]),
+    "rate 0": ("home:", "input: {rate_hz: 0}\nhome:", ["input.rate_hz", "above 0", "found 0"]),
+    "unknown unit": ("home:", "input: {unit: cm}\nhome:", ["input.unit", "'mm'", "found 'cm'"]),
+    "one foot": ("[heel, toe]", "[heel]", ["markers.feet: expected a list of 2 to 6 names"]),
+    "two body markers": ("b1, b2, b3", "b1, b2", ["markers.body", "at least 3", "found 2 (b1"]),
+    "marker in two roles": (
+        "heel, toe",
+        "heel, b2",
+        ["markers.feet: expected each marker once", "'b2' in markers.body as well"],
+    ),
+    "marker twice": ("heel, toe", "toe, toe", ["markers.feet: expected", "'toe' twice"]),
+    "home is no body marker": (
+        "marker: b1",
+        "marker: heel",
+        ["home.marker: expected a body marker (b1, b2, b3)", "found 'heel'"],
+    ),
+    "missing file": (
+        "one.tsv",
+        "onne.tsv",
+        ["recordings[0].file: expected a file", "no 'onne.tsv'", "did you mean 'one.tsv'"],
+    ),
+    "missing folder": ("one.tsv", "data/one.tsv", ["recordings[0].file", "there is no folder"]),
+    "recordings of one name": (
+        "markers:",
+        "  - {name: One, file: one.tsv}\nmarkers:",
+        ["recordings[1].name: expected a name of its own", "as in recordings[0]"],
+    ),
+    "no recordings": (
+        "\n  - name: one\n    file: one.tsv",
+        " []",
+        ["recordings: expected a list of at least 1", "found none"],
+    ),
+    "marker that nobody simulates": (
+        "    file: one.tsv\n",
+        "",
+        ["markers.body: expected a marker of the simulation (body1", "found 'b1'"],
+    ),
+    "sections upside down": (
+        "tail_fraction: 0.002",
+        "pre_height_m: 0.2\n  post_height_m: 0.3",
+        ["sections.pre_height_m: expected more than", "0.3 m", "found 0.2 m"],
+    ),
+    "more components than samples": (
+        "home:",
+        "subspaces: {components: 30}\nhome:",
+        ["subspaces.components: expected fewer than subspaces.samples (30)", "found 30"],
+    ),
+    "key twice": ("seed: 7", "seed: 7\nseed: 8", ["line 3, column 1", "the key 'seed' twice"]),
+    "within itself": ("home:\n", "floor: &f {degree: *f}\nhome:\n", ["one within itself"]),
+    "not YAML": ("[heel, toe]", "[heel, toe", ["line 9", "expected YAML"]),
+    "tabs": ("  marker: b1", "\tmarker: b1", ["line 10, column 1", "expected YAML"]),
+    "a list": (SOUND, "- study: trial\n", ["expected keys with values", "found list"]),
+    "empty": (SOUND, "", ["expected keys with values", "found nothing"]),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistakes_are_told_with_file_key_expectation_and_finding(folder, mistake):
+    old, new, parts = MISTAKES[mistake]
+    assert old in SOUND
+    with pytest.raises(ConfigError) as caught:
+        load(SOUND.replace(old, new))
+    message = str(caught.value)
+    for part in ("expected", "found", *parts):
+        assert part in message
+    assert all(line.startswith("study.yaml") for line in message.splitlines())
+    assert len(message.splitlines()) <= 3
+
+
+def test_several_mistakes_are_told_at_once_and_each_once(folder):
+    text = SOUND.replace("seed: 7", "seed: 7.5").replace("heel, toe", "heel")
+    with pytest.raises(ConfigError) as caught:
+        load(text + "  grid_nodes: 1.5\n")
+    assert len(str(caught.value).splitlines()) == 3
+
+
+def test_a_hundred_mistakes_are_cut_short(folder):
+    text = SOUND + "".join(f"  key{i}: 1\n" for i in range(100))
+    with pytest.raises(ConfigError, match="and 90 more mistakes"):
+        load(text)
+
+
+def test_a_missing_configuration_is_told(folder):
+    with pytest.raises(ConfigError, match=r"absent.yaml: expected a readable configuration"):
+        load_config("absent.yaml")
+
+
+def test_a_mapping_is_named_by_its_files_which_are_looked_into(folder):
+    Path("study.yaml").write_text(SOUND)
+    with pytest.raises(ConfigError, match=r"^study.yaml: study: expected this key"):
+        load_config({"recordings": [{"name": "a"}], "markers": {}}, files=["study.yaml"])
+    Path("study.yaml").write_text(SOUND + "seed: 8\n")
+    with pytest.raises(ConfigError, match="the key 'seed' twice"):
+        load_config(yaml.safe_load(SOUND), files=["study.yaml"])
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "runner.yaml"])
+def test_the_configurations_that_come_along_are_sound(name):
+    config = load_config(ROOT / "config" / name, check_files=False)
+    assert config["study"] in ("sample", "runner")
+
+
+UNITS = {
+    "_m": "m",
+    "_s": "s",
+    "_kg": "kg",
+    "_hz": "Hz",
+    "_n": "N",
+    "_rad": "rad",
+    "_m_s": "m/s",
+    "_rad_s": "rad/s",
+    "_m_s2": "m/s²",
+    "_n_m": "N/m",
+    "_n_s_m": "N s/m",
+    "_kg_m2": "kg m²",
+    "_per_min": "1/min",
+}
+DOTS = {"figures.dpi": "dots per inch"}
+
+
+def schemas(schema, path=""):
+    for key, inner in schema.get("properties", {}).items():
+        yield f"{path}{key}", inner
+        yield from schemas(inner.get("items", inner), f"{path}{key}.")
+
+
+@pytest.mark.parametrize(("path", "schema"), list(schemas(load_schema())))
+def test_every_key_has_a_meaning_a_kind_and_a_default_that_fits(path, schema):
+    from jsonschema import Draft202012Validator
+
+    assert len(schema["description"]) > 10
+    assert in_words(schema)
+    if schema.get("type") == "object":
+        assert schema["additionalProperties"] is False
+    if "default" in schema and schema.get("type") != "object":
+        Draft202012Validator(schema).validate(schema["default"])
+    if schema.get("type") in ("number", ["number", "null"]):
+        suffix = max((u for u in UNITS if path.endswith(u)), key=len, default=None)
+        assert schema.get("x-unit") == UNITS.get(suffix, DOTS.get(path))
+
+
+def test_the_simulation_has_the_same_keys_and_defaults_as_the_schema():
+    from hopdata.synthesis.simulate import MotionCapture, Simulation
+
+    config = load_config(yaml.safe_load(SOUND), check_files=False)
+    for key, kind in (("simulation", Simulation), ("motion_capture", MotionCapture)):
+        assert config[key] == listed(asdict(kind()))
+
+
+def listed(value):
+    """With lists for tuples, as in YAML."""
+    if isinstance(value, dict):
+        return {key: listed(inner) for key, inner in value.items()}
+    return [listed(inner) for inner in value] if isinstance(value, list | tuple) else value
+
+
+# The function that takes a section's keys as its options, and the keys that go elsewhere.
+STAGES = {
+    "input": ("hopdata.recordings.importing", "import_recording", set()),
+    "floor": ("hopdata.landings.floor", "fit_floor", set()),
+    "sections": ("hopdata.landings.sections", "select_sections", {"grid_nodes"}),
+    "touchdowns": ("hopdata.landings.touchdowns", "touchdown_table", set()),
+    "states": ("hopdata.landings.pairs", "assemble_pairs", set()),
+    "units": ("hopdata.maps.units", "choose_units", set()),
+    "prediction": ("hopdata.maps.prediction", "bootstrap_prediction", set()),
+    "subspaces": ("hopdata.maps.subspaces", "bootstrap_subspaces", set()),
+    "distances": ("hopdata.maps.distances", "measure_distances", set()),
+    "figures": ("hopdata.figures.saving", "save_figure", set()),
+}
+
+
+@pytest.mark.parametrize("section", STAGES)
+def test_the_keys_of_a_section_are_the_options_of_its_stage(section):
+    module, name, elsewhere = STAGES[section]
+    options = signature(getattr(import_module(module), name)).parameters
+    content = {**yaml.safe_load(SOUND), "sections": {}}
+    config = load_config(content, check_files=False)
+    for key, default in config[section].items():
+        if key not in elsewhere:
+            assert key in options
+            assert listed(options[key].default) == default
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "module", "name"),
+    [
+        ("touchdowns", "method", "hopdata.landings.contacts", "METHODS"),
+        ("touchdowns", "gravity", "hopdata.landings.contacts", "GRAVITIES"),
+        ("states", "method", "hopdata.landings.states", "METHODS"),
+        ("states", "gravity", "hopdata.landings.states", "GRAVITIES"),
+    ],
+)
+def test_choices_are_those_of_the_stage(section, key, module, name):
+    choices = load_schema()["properties"][section]["properties"][key]["enum"]
+    assert set(choices) == set(getattr(import_module(module), name))
