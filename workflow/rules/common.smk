@@ -1,4 +1,5 @@
 import sys
+from pathlib import Path
 
 from hopdata.config import load_config
 from hopdata.errors import HopdataError
@@ -13,12 +14,13 @@ RESULTS = f"results/{STUDY['study']}"
 SOURCES = {entry["name"]: entry.get("file") for entry in STUDY["recordings"]}
 RECORDINGS = list(SOURCES)
 METHOD = STUDY["touchdowns"]["method"]
+SCORED_METHODS = list(dict.fromkeys([METHOD, "kink", "velocity_minimum"]))  # the study's own first
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
 
 
 wildcard_constraints:
     recording="|".join(RECORDINGS),
-    method="kink|velocity_minimum",
+    method="kink|velocity_minimum|velocity_minimum_parabola",
 
 
 def code(script):

@@ -81,13 +81,19 @@ rule score:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
         sections=rules.sections.output.sections,
-        kink=each_recording(f"{RESULTS}/landings/kink/{{recording}}.csv"),
-        printed=each_recording(f"{RESULTS}/landings/velocity_minimum/{{recording}}.csv"),
+        **{
+            f"{method}_{recording}": f"{RESULTS}/landings/{method}/{recording}.csv"
+            for method in SCORED_METHODS
+            for recording in RECORDINGS
+        },
         prediction=rules.prediction.output.summary,
         distances=rules.distances.output.summary,
     output:
         truth=f"{RESULTS}/truth.json",
     params:
+        methods=SCORED_METHODS,
+        recordings=RECORDINGS,
+        feet=STUDY["markers"]["feet"],
         code=code("score"),
     log:
         f"{RESULTS}/logs/score.log",

@@ -92,9 +92,8 @@ rule report:
         touchdowns=rules.pairs.output.touchdowns,
         units=rules.units.output.units,
         prediction=rules.prediction.output.summary,
-        prediction_notes=rules.prediction.output.notes,
         distances=rules.distances.output.summary,
-        subspaces_notes=rules.subspaces.output.notes,
+        notes=[rules.prediction.output.notes, rules.subspaces.output.notes, rules.distances.output.notes],
         truth=rules.score.output.truth,
     output:
         report=f"{RESULTS}/report.html",

@@ -21,4 +21,4 @@ with reported(snakemake.log[0]):
     )
     write_pairs(snakemake.output.pairs, pairs)
     write_table(snakemake.output.touchdowns, table)
-    write_table(snakemake.output.example, example_touchdown(recordings, table))
+    write_table(snakemake.output.example, example_touchdown(recordings[0], table))

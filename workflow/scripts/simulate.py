@@ -6,9 +6,9 @@ from hopdata.synthesis import simulate_recording
 
 with reported(snakemake.log[0]):
     recording, truth = simulate_recording(
-        snakemake.wildcards.recording,
-        simulation=snakemake.params.simulation,
-        motion_capture=snakemake.params.motion_capture,
+        snakemake.params.simulation,
+        snakemake.params.motion_capture,
         seed=(snakemake.params.seed, snakemake.params.number),
+        name=snakemake.wildcards.recording,
     )
     write_recording(snakemake.output.recording, recording, truth=truth)

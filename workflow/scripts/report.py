@@ -1,0 +1,36 @@
+"""Gather a study into one page."""
+
+from pathlib import Path
+
+from hopdata.jobs import read_json, read_table, reported, whole_file, write_json
+from hopdata.provenance import provenance
+from hopdata.recordings.hdf5 import read_recording
+from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
+from hopdata.report.page import build_report
+
+with reported(snakemake.log[0]):
+    source = snakemake.input
+    recordings = [read_recording(path) for path in source.recordings]
+    stage_times = Path(snakemake.params.stage_times).glob("*.tsv")
+    record = provenance(
+        snakemake.params.study, {r.source: r.source_sha256 for r in recordings}, stage_times
+    )
+    page = build_report(
+        ReportInputs(
+            study=snakemake.params.study["study"],
+            figures=read_figures(source.figures, source.captions),
+            recordings=[describe_recording(r) for r in recordings],
+            touchdowns=read_table(source.touchdowns),
+            sections=read_json(source.sections),
+            units=read_json(source.units),
+            provenance=record,
+            floors={r.name: read_json(p) for r, p in zip(recordings, source.floors, strict=True)},
+            prediction=read_table(source.prediction),
+            distances=read_table(source.distances),
+            truth=read_json(source.truth),
+            notes=[note for path in source.notes for note in read_json(path)],
+        )
+    )
+    write_json(snakemake.output.provenance, record)
+    with whole_file(snakemake.output.report) as temporary:
+        temporary.write_text(page, encoding="utf-8")
