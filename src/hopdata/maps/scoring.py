@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,6 +22,24 @@ MATCH_WITHIN_S = 0.1
 Floats = NDArray[np.float64]
 Entry = dict[str, Any]
 Entries = dict[str, Entry]
+
+
+class TruthOfRecording(Protocol):
+    """What scoring reads of `hopdata.recordings.truth.Truth`."""
+
+    contact_times: Floats
+    complete: NDArray[np.bool_]
+    foot_down: NDArray[np.bool_]
+    body_height: Floats
+    contact_points: Floats
+    floor_at_contacts: Floats
+
+
+class Floor(Protocol):
+    """What scoring asks of `hopdata.landings.surface.FloorModel`."""
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Floats:
+        """Height of the floor at places (x, y), m."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +69,19 @@ class KnownRecording:
     floor_model: Floats | None = None
 
 
+def known_recording(truth: TruthOfRecording, floor: Floor) -> KnownRecording:
+    """Join the truth of a recording and the floor that was fitted to it."""
+    points = np.asarray(truth.contact_points)
+    return KnownRecording(
+        contact_times=truth.contact_times,
+        complete=truth.complete,
+        foot_down=truth.foot_down,
+        body_height=truth.body_height,
+        floor_at_contacts=truth.floor_at_contacts,
+        floor_model=floor.height(points[..., 0], points[..., 1]),
+    )
+
+
 def score(
     known: Mapping[str, KnownRecording],
     *,
@@ -67,17 +98,19 @@ def score(
     Parameters
     ----------
     known
-        Recording name -> what is known of it.
+        Recording name -> what is known of it; without any there is nothing to score.
     feet
         Names of the n feet, in the order of the truth.
     tables
-        Method (``"kink"``, ``"printed"``) -> touchdown table of all recordings; the first is
+        Method (``"kink"``, ``"velocity_minimum"``) -> touchdown table of all recordings; the first is
         the study's own, whose usable and excluded touchdowns are counted.
     pre_height_m, post_height_m, tail_fraction
         The sections found and the tail fraction behind them.
     prediction_summary, distance_summary
         Tables of the same names.
     """
+    if not known:
+        return {}
     entries: Entries = {}
     for method, table in tables.items():
         entries |= score_contacts(known, table, feet=feet, method=method)

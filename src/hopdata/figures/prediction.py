@@ -1,0 +1,173 @@
+"""Figure 2.4: how well six models of the landing predict, over the bootstraps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.figures.style import (
+    BLUE,
+    DOUBLE_COLUMN_MM,
+    GREY,
+    INK,
+    MM_PER_M,
+    MS_PER_S,
+    ON_WHITE,
+    ORANGE,
+    message_figure,
+    paper_figure,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# The order in which the dissertation prints them, with what stands under each box.
+MODELS: Mapping[str, str] = {
+    "specialised": "affine\n(specialised)",
+    "near": "affine\n(near)",
+    "all": "affine\n(all)",
+    "far": "affine\n(far)",
+    "specialised_mean": "mean\n(specialised)",
+    "mean": "mean\n(all)",
+}
+AFFINE = ("specialised", "near", "all", "far")
+# A wider gap parts the affine models from the means.
+PLACES = {name: i + 0.4 * (name not in AFFINE) for i, name in enumerate(MODELS)}
+QUANTILES = ("p2_5", "q25", "median", "q75", "p97_5")
+
+
+@styled
+def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure:
+    """Draw Fig. 2.4: boxes of the bootstrapped combined mean-squared prediction error.
+
+    Parameters
+    ----------
+    summary : DataFrame
+        One row a model: ``model``, the quantiles ``p2_5, q25, median, q75, p97_5`` of the MSE in
+        normalised units squared, and if there ``n_train``, ``n_test``, ``n_classes``.
+        A model without a row, or whose median is NaN, is drawn as "not fitted".
+    units : mapping
+        ``length_unit_m`` and ``time_unit_s``, the units of normalisation.
+
+    Returns
+    -------
+    Figure
+        One logarithmic axis with a place for each model; whiskers from 2.5 % to 97.5 %.
+    """
+    rows = {str(row["model"]): row for row in summary.to_dict("records")}
+    fitted = [name for name in MODELS if _is_fitted(rows.get(name))]
+    if not fitted:
+        return message_figure("No model could be fitted: there are too few usable touchdowns.")
+    figure = paper_figure(DOUBLE_COLUMN_MM, 72.0)
+    axes = figure.subplots()
+    axes.set_yscale("log")
+    axes.set_ylim(_round_limits([rows[name][q] for name in fitted for q in QUANTILES]))
+    for name, place in PLACES.items():
+        if name in fitted:
+            _draw_box(axes, place, rows[name], BLUE if name in AFFINE else ORANGE)
+        else:
+            _draw_absence(axes, place)
+    _label(axes, rows, units)
+    return figure
+
+
+def _is_fitted(row: Mapping[Any, Any] | None) -> bool:
+    return row is not None and all(np.isfinite(row.get(q, np.nan)) for q in QUANTILES)
+
+
+def _draw_box(axes: Axes, place: float, row: Mapping[Any, Any], colour: str) -> None:
+    keys = ("whislo", "q1", "med", "q3", "whishi")
+    stats = {key: float(row[quantile]) for key, quantile in zip(keys, QUANTILES, strict=True)}
+    axes.bxp(
+        [{**stats, "fliers": []}],
+        positions=[place],
+        widths=0.5,
+        showfliers=False,
+        patch_artist=True,
+        boxprops={"facecolor": colour, "alpha": 0.55, "edgecolor": INK},
+        medianprops={"color": INK, "linewidth": 1.2},
+        whiskerprops={"color": INK, "linewidth": 0.8},
+        capprops={"color": INK, "linewidth": 0.8},
+        manage_ticks=False,
+    )
+    axes.annotate(
+        significant(float(row["median"])),
+        xy=(place + 0.25, stats["med"]),
+        xytext=(2.5, 0),
+        textcoords="offset points",
+        va="center",
+        fontsize=6,
+        bbox=ON_WHITE,
+    )
+
+
+def _draw_absence(axes: Axes, place: float) -> None:
+    axes.text(
+        place,
+        0.5,
+        "not fitted:\ntoo few\ntouchdowns",
+        transform=axes.get_xaxis_transform(),
+        ha="center",
+        va="center",
+        color=GREY,
+        bbox=ON_WHITE,
+    )
+
+
+def _label(axes: Axes, rows: Mapping[str, Mapping[Any, Any]], units: Mapping[str, Any]) -> None:
+    ticks = [f"{text}{_split(rows.get(name))}" for name, text in MODELS.items()]
+    axes.set_xticks(list(PLACES.values()), ticks)
+    axes.tick_params(axis="x", length=0)
+    axes.set_xlim(-0.5, max(PLACES.values()) + 0.7)
+    axes.set_xlabel("model (touchdowns to train / to test in each bootstrap)")
+    axes.set_ylabel(f"combined prediction MSE (units²)\n{units_text(units)}")
+    _tick_decades(axes)
+
+
+def _tick_decades(axes: Axes) -> None:
+    """Tick 1, 2 and 5 of each decade in plain decimals; the range is often below one decade."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.grid(axis="y", which="major")
+
+
+def _round_limits(values: Sequence[float]) -> tuple[float, float]:
+    """Nearest 1, 2 or 5 of a decade below and above all values, so that both ends bear a tick."""
+    low, high = min(values), max(values)
+    if low <= 0:
+        low = high / 1e6 if high > 0 else 1e-6
+    high = max(high, low)
+    decades = range(math.floor(math.log10(low)) - 1, math.ceil(math.log10(high)) + 2)
+    ticks = [step * 10.0**decade for decade in decades for step in (1, 2, 5)]
+    return max(t for t in ticks if t < low), min(t for t in ticks if t > high)
+
+
+def _split(row: Mapping[Any, Any] | None) -> str:
+    """Sizes of the training and test sets, as a third line under the model's name."""
+    sizes = [(row or {}).get(key, np.nan) for key in ("n_train", "n_test")]
+    if not _is_fitted(row) or not np.all(np.isfinite(sizes)):
+        return ""
+    return f"\n{sizes[0]:.0f} / {sizes[1]:.0f}"
+
+
+def units_text(units: Mapping[str, Any]) -> str:
+    """Say the units of normalisation as the dissertation does: ``units: 29.1 mm and 27 ms``."""
+    length, time = units.get("length_unit_m"), units.get("time_unit_s")
+    if length is None or time is None:
+        return "units not determined"
+    length_mm, time_ms = float(length) * MM_PER_M, float(time) * MS_PER_S
+    return f"units: {significant(length_mm)} mm and {significant(time_ms)} ms"
+
+
+def significant(value: float) -> str:
+    """Format to three significant digits, without an exponent where that reads well."""
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"

@@ -1,0 +1,78 @@
+"""Figures to files: the same data give the same bytes, and all formats are written or none."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hopdata.errors import ConfigError, did_you_mean
+from hopdata.figures.style import style_context
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# A date or a library version in the file would change its bytes without a change of the data.
+METADATA: Mapping[str, Mapping[str, str | None]] = {
+    "svg": {"Date": None, "Creator": "hopdata"},
+    "png": {"Software": "hopdata"},
+    "pdf": {"CreationDate": None, "Creator": "hopdata", "Producer": "hopdata"},
+}
+
+
+def save_figure(
+    figure: Figure,
+    path: str | os.PathLike[str],
+    *,
+    formats: Sequence[str] = ("svg", "png"),
+    dpi: float = 200.0,
+) -> tuple[Path, ...]:
+    """Write a figure in several formats, all or none.
+
+    Parameters
+    ----------
+    figure : Figure
+        As returned by the functions of this package.
+    path : path
+        Name without suffix; ``.svg``, ``.png`` or ``.pdf`` is added.
+    formats : sequence of str
+        Any of ``"svg"``, ``"png"``, ``"pdf"``.
+    dpi : float
+        Pixels per inch of a PNG, and of the rasterised parts of the others.
+
+    Returns
+    -------
+    tuple of Path
+        The files written, in the order of `formats`.
+
+    Raises
+    ------
+    ConfigError
+        If a format is not one of the three, or `dpi` is not positive.
+    """
+    _check(formats, dpi)
+    base = Path(path)
+    base.parent.mkdir(parents=True, exist_ok=True)
+    targets = tuple(base.with_name(f"{base.name}.{suffix}") for suffix in formats)
+    with tempfile.TemporaryDirectory(dir=base.parent, prefix=f".{base.name}-") as folder:
+        drafts = [Path(folder) / target.name for target in targets]
+        with style_context():
+            for draft, suffix in zip(drafts, formats, strict=True):
+                metadata: dict[str, Any] = dict(METADATA[suffix])
+                figure.savefig(draft, format=suffix, dpi=dpi, metadata=metadata)
+        for draft, target in zip(drafts, targets, strict=True):
+            os.replace(draft, target)
+    return targets
+
+
+def _check(formats: Sequence[str], dpi: float) -> None:
+    for name in formats:
+        if name not in METADATA:
+            raise ConfigError(
+                f"figures.formats: expected one of {', '.join(METADATA)}, found '{name}'"
+                f"{did_you_mean(name, METADATA)}"
+            )
+    if not dpi > 0:
+        raise ConfigError(f"figures.dpi: expected a positive number, found {dpi}")

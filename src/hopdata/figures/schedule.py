@@ -1,0 +1,171 @@
+"""Figure 2.3: one touchdown, from foot heights to the order of contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.figures.style import (
+    DOUBLE_COLUMN_MM,
+    INK,
+    MM_PER_M,
+    MS_PER_S,
+    YELLOW,
+    foot_colour,
+    foot_dash,
+    letter,
+    message_figure,
+    paper_figure,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+ARROW = " → "
+LONGEST_IN_ONE_LINE = 4
+
+
+def touchdown_of(example: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, Any]:
+    """Row of the touchdown table that `example` shows (``recording, index``); empty if none."""
+    if example.empty:
+        return {}
+    shown = example.iloc[0]
+    same = (touchdowns["recording"] == shown["recording"]) & (touchdowns["index"] == shown["index"])
+    rows = touchdowns[same].to_dict("records")
+    return {str(key): value for key, value in rows[0].items()} if rows else {}
+
+
+@styled
+def schedule_figure(
+    example: pd.DataFrame, touchdown: Mapping[str, Any], *, feet: Sequence[str] | None = None
+) -> Figure:
+    """Draw Fig. 2.3: heights, vertical velocities and contact instants of one touchdown.
+
+    Parameters
+    ----------
+    example : DataFrame
+        Tidy samples: ``time_s`` (relative to the pre section), ``foot``, ``height_m``,
+        ``velocity_m_s``.
+    touchdown : mapping
+        The touchdown's row of the touchdown table: ``t_pre_s``, ``t_post_s``,
+        ``contact_<foot>_s``, ``se_<foot>_s``, ``schedule`` and, if there, ``probability``.
+    feet : sequence of str, optional
+        Foot names in the order of the configuration; default: as they appear in `example`.
+
+    Returns
+    -------
+    Figure
+        (a) heights, (b) velocities with a plus at each contact, (c) the contacts with their
+        standard errors, earliest at the top.
+    """
+    names = tuple(feet) if feet is not None else tuple(dict.fromkeys(example["foot"]))
+    if example.empty or not names or not touchdown:
+        return message_figure("No usable touchdown to show as an example.")
+    figure = paper_figure(DOUBLE_COLUMN_MM, 74.0)
+    panels = figure.subplot_mosaic(
+        [["height", "contact"], ["velocity", "contact"]], width_ratios=(1.9, 1)
+    )
+    panels["velocity"].sharex(panels["height"])
+    contacts = _contacts(touchdown, names)
+    _draw_signal(panels["height"], example, names, contacts, "height_m")
+    _draw_signal(panels["velocity"], example, names, contacts, "velocity_m_s")
+    _shade_transition(panels, touchdown)
+    _draw_contacts(panels["contact"], names, contacts, touchdown)
+    _label(panels)
+    figure.legend(
+        *panels["height"].get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=len(names) + 2,
+    )
+    return figure
+
+
+def _contacts(touchdown: Mapping[str, Any], feet: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Contact instant after the pre section and its standard error, ms; NaN if unknown."""
+    t_pre = float(touchdown["t_pre_s"])
+    return {
+        foot: (
+            (float(touchdown.get(f"contact_{foot}_s", np.nan)) - t_pre) * MS_PER_S,
+            float(touchdown.get(f"se_{foot}_s", np.nan)) * MS_PER_S,
+        )
+        for foot in feet
+    }
+
+
+def _draw_signal(
+    axes: Axes,
+    example: pd.DataFrame,
+    feet: Sequence[str],
+    contacts: Mapping[str, tuple[float, float]],
+    column: str,
+) -> None:
+    """Draw one quantity of every foot, and a plus where its contact was found."""
+    scale = MM_PER_M if column == "height_m" else 1.0
+    for number, foot in enumerate(feet):
+        rows = example[example["foot"] == foot]
+        time, value = rows["time_s"].to_numpy() * MS_PER_S, rows[column].to_numpy() * scale
+        axes.plot(time, value, color=foot_colour(number), linestyle=foot_dash(number), label=foot)
+        seen = np.isfinite(value)
+        instant = contacts[foot][0]
+        if np.isfinite(instant) and seen.any():
+            at_contact = np.interp(instant, time[seen], value[seen])
+            axes.plot(instant, at_contact, "+", color=INK, ms=6, mew=0.9, zorder=4)
+    axes.axhline(0.0, color="#bbbbbb", linewidth=0.5, zorder=0)
+
+
+def _shade_transition(panels: Mapping[str, Axes], touchdown: Mapping[str, Any]) -> None:
+    end = (float(touchdown["t_post_s"]) - float(touchdown["t_pre_s"])) * MS_PER_S
+    for name in ("height", "velocity"):
+        panels[name].axvspan(0.0, end, color=YELLOW, alpha=0.35, linewidth=0, zorder=-1)
+    panels["height"].plot([], [], "+", color=INK, ms=6, mew=0.9, label="contact")
+    panels["height"].fill_between([], [], color=YELLOW, alpha=0.35, label="transition")
+
+
+def _draw_contacts(
+    axes: Axes,
+    feet: Sequence[str],
+    contacts: Mapping[str, tuple[float, float]],
+    touchdown: Mapping[str, Any],
+) -> None:
+    """Draw one row a foot, earliest contact on top, with an error bar of one standard error."""
+    order = sorted(range(len(feet)), key=lambda i: np.nan_to_num(contacts[feet[i]][0], nan=np.inf))
+    for row, number in enumerate(order):
+        instant, error = contacts[feet[number]]
+        axes.errorbar(
+            instant, row, xerr=error, fmt="o", color=foot_colour(number), ms=2.2, capsize=3.5
+        )
+        if not np.isfinite(instant):
+            axes.text(0.5, row, "no contact", transform=axes.get_yaxis_transform(), ha="center")
+    axes.set_yticks(range(len(feet)), [f"{feet[i]} ({i + 1})" for i in order])
+    axes.set_ylim(len(feet) - 0.4, -0.6)
+    axes.margins(x=0.15)
+    axes.grid(axis="x")
+    axes.set_title(_order_text(touchdown))
+
+
+def _order_text(touchdown: Mapping[str, Any]) -> str:
+    schedule = touchdown.get("schedule")
+    if not isinstance(schedule, str) or not schedule:
+        return "order not determined"
+    order = schedule.split(">")
+    text = f"order {ARROW.join(order)}" + ("\n" if len(order) > LONGEST_IN_ONE_LINE else " ")
+    probability = touchdown.get("probability")
+    if probability is None or not np.isfinite(float(probability)):
+        return text.strip()
+    value = float(probability)
+    return f"{text}(p > 0.999)" if value > 0.999 else f"{text}(p = {value:.3f})"
+
+
+def _label(panels: Mapping[str, Axes]) -> None:
+    panels["height"].set_ylabel("foot height (mm)")
+    panels["height"].tick_params(labelbottom=False)
+    panels["velocity"].set_ylabel("vertical velocity (m/s)")
+    panels["velocity"].set_xlabel("time after the pre section (ms)")
+    panels["contact"].set_xlabel("contact after the pre section\n(ms; bars: ±1 standard error)")
+    for text, name in zip("abc", ("height", "velocity", "contact"), strict=True):
+        letter(panels[name], text)

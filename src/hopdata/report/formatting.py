@@ -1,0 +1,129 @@
+"""Numbers as a reader wants them: few digits, true minus signs, units beside them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from typing import Any
+
+MISSING = "—"
+MINUS = "−"
+NARROW_SPACE = "\u202f"
+NO_BREAK_SPACE = "\u00a0"
+
+# Suffix of a key in SI, and what it is shown in: unit and factor. Longer suffixes first.
+SHOWN_UNITS: tuple[tuple[str, str, float], ...] = (
+    ("_per_m", "1/m", 1.0),
+    ("_m_s", "m/s", 1.0),
+    ("_rad_s", "rad/s", 1.0),
+    ("_mm", "mm", 1.0),
+    ("_ms", "ms", 1.0),
+    ("_hz", "Hz", 1.0),
+    ("_rad", "rad", 1.0),
+    ("_deg", "°", 1.0),
+    ("_kg", "kg", 1.0),
+    ("_m", "mm", 1000.0),
+    ("_s", "s", 1.0),
+)
+
+
+def is_missing(value: Any) -> bool:
+    """Whether a value is absent: None, NaN or infinite."""
+    if value is None:
+        return True
+    try:
+        return not math.isfinite(value)
+    except TypeError:
+        return False
+
+
+def significant(value: Any, digits: int = 3) -> str:
+    """Format a number to `digits` significant digits; a dash if it is missing."""
+    if is_missing(value):
+        return MISSING
+    number = float(value)
+    if number == int(number) and abs(number) < 10**15:
+        return count(int(number))
+    if abs(number) >= 10**digits:
+        return count(round(number))
+    if abs(number) < 1e-4:
+        return _power_of_ten(number, digits)
+    return f"{number:.{digits}g}".replace("-", MINUS)
+
+
+def _power_of_ten(number: float, digits: int) -> str:
+    mantissa, exponent = f"{number:.{digits - 1}e}".split("e")
+    raised = str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"{mantissa.replace('-', MINUS)} × 10{raised}"
+
+
+def fixed(value: Any, decimals: int) -> str:
+    """Format with this many decimals, so that a column lines up; a dash if it is missing."""
+    if is_missing(value):
+        return MISSING
+    return _apart(f"{float(value):,.{decimals}f}", float(value))
+
+
+def _apart(text: str, value: float) -> str:
+    separator = NARROW_SPACE if abs(value) >= 10_000 else ""
+    return text.replace(",", separator).replace("-", MINUS)
+
+
+def count(value: Any) -> str:
+    """Format a whole number, with its thousands set apart from 10 000 on."""
+    if is_missing(value):
+        return MISSING
+    return _apart(f"{int(value):,d}", int(value))
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Join a formatted number and its unit so that no line break parts them."""
+    return text if text == MISSING or not unit else f"{text}{NO_BREAK_SPACE}{unit}"
+
+
+def percent(number: float) -> str:
+    """Format the heading of a quantile."""
+    return with_unit(f"{number:g}", "%")
+
+
+def plain(value: Any) -> str:
+    """Format any plain value: yes and no for booleans, JSON for lists and mappings."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if is_missing(value):
+        return MISSING
+    if isinstance(value, float):
+        return significant(value, 4)
+    if isinstance(value, int):
+        return str(value)  # a seed or a version is not a quantity: no spaces in it
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def labelled(key: str, value: Any) -> tuple[str, str, str]:
+    """Turn a key in SI into words, value and shown unit: ``pre_height_m`` to mm."""
+    for suffix, unit, factor in SHOWN_UNITS:
+        if key.endswith(suffix) and isinstance(value, int | float) and not isinstance(value, bool):
+            return key.removesuffix(suffix).replace("_", " "), significant(value * factor), unit
+    return key.replace("_", " "), plain(value), ""
+
+
+def common_scale(values: Sequence[float | None]) -> tuple[float, str]:
+    """Power of 1000 that brings the smallest value to 1 or more, and how to write it.
+
+    >>> common_scale([0.00195, 0.03])
+    (0.001, '10⁻³ ')
+    """
+    finite = [abs(v) for v in values if v and not is_missing(v)]
+    power = 3 * math.floor(math.log10(min(finite)) / 3) if finite else 0
+    if power >= 0:
+        return 1.0, ""
+    raised = str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return 10.0**power, f"10{raised} "
+
+
+def words(items: Sequence[str]) -> str:
+    """Join words as a sentence does: ``a``, ``a and b``, ``a, b and c``."""
+    if len(items) < 2:
+        return "".join(items)
+    return ", ".join(items[:-1]) + " and " + items[-1]

@@ -1,0 +1,156 @@
+"""What the report is made from: plain data, and figures with their captions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MEDIA_TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
+
+
+@dataclass(frozen=True)
+class ReportFigure:
+    """One figure of the report.
+
+    Parameters
+    ----------
+    name : str
+        Name of its file without suffix, such as ``fig2_2_sections``.
+    image : bytes
+        SVG or PNG; empty if the figure was made in neither format.
+    media_type : str
+        ``image/svg+xml`` or ``image/png``.
+    caption : str
+        Template of the caption, as in ``workflow/captions``.
+    """
+
+    name: str
+    image: bytes
+    media_type: str
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class ReportInputs:
+    """Everything that the page shows. Only `study` must be there; what is missing is said.
+
+    Parameters
+    ----------
+    study : str
+        Name of the study.
+    figures : sequence of ReportFigure
+        In the order in which they are shown.
+    recordings : sequence of mappings
+        One a recording: ``name`` and any of ``source, n_frames, duration_s, rate_hz, n_feet,
+        n_body, seen`` (share of the marker positions that were seen).
+    touchdowns : DataFrame, optional
+        The touchdown table of the study, excluded ones included.
+    sections, units, provenance : mapping, optional
+        Contents of ``sections.json``, ``units.json``, ``provenance.json``.
+    floors : mapping
+        Recording name to the floor model's JSON.
+    prediction, distances : DataFrame, optional
+        ``prediction_summary.csv`` and ``distance_summary.csv``.
+    truth : mapping, optional
+        Contents of ``truth.json``: name to ``value, unit, what``; empty for a real recording.
+    notes : sequence
+        What could not be done, each a sentence or a mapping with ``what`` and ``reason``.
+    """
+
+    study: str
+    figures: Sequence[ReportFigure] = ()
+    recordings: Sequence[Mapping[str, Any]] = ()
+    touchdowns: pd.DataFrame | None = None
+    sections: Mapping[str, Any] | None = None
+    units: Mapping[str, Any] | None = None
+    provenance: Mapping[str, Any] | None = None
+    floors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    prediction: pd.DataFrame | None = None
+    distances: pd.DataFrame | None = None
+    truth: Mapping[str, Mapping[str, Any]] | None = None
+    notes: Sequence[str | Mapping[str, Any]] = ()
+
+
+class Described(Protocol):
+    """What the page says of a recording; `hopdata.recordings.Recording` has it all."""
+
+    @property
+    def name(self) -> str:
+        """Name in the study."""
+        ...
+
+    @property
+    def source(self) -> str:
+        """File that it was read from."""
+        ...
+
+    @property
+    def rate_hz(self) -> float:
+        """Frames a second."""
+        ...
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Time of each frame, (N,), s."""
+        ...
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """Marker positions, (N, M, 3), m; NaN where unseen."""
+        ...
+
+    def names(self, role: str) -> tuple[str, ...]:
+        """Names of the markers with this role."""
+        ...
+
+
+def describe_recording(recording: Described) -> dict[str, Any]:
+    """Describe a recording for the page: where from, how long, how many markers, how much seen."""
+    time = recording.time
+    return {
+        "name": recording.name,
+        "source": Path(recording.source).name,
+        "n_frames": len(time),
+        "duration_s": float(time[-1] - time[0]) if len(time) else 0.0,
+        "rate_hz": recording.rate_hz,
+        "n_feet": len(recording.names("foot")),
+        "n_body": len(recording.names("body")),
+        "seen": float(np.isfinite(recording.positions).all(axis=2).mean()) if len(time) else None,
+    }
+
+
+def read_figures(
+    images: Iterable[str | Path], captions: Iterable[str | Path]
+) -> list[ReportFigure]:
+    """Read figures and the captions that bear their names; of several formats SVG is taken.
+
+    Parameters
+    ----------
+    images : paths
+        Figure files of any format; several of one name are one figure.
+    captions : paths
+        Caption templates, ``<name>.md``.
+
+    Returns
+    -------
+    list of ReportFigure
+        In the order in which the names first appear among `images`.
+    """
+    texts = {Path(path).stem: Path(path).read_text(encoding="utf-8") for path in captions}
+    files: dict[str, dict[str, Path]] = {}
+    for path in map(Path, images):
+        files.setdefault(path.stem, {})[path.suffix] = path
+    figures = []
+    for name, formats in files.items():
+        suffix = next((s for s in MEDIA_TYPES if s in formats), "")
+        image = formats[suffix].read_bytes() if suffix else b""
+        figures.append(ReportFigure(name, image, MEDIA_TYPES.get(suffix, ""), texts.get(name, "")))
+    return figures

@@ -1,0 +1,180 @@
+"""The report: one HTML page that needs no other file."""
+
+from __future__ import annotations
+
+import base64
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hopdata.report import landing_tables, result_tables
+from hopdata.report.captions import Caption, render_caption
+from hopdata.report.facts import study_facts
+from hopdata.report.formatting import MISSING, count, significant
+from hopdata.report.inputs import ReportFigure, ReportInputs
+from hopdata.report.table import Table, mapping_table
+
+TEMPLATES = Path(__file__).with_name("templates")
+# The figures that have a section of their own; any other stands at the end.
+PLACES = {
+    "fig2_2_sections": "sections",
+    "fig2_3_schedule": "touchdowns",
+    "fig2_4_prediction": "prediction",
+    "fig2_5_distances": "distances",
+}
+SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
+DOUBLE_COLUMN_PT = 496.0
+
+
+@dataclass(frozen=True)
+class _Picture:
+    """A figure as the template needs it; `width_pt` is its size on paper."""
+
+    source: str
+    width_pt: float
+    caption: Caption
+
+
+def build_report(inputs: ReportInputs) -> str:
+    """Build the page of a study.
+
+    Parameters
+    ----------
+    inputs : ReportInputs
+        Tables and figures; parts that are missing are said to be missing, in words.
+
+    Returns
+    -------
+    str
+        A complete HTML document: style and figures are inside, nothing is loaded from elsewhere.
+
+    Raises
+    ------
+    ConfigError
+        If a caption names a fact that does not exist.
+    """
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        undefined=StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    facts = study_facts(inputs)
+    return environment.get_template("report.html.j2").render(
+        study=inputs.study,
+        facts=facts,
+        highlights=_highlights(facts),
+        style=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
+        pictures=_pictures(inputs.figures, facts),
+        tables=_tables(inputs),
+        notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
+        config=_as_yaml((inputs.provenance or {}).get("config")),
+        count=count,
+    )
+
+
+def _highlights(facts: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Name, value and remark of each key number; the value is a dash where it is not known."""
+    frames = f"{count(facts['n_frames'])} frames" if facts["n_frames"] else ""
+    found = f"of {count(facts['n_touchdowns'])} hops found, {count(facts['n_excluded'])} excluded"
+    between = f"pre section {facts['pre']}, post section {facts['post']}"
+    orders = f"median spread of contacts {facts['spread']}" if facts["spread"] else ""
+    cards = [
+        ("Recordings", count(facts["n_recordings"]), frames),
+        ("Touchdowns used", count(facts["n_used"]), found if facts["n_touchdowns"] else ""),
+        ("Contact orders seen", count(facts["n_schedules"]), orders),
+        ("Travel through the touchdown", facts["travel"], between if facts["travel"] else ""),
+        (
+            "Units of length and time",
+            facts["units"],
+            "position and velocity errors weigh alike" if facts["units"] else "",
+        ),
+        ("Affine model over mean", *_gain(facts["medians"])),
+    ]
+    for method, share in facts["labels_right"].items():
+        cards.append(("Orders right", share, f"against the truth, {method} method"))
+    return [(name, _known(value), remark) for name, value, remark in cards]
+
+
+def _known(value: str | None) -> str:
+    return "not known" if value in (None, "", MISSING) else str(value)
+
+
+def _gain(medians: Mapping[str, str | None]) -> tuple[str | None, str]:
+    """Error of the affine model over that of the mean, specialised where these were fitted."""
+    for affine, mean, which in (("specialised", "specialised_mean", "both specialised"),
+                                ("all", "mean", "both unspecialised")):  # fmt: skip
+        if medians[affine] and medians[mean]:
+            ratio = float(medians[affine] or 0) / float(medians[mean] or 1)
+            return significant(ratio, 2), f"ratio of median MSE, {which}"
+    return None, ""
+
+
+def _pictures(
+    figures: Sequence[ReportFigure], facts: Mapping[str, Any]
+) -> dict[str, list[_Picture]]:
+    """Pictures by the section that they stand in."""
+    placed: dict[str, list[_Picture]] = {place: [] for place in (*PLACES.values(), "others")}
+    for figure in figures:
+        caption = render_caption(figure.caption, facts, name=figure.name)
+        source = ""
+        if figure.image:
+            encoded = base64.b64encode(figure.image).decode("ascii")
+            source = f"data:{figure.media_type};base64,{encoded}"
+        picture = _Picture(source, _width_pt(figure), caption)
+        placed[PLACES.get(figure.name, "others")].append(picture)
+    return placed
+
+
+def _width_pt(figure: ReportFigure) -> float:
+    """Width on paper that an SVG asks for; a full text width for anything else."""
+    found = re.search(rb'<svg[^>]*?\swidth="([0-9.]+)pt"', figure.image[:4000])
+    return float(found.group(1)) if found else DOUBLE_COLUMN_PT
+
+
+def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
+    record = inputs.provenance or {}
+    others = {key: value for key, value in record.items() if key not in SHOWN_ELSEWHERE}
+    digests = ("source file", "SHA-256")
+    return {
+        "recordings": landing_tables.recordings_table(inputs.recordings),
+        "floor": landing_tables.floor_table(inputs.floors),
+        "sections": landing_tables.sections_table(inputs.sections),
+        "schedules": landing_tables.schedules_table(inputs.touchdowns),
+        "exclusions": landing_tables.exclusions_table(inputs.touchdowns),
+        "prediction": result_tables.prediction_table(inputs.prediction),
+        "distances": result_tables.distances_table(inputs.distances),
+        "truth": result_tables.truth_table(inputs.truth),
+        "origin": mapping_table("Run", ("what", "value"), others),
+        "digests": mapping_table("Inputs", digests, record.get("inputs") or {}),
+        "versions": mapping_table("Versions", ("package", "version"), record.get("versions") or {}),
+        "times": result_tables.times_table(record.get("stage_seconds") or {}),
+    }
+
+
+def _floor_notes(floors: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Say which floor models are of a lower degree than asked for, and why."""
+    return [
+        f"floor of {name}: degree {floor['degree']} instead of {floor['degree_wanted']}"
+        + (f" ({floor['note']})" if floor.get("note") else "")
+        for name, floor in floors.items()
+        if floor.get("degree", 0) < floor.get("degree_wanted", 0)
+    ]
+
+
+def _note(note: str | Mapping[str, Any]) -> str:
+    if isinstance(note, str):
+        return note
+    what, reason = str(note.get("what", "")), str(note.get("reason", ""))
+    return f"{what}: {reason}" if what and reason else what or reason
+
+
+def _as_yaml(config: Any) -> str:
+    import yaml
+
+    return yaml.safe_dump(config, sort_keys=False, allow_unicode=True) if config else ""

@@ -1,0 +1,50 @@
+"""Whether texts of a drawn figure lie over each other, or leave the paper."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from hopdata.figures.style import style_context
+
+
+def text_faults(figure: Figure) -> list[str]:
+    """Pairs of visible texts that overlap by more than a pixel, and texts cut by the edge."""
+    with style_context():
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        renderer = canvas.get_renderer()
+        hidden = _undrawn(figure)
+        texts = [
+            (text.get_text().replace("\n", " "), text.get_window_extent(renderer))
+            for text in figure.findobj(Text)
+            if text.get_visible() and text.get_text().strip() and text not in hidden
+        ]
+    page = figure.bbox
+    faults = [
+        f"'{name}' leaves the page"
+        for name, box in texts
+        if min(box.x0, box.y0) < -1 or box.x1 > page.x1 + 1 or box.y1 > page.y1 + 1
+    ]
+    for (one, a), (two, b) in combinations(texts, 2):
+        wide = min(a.x1, b.x1) - max(a.x0, b.x0)
+        high = min(a.y1, b.y1) - max(a.y0, b.y0)
+        if wide > 1 and high > 1:
+            faults.append(f"'{one}' over '{two}'")
+    return faults
+
+
+def _undrawn(figure: Figure) -> set[Text]:
+    """Labels of ticks outside the limits, and of axes that are off: they exist, undrawn."""
+    hidden: set[Text] = set()
+    for axes in figure.findobj(Axes):
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            for tick in [*axis.get_major_ticks(), *axis.get_minor_ticks()]:
+                if not (axes.axison and low <= tick.get_loc() <= high):
+                    hidden |= {tick.label1, tick.label2}
+    return hidden

@@ -1,0 +1,95 @@
+import numpy as np
+import pandas as pd
+import pytest
+from fake_tables import example, feet_names, touchdown
+from overlaps import text_faults
+
+from hopdata.figures.schedule import schedule_figure, touchdown_of
+
+
+@pytest.mark.parametrize("n_feet", [2, 3, 4, 6])
+def test_any_number_of_feet(n_feet):
+    row = touchdown(n_feet)
+    height, contact, velocity = (figure := schedule_figure(example(row, n_feet), row)).axes
+    assert height.get_ylabel() == "foot height (mm)"
+    assert velocity.get_ylabel() == "vertical velocity (m/s)"
+    assert velocity.get_xlabel() == "time after the pre section (ms)"
+    assert "±1 standard error" in contact.get_xlabel()
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == [*feet_names(n_feet), "contact", "transition"]
+    assert len(contact.containers) == n_feet
+    assert text_faults(figure) == []
+
+
+def test_contacts_stand_in_order_with_their_errors():
+    row = touchdown(3)
+    contact = schedule_figure(example(row), row).axes[1]
+    order = [int(foot) for foot in row["schedule"].split(">")]
+    ticks = [label.get_text() for label in contact.get_yticklabels()]
+    assert ticks == [f"foot{i} ({i})" for i in order]
+    assert contact.get_title(loc="left").startswith(f"order {' → '.join(map(str, order))}")
+    assert "p = 0.987" in contact.get_title(loc="left")
+    for container, foot in zip(contact.containers, order, strict=True):
+        instant = (row[f"contact_foot{foot}_s"] - row["t_pre_s"]) * 1000
+        low, high = container[2][0].get_segments()[0][:, 0]
+        assert (low + high) / 2 == pytest.approx(instant)
+        assert (high - low) / 2 == pytest.approx(0.9)
+
+
+def test_the_transition_is_shaded_from_pre_to_post():
+    row = touchdown(3)
+    for axes in schedule_figure(example(row), row).axes[::2]:
+        (band,) = axes.patches
+        extent = band.get_extents().transformed(axes.transData.inverted())
+        assert (extent.x0, extent.x1) == pytest.approx((0, 130))
+
+
+def test_the_plus_lies_on_the_curve():
+    row = touchdown(2)
+    table = example(row, 2)
+    axes = schedule_figure(table, row).axes[2]
+    pluses = [line for line in axes.lines if line.get_marker() == "+"]
+    assert len(pluses) == 2
+    for plus, foot in zip(pluses, feet_names(2), strict=True):
+        rows = table[table["foot"] == foot]
+        at = plus.get_xdata()[0] / 1000
+        assert plus.get_ydata()[0] == pytest.approx(
+            np.interp(at, rows["time_s"], rows["velocity_m_s"])
+        )
+
+
+def test_a_foot_without_a_contact_and_an_unknown_order_are_said():
+    row = touchdown(3) | {"contact_foot2_s": np.nan, "se_foot2_s": np.nan, "schedule": np.nan}
+    contact = (figure := schedule_figure(example(touchdown(3)), row)).axes[1]
+    assert "no contact" in [text.get_text() for text in contact.texts]
+    assert contact.get_title(loc="left") == "order not determined"
+    assert contact.get_yticklabels()[-1].get_text() == "foot2 (2)"
+    assert text_faults(figure) == []
+
+
+def test_gaps_in_the_samples_do_not_move_the_plus_to_nan():
+    row = touchdown(2)
+    table = example(row, 2)
+    table.loc[table["time_s"].between(0.03, 0.08), ["height_m", "velocity_m_s"]] = np.nan
+    axes = schedule_figure(table, row).axes[0]
+    pluses = [line for line in axes.lines if line.get_marker() == "+"]
+    assert len(pluses) == 3  # two feet and the legend's own, which is empty
+    assert np.isfinite([line.get_ydata()[0] for line in pluses[:2]]).all()
+
+
+def test_without_an_example_the_figure_says_so():
+    row = touchdown(3)
+    for figure in (
+        schedule_figure(example(row).iloc[:0], {}),
+        schedule_figure(example(row), {}),
+    ):
+        assert "No usable touchdown" in figure.texts[0].get_text()
+
+
+def test_the_row_of_the_example_is_found_by_recording_and_index():
+    row = touchdown(3)
+    others = [row | {"index": 6}, row | {"recording": "other"}]
+    table = pd.DataFrame([*others, row])
+    assert touchdown_of(example(row), table) == row
+    assert touchdown_of(example(row), table.iloc[:2]) == {}
+    assert touchdown_of(example(row).iloc[:0], table) == {}

@@ -1,0 +1,83 @@
+import numpy as np
+import pytest
+from fake_tables import densities, frames, sections
+from matplotlib.collections import PathCollection
+from matplotlib.colors import to_rgba
+from overlaps import text_faults
+
+from hopdata.figures.sections import sections_figure
+from hopdata.figures.style import BLUE, VERMILION
+
+
+def panels(figure):
+    """Axes of each half: scatter, foot density, body density (and the corner)."""
+    return [half.axes[:3] for half in figure.subfigs]
+
+
+@pytest.fixture(params=[0.02, 0.211, 0.4], ids=lambda travel: f"{travel * 1000:.0f}mm")
+def drawn(request):
+    table, limits = frames(request.param, n=2000), sections(request.param)
+    return table, limits, sections_figure(table, densities(table, limits), limits)
+
+
+def test_axes_are_shared_and_labelled_with_units(drawn):
+    _, _, figure = drawn
+    for (scatter, beside, above), foot in zip(panels(figure), ("lowest", "highest"), strict=True):
+        assert scatter.get_xlabel() == "mean body height (mm)"
+        assert beside.get_ylabel() == f"{foot} foot height (mm)"
+        assert beside.get_xlabel() == above.get_ylabel() == "density (1/m)"
+        assert scatter.get_ylim() == beside.get_ylim()
+        assert scatter.get_xlim() == above.get_xlim()
+
+
+def test_every_frame_is_drawn_once_and_coloured_by_its_threshold(drawn):
+    table, limits, figure = drawn
+    up = table["min_foot_m"] > limits["min_foot_threshold_m"]
+    down = table["max_foot_m"] < limits["max_foot_threshold_m"]
+    for axes, chosen, colour in zip(panels(figure), (up, down), (BLUE, VERMILION), strict=True):
+        others, coloured = (c for c in axes[0].collections if isinstance(c, PathCollection))
+        assert len(coloured.get_offsets()) == chosen.sum()
+        assert len(others.get_offsets()) == (~chosen).sum()
+        assert tuple(coloured.get_facecolor()[0][:3]) == to_rgba(colour)[:3]
+
+
+def test_dashes_stand_at_thresholds_and_sections(drawn):
+    _, limits, figure = drawn
+    keys = ("min_foot_threshold_m", "max_foot_threshold_m")
+    for (scatter, beside, above), key in zip(panels(figure), keys, strict=True):
+        flat = [line.get_ydata()[0] for line in scatter.lines if np.ptp(line.get_ydata()) == 0]
+        assert flat == pytest.approx([1000 * limits[key]])
+        assert beside.lines[-1].get_ydata()[0] == flat[0]
+        upright = [line.get_xdata()[0] for line in above.lines[-2:]]
+        expected = [1000 * limits["post_height_m"], 1000 * limits["pre_height_m"]]
+        assert upright == pytest.approx(expected)
+
+
+def test_no_text_lies_over_another(drawn):
+    assert text_faults(drawn[2]) == []
+
+
+def test_without_sections_the_data_are_still_drawn():
+    table = frames(n=200)
+    limits = {"pre_height_m": None, "min_foot_threshold_m": float("nan")}
+    empty = densities(table, sections()).iloc[:0]
+    figure = sections_figure(table, empty, limits)
+    for scatter, _, above in panels(figure):
+        assert sum(len(c.get_offsets()) for c in scatter.collections) == 200
+        assert any("no frame" in text.get_text() for text in above.texts)
+    assert text_faults(figure) == []
+
+
+def test_a_section_from_the_config_beyond_the_data_is_within_the_axes():
+    table, limits = frames(n=300), sections() | {"pre_height_m": 0.9}
+    figure = sections_figure(table, densities(table, sections()), limits)
+    assert panels(figure)[0][0].get_xlim()[1] > 900
+    assert text_faults(figure) == []
+
+
+def test_one_frame_is_enough_and_none_is_said():
+    limits = sections()
+    one, empty = frames(n=1), densities(frames(n=50), limits).iloc[:0]
+    assert text_faults(sections_figure(one, empty, limits)) == []
+    none = sections_figure(one.iloc[:0], empty, limits)
+    assert "No frame" in none.texts[0].get_text()

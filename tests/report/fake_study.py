@@ -1,0 +1,162 @@
+"""A study's results as plain data, made without the workflow."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from hopdata.report.inputs import ReportFigure, ReportInputs
+
+CAPTIONS = Path(__file__).parents[2] / "workflow" / "captions"
+NAMES = ("fig2_2_sections", "fig2_3_schedule", "fig2_4_prediction", "fig2_5_distances")
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="240.9pt" height="99pt"></svg>'
+
+
+def captions() -> dict[str, str]:
+    return {name: (CAPTIONS / f"{name}.md").read_text() for name in NAMES}
+
+
+def figures(image: bytes = SVG) -> list[ReportFigure]:
+    return [ReportFigure(name, image, "image/svg+xml", text) for name, text in captions().items()]
+
+
+def touchdowns(
+    n: int = 431, n_feet: int = 3, recordings: tuple[str, ...] = ("hopper",), seed: int = 5
+) -> pd.DataFrame:
+    rng = np.random.default_rng(seed)
+    orders = [">".join(str(i + 1) for i in p) for p in permutations(range(n_feet))]
+    bad = rng.random(n) < 0.06
+    reasons = ["foot 2 down before the pre section", "foot 1 not down at the post section"]
+    return pd.DataFrame(
+        {
+            "recording": rng.choice(recordings, n),
+            "index": np.arange(n),
+            "t_pre_s": 0.64 * np.arange(n),
+            "t_post_s": 0.64 * np.arange(n) + 0.13,
+            "schedule": np.where(bad, "", rng.choice(orders, n)),
+            "probability": rng.uniform(0.8, 1.0, n),
+            "spread_s": rng.gamma(4.0, 0.0027, n),
+            "excluded": bad,
+            "reason": np.where(bad, rng.choice(reasons, n), ""),
+        }
+    )
+
+
+def sections() -> dict[str, object]:
+    return {
+        "min_foot_threshold_m": 0.00143,
+        "max_foot_threshold_m": 0.00271,
+        "pre_height_m": 0.4991,
+        "post_height_m": 0.2883,
+        "frames": "all",
+        "min_foot_mode": {"height_m": -0.0002, "sigma_m": 0.00054, "bandwidth_m": 0.00011},
+    }
+
+
+def floors(names: tuple[str, ...] = ("hopper",)) -> dict[str, dict[str, object]]:
+    floor = {
+        "degree": 3,
+        "degree_wanted": 3,
+        "n_points": 10234,
+        "n_outliers": 41,
+        "residual_rms_m": 0.00058,
+        "foot_offsets_m": [0.0002, -0.0001, -0.0001],
+        "note": "",
+    }
+    return {name: dict(floor) for name in names}
+
+
+def prediction() -> pd.DataFrame:
+    rows = [
+        ("specialised", 6, 1.95e-3),
+        ("near", 1, 2.03e-3),
+        ("all", 1, 3.13e-3),
+        ("far", 1, 3.79e-3),
+        ("specialised_mean", 6, 15.4e-3),
+        ("mean", 1, 29.5e-3),
+    ]
+    table = pd.DataFrame(rows, columns=["model", "n_classes", "median"])
+    factors = {"q25": 0.91, "q75": 1.12, "p2_5": 0.74, "p97_5": 1.51}
+    return table.assign(
+        n_train=52,
+        n_test=18,
+        **{key: factor * table["median"] for key, factor in factors.items()},
+        worst_position_mm=70 * np.sqrt(table["median"]),
+        worst_velocity_m_s=2.6 * np.sqrt(table["median"]),
+    )
+
+
+def distances() -> pd.DataFrame:
+    rows = [
+        ("in_class", 2.99, 0.12, 0.5),
+        ("cross_class", 3.10, 0.12, 0.73),
+        ("noised_identity", 2.268, 0.098, 0.0001),
+        ("random", 3.7605, 0.102, 1.0),
+    ]
+    table = pd.DataFrame(rows, columns=["kind", "mean", "sd", "auc_against_in_class"])
+    shifts = {"q05": -1.64, "q25": -0.67, "median": 0.0, "q75": 0.67, "q95": 1.64}
+    quantiles = {key: table["mean"] + z * table["sd"] for key, z in shifts.items()}
+    return table.assign(n=1000, **quantiles)
+
+
+def truth() -> dict[str, dict[str, object]]:
+    return {
+        "labels_right_kink": _entry(0.9791, "1", "Share of right mode schedules, kink method"),
+        "labels_right_velocity_minimum": _entry(
+            0.949, "1", "Share of right mode schedules, printed"
+        ),
+        "contact_rms_kink": _entry(0.912, "ms", "Rms error of the contact instants, kink method"),
+        "unmatched_kink": _entry(0, "touchdowns", "Touchdowns without a true landing nearby"),
+        "section_pre_error": _entry(-0.42, "mm", "pre section found minus that of the truth"),
+        "near_below_all_below_far": _entry(True, "yes/no", "Whether near < all < far"),
+        "floor_residual_rms": _entry(None, "mm", "Rms of fitted minus true floor height"),
+    }
+
+
+def _entry(value: object, unit: str, what: str) -> dict[str, object]:
+    return {"value": value, "unit": unit, "what": what}
+
+
+def provenance() -> dict[str, object]:
+    return {
+        "study": "sample",
+        "seed": 20261121,
+        "config": {"study": "sample", "seed": 20261121, "floor": {"degree": 3}},
+        "inputs": {"data/sample/hopper.h5": "9f86d081884c7d659a2feaa0c55ad015" * 2},
+        "versions": {"hopdata": "0.1.0", "numpy": "2.3.1"},
+        "python": "3.11.7",
+        "machine": "Linux x86_64",
+        "stage_seconds": {"level_hopper": 1.31, "prediction": 2.2, "sections": 0.9},
+    }
+
+
+def full_study(**changes: object) -> ReportInputs:
+    parts: dict[str, object] = {
+        "study": "sample",
+        "figures": figures(),
+        "recordings": [
+            {
+                "name": "hopper",
+                "source": "hopper.h5",
+                "n_frames": 29440,
+                "duration_s": 294.39,
+                "rate_hz": 100.0,
+                "n_feet": 3,
+                "n_body": 3,
+                "seen": 0.9987,
+            }
+        ],
+        "touchdowns": touchdowns(),
+        "sections": sections(),
+        "units": {"length_unit_m": 0.02913, "time_unit_s": 0.027},
+        "provenance": provenance(),
+        "floors": floors(),
+        "prediction": prediction(),
+        "distances": distances(),
+        "truth": truth(),
+        "notes": [{"what": "splits of 52/18 instead of 120/41", "reason": "class 1>2>3 has 70"}],
+    }
+    return ReportInputs(**(parts | changes))  # type: ignore[arg-type]

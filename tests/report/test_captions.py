@@ -1,0 +1,61 @@
+import pytest
+from fake_study import NAMES, captions, full_study, sections
+
+from hopdata.errors import ConfigError
+from hopdata.report.captions import render_caption
+from hopdata.report.facts import study_facts
+from hopdata.report.inputs import ReportInputs
+
+
+def test_a_caption_has_title_paragraphs_and_alternative_text():
+    text = "# A\u00a0title\n\nOne\nparagraph of {{ n }}.\n\nAnother.\n\nAlt: A\npicture.\n"
+    caption = render_caption(text, {"n": 3}, name="fig")
+    assert caption.title == "A\u00a0title"
+    assert caption.paragraphs == ("One paragraph of 3.", "Another.")
+    assert caption.alt == "A picture."
+
+
+def test_a_bare_caption_falls_back_on_the_name():
+    caption = render_caption("", {}, name="fig9")
+    assert (caption.title, caption.paragraphs, caption.alt) == ("fig9", (), "fig9")
+
+
+@pytest.mark.parametrize("text", ["{{ travvel }}", "{% if %}"])
+def test_a_mistake_in_a_caption_is_named(text):
+    with pytest.raises(ConfigError, match="caption of fig2"):
+        render_caption(text, {"travel": "1 mm"}, name="fig2")
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("inputs", [full_study(), ReportInputs("none")], ids=["full", "bare"])
+def test_the_workflows_captions_can_be_filled_from_any_study(name, inputs):
+    caption = render_caption(captions()[name], study_facts(inputs), name=name)
+    assert caption.title.startswith(f"Figure {name[3:6].replace('_', '.')}: ")
+    assert caption.paragraphs
+    assert caption.alt != caption.title
+    assert "None" not in " ".join(caption.paragraphs)
+
+
+def test_sections_from_landings_alone_are_said():
+    template = captions()["fig2_2_sections"]
+    for frames, said in (("landings", True), ("all", False)):
+        facts = study_facts(full_study(sections=sections() | {"frames": frames}))
+        text = " ".join(render_caption(template, facts, name="fig2_2").paragraphs)
+        assert ("landings alone" in text) is said
+
+
+def test_one_order_occurs_and_two_occur():
+    for n, words in ((1, "1 order occurs"), (2, "2 orders occur")):
+        facts = study_facts(full_study()) | {"n_schedules": n}
+        text = " ".join(render_caption(captions()["fig2_3_schedule"], facts, name="f").paragraphs)
+        assert f"{words}, and" in text
+
+
+def test_captions_name_the_numbers_of_the_study():
+    facts = study_facts(full_study())
+    shown = {name: " ".join(render_caption(captions()[name], facts, name=name).paragraphs)
+             for name in NAMES}  # fmt: skip
+    assert "211\u00a0mm" in shown["fig2_2_sections"]
+    assert f"{facts['n_used']} of 431 touchdowns" in shown["fig2_3_schedule"]
+    assert "29.1\u00a0mm and 27\u00a0ms" in shown["fig2_4_prediction"]
+    assert "3.10 rad" in shown["fig2_5_distances"]

@@ -1,0 +1,231 @@
+import base64
+import re
+from html.parser import HTMLParser
+
+import pytest
+from fake_study import NAMES, SVG, captions, figures, floors, full_study, prediction, touchdowns
+
+from hopdata.errors import ConfigError
+from hopdata.report.inputs import ReportFigure, ReportInputs, read_figures
+from hopdata.report.page import build_report
+
+VOID = {"meta", "img", "br", "link", "hr", "input"}
+LOADING = {"src", "href", "srcset", "action", "data", "poster"}
+
+
+class Page(HTMLParser):
+    """Structure of a page: balanced tags, attributes, headings, table captions."""
+
+    def __init__(self, text):
+        super().__init__(convert_charrefs=True)
+        self.open, self.headings, self.captions, self.links = [], [], [], []
+        self.images, self.ids, self.words, self.unbalanced = [], [], [], []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        self.ids += [given["id"]] if "id" in given else []
+        self.links += [given[name] for name in LOADING & given.keys()]
+        if tag == "img":
+            self.images.append(given)
+        if re.fullmatch("h[1-6]", tag):
+            self.headings.append(int(tag[1]))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.unbalanced.append(tag)
+
+    def handle_data(self, data):
+        if "style" not in self.open:
+            self.words.append(data)
+        if self.open[-1:] == ["caption"]:
+            self.captions.append(data)
+
+    @property
+    def text(self):
+        return " ".join(" ".join(self.words).split())
+
+
+@pytest.fixture(scope="module")
+def full():
+    return Page(build_report(full_study()))
+
+
+@pytest.fixture(scope="module")
+def bare():
+    return Page(build_report(ReportInputs("bare")))
+
+
+@pytest.mark.parametrize("which", ["full", "bare"])
+def test_the_page_is_well_formed(which, request):
+    page = request.getfixturevalue(which)
+    assert page.unbalanced == []
+    assert page.open == []
+    assert len(page.ids) == len(set(page.ids))
+    assert page.headings[0] == 1
+    assert set(page.headings[1:]) == {2}
+
+
+@pytest.mark.parametrize("which", ["full", "bare"])
+def test_nothing_is_loaded_from_elsewhere(which, request):
+    page = request.getfixturevalue(which)
+    for link in page.links:
+        assert link.startswith(("data:", "#"))
+        assert not link.startswith("#") or link[1:] in page.ids
+    text = build_report(full_study())
+    assert "http://" not in text
+    assert "https://" not in text
+    assert "@import" not in text
+    assert "url(" not in text
+    assert "<script" not in text
+
+
+def test_the_language_and_the_title_are_given():
+    text = build_report(full_study())
+    assert text.startswith('<!DOCTYPE html>\n<html lang="en">')
+    assert "<title>sample: " in text
+
+
+def test_every_table_is_there(full):
+    assert full.captions == [
+        "Recordings",
+        "Floor",
+        "Thresholds and sections",
+        "Used touchdowns by mode schedule",
+        "Excluded touchdowns",
+        "Prediction errors",
+        "Arc-length distances",
+        "Found against known",
+        "Run",
+        "Inputs",
+        "Versions",
+        "Time per job",
+    ]
+
+
+def test_the_figures_are_inside_and_described(full):
+    assert len(full.images) == 4
+    for image in full.images:
+        kind, data = image["src"].split(",")
+        assert kind == "data:image/svg+xml;base64"
+        assert base64.b64decode(data) == SVG
+        assert len(image["alt"]) > 40
+        assert image["style"] == "--paper: 240.9pt"
+    for number in ("2.2", "2.3", "2.4", "2.5"):
+        assert f"Figure {number}: " in full.text
+
+
+def test_key_numbers_open_the_page(full):
+    opening = full.text[: full.text.index("What could not be done")]
+    for fact in ("29.1 mm and 27 ms", "211 mm", "97.9 %", "of 431 hops found", "29 440 frames"):
+        assert fact in opening.replace("\u202f", " ").replace("\u00a0", " ")
+
+
+@pytest.mark.parametrize(
+    ("models", "shown"),
+    [
+        (("specialised", "specialised_mean", "all", "mean"), "0.13 ratio of median MSE, both spec"),
+        (("all", "mean"), "0.11 ratio of median MSE, both unspec"),
+        (("mean",), "not known"),
+    ],
+)
+def test_the_gain_is_that_of_the_models_that_were_fitted(models, shown):
+    table = prediction()
+    text = Page(build_report(full_study(prediction=table[table["model"].isin(models)]))).text
+    assert f"Affine model over mean {shown}" in text
+
+
+def test_notes_and_provenance_are_shown(full):
+    for words in (
+        "splits of 52/18 instead of 120/41: class 1>2>3 has 70",
+        "9f86d081884c7d659a2feaa0c55ad015",
+        "Linux x86_64",
+        "level_hopper",
+        "degree: 3",
+        "20261121",
+    ):
+        assert words in full.text
+
+
+def test_what_is_missing_is_said_in_words(bare):
+    assert bare.captions == []
+    for words in (
+        "There is no truth to compare with",
+        "No distances: no mode schedule holds enough touchdowns",
+        "No model could be fitted",
+        "No touchdown was found",
+        "No sections were chosen",
+        "The configuration was not recorded",
+        "not known",
+    ):
+        assert words in bare.text
+    assert not re.search(r"\b(None|nan)\b", bare.text)
+
+
+def test_a_lower_floor_degree_is_among_what_could_not_be_done():
+    lower = {"a": floors()["hopper"] | {"degree": 1, "note": "feet cover little ground"}}
+    text = Page(build_report(full_study(floors=lower))).text
+    assert "floor of a: degree 1 instead of 3 (feet cover little ground)" in text
+    assert "instead of 3" not in Page(build_report(full_study())).text
+
+
+def test_names_from_the_user_are_escaped():
+    nasty = "<script>alert('&')</script>"
+    inputs = full_study(
+        study=nasty,
+        recordings=[{"name": nasty, "source": nasty}],
+        touchdowns=touchdowns(recordings=(nasty, "b")),
+        floors=floors((nasty,)),
+        notes=[nasty, {"what": nasty, "reason": nasty}],
+        truth={nasty: {"value": 1.0, "unit": nasty, "what": nasty}},
+        provenance={"inputs": {nasty: nasty}, "config": {nasty: nasty}},
+        figures=[ReportFigure(nasty, SVG, "image/svg+xml", '# {{ study }}\n\nAlt: "{{ study }}')],
+    )
+    text = build_report(inputs)
+    assert "<script" not in text
+    page = Page(text)
+    assert page.unbalanced == page.open == []
+    assert page.images[0]["alt"] == f'"{nasty}'
+
+
+def test_a_figure_of_another_name_stands_at_the_end():
+    extra = ReportFigure("fig9", SVG, "image/svg+xml", "# Another\n\nText.")
+    page = Page(build_report(full_study(figures=[*figures(), extra])))
+    assert len(page.images) == 5
+    assert "others" in page.ids
+    assert "More figures" in page.text
+
+
+def test_a_mistaken_caption_stops_the_report():
+    wrong = ReportFigure("fig9", SVG, "image/svg+xml", "{{ wrong }}")
+    with pytest.raises(ConfigError, match="fig9"):
+        build_report(full_study(figures=[wrong]))
+
+
+def test_the_same_study_gives_the_same_page():
+    assert build_report(full_study()) == build_report(full_study())
+
+
+def test_figures_are_read_with_their_captions(tmp_path):
+    for name in ("b.png", "b.svg", "a.png", "c.pdf"):
+        (tmp_path / name).write_bytes(name.encode())
+    (tmp_path / "a.md").write_text("# A")
+    paths = [tmp_path / name for name in ("b.png", "b.svg", "a.png", "c.pdf")]
+    read = read_figures(paths, [tmp_path / "a.md"])
+    assert [(f.name, f.image, f.media_type, f.caption) for f in read] == [
+        ("b", b"b.svg", "image/svg+xml", ""),
+        ("a", b"a.png", "image/png", "# A"),
+        ("c", b"", "", ""),
+    ]
+    page = Page(build_report(ReportInputs("s", figures=read)))
+    assert len(page.images) == 2
+    assert "made in no format that a page can show" in page.text
+
+
+def test_every_placed_figure_has_a_caption_file():
+    from hopdata.report.page import PLACES
+
+    assert set(PLACES) == set(NAMES) == set(captions())

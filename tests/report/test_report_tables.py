@@ -1,0 +1,139 @@
+import numpy as np
+import pandas as pd
+import pytest
+from fake_study import distances, floors, prediction, sections, touchdowns, truth
+
+from hopdata.report import landing_tables, result_tables
+from hopdata.report.table import mapping_table
+
+
+def column(table, name):
+    return [row[table.head.index(name)] for row in table.rows]
+
+
+def assert_rectangular(table):
+    assert table.rows
+    assert {len(row) for row in table.rows} == {len(table.head)}
+
+
+def test_every_table_is_rectangular_and_all_text():
+    made = [
+        landing_tables.recordings_table([{"name": "a"}]),
+        landing_tables.floor_table(floors()),
+        landing_tables.sections_table(sections()),
+        landing_tables.schedules_table(touchdowns()),
+        landing_tables.exclusions_table(touchdowns()),
+        result_tables.prediction_table(prediction()),
+        result_tables.distances_table(distances()),
+        result_tables.truth_table(truth()),
+        result_tables.times_table({"level": 1.0}),
+        mapping_table("t", ("a", "b"), {"x": 1, "y": {"z": 2}}),
+    ]
+    for table in made:
+        assert_rectangular(table)
+        assert all(isinstance(cell, str) for row in table.rows for cell in row)
+
+
+@pytest.mark.parametrize("n_feet", [2, 3, 4])
+def test_schedules_are_counted_commonest_first(n_feet):
+    data = touchdowns(n_feet=n_feet)
+    table = landing_tables.schedules_table(data)
+    counts = [int(cell) for cell in column(table, "touchdowns")]
+    used = data[~data["excluded"]]
+    assert counts == sorted(used["schedule"].value_counts().tolist(), reverse=True)[:24]
+    assert len(table.rows) == min(used["schedule"].nunique(), 24)
+
+
+def test_rare_schedules_beyond_the_list_are_mentioned():
+    table = landing_tables.schedules_table(touchdowns(3000, n_feet=5))
+    assert len(table.rows) == 24
+    assert table.note == "96 rarer orders are not listed."
+
+
+def test_exclusions_by_reason_and_recording():
+    data = touchdowns(recordings=("a", "b"))
+    table = landing_tables.exclusions_table(data)
+    assert table.head == ("reason", "a", "b", "touchdowns")
+    assert table.rows[-1][0] == "all reasons"
+    for row in table.rows:
+        assert int(row[1]) + int(row[2]) == int(row[3])
+    assert int(table.rows[-1][3]) == data["excluded"].sum()
+
+
+def test_one_recording_needs_no_columns_of_its_own_and_a_lost_reason_is_said():
+    data = touchdowns().assign(reason=np.nan)
+    table = landing_tables.exclusions_table(data)
+    assert table.head == ("reason", "touchdowns")
+    assert table.rows[0][0] == "no reason given"
+    assert landing_tables.exclusions_table(data[~data["excluded"]]) is None
+
+
+def test_sections_begin_with_what_matters_and_keep_the_rest():
+    table = landing_tables.sections_table(sections())
+    rows = {row[0]: row[1:] for row in table.rows}
+    assert rows["travel from pre to post"] == ("210.80", "mm")
+    assert rows["ground mode of the minimum foot height"] == ("−0.2", "mm")
+    assert rows["its scatter"] == ("0.54", "mm")
+    assert rows["kind of frames used"] == ("all", "")
+    assert [table.kind(i) for i in range(3)] == ["text", "number", "unit"]
+
+
+def test_a_height_from_the_configuration_is_marked():
+    decided = {"pre_height_m": "config", "post_height_m": "data"}
+    names = column(landing_tables.sections_table(sections() | {"decided": decided}), "quantity")
+    assert "pre section (from the configuration)" in names
+    assert "post section" in names
+    assert not any("decided" in name for name in names)
+
+
+def test_prediction_keeps_the_printed_order_and_names_what_is_missing():
+    data = prediction().iloc[::-1]
+    table = result_tables.prediction_table(data[data["model"] != "far"])
+    assert column(table, "model") == [
+        "affine (specialised)",
+        "affine (near)",
+        "affine (all)",
+        "affine (far)",
+        "mean (specialised)",
+        "mean (all)",
+    ]
+    assert column(table, "median") == ["1.95", "2.03", "3.13", "—", "15.40", "29.50"]
+    assert "10⁻³ units²" in table.note
+    assert "not fitted" in table.note
+    assert "not fitted" not in result_tables.prediction_table(prediction()).note
+
+
+def test_an_unknown_model_or_kind_is_shown_too():
+    extra = pd.concat([prediction(), prediction().tail(1).assign(model="ridge")])
+    assert column(result_tables.prediction_table(extra), "model")[-1] == "ridge"
+    kinds = pd.concat([distances(), distances().tail(1).assign(kind="shuffled")])
+    assert column(result_tables.distances_table(kinds), "pairs of subspaces")[-1] == "shuffled"
+
+
+def test_a_kind_without_pairs_has_zero():
+    table = result_tables.distances_table(distances().iloc[2:])
+    assert column(table, "n") == ["0", "0", "1000", "1000"]
+
+
+def test_truth_reads_as_sentences():
+    rows = {row[0]: row[1:] for row in result_tables.truth_table(truth()).rows}
+    assert rows["Whether near < all < far"] == ("yes", "")
+    assert rows["Rms of fitted minus true floor height"] == ("—", "mm")
+    assert rows["pre section found minus that of the truth"] == ("−0.42", "mm")
+
+
+def test_times_stand_longest_first():
+    table = result_tables.times_table({"a": 0.5, "b": 12.25})
+    assert table.rows == (("b", "12.25"), ("a", "0.50"))
+
+
+def test_what_is_missing_has_no_table():
+    empty = pd.DataFrame()
+    assert landing_tables.recordings_table([]) is None
+    assert landing_tables.floor_table({}) is None
+    assert landing_tables.sections_table(None) is None
+    assert landing_tables.schedules_table(empty) is None
+    assert landing_tables.exclusions_table(None) is None
+    assert result_tables.prediction_table(empty) is None
+    assert result_tables.distances_table(None) is None
+    assert result_tables.truth_table({}) is None
