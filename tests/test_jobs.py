@@ -45,9 +45,17 @@ def test_json_refuses_nan_and_comes_back(tmp_path):
 
 
 def test_tables_keep_empty_text_and_nine_digits(tmp_path):
-    table = pd.DataFrame({"schedule": ["1>2", ""], "reason": ["", "no contact"], "t": [1 / 3, 2.0]})
+    table = pd.DataFrame(
+        {
+            "recording": ["001", "002"],
+            "schedule": ["1>2", ""],
+            "reason": ["", "no contact"],
+            "t": [1 / 3, 2.0],
+        }
+    )
     write_table(tmp_path / "t.csv", table)
     back = read_table(tmp_path / "t.csv")
+    assert back["recording"].tolist() == ["001", "002"]
     assert back["schedule"].tolist() == ["1>2", ""]
     assert back["reason"].tolist() == ["", "no contact"]
     assert back["t"].tolist() == pytest.approx([1 / 3, 2.0], rel=1e-9)

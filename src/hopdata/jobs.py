@@ -17,6 +17,8 @@ from hopdata.errors import HopdataError
 if TYPE_CHECKING:
     import pandas as pd
 
+TEXT_COLUMNS = ("recording", "schedule", "schedule_a", "schedule_b", "reason")
+
 logger = logging.getLogger("hopdata")
 
 
@@ -86,9 +88,10 @@ def write_table(path: str | Path, table: pd.DataFrame) -> None:
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
-    """Read a CSV table; text columns keep empty cells as empty text."""
+    """Read a CSV table; `TEXT_COLUMNS` stay text, their empty cells empty text."""
     import pandas as pd
 
-    table = pd.read_csv(path)
-    text = [c for c in ("schedule", "schedule_a", "schedule_b", "reason") if c in table]
-    return table.assign(**{c: table[c].fillna("").astype(str) for c in text})
+    columns = pd.read_csv(path, nrows=0).columns
+    text = [name for name in TEXT_COLUMNS if name in columns]
+    table = pd.read_csv(path, dtype=dict.fromkeys(text, str))
+    return table.assign(**{name: table[name].fillna("") for name in text})

@@ -11,6 +11,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from hopdata import __version__
+
 PACKAGE = Path(__file__).parent
 REPORTED_PACKAGES = (
     "hopdata", "numpy", "scipy", "pandas", "statsmodels", "matplotlib", "h5py", "numba",
@@ -116,7 +118,7 @@ def _version(name: str) -> str:
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
-        return "not installed"
+        return __version__ if name == "hopdata" else "not installed"
 
 
 def _seconds(path: Path) -> float:

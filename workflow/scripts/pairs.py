@@ -3,7 +3,7 @@
 import pandas as pd
 
 from hopdata.jobs import read_json, read_table, reported, write_table
-from hopdata.landings.pairs import assemble_pairs, write_pairs
+from hopdata.landings.pairs import assemble_pairs, exclude_stateless, write_pairs
 from hopdata.landings.touchdowns import example_touchdown
 from hopdata.recordings.hdf5 import read_recording
 
@@ -20,5 +20,6 @@ with reported(snakemake.log[0]):
         **snakemake.params.states,
     )
     write_pairs(snakemake.output.pairs, pairs)
+    table = exclude_stateless(table, pairs)
     write_table(snakemake.output.touchdowns, table)
-    write_table(snakemake.output.example, example_touchdown(recordings[0], table))
+    write_table(snakemake.output.example, example_touchdown(recordings, table))

@@ -30,7 +30,7 @@ WEAK_CHANGE_SD, WEAK_JERK_SD = 30.0, 500.0  # m/s^2, m/s^3: pushes not yet learn
 LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight law holds
 SHORT_WINDOWS_S = (0.04, 0.027)  # where it does not
 REFUTED = 2.0  # rms residual over measurement noise from which the flight law does not hold
-LEARNING_STEPS = 5
+LEARNING_STEPS = 8
 FRAMES_BEFORE, FRAMES_AFTER = 3, 2  # the least that determine a kink
 
 

@@ -94,7 +94,7 @@ def track_means(
     time: FloatArray, tracks: FloatArray, t_pre: FloatArray, t_post: FloatArray
 ) -> FloatArray:
     """Time averages of tracks (N, B, k) between instants (L,), (L, B, k); NaN if never seen."""
-    seen = np.isfinite(tracks).all(axis=2)
+    seen = np.asarray(np.isfinite(tracks).all(axis=2))
     means = np.full((len(t_pre), *tracks.shape[1:]), np.nan)
     for b in range(tracks.shape[1]):
         t, values = time[seen[:, b]], tracks[seen[:, b], b]

@@ -1,4 +1,4 @@
-"""Contact instants by maximum likelihood: a flight curve that ends in a kink on the floor.
+"""Contact instants of largest likelihood: a flight curve that ends in a kink on the floor.
 
 The height of foot i is modelled as
 
@@ -7,9 +7,10 @@ The height of foot i is modelled as
 
 with d_jk(t) = ((t - tau_j)_+^k - (tau - tau_j)^k) / k! for the feet j that touched earlier: their
 springy legs push the body, so the acceleration of a foot still in flight changes by a_j and its
-jerk by s_j while its velocity is continuous. Frames that are missing are absent from the likelihood.
-Normal priors reach from flat (free curvature) to sharp (known gravity); `learn` takes them
-from the recording itself.
+jerk by s_j while its velocity is continuous. Frames that are missing are absent from the
+likelihood, and the coefficients are integrated out: at its largest over them alone, a late contact
+could hide behind the pushes. Normal priors reach from flat (free curvature) to sharp (known
+gravity); `learn` takes them from the recording itself.
 """
 
 from __future__ import annotations
@@ -18,8 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from hopdata.landings.kink_kernel import fit_all
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -113,35 +112,71 @@ def kink_fits(
     -------
     KinkFits
     """
+    from hopdata.landings.kink_kernel import fit_all  # compiled: Numba is slow to import
+
     landings, n = near.shape
     wanted = np.flatnonzero(~np.isnan(near.ravel()))
-    foot, centre = wanted % n, near.ravel()[wanted]
-    others = np.array([[j for j in range(n) if j != i] for i in range(n)], dtype=np.int64)
+    centre = near.ravel()[wanted]
     before_s, after_s = windows_s
+    times, z = _windows(time, heights, wanted % n, centre, before_s, after_s)
+    contact, columns = _other_contacts(earlier, wanted, n)
+    contact = (contact - centre[:, None]) / before_s
+    reach = search_s / before_s
     frame_s = float(np.median(np.diff(time)))
     units = _column_units(n, before_s)
-    known = (
-        np.full((landings, n), np.inf) if earlier is None else np.nan_to_num(earlier, nan=np.inf)
-    )
-    out = np.full((landings * n, 6 + 2 * len(units)), np.nan)
-    rows = np.full((len(wanted), out.shape[1]), np.nan)
+    foot = np.arange(len(wanted))[:, None], columns
+    rows = np.full((len(wanted), 6 + 2 * len(units)), np.nan)
     fit_all(
-        time,
-        np.ascontiguousarray(heights),
-        np.searchsorted(time, centre - before_s),
-        np.searchsorted(time, centre + after_s),
-        foot,
-        centre - search_s,
-        centre + search_s,
+        (times - centre[:, None]) / before_s,
+        z,
+        np.full(len(wanted), -reach),
+        np.full(len(wanted), reach),
         int(np.ceil(2 * search_s / max(frame_s / 4, 1e-3))),
-        known[(wanted // n)[:, None], others[foot]],
-        (priors.mean / units[2:])[foot],
-        ((noise_m / priors.sd * units[2:]) ** 2)[foot],
-        before_s,
+        (contact < reach).sum(axis=1),
+        contact,
+        (priors.mean / units[2:])[wanted % n][foot],
+        ((noise_m / priors.sd * units[2:]) ** 2)[wanted % n][foot],
+        noise_m**2,
         rows,
     )
-    out[wanted] = rows
-    return _unpack(out.reshape(landings, n, -1), units)
+    return _unpack(rows, wanted, (landings, n), columns, units, centre)
+
+
+def _windows(
+    time: FloatArray,
+    heights: FloatArray,
+    foot: IntArray,
+    centre: FloatArray,
+    before_s: float,
+    after_s: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Cut out times and heights about each of P instants, (P, W), NaN where there is no frame."""
+    start = np.searchsorted(time, centre - before_s)
+    stop = np.searchsorted(time, centre + after_s)
+    frames = start[:, None] + np.arange(int(np.max(stop - start, initial=1)))
+    inside = frames < stop[:, None]
+    frames = np.minimum(frames, len(time) - 1)
+    return time[frames], np.where(inside, heights[frames, foot[:, None]], np.nan)
+
+
+def _other_contacts(
+    earlier: FloatArray | None, wanted: IntArray, n: int
+) -> tuple[FloatArray, IntArray]:
+    """Contacts of the other feet in order of time, (P, n - 1), inf where there is none.
+
+    Also the columns of `FlightPriors` in which they come, (P, 2n - 1).
+    """
+    foot = wanted % n
+    others = np.array([[j for j in range(n) if j != i] for i in range(n)], dtype=np.int64)[foot]
+    if earlier is None:
+        contact = np.full(others.shape, np.inf)
+    else:
+        contact = earlier[(wanted // n)[:, None], others]
+        contact = np.where(np.isnan(contact), np.inf, contact)
+    order = np.argsort(contact, axis=1, kind="stable")
+    columns = np.zeros((len(wanted), 2 * n - 1), dtype=np.int64)
+    columns[:, 1::2], columns[:, 2::2] = 1 + 2 * order, 2 + 2 * order
+    return np.take_along_axis(contact, order, axis=1), columns
 
 
 def _column_units(n: int, scale: float) -> FloatArray:
@@ -149,14 +184,30 @@ def _column_units(n: int, scale: float) -> FloatArray:
     return np.array([1.0, 1 / scale] + [1 / scale**2] + [1 / scale**2, 1 / scale**3] * (n - 1))
 
 
-def _unpack(out: FloatArray, units: FloatArray) -> KinkFits:
-    """Name the kernel's columns and bring them to SI units."""
+def _unpack(
+    rows: FloatArray,
+    wanted: IntArray,
+    shape: tuple[int, int],
+    columns: IntArray,
+    units: FloatArray,
+    centre: FloatArray,
+) -> KinkFits:
+    """Name the kernel's columns, put them in the order of the feet and bring them to SI units."""
+    size = len(units)
+    own = np.concatenate([np.tile([0, 1], (len(wanted), 1)), 2 + columns], axis=1)
+    sorted_rows = rows.copy()
+    np.put_along_axis(sorted_rows[:, 6 : 6 + size], own, rows[:, 6 : 6 + size], axis=1)
+    np.put_along_axis(sorted_rows[:, 6 + size :], own, rows[:, 6 + size :], axis=1)
+    sorted_rows[:, 0] = centre + rows[:, 0] / units[1]
+    flat = np.full((shape[0] * shape[1], rows.shape[1]), np.nan)
+    flat[wanted] = sorted_rows
+    out = flat.reshape(*shape, -1)
     instant, variance, misfit, dof, before, after = np.moveaxis(out[:, :, :6], 2, 0)
-    value = out[:, :, 6 : 6 + len(units)] * units
-    se = np.sqrt(np.maximum(out[:, :, 6 + len(units) :], 0.0)) * units
+    value = out[:, :, 6 : 6 + size] * units
+    se = np.sqrt(np.maximum(out[:, :, 6 + size :], 0.0)) * units
     return KinkFits(
         instant,
-        np.sqrt(variance),
+        np.sqrt(variance) / units[1],
         value[:, :, 0],
         value[:, :, 1],
         value[:, :, 2:],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError, ConfigError, did_you_mean
+from hopdata.jobs import whole_file
 from hopdata.landings.home_frame import home_frames
 from hopdata.landings.states import SectionStates, section_states
 from hopdata.recordings.recording import Recording
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
+
+STATELESS = "too few frames for the state at a section"
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,8 @@ def assemble_pairs(
     Returns
     -------
     Pairs
-        Raw, SI. A touchdown whose state cannot be fitted for want of frames is logged and left out.
+        Raw, SI. A touchdown whose state cannot be fitted for want of frames is logged and left out
+        (see `exclude_stateless`).
 
     Raises
     ------
@@ -140,6 +143,17 @@ def assemble_pairs(
     if not sum(len(part) for part in parts):
         raise AnalysisError("pairs: expected at least one usable touchdown, found none")
     return _joined(parts)
+
+
+def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
+    """Return the touchdown table with those excluded that have no pair."""
+    paired = set(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
+    rows = zip(table["recording"], table["index"], strict=True)
+    stateless = np.array([row not in paired for row in rows]) & ~table["excluded"].to_numpy(bool)
+    return table.assign(
+        excluded=table["excluded"].to_numpy(bool) | stateless,
+        reason=table["reason"].where(~stateless, STATELESS),
+    )
 
 
 def _marker_number(recording: Recording, home_marker: str | None) -> int:
@@ -231,58 +245,32 @@ def _joined(parts: Sequence[Pairs]) -> Pairs:
     return replace(first, **arrays)
 
 
-def write_pairs(path: str | Path, pairs: Pairs, *, group: str = "/") -> None:
+def write_pairs(path: str | Path, pairs: Pairs) -> None:
     """Write pairs to an HDF5 file, which appears under its name only once it is whole.
 
-    Parameters
-    ----------
-    path : path
-        File to write. With a `group` other than the root, the other groups of an existing file are
-        kept.
-    pairs : Pairs
-    group : str
-        Where in the file.
+    Datasets x, y, schedule, spread_s, recording, index; attributes body_markers, length_unit_m,
+    time_unit_s.
     """
-    import shutil
-
     import h5py
 
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        if group != "/" and path.exists():
-            shutil.copyfile(path, partial)
-        with h5py.File(partial, "a") as file:
-            if group != "/" and group in file:
-                del file[group]
-            _write(file.require_group(group), pairs)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
-
-
-def _write(target: object, pairs: Pairs) -> None:
-    import h5py
-
-    assert isinstance(target, h5py.Group)
     text = h5py.string_dtype()
-    for name in ("x", "y", "spread_s", "index"):
-        target.create_dataset(name, data=getattr(pairs, name))
-    for name in ("schedule", "recording"):
-        target.create_dataset(name, data=getattr(pairs, name).astype(object), dtype=text)
-    target.attrs["body_markers"] = np.array(pairs.body_markers, dtype=object)
-    target.attrs["length_unit_m"] = pairs.length_unit_m
-    target.attrs["time_unit_s"] = pairs.time_unit_s
+    with whole_file(path) as partial, h5py.File(partial, "w") as file:
+        for name in ("x", "y", "spread_s", "index"):
+            file.create_dataset(name, data=getattr(pairs, name))
+        for name in ("schedule", "recording"):
+            file.create_dataset(name, data=getattr(pairs, name).astype(object), dtype=text)
+        file.attrs["body_markers"] = np.array(pairs.body_markers, dtype=object)
+        file.attrs["length_unit_m"] = pairs.length_unit_m
+        file.attrs["time_unit_s"] = pairs.time_unit_s
 
 
-def read_pairs(path: str | Path, *, group: str = "/") -> Pairs:
+def read_pairs(path: str | Path) -> Pairs:
     """Read pairs from an HDF5 file.
 
     Raises
     ------
     AnalysisError
-        If the file does not exist or holds no pairs there.
+        If the file does not exist or holds no pairs.
     """
     import h5py
 
@@ -290,18 +278,17 @@ def read_pairs(path: str | Path, *, group: str = "/") -> Pairs:
         raise AnalysisError(f"{path}: no such file")
     try:
         with h5py.File(path, "r") as file:
-            source = file[group]
-            text = {name: source[name].asstr()[:].astype(str) for name in ("schedule", "recording")}
+            text = {name: file[name].asstr()[:].astype(str) for name in ("schedule", "recording")}
             return Pairs(
-                source["x"][:],
-                source["y"][:],
+                file["x"][:],
+                file["y"][:],
                 text["schedule"],
-                source["spread_s"][:],
+                file["spread_s"][:],
                 text["recording"],
-                source["index"][:],
-                tuple(str(name) for name in source.attrs["body_markers"]),
-                float(source.attrs["length_unit_m"]),
-                float(source.attrs["time_unit_s"]),
+                file["index"][:],
+                tuple(str(name) for name in file.attrs["body_markers"]),
+                float(file.attrs["length_unit_m"]),
+                float(file.attrs["time_unit_s"]),
             )
-    except (KeyError, OSError) as error:
+    except (KeyError, OSError, ValueError) as error:
         raise AnalysisError(f"{path}: not a file of pairs: {error}") from error

@@ -32,7 +32,7 @@ def schedule_names(instants: FloatArray) -> list[str]:
     instants : (L, n) array
         Contact instants, s.
     """
-    whole = np.isfinite(instants).all(axis=1)
+    whole = np.asarray(np.isfinite(instants).all(axis=1))
     names = [">".join(str(foot + 1) for foot in row) for row in contact_order(instants)]
     return [name if whole[row] else "" for row, name in enumerate(names)]
 
@@ -107,5 +107,4 @@ def _partial_weights(x: FloatArray) -> FloatArray:
     powers = np.arange(len(x))
     monomials = x[:, None] ** powers
     integrals = (x[:, None] ** (powers + 1) - (-1.0) ** (powers + 1)) / (powers + 1)
-    weights: FloatArray = np.linalg.solve(monomials.T, integrals.T).T
-    return weights
+    return np.asarray(np.linalg.solve(monomials.T, integrals.T).T, dtype=np.float64)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -192,16 +193,16 @@ def _contact_reason(
 
 
 def example_touchdown(
-    recording: Recording, table: pd.DataFrame, *, margin_s: float = 0.05
+    recordings: Sequence[Recording], table: pd.DataFrame, *, margin_s: float = 0.05
 ) -> pd.DataFrame:
     """Heights and velocities of the feet in one typical touchdown (Fig. 2.3).
 
     Parameters
     ----------
-    recording : Recording
-        Levelled.
+    recordings : sequence of Recording
+        Levelled, with different names.
     table : pandas.DataFrame
-        Touchdowns, of which those of this recording are looked at.
+        Their touchdowns.
     margin_s : float
         Time shown before the pre and after the post section, s.
 
@@ -214,17 +215,18 @@ def example_touchdown(
     Raises
     ------
     AnalysisError
-        If no touchdown of this recording is used.
+        If no touchdown is used.
     """
     import pandas as pd
 
-    used = table[(table["recording"] == recording.name) & ~table["excluded"].astype(bool)]
+    used = table[~table["excluded"].astype(bool)]
     if used.empty:
-        raise AnalysisError(f"{recording.name}: no usable touchdown to show")
+        raise AnalysisError("touchdowns: expected at least one usable one to show, found none")
     counts = used["schedule"].value_counts(sort=False)
     commonest = min(counts.index[counts == counts.max()])
-    ranked = used[used["schedule"] == commonest].sort_values(["spread_s", "index"])
+    ranked = used[used["schedule"] == commonest].sort_values(["spread_s", "recording", "index"])
     row = ranked.iloc[(len(ranked) - 1) // 2]
+    recording = next(r for r in recordings if r.name == row["recording"])
     time = recording.time
     frames = (time >= row["t_pre_s"] - margin_s) & (time <= row["t_post_s"] + margin_s)
     heights = recording.feet[:, :, 2]

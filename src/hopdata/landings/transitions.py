@@ -99,7 +99,7 @@ def find_transitions(
 
 
 def _schmitt_edges(h: FloatArray, *, high: float, low: float) -> tuple[IntArray, IntArray]:
-    """Find the indices at which a Schmitt trigger on `h` goes down (h <= low) and up (h >= high)."""
+    """Find where a Schmitt trigger on `h` goes down (h <= low) and where up (h >= high)."""
     level = np.where(h >= high, 1, np.where(h <= low, -1, 0))
     decided = np.flatnonzero(level)
     signs = level[decided]

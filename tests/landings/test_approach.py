@@ -1,0 +1,72 @@
+"""Rough instants, and which feet did not come down."""
+
+import numpy as np
+import pytest
+from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
+
+from hopdata.landings.approach import (
+    ALREADY_DOWN,
+    LANDED,
+    MISSING,
+    NOT_LANDED,
+    approaches,
+    height_noise,
+)
+from hopdata.landings.transitions import find_transitions
+
+
+@pytest.fixture(scope="module")
+def landings():
+    scene = simulate(60, seed=5)
+    transitions = find_transitions(
+        scene.recording.time,
+        scene.recording.body_height,
+        pre_height_m=PRE_HEIGHT_M,
+        post_height_m=POST_HEIGHT_M,
+    )
+    return scene, transitions, scene.recording.feet[:, :, 2]
+
+
+def find(landings, heights):
+    scene, transitions, _ = landings
+    return approaches(
+        scene.recording.time,
+        heights,
+        transitions,
+        noise_m=6e-4,
+        down_height_m=0.02,
+        lead_s=0.04,
+        trail_s=0.03,
+    )
+
+
+def test_rough_instants_are_within_a_frame(landings):
+    near, status = find(landings, landings[2])
+    assert (status == LANDED).all()
+    assert np.abs(near - landings[0].contact_times).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("foot", "expected"),
+    [
+        (lambda z: z + 0.05, NOT_LANDED),
+        (lambda z: 0.0003 * np.sin(np.arange(len(z))), ALREADY_DOWN),
+        (lambda z: z * np.nan, MISSING),
+    ],
+)
+def test_feet_that_do_not_land(landings, foot, expected):
+    heights = landings[2].copy()
+    heights[:, 1] = foot(heights[:, 1])
+    near, status = find(landings, heights)
+    assert (status[:, 1] == expected).all()
+    assert np.isnan(near[:, 1]).all()
+    assert (status[:, [0, 2]] == LANDED).all()
+
+
+@pytest.mark.parametrize("noise_m", [2e-4, 6e-4])
+def test_noise_of_a_moving_foot(noise_m):
+    scene = simulate(60, seed=6, noise_m=noise_m, rate_hz=200)
+    heights = scene.recording.feet[:, :, 2].copy()
+    heights[::17] = np.nan
+    assert height_noise(heights) == pytest.approx(noise_m, rel=0.15)
+    assert np.isnan(height_noise(heights * np.nan))

@@ -1,0 +1,125 @@
+"""Pairs: assembled, invariant, converted, kept in a file."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
+
+from hopdata.errors import AnalysisError, ConfigError
+from hopdata.landings.pairs import (
+    STATELESS,
+    assemble_pairs,
+    exclude_stateless,
+    read_pairs,
+    write_pairs,
+)
+from hopdata.landings.touchdowns import touchdown_table
+
+SECTIONS = {"pre_height_m": PRE_HEIGHT_M, "post_height_m": POST_HEIGHT_M}
+SCENE = simulate(40, seed=11, body=4)
+TABLE = touchdown_table(SCENE.recording, **SECTIONS)
+
+
+def moved(recording, angle, shift):
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    return replace(recording, positions=recording.positions @ turn + [*shift, 0])
+
+
+def pairs(recording=SCENE.recording, table=TABLE, **options):
+    return assemble_pairs([recording], table, **SECTIONS, **options)
+
+
+def test_shape_order_and_sections():
+    found = pairs(home_marker="body2")
+    assert found.x.shape == found.y.shape == (40, 24)
+    np.testing.assert_allclose(found.x[:, 2:12:3].mean(axis=1), PRE_HEIGHT_M, atol=1e-12)
+    np.testing.assert_allclose(found.y[:, 2:12:3].mean(axis=1), POST_HEIGHT_M, atol=1e-12)
+    assert (found.x[:, 14:24:3].mean(axis=1) < -1.5).all()
+    along = np.hypot(found.x[:, 3], found.x[:, 4])
+    assert (found.x[:, 3] > 0.99 * along).all()  # body2 lies on the x axis, on average
+    np.testing.assert_array_equal(found.schedule, TABLE["schedule"])
+    assert found.body_markers == ("body1", "body2", "body3", "body4")
+
+
+@pytest.mark.parametrize("method", ["split_fit", "savitzky_golay"])
+@settings(max_examples=15, deadline=None)
+@given(angle=st.floats(-7, 7), shift=st.tuples(st.floats(-1, 1), st.floats(-1, 1)))
+def test_no_planar_rigid_motion_matters(method, angle, shift):
+    ours = pairs(method=method)
+    theirs = pairs(moved(SCENE.recording, angle, shift), method=method)
+    np.testing.assert_allclose(theirs.x, ours.x, atol=1e-12, rtol=0)
+    np.testing.assert_allclose(theirs.y, ours.y, atol=1e-12, rtol=0)
+
+
+def test_a_tilt_does_matter():
+    tilt = np.array([[1, 0, 0], [0, np.cos(0.05), np.sin(0.05)], [0, -np.sin(0.05), np.cos(0.05)]])
+    leaning = replace(SCENE.recording, positions=SCENE.recording.positions @ tilt)
+    assert np.nanmax(np.abs(pairs(leaning).x - pairs().x)) > 1e-3
+
+
+def test_units_and_back():
+    raw = pairs()
+    other = raw.in_units(0.02913, 0.027)
+    np.testing.assert_allclose(other.x[:, :12], raw.x[:, :12] / 0.02913)
+    np.testing.assert_allclose(other.y[:, 12:], raw.y[:, 12:] / (0.02913 / 0.027))
+    np.testing.assert_allclose(other.in_units(1.0, 1.0).y, raw.y, rtol=1e-14)
+    assert (other.length_unit_m, other.time_unit_s) == (0.02913, 0.027)
+    with pytest.raises(ValueError, match="positive"):
+        raw.in_units(0.0, 1.0)
+
+
+def test_only_used_touchdowns_of_all_recordings():
+    second = replace(simulate(20, seed=12, body=4).recording, name="second")
+    table = touchdown_table(second, **SECTIONS)
+    table.loc[3, "excluded"] = True
+    import pandas as pd
+
+    both = pd.concat([TABLE, table])
+    found = assemble_pairs([SCENE.recording, second], both, **SECTIONS)
+    assert len(found) == 59
+    assert found.recording.tolist() == ["synthetic"] * 40 + ["second"] * 19
+    assert 3 not in found.index[40:]
+
+
+def test_a_state_without_frames_is_left_out_and_logged(caplog):
+    positions = SCENE.recording.positions.copy()
+    at = np.searchsorted(SCENE.recording.time, TABLE["t_pre_s"].iloc[5])
+    positions[at - 40 : at + 4, 1] = np.nan
+    found = pairs(replace(SCENE.recording, positions=positions))
+    assert 5 not in found.index
+    assert len(found) == 39
+    assert "too few frames for the states of touchdowns 5" in caplog.text
+    marked = exclude_stateless(TABLE, found)
+    assert marked.loc[marked["excluded"], "index"].tolist() == [5]
+    assert marked.loc[5, "reason"] == STATELESS
+    assert not exclude_stateless(TABLE, pairs())["excluded"].any()
+
+
+def test_file_round_trip(tmp_path):
+    ours = pairs().in_units(0.03, 0.02)
+    path = tmp_path / "maps" / "pairs.h5"
+    write_pairs(path, ours)
+    theirs = read_pairs(path)
+    for name in ("x", "y", "schedule", "spread_s", "recording", "index"):
+        np.testing.assert_array_equal(getattr(theirs, name), getattr(ours, name))
+    assert theirs.body_markers == ours.body_markers
+    assert (theirs.length_unit_m, theirs.time_unit_s) == (0.03, 0.02)
+    assert [p.name for p in path.parent.iterdir()] == ["pairs.h5"]
+
+
+def test_mistakes_are_named(tmp_path):
+    with pytest.raises(ConfigError, match="did you mean 'body3'"):
+        pairs(home_marker="boddy3")
+    with pytest.raises(AnalysisError, match="found none"):
+        pairs(table=TABLE.assign(excluded=True))
+    with pytest.raises(AnalysisError, match="no such file"):
+        read_pairs(tmp_path / "none.h5")
+    (tmp_path / "text.h5").write_text("not HDF5")
+    with pytest.raises(AnalysisError, match="not a file of pairs"):
+        read_pairs(tmp_path / "text.h5")
+    with pytest.raises(ValueError, match="x: expected"):
+        replace(pairs(), x=np.zeros((2, 2)))

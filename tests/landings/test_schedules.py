@@ -1,0 +1,61 @@
+"""Order of contacts, its probability, its spread."""
+
+from math import factorial
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, norm
+
+from hopdata.landings.schedules import order_probability, schedule_names, spread
+
+
+def test_names_follow_the_order_and_skip_what_is_unknown():
+    instants = np.array([[0.3, 0.1, 0.2], [0.1, 0.1, 0.0], [0.1, np.nan, 0.2]])
+    assert schedule_names(instants) == ["2>3>1", "3>1>2", ""]
+
+
+def test_spread_is_the_population_sd():
+    np.testing.assert_allclose(spread(np.array([[0.0, 0.003, 0.006]])), [np.sqrt(6) * 1e-3])
+
+
+def test_two_feet_against_the_closed_form():
+    rng = np.random.default_rng(0)
+    mean, sd = rng.normal(size=(200, 2)), 10 ** rng.uniform(-3, 1, (200, 2))
+    exact = norm.cdf(np.abs(mean[:, 1] - mean[:, 0]) / np.hypot(sd[:, 0], sd[:, 1]))
+    np.testing.assert_allclose(order_probability(mean, sd), exact, atol=1e-11)
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 5, 6])
+def test_equal_feet_have_every_order_equally(n):
+    value = order_probability(np.zeros((1, n)), np.full((1, n), 0.001))
+    np.testing.assert_allclose(value, 1 / factorial(n), rtol=1e-10)
+
+
+def test_three_feet_against_scipy():
+    rng = np.random.default_rng(1)
+    mean, sd = rng.normal(size=(20, 3)), rng.uniform(0.1, 2, (20, 3))
+    expected = []
+    for m, s in zip(mean, sd, strict=True):
+        gaps = np.diff(np.eye(3)[np.argsort(m)], axis=0)
+        cov = gaps @ np.diag(s**2) @ gaps.T
+        expected.append(multivariate_normal.cdf(gaps @ m, cov=cov))
+    np.testing.assert_allclose(order_probability(mean, sd), expected, atol=1e-8)
+
+
+def test_four_feet_against_sampling():
+    mean, sd = np.array([[0.0, 0.4, 0.7, 1.5]]), np.array([[0.5, 0.2, 0.6, 0.3]])
+    draws = np.random.default_rng(2).normal(mean, sd, (400_000, 4))
+    share = (np.diff(draws, axis=1) > 0).all(axis=1).mean()
+    assert order_probability(mean, sd)[0] == pytest.approx(share, abs=0.004)
+
+
+def test_far_apart_is_certain_and_missing_is_missing():
+    mean = np.array([[0.0, 1.0, 2.0], [0.0, np.nan, 1.0]])
+    value = order_probability(mean, np.full((2, 3), 1e-4))
+    assert value[0] == pytest.approx(1.0, abs=1e-12)
+    assert np.isnan(value[1])
+
+
+def test_zero_error_is_refused():
+    with pytest.raises(ValueError, match="positive"):
+        order_probability(np.zeros((1, 2)), np.array([[0.0, 1.0]]))

@@ -1,0 +1,181 @@
+"""The touchdown table: columns, reasons, the example, a real recording."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
+
+from hopdata.errors import AnalysisError
+from hopdata.landings.touchdowns import example_touchdown, touchdown_table
+
+SECTIONS = {"pre_height_m": PRE_HEIGHT_M, "post_height_m": POST_HEIGHT_M}
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return simulate(120, seed=9)
+
+
+@pytest.fixture(scope="module")
+def table(scene):
+    return touchdown_table(scene.recording, **SECTIONS)
+
+
+def with_feet(recording, heights):
+    positions = recording.positions.copy()
+    positions[:, recording.indices("foot"), 2] = heights
+    return replace(recording, positions=positions)
+
+
+def test_columns(table):
+    feet = ["foot1", "foot2", "foot3"]
+    assert list(table.columns) == [
+        "recording",
+        "index",
+        "t_pre_s",
+        "t_post_s",
+        *(f"contact_{foot}_s" for foot in feet),
+        *(f"se_{foot}_s" for foot in feet),
+        "schedule",
+        "probability",
+        "spread_s",
+        "excluded",
+        "reason",
+    ]
+    assert table["index"].tolist() == list(range(120))
+    assert table["t_pre_s"].is_monotonic_increasing
+    assert table["excluded"].dtype == bool
+    assert not table["excluded"].any()
+    assert (table["reason"] == "").all()
+
+
+def test_contents_against_the_truth(scene, table):
+    contacts = table[["contact_foot1_s", "contact_foot2_s", "contact_foot3_s"]].to_numpy()
+    assert np.abs(contacts - scene.contact_times).max() < 0.0015
+    np.testing.assert_allclose(table["spread_s"], contacts.std(axis=1))
+    order = np.argsort(scene.contact_times, axis=1) + 1
+    true = [">".join(map(str, row)) for row in order]
+    right = table["schedule"] == true
+    assert right.mean() > 0.95
+    assert table["probability"].mean() == pytest.approx(right.mean(), abs=0.03)
+    assert right[table["probability"] > 0.99].all()
+
+
+def test_reasons(scene):
+    recording = scene.recording
+    time, heights = recording.time, recording.feet[:, :, 2].copy()
+    cycle = (time // 0.64).astype(int)
+    heights[cycle == 1] += 0.1
+    heights[cycle == 2, 1] += 0.1
+    heights[cycle == 3, 2] = 0.0
+    at = np.searchsorted(time, scene.contact_times[4, 0])
+    heights[at : at + 14, 0] = np.nan
+    positions = with_feet(recording, heights).positions.copy()
+    first = touchdown_table(recording, **SECTIONS)
+    pre = np.searchsorted(time, first["t_pre_s"].to_numpy())
+    post = np.searchsorted(time, first["t_post_s"].to_numpy())
+    positions[pre[5] - 2 : pre[5] + 1, 0] = np.nan
+    positions[post[6] - 2 : post[6] + 2, 1] = np.nan
+    bounce = (cycle == 7) & (positions[:, :3, 2].mean(axis=1) < POST_HEIGHT_M + 0.02)
+    positions[bounce, :3, 2] += 0.1
+    table = touchdown_table(replace(recording, positions=positions), **SECTIONS)
+    assert table["reason"].tolist()[:9] == [
+        "",
+        "no foot landed",
+        "foot 2 not down by the post section",
+        "foot 3 down before the pre section",
+        "frames missing at the contact of foot 1",
+        "frames missing at the pre section",
+        "frames missing at the post section",
+        "post section never reached",
+        "",
+    ]
+    assert (table["excluded"] == (table["reason"] != "")).all()
+    assert (table["reason"] == "").sum() == 113
+
+
+def test_contacts_outside_the_transition_are_left_out(scene):
+    late = touchdown_table(scene.recording, **(SECTIONS | {"post_height_m": POST_HEIGHT_M + 0.035}))
+    contacts = scene.contact_times
+    truly_late = (contacts > late["t_post_s"].to_numpy()[:, None]).any(axis=1)
+    assert 0 < truly_late.sum() < 120
+    said_late = late["reason"].str.contains("not down by the post section").to_numpy()
+    assert (said_late == truly_late).mean() > 0.97
+    early = touchdown_table(scene.recording, **(SECTIONS | {"pre_height_m": PRE_HEIGHT_M - 0.05}))
+    truly_early = (contacts < early["t_pre_s"].to_numpy()[:, None]).any(axis=1)
+    assert 0 < truly_early.sum() < 120
+    said_early = early["reason"].str.contains("down before the pre section").to_numpy()
+    assert (said_early == truly_early).mean() > 0.97
+
+
+def test_ambiguous_orders_can_be_left_out(scene, table):
+    strict = touchdown_table(scene.recording, **SECTIONS, minimum_probability=0.99)
+    ambiguous = strict["reason"] == "order ambiguous"
+    np.testing.assert_array_equal(ambiguous, table["probability"] < 0.99)
+    assert ambiguous.any()
+
+
+def test_the_printed_method_is_selectable(scene):
+    wide = SECTIONS | {"pre_height_m": PRE_HEIGHT_M + 0.04}
+    table = touchdown_table(scene.recording, **wide, method="velocity_minimum")
+    frames = table["contact_foot1_s"] * 100
+    np.testing.assert_allclose(frames, frames.round(), atol=1e-6)
+
+
+def test_example_is_of_median_spread_in_the_commonest_schedule(scene, table):
+    example = example_touchdown([scene.recording], table, margin_s=0.03)
+    assert list(example.columns) == [
+        "recording",
+        "index",
+        "time_s",
+        "foot",
+        "height_m",
+        "velocity_m_s",
+    ]
+    row = table.iloc[example["index"].iloc[0]]
+    counts = table["schedule"].value_counts()
+    assert counts[row["schedule"]] == counts.max()
+    of_kind = table.loc[table["schedule"] == row["schedule"], "spread_s"]
+    assert abs((of_kind < row["spread_s"]).sum() - (of_kind > row["spread_s"]).sum()) <= 1
+    assert example["time_s"].min() >= -0.03
+    assert example["time_s"].max() <= row["t_post_s"] - row["t_pre_s"] + 0.03
+    assert example["velocity_m_s"].min() < -1.0
+    assert len(set(example["foot"].value_counts())) == 1
+
+
+def test_nothing_to_work_on_is_said(scene, table):
+    with pytest.raises(AnalysisError, match="at least one usable"):
+        example_touchdown([scene.recording], table.assign(excluded=True))
+    recording = scene.recording
+    lone = replace(recording, roles=("body",) * 3 + ("foot", "other", "other"))
+    with pytest.raises(AnalysisError, match="at least 2 foot"):
+        touchdown_table(lone, **SECTIONS)
+
+
+def test_a_runner(external_recording):
+    frame = pd.read_csv(external_recording, sep="\t", skiprows=11)
+    from hopdata.recordings.recording import Recording
+
+    names = ("body1", "body2", "body3", "R_heel", "R_mt1", "R_mt5")
+    columns = [[f"{name} {axis}" for axis in "XYZ"] for name in names]
+    positions = np.stack([frame[c].to_numpy() / 1000 for c in columns], axis=1)
+    positions[:, 3:, 2] -= [0.034, 0.045, 0.050]
+    recording = Recording(
+        "runner",
+        np.arange(len(frame)) / 150,
+        positions,
+        names,
+        ("body",) * 3 + ("foot",) * 3,
+        150.0,
+    )
+    table = touchdown_table(recording, pre_height_m=1.07, post_height_m=1.02)
+    landed = table["reason"] != "no foot landed"
+    assert landed.sum() == 39
+    assert (~table["excluded"]).sum() >= 30
+    assert (np.diff(np.flatnonzero(landed)) == 2).all()  # left and right in turn
+    used = table[~table["excluded"]]
+    gaps = used[["contact_R_heel_s", "contact_R_mt5_s"]].sub(used["contact_R_mt1_s"], axis=0)
+    assert (gaps.median() > 0.01).all()
+    assert (gaps.std() < 0.006).all()

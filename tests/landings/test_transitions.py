@@ -1,0 +1,88 @@
+"""Descents through the two sections."""
+
+import numpy as np
+import pytest
+from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
+
+from hopdata.errors import AnalysisError
+from hopdata.landings.transitions import find_transitions
+
+SECTIONS = {"pre_height_m": 0.3, "post_height_m": -0.3}
+
+
+def wave(rate_hz=100.0, cycles=5):
+    time = np.arange(int(cycles * rate_hz)) / rate_hz
+    return time, np.cos(2 * np.pi * time)
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 2000.0])
+def test_instants_of_a_cosine(rate_hz):
+    time, height = wave(rate_hz)
+    found = find_transitions(time, height, **SECTIONS)
+    expected = np.arange(5)
+    chord = 0.5 * 0.3 * (2 * np.pi) ** 2 / (8 * rate_hz**2)  # sagitta over speed, about
+    assert len(found) == 5
+    np.testing.assert_allclose(
+        found.t_pre, expected + np.arccos(0.3) / (2 * np.pi), atol=chord / 5 + 1e-12
+    )
+    np.testing.assert_allclose(
+        found.t_post, expected + np.arccos(-0.3) / (2 * np.pi), atol=chord / 5 + 1e-12
+    )
+    np.testing.assert_allclose(found.gap_pre, 1 / rate_hz)
+
+
+def test_a_bounce_has_no_post_crossing():
+    time, height = wave()
+    shallow = np.where((time > 1) & (time < 2), 0.2 + 0.8 * np.abs(height), height)
+    found = find_transitions(time, np.where((time > 1) & (time < 2), shallow, height), **SECTIONS)
+    assert np.isnan(found.t_post).sum() == len(found) - 4
+    assert found.complete.sum() == 4
+
+
+def test_noise_about_a_section_makes_no_descents_of_its_own():
+    time, height = wave(2000.0)
+    noisy = height + np.random.default_rng(0).normal(0, 0.004, len(time))
+    assert np.sum((noisy[:-1] >= 0.3) & (noisy[1:] < 0.3)) > 5
+    assert len(find_transitions(time, noisy, **SECTIONS)) == 5
+
+
+def test_missing_frames_widen_the_gap():
+    time, height = wave()
+    height[18:23] = np.nan  # about the first descent through 0.3
+    found = find_transitions(time, height, **SECTIONS)
+    assert len(found) == 5
+    assert found.gap_pre[0] == pytest.approx(0.06)
+    assert found.gap_pre[1] == pytest.approx(0.01)
+
+
+def test_a_recording_that_starts_low_or_ends_in_descent():
+    time, height = wave()
+    found = find_transitions(time[22:440], height[22:440], **SECTIONS)  # between the sections
+    assert len(found) == 4
+    assert found.complete.sum() == 4
+    found = find_transitions(time[:423], height[:423], **SECTIONS)
+    assert len(found) == 5
+    assert found.complete.tolist() == [True] * 4 + [False]
+
+
+def test_every_landing_is_found():
+    scene = simulate(50, seed=2)
+    found = find_transitions(
+        scene.recording.time,
+        scene.recording.body_height,
+        pre_height_m=PRE_HEIGHT_M,
+        post_height_m=POST_HEIGHT_M,
+    )
+    assert len(found) == 50
+    assert (found.t_pre < scene.contact_times.min(axis=1)).all()
+    assert (found.t_post > scene.contact_times.max(axis=1)).all()
+
+
+def test_mistakes_are_named():
+    time, height = wave()
+    with pytest.raises(AnalysisError, match="below the pre section"):
+        find_transitions(time, height, pre_height_m=0.1, post_height_m=0.2)
+    with pytest.raises(AnalysisError, match="never sinks through"):
+        find_transitions(time, height, pre_height_m=-2.0, post_height_m=-3.0)
+    with pytest.raises(AnalysisError, match="no frame shows all"):
+        find_transitions(time, height * np.nan, **SECTIONS)
