@@ -14,6 +14,12 @@ if not workflow.overwrite_configfiles:
     configfile: "config/config.yaml"
 
 
+# The base image to build on with `--software-deployment-method apptainer` (hopdata must be installed
+# in it: `pip install --require-hashes -r requirements.lock && pip install --no-deps .`). Without that
+# option, which is the default, the active environment is used and this line does nothing.
+container: "docker://python:3.13-slim"
+
+
 include: "workflow/rules/common.smk"
 include: "workflow/rules/recordings.smk"
 include: "workflow/rules/landings.smk"

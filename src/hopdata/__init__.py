@@ -1,4 +1,4 @@
-"""hopdata: is landing on several feet one smooth map?
+"""Answer from motion capture whether landing on several feet is one smooth map.
 
 The package follows the data's way, one sub-package a stage: ``hybrid`` and ``scenes`` simulate,
 ``synthesis`` observes, ``recordings`` reads, ``landings`` finds touchdowns, ``maps`` compares

@@ -80,7 +80,7 @@ def _module_files(name: str) -> list[Path]:
     parts = name.split(".")
     if parts[0] != PACKAGE.name:
         return []
-    found = []
+    found: list[Path] = []
     for depth in range(1, len(parts) + 1):
         base = PACKAGE.joinpath(*parts[1:depth])
         candidates = (base / "__init__.py", base.with_suffix(".py"))

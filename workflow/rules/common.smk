@@ -14,7 +14,16 @@ RESULTS = f"results/{STUDY['study']}"
 SOURCES = {entry["name"]: entry.get("file") for entry in STUDY["recordings"]}
 RECORDINGS = list(SOURCES)
 METHOD = STUDY["touchdowns"]["method"]
-SCORED_METHODS = list(dict.fromkeys([METHOD, "kink", "velocity_minimum"]))  # the study's own first
+# The study's own method comes first.
+SCORED_METHODS = list(dict.fromkeys([METHOD, "kink", "velocity_minimum"]))
+FORMATS = STUDY["figures"]["formats"]
+FIGURE_NAMES = [
+    "fig2_2_sections",
+    "fig2_3_schedule",
+    "fig2_4_prediction",
+    "fig2_5_distances",
+]
+FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
 
 
@@ -31,3 +40,8 @@ def code(script):
 def each_recording(pattern):
     """One path a recording, in the order of the config."""
     return expand(pattern, recording=RECORDINGS)
+
+
+def figure(name):
+    """The files of one figure, one a format."""
+    return expand(f"{RESULTS}/figures/{name}.{{format}}", format=FORMATS)

@@ -5,13 +5,13 @@ rule level:
     output:
         recording=f"{RESULTS}/level/{{recording}}.h5",
         floor=f"{RESULTS}/level/{{recording}}.json",
-    params:
-        options=STUDY["floor"],
-        code=code("level"),
     log:
         f"{RESULTS}/logs/level_{{recording}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/level_{{recording}}.tsv"
+    params:
+        options=STUDY["floor"],
+        code=code("level"),
     script:
         "../scripts/level.py"
 
@@ -24,13 +24,13 @@ rule sections:
         sections=f"{RESULTS}/landings/sections.json",
         densities=f"{RESULTS}/tables/section_densities.csv",
         frames=f"{RESULTS}/tables/section_frames.csv",
-    params:
-        options=STUDY["sections"],
-        code=code("sections"),
     log:
         f"{RESULTS}/logs/sections.log",
     benchmark:
         f"{RESULTS}/benchmarks/sections.tsv"
+    params:
+        options=STUDY["sections"],
+        code=code("sections"),
     script:
         "../scripts/sections.py"
 
@@ -42,13 +42,13 @@ rule touchdowns:
         sections=rules.sections.output.sections,
     output:
         touchdowns=f"{RESULTS}/landings/{{method}}/{{recording}}.csv",
-    params:
-        options=STUDY["touchdowns"],
-        code=code("touchdowns"),
     log:
         f"{RESULTS}/logs/touchdowns_{{method}}_{{recording}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/touchdowns_{{method}}_{{recording}}.tsv"
+    params:
+        options=STUDY["touchdowns"],
+        code=code("touchdowns"),
     script:
         "../scripts/touchdowns.py"
 
@@ -63,13 +63,13 @@ rule pairs:
         pairs=f"{RESULTS}/landings/pairs.h5",
         touchdowns=f"{RESULTS}/tables/touchdowns.csv",
         example=f"{RESULTS}/tables/example_touchdown.csv",
-    params:
-        home=STUDY["home"],
-        states=STUDY["states"],
-        code=code("pairs"),
     log:
         f"{RESULTS}/logs/pairs.log",
     benchmark:
         f"{RESULTS}/benchmarks/pairs.tsv"
+    params:
+        home=STUDY["home"],
+        states=STUDY["states"],
+        code=code("pairs"),
     script:
         "../scripts/pairs.py"

@@ -5,13 +5,13 @@ rule units:
     output:
         pairs=f"{RESULTS}/maps/pairs.h5",
         units=f"{RESULTS}/tables/units.json",
-    params:
-        options=STUDY["units"],
-        code=code("units"),
     log:
         f"{RESULTS}/logs/units.log",
     benchmark:
         f"{RESULTS}/benchmarks/units.tsv"
+    params:
+        options=STUDY["units"],
+        code=code("units"),
     script:
         "../scripts/units.py"
 
@@ -24,14 +24,14 @@ rule prediction:
         errors=f"{RESULTS}/tables/prediction_errors.csv",
         summary=f"{RESULTS}/tables/prediction_summary.csv",
         notes=f"{RESULTS}/maps/prediction_notes.json",
-    params:
-        options=STUDY["prediction"],
-        seed=STUDY["seed"],
-        code=code("prediction"),
     log:
         f"{RESULTS}/logs/prediction.log",
     benchmark:
         f"{RESULTS}/benchmarks/prediction.tsv"
+    params:
+        options=STUDY["prediction"],
+        seed=STUDY["seed"],
+        code=code("prediction"),
     script:
         "../scripts/prediction.py"
 
@@ -43,14 +43,14 @@ rule subspaces:
     output:
         subspaces=f"{RESULTS}/maps/subspaces.h5",
         notes=f"{RESULTS}/maps/subspaces_notes.json",
-    params:
-        options=STUDY["subspaces"],
-        seed=STUDY["seed"],
-        code=code("subspaces"),
     log:
         f"{RESULTS}/logs/subspaces.log",
     benchmark:
         f"{RESULTS}/benchmarks/subspaces.tsv"
+    params:
+        options=STUDY["subspaces"],
+        seed=STUDY["seed"],
+        code=code("subspaces"),
     script:
         "../scripts/subspaces.py"
 
@@ -63,14 +63,14 @@ rule distances:
         distances=f"{RESULTS}/tables/distances.csv",
         summary=f"{RESULTS}/tables/distance_summary.csv",
         notes=f"{RESULTS}/maps/distances_notes.json",
-    params:
-        options=STUDY["distances"],
-        seed=STUDY["seed"],
-        code=code("distances"),
     log:
         f"{RESULTS}/logs/distances.log",
     benchmark:
         f"{RESULTS}/benchmarks/distances.tsv"
+    params:
+        options=STUDY["distances"],
+        seed=STUDY["seed"],
+        code=code("distances"),
     script:
         "../scripts/distances.py"
 
@@ -78,26 +78,26 @@ rule distances:
 rule score:
     """Accuracy against the truth that a synthetic recording carries."""
     input:
-        recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
-        floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
-        sections=rules.sections.output.sections,
         **{
             f"{method}_{recording}": f"{RESULTS}/landings/{method}/{recording}.csv"
             for method in SCORED_METHODS
             for recording in RECORDINGS
         },
+        recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
+        floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
+        sections=rules.sections.output.sections,
         prediction=rules.prediction.output.summary,
         distances=rules.distances.output.summary,
     output:
         truth=f"{RESULTS}/truth.json",
+    log:
+        f"{RESULTS}/logs/score.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/score.tsv"
     params:
         methods=SCORED_METHODS,
         recordings=RECORDINGS,
         feet=STUDY["markers"]["feet"],
         code=code("score"),
-    log:
-        f"{RESULTS}/logs/score.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/score.tsv"
     script:
         "../scripts/score.py"

@@ -2,38 +2,33 @@ rule simulate:
     """A three-legged hopper as motion capture would see it, with its truth beside it."""
     output:
         recording=f"{RESULTS}/simulated/{{recording}}.h5",
+    log:
+        f"{RESULTS}/logs/simulate_{{recording}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/simulate_{{recording}}.tsv"
     params:
         simulation=STUDY["simulation"],
         motion_capture=STUDY["motion_capture"],
         seed=STUDY["seed"],
         number=lambda wildcards: RECORDINGS.index(wildcards.recording),
         code=code("simulate"),
-    log:
-        f"{RESULTS}/logs/simulate_{{recording}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/simulate_{{recording}}.tsv"
     script:
         "../scripts/simulate.py"
-
-
-def recording_source(wildcards):
-    """The configured file, or the simulation that stands in for it."""
-    return SOURCES[wildcards.recording] or rules.simulate.output.recording
 
 
 rule import_recording:
     """Any supported file, in the one form that the analysis reads: metres, z up, known roles."""
     input:
-        source=recording_source,
+        source=lambda wildcards: (SOURCES[wildcards.recording] or rules.simulate.output.recording),
     output:
         recording=f"{RESULTS}/recordings/{{recording}}.h5",
-    params:
-        markers=STUDY["markers"],
-        options=STUDY["input"],
-        code=code("import_recording"),
     log:
         f"{RESULTS}/logs/import_{{recording}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/import_{{recording}}.tsv"
+    params:
+        markers=STUDY["markers"],
+        options=STUDY["input"],
+        code=code("import_recording"),
     script:
         "../scripts/import_recording.py"

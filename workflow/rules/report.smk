@@ -1,13 +1,3 @@
-FORMATS = STUDY["figures"]["formats"]
-FIGURE_NAMES = ["fig2_2_sections", "fig2_3_schedule", "fig2_4_prediction", "fig2_5_distances"]
-FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
-
-
-def figure(name):
-    """The files of one figure, one a format."""
-    return expand(f"{RESULTS}/figures/{name}.{{format}}", format=FORMATS)
-
-
 rule figure_sections:
     """Fig. 2.2: foot height against body height, and the sections chosen from it."""
     input:
@@ -16,13 +6,13 @@ rule figure_sections:
         sections=rules.sections.output.sections,
     output:
         figure("fig2_2_sections"),
-    params:
-        options=STUDY["figures"],
-        code=code("figure_sections"),
     log:
         f"{RESULTS}/logs/figure_sections.log",
     benchmark:
         f"{RESULTS}/benchmarks/figure_sections.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_sections"),
     script:
         "../scripts/figure_sections.py"
 
@@ -34,13 +24,13 @@ rule figure_schedule:
         touchdowns=rules.pairs.output.touchdowns,
     output:
         figure("fig2_3_schedule"),
-    params:
-        options=STUDY["figures"],
-        code=code("figure_schedule"),
     log:
         f"{RESULTS}/logs/figure_schedule.log",
     benchmark:
         f"{RESULTS}/benchmarks/figure_schedule.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_schedule"),
     script:
         "../scripts/figure_schedule.py"
 
@@ -52,13 +42,13 @@ rule figure_prediction:
         units=rules.units.output.units,
     output:
         figure("fig2_4_prediction"),
-    params:
-        options=STUDY["figures"],
-        code=code("figure_prediction"),
     log:
         f"{RESULTS}/logs/figure_prediction.log",
     benchmark:
         f"{RESULTS}/benchmarks/figure_prediction.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_prediction"),
     script:
         "../scripts/figure_prediction.py"
 
@@ -70,13 +60,13 @@ rule figure_distances:
         summary=rules.distances.output.summary,
     output:
         figure("fig2_5_distances"),
-    params:
-        options=STUDY["figures"],
-        code=code("figure_distances"),
     log:
         f"{RESULTS}/logs/figure_distances.log",
     benchmark:
         f"{RESULTS}/benchmarks/figure_distances.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_distances"),
     script:
         "../scripts/figure_distances.py"
 
@@ -93,16 +83,20 @@ rule report:
         units=rules.units.output.units,
         prediction=rules.prediction.output.summary,
         distances=rules.distances.output.summary,
-        notes=[rules.prediction.output.notes, rules.subspaces.output.notes, rules.distances.output.notes],
+        notes=[
+            rules.prediction.output.notes,
+            rules.subspaces.output.notes,
+            rules.distances.output.notes,
+        ],
         truth=rules.score.output.truth,
     output:
         report=f"{RESULTS}/report.html",
         provenance=f"{RESULTS}/provenance.json",
+    log:
+        f"{RESULTS}/logs/report.log",
     params:
         study=STUDY,
         stage_times=f"{RESULTS}/benchmarks",
         code=code("report"),
-    log:
-        f"{RESULTS}/logs/report.log",
     script:
         "../scripts/report.py"

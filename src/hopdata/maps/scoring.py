@@ -102,8 +102,8 @@ def score(
     feet
         Names of the n feet, in the order of the truth.
     tables
-        Method (``"kink"``, ``"velocity_minimum"``) -> touchdown table of all recordings; the first is
-        the study's own, whose usable and excluded touchdowns are counted.
+        Method (``"kink"``, ``"velocity_minimum"``) -> touchdown table of all recordings; the
+        first is the study's own, whose usable and excluded touchdowns are counted.
     pre_height_m, post_height_m, tail_fraction
         The sections found and the tail fraction behind them.
     prediction_summary, distance_summary

@@ -60,11 +60,11 @@ class Recording:
             raise ValueError(f"roles: expected {n_markers} entries, found {len(self.roles)}")
 
     def indices(self, role: str) -> list[int]:
-        """Indices of the markers with this role, in order."""
+        """Return indices of the markers with this role, in order."""
         return [i for i, r in enumerate(self.roles) if r == role]
 
     def names(self, role: str) -> tuple[str, ...]:
-        """Names of the markers with this role, in order."""
+        """Return names of the markers with this role, in order."""
         return tuple(self.markers[i] for i in self.indices(role))
 
     @cached_property

@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-RTOL, ATOL = 1e-8, 1e-10
+RTOL, ATOL = 1e-10, 1e-12
 
 
 @dataclass(frozen=True)
