@@ -137,7 +137,7 @@ def test_every_touchdown_is_accounted_for(sample):
 def test_a_real_recording_runs_to_a_report(sample, external_recording):
     target = sample / "data" / "external"
     target.mkdir(parents=True, exist_ok=True)
-    shutil.copy(external_recording("RBDS001runT25markers.tsv"), target)
+    shutil.copy(external_recording, target)
     run = snakemake(sample, "--configfile", "config/runner.yaml")
     assert run.returncode == 0, run.stdout + run.stderr
     results = sample / "results" / "runner"

@@ -1,3 +1,4 @@
+# ruff: noqa: ARG001 (the integrator prescribes the signatures of field and guards)
 """Three affine modes a coordinate, switched at the coordinate planes (dissertation, table 4.3).
 
 The state (x, y, z) is dimensionless, as is time. Each guard is crossed once from the initial state
@@ -7,13 +8,16 @@ used there: y rising, z falling, x rising.
 from __future__ import annotations
 
 from hopdata.hybrid import System, field, guards
+from hopdata.hybrid.solution import FloatArray, IntArray
 
 INITIAL_STATE = (-0.4, -0.15, 0.3)
 T_SPAN = (0.0, 0.5)
 
 
 @field
-def octant_field(t, y, mode, params, dy):  # type: ignore[no-untyped-def]
+def octant_field(
+    t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
+) -> None:
     """Return the affine field of the octant that the locks name."""
     x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
     if x_side:
@@ -26,7 +30,15 @@ def octant_field(t, y, mode, params, dy):  # type: ignore[no-untyped-def]
 
 
 @guards
-def octant_guards(t, y, dy, mode, params, h, hdot):  # type: ignore[no-untyped-def]
+def octant_guards(
+    t: float,
+    y: FloatArray,
+    dy: FloatArray,
+    mode: IntArray,
+    params: FloatArray,
+    h: FloatArray,
+    hdot: FloatArray,
+) -> None:
     """Return the coordinate planes; z is crossed downwards, so that -z rises."""
     h[0], hdot[0] = y[0], dy[0]
     h[1], hdot[1] = y[1], dy[1]

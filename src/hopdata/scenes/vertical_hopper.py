@@ -1,3 +1,4 @@
+# ruff: noqa: ARG001 (the integrator prescribes the signatures of field and guards)
 """The hopper in one dimension (dissertation, section 4.3.4): a mass on a preloaded springy leg.
 
 State: height of the mass above the floor, m, and its velocity, m/s. The leg touches the floor
@@ -12,10 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.hybrid import System, field, guards
+from hopdata.hybrid.solution import FloatArray, IntArray
 
 
 @field
-def hopper_field(t, y, mode, params, dy):  # type: ignore[no-untyped-def]
+def hopper_field(
+    t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
+) -> None:
     """Return gravity, and in stance (lock -1) the spring's and the damper's push."""
     gravity, stiffness, rest_length, damping = params[0], params[1], params[2], params[3]
     dy[0] = y[1]
@@ -25,7 +29,15 @@ def hopper_field(t, y, mode, params, dy):  # type: ignore[no-untyped-def]
 
 
 @guards
-def hopper_guards(t, y, dy, mode, params, h, hdot):  # type: ignore[no-untyped-def]
+def hopper_guards(
+    t: float,
+    y: FloatArray,
+    dy: FloatArray,
+    mode: IntArray,
+    params: FloatArray,
+    h: FloatArray,
+    hdot: FloatArray,
+) -> None:
     """Return the height above contact: negative in stance."""
     h[0] = y[0] - params[4]
     hdot[0] = dy[0]
@@ -75,7 +87,7 @@ class VerticalHopper:
         )
 
     def system(self) -> System:
-        """Return the hybrid system, whose guard ``contact`` falls at touchdown and rises at lift-off."""
+        """Return the hybrid system: its guard ``contact`` falls at touchdown, rises at lift-off."""
         return System(
             field=hopper_field, guards=hopper_guards, n_states=2, guard_names=("contact",)
         )

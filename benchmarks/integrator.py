@@ -1,0 +1,209 @@
+"""Work and precision of the integrator against scipy's `solve_ivp`, on two scenes with exact ends.
+
+    python benchmarks/integrator.py --out integrator.csv
+
+One row for each scene, solver and tolerance. `error_max` is the largest deviation of the final
+state from the exact one, in the scene's own units; times are of one call from Python (mean of
+five in a row), median and quartiles over the repeats, all in one process on one thread, the
+solvers taken in turn.
+Both solvers call the same Numba-compiled field and guards. scipy stops at each event (a terminal
+event per guard, in the direction that its lock leaves open) and is started again in the new mode.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import brentq
+
+from hopdata.hybrid import System, solve
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
+from hopdata.scenes.vertical_hopper import VerticalHopper
+
+FloatArray = NDArray[np.float64]
+
+TOLERANCES = tuple(10.0**-k for k in range(4, 13))
+EQUAL_ERROR = 1e-9
+CALLS = 5  # in a row, for each timing
+COLUMNS = (
+    "scene",
+    "solver",
+    "rtol",
+    "error_max",
+    "time_median_us",
+    "time_q25_us",
+    "time_q75_us",
+    "field_evaluations",
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene, where it starts, and where it truly ends."""
+
+    name: str
+    system: System
+    params: tuple[float, ...]
+    t_span: tuple[float, float]
+    y0: tuple[float, ...]
+    exact: FloatArray
+
+
+def affine_flow(rows: ArrayLike, constants: ArrayLike) -> FloatArray:
+    """Return the generator of an affine flow on the state with a 1 behind it."""
+    return np.block([[np.array(rows), np.array(constants)[:, None]], [np.zeros((1, 4))]])
+
+
+def octant_end() -> FloatArray:
+    """Return the exact end of table 4.3, mode by mode, by matrix exponentials."""
+    modes = [
+        ([[0, -1, 0], [1, 0, 0], [0, 0, -1]], [1, 1, -1], 1),  # until y = 0
+        ([[0, 1, 0], [-1, 0, 0], [0, 0, -1]], [1, 1, -1], 2),  # until z = 0
+        ([[0, 1, 0], [-1, 0, 0], [0, 0, 3]], [1, 1, -1], 0),  # until x = 0
+    ]
+    state, now = np.array([*INITIAL_STATE, 1.0]), 0.0
+    for rows, constants, axis in modes:
+        flow = affine_flow(rows, constants)
+        span = brentq(lambda t: (expm(flow * t) @ state)[axis], 1e-9, 0.3, xtol=1e-16)  # noqa: B023
+        state, now = expm(flow * span) @ state, now + span
+    last = affine_flow([[10, 0, 0], [0, 1, 0], [0, 0, 3]], [1, 1, -1])
+    return (expm(last * (T_SPAN[1] - now)) @ state)[:3]
+
+
+def hopper_end(hopper: VerticalHopper, drop_m: float, until_s: float) -> FloatArray:
+    """Return the exact state, in flight, of the undamped hopper dropped from rest."""
+    g, omega = hopper.gravity_m_s2, np.sqrt(hopper.stiffness_n_m / hopper.mass_kg)
+    fall = drop_m - hopper.contact_length_m
+    speed = np.sqrt(2 * g * fall)
+    rest = hopper.rest_length_m - hopper.contact_length_m - g / omega**2
+    stance = 2 * np.arctan2(speed / omega, rest) / omega  # symmetric about the lowest point
+    in_flight = (until_s - speed / g) % (stance + 2 * speed / g) - stance
+    if in_flight < 0:
+        raise ValueError("choose an end in flight")
+    height = hopper.contact_length_m + speed * in_flight - 0.5 * g * in_flight**2
+    return np.array([height, speed - g * in_flight])
+
+
+def cases() -> list[Case]:
+    """Return both scenes as in the dissertation, sections 4.4.2 and 4.4.3."""
+    hopper = VerticalHopper()
+    return [
+        Case("octant", octant(), (), T_SPAN, INITIAL_STATE, octant_end()),
+        Case(
+            "vertical_hopper", hopper.system(), hopper.params, (0.0, 2.0), (2.0, 0.0),
+            hopper_end(hopper, 2.0, 2.0),
+        ),
+    ]  # fmt: skip
+
+
+def with_hopdata(case: Case) -> Callable[[float], tuple[FloatArray, int]]:
+    """Return a function of the tolerance that gives the final state and the field evaluations."""
+
+    def run(tolerance: float) -> tuple[FloatArray, int]:
+        solution = solve(
+            case.system, case.t_span, case.y0, params=case.params, rtol=tolerance, atol=tolerance
+        )
+        return solution.y_end, solution.nfev
+
+    return run
+
+
+def with_scipy(case: Case, method: str) -> Callable[[float], tuple[FloatArray, int]]:
+    """Do the same by `solve_ivp`, started again at each event."""
+    ivp: Any = solve_ivp
+    assert case.system.guards is not None
+    field, guards = njit(case.system.field.function), njit(case.system.guards.function)
+    params, n_guards = np.array(case.params, dtype=np.float64), case.system.n_guards
+
+    def slope(t: float, y: FloatArray, mode: NDArray[np.int64]) -> FloatArray:
+        dy = np.empty_like(y)
+        field(t, y, mode, params, dy)
+        return dy
+
+    def heights(t: float, y: FloatArray, mode: NDArray[np.int64]) -> FloatArray:
+        h, rates = np.empty(n_guards), np.empty(n_guards)
+        guards(t, y, slope(t, y, mode), mode, params, h, rates)
+        return h
+
+    def event(k: int, lock: int) -> Callable[..., float]:
+        def value(t: float, y: FloatArray, mode: NDArray[np.int64]) -> float:
+            return heights(t, y, mode)[k]
+
+        value.terminal, value.direction = True, -lock  # type: ignore[attr-defined]
+        return value
+
+    def run(tolerance: float) -> tuple[FloatArray, int]:
+        now, state, evaluations = case.t_span[0], np.array(case.y0, dtype=np.float64), 0
+        mode = np.full(n_guards, -1)
+        mode[:] = np.where(heights(now, state, mode) > 0, 1, -1)
+        while now < case.t_span[1]:
+            part = ivp(
+                slope, (now, case.t_span[1]), state, method=method, args=(mode,),
+                events=[event(k, lock) for k, lock in enumerate(mode)],
+                rtol=tolerance, atol=tolerance,
+            )  # fmt: skip
+            now, state, evaluations = part.t[-1], part.y[:, -1], evaluations + part.nfev
+            for k, times in enumerate(part.t_events):
+                if len(times) > 0:
+                    mode[k] = -mode[k]
+        return state, evaluations
+
+    return run
+
+
+def measure(case: Case, repeats: int) -> list[dict[str, object]]:
+    """Time all solvers in turn at each tolerance."""
+    solvers = {
+        "hopdata DOPRI5": with_hopdata(case),
+        "scipy RK45": with_scipy(case, "RK45"),
+        "scipy DOP853": with_scipy(case, "DOP853"),
+    }
+    rows: list[dict[str, object]] = []
+    for tolerance in TOLERANCES:
+        times: dict[str, list[float]] = {name: [] for name in solvers}
+        ends = {name: run(tolerance) for name, run in solvers.items()}  # warms up, too
+        for _ in range(repeats):
+            for name, run in solvers.items():
+                start = time.perf_counter()
+                for _ in range(CALLS):
+                    run(tolerance)
+                times[name].append(1e6 * (time.perf_counter() - start) / CALLS)
+        for name, (end, evaluations) in ends.items():
+            low, median, high = np.percentile(times[name], [25, 50, 75])
+            row = (case.name, name, tolerance, float(np.abs(end - case.exact).max()))
+            rows.append(dict(zip(COLUMNS, (*row, median, low, high, evaluations), strict=True)))
+    return rows
+
+
+def time_at(rows: pd.DataFrame, error: float) -> float:
+    """Interpolate the time at an error, on logarithmic axes, along the lowest times so far, us."""
+    by_error = rows.sort_values("error_max")
+    envelope = np.minimum.accumulate(by_error["time_median_us"])
+    return float(np.exp(np.interp(np.log(error), np.log(by_error["error_max"]), np.log(envelope))))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    parser.add_argument("--repeats", type=int, default=15, help="timed runs of each case")
+    arguments = parser.parse_args()
+    table = pd.DataFrame([row for case in cases() for row in measure(case, arguments.repeats)])
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(arguments.out, index=False)
+    for (scene, solver), rows in table.groupby(["scene", "solver"]):
+        print(f"{scene:16} {solver:16} {time_at(rows, EQUAL_ERROR):10.1f} us at {EQUAL_ERROR:g}")
+
+
+if __name__ == "__main__":
+    main()

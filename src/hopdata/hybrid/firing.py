@@ -1,0 +1,160 @@
+"""What happens at an instant: flip the locks, tell the scene, look again, until nothing flips."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from numba import njit
+
+from hopdata.hybrid.callbacks import call_on_event
+from hopdata.hybrid.layout import (
+    CROWD,
+    CULPRIT,
+    DIRECTION,
+    DUE,
+    EVENT_ROWS,
+    EVENTS,
+    FLIPS,
+    H0,
+    INSTANT,
+    K1,
+    RATE0,
+    RATE_ABOVE,
+    RATE_BELOW,
+    TERMINAL,
+    Memory,
+    T,
+    Y,
+)
+from hopdata.hybrid.problem import Problem, eval_field, first_not_finite, guards_at_start
+from hopdata.hybrid.status import (
+    FIELD_NOT_FINITE,
+    GUARD_NOT_FINITE,
+    RUNNING,
+    SLIDING,
+    TERMINATED,
+    ZENO,
+)
+from hopdata.hybrid.surface import mark_due, time_resolution
+from hopdata.hybrid.views import FloatTable, FloatVector, IntTable, IntVector
+
+FLIPS_AT_ONCE = 2  # there and back, as at an impact; a third flip means that the guard is not live
+CROWDED = 1000  # instants nearer than this many time resolutions are a crowd
+CROWD_BASE, CROWD_PER_GUARD = 100, 10
+
+
+class Log(NamedTuple):
+    """Room for events, one row each."""
+
+    time: FloatVector
+    guard: IntVector
+    direction: IntVector
+    before: FloatTable
+    after: FloatTable
+    mode: IntTable
+
+
+@njit
+def flip(p: Problem, m: Memory) -> int:
+    """Flip the locks of all guards that are due; refuse the third flip at one instant."""
+    for k in range(m.flags.width):
+        if m.flags[DUE, k] == 0:
+            continue
+        side = RATE_BELOW if p.mode[k] < 0 else RATE_ABOVE
+        m.clock[side] = m.guards[RATE0, k]
+        m.flags[FLIPS, k] += 1
+        p.mode[k] = -p.mode[k]
+        if m.flags[FLIPS, k] > FLIPS_AT_ONCE:
+            m.counts[CULPRIT] = k
+            into_surface = m.clock[RATE_BELOW] > 0.0 and m.clock[RATE_ABOVE] < 0.0
+            return SLIDING if into_surface else ZENO
+    return RUNNING
+
+
+@njit
+def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
+    """Tell the scene that guard k has flipped, if that is an event, and log it.
+
+    Returns TERMINATED if it ends the integration, else RUNNING.
+    """
+    direction = p.mode[k]
+    if p.rules[DIRECTION, k] != 0 and p.rules[DIRECTION, k] != direction:
+        return RUNNING
+    row, n = m.counts[EVENT_ROWS], m.states.width
+    for i in range(n):
+        log.before[row, i] = m.states[Y, i]
+    stop = p.rules[TERMINAL, k]
+    if p.on_event != 0:
+        stop |= call_on_event(  # type: ignore[call-arg]
+            p.on_event, m.clock[T], m.states, Y, p.mode, p.params, k, direction
+        )
+    log.time[row] = m.clock[T]
+    log.guard[row], log.direction[row] = k, direction
+    for i in range(n):
+        log.after[row, i] = m.states[Y, i]
+    for i in range(p.mode.width):
+        log.mode[row, i] = p.mode[i]
+    m.counts[EVENT_ROWS] += 1
+    m.counts[EVENTS] += 1
+    return TERMINATED if stop != 0 else RUNNING
+
+
+@njit
+def fire_due(p: Problem, m: Memory, log: Log) -> int:
+    """Fire all guards that have just flipped, in their order."""
+    status = RUNNING
+    for k in range(m.flags.width):
+        if m.flags[DUE, k] != 0 and fire_one(p, m, log, k) == TERMINATED:
+            m.counts[CULPRIT] = k
+            status = TERMINATED
+    return status
+
+
+@njit
+def refresh(p: Problem, m: Memory) -> int:
+    """Evaluate field and guards anew at the present state and mode."""
+    eval_field(p, m, m.clock[T], Y, K1)
+    if first_not_finite(m.states, K1) >= 0:
+        return FIELD_NOT_FINITE
+    return RUNNING if guards_at_start(p, m, m.clock[T]) else GUARD_NOT_FINITE
+
+
+@njit
+def too_crowded(m: Memory, resolution: float) -> bool:
+    """Count instants that follow each other too closely; tell whether there are too many."""
+    n_guards = m.flags.width
+    gap = m.clock[T] - m.clock[INSTANT]
+    if gap > resolution:
+        for k in range(n_guards):
+            m.flags[FLIPS, k] = 0
+    m.counts[CROWD] = m.counts[CROWD] + 1 if gap <= CROWDED * resolution else 0
+    m.clock[INSTANT] = m.clock[T]
+    return m.counts[CROWD] > CROWD_BASE + CROWD_PER_GUARD * n_guards
+
+
+@njit
+def keep_culprit(m: Memory) -> None:
+    """Remember the first guard that is due as the one to report."""
+    for k in range(m.flags.width - 1, -1, -1):
+        if m.flags[DUE, k] != 0:
+            m.counts[CULPRIT] = k
+
+
+@njit
+def fire_all(p: Problem, m: Memory, log: Log) -> int:
+    """Let all guards in DUE flip, and those that their handlers push across; refresh the field.
+
+    Expects the instant's state in Y, its time in the clock, and its guards in H0 and RATE0.
+    """
+    resolution = time_resolution(m.clock[T], 0.0)
+    if too_crowded(m, resolution):
+        keep_culprit(m)
+        return ZENO
+    while True:
+        status = flip(p, m)
+        if status == RUNNING:
+            status = fire_due(p, m, log)
+        if status == RUNNING:
+            status = refresh(p, m)
+        if status != RUNNING or mark_due(p, m, H0, RATE0, resolution) == 0:
+            return status

@@ -1,0 +1,114 @@
+"""Make the step end at the first flip in it.
+
+The step is taken again to the instant that localisation found, and its end corrected by Newton on
+h itself, so that time and state of the event have the order of the method, not of the interpolant.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from hopdata.hybrid.layout import DUE, END, H0, H1, K7, RATE1, SCRATCH, SIZE, SLOPE, Memory, T
+from hopdata.hybrid.localisation import CROSSING, DIP, PASS, first_cut
+from hopdata.hybrid.problem import Problem, eval_field, guards_at_end
+from hopdata.hybrid.stepping import take_stages
+from hopdata.hybrid.surface import mark_due, remember_residuals, time_resolution
+
+MAX_POLISH = 8
+RETAKE_ABOVE = 1e-4  # part of the step by which its end may be moved by a midpoint step
+
+
+@njit
+def nearest_surface(p: Problem, m: Memory, k: int) -> tuple[float, int]:
+    """Return how far the end of the step is from guard k, s, or from a rival that is past.
+
+    And which guard that is: the first of those past, if there are any.
+    """
+    shift, nearest = 0.0, k
+    if p.mode[k] * m.guards[RATE1, k] < 0.0:
+        shift = -m.guards[H1, k] / m.guards[RATE1, k]
+    for j in range(m.guards.width):
+        value, rate = p.mode[j] * m.guards[H1, j], p.mode[j] * m.guards[RATE1, j]
+        if rate < 0.0 and value < 0.0 and -value / rate < shift:
+            shift, nearest = -value / rate, j
+    return shift, nearest
+
+
+@njit
+def move_end(p: Problem, m: Memory, t: float, shift: float) -> None:
+    """Move the end of the step, at time t, by a short midpoint step."""
+    s = m.states
+    for i in range(s.width):
+        s[SCRATCH, i] = s[END, i] + 0.5 * shift * s[K7, i]
+    eval_field(p, m, t + 0.5 * shift, SCRATCH, SLOPE)
+    for i in range(s.width):
+        s[END, i] += shift * s[SLOPE, i]
+    eval_field(p, m, t + shift, END, K7)
+
+
+@njit
+def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple[float, int]:
+    """Take the step again so that it ends on guard k, about `span` from now.
+
+    Returns its length and the guard on which it ends: a rival, if one turns out to be earlier.
+    """
+    t = m.clock[T]
+    last = span
+    take_stages(p, m, t, span)
+    guards_at_end(p, m, t + span)
+    for _ in range(MAX_POLISH):
+        shift, k = nearest_surface(p, m, k)
+        shift = max(shift, -0.5 * span)
+        if not resolution < abs(shift) < last:
+            break
+        last = abs(shift)
+        if abs(shift) > RETAKE_ABOVE * span:
+            take_stages(p, m, t, span + shift)
+        else:
+            move_end(p, m, t + span, shift)
+        span += shift
+        guards_at_end(p, m, t + span)
+    return span, k
+
+
+@njit
+def end_at_dips(p: Problem, m: Memory, dt: float) -> tuple[float, int, int, float]:
+    """Look for the first cut; at a dip, end the step there: the sign of h there decides.
+
+    Returns the step's length, and kind, guard and place of the cut that remains.
+    """
+    kind, k, theta = PASS, -1, 1.0
+    for _ in range(2 * m.guards.width + 4):
+        kind, k, theta = first_cut(p, m, dt)
+        if kind != DIP:
+            break
+        dt *= theta
+        take_stages(p, m, m.clock[T], dt)
+        guards_at_end(p, m, m.clock[T] + dt)
+    return dt, kind, k, theta
+
+
+@njit
+def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
+    """Shorten the step to the first flip in it, if any.
+
+    Marks in DUE the guards that flip at its end; returns its length (0 if they flip at its very
+    start) and how many they are.
+    """
+    dt, kind, k, theta = end_at_dips(p, m, dt)
+    if kind != CROSSING:
+        return dt, 0
+    for j in range(m.guards.width):
+        m.flags[DUE, j] = 0
+        m.guards[SIZE, j] = max(abs(m.guards[H0, j]), abs(m.guards[H1, j]))
+    resolution = time_resolution(m.clock[T], dt)
+    if theta * dt <= resolution:
+        m.flags[DUE, k] = 1
+        return 0.0, 1
+    dt, k = land(p, m, k, theta * dt, resolution)
+    total = mark_due(p, m, H1, RATE1, resolution)
+    if total == 0 and p.mode[k] * m.guards[RATE1, k] < 0.0:
+        m.flags[DUE, k] = 1
+        total = 1
+    remember_residuals(m, H1)
+    return dt, total

@@ -1,0 +1,154 @@
+"""Find where in a step the first guard flips: judge by a cubic, then search the interpolant.
+
+The Hermite cubic through (h0, hdot0, h1, hdot1) says which guards to look at and where to begin;
+a bracketed Newton iteration on the interpolant finds the root to interpolation error.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from hopdata.hybrid.dense import interpolate, interpolate_slope, prepare_interpolant
+from hopdata.hybrid.hermite import NOWHERE, cubic, cubic_root, turning_points
+from hopdata.hybrid.layout import H0, H1, RATE, RATE0, RATE1, SCRATCH, H, Memory, T, index_numbers
+from hopdata.hybrid.problem import Problem, guards_inside
+
+PASS, CROSSING, DIP = 0, 1, 2
+ANY, PAST = index_numbers(2)  # which guards to suspect
+
+GRAZE = 1e-2  # look closer at a dip that comes nearer than this, relative to the step's margins
+EDGE = 1e-6  # a dip this near to an end of the step is that end
+LEAVING = 1e-12  # a guard that has not left its surface by this part of the step never left
+ROOT_ACCURACY = 1e-9  # of the root on the interpolant; landing does the rest
+MAX_ROOT, MAX_DIP = 80, 12
+
+
+@njit
+def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
+    """Evaluate the guards on the interpolant at `theta`, into H and RATE."""
+    interpolate(m.states, theta, m.states, SCRATCH)
+    interpolate_slope(m.states, theta, dt)
+    guards_inside(p, m, m.clock[T] + theta * dt)
+
+
+@njit
+def suspect(g0: float, d0: float, g1: float, d1: float) -> tuple[int, float, float, float]:
+    """Judge a guard by its cubic.
+
+    Takes margin and slope (per step) at both ends; returns the kind of suspicion, where to look
+    first, and a bracket.
+    """
+    crossed = g1 < 0.0 or (g1 == 0.0 and d1 < 0.0)
+    if not crossed and d0 >= 0.0 and d1 >= 0.0 and g1 >= g0 + 0.34 * max(d0, d1):
+        return PASS, 1.0, 0.0, 1.0  # monotone (Fritsch and Carlson)
+    top, bottom = turning_points(g0, d0, g1, d1)
+    low = top if g0 == 0.0 and top < bottom else 0.0
+    deep = NOWHERE
+    if EDGE < bottom < 1.0 - EDGE:
+        deep = cubic(g0, d0, g1, d1, bottom)
+    if crossed:
+        high = bottom if deep < 0.0 and bottom > low else 1.0
+        return CROSSING, cubic_root(g0, d0, g1, d1, low, high), low, high
+    if deep < GRAZE * max(g0, g1):
+        return DIP, bottom, low, 1.0
+    return PASS, 1.0, 0.0, 1.0
+
+
+@njit
+def first_suspect(
+    p: Problem, m: Memory, dt: float, among: int
+) -> tuple[int, int, float, float, float]:
+    """Return (kind, guard, guess, low, high) of the suspect guard with the earliest guess.
+
+    With ANY all guards are asked, with PAST those that are past their surface in row H.
+    """
+    g = m.guards
+    best = (PASS, -1, NOWHERE, 0.0, 1.0)
+    for k in range(g.width):
+        lock = p.mode[k]
+        if among == PAST and not lock * g[H, k] < 0.0:
+            continue
+        g0, d0 = max(lock * g[H0, k], 0.0), lock * g[RATE0, k] * dt
+        g1, d1 = lock * g[H1, k], lock * g[RATE1, k] * dt
+        kind, guess, low, high = suspect(g0, d0, g1, d1)
+        if kind != PASS and guess < best[2]:
+            best = (kind, k, guess, low, high)
+    return best
+
+
+@njit
+def lowest_point(p: Problem, m: Memory, dt: float, k: int, theta: float) -> float:
+    """Refine the minimum of guard k on the interpolant by regula falsi on its rate."""
+    lock = p.mode[k]
+    low, high = 0.0, 1.0
+    slope_low, slope_high = lock * m.guards[RATE0, k], lock * m.guards[RATE1, k]
+    for _ in range(MAX_DIP):
+        probe(p, m, dt, theta)
+        slope = lock * m.guards[RATE, k]
+        if slope < 0.0:
+            low, slope_low = theta, slope
+        else:
+            high, slope_high = theta, slope
+        if not slope_low < 0.0 <= slope_high:
+            break
+        guess = low - slope_low * (high - low) / (slope_high - slope_low)
+        if abs(guess - theta) < EDGE:
+            break
+        theta = guess
+    return theta
+
+
+@njit
+def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
+    """Return a theta, at most `low`, where guard k is clear of its surface; 0 if there is none."""
+    while low > LEAVING:
+        probe(p, m, dt, low)
+        if p.mode[k] * m.guards[H, k] > 0.0:
+            return low
+        low *= 0.25
+    return 0.0
+
+
+@njit
+def crossing(
+    p: Problem, m: Memory, dt: float, k: int, guess: float, low: float, high: float
+) -> float:
+    """Return where guard k falls through zero on the interpolant: bracketed Newton."""
+    lock = p.mode[k]
+    if lock * m.guards[H0, k] <= 0.0:  # on the surface since its last flip
+        low = leave(p, m, dt, k, low if low > 0.0 else 0.5 * high)
+        if low == 0.0:
+            return 0.0
+    x = guess if low < guess < high else 0.5 * (low + high)
+    for _ in range(MAX_ROOT):
+        probe(p, m, dt, x)
+        value, slope = lock * m.guards[H, k], lock * m.guards[RATE, k] * dt
+        if value > 0.0:
+            low = x
+        else:
+            high = x
+        new = x - value / slope if slope < 0.0 else low
+        if abs(new - x) <= ROOT_ACCURACY * x:
+            return x
+        x = new if low < new < high else 0.5 * (low + high)
+    return x
+
+
+@njit
+def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
+    """Return (kind, guard, theta): where the step must end, and why."""
+    kind, k, guess, low, high = first_suspect(p, m, dt, ANY)
+    if kind == PASS:
+        return PASS, -1, 1.0
+    prepare_interpolant(m.states, dt)
+    theta = 1.0
+    for _ in range(m.guards.width):
+        if kind == DIP:
+            theta = lowest_point(p, m, dt, k, guess)
+        else:
+            theta = crossing(p, m, dt, k, guess, low, high)
+        rival, other, rival_guess, rival_low, rival_high = first_suspect(p, m, dt, PAST)
+        if rival != CROSSING or other == k:
+            break
+        kind, k, guess, low, high = rival, other, rival_guess, rival_low, min(rival_high, theta)
+    return kind, k, theta

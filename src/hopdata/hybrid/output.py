@@ -1,0 +1,71 @@
+"""The trajectory's rows: samples at wanted times, or else one row for each step."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from numba import njit
+
+from hopdata.hybrid.dense import interpolate, prepare_interpolant
+from hopdata.hybrid.layout import END, ROWS, SAMPLES, Memory, T, Y
+from hopdata.hybrid.views import FloatTable, FloatVector
+
+
+class Output(NamedTuple):
+    """Room for the trajectory."""
+
+    wanted: FloatVector  # times; the samples belong to them
+    samples: FloatTable
+    time: FloatVector  # of the steps; the rows belong to them
+    rows: FloatTable
+    every_step: bool
+
+
+@njit
+def put(m: Memory, source: int, table: FloatTable, row: int) -> None:
+    """Copy row `source` of the states to a row of another table."""
+    for i in range(table.width):
+        table[row, i] = m.states[source, i]
+
+
+@njit
+def write_row(m: Memory, out: Output) -> None:
+    """Write the present state as the row of a new step."""
+    if out.every_step:
+        out.time[m.counts[ROWS]] = m.clock[T]
+        put(m, Y, out.rows, m.counts[ROWS])
+        m.counts[ROWS] += 1
+
+
+@njit
+def rewrite_row(m: Memory, out: Output) -> None:
+    """Write the state after an event over the one before it."""
+    if out.every_step and m.counts[ROWS] > 0:
+        put(m, Y, out.rows, m.counts[ROWS] - 1)
+    last = m.counts[SAMPLES] - 1
+    if last >= 0 and out.wanted[last] == m.clock[T]:
+        put(m, Y, out.samples, last)
+
+
+@njit
+def sample_start(m: Memory, out: Output) -> None:
+    """Write the initial state, if it is wanted."""
+    if out.wanted.width > 0 and out.wanted[0] == m.clock[T]:
+        put(m, Y, out.samples, 0)
+        m.counts[SAMPLES] = 1
+
+
+@njit
+def sample_step(m: Memory, out: Output, t_new: float, dt: float) -> None:
+    """Fill in the wanted times within the step of length `dt` that ends at `t_new`."""
+    j, n = m.counts[SAMPLES], out.wanted.width
+    if j == n or out.wanted[j] > t_new:
+        return
+    prepare_interpolant(m.states, dt)
+    while j < n and out.wanted[j] < t_new:
+        interpolate(m.states, (out.wanted[j] - m.clock[T]) / dt, out.samples, j)
+        j += 1
+    if j < n and out.wanted[j] == t_new:
+        put(m, END, out.samples, j)
+        j += 1
+    m.counts[SAMPLES] = j

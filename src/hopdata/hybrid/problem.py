@@ -1,0 +1,109 @@
+"""What is integrated, and how closely; evaluation of its field and guards."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from hopdata.hybrid.callbacks import call_field, call_guards
+from hopdata.hybrid.layout import (
+    CULPRIT,
+    END,
+    H0,
+    H1,
+    K1,
+    K7,
+    NFEV,
+    NGEV,
+    RATE,
+    RATE0,
+    RATE1,
+    SCRATCH,
+    SLOPE,
+    H,
+    Memory,
+    Y,
+)
+from hopdata.hybrid.views import FloatTable, FloatVector, IntTable, IntVector
+
+
+class Problem(NamedTuple):
+    """What the caller has asked for: it does not change, but for the mode."""
+
+    field: int  # addresses of the callbacks
+    guards: int
+    on_event: int
+    params: FloatVector
+    mode: IntVector  # locks first, then the scene's own
+    rules: IntTable
+    rtol: float
+    atol: FloatVector
+    max_step: float
+    t_end: float
+
+
+@njit
+def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
+    """Evaluate the field at row `y` of the states into row `dy`.
+
+    NaN stays behind if the user's function raises before it has filled anything.
+    """
+    m.states[dy, 0] = np.nan
+    m.counts[NFEV] += 1
+    call_field(p.field, t, m.states, y, p.mode, p.params, dy)  # type: ignore[call-arg]
+
+
+@njit
+def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int) -> None:
+    """Evaluate the guards at rows `y` and `dy` of the states into rows `h` and `rate`."""
+    if m.guards.width > 0:
+        m.guards[h, 0] = np.nan
+        m.counts[NGEV] += 1
+        call_guards(p.guards, t, m.states, y, dy, p.mode, p.params, m.guards, h, rate)  # type: ignore[call-arg]
+
+
+@njit
+def guards_at_start(p: Problem, m: Memory, t: float) -> bool:
+    """Evaluate the guards at the start of the step; tell whether all are finite."""
+    eval_guards(p, m, t, Y, K1, H0, RATE0)
+    return guards_are_finite(m, H0, RATE0)
+
+
+@njit
+def guards_at_end(p: Problem, m: Memory, t: float) -> bool:
+    """Evaluate the guards at the end of the step; tell whether all are finite."""
+    eval_guards(p, m, t, END, K7, H1, RATE1)
+    return guards_are_finite(m, H1, RATE1)
+
+
+@njit
+def guards_inside(p: Problem, m: Memory, t: float) -> None:
+    """Evaluate the guards at the state and slope that stand in the working rows."""
+    eval_guards(p, m, t, SCRATCH, SLOPE, H, RATE)
+
+
+@njit
+def guards_are_finite(m: Memory, h: int, rate: int) -> bool:
+    """Tell whether rows `h` and `rate` are finite; else keep the guard that is not."""
+    bad = max(first_not_finite(m.guards, h), first_not_finite(m.guards, rate))
+    if bad >= 0:
+        m.counts[CULPRIT] = bad
+    return bad < 0
+
+
+@njit
+def first_not_finite(table: FloatTable, row: int) -> int:
+    """Return the index of the first value in a row that is NaN or infinite, or -1."""
+    for i in range(table.width):
+        if not np.isfinite(table[row, i]):
+            return i
+    return -1
+
+
+@njit
+def copy_row(table: FloatTable, source: int, target: int) -> None:
+    """Copy row `source` of a table to row `target`."""
+    for i in range(table.width):
+        table[target, i] = table[source, i]

@@ -1,0 +1,61 @@
+"""When does a guard flip? Signs, locks and rounding.
+
+The margin of a guard is g = b h, for its lock b = -1 or +1: positive on the side that the lock
+names, and falling through zero when the guard flips. A guard that has just flipped is on its new
+side by decree, whatever rounding makes of h.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from hopdata.hybrid.layout import DUE, SIZE, Memory
+from hopdata.hybrid.problem import Problem
+
+EPS = 2.0**-52
+ROUNDING = 4 * EPS  # of h, relative to its largest value over the step
+TIME_ROUNDING = 4 * EPS  # of an event's time
+
+
+@njit
+def time_resolution(t: float, dt: float) -> float:
+    """Return the interval below which two instants are one: rounding, not a tolerance."""
+    return TIME_ROUNDING * max(abs(t), abs(t + dt), dt)
+
+
+@njit
+def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
+    """Tell whether a guard flips now.
+
+    Parameters
+    ----------
+    g, rate : float
+        Distance to the surface, positive on the lock's side, and its rate.
+    size : float
+        Largest |h| lately: the scale of the rounding error in g.
+    resolution : float
+        Time below which two instants are one, s.
+    """
+    noise = ROUNDING * size + resolution * abs(rate)
+    return g < -noise or (g <= noise and rate < 0.0)
+
+
+@njit
+def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
+    """Mark in DUE each guard that flips now, by rows `h` and `rate`; return how many do."""
+    g, total = m.guards, 0
+    for k in range(g.width):
+        lock = p.mode[k]
+        due = is_due(lock * g[h, k], lock * g[rate, k], g[SIZE, k], resolution)
+        m.flags[DUE, k] = 1 if due else 0
+        total += m.flags[DUE, k]
+    return total
+
+
+@njit
+def remember_residuals(m: Memory, h: int) -> None:
+    """Count what is left of h at the guards that flip now as rounding, whatever follows."""
+    g = m.guards
+    for k in range(g.width):
+        if m.flags[DUE, k] != 0:
+            g[SIZE, k] = max(g[SIZE, k], abs(g[h, k]) / ROUNDING)

@@ -1,0 +1,137 @@
+# ruff: noqa: ARG001, ARG002 (signatures are prescribed by Numba)
+"""Arrays without owners, for compiled code.
+
+Numba counts references whenever it takes an array out of a tuple or makes a row of a table; in the
+driver that would cost more than the arithmetic. A view is only an address and a width. It is made
+by the driver from an array that Python keeps alive meanwhile, and reads and writes by index:
+``view[i]`` for a vector, ``table[row, i]`` for a table, whose rows are ``view.width`` long.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any, Protocol
+
+from numba import types
+from numba.core import cgutils
+from numba.core.datamodel import models
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, make_attribute_wrapper, register_model
+from numba.np.arrayobj import make_array, populate_array
+
+
+class FloatVector(Protocol):
+    """What a type checker knows of a view of floats."""
+
+    width: int
+
+    def __getitem__(self, index: Any) -> float: ...
+    def __setitem__(self, index: Any, value: float) -> None: ...
+
+
+class IntVector(Protocol):
+    """What a type checker knows of a view of integers."""
+
+    width: int
+
+    def __getitem__(self, index: Any) -> int: ...
+    def __setitem__(self, index: Any, value: int) -> None: ...
+
+
+class FloatTable(FloatVector, Protocol):
+    """A view of floats that is indexed by row and column."""
+
+
+class IntTable(IntVector, Protocol):
+    """A view of integers that is indexed by row and column."""
+
+
+INDEX = types.int64
+
+
+class View(types.Type):
+    """The type of an array without an owner."""
+
+    def __init__(self, dtype: Any, ndim: int) -> None:
+        self.dtype, self.ndim = dtype, ndim
+        super().__init__(name=f"View({dtype}, {ndim})")
+
+    @property
+    def index(self) -> Any:
+        """The type by which it is indexed."""
+        return INDEX if self.ndim == 1 else types.UniTuple(INDEX, 2)
+
+
+@register_model(View)
+class _ViewModel(models.StructModel):
+    def __init__(self, manager: Any, kind: View) -> None:
+        members = [("data", types.CPointer(kind.dtype)), ("width", INDEX)]
+        super().__init__(manager, kind, members)
+
+
+make_attribute_wrapper(View, "width", "width")
+
+
+@intrinsic
+def _view(typing: Any, array: Any) -> Any:
+    """Return a view of a C-ordered array."""
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        owner = make_array(sign.args[0])(context, builder, values[0])
+        proxy = cgutils.create_struct_proxy(sign.return_type)(context, builder)
+        proxy.data = owner.data
+        proxy.width = cgutils.unpack_tuple(builder, owner.shape, array.ndim)[-1]
+        return proxy._getvalue()
+
+    return View(array.dtype, array.ndim)(array), generate
+
+
+view: Any = _view
+
+
+@infer_global(operator.getitem)
+class _GetItem(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        kind = args[0]
+        return signature(kind.dtype, kind, kind.index) if isinstance(kind, View) else None
+
+
+@infer_global(operator.setitem)
+class _SetItem(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        kind = args[0]
+        if not isinstance(kind, View):
+            return None
+        return signature(types.none, kind, kind.index, kind.dtype)
+
+
+def _element(context: Any, builder: Any, kind: View, value: Any, index: Any) -> Any:
+    proxy = cgutils.create_struct_proxy(kind)(context, builder, value)
+    if kind.ndim == 2:
+        row, column = cgutils.unpack_tuple(builder, index, 2)
+        index = builder.add(builder.mul(row, proxy.width), column)
+    return builder.gep(proxy.data, [index])
+
+
+@lower_builtin(operator.getitem, View, types.Any)
+def _get_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    return builder.load(_element(context, builder, sign.args[0], *values))
+
+
+@lower_builtin(operator.setitem, View, types.Any, types.Any)
+def _set_item(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+    builder.store(values[2], _element(context, builder, sign.args[0], *values[:2]))
+    return context.get_dummy_value()
+
+
+def lower_row(context: Any, builder: Any, kind: View, value: Any, row: Any = None) -> Any:
+    """Build, within an intrinsic, the array that is a vector, or a row of a table."""
+    proxy = cgutils.create_struct_proxy(kind)(context, builder, value)
+    start = proxy.data
+    if row is not None:
+        start = builder.gep(start, [builder.mul(row, proxy.width)])
+    array_type = types.Array(kind.dtype, 1, "C")
+    array = make_array(array_type)(context, builder)
+    item = context.get_constant(types.intp, kind.dtype.bitwidth // 8)
+    populate_array(array, start, [proxy.width], [item], item, meminfo=None)
+    return array._getvalue()

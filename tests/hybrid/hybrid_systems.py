@@ -1,0 +1,160 @@
+"""Small systems with exact solutions, shared by the tests of the integrator.
+
+Compiled once and steered by their parameters, so that the tests spend little time in the compiler.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hopdata.hybrid import System, field, guards, on_event
+
+
+@field
+def ladder_field(t, y, mode, params, dy):
+    n = len(params) // 2
+    rate = 1.0
+    for k in range(n):
+        if mode[k] > 0:
+            rate += params[n + k]
+    dy[0] = rate
+    dy[1] = y[0]
+
+
+@guards
+def ladder_guards(t, y, dy, mode, params, h, hdot):
+    for k in range(len(h)):
+        h[k] = y[0] - params[k]
+        hdot[k] = dy[0]
+
+
+def ladder(n_guards: int, **options) -> System:
+    """A point that moves at speed 1, and by ``params[n + k]`` more beyond ``params[k]``."""
+    names = tuple(f"rung{k}" for k in range(n_guards))
+    return System(ladder_field, ladder_guards, n_states=2, guard_names=names, **options)
+
+
+def ladder_solution(rungs, gains, end):
+    """Instants at which the rungs are passed from 0, and the position at `end`."""
+    order = np.argsort(rungs, kind="stable")
+    time, place, speed, instants = 0.0, 0.0, 1.0, np.full(len(rungs), np.inf)
+    for k in order:
+        time += (rungs[k] - place) / speed
+        place, instants[k] = rungs[k], time
+        speed += gains[k]
+    last = [k for k in order if instants[k] <= end]
+    start = instants[last[-1]] if last else 0.0
+    speed = 1.0 + sum(gains[k] for k in last)
+    return instants, (rungs[last[-1]] if last else 0.0) + speed * (end - start)
+
+
+@field
+def fall_field(t, y, mode, params, dy):
+    dy[0] = y[1]
+    dy[1] = -params[0]
+
+
+@guards
+def floor_guard(t, y, dy, mode, params, h, hdot):
+    h[0] = params[1] - y[0]
+    hdot[0] = -dy[0]
+
+
+@on_event
+def rebound(t, y, mode, params, guard, direction):
+    if direction > 0:
+        y[1] = -params[2] * y[1]
+    return 0
+
+
+@on_event
+def stop_at_once(t, y, mode, params, guard, direction):
+    return 1
+
+
+def ball(**options) -> System:
+    """A ball under gravity params[0], a floor at params[1], restitution params[2]."""
+    return System(
+        fall_field, floor_guard, options.pop("on_event", rebound),
+        n_states=2, guard_names=("floor",), **options,
+    )  # fmt: skip
+
+
+@guards
+def ceiling_guard(t, y, dy, mode, params, h, hdot):
+    h[0] = y[0] - params[1]
+    hdot[0] = dy[0]
+
+
+def throw(**options) -> System:
+    """A ball thrown against a ceiling at params[1], which it passes freely."""
+    return System(fall_field, ceiling_guard, n_states=2, guard_names=("ceiling",), **options)
+
+
+@field
+def towards_field(t, y, mode, params, dy):
+    dy[0] = -params[0] if mode[0] > 0 else params[1]
+
+
+@guards
+def origin_guard(t, y, dy, mode, params, h, hdot):
+    h[0] = y[0]
+    hdot[0] = dy[0]
+
+
+def sliding() -> System:
+    """A point drawn to the origin from both sides, at speeds params[0] and params[1]."""
+    return System(towards_field, origin_guard, n_states=1, guard_names=("origin",))
+
+
+@field
+def growth_field(t, y, mode, params, dy):
+    dy[0] = params[0] * y[0]
+    dy[1] = np.sqrt(params[1] - t)
+
+
+def growth() -> System:
+    """Exponential growth, and a component that is NaN after the time params[1]."""
+    return System(growth_field, n_states=2)
+
+
+@guards
+def failing_guard(t, y, dy, mode, params, h, hdot):
+    h[0] = y[0] - 1e9
+    h[1] = np.log(params[1] - t)
+    hdot[0], hdot[1] = dy[0], -1.0 / (params[1] - t)
+
+
+@field
+def raising_field(t, y, mode, params, dy):
+    dy[0] = 1.0
+    if y[0] > params[0]:
+        raise ValueError("beyond the edge of the map")
+    dy[1] = 0.0
+
+
+@field
+def relay_field(t, y, mode, params, dy):
+    dy[0] = 1.0
+    dy[1] = 1.0 if mode[2] > 0 else 0.0
+
+
+@guards
+def relay_guards(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0] - 1.0, dy[0]
+    h[1], hdot[1] = (1.0 if mode[2] > 0 else -1.0), 0.0
+
+
+@on_event
+def relay_event(t, y, mode, params, guard, direction):
+    if guard == 0:
+        mode[2] = direction
+    return 0
+
+
+def relay() -> System:
+    """Guard `first` at position 1, whose handler pushes guard `second` across its surface."""
+    return System(
+        relay_field, relay_guards, relay_event, n_states=2,
+        guard_names=("first", "second"), n_extra_modes=1,
+    )  # fmt: skip

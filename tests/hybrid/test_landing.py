@@ -1,0 +1,62 @@
+"""Order of the method through events, and instants to the last digits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hybrid_systems import ball, ladder, ladder_solution, throw
+
+from hopdata.hybrid import solve
+
+
+def test_impacts_of_a_parabola_are_exact_at_any_tolerance():
+    solution = solve(ball(directions=(1,)), (0, 5), [1.0, 0.0], params=(2.0, 0.0, 1.0), rtol=1e-3)
+    assert solution.events.time == pytest.approx([1.0, 3.0], abs=1e-12)
+    assert solution.events.before[:, 0] == pytest.approx([0.0, 0.0], abs=1e-14)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e-3, 1.0, 1e6, 1e9])
+def test_lengths_do_not_matter(scale):
+    rungs, gains = np.array([0.5, 0.7]), np.array([0.5, -0.2])
+    instants, end = ladder_solution(rungs, gains, 1.0)
+    solution = solve(
+        ladder(2), (0, 1 * scale), [0.0, 0.0], params=(*(rungs * scale), *gains), atol=0.0
+    )
+    assert solution.events.time / scale == pytest.approx(instants, rel=1e-14)
+    assert solution.y_end[0] / scale == pytest.approx(end, rel=1e-14)
+
+
+@pytest.mark.parametrize("offset", [1e3, 1e6])
+def test_late_times(offset):
+    solution = solve(ladder(1), (offset, offset + 1), [0.0, 0.0], params=(0.5, 1.0))
+    assert solution.events.time[0] - offset == pytest.approx(0.5, abs=4e-16 * offset)
+    assert solution.y_end[0] == pytest.approx(1.5, abs=4e-15 * offset)
+
+
+@pytest.mark.parametrize("clearance", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12])
+def test_touch_and_go_within_a_step(clearance):
+    """The apex rises `clearance` above the ceiling, and a single step would span all of it."""
+    ceiling = 1.0 - clearance
+    solution = solve(throw(), (0, 2), [0.0, 2.0], params=(2.0, ceiling), first_step=2.0)
+    half = np.sqrt(clearance)
+    assert solution.events.direction.tolist() == [1, -1]
+    resolution = 1e-15 / half
+    assert solution.events.time == pytest.approx([1 - half, 1 + half], abs=1e-14 + resolution)
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-8, 1e-12, 1e-14])
+def test_an_apex_below_the_ceiling_is_no_event(gap):
+    solution = solve(throw(), (0, 2), [0.0, 2.0], params=(2.0, 1.0 + gap), first_step=2.0)
+    assert solution.status == 0
+    assert len(solution.events) == 0
+
+
+def test_random_throws_are_neither_missed_nor_invented():
+    rng = np.random.default_rng(5)
+    for _ in range(300):
+        height = 10.0 ** rng.uniform(-14, -1) * rng.choice([-1, 1])
+        solution = solve(
+            throw(), (0, 2), [0.0, 2.0], params=(2.0, 1.0 + height),
+            first_step=10.0 ** rng.uniform(-4, 0.3), rtol=10.0 ** -rng.integers(3, 13),
+        )  # fmt: skip
+        assert solution.events.direction.tolist() == ([] if height > 0 else [1, -1])
