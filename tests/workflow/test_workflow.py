@@ -165,7 +165,7 @@ MISTAKES = {
         ),
         ["body", "feet"],
     ),
-    "millimetres taken for metres": (lambda c: c.update(input={"unit": "mm"}), ["mm", "hopper"]),
+    "millimetres taken for metres": (lambda c: c.update(input={"unit": "mm"}), ["hopper.h5", "scale", "input.unit: m"]),
 }
 
 

@@ -1,8 +1,7 @@
 """Statistics of the maps against the libraries: error and time, side by side in one run.
 
-    python -P benchmarks/statistics.py --out statistics.csv
+    python benchmarks/maps.py --out maps.csv
 
-(-P keeps this folder off the import path, where this file would hide Python's own `statistics`.)
 
 Rows: one method on one problem; `seconds` is the median over repeats taken in turn with the
 peers, `error` the largest relative error of a mean squared error (regressions) or the largest
