@@ -13,11 +13,12 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH
 
-.PHONY: figures test lint format docs sample lock clean help
+.PHONY: figures test benchmarks lint format docs sample lock clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
 	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
+	@echo "make benchmarks error and run time beside other libraries, into results/benchmarks"
 	@echo "make lint       ruff, mypy, snakefmt and snakemake --lint"
 	@echo "make format     let ruff and snakefmt rewrite the files"
 	@echo "make docs       write docs/configuration.md from the schema"
@@ -30,6 +31,9 @@ figures: $(VENV)/.run
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile $(PYTEST_ARGS)
+
+benchmarks: $(VENV)/.dev
+	$(BIN)/snakemake --cores $(CORES) benchmarks
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -25,6 +25,7 @@ include: "workflow/rules/recordings.smk"
 include: "workflow/rules/landings.smk"
 include: "workflow/rules/maps.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/benchmarks.smk"
 
 
 localrules:

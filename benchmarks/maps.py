@@ -2,7 +2,6 @@
 
     python benchmarks/maps.py --out maps.csv
 
-
 Rows: one method on one problem; `seconds` is the median over repeats taken in turn with the
 peers, `error` the largest relative error of a mean squared error (regressions) or the largest
 absolute error in rad (arc lengths) against a reference in more digits than a double,
