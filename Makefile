@@ -6,8 +6,10 @@ CORES  ?= 2
 VENV   ?= .venv
 PYTEST_ARGS ?=
 
-PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
-	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo "$$p"; break; }; done)
+# The lock files are tried with Python 3.11 to 3.13; a newer one is taken only where none of them is.
+PYTHON ?= $(shell for limit in 3,14 4,0; do for p in python3 python3.13 python3.12 python3.11; do \
+	"$$p" -c "import sys; sys.exit(not (3, 11) <= sys.version_info < ($$limit))" 2>/dev/null \
+	&& { echo "$$p"; exit; }; done; done)
 BIN := $(VENV)/bin
 # Environments do not leak into the private one.
 export PYTHONNOUSERSITE := 1

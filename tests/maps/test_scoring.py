@@ -4,17 +4,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.maps.scoring import (
+from hopdata.landings.schedules import schedule_names
+from hopdata.maps.landing_scores import (
     KnownRecording,
     count_touchdowns,
-    schedule_of,
-    score,
     score_contacts,
-    score_distances,
     score_floor,
-    score_predictions,
     score_sections,
 )
+from hopdata.maps.scoring import score, score_distances, score_predictions
 
 FEET = ("a", "b", "c")
 
@@ -32,9 +30,19 @@ def known(rng, landings=200):
 def touchdowns(item, found, name="hopper"):
     table = pd.DataFrame(found, columns=[f"contact_{foot}_s" for foot in FEET])
     table.insert(0, "recording", name)
-    table["schedule"] = [schedule_of(row) for row in found]
+    table["schedule"] = schedule_names(np.asarray(found))
     table["excluded"], table["reason"] = False, ""
     return table
+
+
+def sections(pre, post, *, frames="all", decided="data"):
+    return {
+        "pre_height_m": pre,
+        "post_height_m": post,
+        "tail_fraction": 0.001,
+        "frames": frames,
+        "decided": {"pre_height_m": decided, "post_height_m": decided},
+    }
 
 
 def values(entries):
@@ -58,7 +66,7 @@ def test_scatter_and_wrong_labels_are_measured():
     table.loc[:499, "schedule"] = "9>9>9"
     found = values(score_contacts({"hopper": item}, table, feet=FEET, method="kink"))
     assert found["contact_rms_kink"] == pytest.approx(1.5, rel=0.03)
-    truth = [schedule_of(row) for row in item.contact_times]
+    truth = schedule_names(item.contact_times)
     assert found["labels_right_kink"] == np.mean(table["schedule"] == truth)
     assert found["labels_right_kink"] < 0.75
 
@@ -101,20 +109,43 @@ def test_excluded_touchdowns_are_counted_by_reason_and_not_scored():
     score_contacts({"hopper": item}, nothing, feet=FEET, method="kink")
 
 
-def test_schedule_of_numbers_the_feet_from_one():
-    assert schedule_of(np.array([0.3, 0.1, 0.2])) == "2>3>1"
-    assert schedule_of(np.array([0.3, np.nan, 0.2])) == ""
+def test_missed_and_invented_touchdowns_count():
+    item = known(np.random.default_rng(15))
+    table = touchdowns(item, item.contact_times)
+    few = values(score_contacts({"hopper": item}, table[:1], feet=FEET, method="kink"))
+    assert few["labels_right_kink"] == 1.0
+    assert few["labels_right_of_all_kink"] == 1 / 200
+    assert few["landings_not_used_kink"] == 199
+    copies = pd.concat([table[:1]] * 100)
+    many = values(score_contacts({"hopper": item}, copies, feet=FEET, method="kink"))
+    assert many["labels_right_kink"] == 1 / 100
+    assert many["unmatched_kink"] == 99
 
 
 def test_sections_of_a_known_order():
     item = known(np.random.default_rng(6), landings=20_000)
-    found = values(score_sections({"hopper": item}, 0.501, 0.302, 0.001))
+    found = values(score_sections({"hopper": item}, sections(0.501, 0.302)))
     # Frames are uniform: the tail of the 75 % (a foot down below 0.5 m) ends 0.3 mm below it.
     assert found["section_pre_true"] == pytest.approx(0.4997, abs=5e-5)
     assert found["section_post_true"] == pytest.approx(0.3003, abs=5e-5)
     assert found["section_pre_error"] == pytest.approx(1.3, abs=0.05)
     assert found["section_post_error"] == pytest.approx(1.7, abs=0.05)
     assert found["body_travel"] == pytest.approx(199)
+
+
+def test_sections_of_landings_alone_and_those_given():
+    # Up on its toes: one foot stays down until 0.5 m on the way up, none below 0.3 m down.
+    phase = np.linspace(0, 40 * np.pi, 40_001)
+    height = 0.4 + 0.2 * np.cos(phase)
+    rising = np.sin(phase) < 0
+    down = np.repeat((height < np.where(rising, 0.5, 0.3))[:, None], 2, axis=1)
+    item = KnownRecording(np.zeros((0, 2)), np.zeros(0, bool), down, height)
+    everywhere = values(score_sections({"hopper": item}, sections(0.3, 0.3)))
+    landing = values(score_sections({"hopper": item}, sections(0.3, 0.3, frames="landings")))
+    assert everywhere["section_pre_true"] == pytest.approx(0.5, abs=1e-3)
+    assert landing["section_pre_true"] == pytest.approx(0.3, abs=1e-3)
+    given = score_sections({"hopper": item}, sections(0.3, 0.3, decided="config"))
+    assert "section_pre_error" not in given
 
 
 def test_floor_residual_ignores_the_mean_of_each_recording():
@@ -169,9 +200,8 @@ def test_the_whole_score_is_json_with_units():
         {"hopper": item},
         feet=FEET,
         tables={"kink": table, "printed": none},
-        pre_height_m=0.5,
-        post_height_m=0.3,
-        tail_fraction=0.001,
+        sections=sections(0.5, 0.3),
+        touchdowns=table,
         prediction_summary=pd.DataFrame({"model": ["all"], "median": [3.0]}),
         distance_summary=pd.DataFrame({"kind": [], "q05": [], "q95": []}),
     )

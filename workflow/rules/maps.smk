@@ -86,6 +86,7 @@ rule score:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
         sections=rules.sections.output.sections,
+        touchdowns=rules.pairs.output.touchdowns,
         prediction=rules.prediction.output.summary,
         distances=rules.distances.output.summary,
     output:

@@ -71,6 +71,26 @@ rule figure_distances:
         "../scripts/figure_distances.py"
 
 
+# What a study runs through, whose times the report gives.
+STAGES = [
+    *([] if all(SOURCES.values()) else [rules.simulate]),
+    rules.import_recording,
+    rules.level,
+    rules.sections,
+    rules.touchdowns,
+    rules.pairs,
+    rules.units,
+    rules.prediction,
+    rules.subspaces,
+    rules.distances,
+    rules.score,
+    rules.figure_sections,
+    rules.figure_schedule,
+    rules.figure_prediction,
+    rules.figure_distances,
+]
+
+
 rule report:
     """One page with everything, and where it comes from."""
     input:
@@ -96,7 +116,15 @@ rule report:
         f"{RESULTS}/logs/report.log",
     params:
         study=STUDY,
-        stage_times=f"{RESULTS}/benchmarks",
+        stage_times=sorted(
+            set(
+                expand(
+                    [stage.benchmark for stage in STAGES],
+                    recording=RECORDINGS,
+                    method=SCORED_METHODS,
+                )
+            )
+        ),
         code=code("report"),
     script:
         "../scripts/report.py"

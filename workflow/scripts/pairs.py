@@ -1,15 +1,13 @@
 """States at both sections in the home frame of each touchdown."""
 
-import pandas as pd
-
-from hopdata.jobs import read_json, read_table, reported, write_table
+from hopdata.jobs import read_json, read_tables, reported, write_table
 from hopdata.landings.pairs import assemble_pairs, exclude_stateless, write_pairs
 from hopdata.landings.touchdowns import example_touchdown
 from hopdata.recordings.hdf5 import read_recording
 
 with reported(snakemake.log[0]):
     recordings = [read_recording(path) for path in snakemake.input.recordings]
-    table = pd.concat(map(read_table, snakemake.input.touchdowns), ignore_index=True)
+    table = read_tables(snakemake.input.touchdowns)
     sections = read_json(snakemake.input.sections)
     pairs = assemble_pairs(
         recordings,

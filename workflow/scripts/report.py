@@ -11,7 +11,7 @@ from hopdata.report.page import build_report
 with reported(snakemake.log[0]):
     source = snakemake.input
     recordings = [read_recording(path) for path in source.recordings]
-    stage_times = Path(snakemake.params.stage_times).glob("*.tsv")
+    stage_times = [Path(path) for path in snakemake.params.stage_times if Path(path).exists()]
     record = provenance(
         snakemake.params.study, {r.source: r.source_sha256 for r in recordings}, stage_times
     )

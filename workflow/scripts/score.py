@@ -1,10 +1,9 @@
 """Score a study against the truth that its synthetic recordings carry."""
 
-import pandas as pd
-
-from hopdata.jobs import read_json, read_table, reported, write_json
+from hopdata.jobs import read_json, read_table, read_tables, reported, write_json
 from hopdata.landings.surface import FloorModel
-from hopdata.maps.scoring import known_recording, score
+from hopdata.maps.landing_scores import known_recording
+from hopdata.maps.scoring import score
 from hopdata.recordings.hdf5 import read_truth
 
 with reported(snakemake.log[0]):
@@ -16,18 +15,16 @@ with reported(snakemake.log[0]):
         for (name, truth), floor in zip(truths.items(), floors, strict=True)
         if truth is not None
     }
-    sections = read_json(source.sections)
     tables = {
-        method: pd.concat([read_table(source[f"{method}_{name}"]) for name in truths])
+        method: read_tables(source[f"{method}_{name}"] for name in truths)
         for method in snakemake.params.methods
     }
     entries = score(
         known,
         feet=snakemake.params.feet,
         tables=tables,
-        pre_height_m=sections["pre_height_m"],
-        post_height_m=sections["post_height_m"],
-        tail_fraction=sections["tail_fraction"],
+        sections=read_json(source.sections),
+        touchdowns=read_table(source.touchdowns),
         prediction_summary=read_table(source.prediction),
         distance_summary=read_table(source.distances),
     )

@@ -194,7 +194,8 @@ def _missing_files(config: dict[str, Any]) -> Iterator[str]:
         if recording["file"] is None or Path(recording["file"]).is_file():
             continue
         file = Path(recording["file"])
-        yield f"recordings[{i}].file: expected a file, found no '{file}'{_near(file)}"
+        found = f"the folder '{file}'" if file.is_dir() else f"no '{file}'{_near(file)}"
+        yield f"recordings[{i}].file: expected a file, found {found}"
 
 
 def _near(file: Path) -> str:

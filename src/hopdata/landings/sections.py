@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.contact_frames import Frames, heights_of, pool_frames
+from hopdata.landings.contact_frames import BoolArray, Frames, heights_of, pool_frames
 from hopdata.landings.modes import GroundMode
 from hopdata.landings.thresholds import Thresholds, select_thresholds
 from hopdata.recordings.recording import Recording
@@ -74,7 +74,7 @@ def select_sections(
     recordings: Sequence[Recording],
     *,
     frames: str = "all",
-    tail_fraction: float = 0.001,
+    tail_fraction: float = 0.0003,
     threshold_sigmas: float = 3.0,
     bandwidth_m: float | None = None,
     min_foot_threshold_m: float | None = None,
@@ -114,8 +114,11 @@ def select_sections(
 
     Notes
     -----
-    Dissertation Sec. 2.2.2, with its two conditions the right way round: the post section is
-    conditioned on all feet down, the pre section on all feet up. A foot between the ground
+    Dissertation Sec. 2.2.2, with its two conditions the right way round: above the pre section
+    all feet are up, below the post section all are down. Each is a tail quantile of the frames
+    that would contradict it: those with some foot down, and those with some foot up. A touchdown
+    crosses few frames, so the share of touchdowns that lose a foot beyond a section is much
+    larger than the share of frames (a few per cent at the default). A foot between the ground
     and its threshold counts as down while the body still rides up to that much higher than at
     contact; the section lies in between, and the middle is taken. With a threshold from the
     configuration a foot below it *is* down, and nothing is taken off.
@@ -183,6 +186,8 @@ def _require_hopping(pooled: Frames, thresholds: Thresholds, frames: str) -> Non
     """Raise an error unless the feet are all up in some frames and all down in others."""
     n_up, n_down = int(pooled.all_up.sum()), int(pooled.all_down.sum())
     if min(n_up, n_down) >= _LEAST_FRAMES:
+        _require_both("min_foot_threshold_m", thresholds.min_foot_m, "up", pooled.all_up)
+        _require_both("max_foot_threshold_m", thresholds.max_foot_m, "down", pooled.all_down)
         return
     if frames == "landings":
         raise AnalysisError(
@@ -201,6 +206,15 @@ def _require_hopping(pooled: Frames, thresholds: Thresholds, frames: str) -> Non
         f"{_LEAST_FRAMES} frames, found {n} of {len(pooled.body)} (threshold {value:.4f} m); "
         f"check the foot markers and the floor, or set sections.{name}"
     )
+
+
+def _require_both(name: str, threshold_m: float, state: str, frames: BoolArray) -> None:
+    """Raise an error if the threshold puts all feet into one state in every frame."""
+    if frames.all():
+        raise AnalysisError(
+            f"sections.{name}: expected a height that divides the frames, found "
+            f"{threshold_m:.4f} m with all feet {state} in all {len(frames)} frames"
+        )
 
 
 def _require_order(pre_m: float, post_m: float) -> None:
