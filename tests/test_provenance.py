@@ -1,9 +1,4 @@
-import hashlib
-from pathlib import Path
-
-from hopdata.provenance import code_digest, file_sha256, provenance
-
-ROOT = Path(__file__).parents[1]
+from hopdata.provenance import code_digest, provenance
 
 
 def copied_script(tmp_path, text):
@@ -42,11 +37,6 @@ def test_digest_changes_with_a_library_file(tmp_path, monkeypatch):
     (package / "landings" / "density.py").write_text("a = 2\n")
     assert code_digest(script) != before
     module._imports.cache_clear()
-
-
-def test_file_digest(tmp_path):
-    (tmp_path / "a").write_bytes(b"hop")
-    assert file_sha256(tmp_path / "a") == hashlib.sha256(b"hop").hexdigest()
 
 
 def test_provenance_names_seed_inputs_versions_and_times(tmp_path):

@@ -20,12 +20,6 @@ REPORTED_PACKAGES = (
 )  # fmt: skip
 
 
-def file_sha256(path: str | Path) -> str:
-    """SHA-256 digest of a file's bytes."""
-    with open(path, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
 def code_digest(script: str | Path) -> str:
     """Digest of a script and of every hopdata source it imports, directly or not.
 

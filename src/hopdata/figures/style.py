@@ -23,7 +23,6 @@ MM_PER_M = 1000.0
 MS_PER_S = 1000.0
 
 # The palette of Okabe and Ito (2008), by name.
-BLACK = "#000000"
 ORANGE = "#E69F00"
 SKY = "#56B4E9"
 GREEN = "#009E73"
