@@ -4,7 +4,15 @@ import pandas as pd
 import pytest
 
 from hopdata.errors import AnalysisError
-from hopdata.jobs import read_json, read_table, reported, whole_file, write_json, write_table
+from hopdata.jobs import (
+    read_json,
+    read_table,
+    read_tables,
+    reported,
+    whole_file,
+    write_json,
+    write_table,
+)
 
 
 def test_a_users_mistake_is_one_line_and_exit_code_1(tmp_path, capsys):
@@ -64,3 +72,12 @@ def test_tables_keep_empty_text_and_nine_digits(tmp_path):
     assert back["schedule"].tolist() == ["1>2", ""]
     assert back["reason"].tolist() == ["", "no contact"]
     assert back["t"].tolist() == pytest.approx([1 / 3, 2.0], rel=1e-9)
+
+
+def test_tables_without_rows_leave_the_types_of_the_others_alone(tmp_path):
+    full = pd.DataFrame({"recording": ["a", "b"], "index": [0, 1], "excluded": [True, False]})
+    write_table(tmp_path / "full.csv", full)
+    write_table(tmp_path / "empty.csv", full[:0])
+    paths = [tmp_path / name for name in ("empty.csv", "full.csv", "empty.csv")]
+    pd.testing.assert_frame_equal(read_tables(paths), read_table(paths[1]))
+    assert read_tables(paths[:1]).columns.tolist() == full.columns.tolist()

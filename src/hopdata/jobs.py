@@ -7,7 +7,7 @@ import logging
 import os
 import sys
 import traceback
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,7 +37,7 @@ def reported(log: str | Path) -> Iterator[None]:
         With code 1 after a `HopdataError`, whose message is on stderr and in the log.
     """
     Path(log).parent.mkdir(parents=True, exist_ok=True)
-    handler = logging.FileHandler(log, mode="w", encoding="utf-8")
+    handler = logging.FileHandler(log, mode="w", encoding="utf-8", errors="backslashreplace")
     handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
@@ -95,3 +95,11 @@ def read_table(path: str | Path) -> pd.DataFrame:
     text = [name for name in TEXT_COLUMNS if name in columns]
     table = pd.read_csv(path, dtype=dict.fromkeys(text, str))
     return table.assign(**{name: table[name].fillna("") for name in text})
+
+
+def read_tables(paths: Iterable[str | Path]) -> pd.DataFrame:
+    """Read CSV tables of the same columns into one; those without rows leave its types alone."""
+    import pandas as pd
+
+    tables = [read_table(path) for path in paths]
+    return pd.concat([t for t in tables if len(t)] or tables[:1], ignore_index=True)

@@ -7,6 +7,7 @@ from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 from hopdata.landings.approach import (
     ALREADY_DOWN,
     LANDED,
+    LEAST_NOISE_M,
     MISSING,
     NOT_LANDED,
     approaches,
@@ -70,3 +71,11 @@ def test_noise_of_a_moving_foot(noise_m):
     heights[::17] = np.nan
     assert height_noise(heights) == pytest.approx(noise_m, rel=0.15)
     assert np.isnan(height_noise(heights * np.nan))
+
+
+def test_noise_where_every_third_frame_is_seen_and_where_there_is_none():
+    scene = simulate(60, seed=6, rate_hz=600)
+    heights = scene.recording.feet[:, :, 2].copy()
+    heights[np.arange(len(heights)) % 3 > 0] = np.nan
+    assert height_noise(heights) == pytest.approx(6e-4, rel=0.15)
+    assert height_noise(np.zeros((50, 2))) == LEAST_NOISE_M

@@ -107,3 +107,43 @@ def test_unknown_choices_name_the_nearest(scene):
         found(scene, method="kinks")
     with pytest.raises(ConfigError, match=r"touchdowns.gravity.*did you mean 'learned'"):
         found(scene, gravity="learnt")
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3])
+def test_drop_outs_anywhere_cost_landings_but_spoil_none(share):
+    scene = simulate(300, seed=11)
+    heights = scene.recording.feet[:, :, 2].copy()
+    rng = np.random.default_rng(4)
+    for foot in range(3):
+        for start in np.flatnonzero(rng.random(len(heights)) < share / 10):
+            heights[start : start + rng.integers(1, 21), foot] = np.nan
+    contacts = found(scene, heights)
+    timed = contacts.status == LANDED
+    assert 0.2 < timed.mean() < 0.98
+    assert np.isfinite(contacts.se[timed]).all()
+    error = (contacts.instant - scene.contact_times)[timed]
+    assert np.sqrt(np.mean(error**2)) < 1e-3
+    assert np.abs(error / contacts.se[timed]).mean() < 1.2
+
+
+def test_a_recording_without_noise_is_the_best_one():
+    scene = simulate(200, seed=12, noise_m=0.0)
+    contacts = found(scene)
+    assert (contacts.status == LANDED).mean() > 0.99
+    assert np.std(contacts.instant - scene.contact_times) < 1.5e-4
+    assert right_orders(scene, contacts) > 0.99
+
+
+def test_every_second_frame_is_enough():
+    scene = simulate(200, seed=13)
+    heights = scene.recording.feet[:, :, 2].copy()
+    heights[1::2] = np.nan
+    contacts = found(scene, heights)
+    assert (contacts.status == LANDED).mean() > 0.9
+    assert right_orders(scene, contacts) > 0.9
+
+
+def test_no_descent_makes_no_contact():
+    scene = simulate(20, seed=14)
+    for method in ("kink", "velocity_minimum"):
+        assert found(scene, pre=9.0, method=method).instant.shape == (0, 3)

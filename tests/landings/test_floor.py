@@ -233,3 +233,11 @@ def test_sample_floor_against_its_truth():
     assert np.sqrt(np.mean((error - error.mean()) ** 2)) < 3e-4
     flat = truth.floor_at_contacts[seen]
     assert flat.std() > 3 * error.std()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_perfect_fit_is_silent():
+    flat = hopper(np.random.default_rng(6), noise_m=0.0).recording
+    rounded = flat.positions.round(4)
+    floor = fit_floor(replace(flat, positions=rounded))
+    assert np.abs(floor.height(*rounded[::50, 3, :2].T)).max() < 1e-4

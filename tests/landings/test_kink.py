@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from hopdata.landings.approach import LEAST_NOISE_M
 from hopdata.landings.kink import FlightPriors, kink_fits, learn, pooled_noise
 
 RATE, SPEED, GRAVITY, NOISE = 100.0, 1.0, 9.81, 6e-4
@@ -129,3 +130,21 @@ def test_no_frames_no_fit():
     found = fit(time, height, near)
     assert np.isnan(found.instant[:, 0]).tolist() == [True, True, False]
     assert found.n_before[:2].tolist() == [[0], [0]]
+
+
+def test_a_gap_that_leaves_two_frames_of_flight_fixes_no_instant():
+    time, height, contact = single_kinks(200, seed=8)
+    for row, at in enumerate(contact[:, 0]):  # frames of every pattern just before the contact
+        last = int(np.floor(at * RATE))
+        height[last - 9 : last - row % 4, 0] = np.nan
+        height[last - row % 3, 0] = np.nan
+    found = fit(time, height, contact + 0.003)
+    assert not np.isnan(found.instant).all()
+    few = found.n_before < 2
+    assert few.any()
+    assert not (found.unit_se[few] < 0.5).any()
+
+
+def test_pooled_noise_is_never_below_what_cameras_do():
+    time, height, contact = single_kinks(30, noise=0.0)
+    assert pooled_noise(fit(time, height, contact)) == LEAST_NOISE_M

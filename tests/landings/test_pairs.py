@@ -123,3 +123,14 @@ def test_mistakes_are_named(tmp_path):
         read_pairs(tmp_path / "text.h5")
     with pytest.raises(ValueError, match="x: expected"):
         replace(pairs(), x=np.zeros((2, 2)))
+
+
+def test_why_there_is_no_pair_is_said_of_each_recording():
+    far = replace(SCENE.recording, name="far")
+    poor = TABLE.assign(excluded=True, reason="poor fit of foot 1")
+    with pytest.raises(AnalysisError) as caught:
+        assemble_pairs([SCENE.recording, far], poor, pre_height_m=9.0, post_height_m=8.0)
+    text = str(caught.value)
+    assert f"{len(TABLE)} descents, poor fit of foot 1 in {len(TABLE)}" in text
+    assert "far: the body never sinks through the pre section, its heights are 0." in text
+    assert "sections.pre_height_m" in text

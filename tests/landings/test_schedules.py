@@ -59,3 +59,16 @@ def test_far_apart_is_certain_and_missing_is_missing():
 def test_zero_error_is_refused():
     with pytest.raises(ValueError, match="positive"):
         order_probability(np.zeros((1, 2)), np.array([[0.0, 1.0]]))
+
+
+def test_the_unknown_have_no_probability_even_if_all_are():
+    instants = np.array([[0.1, np.nan], [np.nan, np.nan]])
+    assert np.isnan(order_probability(instants, np.full((2, 2), 0.001))).all()
+    assert order_probability(instants[:0], instants[:0]).shape == (0,)
+
+
+def test_chunks_do_not_matter():
+    rng = np.random.default_rng(3)
+    mean, sd = rng.normal(size=(1203, 3)), np.full((1203, 3), 0.5)
+    each = [order_probability(mean[i : i + 1], sd[i : i + 1])[0] for i in (0, 499, 500, 1202)]
+    np.testing.assert_allclose(order_probability(mean, sd)[[0, 499, 500, 1202]], each)

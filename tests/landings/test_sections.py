@@ -221,3 +221,17 @@ def test_options_out_of_range(fake, options):
 def test_goes_through_json(fake):
     found = select_sections([fake.recording], pre_height_m=0.55)
     assert Sections.from_dict(json.loads(json.dumps(found.to_dict()))) == found
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("min_foot_threshold_m", -1.0), ("max_foot_threshold_m", 5.0)]
+)
+def test_a_threshold_beyond_all_frames_is_told(fake, name, value):
+    with pytest.raises(AnalysisError, match=f"{name}: expected a height that divides the frames"):
+        select_sections([fake.recording], **{name: value})
+
+
+def test_a_bandwidth_finer_than_any_camera_still_works(fake):
+    usual = select_sections([fake.recording])
+    finest = select_sections([fake.recording], bandwidth_m=1e-12)
+    assert finest.pre_height_m == pytest.approx(usual.pre_height_m, abs=5e-4)

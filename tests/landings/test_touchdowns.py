@@ -179,3 +179,9 @@ def test_a_runner(external_recording):
     gaps = used[["contact_R_heel_s", "contact_R_mt5_s"]].sub(used["contact_R_mt1_s"], axis=0)
     assert (gaps.median() > 0.01).all()
     assert (gaps.std() < 0.006).all()
+
+
+def test_a_recording_without_a_descent_has_a_table_without_rows(scene, table):
+    empty = touchdown_table(scene.recording, pre_height_m=9.0, post_height_m=8.0)
+    assert len(empty) == 0
+    assert list(empty.columns) == list(table.columns)

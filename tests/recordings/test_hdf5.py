@@ -156,3 +156,57 @@ def test_a_truth_that_is_not_whole_is_refused(tmp_path, recording, truth):
         del file["truth/apex_times"]
     with pytest.raises(RecordingError, match="truth is not whole"):
         read_truth(tmp_path / "a.h5")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "found"),
+    [
+        ("time", np.array([b"x"] * FRAMES), "dataset 'time': expected an array of numbers"),
+        ("time", 5.0, "dataset 'time': expected an array of numbers"),
+        ("time", np.zeros((FRAMES, 2)), "time: expected shape"),
+        ("positions", np.zeros((FRAMES, 5, 3), complex), "found complex128"),
+        ("positions", None, "dataset 'positions': expected numbers, found none"),
+        ("@markers", 5, "attribute 'markers': expected a list of texts, found 5"),
+        ("@markers", h5py.Empty("f"), "attribute 'markers': expected a list of texts"),
+        ("@roles", ["body"] * 4 + ["wing"], "roles: expected any of body, foot.*found 'wing'"),
+        ("@rate_hz", "fast", "attribute 'rate_hz': expected a number, found fast"),
+        ("@rate_hz", None, "attribute 'rate_hz': expected a value, found none"),
+        ("@vertical_axis", "q", "vertical_axis: expected any of x, y, z, found 'q'"),
+        ("@name", 3, "attribute 'name': expected text, found 3"),
+        ("truth/complete", "abc", "dataset 'complete': expected an array of numbers"),
+        ("truth/foot_down", np.zeros((FRAMES, 3), bool), "foot_down: expected shape"),
+        ("truth/apex_states", np.zeros((LANDINGS, 11)), "apex_states: expected shape"),
+        ("truth/body_height", np.zeros(4), "body_height: expected shape"),
+        ("truth", np.zeros(3), "truth is not whole"),
+    ],
+)
+def test_wrong_content_is_told_with_what_was_expected(
+    tmp_path, recording, truth, key, value, found
+):
+    path = tmp_path / "a.h5"
+    write_recording(path, recording, truth)
+    with h5py.File(path, "a") as file:
+        store, name = (file.attrs, key[1:]) if key.startswith("@") else (file, key)
+        del store[name]
+        if value is not None:
+            store[name] = value
+    with pytest.raises(RecordingError, match=f"a.h5: .*{found}"):
+        (read_truth if key.startswith("truth") else read_recording)(path)
+
+
+def test_damaged_bytes_are_never_another_error(tmp_path, recording, truth):
+    path = tmp_path / "a.h5"
+    write_recording(path, recording, truth)
+    whole, rng = path.read_bytes(), np.random.default_rng(6)
+    refused = 0
+    for k in range(300):
+        damaged = bytearray(whole)
+        for place in rng.integers(0, len(whole), rng.integers(1, 30)):
+            damaged[place] = rng.integers(256)
+        path.write_bytes(damaged[: rng.integers(len(whole))] if k % 5 == 0 else damaged)
+        for read in (read_recording, read_truth):
+            try:
+                read(path)
+            except RecordingError as error:
+                refused += "a.h5: " in str(error)
+    assert refused > 300

@@ -1,11 +1,13 @@
 import hashlib
+import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from qtm_files import NAMES, UPRIGHT, data_rows, qtm_text, standing, write
 
 from hopdata.errors import RecordingError
-from hopdata.recordings.hdf5 import read_truth, write_recording
+from hopdata.recordings.hdf5 import read_recording, read_truth, write_recording
 from hopdata.recordings.importing import PER_FOOT, choose_unit, import_recording, rotate_up
 from hopdata.recordings.plausibility import check_plausible
 
@@ -225,3 +227,19 @@ def test_the_real_recording(external_recording):
     assert 0.8 < np.nanmedian(recording.body_height) < 1.2
     with pytest.raises(RecordingError, match=r"input.vertical_axis: z"):
         imported(external_recording, markers, vertical_axis="y")
+
+
+def test_a_truth_of_another_size_is_told(tmp_path, sample_path):
+    recording, truth = read_recording(sample_path), read_truth(sample_path)
+    fewer = replace(truth, foot_down=truth.foot_down[:-1], body_height=truth.body_height[:-1])
+    write_recording(tmp_path / "a.h5", recording, fewer)
+    with pytest.raises(RecordingError, match=r"truth: expected \d+ frames and 3 feet"):
+        imported(tmp_path / "a.h5", SAMPLE_MARKERS)
+
+
+def test_a_file_name_need_not_be_utf_8(tmp_path):
+    path = tmp_path / os.fsdecode(b"l\xf6pp.tsv")
+    path.write_bytes(qtm_text().encode())
+    recording = imported(path)
+    write_recording(tmp_path / "a.h5", recording)
+    assert read_recording(tmp_path / "a.h5").source.endswith("l\ufffdpp.tsv")

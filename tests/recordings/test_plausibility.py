@@ -150,3 +150,13 @@ def test_extent_and_offset_by_hand():
         positions=np.tile([[0, 0, 1.0]], (100, 5, 1)) * np.array([1, 1, 1, 0, 0])[:, None]
     )
     np.testing.assert_array_equal(body_over_feet(up), [0, 0, 1])
+
+
+def test_a_frozen_marker_is_refused_and_one_that_rests_is_not():
+    frozen = recording()
+    frozen.positions[:, 3] = frozen.positions[0, 3]
+    frozen.positions[4:7, 3] = np.nan
+    assert "marker 'heel': expected to move, found it at" in refused(frozen)
+    rests = recording()
+    rests.positions[:60, 3] = rests.positions[0, 3]
+    check_plausible(rests)

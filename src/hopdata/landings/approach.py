@@ -14,19 +14,24 @@ LANDED, ALREADY_DOWN, NOT_LANDED, MISSING, POOR_FIT = range(5)
 NEAR_FLOOR = 0.15  # of the descent: where a foot counts as nearly down
 ON_ITS_WAY = 0.4  # of the descent: from here on its mean speed is taken
 LEAST_FRAMES = 5
+LEAST_NOISE_M = 5e-5  # no cameras do better; what has no noise is not exactly like the model
 
 
 def height_noise(heights: FloatArray) -> float:
     """Estimate the standard deviation of the noise of heights (N, n), m.
 
     From third differences: those of a smooth motion all but vanish, those of white noise have
-    variance 20 sigma^2; the median is not moved by the few frames about the contacts.
+    variance 20 sigma^2; the median is not moved by the few frames about the contacts. Where only
+    every k-th frame is seen they are taken over k frames. Never less than `LEAST_NOISE_M`.
     """
-    third = np.diff(heights, n=3, axis=0)
+    seen = np.flatnonzero(~np.isnan(heights).all(axis=1))
+    step = int(np.median(np.diff(seen))) if len(seen) > 1 else 1
+    z0, z1, z2, z3 = (heights[k * step : len(heights) - (3 - k) * step] for k in range(4))
+    third = z3 - 3 * z2 + 3 * z1 - z0
     third = np.abs(third[~np.isnan(third)])
     if third.size == 0:
         return float("nan")
-    return float(np.median(third) / 0.6744897501960817 / np.sqrt(20.0))
+    return max(float(np.median(third) / 0.6744897501960817 / np.sqrt(20.0)), LEAST_NOISE_M)
 
 
 def approaches(

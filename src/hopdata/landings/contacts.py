@@ -221,6 +221,7 @@ def weak_priors(n: int, gravity: str) -> FlightPriors:
 def _judged(fits: KinkFits, status: IntArray, noise_m: float, maximum_misfit: float) -> Contacts:
     """Mark the fits with too few frames or too large a misfit; widen errors by the misfit."""
     thin = (fits.n_before < FRAMES_BEFORE) | (fits.n_after < FRAMES_AFTER) | (fits.dof <= 0)
+    thin |= ~np.isfinite(fits.unit_se)
     ratio = np.sqrt(fits.misfit / np.maximum(fits.dof, 1.0)) / noise_m
     poor = (ratio > maximum_misfit) | ~(fits.velocity < 0)
     landed = status == LANDED

@@ -159,8 +159,8 @@ def _require_rest(recording: Recording, rest: RestPoints, speed_m_s: float) -> N
     if moving:
         raise AnalysisError(
             f"{recording.name}: floor: {', '.join(moving)} hardly ever at rest (slower than "
-            f"{speed_m_s:g} m/s up or down); raise floor.rest_speed_m_s, or set floor.enabled "
-            "to false"
+            f"{speed_m_s:g} m/s up or down); raise floor.rest_speed_m_s, set floor.enabled to "
+            "false, or leave this recording out"
         )
 
 

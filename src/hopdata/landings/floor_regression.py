@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -104,11 +105,14 @@ def _robust_fit(heights: FloatArray, columns: FloatArray, norm: str) -> FloatArr
     """Coefficients of the robust regression of `heights` on `columns`."""
     from statsmodels.robust import norms
     from statsmodels.robust.robust_linear_model import RLM
+    from statsmodels.tools.sm_exceptions import ConvergenceWarning
 
     kinds = {"tukey": norms.TukeyBiweight, "huber": norms.HuberT}
     if norm not in kinds:
         raise ValueError(f"norm: expected 'tukey' or 'huber', found {norm!r}")
-    return np.asarray(RLM(heights, columns, M=kinds[norm]()).fit().params, dtype=np.float64)
+    with np.errstate(invalid="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # a perfect fit, without noise
+        return np.asarray(RLM(heights, columns, M=kinds[norm]()).fit().params, dtype=np.float64)
 
 
 def _floor_spread(columns: FloatArray, rim: FloatArray) -> float:

@@ -20,6 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.landings.approach import LEAST_NOISE_M
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -201,7 +203,7 @@ def _unpack(
     sorted_rows[:, 0] = centre + rows[:, 0] / units[1]
     flat = np.full((shape[0] * shape[1], rows.shape[1]), np.nan)
     flat[wanted] = sorted_rows
-    out = flat.reshape(*shape, -1)
+    out = flat.reshape(*shape, rows.shape[1])
     instant, variance, misfit, dof, before, after = np.moveaxis(out[:, :, :6], 2, 0)
     value = out[:, :, 6 : 6 + size] * units
     se = np.sqrt(np.maximum(out[:, :, 6 + size :], 0.0)) * units
@@ -220,13 +222,16 @@ def _unpack(
 
 
 def pooled_noise(fits: KinkFits) -> float:
-    """Estimate the standard deviation of a height about its fit, m, by the median of all fits."""
+    """Estimate the standard deviation of a height about its fit, m, by the median of all fits.
+
+    Never less than `LEAST_NOISE_M`.
+    """
     use = fits.dof > 1
     if not use.any():
         return float("nan")
     dof = fits.dof[use]
     median = dof * (1 - 2 / (9 * dof)) ** 3  # Wilson and Hilferty's median of chi-squared
-    return float(np.sqrt(np.median(fits.misfit[use] / median)))
+    return max(float(np.sqrt(np.median(fits.misfit[use] / median))), LEAST_NOISE_M)
 
 
 def learn(fits: KinkFits, *, noise_m: float, prior: FlightPriors, own: bool = True) -> FlightPriors:

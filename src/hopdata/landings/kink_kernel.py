@@ -101,14 +101,18 @@ def _misfit(tau, n, t, z, m, others, mean, weight, noise2, gram, right, row):  #
 def _search(low, high, steps, n, t, z, m, others, mean, weight, noise2, gram, right, row):  # type: ignore[no-untyped-def]
     """Grid, then golden section about its best node; NaN if none fits.
 
-    Leaves the fit at the instant that it returns in gram and right.
+    Leaves the fit at the instant that it returns in gram and right. Where the section ends at an
+    instant that cannot be fitted, as a gap in the frames can make it, that is the node.
     """
     width = (high - low) / steps
-    best, node = np.inf, np.nan
+    best, node, tau, value = np.inf, np.nan, np.nan, np.inf
     a, b, value_c, value_d = 0.0, 0.0, np.inf, np.inf
     lower = False
-    for k in range(steps + GOLDEN_STEPS + 4):
+    for k in range(steps + GOLDEN_STEPS + 5):
         golden = k - steps - 1  # 0 and 1 are the first two inner points, then one a step
+        last = golden == GOLDEN_STEPS + 3
+        if last and value < np.inf:
+            return tau
         if golden == 0:
             if isnan(node):
                 return np.nan
@@ -122,6 +126,7 @@ def _search(low, high, steps, n, t, z, m, others, mean, weight, noise2, gram, ri
             else:
                 a, value_c = b - GOLDEN * (b - a), value_d
         tau = low + k * width if golden < 0 else a + (1 - GOLDEN if lower else GOLDEN) * (b - a)
+        tau = node if last else tau
         value = _misfit(tau, n, t, z, m, others, mean, weight, noise2, gram, right, row)
         if golden < 0 and value < best:
             best, node = value, tau
@@ -138,7 +143,7 @@ def _summary(tau, n, t, z, m, others, weight, factor, right, row, cross, unit, v
 
     Gauss-Newton with the instant as one more parameter, eliminated by its Schur complement. Returns
     the variance of the instant, the sum of squared residuals, and the effective number of
-    parameters, the instant included.
+    parameters, the instant included. Variances are infinite where the frames do not fix it.
     """
     size = 3 + 2 * m
     own, misfit = 0.0, 0.0
@@ -168,7 +173,7 @@ def _summary(tau, n, t, z, m, others, weight, factor, right, row, cross, unit, v
                 own -= cross[k] * unit[k]
                 variance[k] = unit[k] * unit[k]
         else:
-            variance[a] = unit[a] + variance[a] / own
+            variance[a] = unit[a] + (variance[a] / own if own > 0.0 else np.inf)
             if a >= 2:
                 parameters -= weight[a - 2] * unit[a]
     return (1 / own if own > 0.0 else np.inf), misfit, parameters

@@ -76,7 +76,9 @@ def ground_mode(heights: ArrayLike, *, bandwidth_m: float | None = None) -> Grou
     sigma = _left_flank(values, place)
     for _ in range(3):
         n_ground = 2 * max(int(np.searchsorted(values, place)), 1)
-        width = sigma * n_ground ** (-1 / 7) if bandwidth_m is None else min(bandwidth_m, sigma)
+        width = sigma * n_ground ** (-1 / 7)
+        if bandwidth_m is not None:
+            width = float(np.clip(bandwidth_m, _FINEST_M, sigma))
         place = _highest_near(values, place, reach=6 * sigma + 2 * width, bandwidth=width)
         sigma = _left_flank(values, place)
     return GroundMode(height_m=place, sigma_m=sigma, bandwidth_m=width)

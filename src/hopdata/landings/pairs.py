@@ -131,7 +131,7 @@ def assemble_pairs(
     ConfigError
         If `home_marker` is no body marker.
     """
-    parts: list[Pairs] = []
+    recordings, parts = list(recordings), []
     for recording in recordings:
         marker = _marker_number(recording, home_marker)
         used = table[(table["recording"] == recording.name) & ~table["excluded"].astype(bool)]
@@ -141,7 +141,12 @@ def assemble_pairs(
             )
             parts.append(_pairs_of(recording, used, states, marker))
     if not sum(len(part) for part in parts):
-        raise AnalysisError("pairs: expected at least one usable touchdown, found none")
+        found = "; ".join(_why_none(r, table[table["recording"] == r.name]) for r in recordings)
+        raise AnalysisError(
+            "pairs: expected at least one usable touchdown, found none with the pre section at "
+            f"{pre_height_m:.4g} m and the post section at {post_height_m:.4g} m ({found}); set "
+            "sections.pre_height_m and sections.post_height_m, or sections.frames to landings"
+        )
     return _joined(parts)
 
 
@@ -153,6 +158,20 @@ def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
     return table.assign(
         excluded=table["excluded"].to_numpy(bool) | stateless,
         reason=table["reason"].where(~stateless, STATELESS),
+    )
+
+
+def _why_none(recording: Recording, table: pd.DataFrame) -> str:
+    """Say why a recording gives no pair: its descents and the commonest reason, or its heights."""
+    if len(table):
+        reasons = table["reason"].where(table["excluded"].astype(bool), STATELESS).value_counts()
+        return f"{recording.name}: {len(table)} descents, {reasons.index[0]} in {reasons.iloc[0]}"
+    heights = recording.body_height[np.isfinite(recording.body_height)]
+    if not len(heights):
+        return f"{recording.name}: no frame shows the whole body"
+    return (
+        f"{recording.name}: the body never sinks through the pre section, its heights are "
+        f"{heights.min():.4g} to {heights.max():.4g} m"
     )
 
 

@@ -11,6 +11,7 @@ FloatArray = NDArray[np.float64]
 
 REACH = 8.5  # standard deviations beyond which a normal is nothing
 CELL_NODES = 8
+CHUNK = 500  # landings integrated together
 
 
 def contact_order(instants: FloatArray) -> NDArray[np.int64]:
@@ -68,7 +69,7 @@ def order_probability(instants: FloatArray, se: FloatArray) -> FloatArray:
         raise ValueError("standard errors: expected positive values, found one <= 0")
     out = np.full(len(instants), np.nan)
     rows = np.flatnonzero(~(np.isnan(instants) | np.isnan(se)).any(axis=1))
-    for chunk in np.array_split(rows, max(1, len(rows) // 500)):
+    for chunk in np.split(rows, range(CHUNK, len(rows), CHUNK)) if len(rows) else ():
         out[chunk] = _nested(instants[chunk], se[chunk])
     return out
 

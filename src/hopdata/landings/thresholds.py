@@ -11,6 +11,8 @@ from hopdata.landings.contact_frames import Heights
 from hopdata.landings.modes import GroundMode, ground_mode
 from hopdata.recordings.recording import Recording
 
+LEAST_KNEE_M = 3e-4  # above the mode: no floor is known better, even without noise
+
 
 @dataclass(frozen=True)
 class Thresholds:
@@ -69,7 +71,9 @@ def select_thresholds(
     min_mode = ground_mode(lowest, bandwidth_m=bandwidth_m)
     max_mode = ground_mode(highest, bandwidth_m=bandwidth_m)
     ground_m = ground_mode(every, bandwidth_m=bandwidth_m).height_m
-    min_knee, max_knee = min_mode.knee(sigmas), max_mode.knee(sigmas)
+    min_knee, max_knee = (
+        max(mode.knee(sigmas), mode.height_m + LEAST_KNEE_M) for mode in (min_mode, max_mode)
+    )
     return Thresholds(
         ground_m=ground_m,
         min_foot_mode=min_mode,

@@ -67,12 +67,12 @@ def touchdown_table(
     pandas.DataFrame
         One row for each descent through the pre section, in order of time: recording, index,
         t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, schedule, probability,
-        spread_s, excluded, reason.
+        spread_s, excluded, reason. Where the body never descends through it there is no row.
 
     Raises
     ------
     AnalysisError
-        If there is no descent, the sections are out of order, or there are fewer than two feet.
+        If the sections are out of order, or there are fewer than two feet.
     ConfigError
         If `method` or `gravity` is unknown.
     """

@@ -65,12 +65,13 @@ def find_transitions(
     Returns
     -------
     Transitions
-        One entry for each descent, also for those that turn back before the post section.
+        One entry for each descent, also for those that turn back before the post section; none if
+        the body never sinks through the pre section.
 
     Raises
     ------
     AnalysisError
-        If the post section is not below the pre section, or there is no descent at all.
+        If the post section is not below the pre section.
     """
     if not post_height_m < pre_height_m:
         raise AnalysisError(
@@ -82,10 +83,7 @@ def find_transitions(
     sunk = pre_height_m - hysteresis * (pre_height_m - post_height_m)
     falls, rises = _schmitt_edges(h, high=pre_height_m, low=sunk)
     if len(falls) == 0:
-        raise AnalysisError(
-            f"no touchdown: the body never sinks through the pre section at {pre_height_m:.4g} m; "
-            f"found body heights {_span(h)}"
-        )
+        return Transitions(*np.empty((4, 0)))
     before_pre = _last_at_or_before(np.flatnonzero(h >= pre_height_m), falls)
     end = np.append(rises, len(h))[np.searchsorted(rises, falls)]
     after_post = _first_at_or_after(np.flatnonzero(h <= post_height_m), falls, len(h))
@@ -123,7 +121,3 @@ def _crossing(
     width = t[index + 1] - t[index]
     drop = h[index] - h[index + 1]
     return t[index] + width * (h[index] - level) / np.where(drop == 0, 1.0, drop), width
-
-
-def _span(h: FloatArray) -> str:
-    return f"{h.min():.4g} to {h.max():.4g} m" if len(h) else "nowhere (no frame shows all of it)"

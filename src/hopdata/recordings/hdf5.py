@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from hopdata import __version__
 from hopdata.errors import RecordingError
-from hopdata.recordings.recording import Recording
-from hopdata.recordings.truth import Truth
+from hopdata.recordings.hdf5_content import number, numbers, text, texts
+from hopdata.recordings.recording import ROLES, Recording
+from hopdata.recordings.truth import Truth, check_sizes
 
 if TYPE_CHECKING:
     import h5py
@@ -61,20 +62,25 @@ def read_recording(path: str | Path) -> Recording:
     Raises
     ------
     RecordingError
-        If the file cannot be read, or lacks a dataset or attribute, or their sizes disagree.
+        If the file cannot be read, or lacks a dataset or attribute, or their kinds or sizes are
+        not those of a recording.
     """
-    with _open(path) as file:
-        try:
-            return Recording(
-                time=file["time"][:].astype(float),
-                positions=file["positions"][:].astype(float),
-                markers=tuple(str(m) for m in file.attrs["markers"]),
-                roles=tuple(str(r) for r in file.attrs["roles"]),
-                rate_hz=float(file.attrs["rate_hz"]),
-                **{key: str(file.attrs[key]) for key in _TEXT_ATTRIBUTES},
-            )
-        except (KeyError, ValueError) as error:
-            raise RecordingError(f"{path}: not a recording: {error}") from error
+    with _open(path, "not a recording") as file:
+        recording = Recording(
+            time=numbers(file, "time"),
+            positions=numbers(file, "positions"),
+            markers=texts(file, "markers"),
+            roles=texts(file, "roles"),
+            rate_hz=number(file, "rate_hz"),
+            **{key: text(file, key) for key in _TEXT_ATTRIBUTES},
+        )
+        for key, values, choices in (
+            ("roles", recording.roles, ROLES),
+            ("vertical_axis", (recording.vertical_axis,), ("x", "y", "z")),
+        ):
+            for value in set(values) - set(choices):
+                raise ValueError(f"{key}: expected any of {', '.join(choices)}, found '{value}'")
+        return recording
 
 
 def read_truth(path: str | Path) -> Truth | None:
@@ -85,22 +91,22 @@ def read_truth(path: str | Path) -> Truth | None:
     RecordingError
         If the file cannot be read or its truth is not whole.
     """
-    with _open(path) as file:
+    with _open(path, "truth is not whole") as file:
         if "truth" not in file:
             return None
         group = file["truth"]
-        try:
-            return Truth(
-                **{key: _as_read(group[key][:]) for key in _TRUTH_DATASETS},
-                noise_m=float(group.attrs["noise_m"]),
-                parameters_json=str(group.attrs["parameters_json"]),
-            )
-        except KeyError as error:
-            raise RecordingError(f"{path}: truth is not whole: {error}") from error
+        truth = Truth(
+            **{key: numbers(group, key) for key in _TRUTH_DATASETS},
+            noise_m=number(group, "noise_m"),
+            parameters_json=text(group, "parameters_json"),
+        )
+        check_sizes(truth)
+        return truth
 
 
 @contextmanager
-def _open(path: str | Path) -> Iterator[h5py.File]:
+def _open(path: str | Path, fault: str) -> Iterator[h5py.File]:
+    """Open a file; what is wrong in it, or with it, becomes a RecordingError that names it."""
     import h5py
 
     if not Path(path).is_file():
@@ -109,12 +115,15 @@ def _open(path: str | Path) -> Iterator[h5py.File]:
         file = h5py.File(path, "r")
     except OSError as error:
         raise RecordingError(f"{path}: not an HDF5 file: {error}") from error
-    with file:
-        yield file
+    try:
+        with file:
+            yield file
+    except Exception as error:  # a damaged file makes h5py raise almost anything
+        raise RecordingError(f"{path}: {fault}: {_in_words(error)}") from error
 
 
-def _as_read(array: NDArray[Any]) -> NDArray[Any]:
-    return array if array.dtype == np.bool_ else array.astype(float)
+def _in_words(error: Exception) -> str:
+    return str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
 
 
 def _write_content(file: h5py.File, recording: Recording) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -79,7 +80,7 @@ def import_recording(
         markers=chosen,
         roles=roles,
         rate_hz=raw.rate_hz,
-        source=path.as_posix(),
+        source=os.fsencode(path.as_posix()).decode(errors="replace"),  # a name need not be UTF-8
         source_sha256=sha256(path),
         vertical_axis=vertical_axis if vertical_axis != "z" else raw.vertical_axis,
     )
@@ -185,6 +186,12 @@ def _truth(path: Path, raw: RawRecording, recording: Recording) -> Truth | None:
     truth = read_truth(path)
     if truth is None:
         return None
+    expected = (len(raw.time), len(stated["foot"]))
+    if truth.foot_down.shape != expected:
+        raise RecordingError(
+            f"{path}: truth: expected {expected[0]} frames and {expected[1]} feet as in the "
+            f"recording, found {truth.foot_down.shape[0]} and {truth.foot_down.shape[1]}"
+        )
     order = [stated["foot"].index(name) for name in recording.names("foot")]
     return replace(truth, **{key: getattr(truth, key)[:, order] for key in PER_FOOT})
 

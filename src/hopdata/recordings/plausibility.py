@@ -82,18 +82,20 @@ def check_time(recording: Recording) -> None:
 
 
 def check_positions(recording: Recording) -> None:
-    """Require that each marker was seen, that no value is infinite and no two are the same."""
+    """Require that each marker was seen, moves, has no infinite value and is no other's double."""
     place = _place(recording)
     if np.isinf(recording.positions).any():
         name = recording.markers[int(np.argwhere(np.isinf(recording.positions))[0, 1])]
         raise RecordingError(f"{place}: marker '{name}': expected finite positions, found infinity")
     seen = fraction_seen(recording)
-    for name, fraction in zip(recording.markers, seen, strict=True):
+    tracks = np.moveaxis(recording.positions, 1, 0)
+    for name, fraction, positions in zip(recording.markers, seen, tracks, strict=True):
         if fraction == 0:
             raise RecordingError(
                 f"{place}: marker '{name}': expected to be seen, found in none of "
                 f"{len(recording.time)} frames"
             )
+        _check_moving(place, name, positions[~np.isnan(positions).any(axis=1)])
     frames = _sample(recording.positions)
     for i, name in enumerate(recording.markers):
         for j in range(i):
@@ -103,6 +105,16 @@ def check_positions(recording: Recording) -> None:
                     f"{place}: markers '{recording.markers[j]}' and '{name}': expected different "
                     "positions, found the same in every frame"
                 )
+
+
+def _check_moving(place: str, name: str, positions: FloatArray) -> None:
+    """Require that a marker's seen positions (N, 3) are not one and the same: a frozen track."""
+    if len(positions) > 1 and not np.ptp(positions, axis=0).any():
+        where = ", ".join(f"{x:.4g}" for x in positions[0])
+        raise RecordingError(
+            f"{place}: marker '{name}': expected to move, found it at ({where}) m in all of "
+            f"{len(positions)} frames"
+        )
 
 
 def check_scale(recording: Recording) -> None:

@@ -51,6 +51,8 @@ class Recording:
 
     def __post_init__(self) -> None:
         n_frames, n_markers = len(self.time), len(self.markers)
+        if self.time.ndim != 1:
+            raise ValueError(f"time: expected shape (N,), found {self.time.shape}")
         if self.positions.shape != (n_frames, n_markers, 3):
             raise ValueError(
                 f"positions: expected shape {(n_frames, n_markers, 3)}, "

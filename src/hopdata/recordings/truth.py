@@ -54,3 +54,38 @@ class Truth:
     preloads_n: FloatArray
     noise_m: float
     parameters_json: str
+
+
+# Sizes that go by letters: N frames, L landings, n feet; the others are fixed.
+_SIZES: dict[str, str] = {
+    "contact_times": "L n",
+    "apex_times": "L",
+    "complete": "L",
+    "foot_down": "N n",
+    "body_height": "N",
+    "contact_points": "L n 2",
+    "floor_at_contacts": "L n",
+    "apex_states": "L 12",
+    "preloads_n": "L n",
+}
+
+
+def check_sizes(truth: Truth) -> None:
+    """Require that the arrays of a truth agree in their numbers of frames, landings and feet.
+
+    Raises
+    ------
+    ValueError
+        Naming the array that does not fit those before it.
+    """
+    known: dict[str, int] = {}
+    for name, letters in _SIZES.items():
+        shape, sizes = getattr(truth, name).shape, letters.split()
+        expected = [
+            int(letter) if letter.isdigit() else known.setdefault(letter, size)
+            for letter, size in zip(sizes, shape, strict=False)
+        ]
+        if len(shape) != len(sizes) or list(shape) != expected:
+            raise ValueError(
+                f"{name}: expected shape ({', '.join(sizes)}) of {known}, found {shape}"
+            )

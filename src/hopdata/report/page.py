@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hopdata.report import landing_tables, result_tables
 from hopdata.report.captions import Caption, render_caption
@@ -15,6 +15,9 @@ from hopdata.report.facts import study_facts
 from hopdata.report.formatting import MISSING, count, significant
 from hopdata.report.inputs import ReportFigure, ReportInputs
 from hopdata.report.table import Table, mapping_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TEMPLATES = Path(__file__).with_name("templates")
 # The figures that have a section of their own; any other stands at the end.
@@ -68,7 +71,7 @@ def build_report(inputs: ReportInputs) -> str:
     return environment.get_template("report.html.j2").render(
         study=inputs.study,
         facts=facts,
-        highlights=_highlights(facts),
+        highlights=_highlights(facts, inputs.prediction),
         style=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
         pictures=_pictures(inputs.figures, facts),
         tables=_tables(inputs),
@@ -78,7 +81,9 @@ def build_report(inputs: ReportInputs) -> str:
     )
 
 
-def _highlights(facts: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+def _highlights(
+    facts: Mapping[str, Any], prediction: pd.DataFrame | None
+) -> list[tuple[str, str, str]]:
     """Name, value and remark of each key number; the value is a dash where it is not known."""
     frames = f"{count(facts['n_frames'])} frames" if facts["n_frames"] else ""
     found = f"of {count(facts['n_touchdowns'])} hops found, {count(facts['n_excluded'])} excluded"
@@ -94,7 +99,7 @@ def _highlights(facts: Mapping[str, Any]) -> list[tuple[str, str, str]]:
             facts["units"],
             "position and velocity errors weigh alike" if facts["units"] else "",
         ),
-        ("Affine model over mean", *_gain(facts["medians"])),
+        ("Affine model over mean", *_gain(prediction)),
     ]
     for method, share in facts["labels_right"].items():
         cards.append(("Orders right", share, f"against the truth, {method} method"))
@@ -105,13 +110,15 @@ def _known(value: str | None) -> str:
     return "not known" if value in (None, "", MISSING) else str(value)
 
 
-def _gain(medians: Mapping[str, str | None]) -> tuple[str | None, str]:
+def _gain(prediction: pd.DataFrame | None) -> tuple[str | None, str]:
     """Error of the affine model over that of the mean, specialised where these were fitted."""
+    if prediction is None:
+        return None, ""
+    medians = dict(zip(prediction["model"].astype(str), prediction["median"], strict=True))
     for affine, mean, which in (("specialised", "specialised_mean", "both specialised"),
                                 ("all", "mean", "both unspecialised")):  # fmt: skip
-        if medians[affine] and medians[mean]:
-            ratio = float(medians[affine] or 0) / float(medians[mean] or 1)
-            return significant(ratio, 2), f"ratio of median MSE, {which}"
+        if medians.get(affine, 0) > 0 and medians.get(mean, 0) > 0:
+            return significant(medians[affine] / medians[mean], 2), f"ratio of median MSE, {which}"
     return None, ""
 
 
