@@ -87,7 +87,7 @@ def test_defaults_are_copied_not_shared(folder):
 
 
 def test_an_empty_section_means_its_defaults(folder):
-    assert load(SOUND + "floor:\n  # degree: 2\n")["floor"]["degree"] == 3
+    assert load(SOUND + "floor:\n  # degree: 2\n")["floor"]["degree"] == 5
 
 
 def test_the_home_marker_is_by_default_the_first_of_the_body(folder):

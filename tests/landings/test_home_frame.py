@@ -29,6 +29,15 @@ def test_mean_of_a_line_does_not_depend_on_the_frames():
     assert np.isnan(track_means(TIME, tracks * np.nan, begin, end)).all()
 
 
+def test_a_long_gap_is_not_bridged():
+    track = body()
+    ends = np.array([0.05]), np.array([0.25])
+    track[12:15, 1] = np.nan
+    assert np.isfinite(home_frames(TIME, track, *ends, marker=0).origin).all()
+    track[12:16, 1] = np.nan
+    assert np.isnan(home_frames(TIME, track, *ends, marker=0).origin).all()
+
+
 def test_origin_axis_and_heights():
     track = body()
     t_pre, t_post = np.array([0.05]), np.array([0.25])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError
 from hopdata.landings.floor_regression import RIM_DIRECTIONS, regress_floor, robust_rms
-from hopdata.landings.rest import RestPoints, rest_points
+from hopdata.landings.rest import RestPoints, rest_points, thinned
 from hopdata.landings.surface import FloorModel, polynomial_terms, rim_of
 from hopdata.recordings.recording import Recording
 
@@ -31,7 +31,7 @@ def fit_floor(
     recording: Recording,
     *,
     enabled: bool = True,
-    degree: int = 3,
+    degree: int = 5,
     rest_speed_m_s: float = 0.05,
     rest_window_s: float = 0.04,
     rest_band_m: float = 0.02,
@@ -84,7 +84,7 @@ def fit_floor(
     _require_rest(recording, rest, rest_speed_m_s)
     rest = rest.take(np.abs(rest.above_mode) <= 3 * rest_band_m)
     n_steps = rest.n_steps
-    rest = rest.take(slice(None, None, max(1, -(-len(rest.foot) // max_points))))
+    rest = thinned(rest, max_points)
     centre, scale = _centre_and_scale(rest.points[:, :2])
     scaled = (rest.points[:, :2] - centre) / scale
     near = np.full(len(rest.foot), True)

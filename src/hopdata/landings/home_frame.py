@@ -12,6 +12,8 @@ from hopdata.errors import AnalysisError
 FloatArray = NDArray[np.float64]
 
 LEAST_RADIUS_M = 1e-6
+LONGEST_GAP_S = 0.04  # a body on a curved path leaves the straight line by a tenth of a millimetre
+LONGEST_GAP_FRAMES = 2.5  # one missing frame may be bridged at any rate
 
 
 @dataclass(frozen=True)
@@ -54,8 +56,8 @@ def home_frames(
 
     The origin is the mean body position during the touchdown, the x axis runs from it through the
     mean position of one marker. Means are time averages of the markers' tracks between the two
-    instants, linear between frames, so that they do not depend on how the frames fall, and a frame
-    that is missing leaves no mark.
+    instants, linear between frames, so that they do not depend on how the frames fall. Short
+    gaps are bridged by the straight line; a touchdown with a longer one has no frame (NaN).
 
     Parameters
     ----------
@@ -93,9 +95,14 @@ def home_frames(
 def track_means(
     time: FloatArray, tracks: FloatArray, t_pre: FloatArray, t_post: FloatArray
 ) -> FloatArray:
-    """Time averages of tracks (N, B, k) between instants (L,), (L, B, k); NaN if never seen."""
+    """Time averages of tracks (N, B, k) between instants (L,), (L, B, k).
+
+    Short gaps are bridged by a straight line; NaN where a gap is longer than `LONGEST_GAP_S` and
+    `LONGEST_GAP_FRAMES`.
+    """
     seen = np.asarray(np.isfinite(tracks).all(axis=2))
     means = np.full((len(t_pre), *tracks.shape[1:]), np.nan)
+    longest_gap = max(LONGEST_GAP_S, LONGEST_GAP_FRAMES * float(np.median(np.diff(time))))
     for b in range(tracks.shape[1]):
         t, values = time[seen[:, b]], tracks[seen[:, b], b]
         if len(t) < 2:
@@ -104,6 +111,8 @@ def track_means(
         after = np.searchsorted(t, t_post)
         for row, (i, j) in enumerate(zip(before, after, strict=True)):
             piece = slice(max(i - 1, 0), j + 1)
+            if np.diff(t[piece]).max(initial=0.0) > longest_gap * (1 + 1e-9):
+                continue
             means[row, b] = _mean_of_chords(t[piece], values[piece], t_pre[row], t_post[row])
     return means
 

@@ -24,7 +24,7 @@ FloatArray = NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
-STATELESS = "too few frames for the state at a section"
+STATELESS = "too few frames of the body markers"
 
 
 @dataclass(frozen=True)

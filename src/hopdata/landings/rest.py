@@ -91,6 +91,16 @@ def rest_points(
     return rest.take(np.isfinite(rest.above_mode))
 
 
+def thinned(rest: RestPoints, max_points: int) -> RestPoints:
+    """Keep the points of every k-th instant, so that about `max_points` are left.
+
+    Whole instants, so that the choice does not depend on the order of the feet.
+    """
+    step = max(1, -(-len(rest.foot) // max_points))
+    _, instant = np.unique(rest.time, return_inverse=True)
+    return rest.take(instant % step == 0)
+
+
 def vertical_speed(time: FloatArray, height: FloatArray, *, lag: int) -> FloatArray:
     """Central difference over `lag` frames to either side, (N,), m/s; NaN where it has a gap."""
     speed = np.full(len(time), np.nan)
