@@ -148,7 +148,7 @@ def test_feet_that_keep_to_their_places_fix_no_slope():
     still = hopper(np.random.default_rng(6), arena_m=0.002, hops=60).recording
     floor = fit_floor(on_floor(still, lambda x, y: 0.0 * (x + y), MOUNTS))
     assert (floor.degree, floor.degree_wanted) == (0, 5)
-    assert "degree 3" in floor.note
+    assert "degree 5" in floor.note
     np.testing.assert_allclose(floor.foot_offsets_m, MOUNTS - MOUNTS.mean(), atol=1e-4)
 
 
