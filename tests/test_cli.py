@@ -159,14 +159,29 @@ def test_an_interrupt_ends_without_a_traceback(tmp_path):
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        # A shell's background jobs ignore the signal, and their children inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    writer = waiting_reader(pipe)
-    time.sleep(0.5)  # from opening to reading: a signal just before read() would not wake it
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=20)
+    try:
+        writer = waiting_reader(pipe)
+        err = interrupted(process)
+        os.close(writer)
+    finally:
+        process.kill()
     assert process.returncode == 130
     assert err == "hopdata: interrupted\n"
-    os.close(writer)
+
+
+def interrupted(process, *, tries=10):
+    """Interrupt a process until it ends; a signal between opening and reading does not wake it."""
+    for _ in range(tries):
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        try:
+            return process.communicate(timeout=5)[1]
+        except subprocess.TimeoutExpired:
+            continue
+    raise AssertionError("the process did not end")
 
 
 def waiting_reader(pipe, *, seconds=20):
