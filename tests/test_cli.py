@@ -154,13 +154,16 @@ def test_help_does_not_import_numpy():
 def test_an_interrupt_ends_without_a_traceback(tmp_path):
     pipe = tmp_path / "config.yaml"
     os.mkfifo(pipe)  # reading it waits for a writer, for ever
+    # A shell's background jobs ignore the signal, and so would their children: take it up again.
+    code = (
+        "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        f"from hopdata.cli import main\nraise SystemExit(main(['check', {str(pipe)!r}]))"
+    )
     process = subprocess.Popen(
-        [sys.executable, "-m", "hopdata", "check", str(pipe)],
+        [sys.executable, "-c", code],
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
-        # A shell's background jobs ignore the signal, and their children inherit that.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     try:
         writer = waiting_reader(pipe)
