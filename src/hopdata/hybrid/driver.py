@@ -2,7 +2,8 @@
 
 `_run` keeps its whole memory in the arrays that it is given, so it can return whenever its output
 arrays are full, or to let Python handle Ctrl-C, and be called again. It takes the callbacks by
-address and is compiled once per install (see `callbacks` and `cache`).
+address and is compiled once per install (see `callbacks` and `cache`). Arrays reach it by the desk
+(see `workspace`).
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
+import numpy as np
 from numba import njit, types
 
 from hopdata.hybrid.cache import cache_directory
@@ -18,21 +20,49 @@ from hopdata.hybrid.digest import package_digest
 from hopdata.hybrid.firing import Log, fire_all
 from hopdata.hybrid.landing import end_at_first_flip
 from hopdata.hybrid.layout import (
+    ATOL,
+    CLOCK,
+    COUNT_SLOTS,
+    COUNTS,
+    CULPRIT,
     END,
     EVENT_ROWS,
     EVENTS,
+    FIELD,
+    FLAG_TABLE,
+    FLIPS,
+    GUARD_ROWS,
+    GUARD_TABLE,
+    GUARDS,
     H0,
     H1,
+    INSTANT,
     K1,
     K7,
     LAST_ERROR,
+    LOG_AFTER,
+    LOG_BEFORE,
+    LOG_DIRECTION,
+    LOG_GUARD,
+    LOG_MODE,
+    LOG_TIME,
+    MODE,
     NEXT_DT,
+    ON_EVENT,
     RATE0,
     RATE1,
+    RATE_ABOVE,
+    RATE_BELOW,
+    ROW_TABLE,
+    ROW_TIME,
     ROWS,
+    RULES,
+    SAMPLE_TABLE,
     SIZE,
-    STARTED,
+    STATE_ROWS,
+    STATE_TABLE,
     STEPS,
+    WANTED,
     FloatArray,
     IntArray,
     Memory,
@@ -40,18 +70,30 @@ from hopdata.hybrid.layout import (
     Y,
 )
 from hopdata.hybrid.output import Output, rewrite_row, sample_start, sample_step, write_row
-from hopdata.hybrid.problem import Problem, copy_row
+from hopdata.hybrid.problem import Problem, copy_row, fill_row, first_not_finite
 from hopdata.hybrid.start import settle_locks
 from hopdata.hybrid.status import (
+    BAD_START,
     FINISHED,
     NEEDS_ROOM,
+    PAUSED,
     RUNNING,
     TOO_MANY_EVENTS,
     TOO_MANY_STEPS,
 )
 from hopdata.hybrid.stepping import accepted_step, first_step
 from hopdata.hybrid.surface import mark_due, time_resolution
-from hopdata.hybrid.views import view
+from hopdata.hybrid.views import (
+    FloatTable,
+    FloatVector,
+    IntTable,
+    IntVector,
+    float_table,
+    float_vector,
+    int_table,
+    int_vector,
+    view,
+)
 
 STEPS_PER_CALL = 200_000  # then return to Python for a moment
 FIRST_ERROR = 1e-4
@@ -94,10 +136,27 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
 
 
 @njit
+def clear(m: Memory, y0: FloatVector, t: float, step: float) -> bool:
+    """Make the memory that of an integration from `y0`; tell whether `y0` is finite."""
+    for row in range(STATE_ROWS):
+        fill_row(m.states, row, 0.0)
+    for row in range(GUARD_ROWS):
+        fill_row(m.guards, row, 0.0)
+    for k in range(m.flags.width):
+        m.flags[FLIPS, k] = 0
+    for slot in range(COUNT_SLOTS):
+        m.counts[slot] = 0
+    m.counts[CULPRIT] = -1
+    m.clock[T], m.clock[NEXT_DT], m.clock[LAST_ERROR] = t, step, FIRST_ERROR
+    m.clock[INSTANT], m.clock[RATE_BELOW], m.clock[RATE_ABOVE] = -np.inf, 0.0, 0.0
+    for i in range(m.states.width):
+        m.states[Y, i] = y0[i]
+    return first_not_finite(m.states, Y) < 0
+
+
+@njit
 def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Settle the locks at t0, choose the first step, and fire what is past its surface already."""
-    m.counts[STARTED] = 1
-    m.clock[LAST_ERROR] = FIRST_ERROR
     status = settle_locks(p, m)
     if status != RUNNING:
         return status
@@ -119,34 +178,64 @@ def lacks_room(m: Memory, out: Output, log: Log) -> bool:
     return events > log.time.width or (out.every_step and m.counts[ROWS] >= out.time.width)
 
 
+@njit
+def vector_on(desk: IntArray, slot: int) -> FloatVector:
+    """Return the view of the floats whose address and width stand at a slot of the desk."""
+    return float_vector(desk[slot], desk[slot + 1])
+
+
+@njit
+def table_on(desk: IntArray, slot: int) -> FloatTable:
+    """Return the view of a table of floats."""
+    return float_table(desk[slot], desk[slot + 1])
+
+
+@njit
+def int_vector_on(desk: IntArray, slot: int) -> IntVector:
+    """Return the view of integers."""
+    return int_vector(desk[slot], desk[slot + 1])
+
+
+@njit
+def int_table_on(desk: IntArray, slot: int) -> IntTable:
+    """Return the view of a table of integers."""
+    return int_table(desk[slot], desk[slot + 1])
+
+
 def _run(
-    field: int, guards: int, on_event: int, params: FloatArray, mode: IntArray, rules: IntArray,
-    rtol: float, atol: FloatArray, max_step: float, t_end: float,
-    max_steps: int, max_events: int, every_step: bool,
-    states: FloatArray, guard_rows: FloatArray, flags: IntArray,
-    clock: FloatArray, counts: IntArray,
-    wanted: FloatArray, samples: FloatArray, time: FloatArray, rows: FloatArray,
-    log_time: FloatArray, log_guard: IntArray, log_direction: IntArray,
-    log_before: FloatArray, log_after: FloatArray, log_mode: IntArray,
+    desk: IntArray, y0: FloatArray, params: FloatArray, t_start: float, t_end: float,
+    rtol: float, max_step: float, step: float, max_steps: int, max_events: int,
+    every_step: bool, resume: bool,
 ) -> int:  # fmt: skip
     """Integrate until something ends it, or needs room; return a status."""
+    m = Memory(
+        table_on(desk, STATE_TABLE), table_on(desk, GUARD_TABLE), int_table_on(desk, FLAG_TABLE),
+        vector_on(desk, CLOCK), int_vector_on(desk, COUNTS),
+    )  # fmt: skip
     p = Problem(
-        field, guards, on_event, view(params), view(mode), view(rules),
-        rtol, view(atol), max_step, t_end,
+        desk[FIELD], desk[GUARDS], desk[ON_EVENT], view(params), int_vector_on(desk, MODE),
+        int_table_on(desk, RULES), rtol, vector_on(desk, ATOL), max_step, t_end,
     )  # fmt: skip
-    m = Memory(view(states), view(guard_rows), view(flags), view(clock), view(counts))
-    out = Output(view(wanted), view(samples), view(time), view(rows), every_step)
+    out = Output(
+        vector_on(desk, WANTED), table_on(desk, SAMPLE_TABLE),
+        vector_on(desk, ROW_TIME), table_on(desk, ROW_TABLE), every_step,
+    )  # fmt: skip
     log = Log(
-        view(log_time), view(log_guard), view(log_direction),
-        view(log_before), view(log_after), view(log_mode),
+        vector_on(desk, LOG_TIME), int_vector_on(desk, LOG_GUARD),
+        int_vector_on(desk, LOG_DIRECTION), table_on(desk, LOG_BEFORE), table_on(desk, LOG_AFTER),
+        int_table_on(desk, LOG_MODE),
     )  # fmt: skip
+    status = RUNNING
+    if not resume:
+        status = start(p, m, out, log) if clear(m, view(y0), t_start, step) else BAD_START
     pause = m.counts[STEPS] + STEPS_PER_CALL
-    status = RUNNING if m.counts[STARTED] else start(p, m, out, log)
     while status == RUNNING:
         if m.clock[T] >= p.t_end:
             return FINISHED
-        if lacks_room(m, out, log) or m.counts[STEPS] >= pause:
+        if lacks_room(m, out, log):
             return NEEDS_ROOM
+        if m.counts[STEPS] >= pause:
+            return PAUSED
         if m.counts[STEPS] >= max_steps:
             return TOO_MANY_STEPS
         if m.counts[EVENTS] >= max_events:
@@ -157,20 +246,22 @@ def _run(
 
 _INT, _FLOAT, _BOOL = types.int64, types.float64, types.boolean
 _INTS, _FLOATS = types.int64[::1], types.float64[::1]
-_INT_TABLE, _FLOAT_TABLE = types.int64[:, ::1], types.float64[:, ::1]
 
 SIGNATURE = _INT(
-    _INT, _INT, _INT, _FLOATS, _INTS, _INT_TABLE, _FLOAT, _FLOATS, _FLOAT, _FLOAT,
-    _INT, _INT, _BOOL,
-    _FLOAT_TABLE, _FLOAT_TABLE, _INT_TABLE, _FLOATS, _INTS,
-    _FLOATS, _FLOAT_TABLE, _FLOATS, _FLOAT_TABLE,
-    _FLOATS, _INTS, _INTS, _FLOAT_TABLE, _FLOAT_TABLE, _INT_TABLE,
-)  # fmt: skip
+    _INTS, _FLOATS, _FLOATS, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT, _BOOL, _BOOL
+)
 
 
 @cache
 def compiled_driver() -> Callable[..., Any]:
     """Return the driver's machine code: from the cache, or compiled now (some seconds)."""
     with cache_directory(_run, package_digest()) as cached:
-        compiled: Callable[..., Any] = njit(SIGNATURE, cache=cached, nogil=True)(_run)
-    return compiled
+        return njit(SIGNATURE, cache=cached, nogil=True)(_run)
+
+
+@cache
+def driver_entry() -> Callable[..., int]:
+    """Return the driver without the search for a signature that fits: arguments must be exact."""
+    (compiled,) = compiled_driver().overloads.values()  # type: ignore[attr-defined]
+    entry: Callable[..., int] = compiled.entry_point
+    return entry

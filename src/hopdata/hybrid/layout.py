@@ -45,7 +45,6 @@ CLOCK_SLOTS = 6
 
 # Slots of `counts`.
 (
-    STARTED,
     NFEV,
     NGEV,
     STEPS,
@@ -56,8 +55,35 @@ CLOCK_SLOTS = 6
     SAMPLES,
     CROWD,
     CULPRIT,
-) = index_numbers(11)
-COUNT_SLOTS = 11
+) = index_numbers(10)
+COUNT_SLOTS = 10
+
+
+# Slots of the desk: addresses of the callbacks, then address and width of each array.
+FIELD, GUARDS, ON_EVENT = index_numbers(3)
+DESK_ARRAYS, N_DESK_ARRAYS = 3, 18
+DESK_SLOTS = DESK_ARRAYS + 2 * N_DESK_ARRAYS
+DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
+(
+    MODE,
+    RULES,
+    ATOL,
+    STATE_TABLE,
+    GUARD_TABLE,
+    FLAG_TABLE,
+    CLOCK,
+    COUNTS,
+    WANTED,
+    SAMPLE_TABLE,
+    ROW_TIME,
+    ROW_TABLE,
+    LOG_TIME,
+    LOG_GUARD,
+    LOG_DIRECTION,
+    LOG_BEFORE,
+    LOG_AFTER,
+    LOG_MODE,
+) = DESK_PLACES
 
 
 class Memory(NamedTuple):
@@ -68,21 +94,3 @@ class Memory(NamedTuple):
     flags: IntTable
     clock: FloatVector
     counts: IntVector
-
-
-def fresh_memory(
-    t: float, y0: FloatArray, n_guards: int, first_step: float
-) -> tuple[FloatArray, FloatArray, IntArray, FloatArray, IntArray]:
-    """Return the arrays of the memory of an integration that starts at `t` from `y0`.
-
-    A `first_step` of 0 has the driver choose one.
-    """
-    states = np.zeros((STATE_ROWS, len(y0)))
-    clock = np.zeros(CLOCK_SLOTS)
-    counts = np.zeros(COUNT_SLOTS, dtype=np.int64)
-    states[Y] = y0
-    clock[T], clock[NEXT_DT], clock[INSTANT] = t, first_step, -np.inf
-    counts[CULPRIT] = -1
-    guards = np.zeros((GUARD_ROWS, n_guards))
-    flags = np.zeros((FLAG_ROWS, n_guards), dtype=np.int64)
-    return states, guards, flags, clock, counts

@@ -107,3 +107,10 @@ def copy_row(table: FloatTable, source: int, target: int) -> None:
     """Copy row `source` of a table to row `target`."""
     for i in range(table.width):
         table[target, i] = table[source, i]
+
+
+@njit
+def fill_row(table: FloatTable, row: int, value: float) -> None:
+    """Set a whole row of a table to one value."""
+    for i in range(table.width):
+        table[row, i] = value

@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.hybrid.arguments import Request, check
-from hopdata.hybrid.driver import compiled_driver
-from hopdata.hybrid.layout import (
-    CULPRIT,
-    NFEV,
-    NGEV,
-    RATE_ABOVE,
-    RATE_BELOW,
-    REJECTED,
-    STEPS,
-    FloatArray,
-    IntArray,
-    T,
-    Y,
-    fresh_memory,
+from hopdata.hybrid.arguments import (
+    check_numbers,
+    check_params,
+    check_shape,
+    check_times,
+    set_mode,
+    set_tolerance,
 )
-from hopdata.hybrid.solution import Solution
-from hopdata.hybrid.status import NEEDS_ROOM, describe
-from hopdata.hybrid.storage import Storage
+from hopdata.hybrid.driver import driver_entry
+from hopdata.hybrid.solution import Solution, filled
+from hopdata.hybrid.status import BAD_START, NEEDS_ROOM, PAUSED, describe
 from hopdata.hybrid.system import System
-from hopdata.hybrid.unraisable import caught_exceptions
+from hopdata.hybrid.unraisable import Caught
+from hopdata.hybrid.workspace import Workspace
+
+UNFINISHED = (NEEDS_ROOM, PAUSED)
 
 
 def solve(
@@ -85,62 +81,61 @@ def solve(
     Exception
         Whatever the system's functions raise.
     """
-    request = check(
-        system, t_span, y0, params=params, mode=mode, rtol=rtol, atol=atol, max_step=max_step,
-        first_step=first_step, t_eval=t_eval, max_steps=max_steps, max_events=max_events,
-    )  # fmt: skip
-    return integrate(system, request)
-
-
-def integrate(system: System, request: Request) -> Solution:
-    """Run the driver on checked arguments, with as much room as it asks for."""
-    states, _, _, clock, counts = memory = fresh_memory(
-        request.t_start, request.y0, system.n_guards, request.first_step
+    t_start, t_end, rtol, max_step, step = check_numbers(
+        t_span, rtol, max_step, first_step, max_steps, max_events
     )
-    storage = Storage(system, request.t_eval)
-    fixed = (
-        *system.addresses, request.params, request.mode, system.rules,
-        request.rtol, request.atol, request.max_step, request.t_end,
-        request.max_steps, request.max_events, request.t_eval is None, *memory,
-    )  # fmt: skip
-    driver = compiled_driver()
-    with caught_exceptions() as caught:
-        status = NEEDS_ROOM
-        while status == NEEDS_ROOM and not caught:
-            status = driver(*fixed, *storage.room())
-            storage.collect(counts)
+    state, numbers = check_shape("y0", y0, system.n_states), check_params(params)
+    times = None if t_eval is None else check_times(t_eval, t_start, t_end)
+    work = system.take_workspace()
+    try:
+        work.begin(times)
+        set_mode(work.mode, system.n_guards, mode)
+        set_tolerance(work.atol, atol)
+        status = _run(
+            work, state, numbers, t_start, t_end, rtol, max_step, step,
+            int(max_steps), int(max_events), times is None,
+        )  # fmt: skip
+        if status == BAD_START:
+            raise ValueError(f"y0: expected finite numbers, found {state}")
+        return _solution(system, work, status, times is None)
+    finally:
+        system.idle.append(work)
+
+
+def _run(work: Workspace, *arguments: object) -> int:
+    """Call the driver until it has ended, with as much room as it asks for; return its status."""
+    drive, caught, previous = driver_entry(), Caught(), sys.unraisablehook
+    sys.unraisablehook = caught.keep
+    try:
+        status = drive(work.desk, *arguments, False)
+        while status in UNFINISHED and not caught:
+            if status == NEEDS_ROOM:
+                work.enlarge()
+            status = drive(work.desk, *arguments, True)
+    finally:
+        sys.unraisablehook = previous
     if caught:
         raise caught[0]
-    return _solution(system, request, storage, status, states[Y], clock, counts)
+    return status
 
 
-def _solution(
-    system: System,
-    request: Request,
-    storage: Storage,
-    status: int,
-    y_end: FloatArray,
-    clock: FloatArray,
-    counts: IntArray,
-) -> Solution:
-    culprit = int(counts[CULPRIT])
-    t, y = storage.trajectory()
-    return Solution(
+def _solution(system: System, work: Workspace, status: int, every_step: bool) -> Solution:
+    nfev, ngev, steps, rejected, _, rows, event_rows, samples, _, culprit = work.counts.tolist()
+    time, _, _, _, below, above = work.clock.tolist()
+    t, y = work.trajectory(rows) if every_step else work.samples(samples)
+    guard = system.guard_names[culprit] if culprit >= 0 else ""
+    return filled(
+        Solution,
         t=t,
         y=y,
-        events=storage.events(),
+        events=work.events(event_rows),
         status=status,
-        message=describe(
-            status,
-            time=clock[T],
-            guard=system.guard_names[culprit] if culprit >= 0 else "",
-            rates=(clock[RATE_BELOW], clock[RATE_ABOVE]),
-        ),
-        nfev=int(counts[NFEV]),
-        n_guard_evaluations=int(counts[NGEV]),
-        n_steps=int(counts[STEPS]),
-        n_rejected=int(counts[REJECTED]),
-        mode=request.mode,
-        t_end=float(clock[T]),
-        y_end=y_end.copy(),
+        message=describe(status, time=time, guard=guard, rates=(below, above)),
+        nfev=nfev,
+        n_guard_evaluations=ngev,
+        n_steps=steps,
+        n_rejected=rejected,
+        mode=work.mode.copy(),
+        t_end=time,
+        y_end=work.state.copy(),
     )

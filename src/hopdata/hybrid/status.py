@@ -15,6 +15,24 @@ ZENO = -7
 # Within the driver only.
 RUNNING = 2
 NEEDS_ROOM = 3
+PAUSED = 4
+BAD_START = 5
+
+SENTENCES = {
+    FINISHED: "The integration reached the end of t_span.",
+    TERMINATED: "Event '{guard}' ended the integration at {at}.",
+    STEP_UNDERFLOW: "The step fell below the spacing of floating-point times at {at}: "
+    "the field is stiff or singular there, or the tolerance cannot be met.",
+    FIELD_NOT_FINITE: "The field is NaN or infinite at, or directly after, {at}.",
+    GUARD_NOT_FINITE: "Guard '{guard}' is NaN or infinite at, or directly after, {at}.",
+    TOO_MANY_STEPS: "max_steps was reached at {at}.",
+    TOO_MANY_EVENTS: "max_events was reached at {at}; the last was '{guard}'.",
+    SLIDING: "Guard '{guard}' is not live at {at}: the field points into its surface from "
+    "both sides (rates {below:+.6g} below and {above:+.6g} above, per second), so the "
+    "trajectory would slide along it. Event-selected systems cross their guards.",
+    ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them falls "
+    "below what floating-point numbers resolve (a Zeno sequence, or chattering).",
+}
 
 
 def describe(status: int, *, time: float, guard: str, rates: tuple[float, float]) -> str:
@@ -31,20 +49,7 @@ def describe(status: int, *, time: float, guard: str, rates: tuple[float, float]
     rates : tuple of float
         Rates of that guard's event function just before its last two flips, 1/s.
     """
-    at = f"t = {time:.17g}"
-    sentences = {
-        FINISHED: "The integration reached the end of t_span.",
-        TERMINATED: f"Event '{guard}' ended the integration at {at}.",
-        STEP_UNDERFLOW: f"The step fell below the spacing of floating-point times at {at}: "
-        "the field is stiff or singular there, or the tolerance cannot be met.",
-        FIELD_NOT_FINITE: f"The field is NaN or infinite at, or directly after, {at}.",
-        GUARD_NOT_FINITE: f"Guard '{guard}' is NaN or infinite at, or directly after, {at}.",
-        TOO_MANY_STEPS: f"max_steps was reached at {at}.",
-        TOO_MANY_EVENTS: f"max_events was reached at {at}; the last was '{guard}'.",
-        SLIDING: f"Guard '{guard}' is not live at {at}: the field points into its surface from "
-        f"both sides (rates {rates[0]:+.6g} below and {rates[1]:+.6g} above, per second), so the "
-        "trajectory would slide along it. Event-selected systems cross their guards.",
-        ZENO: f"Events pile up at {at}, the last of them '{guard}': the time between them falls "
-        "below what floating-point numbers resolve (a Zeno sequence, or chattering).",
-    }
-    return sentences[status]
+    if status == FINISHED:
+        return SENTENCES[status]
+    below, above = rates
+    return SENTENCES[status].format(at=f"t = {time:.17g}", guard=guard, below=below, above=above)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.hybrid.callbacks import FIELD, GUARDS, ON_EVENT, Callback
+from hopdata.hybrid.workspace import Pool, Workspace
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,20 @@ class System:
         callbacks = (self.field, self.guards, self.on_event)
         field, guards, on_event = (0 if one is None else one.address for one in callbacks)
         return field, guards, on_event
+
+    @cached_property
+    def idle(self) -> Pool:
+        """Workspaces of integrations that have ended, for the next."""
+        return Pool()
+
+    def take_workspace(self) -> Workspace:
+        """Return memory for one integration, an idle one if there is any."""
+        try:
+            return self.idle.pop()
+        except IndexError:
+            return Workspace(
+                self.addresses, self.rules, self.n_states, self.n_modes, self.guard_names
+            )
 
 
 def _check_callback(name: str, callback: Callback | None, signature: object) -> None:

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 
-@contextmanager
-def caught_exceptions() -> Iterator[list[BaseException]]:
-    """Collect exceptions that cannot propagate, in the order in which they were raised."""
-    caught: list[BaseException] = []
+class Caught(list[BaseException]):
+    """Exceptions that could not propagate, in the order in which they were raised.
 
-    def keep(unraisable: Any) -> None:
+    Its method `keep` is to stand in as ``sys.unraisablehook``.
+    """
+
+    def keep(self, unraisable: Any) -> None:
+        """Keep an exception."""
         if unraisable.exc_value is not None:
-            caught.append(unraisable.exc_value)
-
-    previous, sys.unraisablehook = sys.unraisablehook, keep
-    try:
-        yield caught
-    finally:
-        sys.unraisablehook = previous
+            self.append(unraisable.exc_value)

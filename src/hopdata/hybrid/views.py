@@ -72,6 +72,22 @@ class _ViewModel(models.StructModel):
 make_attribute_wrapper(View, "width", "width")
 
 
+def _view_at(kind: View) -> Any:
+    """Return a function that makes a view from an address and a width."""
+
+    @intrinsic
+    def make(typing: Any, address: Any, width: Any) -> Any:
+        def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+            proxy = cgutils.create_struct_proxy(sign.return_type)(context, builder)
+            proxy.data = builder.inttoptr(values[0], proxy.data.type)
+            proxy.width = values[1]
+            return proxy._getvalue()
+
+        return kind(INDEX, INDEX), generate
+
+    return make
+
+
 @intrinsic
 def _view(typing: Any, array: Any) -> Any:
     """Return a view of a C-ordered array."""
@@ -87,6 +103,8 @@ def _view(typing: Any, array: Any) -> Any:
 
 
 view: Any = _view
+float_vector, float_table = (_view_at(View(types.float64, ndim)) for ndim in (1, 2))
+int_vector, int_table = (_view_at(View(types.int64, ndim)) for ndim in (1, 2))
 
 
 @infer_global(operator.getitem)

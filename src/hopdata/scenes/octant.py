@@ -7,6 +7,8 @@ used there: y rising, z falling, x rising.
 
 from __future__ import annotations
 
+from functools import cache
+
 from hopdata.hybrid import System, field, guards
 from hopdata.hybrid.solution import FloatArray, IntArray
 
@@ -45,6 +47,7 @@ def octant_guards(
     h[2], hdot[2] = -y[2], -dy[2]
 
 
+@cache
 def octant() -> System:
     """Return the system of table 4.3: guards ``x`` (rising), ``y`` (rising) and ``z`` (falling)."""
     return System(field=octant_field, guards=octant_guards, n_states=3, guard_names=("x", "y", "z"))

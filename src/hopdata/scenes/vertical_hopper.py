@@ -8,6 +8,7 @@ where the height is the contact length, in both directions: one two-way guard.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -88,9 +89,7 @@ class VerticalHopper:
 
     def system(self) -> System:
         """Return the hybrid system: its guard ``contact`` falls at touchdown, rises at lift-off."""
-        return System(
-            field=hopper_field, guards=hopper_guards, n_states=2, guard_names=("contact",)
-        )
+        return _system()
 
     def energy(self, y: ArrayLike) -> NDArray[np.float64]:
         """Return the mechanical energy of states (2, ...), J; the floor is at height 0."""
@@ -99,3 +98,8 @@ class VerticalHopper:
         spring = 0.5 * self.stiffness_n_m * (self.rest_length_m - length) ** 2
         fall = self.mass_kg * self.gravity_m_s2 * height
         return 0.5 * self.mass_kg * velocity**2 + fall + spring
+
+
+@cache
+def _system() -> System:
+    return System(field=hopper_field, guards=hopper_guards, n_states=2, guard_names=("contact",))

@@ -1,0 +1,93 @@
+"""Memory is used again by the next integration, and shared by none."""
+
+from __future__ import annotations
+
+import copy
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from hybrid_systems import ball, growth, ladder, raising_field
+
+from hopdata.hybrid import System, solve
+
+BOUNCES = {"params": (2.0, 0.0, 1.0), "max_step": 0.25}
+
+
+def same(one, other):
+    return (
+        one.t.tobytes() == other.t.tobytes()
+        and one.y.tobytes() == other.y.tobytes()
+        and one.events.time.tobytes() == other.events.time.tobytes()
+        and one.events.mode.tobytes() == other.events.mode.tobytes()
+        and one.message == other.message
+    )
+
+
+def test_results_do_not_change_when_memory_is_used_again():
+    system = ball(directions=(1,))
+    kept = solve(system, (0, 3), [1.0, 0.0], **BOUNCES)
+    copies = kept.t.copy(), kept.y.copy(), kept.events.before.copy(), kept.mode.copy()
+    solve(system, (5, 9), [3.0, 1.0], **BOUNCES)
+    for array, before in zip((kept.t, kept.y, kept.events.before, kept.mode), copies, strict=True):
+        assert array.tobytes() == before.tobytes()
+
+
+@pytest.mark.parametrize("end", [3, 30, 3000])
+def test_an_integration_leaves_nothing_behind(end):
+    system = ball(directions=(1,))
+    fresh = solve(ball(directions=(1,)), (0, 3), [1.0, 0.0], **BOUNCES)
+    solve(system, (0, end), [2.0, 0.5], t_eval=[0, 1], mode=[1], **BOUNCES)
+    solve(system, (0, end), [2.0, 0.5], mode=[1], atol=[1.0, 1.0], **BOUNCES)
+    again = solve(system, (0, 3), [1.0, 0.0], **BOUNCES)
+    assert same(fresh, again)
+
+
+def test_a_failed_call_leaves_nothing_behind():
+    system = System(raising_field, n_states=2)
+    for _ in range(3):
+        with pytest.raises(ValueError, match="beyond the edge"):
+            solve(system, (0, 2), [0.0, 0.0], params=(1.0,), max_step=1e-3)
+        with pytest.raises(ValueError, match="y0"):
+            solve(system, (0, 2), [0.0, np.inf], params=(1.0,))
+        assert solve(system, (0, 2), [0.0, 0.0], params=(5.0,)).y_end[0] == pytest.approx(2.0)
+
+
+def test_memory_is_found_again():
+    system = ladder(2)
+    for _ in range(3):
+        solve(system, (0, 1), [0.0, 0.0], params=(0.2, 0.4, 0, 0))
+        assert len(system.idle) == 1
+
+
+def test_a_copy_has_memory_of_its_own():
+    system = ball(directions=(1,))
+    fresh = solve(system, (0, 3), [1.0, 0.0], **BOUNCES)
+    assert len(copy.deepcopy(system.idle)) == 0
+    assert same(solve(copy.copy(system), (0, 3), [1.0, 0.0], **BOUNCES), fresh)
+
+
+def test_threads_do_not_share_memory():
+    system, ends = growth(), [0.5, 1.0, 1.5, 2.0] * 10
+    options = {"params": (0.7, 4.0), "max_step": 1e-3}
+
+    def run(end):
+        return solve(system, (0, end), [1.0, 0.0], **options)
+
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(run, ends))
+    assert all(same(run(end), one) for end, one in zip(ends[:4], together[:4], strict=True))
+    assert all(same(one, other) for one, other in zip(together[:4], together[4:8], strict=True))
+
+
+@pytest.mark.parametrize(
+    "state", [[0, 0], (0.0, 0.0), np.zeros(4)[::2], np.zeros(2, dtype=np.float32)]
+)
+def test_any_form_of_a_state_will_do(state):
+    assert solve(ladder(1), (0, 1), state, params=np.array([[5.0, 1.0]])).y_end[0] == 1.0
+
+
+def test_arrays_that_may_not_be_written_to():
+    state, params = np.zeros(2), np.array([0.5, 1.0])
+    state.flags.writeable = params.flags.writeable = False
+    assert solve(ladder(1), (0, 1), state, params=params).y_end[0] == pytest.approx(1.5)
