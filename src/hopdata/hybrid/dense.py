@@ -4,14 +4,34 @@ from __future__ import annotations
 
 from numba import njit
 
-from hopdata.hybrid.layout import END, K1, K3, K4, K5, K6, K7, P1, P2, P3, P4, SLOPE, Y
+from hopdata.hybrid.layout import (
+    END,
+    K1,
+    K3,
+    K4,
+    K5,
+    K6,
+    K7,
+    P1,
+    P2,
+    P3,
+    P4,
+    SLOPE,
+    SPAN,
+    Memory,
+    Y,
+)
 from hopdata.hybrid.tableau import D1, D3, D4, D5, D6, D7
 from hopdata.hybrid.views import FloatTable
 
 
 @njit
-def prepare_interpolant(s: FloatTable, dt: float) -> None:
-    """Compute the coefficients of the step in `s`; they outlive a new step taken there."""
+def prepare_interpolant(m: Memory, dt: float) -> None:
+    """Compute the interpolant of the step of length `dt`, unless it is there already."""
+    if m.clock[SPAN] > 0.0:
+        return
+    m.clock[SPAN] = dt
+    s = m.states
     for i in range(s.width):
         rise = s[END, i] - s[Y, i]
         bend = dt * s[K1, i] - rise

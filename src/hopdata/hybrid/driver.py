@@ -26,6 +26,7 @@ from hopdata.hybrid.layout import (
     COUNTS,
     CULPRIT,
     END,
+    ERROR,
     EVENT_ROWS,
     EVENTS,
     FIELD,
@@ -59,6 +60,7 @@ from hopdata.hybrid.layout import (
     RULES,
     SAMPLE_TABLE,
     SIZE,
+    SPAN,
     STATE_ROWS,
     STATE_TABLE,
     STEPS,
@@ -70,6 +72,7 @@ from hopdata.hybrid.layout import (
     Y,
 )
 from hopdata.hybrid.output import Output, rewrite_row, sample_start, sample_step, write_row
+from hopdata.hybrid.prediction import remember_bend
 from hopdata.hybrid.problem import Problem, copy_row, fill_row, first_not_finite
 from hopdata.hybrid.start import settle_locks
 from hopdata.hybrid.status import (
@@ -105,6 +108,7 @@ def move_on(p: Problem, m: Memory, out: Output, dt: float) -> None:
     """Make the end of the step the start of the next, and write it down."""
     t_new = p.t_end if dt == p.t_end - m.clock[T] else m.clock[T] + dt
     sample_step(m, out, t_new, dt)
+    remember_bend(m, dt, m.clock[NEXT_DT])
     m.clock[T] = t_new
     copy_row(m.states, END, Y)
     copy_row(m.states, K7, K1)
@@ -149,6 +153,7 @@ def clear(m: Memory, y0: FloatVector, t: float, step: float) -> bool:
     m.counts[CULPRIT] = -1
     m.clock[T], m.clock[NEXT_DT], m.clock[LAST_ERROR] = t, step, FIRST_ERROR
     m.clock[INSTANT], m.clock[RATE_BELOW], m.clock[RATE_ABOVE] = -np.inf, 0.0, 0.0
+    m.clock[SPAN], m.clock[ERROR] = 0.0, 0.0
     for i in range(m.states.width):
         m.states[Y, i] = y0[i]
     return first_not_finite(m.states, Y) < 0

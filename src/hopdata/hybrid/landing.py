@@ -8,13 +8,29 @@ from __future__ import annotations
 
 from numba import njit
 
-from hopdata.hybrid.layout import DUE, END, H0, H1, K7, RATE1, SCRATCH, SIZE, SLOPE, Memory, T
+from hopdata.hybrid.dense import interpolate
+from hopdata.hybrid.layout import (
+    DUE,
+    END,
+    ERROR,
+    H0,
+    H1,
+    K7,
+    RATE1,
+    SCRATCH,
+    SIZE,
+    SLOPE,
+    SPAN,
+    Memory,
+    T,
+)
 from hopdata.hybrid.localisation import CROSSING, DIP, PASS, first_cut
 from hopdata.hybrid.problem import Problem, eval_field, guards_at_end
 from hopdata.hybrid.stepping import take_stages
 from hopdata.hybrid.surface import mark_due, remember_residuals, time_resolution
 
 MAX_POLISH = 8
+SPARED = 1e-2  # of the tolerance: error of the interpolant that is not worth another step
 RETAKE_ABOVE = 1e-4  # part of the step by which its end may be moved by a midpoint step
 
 
@@ -47,14 +63,28 @@ def move_end(p: Problem, m: Memory, t: float, shift: float) -> None:
 
 
 @njit
+def take_part(p: Problem, m: Memory, t: float, span: float, on_interpolant: bool) -> None:
+    """Take the first part of the step: anew, or on its interpolant."""
+    if on_interpolant:
+        interpolate(m.states, span / m.clock[SPAN], m.states, END)
+        eval_field(p, m, t + span, END, K7)
+    else:
+        take_stages(p, m, t, span)
+
+
+@njit
 def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple[float, int]:
-    """Take the step again so that it ends on guard k, about `span` from now.
+    """Make the step end on guard k, about `span` from now.
+
+    It is taken again to there, unless the interpolant, which is worst in the middle and as good as
+    the step at both its ends, adds next to nothing to the step's error.
 
     Returns its length and the guard on which it ends: a rival, if one turns out to be earlier.
     """
-    t = m.clock[T]
-    last = span
-    take_stages(p, m, t, span)
+    t, whole = m.clock[T], m.clock[SPAN]
+    last, theta = span, span / whole
+    on_interpolant = m.clock[ERROR] * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED
+    take_part(p, m, t, span, on_interpolant)
     guards_at_end(p, m, t + span)
     for _ in range(MAX_POLISH):
         shift, k = nearest_surface(p, m, k)
@@ -62,8 +92,8 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
         if not resolution < abs(shift) < last:
             break
         last = abs(shift)
-        if abs(shift) > RETAKE_ABOVE * span:
-            take_stages(p, m, t, span + shift)
+        if on_interpolant or abs(shift) > RETAKE_ABOVE * span:
+            take_part(p, m, t, span + shift, on_interpolant)
         else:
             move_end(p, m, t + span, shift)
         span += shift

@@ -27,9 +27,9 @@ Y, K1, K2, K3, K4, K5, K6, K7, END, SCRATCH, SLOPE, P1, P2, P3, P4 = index_numbe
 STATE_ROWS = 15
 
 # Rows of `guards`: event functions and their rates at the start, at the end and inside of a step,
-# and the largest |h| over the step, which is the scale of its rounding error.
-H0, RATE0, H1, RATE1, H, RATE, SIZE = index_numbers(7)
-GUARD_ROWS = 7
+# the largest |h| over the step, which is the scale of its rounding error, and second derivatives.
+H0, RATE0, H1, RATE1, H, RATE, SIZE, BEND = index_numbers(8)
+GUARD_ROWS = 8
 
 # Rows of `flags`: guards that flip now, how often each has flipped at this instant, and whether its
 # lock was left open at the start.
@@ -39,9 +39,10 @@ FLAG_ROWS = 3
 # Rows of `rules`: which crossings are events, and whether these end the integration.
 DIRECTION, TERMINAL = index_numbers(2)
 
-# Slots of `clock`.
-T, NEXT_DT, LAST_ERROR, INSTANT, RATE_BELOW, RATE_ABOVE = index_numbers(6)
-CLOCK_SLOTS = 6
+# Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
+# none, and ERROR that step's error in units of the tolerance.
+T, NEXT_DT, LAST_ERROR, INSTANT, RATE_BELOW, RATE_ABOVE, SPAN, ERROR = index_numbers(8)
+CLOCK_SLOTS = 8
 
 # Slots of `counts`.
 (

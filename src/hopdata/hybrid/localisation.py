@@ -19,7 +19,7 @@ ANY, PAST = index_numbers(2)  # which guards to suspect
 GRAZE = 1e-2  # look closer at a dip that comes nearer than this, relative to the step's margins
 EDGE = 1e-6  # a dip this near to an end of the step is that end
 LEAVING = 1e-12  # a guard that has not left its surface by this part of the step never left
-ROOT_ACCURACY = 1e-9  # of the root on the interpolant; landing does the rest
+ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the digits
 MAX_ROOT, MAX_DIP = 80, 12
 
 
@@ -129,7 +129,7 @@ def crossing(
             high = x
         new = x - value / slope if slope < 0.0 else low
         if abs(new - x) <= ROOT_ACCURACY * x:
-            return x
+            return new if low < new < high else x
         x = new if low < new < high else 0.5 * (low + high)
     return x
 
@@ -140,7 +140,7 @@ def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     kind, k, guess, low, high = first_suspect(p, m, dt, ANY)
     if kind == PASS:
         return PASS, -1, 1.0
-    prepare_interpolant(m.states, dt)
+    prepare_interpolant(m, dt)
     theta = 1.0
     for _ in range(m.guards.width):
         if kind == DIP:

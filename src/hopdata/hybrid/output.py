@@ -7,7 +7,7 @@ from typing import NamedTuple
 from numba import njit
 
 from hopdata.hybrid.dense import interpolate, prepare_interpolant
-from hopdata.hybrid.layout import END, ROWS, SAMPLES, Memory, T, Y
+from hopdata.hybrid.layout import END, ROWS, SAMPLES, SPAN, Memory, T, Y
 from hopdata.hybrid.views import FloatTable, FloatVector
 
 
@@ -61,9 +61,9 @@ def sample_step(m: Memory, out: Output, t_new: float, dt: float) -> None:
     j, n = m.counts[SAMPLES], out.wanted.width
     if j == n or out.wanted[j] > t_new:
         return
-    prepare_interpolant(m.states, dt)
+    prepare_interpolant(m, dt)
     while j < n and out.wanted[j] < t_new:
-        interpolate(m.states, (out.wanted[j] - m.clock[T]) / dt, out.samples, j)
+        interpolate(m.states, (out.wanted[j] - m.clock[T]) / m.clock[SPAN], out.samples, j)
         j += 1
     if j < n and out.wanted[j] == t_new:
         put(m, END, out.samples, j)

@@ -121,7 +121,7 @@ def _run(work: Workspace, *arguments: object) -> int:
 
 def _solution(system: System, work: Workspace, status: int, every_step: bool) -> Solution:
     nfev, ngev, steps, rejected, _, rows, event_rows, samples, _, culprit = work.counts.tolist()
-    time, _, _, _, below, above = work.clock.tolist()
+    time, _, _, _, below, above, *_ = work.clock.tolist()
     t, y = work.trajectory(rows) if every_step else work.samples(samples)
     guard = system.guard_names[culprit] if culprit >= 0 else ""
     return filled(

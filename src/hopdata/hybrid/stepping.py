@@ -8,6 +8,7 @@ from numba import njit
 
 from hopdata.hybrid.layout import (
     END,
+    ERROR,
     K1,
     K2,
     K3,
@@ -19,11 +20,13 @@ from hopdata.hybrid.layout import (
     NEXT_DT,
     REJECTED,
     SCRATCH,
+    SPAN,
     STEPS,
     Memory,
     T,
     Y,
 )  # fmt: skip
+from hopdata.hybrid.prediction import clipped
 from hopdata.hybrid.problem import Problem, eval_field, guards_at_end
 from hopdata.hybrid.status import FIELD_NOT_FINITE, GUARD_NOT_FINITE, STEP_UNDERFLOW
 from hopdata.hybrid.tableau import (
@@ -76,6 +79,7 @@ ALMOST_THERE = 1.01  # stretch the last step by this much rather than leave a sl
 @njit
 def take_stages(p: Problem, m: Memory, t: float, dt: float) -> None:
     """Step from Y (with K1 known) over `dt` into END and K7."""
+    m.clock[SPAN] = 0.0
     s = m.states
     n = s.width
     for i in range(n):
@@ -129,11 +133,19 @@ def growth(error: float, last_error: float) -> float:
 
 
 @njit
-def resize_next(m: Memory, dt: float, error: float, rejected: bool) -> None:
-    """Propose the next step after one of size `dt` was accepted (PI controller)."""
+def resize_next(m: Memory, dt: float, error: float, rejected: bool, proposed: float) -> None:
+    """Propose the next step after one of size `dt` was accepted (PI controller).
+
+    A step that was clipped to less than `proposed` says little: the proposal stands.
+    """
     factor = growth(error, m.clock[LAST_ERROR])
-    m.clock[NEXT_DT] = dt * (min(1.0, factor) if rejected else factor)
-    m.clock[LAST_ERROR] = max(error, ERROR_FLOOR)
+    m.clock[ERROR] = error
+    if rejected:
+        m.clock[NEXT_DT] = dt * min(1.0, factor)
+    else:
+        m.clock[NEXT_DT] = max(dt * factor, proposed) if dt < proposed else dt * factor
+    if rejected or not dt < proposed:
+        m.clock[LAST_ERROR] = max(error, ERROR_FLOOR)
 
 
 @njit
@@ -145,7 +157,8 @@ def accepted_step(p: Problem, m: Memory) -> float:
     """
     t = m.clock[T]
     left = p.t_end - t
-    dt = min(m.clock[NEXT_DT], p.max_step)
+    proposed = min(m.clock[NEXT_DT], p.max_step)
+    dt = clipped(p, m, proposed)
     shrink, reason = 1.0, float(STEP_UNDERFLOW)
     while True:
         dt = left if dt * ALMOST_THERE >= left else dt
@@ -163,7 +176,7 @@ def accepted_step(p: Problem, m: Memory) -> float:
             shrink, reason = SHRINK_AT_NAN, float(GUARD_NOT_FINITE)
         m.counts[REJECTED] += 1
         dt *= shrink
-    resize_next(m, dt, error, shrink < 1.0)
+    resize_next(m, dt, error, shrink < 1.0, proposed)
     m.counts[STEPS] += 1
     return dt
 

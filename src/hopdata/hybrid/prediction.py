@@ -1,0 +1,55 @@
+"""How far to step, if a guard is about to flip: not far past it.
+
+A step that spans an event is good only up to there, and the farther past it reaches, the more of
+it is lost, and the more guards seem to flip in it. So the step is clipped to a little more than the
+time in which the nearest guard will flip: by its value, its rate, and the bend of the last step.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from numba import njit
+
+from hopdata.hybrid.layout import BEND, H0, RATE0, RATE1, Memory
+from hopdata.hybrid.problem import Problem
+
+OVERSHOOT = 1.2  # past the predicted flip, so that the step finds it if the guess was a bit short
+CLIP_MOST = 1e-3  # leave events nearer than this part of the step to localisation
+TOO_SHORT = 1e-3  # part of the proposed step below which it tells nothing of the bend
+
+
+@njit
+def remember_bend(m: Memory, dt: float, proposed: float) -> None:
+    """Keep the second derivative of each event function, as a secant over the step just taken."""
+    if dt > TOO_SHORT * proposed:
+        g = m.guards
+        for k in range(g.width):
+            g[BEND, k] = (g[RATE1, k] - g[RATE0, k]) / dt
+
+
+@njit
+def flip_time(g: float, d: float, c: float) -> float:
+    """Return when g + d t + c t^2 / 2 falls through zero; 0 if it does not."""
+    room = d * d - 2.0 * g * c
+    if room <= 0.0:
+        return 0.0
+    root = sqrt(room)
+    if d < 0.0:
+        return 2.0 * g / (root - d)
+    return -(d + root) / c if c < 0.0 else 0.0
+
+
+@njit
+def clipped(p: Problem, m: Memory, dt: float) -> float:
+    """Return `dt`, or less if a guard is predicted to flip before."""
+    g, least = m.guards, CLIP_MOST * dt
+    for k in range(g.width):
+        lock = p.mode[k]
+        value, rate, bend = lock * g[H0, k], lock * g[RATE0, k], lock * g[BEND, k]
+        if value + dt * (min(rate, 0.0) + 0.5 * dt * min(bend, 0.0)) > 0.0:
+            continue
+        time = OVERSHOOT * flip_time(max(value, 0.0), rate, bend)
+        if least < time < dt:
+            dt = time
+    return dt
