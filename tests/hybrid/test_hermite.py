@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid.hermite import NOWHERE, cubic, cubic_root, turning_points
+from hopdata.hybrid.localisation import CROSSING, DIP, GRAZE, PASS, suspect
 
 
 def ends(polynomial):
@@ -53,3 +54,19 @@ def test_root(rng):
         a, c = rng.uniform(0.1, 0.9), rng.uniform(1.1, 3.0)
         polynomial = np.polynomial.Polynomial.fromroots([a, c, -c]) * rng.uniform(0.1, 10)
         assert cubic_root(*ends(polynomial), 0.0, 1.0) == pytest.approx(a, rel=1e-6)
+
+
+def test_a_guard_that_stays_clear_is_not_suspect(rng):
+    """Against the cubic on a grid: nothing that comes near the surface is passed over."""
+    kinds = {PASS: 0, CROSSING: 0, DIP: 0}
+    grid = np.linspace(0, 1, 401)
+    for _ in range(3000):
+        g0, d0, g1, d1 = rng.uniform(0, 1), rng.normal() * 2, rng.uniform(-0.1, 1), rng.normal() * 2
+        kind = suspect(g0, d0, g1, d1)[0]
+        kinds[kind] += 1
+        lowest = cubic(g0, d0, g1, d1, grid).min()
+        assert (kind == CROSSING) == (g1 < 0)
+        if g1 >= 0:
+            inside = lowest < min(g0, g1) - 1e-12
+            assert (kind == DIP) == (inside and lowest < GRAZE * max(g0, g1))
+    assert min(kinds.values()) > 100

@@ -41,6 +41,9 @@ def suspect(g0: float, d0: float, g1: float, d1: float) -> tuple[int, float, flo
     crossed = g1 < 0.0 or (g1 == 0.0 and d1 < 0.0)
     if not crossed and d0 >= 0.0 and d1 >= 0.0 and g1 >= g0 + 0.34 * max(d0, d1):
         return PASS, 1.0, 0.0, 1.0  # monotone (Fritsch and Carlson)
+    lowest = min(g0, g0 + d0 / 3.0, g1 - d1 / 3.0, g1)  # of the Bezier points: a lower bound
+    if lowest > 0.0 and lowest >= GRAZE * max(g0, g1):
+        return PASS, 1.0, 0.0, 1.0
     top, bottom = turning_points(g0, d0, g1, d1)
     low = top if g0 == 0.0 and top < bottom else 0.0
     deep = NOWHERE
