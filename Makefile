@@ -26,7 +26,7 @@ help:
 	@echo "make docs       write docs/configuration.md from the schema"
 	@echo "make sample     simulate data/sample/hopper.h5 again"
 	@echo "make lock       resolve requirements*.lock again (needs uv)"
-	@echo "make clean      remove .venv, results and caches"
+	@echo "make clean      remove .venv, the results of every study, and caches"
 
 figures: $(VENV)/.run
 	$(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)

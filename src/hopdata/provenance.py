@@ -101,11 +101,21 @@ def provenance(
         "seed": config["seed"],
         "config": dict(config),
         "inputs": dict(inputs),
+        "code_sha256": package_digest(),
         "versions": {name: _version(name) for name in REPORTED_PACKAGES},
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
         "stage_seconds": {path.stem: _seconds(path) for path in sorted(stage_times)},
     }
+
+
+def package_digest() -> str:
+    """Digest of all sources of the package: what a version number does not tell apart."""
+    digest = hashlib.sha256()
+    for source in sorted(PACKAGE.rglob("*.py")):
+        digest.update(str(source.relative_to(PACKAGE)).encode())
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
 
 
 def _version(name: str) -> str:

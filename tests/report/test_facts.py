@@ -27,7 +27,10 @@ def test_texts_with_units():
     assert facts["units"] == "29.1\u00a0mm and 27\u00a0ms"
     assert facts["travel"] == "211\u00a0mm"
     assert facts["split"] == "52/18"
-    assert facts["labels_right"] == {"kink": "97.9\u00a0%", "velocity minimum": "94.9\u00a0%"}
+    assert facts["labels_right"] == {
+        "kink": ("97.9\u00a0%", "95.1\u00a0%"),
+        "velocity minimum": ("94.9\u00a0%", None),
+    }
     assert facts["not_fitted"] == ""
 
 

@@ -120,7 +120,7 @@ def test_the_figures_are_inside_and_described(full):
 
 def test_key_numbers_open_the_page(full):
     opening = full.text[: full.text.index("What could not be done")]
-    for fact in ("29.1 mm and 27 ms", "211 mm", "97.9 %", "of 431 hops found", "29 440 frames"):
+    for fact in ("29.1 mm and 27 ms", "211 mm", "97.9 %", "of 431 descents", "29 440 frames"):
         assert fact in opening.replace("\u202f", " ").replace("\u00a0", " ")
 
 

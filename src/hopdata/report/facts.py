@@ -103,14 +103,25 @@ def _medians(
     return {name: None if is_missing(found.get(name)) else show(found[name]) for name in names}
 
 
-def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
-    """Share of right mode schedules by method, in per cent, from ``labels_right_<method>``."""
-    prefix = "labels_right_"
+def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str, str | None]]:
+    """Right mode schedules by method, in per cent: of the usable touchdowns, of all landings."""
+    prefix, of_all = "labels_right_", "labels_right_of_all_"
+    methods = [
+        name.removeprefix(prefix)
+        for name in truth
+        if name.startswith(prefix) and not name.startswith(of_all)
+    ]
     return {
-        name.removeprefix(prefix).replace("_", " "): with_unit(f"{100 * entry['value']:.1f}", "%")
-        for name, entry in truth.items()
-        if name.startswith(prefix) and not is_missing(entry.get("value"))
+        method.replace("_", " "): (share, _percent(truth.get(of_all + method)))
+        for method in methods
+        if (share := _percent(truth[prefix + method]))
     }
+
+
+def _percent(entry: Mapping[str, Any] | None) -> str | None:
+    if entry is None or is_missing(entry.get("value")):
+        return None
+    return with_unit(f"{100 * entry['value']:.1f}", "%")
 
 
 def _tenths_of_mm(height_m: Any) -> str | None:

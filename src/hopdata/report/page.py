@@ -86,7 +86,7 @@ def _highlights(
 ) -> list[tuple[str, str, str]]:
     """Name, value and remark of each key number; the value is a dash where it is not known."""
     frames = f"{count(facts['n_frames'])} frames" if facts["n_frames"] else ""
-    found = f"of {count(facts['n_touchdowns'])} hops found, {count(facts['n_excluded'])} excluded"
+    found = f"of {count(facts['n_touchdowns'])} descents, {count(facts['n_excluded'])} excluded"
     between = f"pre section {facts['pre']}, post section {facts['post']}"
     orders = f"median spread of contacts {facts['spread']}" if facts["spread"] else ""
     cards = [
@@ -101,13 +101,25 @@ def _highlights(
         ),
         ("Affine model over mean", *_gain(prediction)),
     ]
-    for method, share in facts["labels_right"].items():
-        cards.append(("Orders right", share, f"against the truth, {method} method"))
+    if prediction is not None:
+        cards.append(("One model over one an order", *_price_of_one(prediction)))
+    for method, (share, of_all) in facts["labels_right"].items():
+        missed = f"; {of_all} of all true landings" if of_all else ""
+        cards.append(("Orders right", share, f"of those used, {method} method{missed}"))
     return [(name, _known(value), remark) for name, value, remark in cards]
 
 
 def _known(value: str | None) -> str:
     return "not known" if value in (None, "", MISSING) else str(value)
+
+
+def _price_of_one(prediction: pd.DataFrame) -> tuple[str | None, str]:
+    """Error of the unspecialised affine model over that of the specialised ones."""
+    medians = dict(zip(prediction["model"].astype(str), prediction["median"], strict=True))
+    one, many = medians.get("all", 0), medians.get("specialised", 0)
+    if not (one > 0 and many > 0):
+        return None, "needs an affine model of each order"
+    return significant(one / many, 3), "ratio of median MSE; above 1 by a kink or by curvature"
 
 
 def _gain(prediction: pd.DataFrame | None) -> tuple[str | None, str]:
