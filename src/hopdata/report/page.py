@@ -102,7 +102,7 @@ def _highlights(
         ("Affine model over mean", *_gain(prediction)),
     ]
     if prediction is not None:
-        cards.append(("One model over one an order", *_price_of_one(prediction)))
+        cards.append(("One model over one per order", *_price_of_one(prediction)))
     for method, (share, of_all) in facts["labels_right"].items():
         missed = f"; {of_all} of all true landings" if of_all else ""
         cards.append(("Orders right", share, f"of those used, {method} method{missed}"))
