@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from hopdata.hybrid.kernel import kernel
 from hopdata.hybrid.layout import (
     END,
     K1,
@@ -25,7 +24,7 @@ from hopdata.hybrid.tableau import D1, D3, D4, D5, D6, D7
 from hopdata.hybrid.views import FloatTable
 
 
-@njit
+@kernel
 def prepare_interpolant(m: Memory, dt: float) -> None:
     """Compute the interpolant of the step of length `dt`, unless it is there already."""
     if m.clock[SPAN] > 0.0:
@@ -42,7 +41,7 @@ def prepare_interpolant(m: Memory, dt: float) -> None:
         s[P4, i] = dt * (early + D5 * s[K5, i] + D6 * s[K6, i] + D7 * s[K7, i])
 
 
-@njit
+@kernel
 def interpolate(s: FloatTable, theta: float, table: FloatTable, row: int) -> None:
     """Write the state at the fraction `theta` of the step into a row of a table."""
     rest = 1.0 - theta
@@ -51,7 +50,7 @@ def interpolate(s: FloatTable, theta: float, table: FloatTable, row: int) -> Non
         table[row, i] = s[Y, i] + theta * (s[P1, i] + rest * inner)
 
 
-@njit
+@kernel
 def interpolate_slope(s: FloatTable, theta: float, dt: float) -> None:
     """Write the time derivative of the interpolant at `theta` into SLOPE."""
     rest = 1.0 - theta

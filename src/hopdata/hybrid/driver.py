@@ -18,6 +18,7 @@ from numba import njit, types
 from hopdata.hybrid.cache import cache_directory
 from hopdata.hybrid.digest import package_digest
 from hopdata.hybrid.firing import Log, fire_all
+from hopdata.hybrid.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.landing import end_at_first_flip
 from hopdata.hybrid.layout import (
     ATOL,
@@ -40,7 +41,7 @@ from hopdata.hybrid.layout import (
     INSTANT,
     K1,
     K7,
-    LAST_ERROR,
+    LAST_LOG_ERROR,
     LOG_AFTER,
     LOG_BEFORE,
     LOG_DIRECTION,
@@ -84,7 +85,7 @@ from hopdata.hybrid.status import (
     TOO_MANY_EVENTS,
     TOO_MANY_STEPS,
 )
-from hopdata.hybrid.stepping import accepted_step, first_step
+from hopdata.hybrid.stepping import LOG_ERROR_FLOOR, accepted_step, first_step
 from hopdata.hybrid.surface import mark_due, time_resolution
 from hopdata.hybrid.views import (
     FloatTable,
@@ -99,11 +100,10 @@ from hopdata.hybrid.views import (
 )
 
 STEPS_PER_CALL = 200_000  # then return to Python for a moment
-FIRST_ERROR = 1e-4
 EVENTS_PER_INSTANT = 2  # of each guard, at most
 
 
-@njit
+@kernel
 def move_on(p: Problem, m: Memory, out: Output, dt: float) -> None:
     """Make the end of the step the start of the next, and write it down."""
     t_new = p.t_end if dt == p.t_end - m.clock[T] else m.clock[T] + dt
@@ -117,7 +117,7 @@ def move_on(p: Problem, m: Memory, out: Output, dt: float) -> None:
     write_row(m, out)
 
 
-@njit
+@kernel
 def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Let the events of this instant happen, and write down the state after them."""
     status = fire_all(p, m, log)
@@ -125,7 +125,7 @@ def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
     return status
 
 
-@njit
+@kernel_in_loop
 def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Take one step, to its end or to the first flip in it, and let the flips happen."""
     dt = accepted_step(p, m)
@@ -139,7 +139,7 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
     return RUNNING
 
 
-@njit
+@kernel
 def clear(m: Memory, y0: FloatVector, t: float, step: float) -> bool:
     """Make the memory that of an integration from `y0`; tell whether `y0` is finite."""
     for row in range(STATE_ROWS):
@@ -151,7 +151,7 @@ def clear(m: Memory, y0: FloatVector, t: float, step: float) -> bool:
     for slot in range(COUNT_SLOTS):
         m.counts[slot] = 0
     m.counts[CULPRIT] = -1
-    m.clock[T], m.clock[NEXT_DT], m.clock[LAST_ERROR] = t, step, FIRST_ERROR
+    m.clock[T], m.clock[NEXT_DT], m.clock[LAST_LOG_ERROR] = t, step, LOG_ERROR_FLOOR
     m.clock[INSTANT], m.clock[RATE_BELOW], m.clock[RATE_ABOVE] = -np.inf, 0.0, 0.0
     m.clock[SPAN], m.clock[ERROR] = 0.0, 0.0
     for i in range(m.states.width):
@@ -159,7 +159,7 @@ def clear(m: Memory, y0: FloatVector, t: float, step: float) -> bool:
     return first_not_finite(m.states, Y) < 0
 
 
-@njit
+@kernel
 def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Settle the locks at t0, choose the first step, and fire what is past its surface already."""
     status = settle_locks(p, m)
@@ -176,32 +176,32 @@ def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
     return status
 
 
-@njit
+@kernel
 def lacks_room(m: Memory, out: Output, log: Log) -> bool:
     """Tell whether the next step might not find room for its output."""
     events = m.counts[EVENT_ROWS] + EVENTS_PER_INSTANT * m.guards.width
     return events > log.time.width or (out.every_step and m.counts[ROWS] >= out.time.width)
 
 
-@njit
+@kernel
 def vector_on(desk: IntArray, slot: int) -> FloatVector:
     """Return the view of the floats whose address and width stand at a slot of the desk."""
     return float_vector(desk[slot], desk[slot + 1])
 
 
-@njit
+@kernel
 def table_on(desk: IntArray, slot: int) -> FloatTable:
     """Return the view of a table of floats."""
     return float_table(desk[slot], desk[slot + 1])
 
 
-@njit
+@kernel
 def int_vector_on(desk: IntArray, slot: int) -> IntVector:
     """Return the view of integers."""
     return int_vector(desk[slot], desk[slot + 1])
 
 
-@njit
+@kernel
 def int_table_on(desk: IntArray, slot: int) -> IntTable:
     """Return the view of a table of integers."""
     return int_table(desk[slot], desk[slot + 1])
@@ -261,7 +261,7 @@ SIGNATURE = _INT(
 def compiled_driver() -> Callable[..., Any]:
     """Return the driver's machine code: from the cache, or compiled now (some seconds)."""
     with cache_directory(_run, package_digest()) as cached:
-        return njit(SIGNATURE, cache=cached, nogil=True)(_run)
+        return njit(SIGNATURE, cache=cached, nogil=True, error_model="numpy")(_run)
 
 
 @cache

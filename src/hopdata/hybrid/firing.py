@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
-
 from hopdata.hybrid.callbacks import call_on_event
+from hopdata.hybrid.kernel import kernel
 from hopdata.hybrid.layout import (
     CROWD,
     CULPRIT,
@@ -54,7 +53,7 @@ class Log(NamedTuple):
     mode: IntTable
 
 
-@njit
+@kernel
 def flip(p: Problem, m: Memory) -> int:
     """Flip the locks of all guards that are due; refuse the third flip at one instant."""
     for k in range(m.flags.width):
@@ -71,7 +70,7 @@ def flip(p: Problem, m: Memory) -> int:
     return RUNNING
 
 
-@njit
+@kernel
 def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
     """Tell the scene that guard k has flipped, if that is an event, and log it.
 
@@ -99,7 +98,7 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
     return TERMINATED if stop != 0 else RUNNING
 
 
-@njit
+@kernel
 def fire_due(p: Problem, m: Memory, log: Log) -> int:
     """Fire all guards that have just flipped, in their order."""
     status = RUNNING
@@ -110,7 +109,7 @@ def fire_due(p: Problem, m: Memory, log: Log) -> int:
     return status
 
 
-@njit
+@kernel
 def refresh(p: Problem, m: Memory) -> int:
     """Evaluate field and guards anew at the present state and mode."""
     eval_field(p, m, m.clock[T], Y, K1)
@@ -119,7 +118,7 @@ def refresh(p: Problem, m: Memory) -> int:
     return RUNNING if guards_at_start(p, m, m.clock[T]) else GUARD_NOT_FINITE
 
 
-@njit
+@kernel
 def too_crowded(m: Memory, resolution: float) -> bool:
     """Count instants that follow each other too closely; tell whether there are too many."""
     n_guards = m.flags.width
@@ -132,7 +131,7 @@ def too_crowded(m: Memory, resolution: float) -> bool:
     return m.counts[CROWD] > CROWD_BASE + CROWD_PER_GUARD * n_guards
 
 
-@njit
+@kernel
 def keep_culprit(m: Memory) -> None:
     """Remember the first guard that is due as the one to report."""
     for k in range(m.flags.width - 1, -1, -1):
@@ -140,7 +139,7 @@ def keep_culprit(m: Memory) -> None:
             m.counts[CULPRIT] = k
 
 
-@njit
+@kernel
 def fire_all(p: Problem, m: Memory, log: Log) -> int:
     """Let all guards in DUE flip, and those that their handlers push across; refresh the field.
 

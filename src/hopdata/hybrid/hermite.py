@@ -7,20 +7,20 @@ from __future__ import annotations
 
 from math import sqrt
 
-from numba import njit
+from hopdata.hybrid.kernel import kernel
 
 NOWHERE = 2.0
 ITERATIONS, ACCURACY = 40, 1e-6  # of a root: it is a guess
 
 
-@njit
+@kernel
 def cubic(g0: float, d0: float, g1: float, d1: float, x: float) -> float:
     """Return the value at `x` of the cubic with values g0, g1 and slopes d0, d1 at 0 and 1."""
     rise = g1 - g0
     return g0 + x * (d0 + x * (3.0 * rise - 2.0 * d0 - d1 + x * (d0 + d1 - 2.0 * rise)))
 
 
-@njit
+@kernel
 def turning_points(g0: float, d0: float, g1: float, d1: float) -> tuple[float, float]:
     """Return where in (0, 1) the cubic has its maximum and its minimum; NOWHERE if it has none."""
     rise = g1 - g0
@@ -42,7 +42,7 @@ def turning_points(g0: float, d0: float, g1: float, d1: float) -> tuple[float, f
     return maximum, minimum
 
 
-@njit
+@kernel
 def cubic_root(g0: float, d0: float, g1: float, d1: float, low: float, high: float) -> float:
     """Return a root in [low, high], where the cubic falls from above to below zero."""
     rise = g1 - g0

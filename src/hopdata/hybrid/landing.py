@@ -6,9 +6,8 @@ h itself, so that time and state of the event have the order of the method, not 
 
 from __future__ import annotations
 
-from numba import njit
-
 from hopdata.hybrid.dense import interpolate
+from hopdata.hybrid.kernel import kernel
 from hopdata.hybrid.layout import (
     DUE,
     END,
@@ -34,7 +33,7 @@ SPARED = 1e-2  # of the tolerance: error of the interpolant that is not worth an
 RETAKE_ABOVE = 1e-4  # part of the step by which its end may be moved by a midpoint step
 
 
-@njit
+@kernel
 def nearest_surface(p: Problem, m: Memory, k: int) -> tuple[float, int]:
     """Return how far the end of the step is from guard k, s, or from a rival that is past.
 
@@ -50,7 +49,7 @@ def nearest_surface(p: Problem, m: Memory, k: int) -> tuple[float, int]:
     return shift, nearest
 
 
-@njit
+@kernel
 def move_end(p: Problem, m: Memory, t: float, shift: float) -> None:
     """Move the end of the step, at time t, by a short midpoint step."""
     s = m.states
@@ -62,7 +61,7 @@ def move_end(p: Problem, m: Memory, t: float, shift: float) -> None:
     eval_field(p, m, t + shift, END, K7)
 
 
-@njit
+@kernel
 def take_part(p: Problem, m: Memory, t: float, span: float, on_interpolant: bool) -> None:
     """Take the first part of the step: anew, or on its interpolant."""
     if on_interpolant:
@@ -72,7 +71,7 @@ def take_part(p: Problem, m: Memory, t: float, span: float, on_interpolant: bool
         take_stages(p, m, t, span)
 
 
-@njit
+@kernel
 def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple[float, int]:
     """Make the step end on guard k, about `span` from now.
 
@@ -101,7 +100,7 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
     return span, k
 
 
-@njit
+@kernel
 def end_at_dips(p: Problem, m: Memory, dt: float) -> tuple[float, int, int, float]:
     """Look for the first cut; at a dip, end the step there: the sign of h there decides.
 
@@ -118,7 +117,7 @@ def end_at_dips(p: Problem, m: Memory, dt: float) -> tuple[float, int, int, floa
     return dt, kind, k, theta
 
 
-@njit
+@kernel
 def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
     """Shorten the step to the first flip in it, if any.
 

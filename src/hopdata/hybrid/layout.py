@@ -41,7 +41,7 @@ DIRECTION, TERMINAL = index_numbers(2)
 
 # Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
 # none, and ERROR that step's error in units of the tolerance.
-T, NEXT_DT, LAST_ERROR, INSTANT, RATE_BELOW, RATE_ABOVE, SPAN, ERROR = index_numbers(8)
+T, NEXT_DT, LAST_LOG_ERROR, INSTANT, RATE_BELOW, RATE_ABOVE, SPAN, ERROR = index_numbers(8)
 CLOCK_SLOTS = 8
 
 # Slots of `counts`.

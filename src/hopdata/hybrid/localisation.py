@@ -6,10 +6,9 @@ a bracketed Newton iteration on the interpolant finds the root to interpolation 
 
 from __future__ import annotations
 
-from numba import njit
-
 from hopdata.hybrid.dense import interpolate, interpolate_slope, prepare_interpolant
 from hopdata.hybrid.hermite import NOWHERE, cubic, cubic_root, turning_points
+from hopdata.hybrid.kernel import kernel
 from hopdata.hybrid.layout import H0, H1, RATE, RATE0, RATE1, SCRATCH, H, Memory, T, index_numbers
 from hopdata.hybrid.problem import Problem, guards_inside
 
@@ -23,7 +22,7 @@ ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the di
 MAX_ROOT, MAX_DIP = 80, 12
 
 
-@njit
+@kernel
 def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     """Evaluate the guards on the interpolant at `theta`, into H and RATE."""
     interpolate(m.states, theta, m.states, SCRATCH)
@@ -31,7 +30,7 @@ def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     guards_inside(p, m, m.clock[T] + theta * dt)
 
 
-@njit
+@kernel
 def suspect(g0: float, d0: float, g1: float, d1: float) -> tuple[int, float, float, float]:
     """Judge a guard by its cubic.
 
@@ -57,7 +56,7 @@ def suspect(g0: float, d0: float, g1: float, d1: float) -> tuple[int, float, flo
     return PASS, 1.0, 0.0, 1.0
 
 
-@njit
+@kernel
 def first_suspect(
     p: Problem, m: Memory, dt: float, among: int
 ) -> tuple[int, int, float, float, float]:
@@ -79,7 +78,7 @@ def first_suspect(
     return best
 
 
-@njit
+@kernel
 def lowest_point(p: Problem, m: Memory, dt: float, k: int, theta: float) -> float:
     """Refine the minimum of guard k on the interpolant by regula falsi on its rate."""
     lock = p.mode[k]
@@ -101,7 +100,7 @@ def lowest_point(p: Problem, m: Memory, dt: float, k: int, theta: float) -> floa
     return theta
 
 
-@njit
+@kernel
 def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
     """Return a theta, at most `low`, where guard k is clear of its surface; 0 if there is none."""
     while low > LEAVING:
@@ -112,7 +111,7 @@ def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
     return 0.0
 
 
-@njit
+@kernel
 def crossing(
     p: Problem, m: Memory, dt: float, k: int, guess: float, low: float, high: float
 ) -> float:
@@ -137,7 +136,7 @@ def crossing(
     return x
 
 
-@njit
+@kernel
 def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     """Return (kind, guard, theta): where the step must end, and why."""
     kind, k, guess, low, high = first_suspect(p, m, dt, ANY)

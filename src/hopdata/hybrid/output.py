@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from numba import njit
-
 from hopdata.hybrid.dense import interpolate, prepare_interpolant
+from hopdata.hybrid.kernel import kernel
 from hopdata.hybrid.layout import END, ROWS, SAMPLES, SPAN, Memory, T, Y
 from hopdata.hybrid.views import FloatTable, FloatVector
 
@@ -21,14 +20,14 @@ class Output(NamedTuple):
     every_step: bool
 
 
-@njit
+@kernel
 def put(m: Memory, source: int, table: FloatTable, row: int) -> None:
     """Copy row `source` of the states to a row of another table."""
     for i in range(table.width):
         table[row, i] = m.states[source, i]
 
 
-@njit
+@kernel
 def write_row(m: Memory, out: Output) -> None:
     """Write the present state as the row of a new step."""
     if out.every_step:
@@ -37,7 +36,7 @@ def write_row(m: Memory, out: Output) -> None:
         m.counts[ROWS] += 1
 
 
-@njit
+@kernel
 def rewrite_row(m: Memory, out: Output) -> None:
     """Write the state after an event over the one before it."""
     if out.every_step and m.counts[ROWS] > 0:
@@ -47,7 +46,7 @@ def rewrite_row(m: Memory, out: Output) -> None:
         put(m, Y, out.samples, last)
 
 
-@njit
+@kernel
 def sample_start(m: Memory, out: Output) -> None:
     """Write the initial state, if it is wanted."""
     if out.wanted.width > 0 and out.wanted[0] == m.clock[T]:
@@ -55,7 +54,7 @@ def sample_start(m: Memory, out: Output) -> None:
         m.counts[SAMPLES] = 1
 
 
-@njit
+@kernel
 def sample_step(m: Memory, out: Output, t_new: float, dt: float) -> None:
     """Fill in the wanted times within the step of length `dt` that ends at `t_new`."""
     j, n = m.counts[SAMPLES], out.wanted.width

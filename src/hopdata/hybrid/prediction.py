@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from numba import njit
-
+from hopdata.hybrid.kernel import kernel
 from hopdata.hybrid.layout import BEND, H0, RATE0, RATE1, Memory
 from hopdata.hybrid.problem import Problem
 
@@ -19,7 +18,7 @@ CLIP_MOST = 1e-3  # leave events nearer than this part of the step to localisati
 TOO_SHORT = 1e-3  # part of the proposed step below which it tells nothing of the bend
 
 
-@njit
+@kernel
 def remember_bend(m: Memory, dt: float, proposed: float) -> None:
     """Keep the second derivative of each event function, as a secant over the step just taken."""
     if dt > TOO_SHORT * proposed:
@@ -28,7 +27,7 @@ def remember_bend(m: Memory, dt: float, proposed: float) -> None:
             g[BEND, k] = (g[RATE1, k] - g[RATE0, k]) / dt
 
 
-@njit
+@kernel
 def flip_time(g: float, d: float, c: float) -> float:
     """Return when g + d t + c t^2 / 2 falls through zero; 0 if it does not."""
     room = d * d - 2.0 * g * c
@@ -40,7 +39,7 @@ def flip_time(g: float, d: float, c: float) -> float:
     return -(d + root) / c if c < 0.0 else 0.0
 
 
-@njit
+@kernel
 def clipped(p: Problem, m: Memory, dt: float) -> float:
     """Return `dt`, or less if a guard is predicted to flip before."""
     g, least = m.guards, CLIP_MOST * dt

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from hopdata.hybrid.callbacks import call_field, call_guards
+from hopdata.hybrid.kernel import kernel
 from hopdata.hybrid.layout import (
     CULPRIT,
     END,
@@ -44,7 +44,7 @@ class Problem(NamedTuple):
     t_end: float
 
 
-@njit
+@kernel
 def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
     """Evaluate the field at row `y` of the states into row `dy`.
 
@@ -55,7 +55,7 @@ def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
     call_field(p.field, t, m.states, y, p.mode, p.params, dy)  # type: ignore[call-arg]
 
 
-@njit
+@kernel
 def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int) -> None:
     """Evaluate the guards at rows `y` and `dy` of the states into rows `h` and `rate`."""
     if m.guards.width > 0:
@@ -64,27 +64,27 @@ def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: 
         call_guards(p.guards, t, m.states, y, dy, p.mode, p.params, m.guards, h, rate)  # type: ignore[call-arg]
 
 
-@njit
+@kernel
 def guards_at_start(p: Problem, m: Memory, t: float) -> bool:
     """Evaluate the guards at the start of the step; tell whether all are finite."""
     eval_guards(p, m, t, Y, K1, H0, RATE0)
     return guards_are_finite(m, H0, RATE0)
 
 
-@njit
+@kernel
 def guards_at_end(p: Problem, m: Memory, t: float) -> bool:
     """Evaluate the guards at the end of the step; tell whether all are finite."""
     eval_guards(p, m, t, END, K7, H1, RATE1)
     return guards_are_finite(m, H1, RATE1)
 
 
-@njit
+@kernel
 def guards_inside(p: Problem, m: Memory, t: float) -> None:
     """Evaluate the guards at the state and slope that stand in the working rows."""
     eval_guards(p, m, t, SCRATCH, SLOPE, H, RATE)
 
 
-@njit
+@kernel
 def guards_are_finite(m: Memory, h: int, rate: int) -> bool:
     """Tell whether rows `h` and `rate` are finite; else keep the guard that is not."""
     bad = max(first_not_finite(m.guards, h), first_not_finite(m.guards, rate))
@@ -93,7 +93,7 @@ def guards_are_finite(m: Memory, h: int, rate: int) -> bool:
     return bad < 0
 
 
-@njit
+@kernel
 def first_not_finite(table: FloatTable, row: int) -> int:
     """Return the index of the first value in a row that is NaN or infinite, or -1."""
     for i in range(table.width):
@@ -102,14 +102,14 @@ def first_not_finite(table: FloatTable, row: int) -> int:
     return -1
 
 
-@njit
+@kernel
 def copy_row(table: FloatTable, source: int, target: int) -> None:
     """Copy row `source` of a table to row `target`."""
     for i in range(table.width):
         table[target, i] = table[source, i]
 
 
-@njit
+@kernel
 def fill_row(table: FloatTable, row: int, value: float) -> None:
     """Set a whole row of a table to one value."""
     for i in range(table.width):

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from numba import njit
-
 from hopdata.hybrid.firing import refresh
+from hopdata.hybrid.kernel import kernel
 from hopdata.hybrid.layout import H0, K1, OPEN, RATE, RATE0, SCRATCH, SLOPE, Memory, T, Y
 from hopdata.hybrid.problem import Problem, eval_field, guards_inside
 from hopdata.hybrid.status import RUNNING
@@ -13,7 +12,7 @@ PASSES = 4  # rates on the surface may depend on the other locks: go round until
 LOOK_AHEAD = 1e-6  # of the way to the end of t_span
 
 
-@njit
+@kernel
 def decide(h: float, rate: float, bend: float) -> int:
     """Return the lock of a guard with these values; exactly zero passes the question on."""
     if h != 0.0:
@@ -23,7 +22,7 @@ def decide(h: float, rate: float, bend: float) -> int:
     return 1 if bend > 0.0 else -1
 
 
-@njit
+@kernel
 def look_ahead(p: Problem, m: Memory) -> None:
     """Put the guards' rates a short way ahead into RATE: for a guard at rest, where it bends."""
     s = m.states
@@ -34,7 +33,7 @@ def look_ahead(p: Problem, m: Memory) -> None:
     guards_inside(p, m, m.clock[T] + ahead)
 
 
-@njit
+@kernel
 def decide_locks(p: Problem, m: Memory) -> bool:
     """Set each lock that was left open; tell whether one has changed."""
     g, changed = m.guards, False
@@ -48,7 +47,7 @@ def decide_locks(p: Problem, m: Memory) -> bool:
     return changed
 
 
-@njit
+@kernel
 def settle_locks(p: Problem, m: Memory) -> int:
     """Decide each lock that the caller left open (0), and evaluate field and guards."""
     for k in range(m.guards.width):

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from math import isfinite, sqrt
+from math import exp, isfinite, log, sqrt
 
-from numba import njit
-
+from hopdata.hybrid.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.layout import (
     END,
     ERROR,
@@ -16,7 +15,7 @@ from hopdata.hybrid.layout import (
     K5,
     K6,
     K7,
-    LAST_ERROR,
+    LAST_LOG_ERROR,
     NEXT_DT,
     REJECTED,
     SCRATCH,
@@ -68,7 +67,7 @@ ALPHA = 0.2 - 0.75 * BETA
 SAFETY = 0.9
 SHRINK_MOST, GROW_MOST = 0.2, 10.0
 SHRINK_AT_NAN = 0.1
-ERROR_FLOOR = 1e-4
+LOG_ERROR_FLOOR = log(1e-4)
 
 EPS = 2.0**-52
 TINY = 1e-300
@@ -76,7 +75,7 @@ STEP_FLOOR = 4 * EPS  # smallest step, relative to the time it is added to
 ALMOST_THERE = 1.01  # stretch the last step by this much rather than leave a sliver
 
 
-@njit
+@kernel
 def take_stages(p: Problem, m: Memory, t: float, dt: float) -> None:
     """Step from Y (with K1 known) over `dt` into END and K7."""
     m.clock[SPAN] = 0.0
@@ -105,13 +104,13 @@ def take_stages(p: Problem, m: Memory, t: float, dt: float) -> None:
     eval_field(p, m, t + dt, END, K7)
 
 
-@njit
+@kernel
 def tolerance(p: Problem, i: int, size: float) -> float:
     """Return the error allowed in component `i` at this size; never 0."""
     return max(p.atol[i] + p.rtol * size, TINY)
 
 
-@njit
+@kernel
 def error_norm(p: Problem, m: Memory, dt: float) -> float:
     """Return the estimated error in units of the tolerance (root mean square; 1 is just met)."""
     s = m.states
@@ -123,32 +122,33 @@ def error_norm(p: Problem, m: Memory, dt: float) -> float:
     return sqrt(total / s.width)
 
 
-@njit
-def growth(error: float, last_error: float) -> float:
-    """Return the factor by which an accepted step may grow."""
-    if error == 0.0:
-        return GROW_MOST
-    factor = SAFETY * last_error**BETA / error**ALPHA
+@kernel
+def growth(log_error: float, last_log_error: float) -> float:
+    """Return the factor by which an accepted step may grow, by the logarithms of two errors."""
+    factor = SAFETY * exp(BETA * last_log_error - ALPHA * log_error)
     return min(GROW_MOST, max(SHRINK_MOST, factor))
 
 
-@njit
+@kernel
 def resize_next(m: Memory, dt: float, error: float, rejected: bool, proposed: float) -> None:
     """Propose the next step after one of size `dt` was accepted (PI controller).
 
     A step that was clipped to less than `proposed` says little: the proposal stands.
     """
-    factor = growth(error, m.clock[LAST_ERROR])
+    log_error = log(max(error, TINY))
+    factor = growth(log_error, m.clock[LAST_LOG_ERROR])
     m.clock[ERROR] = error
     if rejected:
         m.clock[NEXT_DT] = dt * min(1.0, factor)
+    elif dt < proposed:
+        m.clock[NEXT_DT] = max(dt * factor, proposed)
+        return
     else:
-        m.clock[NEXT_DT] = max(dt * factor, proposed) if dt < proposed else dt * factor
-    if rejected or not dt < proposed:
-        m.clock[LAST_ERROR] = max(error, ERROR_FLOOR)
+        m.clock[NEXT_DT] = dt * factor
+    m.clock[LAST_LOG_ERROR] = max(log_error, LOG_ERROR_FLOOR)
 
 
-@njit
+@kernel_in_loop
 def accepted_step(p: Problem, m: Memory) -> float:
     """Try steps until one meets the tolerance.
 
@@ -181,7 +181,7 @@ def accepted_step(p: Problem, m: Memory) -> float:
     return dt
 
 
-@njit
+@kernel
 def first_step(p: Problem, m: Memory) -> float:
     """Propose a first step from two slopes (Hairer, Norsett, Wanner, section II.4)."""
     s, t = m.states, m.clock[T]

@@ -7,8 +7,7 @@ side by decree, whatever rounding makes of h.
 
 from __future__ import annotations
 
-from numba import njit
-
+from hopdata.hybrid.kernel import kernel
 from hopdata.hybrid.layout import DUE, SIZE, Memory
 from hopdata.hybrid.problem import Problem
 
@@ -17,13 +16,13 @@ ROUNDING = 4 * EPS  # of h, relative to its largest value over the step
 TIME_ROUNDING = 4 * EPS  # of an event's time
 
 
-@njit
+@kernel
 def time_resolution(t: float, dt: float) -> float:
     """Return the interval below which two instants are one: rounding, not a tolerance."""
     return TIME_ROUNDING * max(abs(t), abs(t + dt), dt)
 
 
-@njit
+@kernel
 def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
     """Tell whether a guard flips now.
 
@@ -40,7 +39,7 @@ def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
     return g < -noise or (g <= noise and rate < 0.0)
 
 
-@njit
+@kernel
 def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
     """Mark in DUE each guard that flips now, by rows `h` and `rate`; return how many do."""
     g, total = m.guards, 0
@@ -52,7 +51,7 @@ def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int
     return total
 
 
-@njit
+@kernel
 def remember_residuals(m: Memory, h: int) -> None:
     """Count what is left of h at the guards that flip now as rounding, whatever follows."""
     g = m.guards
