@@ -26,3 +26,13 @@ def did_you_mean(name: str, choices: Iterable[str]) -> str:
     """Return ``"; did you mean 'x'?"`` for the nearest of `choices`, or an empty string."""
     near = difflib.get_close_matches(name, list(choices), n=1, cutoff=0.5)
     return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def require_choice(key: str, value: str, choices: Iterable[str]) -> None:
+    """Raise a `ConfigError` that names `key` unless `value` is one of `choices`."""
+    choices = tuple(choices)
+    if value not in choices:
+        raise ConfigError(
+            f"{key}: expected one of {', '.join(choices)}, found {value!r}"
+            f"{did_you_mean(value, choices)}"
+        )

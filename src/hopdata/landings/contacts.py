@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.errors import ConfigError, did_you_mean
+from hopdata.errors import require_choice
 from hopdata.landings.approach import LANDED, MISSING, POOR_FIT, approaches, height_noise
 from hopdata.landings.kink import (
     FlightPriors,
@@ -100,8 +100,8 @@ def find_contacts(
     ConfigError
         If `method` or `gravity` is unknown.
     """
-    _check("touchdowns.method", method, METHODS)
-    _check("touchdowns.gravity", gravity, GRAVITIES)
+    require_choice("touchdowns.method", method, METHODS)
+    require_choice("touchdowns.gravity", gravity, GRAVITIES)
     noise_m = height_noise(heights)
     near, status = approaches(
         time,
@@ -233,11 +233,3 @@ def _judged(fits: KinkFits, status: IntArray, noise_m: float, maximum_misfit: fl
     return Contacts(
         np.where(seen, fits.instant, np.nan), np.where(seen, se, np.nan), status, noise_m
     )
-
-
-def _check(key: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ConfigError(
-            f"{key}: expected one of {', '.join(choices)}, found {value!r}"
-            f"{did_you_mean(value, choices)}"
-        )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.errors import ConfigError, did_you_mean
+from hopdata.errors import require_choice
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -99,8 +99,8 @@ def section_states(
     ConfigError
         If `method` or `gravity` is unknown.
     """
-    _check("states.method", method, METHODS)
-    _check("states.gravity", gravity, GRAVITIES)
+    require_choice("states.method", method, METHODS)
+    require_choice("states.gravity", gravity, GRAVITIES)
     if method == "savitzky_golay":
         start = _nearest(time, near) - FILTER_FRAMES // 2
         scale = FILTER_FRAMES / 2 * float(np.median(np.diff(time)))
@@ -215,11 +215,3 @@ def _on_section(fit: _Fit, near: FloatArray, height_m: float) -> SectionStates:
         (fit.coefficients * at**powers).sum(axis=3),
         (slopes * at ** powers[:-1]).sum(axis=3) / fit.scale,
     )
-
-
-def _check(key: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise ConfigError(
-            f"{key}: expected one of {', '.join(choices)}, found {value!r}"
-            f"{did_you_mean(value, choices)}"
-        )

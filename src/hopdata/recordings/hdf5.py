@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from hopdata import __version__
 from hopdata.errors import RecordingError
+from hopdata.jobs import whole_file
 from hopdata.recordings.hdf5_content import number, numbers, text, texts
 from hopdata.recordings.recording import ROLES, Recording
 from hopdata.recordings.truth import Truth, check_sizes
@@ -43,17 +43,10 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
     """
     import h5py
 
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        with h5py.File(partial, "w") as file:
-            _write_content(file, recording)
-            if truth is not None:
-                _write_truth(file.create_group("truth"), truth)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with whole_file(path) as temporary, h5py.File(temporary, "w") as file:
+        _write_content(file, recording)
+        if truth is not None:
+            _write_truth(file.create_group("truth"), truth)
 
 
 def read_recording(path: str | Path) -> Recording:
