@@ -30,8 +30,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from hopdata.hybrid import System, solve
-from hopdata.hybrid.callbacks import call_field
-from hopdata.hybrid.views import view
+from hopdata.hybrid.compiled.callbacks import call_field
+from hopdata.hybrid.compiled.views import view
 from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 from hopdata.scenes.vertical_hopper import VerticalHopper
 

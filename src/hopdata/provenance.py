@@ -101,7 +101,7 @@ def provenance(
         "seed": config["seed"],
         "config": dict(config),
         "inputs": dict(inputs),
-        "code_sha256": package_digest(),
+        "code_sha256": driver_digest(),
         "versions": {name: _version(name) for name in REPORTED_PACKAGES},
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
@@ -109,7 +109,7 @@ def provenance(
     }
 
 
-def package_digest() -> str:
+def driver_digest() -> str:
     """Digest of all sources of the package: what a version number does not tell apart."""
     digest = hashlib.sha256()
     for source in sorted(PACKAGE.rglob("*.py")):

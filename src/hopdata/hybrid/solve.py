@@ -16,11 +16,11 @@ from hopdata.hybrid.arguments import (
     set_mode,
     set_tolerance,
 )
-from hopdata.hybrid.driver import driver_entry
+from hopdata.hybrid.compiled.unraisable import Caught
+from hopdata.hybrid.driver.loop import driver_entry
 from hopdata.hybrid.solution import Solution, filled
 from hopdata.hybrid.status import BAD_START, NEEDS_ROOM, PAUSED, describe
 from hopdata.hybrid.system import System
-from hopdata.hybrid.unraisable import Caught
 from hopdata.hybrid.workspace import Workspace
 
 UNFINISHED = (NEEDS_ROOM, PAUSED)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.hybrid.callbacks import FIELD, GUARDS, ON_EVENT, Callback
+from hopdata.hybrid.compiled.callbacks import FIELD, GUARDS, ON_EVENT, Callback
 from hopdata.hybrid.workspace import Pool, Workspace
 
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.hybrid import layout
-from hopdata.hybrid.layout import FloatArray, IntArray
+from hopdata.hybrid.driver import layout
+from hopdata.hybrid.driver.layout import FloatArray, IntArray
 from hopdata.hybrid.solution import EventLog, filled
 
 FIRST_ROWS = 256

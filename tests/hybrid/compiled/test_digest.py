@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from hopdata.hybrid.digest import function_digest, package_digest
+from hopdata.hybrid.compiled.digest import driver_digest, function_digest
 
 SOURCE = """
 import numpy as np
@@ -84,5 +84,5 @@ def test_recursion_ends():
     assert len(function_digest(test_recursion_ends)) == 16
 
 
-def test_package_digest():
-    assert package_digest() == package_digest()
+def test_driver_digest():
+    assert driver_digest() == driver_digest()

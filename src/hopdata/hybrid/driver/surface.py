@@ -7,9 +7,9 @@ side by decree, whatever rounding makes of h.
 
 from __future__ import annotations
 
-from hopdata.hybrid.kernel import kernel
-from hopdata.hybrid.layout import DUE, SIZE, Memory
-from hopdata.hybrid.problem import Problem
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.driver.layout import DUE, SIZE, Memory
+from hopdata.hybrid.driver.problem import Problem
 
 EPS = 2.0**-52
 ROUNDING = 4 * EPS  # of h, relative to its largest value over the step

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hopdata.hybrid.callbacks import call_field, call_guards
-from hopdata.hybrid.kernel import kernel
-from hopdata.hybrid.layout import (
+from hopdata.hybrid.compiled.callbacks import call_field, call_guards
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.views import FloatTable, FloatVector, IntTable, IntVector
+from hopdata.hybrid.driver.layout import (
     CULPRIT,
     END,
     H0,
@@ -26,7 +27,6 @@ from hopdata.hybrid.layout import (
     Memory,
     Y,
 )
-from hopdata.hybrid.views import FloatTable, FloatVector, IntTable, IntVector
 
 
 class Problem(NamedTuple):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from hopdata.hybrid.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel
 
 NOWHERE = 2.0
 ITERATIONS, ACCURACY = 40, 1e-6  # of a root: it is a guess

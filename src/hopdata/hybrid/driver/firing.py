@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hopdata.hybrid.callbacks import call_on_event
-from hopdata.hybrid.kernel import kernel
-from hopdata.hybrid.layout import (
+from hopdata.hybrid.compiled.callbacks import call_on_event
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.views import FloatTable, FloatVector, IntTable, IntVector
+from hopdata.hybrid.driver.layout import (
     CROWD,
     CULPRIT,
     DIRECTION,
@@ -25,7 +26,8 @@ from hopdata.hybrid.layout import (
     T,
     Y,
 )
-from hopdata.hybrid.problem import Problem, eval_field, first_not_finite, guards_at_start
+from hopdata.hybrid.driver.problem import Problem, eval_field, first_not_finite, guards_at_start
+from hopdata.hybrid.driver.surface import mark_due, time_resolution
 from hopdata.hybrid.status import (
     FIELD_NOT_FINITE,
     GUARD_NOT_FINITE,
@@ -34,8 +36,6 @@ from hopdata.hybrid.status import (
     TERMINATED,
     ZENO,
 )
-from hopdata.hybrid.surface import mark_due, time_resolution
-from hopdata.hybrid.views import FloatTable, FloatVector, IntTable, IntVector
 
 FLIPS_AT_ONCE = 2  # there and back, as at an impact; a third flip means that the guard is not live
 CROWDED = 1000  # instants nearer than this many time resolutions are a crowd

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from math import sqrt
 
-from hopdata.hybrid.kernel import kernel
-from hopdata.hybrid.layout import BEND, H0, RATE0, RATE1, Memory
-from hopdata.hybrid.problem import Problem
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.driver.layout import BEND, H0, RATE0, RATE1, Memory
+from hopdata.hybrid.driver.problem import Problem
 
 OVERSHOOT = 1.2  # past the predicted flip, so that the step finds it if the guess was a bit short
 CLIP_MOST = 1e-3  # leave events nearer than this part of the step to localisation

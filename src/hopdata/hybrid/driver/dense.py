@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from hopdata.hybrid.kernel import kernel
-from hopdata.hybrid.layout import (
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.views import FloatTable
+from hopdata.hybrid.driver.layout import (
     END,
     K1,
     K3,
@@ -20,8 +21,7 @@ from hopdata.hybrid.layout import (
     Memory,
     Y,
 )
-from hopdata.hybrid.tableau import D1, D3, D4, D5, D6, D7
-from hopdata.hybrid.views import FloatTable
+from hopdata.hybrid.methods.dopri5 import D1, D3, D4, D5, D6, D7
 
 
 @kernel

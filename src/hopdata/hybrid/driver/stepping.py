@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import exp, isfinite, log, sqrt
 
-from hopdata.hybrid.kernel import kernel, kernel_in_loop
-from hopdata.hybrid.layout import (
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.driver.layout import (
     END,
     ERROR,
     K1,
@@ -25,10 +25,9 @@ from hopdata.hybrid.layout import (
     T,
     Y,
 )  # fmt: skip
-from hopdata.hybrid.prediction import clipped
-from hopdata.hybrid.problem import Problem, eval_field, guards_at_end
-from hopdata.hybrid.status import FIELD_NOT_FINITE, GUARD_NOT_FINITE, STEP_UNDERFLOW
-from hopdata.hybrid.tableau import (
+from hopdata.hybrid.driver.prediction import clipped
+from hopdata.hybrid.driver.problem import Problem, eval_field, guards_at_end
+from hopdata.hybrid.methods.dopri5 import (
     A21,
     A31,
     A32,
@@ -60,6 +59,7 @@ from hopdata.hybrid.tableau import (
     E6,
     E7,
 )  # fmt: skip
+from hopdata.hybrid.status import FIELD_NOT_FINITE, GUARD_NOT_FINITE, STEP_UNDERFLOW
 
 # PI controller of Hairer and Wanner's DOPRI5.
 BETA = 0.04

@@ -7,7 +7,7 @@ import pytest
 from hybrid_systems import ball, ladder, throw
 
 from hopdata.hybrid import solve
-from hopdata.hybrid.prediction import flip_time
+from hopdata.hybrid.driver.prediction import flip_time
 
 
 def test_flip_time_of_parabolas():

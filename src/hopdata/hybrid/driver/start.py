@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from hopdata.hybrid.firing import refresh
-from hopdata.hybrid.kernel import kernel
-from hopdata.hybrid.layout import H0, K1, OPEN, RATE, RATE0, SCRATCH, SLOPE, Memory, T, Y
-from hopdata.hybrid.problem import Problem, eval_field, guards_inside
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.driver.firing import refresh
+from hopdata.hybrid.driver.layout import H0, K1, OPEN, RATE, RATE0, SCRATCH, SLOPE, Memory, T, Y
+from hopdata.hybrid.driver.problem import Problem, eval_field, guards_inside
 from hopdata.hybrid.status import RUNNING
 
 PASSES = 4  # rates on the surface may depend on the other locks: go round until they agree

@@ -6,11 +6,22 @@ a bracketed Newton iteration on the interpolant finds the root to interpolation 
 
 from __future__ import annotations
 
-from hopdata.hybrid.dense import interpolate, interpolate_slope, prepare_interpolant
-from hopdata.hybrid.hermite import NOWHERE, cubic, cubic_root, turning_points
-from hopdata.hybrid.kernel import kernel
-from hopdata.hybrid.layout import H0, H1, RATE, RATE0, RATE1, SCRATCH, H, Memory, T, index_numbers
-from hopdata.hybrid.problem import Problem, guards_inside
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.driver.dense import interpolate, interpolate_slope, prepare_interpolant
+from hopdata.hybrid.driver.hermite import NOWHERE, cubic, cubic_root, turning_points
+from hopdata.hybrid.driver.layout import (
+    H0,
+    H1,
+    RATE,
+    RATE0,
+    RATE1,
+    SCRATCH,
+    H,
+    Memory,
+    T,
+    index_numbers,
+)
+from hopdata.hybrid.driver.problem import Problem, guards_inside
 
 PASS, CROSSING, DIP = 0, 1, 2
 ANY, PAST = index_numbers(2)  # which guards to suspect

@@ -12,7 +12,7 @@ import numba
 import pytest
 
 import hopdata
-from hopdata.hybrid.cache import cache_directory
+from hopdata.hybrid.compiled.cache import cache_directory
 
 SCENE = """
 import sys

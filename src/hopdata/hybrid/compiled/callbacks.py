@@ -15,9 +15,9 @@ import numba
 from numba import types
 from numba.extending import intrinsic
 
-from hopdata.hybrid.cache import cache_directory
-from hopdata.hybrid.digest import function_digest
-from hopdata.hybrid.views import INDEX, View, lower_row
+from hopdata.hybrid.compiled.cache import cache_directory
+from hopdata.hybrid.compiled.digest import function_digest
+from hopdata.hybrid.compiled.views import INDEX, View, lower_row
 
 STATE = types.float64[::1]
 MODE = types.int64[::1]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hopdata.hybrid.hermite import NOWHERE, cubic, cubic_root, turning_points
-from hopdata.hybrid.localisation import CROSSING, DIP, GRAZE, PASS, suspect
+from hopdata.hybrid.driver.hermite import NOWHERE, cubic, cubic_root, turning_points
+from hopdata.hybrid.driver.localisation import CROSSING, DIP, GRAZE, PASS, suspect
 
 
 def ends(polynomial):

@@ -13,10 +13,13 @@ import numpy as np
 DIGITS = 16
 
 
-def package_digest() -> str:
-    """Return a digest of all sources of this package, as 16 hexadecimal digits."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+DRIVER_FOLDERS = ("compiled", "driver")
+
+
+def driver_digest() -> str:
+    """Return a digest of all sources that the driver is made of, as 16 hexadecimal digits."""
+    package, digest = Path(__file__).parent.parent, hashlib.sha256()
+    for path in sorted(p for folder in DRIVER_FOLDERS for p in (package / folder).glob("*.py")):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:DIGITS]

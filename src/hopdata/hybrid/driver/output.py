@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hopdata.hybrid.dense import interpolate, prepare_interpolant
-from hopdata.hybrid.kernel import kernel
-from hopdata.hybrid.layout import END, ROWS, SAMPLES, SPAN, Memory, T, Y
-from hopdata.hybrid.views import FloatTable, FloatVector
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.views import FloatTable, FloatVector
+from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
+from hopdata.hybrid.driver.layout import END, ROWS, SAMPLES, SPAN, Memory, T, Y
 
 
 class Output(NamedTuple):

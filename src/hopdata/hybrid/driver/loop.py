@@ -15,12 +15,23 @@ from typing import Any
 import numpy as np
 from numba import njit, types
 
-from hopdata.hybrid.cache import cache_directory
-from hopdata.hybrid.digest import package_digest
-from hopdata.hybrid.firing import Log, fire_all
-from hopdata.hybrid.kernel import kernel, kernel_in_loop
-from hopdata.hybrid.landing import end_at_first_flip
-from hopdata.hybrid.layout import (
+from hopdata.hybrid.compiled.cache import cache_directory
+from hopdata.hybrid.compiled.digest import driver_digest
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.views import (
+    FloatTable,
+    FloatVector,
+    IntTable,
+    IntVector,
+    float_table,
+    float_vector,
+    int_table,
+    int_vector,
+    view,
+)
+from hopdata.hybrid.driver.firing import Log, fire_all
+from hopdata.hybrid.driver.landing import end_at_first_flip
+from hopdata.hybrid.driver.layout import (
     ATOL,
     CLOCK,
     COUNT_SLOTS,
@@ -72,10 +83,12 @@ from hopdata.hybrid.layout import (
     T,
     Y,
 )
-from hopdata.hybrid.output import Output, rewrite_row, sample_start, sample_step, write_row
-from hopdata.hybrid.prediction import remember_bend
-from hopdata.hybrid.problem import Problem, copy_row, fill_row, first_not_finite
-from hopdata.hybrid.start import settle_locks
+from hopdata.hybrid.driver.output import Output, rewrite_row, sample_start, sample_step, write_row
+from hopdata.hybrid.driver.prediction import remember_bend
+from hopdata.hybrid.driver.problem import Problem, copy_row, fill_row, first_not_finite
+from hopdata.hybrid.driver.start import settle_locks
+from hopdata.hybrid.driver.stepping import LOG_ERROR_FLOOR, accepted_step, first_step
+from hopdata.hybrid.driver.surface import mark_due, time_resolution
 from hopdata.hybrid.status import (
     BAD_START,
     FINISHED,
@@ -84,19 +97,6 @@ from hopdata.hybrid.status import (
     RUNNING,
     TOO_MANY_EVENTS,
     TOO_MANY_STEPS,
-)
-from hopdata.hybrid.stepping import LOG_ERROR_FLOOR, accepted_step, first_step
-from hopdata.hybrid.surface import mark_due, time_resolution
-from hopdata.hybrid.views import (
-    FloatTable,
-    FloatVector,
-    IntTable,
-    IntVector,
-    float_table,
-    float_vector,
-    int_table,
-    int_vector,
-    view,
 )
 
 STEPS_PER_CALL = 200_000  # then return to Python for a moment
@@ -260,7 +260,7 @@ SIGNATURE = _INT(
 @cache
 def compiled_driver() -> Callable[..., Any]:
     """Return the driver's machine code: from the cache, or compiled now (some seconds)."""
-    with cache_directory(_run, package_digest()) as cached:
+    with cache_directory(_run, driver_digest()) as cached:
         return njit(SIGNATURE, cache=cached, nogil=True, error_model="numpy")(_run)
 
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.hybrid.views import FloatTable, FloatVector, IntTable, IntVector
+from hopdata.hybrid.compiled.views import FloatTable, FloatVector, IntTable, IntVector
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -6,9 +6,9 @@ h itself, so that time and state of the event have the order of the method, not 
 
 from __future__ import annotations
 
-from hopdata.hybrid.dense import interpolate
-from hopdata.hybrid.kernel import kernel
-from hopdata.hybrid.layout import (
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.driver.dense import interpolate
+from hopdata.hybrid.driver.layout import (
     DUE,
     END,
     ERROR,
@@ -23,10 +23,10 @@ from hopdata.hybrid.layout import (
     Memory,
     T,
 )
-from hopdata.hybrid.localisation import CROSSING, DIP, PASS, first_cut
-from hopdata.hybrid.problem import Problem, eval_field, guards_at_end
-from hopdata.hybrid.stepping import take_stages
-from hopdata.hybrid.surface import mark_due, remember_residuals, time_resolution
+from hopdata.hybrid.driver.localisation import CROSSING, DIP, PASS, first_cut
+from hopdata.hybrid.driver.problem import Problem, eval_field, guards_at_end
+from hopdata.hybrid.driver.stepping import take_stages
+from hopdata.hybrid.driver.surface import mark_due, remember_residuals, time_resolution
 
 MAX_POLISH = 8
 SPARED = 1e-2  # of the tolerance: error of the interpolant that is not worth another step

@@ -1,0 +1,1 @@
+"""The loop that all integrations share: step, localise, land, flip, go on."""

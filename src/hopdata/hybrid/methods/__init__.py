@@ -1,0 +1,1 @@
+"""One module a method: how one step is taken, and its interpolant."""
