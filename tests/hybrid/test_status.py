@@ -50,7 +50,7 @@ def test_sliding_is_reported_with_guard_time_and_rates():
     solution = solve(sliding(), (0, 3), [-1.0], params=(3.0, 2.0))
     assert solution.status == codes.SLIDING
     assert solution.t_end == pytest.approx(0.5, abs=1e-14)
-    for word in ("'origin'", "t = 0.5", "+2 below", "-3 above"):
+    for word in ("'origin'", f"t = {solution.t_end:.17g}", "+2 below", "-3 above"):
         assert word in solution.message
 
 

@@ -17,13 +17,15 @@ from hopdata.hybrid.arguments import (
     set_tolerance,
 )
 from hopdata.hybrid.compiled.unraisable import Caught
-from hopdata.hybrid.driver.loop import driver_entry
+from hopdata.hybrid.driver.entry import driver_entry
+from hopdata.hybrid.driver.layout import METHOD
+from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.solution import Solution, filled
-from hopdata.hybrid.status import BAD_START, NEEDS_ROOM, PAUSED, describe
+from hopdata.hybrid.status import BAD_START, NEEDS_METHOD, NEEDS_ROOM, PAUSED, describe
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import Workspace
 
-UNFINISHED = (NEEDS_ROOM, PAUSED)
+UNFINISHED = (NEEDS_ROOM, NEEDS_METHOD, PAUSED)
 
 
 def solve(
@@ -40,6 +42,7 @@ def solve(
     t_eval: ArrayLike | None = None,
     max_steps: int = 10_000_000,
     max_events: int = 10_000_000,
+    method: str = "auto",
 ) -> Solution:
     """Integrate an event-selected system from t_span[0] to t_span[1].
 
@@ -86,13 +89,13 @@ def solve(
     )
     state, numbers = check_shape("y0", y0, system.n_states), check_params(params)
     times = None if t_eval is None else check_times(t_eval, t_start, t_end)
-    work = system.take_workspace()
+    methods, work = system.methods(method), system.take_workspace()
     try:
-        work.begin(times)
+        work.begin(methods.rows, times)
         set_mode(work.mode, system.n_guards, mode)
         set_tolerance(work.atol, atol)
         status = _run(
-            work, state, numbers, t_start, t_end, rtol, max_step, step,
+            methods, work, state, numbers, t_start, t_end, rtol, max_step, step,
             int(max_steps), int(max_events), times is None,
         )  # fmt: skip
         if status == BAD_START:
@@ -102,7 +105,7 @@ def solve(
         system.idle.append(work)
 
 
-def _run(work: Workspace, *arguments: object) -> int:
+def _run(methods: MethodTable, work: Workspace, *arguments: object) -> int:
     """Call the driver until it has ended, with as much room as it asks for; return its status."""
     drive, caught, previous = driver_entry(), Caught(), sys.unraisablehook
     sys.unraisablehook = caught.keep
@@ -111,6 +114,8 @@ def _run(work: Workspace, *arguments: object) -> int:
         while status in UNFINISHED and not caught:
             if status == NEEDS_ROOM:
                 work.enlarge()
+            elif status == NEEDS_METHOD:
+                methods.compile(int(work.counts[METHOD]))
             status = drive(work.desk, *arguments, True)
     finally:
         sys.unraisablehook = previous
@@ -120,7 +125,7 @@ def _run(work: Workspace, *arguments: object) -> int:
 
 
 def _solution(system: System, work: Workspace, status: int, every_step: bool) -> Solution:
-    nfev, ngev, steps, rejected, _, rows, event_rows, samples, _, culprit = work.counts.tolist()
+    nfev, ngev, steps, rejected, _, rows, event_rows, samples, _, culprit, *_ = work.counts.tolist()
     time, _, _, _, below, above, *_ = work.clock.tolist()
     t, y = work.trajectory(rows) if every_step else work.samples(samples)
     guard = system.guard_names[culprit] if culprit >= 0 else ""

@@ -17,6 +17,7 @@ RUNNING = 2
 NEEDS_ROOM = 3
 PAUSED = 4
 BAD_START = 5
+NEEDS_METHOD = 6
 
 SENTENCES = {
     FINISHED: "The integration reached the end of t_span.",

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.signatures import FIELD, GUARDS, ON_EVENT
+from hopdata.hybrid.driver.entry import run_address
+from hopdata.hybrid.methods.table import MethodTable, check_method
 from hopdata.hybrid.workspace import Pool, Workspace
 
 
@@ -45,6 +47,8 @@ class System:
     field: Callback
     guards: Callback | None = None
     on_event: Callback | None = None
+    guard: Callback | None = None
+    rate_bound: Callback | None = None
     n_states: int = 1
     guard_names: tuple[str, ...] = ()
     directions: tuple[int, ...] | None = None
@@ -84,11 +88,21 @@ class System:
         return np.array([self.directions or none, self.terminal or none], dtype=np.int64)
 
     @cached_property
-    def addresses(self) -> tuple[int, int, int]:
-        """Addresses of the compiled field, guards and handler (0 where there is none)."""
-        callbacks = (self.field, self.guards, self.on_event)
-        field, guards, on_event = (0 if one is None else one.address for one in callbacks)
-        return field, guards, on_event
+    def addresses(self) -> tuple[int, ...]:
+        """Addresses of the compiled callbacks (0 where there is none), and of the driver."""
+        callbacks = (self.field, self.guards, self.guard, self.rate_bound, self.on_event)
+        return (*(0 if one is None else one.address for one in callbacks), run_address())
+
+    @cached_property
+    def _method_tables(self) -> dict[str, MethodTable]:
+        return {}
+
+    def methods(self, choice: str) -> MethodTable:
+        """Return the methods that a choice leaves to the driver."""
+        if choice not in self._method_tables:
+            check_method(choice)
+            self._method_tables[choice] = MethodTable(choice, self.field.dispatcher, self.n_states)
+        return self._method_tables[choice]
 
     @cached_property
     def idle(self) -> Pool:
@@ -100,8 +114,9 @@ class System:
         try:
             return self.idle.pop()
         except IndexError:
+            logged = self.n_extra_modes if self.guard is not None else self.n_modes
             return Workspace(
-                self.addresses, self.rules, self.n_states, self.n_modes, self.guard_names
+                self.addresses, self.rules, self.n_states, self.n_modes, self.guard_names, logged
             )
 
 

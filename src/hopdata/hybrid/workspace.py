@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hopdata.hybrid.driver import layout
 from hopdata.hybrid.driver.layout import FloatArray, IntArray
+from hopdata.hybrid.methods.table import WORK_ROWS
 from hopdata.hybrid.solution import EventLog, filled
 
 FIRST_ROWS = 256
@@ -30,26 +31,30 @@ class Workspace:
     Parameters
     ----------
     addresses : tuple of int
-        Machine code of field, guards and handler.
+        Machine code, in the order of the desk.
     rules : (2, n_guards) array of int
         Directions and terminal flags.
     n_states, n_modes : int
         Lengths of state and mode.
     guard_names : tuple of str
         For the log of events.
+    n_logged_modes : int
+        Length of the last part of the mode that the log of events keeps.
     """
 
     def __init__(
         self,
-        addresses: tuple[int, int, int],
+        addresses: tuple[int, ...],
         rules: IntArray,
         n_states: int,
         n_modes: int,
         guard_names: tuple[str, ...],
+        n_logged_modes: int,
     ) -> None:
         n_guards = len(guard_names)
+        self._n_logged_modes = n_logged_modes
         self._guard_names = guard_names
-        self._states = np.zeros((layout.STATE_ROWS, n_states))
+        self._states = np.zeros((layout.W1 + WORK_ROWS, n_states))
         self.state = self._states[layout.Y]
         self.mode = np.zeros(n_modes, dtype=np.int64)
         self.atol = np.zeros(n_states)
@@ -57,6 +62,9 @@ class Workspace:
         self.counts = np.zeros(layout.COUNT_SLOTS, dtype=np.int64)
         self._guards = np.zeros((layout.GUARD_ROWS, n_guards))
         self._flags = np.zeros((layout.FLAG_ROWS, n_guards), dtype=np.int64)
+        self._lists = np.zeros((layout.LIST_ROWS, n_guards), dtype=np.int64)
+        self._wake_at, self._tangent = np.zeros(n_guards), np.zeros((0, n_states))
+        self._methods = np.zeros((1, layout.METHOD_SLOTS), dtype=np.int64)
         self._rows = self._room_for_rows(FIRST_ROWS)
         self._log = self._room_for_events(FIRST_EVENTS + 2 * n_guards if n_guards else 0)
         self._wanted, self._samples = np.empty(0), np.empty((0, n_states))
@@ -66,13 +74,17 @@ class Workspace:
         self.desk[: layout.DESK_ARRAYS] = addresses
         self._lay_out(
             layout.MODE, self.mode, rules, self.atol,
-            self._states, self._guards, self._flags, self.clock, self.counts,
+            self._states, self._guards, self._flags, self._lists, self._wake_at,
+            self.clock, self.counts, self._methods, self._tangent,
         )  # fmt: skip
         self._lay_out(layout.WANTED, self._wanted, self._samples)
         self._lay_out(layout.ROW_TIME, *self._rows, *self._log)
 
-    def begin(self, t_eval: FloatArray | None) -> None:
+    def begin(self, methods: IntArray, t_eval: FloatArray | None) -> None:
         """Forget the last integration; states are wanted at `t_eval` or, if None, at each step."""
+        if methods is not self._methods:
+            self._methods = methods
+            self._lay_out(layout.METHOD_TABLE, methods)
         if self._kept:
             self._kept = []
             if max(len(self._rows[0]), len(self._log[0])) > LARGEST_KEPT:
@@ -130,7 +142,7 @@ class Workspace:
         return np.empty(count), np.empty((count, len(self.atol)))
 
     def _room_for_events(self, count: int) -> Columns:
-        n_states, n_modes = len(self.atol), len(self.mode)
+        n_states, n_modes = len(self.atol), self._n_logged_modes
         return (
             np.empty(count),
             np.empty(count, dtype=np.int64),

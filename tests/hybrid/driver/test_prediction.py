@@ -32,7 +32,10 @@ def test_flip_time_on_the_surface(rate, bend, expected):
 def test_a_step_reaches_a_known_event_with_little_to_spare():
     """Were the step not clipped, it would be taken again: six evaluations more for each event."""
     rungs = np.linspace(0.05, 0.95, 10)
-    solution = solve(ladder(10), (0, 1), [0.0, 0.0], params=(*rungs, *np.zeros(10)), first_step=0.1)
+    solution = solve(
+        ladder(10), (0, 1), [0.0, 0.0], params=(*rungs, *np.zeros(10)),
+        first_step=0.1, method="dopri5",
+    )  # fmt: skip
     assert len(solution.events) == 10
     assert solution.nfev <= 10 * 8 + 12
 

@@ -9,7 +9,7 @@ from typing import Any
 import numba
 
 from hopdata.hybrid.compiled.cache import cache_directory
-from hopdata.hybrid.compiled.digest import function_digest
+from hopdata.hybrid.compiled.digest import function_digest, with_digest
 from hopdata.hybrid.compiled.signatures import (
     AFFINE,
     FIELD,
@@ -48,10 +48,15 @@ class Callback:
         return int(self._compiled.address)
 
     @cached_property
+    def dispatcher(self) -> Any:
+        """The function for other compiled code to call."""
+        return numba.njit(error_model="numpy")(with_digest(self.function))
+
+    @cached_property
     def _compiled(self) -> Any:
         with cache_directory(self.function, function_digest(self.function)) as cached:
             compiler = numba.cfunc(self.signature.native, cache=cached, error_model="numpy")
-            return compiler(self.function)
+            return compiler(with_digest(self.function))
 
 
 def _declared(signature: Signature, function: Function | None) -> Any:

@@ -1,99 +1,115 @@
 # ruff: noqa: ARG001 (Numba reads the arguments from the signatures of intrinsics)
-"""Calls of the user's functions by their addresses, from the driver.
+"""Calls of machine code by its address, from the driver.
 
 A Numba function passed as an argument would compile the driver anew for each scene, in each
 process. Called by its address instead, it leaves the driver as it is: one driver serves all.
+
+The driver hands over views; what is called takes arrays (the user's functions) or the addresses
+and widths of views (steps, interpolants and tangents of a method).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
-from hopdata.hybrid.compiled.signatures import FIELD, GUARDS, ON_EVENT
+from hopdata.hybrid.compiled import signatures
 from hopdata.hybrid.compiled.views import INDEX, View, lower_row
 
-FLOATS, INTEGERS, TABLE = View(types.float64, 1), View(types.int64, 1), View(types.float64, 2)
+FLOATS, INTEGERS = View(types.float64, 1), View(types.int64, 1)
+TABLE = View(types.float64, 2)
+
+# How an argument is handed over: as it is; the row of a table, which takes two arguments, as an
+# array; a vector as an array; a view as its address; a vector as its address and width.
+VALUE, ROW, VECTOR, ADDRESS, SPAN = range(5)
+
+Plan = tuple[tuple[Any, int], ...]
 
 
-def _call(context: Any, builder: Any, address: Any, signature: Any, arguments: list[Any]) -> Any:
-    from llvmlite import ir
-
-    kinds = [context.get_value_type(kind) for kind in signature.args]
-    kind = ir.FunctionType(context.get_value_type(signature.return_type), kinds)
-    return builder.call(builder.inttoptr(address, kind.as_pointer()), arguments)
+def _row(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
+    return [lower_row(context, builder, kind, *values)]
 
 
-@intrinsic
-def call_field(
-    typing: Any, address: Any, t: Any, s: Any, y: Any, mode: Any, params: Any, dy: Any
-) -> Any:
-    """Call the vector field at an address; `y` and `dy` are rows of the table `s`."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        address, t, s, y, mode, params, dy = values
-        y, dy = (lower_row(context, builder, TABLE, s, row) for row in (y, dy))
-        mode = lower_row(context, builder, INTEGERS, mode)
-        params = lower_row(context, builder, FLOATS, params)
-        _call(context, builder, address, FIELD.native, [t, y, mode, params, dy])
-        return context.get_dummy_value()
-
-    return types.void(INDEX, types.float64, TABLE, INDEX, INTEGERS, FLOATS, INDEX), generate
+def _address(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
+    proxy = cgutils.create_struct_proxy(kind)(context, builder, values[0])
+    return [builder.ptrtoint(proxy.data, context.get_value_type(INDEX))]
 
 
-@intrinsic
-def call_guards(
-    typing: Any,
-    address: Any,
-    t: Any,
-    s: Any,
-    y: Any,
-    dy: Any,
-    mode: Any,
-    params: Any,
-    g: Any,
-    h: Any,
-    hdot: Any,
-) -> Any:
-    """Call the event functions at an address; arrays are rows of the tables `s` and `g`."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        address, t, s, y, dy, mode, params, g, h, hdot = values
-        y, dy = (lower_row(context, builder, TABLE, s, row) for row in (y, dy))
-        h, hdot = (lower_row(context, builder, TABLE, g, row) for row in (h, hdot))
-        mode = lower_row(context, builder, INTEGERS, mode)
-        params = lower_row(context, builder, FLOATS, params)
-        _call(context, builder, address, GUARDS.native, [t, y, dy, mode, params, h, hdot])
-        return context.get_dummy_value()
-
-    kinds = (types.float64, TABLE, INDEX, INDEX, INTEGERS, FLOATS, TABLE, INDEX, INDEX)
-    return types.void(INDEX, *kinds), generate
+def _span(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
+    proxy = cgutils.create_struct_proxy(kind)(context, builder, values[0])
+    return [*_address(context, builder, kind, values), proxy.width]
 
 
-@intrinsic
-def call_on_event(
-    typing: Any,
-    address: Any,
-    t: Any,
-    s: Any,
-    y: Any,
-    mode: Any,
-    params: Any,
-    guard: Any,
-    direction: Any,
-) -> Any:
-    """Call the event handler at an address; `y` is a row of the table `s`."""
+def _value(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
+    return values
 
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        address, t, s, y, mode, params, guard, direction = values
-        y = lower_row(context, builder, TABLE, s, y)
-        mode = lower_row(context, builder, INTEGERS, mode)
-        params = lower_row(context, builder, FLOATS, params)
-        return _call(
-            context, builder, address, ON_EVENT.native, [t, y, mode, params, guard, direction]
-        )
 
-    kinds = (types.float64, TABLE, INDEX, INTEGERS, FLOATS, INDEX, INDEX)
-    return types.int64(INDEX, *kinds), generate
+LOWER = {VALUE: _value, ROW: _row, VECTOR: _row, ADDRESS: _address, SPAN: _span}
+
+
+def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
+    """Return a function for compiled code, which takes an address and what the plan says.
+
+    Parameters
+    ----------
+    native : Numba signature
+        Of the machine code at the address.
+    *plan : tuple
+        For each argument its Numba type and the way in which it is handed over.
+    """
+    kinds = [k for kind, way in plan for k in ((kind, INDEX) if way == ROW else (kind,))]
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        from llvmlite import ir
+
+        rest, arguments = list(values[1:]), []
+        for kind, way in plan:
+            count = 2 if way == ROW else 1
+            arguments += LOWER[way](context, builder, kind, rest[:count])
+            rest = rest[count:]
+        taken = [context.get_value_type(kind) for kind in native.args]
+        given = context.get_value_type(native.return_type)
+        target = builder.inttoptr(values[0], ir.FunctionType(given, taken).as_pointer())
+        result = builder.call(target, arguments)
+        return context.get_dummy_value() if native.return_type == types.void else result
+
+    # Numba wants an intrinsic whose arguments have names.
+    names = ", ".join(f"a{k}" for k in range(len(kinds)))
+    known = {"sign": native.return_type(INDEX, *kinds), "generate": generate}
+    return intrinsic(eval(f"lambda typing, address, {names}: (sign, generate)", known))  # type: ignore[no-any-return]
+
+
+_T = (types.float64, VALUE)
+_STATE, _GUARDS, _MODE, _PARAMS = (TABLE, ROW), (TABLE, ROW), (INTEGERS, VECTOR), (FLOATS, VECTOR)
+_NUMBER = (types.int64, VALUE)
+
+# call_field(address, t, s, y, mode, params, s, dy): y and dy are rows of the table s.
+call_field = caller(signatures.FIELD.native, _T, _STATE, _MODE, _PARAMS, _STATE)
+# call_guards(address, t, s, y, s, dy, mode, params, g, h, g, hdot)
+call_guards = caller(signatures.GUARDS.native, _T, _STATE, _STATE, _MODE, _PARAMS, _GUARDS, _GUARDS)
+# call_guard(address, t, s, y, s, dy, mode, params, k, g, h, g, hdot)
+call_guard = caller(
+    signatures.GUARD.native, _T, _STATE, _STATE, _MODE, _PARAMS, _NUMBER, _GUARDS, _GUARDS
+)
+# call_rate_bound(address, t, s, y, s, dy, mode, params)
+call_rate_bound = caller(signatures.RATE_BOUND.native, _T, _STATE, _STATE, _MODE, _PARAMS)
+# call_on_event(address, t, s, y, mode, params, guard, direction)
+call_on_event = caller(signatures.ON_EVENT.native, _T, _STATE, _MODE, _PARAMS, _NUMBER, _NUMBER)
+
+_FLOAT, _INT = types.float64, types.int64
+_VIEWS = (_INT,) * 5  # addresses of states, mode and its width, params and their width
+STEP_NATIVE = _FLOAT(_FLOAT, _FLOAT, _FLOAT, *_VIEWS, _INT)
+INTERPOLANT_NATIVE = _INT(_FLOAT, _FLOAT, *_VIEWS)
+TANGENT_NATIVE = _INT(_FLOAT, _FLOAT, *_VIEWS, _INT)
+_LAID_OUT = ((TABLE, ADDRESS), (INTEGERS, SPAN), (FLOATS, SPAN))
+
+# call_step(address, t, dt, rtol, s, mode, params, atol)
+call_step = caller(STEP_NATIVE, _T, _T, _T, *_LAID_OUT, (FLOATS, ADDRESS))
+# call_interpolant(address, t, dt, s, mode, params)
+call_interpolant = caller(INTERPOLANT_NATIVE, _T, _T, *_LAID_OUT)
+# call_tangent(address, t, dt, s, mode, params, phi)
+call_tangent = caller(TANGENT_NATIVE, _T, _T, *_LAID_OUT, (TABLE, ADDRESS))

@@ -46,6 +46,22 @@ def function_digest(function: Callable[..., Any]) -> str:
     return digest.hexdigest()[:DIGITS]
 
 
+def with_digest(function: FunctionType, **names: Any) -> FunctionType:
+    """Return a copy of a function whose name holds its digest, with these global names added.
+
+    Machine code from the cache is linked by names: two functions of one name, as a factory makes
+    them, would be taken for each other. And unlike what a closure holds, what stands in globals
+    does not keep Numba from caching.
+    """
+    known = {**function.__globals__, **names}
+    copy = FunctionType(
+        function.__code__, known, function.__name__, function.__defaults__, function.__closure__
+    )
+    copy.__kwdefaults__, copy.__module__ = function.__kwdefaults__, function.__module__
+    copy.__qualname__ = f"{function.__qualname__}_{function_digest(copy)}"
+    return copy
+
+
 def _parts(value: Any, seen: set[int]) -> Iterator[bytes]:
     function = getattr(value, "py_func", value)
     if not isinstance(function, FunctionType):

@@ -153,3 +153,34 @@ def lower_row(context: Any, builder: Any, kind: View, value: Any, row: Any = Non
     item = context.get_constant(types.intp, kind.dtype.bitwidth // 8)
     populate_array(array, start, [proxy.width], [item], item, meminfo=None)
     return array._getvalue()
+
+
+@intrinsic
+def row(typing: Any, table: Any, index: Any) -> Any:
+    """Return a row of a table of floats as an array, for the user's functions."""
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        return lower_row(context, builder, sign.args[0], *values)
+
+    return types.Array(table.dtype, 1, "C")(table, INDEX), generate
+
+
+@intrinsic
+def array_of(typing: Any, vector: Any) -> Any:
+    """Return a vector as an array."""
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        return lower_row(context, builder, sign.args[0], values[0])
+
+    return types.Array(vector.dtype, 1, "C")(vector), generate
+
+
+@intrinsic
+def address_of(typing: Any, owner: Any) -> Any:
+    """Return the address of what a view shows."""
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        proxy = cgutils.create_struct_proxy(sign.args[0])(context, builder, values[0])
+        return builder.ptrtoint(proxy.data, context.get_value_type(INDEX))
+
+    return INDEX(owner), generate

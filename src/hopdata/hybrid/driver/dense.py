@@ -1,62 +1,69 @@
-"""The fourth-order interpolant of a Dormand-Prince step, and its derivative."""
+"""The interpolant of a step, and its derivative.
+
+Its coefficients stand in the rows P1 ... of the states: y = Y + x (P1 + r (P2 + x (P3 + r (...)))),
+where x is the fraction of the step and r = 1 - x (as in Hairer's dense outputs), or r = x.
+"""
 
 from __future__ import annotations
 
+from hopdata.hybrid.compiled.calls import call_interpolant
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.compiled.views import FloatTable
 from hopdata.hybrid.driver.layout import (
-    END,
-    K1,
-    K3,
-    K4,
-    K5,
-    K6,
-    K7,
+    DEGREE,
+    IN_POWERS,
+    INTERPOLANT,
+    METHOD,
+    NFEV,
     P1,
-    P2,
-    P3,
-    P4,
+    SCRATCH,
     SLOPE,
     SPAN,
     Memory,
+    T,
     Y,
 )
-from hopdata.hybrid.methods.dopri5 import D1, D3, D4, D5, D6, D7
+from hopdata.hybrid.driver.problem import Problem
 
 
 @kernel
-def prepare_interpolant(m: Memory, dt: float) -> None:
+def prepare_interpolant(p: Problem, m: Memory, dt: float) -> None:
     """Compute the interpolant of the step of length `dt`, unless it is there already."""
     if m.clock[SPAN] > 0.0:
         return
     m.clock[SPAN] = dt
-    s = m.states
-    for i in range(s.width):
-        rise = s[END, i] - s[Y, i]
-        bend = dt * s[K1, i] - rise
-        early = D1 * s[K1, i] + D3 * s[K3, i] + D4 * s[K4, i]
-        s[P1, i] = rise
-        s[P2, i] = bend
-        s[P3, i] = rise - dt * s[K7, i] - bend
-        s[P4, i] = dt * (early + D5 * s[K5, i] + D6 * s[K6, i] + D7 * s[K7, i])
+    address = p.methods[m.counts[METHOD], INTERPOLANT]
+    m.counts[NFEV] += call_interpolant(address, m.clock[T], dt, m.states, p.mode, p.params)
 
 
 @kernel
-def interpolate(s: FloatTable, theta: float, table: FloatTable, row: int) -> None:
-    """Write the state at the fraction `theta` of the step into a row of a table."""
-    rest = 1.0 - theta
+def interpolate(p: Problem, m: Memory, theta: float, target: int) -> None:
+    """Write the state at the fraction `theta` of the step into a row of the states."""
+    s, method = m.states, m.counts[METHOD]
+    last = p.methods[method, DEGREE] - 1
+    rest = theta if p.methods[method, IN_POWERS] != 0 else 1.0 - theta
     for i in range(s.width):
-        inner = s[P2, i] + theta * (s[P3, i] + rest * s[P4, i])
-        table[row, i] = s[Y, i] + theta * (s[P1, i] + rest * inner)
+        value = s[P1 + last, i]
+        for j in range(last - 1, -1, -1):
+            value = s[P1 + j, i] + (theta if j & 1 else rest) * value
+        s[target, i] = s[Y, i] + theta * value
 
 
 @kernel
-def interpolate_slope(s: FloatTable, theta: float, dt: float) -> None:
-    """Write the time derivative of the interpolant at `theta` into SLOPE."""
-    rest = 1.0 - theta
-    turn = rest - theta
+def interpolate_with_slope(p: Problem, m: Memory, theta: float, dt: float) -> None:
+    """Write the state at `theta` into SCRATCH, and its time derivative into SLOPE."""
+    s, method = m.states, m.counts[METHOD]
+    last = p.methods[method, DEGREE] - 1
+    in_powers = p.methods[method, IN_POWERS] != 0
+    rest = theta if in_powers else 1.0 - theta
+    turn = 1.0 if in_powers else -1.0
     for i in range(s.width):
-        outer = s[P3, i] + rest * s[P4, i]
-        inner = s[P2, i] + theta * outer
-        inner_slope = outer - theta * s[P4, i]
-        s[SLOPE, i] = (s[P1, i] + turn * inner + theta * rest * inner_slope) / dt
+        value, slope = s[P1 + last, i], 0.0
+        for j in range(last - 1, -1, -1):
+            if j & 1:
+                slope = value + theta * slope
+                value = s[P1 + j, i] + theta * value
+            else:
+                slope = turn * value + rest * slope
+                value = s[P1 + j, i] + rest * value
+        s[SCRATCH, i] = s[Y, i] + theta * value
+        s[SLOPE, i] = (value + theta * slope) / dt

@@ -8,6 +8,7 @@ from hopdata.hybrid.compiled.calls import call_on_event
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.views import FloatTable, FloatVector, IntTable, IntVector
 from hopdata.hybrid.driver.layout import (
+    AWAKE,
     CROWD,
     CULPRIT,
     DIRECTION,
@@ -18,15 +19,18 @@ from hopdata.hybrid.driver.layout import (
     H0,
     INSTANT,
     K1,
+    N_AWAKE,
     RATE0,
     RATE_ABOVE,
     RATE_BELOW,
+    SPEED,
     TERMINAL,
     Memory,
     T,
     Y,
 )
 from hopdata.hybrid.driver.problem import Problem, eval_field, first_not_finite, guards_at_start
+from hopdata.hybrid.driver.sleep import speed_at, wake_all
 from hopdata.hybrid.driver.surface import mark_due, time_resolution
 from hopdata.hybrid.status import (
     FIELD_NOT_FINITE,
@@ -56,7 +60,8 @@ class Log(NamedTuple):
 @kernel
 def flip(p: Problem, m: Memory) -> int:
     """Flip the locks of all guards that are due; refuse the third flip at one instant."""
-    for k in range(m.flags.width):
+    for a in range(m.counts[N_AWAKE]):
+        k = m.lists[AWAKE, a]
         if m.flags[DUE, k] == 0:
             continue
         side = RATE_BELOW if p.mode[k] < 0 else RATE_ABOVE
@@ -89,10 +94,15 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
         )
     log.time[row] = m.clock[T]
     log.guard[row], log.direction[row] = k, direction
+    jumped = False
     for i in range(n):
         log.after[row, i] = m.states[Y, i]
-    for i in range(p.mode.width):
-        log.mode[row, i] = p.mode[i]
+        jumped = jumped or log.after[row, i] != log.before[row, i]
+    if jumped:
+        wake_all(m)
+    first = p.mode.width - log.mode.width
+    for i in range(log.mode.width):
+        log.mode[row, i] = p.mode[first + i]
     m.counts[EVENT_ROWS] += 1
     m.counts[EVENTS] += 1
     return TERMINATED if stop != 0 else RUNNING
@@ -102,7 +112,8 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
 def fire_due(p: Problem, m: Memory, log: Log) -> int:
     """Fire all guards that have just flipped, in their order."""
     status = RUNNING
-    for k in range(m.flags.width):
+    for a in range(m.counts[N_AWAKE]):
+        k = m.lists[AWAKE, a]
         if m.flags[DUE, k] != 0 and fire_one(p, m, log, k) == TERMINATED:
             m.counts[CULPRIT] = k
             status = TERMINATED
@@ -113,6 +124,7 @@ def fire_due(p: Problem, m: Memory, log: Log) -> int:
 def refresh(p: Problem, m: Memory) -> int:
     """Evaluate field and guards anew at the present state and mode."""
     eval_field(p, m, m.clock[T], Y, K1)
+    m.clock[SPEED] = speed_at(p, m, m.clock[T], Y, K1)
     if first_not_finite(m.states, K1) >= 0:
         return FIELD_NOT_FINITE
     return RUNNING if guards_at_start(p, m, m.clock[T]) else GUARD_NOT_FINITE
@@ -124,8 +136,8 @@ def too_crowded(m: Memory, resolution: float) -> bool:
     n_guards = m.flags.width
     gap = m.clock[T] - m.clock[INSTANT]
     if gap > resolution:
-        for k in range(n_guards):
-            m.flags[FLIPS, k] = 0
+        for a in range(m.counts[N_AWAKE]):
+            m.flags[FLIPS, m.lists[AWAKE, a]] = 0
     m.counts[CROWD] = m.counts[CROWD] + 1 if gap <= CROWDED * resolution else 0
     m.clock[INSTANT] = m.clock[T]
     return m.counts[CROWD] > CROWD_BASE + CROWD_PER_GUARD * n_guards
@@ -134,9 +146,11 @@ def too_crowded(m: Memory, resolution: float) -> bool:
 @kernel
 def keep_culprit(m: Memory) -> None:
     """Remember the first guard that is due as the one to report."""
-    for k in range(m.flags.width - 1, -1, -1):
-        if m.flags[DUE, k] != 0:
-            m.counts[CULPRIT] = k
+    culprit = m.flags.width
+    for a in range(m.counts[N_AWAKE]):
+        k = m.lists[AWAKE, a]
+        if m.flags[DUE, k] != 0 and k < culprit:
+            m.counts[CULPRIT] = culprit = k
 
 
 @kernel

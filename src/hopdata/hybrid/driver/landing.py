@@ -9,12 +9,14 @@ from __future__ import annotations
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.driver.dense import interpolate
 from hopdata.hybrid.driver.layout import (
+    AWAKE,
     DUE,
     END,
     ERROR,
     H0,
     H1,
-    K7,
+    KEND,
+    N_AWAKE,
     RATE1,
     SCRATCH,
     SIZE,
@@ -25,7 +27,7 @@ from hopdata.hybrid.driver.layout import (
 )
 from hopdata.hybrid.driver.localisation import CROSSING, DIP, PASS, first_cut
 from hopdata.hybrid.driver.problem import Problem, eval_field, guards_at_end
-from hopdata.hybrid.driver.stepping import take_stages
+from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.driver.surface import mark_due, remember_residuals, time_resolution
 
 MAX_POLISH = 8
@@ -42,7 +44,8 @@ def nearest_surface(p: Problem, m: Memory, k: int) -> tuple[float, int]:
     shift, nearest = 0.0, k
     if p.mode[k] * m.guards[RATE1, k] < 0.0:
         shift = -m.guards[H1, k] / m.guards[RATE1, k]
-    for j in range(m.guards.width):
+    for a in range(m.counts[N_AWAKE]):
+        j = m.lists[AWAKE, a]
         value, rate = p.mode[j] * m.guards[H1, j], p.mode[j] * m.guards[RATE1, j]
         if rate < 0.0 and value < 0.0 and -value / rate < shift:
             shift, nearest = -value / rate, j
@@ -54,21 +57,21 @@ def move_end(p: Problem, m: Memory, t: float, shift: float) -> None:
     """Move the end of the step, at time t, by a short midpoint step."""
     s = m.states
     for i in range(s.width):
-        s[SCRATCH, i] = s[END, i] + 0.5 * shift * s[K7, i]
+        s[SCRATCH, i] = s[END, i] + 0.5 * shift * s[KEND, i]
     eval_field(p, m, t + 0.5 * shift, SCRATCH, SLOPE)
     for i in range(s.width):
         s[END, i] += shift * s[SLOPE, i]
-    eval_field(p, m, t + shift, END, K7)
+    eval_field(p, m, t + shift, END, KEND)
 
 
 @kernel
 def take_part(p: Problem, m: Memory, t: float, span: float, on_interpolant: bool) -> None:
     """Take the first part of the step: anew, or on its interpolant."""
     if on_interpolant:
-        interpolate(m.states, span / m.clock[SPAN], m.states, END)
-        eval_field(p, m, t + span, END, K7)
+        interpolate(p, m, span / m.clock[SPAN], END)
+        eval_field(p, m, t + span, END, KEND)
     else:
-        take_stages(p, m, t, span)
+        take_step(p, m, t, span)
 
 
 @kernel
@@ -107,12 +110,12 @@ def end_at_dips(p: Problem, m: Memory, dt: float) -> tuple[float, int, int, floa
     Returns the step's length, and kind, guard and place of the cut that remains.
     """
     kind, k, theta = PASS, -1, 1.0
-    for _ in range(2 * m.guards.width + 4):
+    for _ in range(2 * m.counts[N_AWAKE] + 4):
         kind, k, theta = first_cut(p, m, dt)
         if kind != DIP:
             break
         dt *= theta
-        take_stages(p, m, m.clock[T], dt)
+        take_step(p, m, m.clock[T], dt)
         guards_at_end(p, m, m.clock[T] + dt)
     return dt, kind, k, theta
 
@@ -127,7 +130,8 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
     dt, kind, k, theta = end_at_dips(p, m, dt)
     if kind != CROSSING:
         return dt, 0
-    for j in range(m.guards.width):
+    for a in range(m.counts[N_AWAKE]):
+        j = m.lists[AWAKE, a]
         m.flags[DUE, j] = 0
         m.guards[SIZE, j] = max(abs(m.guards[H0, j]), abs(m.guards[H1, j]))
     resolution = time_resolution(m.clock[T], dt)

@@ -22,9 +22,11 @@ def index_numbers(count: int) -> Any:
     return np.arange(count, dtype=np.int64)
 
 
-# Rows of `states`: the step from Y to END, its slopes, room to work in, its interpolant.
-Y, K1, K2, K3, K4, K5, K6, K7, END, SCRATCH, SLOPE, P1, P2, P3, P4 = index_numbers(15)
-STATE_ROWS = 15
+# Rows of `states`: the step from Y to END with the slopes there, room to work in, the coefficients of
+# its interpolant, and the rows that belong to the method (slopes of its stages, for instance).
+Y, K1, END, KEND, SCRATCH, SLOPE, P1 = index_numbers(7)
+LARGEST_DEGREE = 24  # of an interpolant
+W1 = P1 + LARGEST_DEGREE
 
 # Rows of `guards`: event functions and their rates at the start, at the end and inside of a step,
 # the largest |h| over the step, which is the scale of its rounding error, and second derivatives.
@@ -36,13 +38,49 @@ GUARD_ROWS = 8
 DUE, FLIPS, OPEN = index_numbers(3)
 FLAG_ROWS = 3
 
+# Rows of `lists`: the guards that are awake, and the heap of those asleep (see `sleep`).
+AWAKE, HEAP = index_numbers(2)
+LIST_ROWS = 2
+
 # Rows of `rules`: which crossings are events, and whether these end the integration.
 DIRECTION, TERMINAL = index_numbers(2)
 
+# Columns of `methods`: addresses of step, interpolant and tangent, evaluations that a step takes,
+# degree of the interpolant, whether it is in powers of theta, the order by which the step is
+# controlled, and the methods to change to where events are sparser or denser, or the field is stiff
+# (-1: none).
+(
+    STEP,
+    INTERPOLANT,
+    TANGENT,
+    EVALUATIONS,
+    DEGREE,
+    IN_POWERS,
+    ORDER,
+    SPARSER,
+    DENSER,
+    STIFFER,
+) = index_numbers(10)
+METHOD_SLOTS = 10
+
 # Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
-# none, and ERROR that step's error in units of the tolerance.
-T, NEXT_DT, LAST_LOG_ERROR, INSTANT, RATE_BELOW, RATE_ABOVE, SPAN, ERROR = index_numbers(8)
-CLOCK_SLOTS = 8
+# none, ERROR that step's error in units of the tolerance, SEGMENT the start of the smooth piece of
+# the trajectory, TRAVEL what no event function can have changed by more than since the start, and
+# SPEED the bound of their rates now.
+(
+    T,
+    NEXT_DT,
+    LAST_LOG_ERROR,
+    INSTANT,
+    RATE_BELOW,
+    RATE_ABOVE,
+    SPAN,
+    ERROR,
+    SEGMENT,
+    TRAVEL,
+    SPEED,
+) = index_numbers(11)
+CLOCK_SLOTS = 11
 
 # Slots of `counts`.
 (
@@ -56,13 +94,18 @@ CLOCK_SLOTS = 8
     SAMPLES,
     CROWD,
     CULPRIT,
-) = index_numbers(10)
-COUNT_SLOTS = 10
+    METHOD,
+    N_AWAKE,
+    N_ASLEEP,
+    STIFF_SIGNS,
+) = index_numbers(14)
+COUNT_SLOTS = 14
 
 
-# Slots of the desk: addresses of the callbacks, then address and width of each array.
-FIELD, GUARDS, ON_EVENT = index_numbers(3)
-DESK_ARRAYS, N_DESK_ARRAYS = 3, 18
+# Slots of the desk: addresses of the callbacks and of the driver, then address and width of each
+# array.
+FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN = index_numbers(6)
+DESK_ARRAYS, N_DESK_ARRAYS = 6, 22
 DESK_SLOTS = DESK_ARRAYS + 2 * N_DESK_ARRAYS
 DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
 (
@@ -72,8 +115,12 @@ DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
     STATE_TABLE,
     GUARD_TABLE,
     FLAG_TABLE,
+    LIST_TABLE,
+    WAKE_AT,
     CLOCK,
     COUNTS,
+    METHOD_TABLE,
+    TANGENT_TABLE,
     WANTED,
     SAMPLE_TABLE,
     ROW_TIME,
@@ -93,5 +140,7 @@ class Memory(NamedTuple):
     states: FloatTable
     guards: FloatTable
     flags: IntTable
+    lists: IntTable
+    wake_at: FloatVector  # travel at which a sleeping guard must be looked at
     clock: FloatVector
     counts: IntVector

@@ -7,15 +7,16 @@ a bracketed Newton iteration on the interpolant finds the root to interpolation 
 from __future__ import annotations
 
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.driver.dense import interpolate, interpolate_slope, prepare_interpolant
+from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
 from hopdata.hybrid.driver.hermite import NOWHERE, cubic, cubic_root, turning_points
 from hopdata.hybrid.driver.layout import (
+    AWAKE,
     H0,
     H1,
+    N_AWAKE,
     RATE,
     RATE0,
     RATE1,
-    SCRATCH,
     H,
     Memory,
     T,
@@ -36,8 +37,7 @@ MAX_ROOT, MAX_DIP = 80, 12
 @kernel
 def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     """Evaluate the guards on the interpolant at `theta`, into H and RATE."""
-    interpolate(m.states, theta, m.states, SCRATCH)
-    interpolate_slope(m.states, theta, dt)
+    interpolate_with_slope(p, m, theta, dt)
     guards_inside(p, m, m.clock[T] + theta * dt)
 
 
@@ -77,7 +77,8 @@ def first_suspect(
     """
     g = m.guards
     best = (PASS, -1, NOWHERE, 0.0, 1.0)
-    for k in range(g.width):
+    for a in range(m.counts[N_AWAKE]):
+        k = m.lists[AWAKE, a]
         lock = p.mode[k]
         if among == PAST and not lock * g[H, k] < 0.0:
             continue
@@ -153,9 +154,9 @@ def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     kind, k, guess, low, high = first_suspect(p, m, dt, ANY)
     if kind == PASS:
         return PASS, -1, 1.0
-    prepare_interpolant(m, dt)
+    prepare_interpolant(p, m, dt)
     theta = 1.0
-    for _ in range(m.guards.width):
+    for _ in range(m.counts[N_AWAKE]):
         if kind == DIP:
             theta = lowest_point(p, m, dt, k, guess)
         else:

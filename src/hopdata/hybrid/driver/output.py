@@ -7,7 +7,8 @@ from typing import NamedTuple
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.views import FloatTable, FloatVector
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
-from hopdata.hybrid.driver.layout import END, ROWS, SAMPLES, SPAN, Memory, T, Y
+from hopdata.hybrid.driver.layout import END, ROWS, SAMPLES, SCRATCH, SPAN, Memory, T, Y
+from hopdata.hybrid.driver.problem import Problem
 
 
 class Output(NamedTuple):
@@ -55,14 +56,15 @@ def sample_start(m: Memory, out: Output) -> None:
 
 
 @kernel
-def sample_step(m: Memory, out: Output, t_new: float, dt: float) -> None:
+def sample_step(p: Problem, m: Memory, out: Output, t_new: float, dt: float) -> None:
     """Fill in the wanted times within the step of length `dt` that ends at `t_new`."""
     j, n = m.counts[SAMPLES], out.wanted.width
     if j == n or out.wanted[j] > t_new:
         return
-    prepare_interpolant(m, dt)
+    prepare_interpolant(p, m, dt)
     while j < n and out.wanted[j] < t_new:
-        interpolate(m.states, (out.wanted[j] - m.clock[T]) / m.clock[SPAN], out.samples, j)
+        interpolate(p, m, (out.wanted[j] - m.clock[T]) / m.clock[SPAN], SCRATCH)
+        put(m, SCRATCH, out.samples, j)
         j += 1
     if j < n and out.wanted[j] == t_new:
         put(m, END, out.samples, j)

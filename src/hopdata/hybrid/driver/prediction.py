@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import sqrt
 
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.driver.layout import BEND, H0, RATE0, RATE1, Memory
+from hopdata.hybrid.driver.layout import AWAKE, BEND, H0, N_AWAKE, RATE0, RATE1, Memory
 from hopdata.hybrid.driver.problem import Problem
 
 OVERSHOOT = 1.2  # past the predicted flip, so that the step finds it if the guess was a bit short
@@ -23,7 +23,8 @@ def remember_bend(m: Memory, dt: float, proposed: float) -> None:
     """Keep the second derivative of each event function, as a secant over the step just taken."""
     if dt > TOO_SHORT * proposed:
         g = m.guards
-        for k in range(g.width):
+        for a in range(m.counts[N_AWAKE]):
+            k = m.lists[AWAKE, a]
             g[BEND, k] = (g[RATE1, k] - g[RATE0, k]) / dt
 
 
@@ -43,7 +44,8 @@ def flip_time(g: float, d: float, c: float) -> float:
 def clipped(p: Problem, m: Memory, dt: float) -> float:
     """Return `dt`, or less if a guard is predicted to flip before."""
     g, least = m.guards, CLIP_MOST * dt
-    for k in range(g.width):
+    for a in range(m.counts[N_AWAKE]):
+        k = m.lists[AWAKE, a]
         lock = p.mode[k]
         value, rate, bend = lock * g[H0, k], lock * g[RATE0, k], lock * g[BEND, k]
         if value + dt * (min(rate, 0.0) + 0.5 * dt * min(bend, 0.0)) > 0.0:

@@ -6,16 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hopdata.hybrid.compiled.calls import call_field, call_guards
+from hopdata.hybrid.compiled.calls import call_field, call_guard, call_guards
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.views import FloatTable, FloatVector, IntTable, IntVector
 from hopdata.hybrid.driver.layout import (
+    AWAKE,
     CULPRIT,
     END,
     H0,
     H1,
     K1,
-    K7,
+    KEND,
+    N_AWAKE,
     NFEV,
     NGEV,
     RATE,
@@ -32,9 +34,12 @@ from hopdata.hybrid.driver.layout import (
 class Problem(NamedTuple):
     """What the caller has asked for: it does not change, but for the mode."""
 
-    field: int  # addresses of the callbacks
+    field: int  # addresses of the callbacks; 0 where there is none
     guards: int
+    guard: int
+    rate_bound: int
     on_event: int
+    methods: IntTable
     params: FloatVector
     mode: IntVector  # locks first, then the scene's own
     rules: IntTable
@@ -42,6 +47,7 @@ class Problem(NamedTuple):
     atol: FloatVector
     max_step: float
     t_end: float
+    tangent: FloatTable  # the flow's Jacobian, and room for it; no rows if it is not wanted
 
 
 @kernel
@@ -52,16 +58,29 @@ def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
     """
     m.states[dy, 0] = np.nan
     m.counts[NFEV] += 1
-    call_field(p.field, t, m.states, y, p.mode, p.params, dy)  # type: ignore[call-arg]
+    call_field(p.field, t, m.states, y, p.mode, p.params, m.states, dy)
 
 
 @kernel
 def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int) -> None:
-    """Evaluate the guards at rows `y` and `dy` of the states into rows `h` and `rate`."""
-    if m.guards.width > 0:
-        m.guards[h, 0] = np.nan
+    """Evaluate the guards that are awake at rows `y` and `dy` into rows `h` and `rate`."""
+    s, g = m.states, m.guards
+    if p.guards != 0:
+        g[h, 0] = np.nan
         m.counts[NGEV] += 1
-        call_guards(p.guards, t, m.states, y, dy, p.mode, p.params, m.guards, h, rate)  # type: ignore[call-arg]
+        call_guards(p.guards, t, s, y, s, dy, p.mode, p.params, g, h, g, rate)
+    elif p.guard != 0:
+        m.counts[NGEV] += m.counts[N_AWAKE]
+        for a in range(m.counts[N_AWAKE]):
+            eval_guard(p, m, t, y, dy, m.lists[AWAKE, a], h, rate)
+
+
+@kernel
+def eval_guard(p: Problem, m: Memory, t: float, y: int, dy: int, k: int, h: int, rate: int) -> None:
+    """Evaluate one of many guards."""
+    s, g = m.states, m.guards
+    g[h, k] = np.nan
+    call_guard(p.guard, t, s, y, s, dy, p.mode, p.params, k, g, h, g, rate)
 
 
 @kernel
@@ -74,7 +93,7 @@ def guards_at_start(p: Problem, m: Memory, t: float) -> bool:
 @kernel
 def guards_at_end(p: Problem, m: Memory, t: float) -> bool:
     """Evaluate the guards at the end of the step; tell whether all are finite."""
-    eval_guards(p, m, t, END, K7, H1, RATE1)
+    eval_guards(p, m, t, END, KEND, H1, RATE1)
     return guards_are_finite(m, H1, RATE1)
 
 
@@ -87,10 +106,12 @@ def guards_inside(p: Problem, m: Memory, t: float) -> None:
 @kernel
 def guards_are_finite(m: Memory, h: int, rate: int) -> bool:
     """Tell whether rows `h` and `rate` are finite; else keep the guard that is not."""
-    bad = max(first_not_finite(m.guards, h), first_not_finite(m.guards, rate))
-    if bad >= 0:
-        m.counts[CULPRIT] = bad
-    return bad < 0
+    for a in range(m.counts[N_AWAKE]):
+        k = m.lists[AWAKE, a]
+        if not (np.isfinite(m.guards[h, k]) and np.isfinite(m.guards[rate, k])):
+            m.counts[CULPRIT] = k
+            return False
+    return True
 
 
 @kernel

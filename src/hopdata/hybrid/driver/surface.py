@@ -8,7 +8,7 @@ side by decree, whatever rounding makes of h.
 from __future__ import annotations
 
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.driver.layout import DUE, SIZE, Memory
+from hopdata.hybrid.driver.layout import AWAKE, DUE, N_AWAKE, SIZE, Memory
 from hopdata.hybrid.driver.problem import Problem
 
 EPS = 2.0**-52
@@ -43,7 +43,8 @@ def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
 def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
     """Mark in DUE each guard that flips now, by rows `h` and `rate`; return how many do."""
     g, total = m.guards, 0
-    for k in range(g.width):
+    for a in range(m.counts[N_AWAKE]):
+        k = m.lists[AWAKE, a]
         lock = p.mode[k]
         due = is_due(lock * g[h, k], lock * g[rate, k], g[SIZE, k], resolution)
         m.flags[DUE, k] = 1 if due else 0
@@ -55,6 +56,7 @@ def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int
 def remember_residuals(m: Memory, h: int) -> None:
     """Count what is left of h at the guards that flip now as rounding, whatever follows."""
     g = m.guards
-    for k in range(g.width):
+    for a in range(m.counts[N_AWAKE]):
+        k = m.lists[AWAKE, a]
         if m.flags[DUE, k] != 0:
             g[SIZE, k] = max(g[SIZE, k], abs(g[h, k]) / ROUNDING)

@@ -1,0 +1,89 @@
+"""Python's way into the driver: one integration, or many in a row.
+
+The driver itself is compiled once per install, as a C function; what calls it is small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from numba import cfunc, njit, types
+
+from hopdata.hybrid.compiled.cache import cache_directory
+from hopdata.hybrid.compiled.calls import VALUE, caller
+from hopdata.hybrid.compiled.digest import driver_digest
+from hopdata.hybrid.compiled.views import (
+    address_of,
+    float_vector,
+    int_vector,
+    view,
+)
+from hopdata.hybrid.driver.layout import (
+    DESK_SLOTS,
+    RUN,
+    FloatArray,
+    IntArray,
+)
+from hopdata.hybrid.driver.loop import run
+
+_INT, _FLOAT, _BOOL = types.int64, types.float64, types.boolean
+_INTS, _FLOATS = types.int64[::1], types.float64[::1]
+
+_OPTIONS = (_FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT, _BOOL, _BOOL)
+RUN_NATIVE = _INT(_INT, _INT, _INT, _INT, *_OPTIONS)
+ENTER_NATIVE = _INT(_INTS, _FLOATS, _FLOATS, *_OPTIONS)
+
+call_run = caller(RUN_NATIVE, *((kind, VALUE) for kind in RUN_NATIVE.args))
+
+
+def _run(
+    desk: int, y0: int, params: int, n_params: int, t_start: float, t_end: float,
+    rtol: float, max_step: float, step: float, max_steps: int, max_events: int,
+    every_step: bool, resume: bool,
+) -> int:  # fmt: skip
+    """Run the driver on views of what stands at these addresses."""
+    return run(
+        int_vector(desk, DESK_SLOTS), float_vector(y0, 0), float_vector(params, n_params),
+        t_start, t_end, rtol, max_step, step, max_steps, max_events, every_step, resume,
+    )  # fmt: skip
+
+
+def _enter(
+    desk: IntArray, y0: FloatArray, params: FloatArray, t_start: float, t_end: float,
+    rtol: float, max_step: float, step: float, max_steps: int, max_events: int,
+    every_step: bool, resume: bool,
+) -> int:  # fmt: skip
+    """Run the driver on arrays."""
+    return call_run(
+        desk[RUN], address_of(view(desk)), address_of(view(y0)), address_of(view(params)),
+        len(params), t_start, t_end, rtol, max_step, step, max_steps, max_events, every_step,
+        resume,
+    )  # fmt: skip
+
+
+@cache
+def run_address() -> int:
+    """Return the address of the driver: from the cache, or compiled now (some seconds)."""
+    with cache_directory(_run, driver_digest()) as cached:
+        compiled = cfunc(RUN_NATIVE, cache=cached, error_model="numpy")(_run)
+    _keep_alive.append(compiled)
+    return int(compiled.address)
+
+
+_keep_alive: list[Any] = []
+
+
+def compiled_entry(function: Callable[..., Any], native: Any) -> Any:
+    """Return a small compiled function which releases the interpreter's lock."""
+    with cache_directory(function, driver_digest()) as cached:
+        return njit(native, cache=cached, nogil=True, error_model="numpy")(function)
+
+
+@cache
+def driver_entry() -> Callable[..., int]:
+    """Return `_enter` without the search for a signature that fits: arguments must be exact."""
+    (compiled,) = compiled_entry(_enter, ENTER_NATIVE).overloads.values()
+    entry: Callable[..., int] = compiled.entry_point
+    return entry

@@ -1,0 +1,135 @@
+"""Guards that cannot flip for a while sleep, so that a step costs nothing for them.
+
+No event function changes faster than the scene's rate bound, so their travel (the integral of the
+bound over time) says how long a guard can sleep: until the travel has used up its distance from
+the surface. The sleeping guards stand in a heap by the travel at which they must wake.
+"""
+
+from __future__ import annotations
+
+from hopdata.hybrid.compiled.calls import call_rate_bound
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.driver.layout import (
+    AWAKE,
+    BEND,
+    END,
+    FLIPS,
+    H0,
+    H1,
+    HEAP,
+    K1,
+    KEND,
+    N_ASLEEP,
+    N_AWAKE,
+    NGEV,
+    RATE0,
+    RATE1,
+    SIZE,
+    SPEED,
+    TRAVEL,
+    Memory,
+    T,
+    Y,
+)
+from hopdata.hybrid.driver.problem import Problem, eval_guard
+
+MARGIN = 1.25  # the bound inside of a step may exceed the one at its ends by so much
+REST = 8.0  # steps like the last one that a guard must be away to go to sleep
+
+
+@kernel
+def speed_at(p: Problem, m: Memory, t: float, y: int, dy: int) -> float:
+    """Return the bound of all rates at a row of the states; 0 if there is none."""
+    if p.rate_bound == 0:
+        return 0.0
+    s = m.states
+    return abs(call_rate_bound(p.rate_bound, t, s, y, s, dy, p.mode, p.params))
+
+
+@kernel
+def push(m: Memory, k: int, wake_at: float) -> None:
+    """Put guard k into the heap."""
+    m.wake_at[k] = wake_at
+    place = m.counts[N_ASLEEP]
+    m.counts[N_ASLEEP] += 1
+    while place > 0:
+        above = (place - 1) >> 1
+        if m.wake_at[m.lists[HEAP, above]] <= wake_at:
+            break
+        m.lists[HEAP, place] = m.lists[HEAP, above]
+        place = above
+    m.lists[HEAP, place] = k
+
+
+@kernel
+def pop(m: Memory) -> int:
+    """Take the guard that must wake first out of the heap."""
+    first = m.lists[HEAP, 0]
+    m.counts[N_ASLEEP] -= 1
+    size = m.counts[N_ASLEEP]
+    k = m.lists[HEAP, size]
+    place = 0
+    while 2 * place + 1 < size:
+        below = 2 * place + 1
+        if below + 1 < size:
+            if m.wake_at[m.lists[HEAP, below + 1]] < m.wake_at[m.lists[HEAP, below]]:
+                below += 1
+        if m.wake_at[k] <= m.wake_at[m.lists[HEAP, below]]:
+            break
+        m.lists[HEAP, place] = m.lists[HEAP, below]
+        place = below
+    m.lists[HEAP, place] = k
+    return first
+
+
+@kernel
+def wake(p: Problem, m: Memory, dt: float, end_too: bool) -> None:
+    """Wake all guards that might flip within a step, and evaluate them at its start and end."""
+    if p.rate_bound == 0:
+        return
+    speed, t = m.clock[SPEED], m.clock[T]
+    if end_too:
+        speed = max(speed, speed_at(p, m, t + dt, END, KEND))
+    limit = m.clock[TRAVEL] + MARGIN * dt * speed
+    while m.counts[N_ASLEEP] > 0 and not m.wake_at[m.lists[HEAP, 0]] > limit:
+        k = pop(m)
+        m.lists[AWAKE, m.counts[N_AWAKE]] = k
+        m.counts[N_AWAKE] += 1
+        m.counts[NGEV] += 2
+        eval_guard(p, m, t, Y, K1, k, H0, RATE0)
+        m.guards[SIZE, k], m.guards[BEND, k] = abs(m.guards[H0, k]), 0.0
+        if end_too:
+            eval_guard(p, m, t + dt, END, KEND, k, H1, RATE1)
+
+
+@kernel
+def travel_on(p: Problem, m: Memory, dt: float) -> None:
+    """Count the travel of the step from Y to END, and let those sleep that are far away."""
+    if p.rate_bound == 0:
+        return
+    after = speed_at(p, m, m.clock[T] + dt, END, KEND)
+    travel = MARGIN * dt * max(m.clock[SPEED], after)
+    m.clock[TRAVEL] += travel
+    m.clock[SPEED] = after
+    kept = 0
+    for a in range(m.counts[N_AWAKE]):
+        k = m.lists[AWAKE, a]
+        distance = abs(m.guards[H1, k])
+        if distance > REST * travel:
+            m.flags[FLIPS, k] = 0
+            push(m, k, m.clock[TRAVEL] + distance)
+        else:
+            m.lists[AWAKE, kept] = k
+            kept += 1
+    m.counts[N_AWAKE] = kept
+
+
+@kernel
+def wake_all(m: Memory) -> None:
+    """Wake all guards: the state has jumped."""
+    for place in range(m.counts[N_ASLEEP]):
+        k = m.lists[HEAP, place]
+        m.lists[AWAKE, m.counts[N_AWAKE]] = k
+        m.counts[N_AWAKE] += 1
+        m.guards[SIZE, k], m.guards[BEND, k] = 0.0, 0.0
+    m.counts[N_ASLEEP] = 0

@@ -1,0 +1,174 @@
+"""Explicit Runge-Kutta methods: from a tableau to the code of a step and of its interpolant.
+
+The code is written out, stage by stage, with the coefficients in it: for a small system the
+arithmetic of a loop over stages would cost several times the evaluations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import sqrt
+from types import FunctionType
+from typing import Any
+
+from hopdata.hybrid.compiled.views import row
+from hopdata.hybrid.driver.layout import END, K1, KEND, P1, SCRATCH, W1, Y
+from hopdata.hybrid.methods.method import Method
+
+STANDARD_ROWS = 3  # of an interpolant: those that value and slope at both ends determine
+INDENT = "    "
+TINY = 1e-300  # never divide by a tolerance of zero
+
+
+@dataclass(frozen=True)
+class Tableau:
+    """Coefficients of an explicit Runge-Kutta pair with s stages and a dense output.
+
+    Parameters
+    ----------
+    name : str
+        Name of the method.
+    order : int
+        Order of the method that is propagated.
+    nodes : tuple of float
+        c_2 ... c_s.
+    stages : tuple of tuple of float
+        Rows a_2 ... a_s.
+    weights : tuple of float
+        b_1 ... b_s.
+    errors : tuple of tuple of float
+        Weights of one or two error estimates on the s slopes and the slope at the end. Two are
+        combined as e1^2 / sqrt(e1^2 + 0.01 e2^2) (Hairer, Norsett, Wanner, section II.10).
+    dense_nodes, dense_stages : tuple
+        Further stages for the interpolant, on the s slopes, the one at the end, and each other.
+    dense : tuple of tuple of float
+        Weights of its rows from the fourth on.
+    """
+
+    name: str
+    order: int
+    nodes: tuple[float, ...]
+    stages: tuple[tuple[float, ...], ...]
+    weights: tuple[float, ...]
+    errors: tuple[tuple[float, ...], ...]
+    dense: tuple[tuple[float, ...], ...]
+    dense_nodes: tuple[float, ...] = ()
+    dense_stages: tuple[tuple[float, ...], ...] = ()
+
+    @property
+    def evaluations(self) -> int:
+        """Field evaluations of a step: the first slope is known, the last one is wanted."""
+        return len(self.weights)
+
+    @property
+    def degree(self) -> int:
+        """Degree of the interpolant."""
+        return STANDARD_ROWS + len(self.dense)
+
+    @property
+    def slope_rows(self) -> tuple[int, ...]:
+        """Rows of the slopes, in the order of the weights, of the end's, and of the dense ones."""
+        inner = len(self.weights) - 1
+        work = [int(W1) + k for k in range(inner + len(self.dense_nodes))]
+        return (int(K1), *work[:inner], int(KEND), *work[inner:])
+
+    @property
+    def work_rows(self) -> int:
+        """Number of work rows."""
+        return len(self.weights) - 1 + len(self.dense_nodes)
+
+
+def combination(weights: Sequence[float], rows: Sequence[int]) -> str:
+    """Return the weighted sum of rows at column i, as code: a balanced tree of additions."""
+    terms = [f"{w!r} * s[{r}, i]" for w, r in zip(weights, rows, strict=False) if w != 0.0]
+    while len(terms) > 1:
+        pairs = [f"({a} + {b})" for a, b in zip(terms[::2], terms[1::2], strict=False)]
+        terms = pairs + terms[len(pairs) * 2 :]
+    return terms[0] if terms else "0.0"
+
+
+def _loop(*lines: str) -> list[str]:
+    return ["for i in range(N):", *(INDENT + line for line in lines)]
+
+
+def _stage(node: float, weights: Sequence[float], rows: Sequence[int], target: int) -> list[str]:
+    return [
+        *_loop(f"s[{SCRATCH}, i] = s[{Y}, i] + dt * ({combination(weights, rows)})"),
+        f"FIELD(t + {node!r} * dt, row(s, {SCRATCH}), mode, params, row(s, {target}))",
+    ]
+
+
+def _error(tableau: Tableau) -> list[str]:
+    rows = tableau.slope_rows
+    lines = [
+        f"weight = dt / max(atol[i] + rtol * max(abs(s[{Y}, i]), abs(s[{END}, i])), TINY)",
+    ]
+    for k, weights in enumerate(tableau.errors):
+        lines += [f"e{k} = weight * ({combination(weights, rows)})", f"total{k} += e{k} * e{k}"]
+    code = [f"total{k} = 0.0" for k in range(len(tableau.errors))] + _loop(*lines)
+    if len(tableau.errors) == 1:
+        return [*code, "return sqrt(total0 / N)"]
+    return [
+        *code,
+        "if total0 == 0.0:",
+        INDENT + "return 0.0",
+        "return total0 / sqrt((total0 + 0.01 * total1) * N)",
+    ]
+
+
+def step_code(tableau: Tableau) -> list[str]:
+    """Return the body of the step function of a method."""
+    rows, code = tableau.slope_rows, []
+    for k, (node, weights) in enumerate(zip(tableau.nodes, tableau.stages, strict=True)):
+        code += _stage(node, weights, rows, rows[k + 1])
+    code += _loop(f"s[{END}, i] = s[{Y}, i] + dt * ({combination(tableau.weights, rows)})")
+    code += [f"FIELD(t + dt, row(s, {END}), mode, params, row(s, {KEND}))"]
+    return code + _error(tableau)
+
+
+def interpolant_code(tableau: Tableau) -> list[str]:
+    """Return the body of the function that prepares the interpolant of a method."""
+    rows, code = tableau.slope_rows, []
+    first = len(tableau.weights) + 1
+    for k, (node, weights) in enumerate(
+        zip(tableau.dense_nodes, tableau.dense_stages, strict=True)
+    ):
+        code += _stage(node, weights, rows, rows[first + k])
+    code += _loop(
+        f"rise = s[{END}, i] - s[{Y}, i]",
+        f"bend = dt * s[{K1}, i] - rise",
+        f"s[{P1}, i] = rise",
+        f"s[{P1 + 1}, i] = bend",
+        f"s[{P1 + 2}, i] = rise - dt * s[{KEND}, i] - bend",
+        *(
+            f"s[{P1 + STANDARD_ROWS + k}, i] = dt * ({combination(weights, rows)})"
+            for k, weights in enumerate(tableau.dense)
+        ),
+    )
+    return [*code, f"return {len(tableau.dense_nodes)}"]
+
+
+def compose(name: str, arguments: str, body: list[str], known: dict[str, Any]) -> FunctionType:
+    """Return a function made of these lines, to which these global names are known."""
+    source = "\n".join([f"def {name}({arguments}):", *(INDENT + line for line in body)])
+    names: dict[str, Any] = {"__name__": __name__, **known}
+    exec(compile(source, __file__, "exec"), names)
+    made: FunctionType = names[name]
+    return made
+
+
+def explicit_method(tableau: Tableau, field: Callable[..., Any], n_states: int) -> Method:
+    """Return the method of a tableau, for a field (compiled by Numba) of n states."""
+    known = {"FIELD": field, "N": n_states, "TINY": TINY, "row": row, "sqrt": sqrt}
+    return Method(
+        name=tableau.name,
+        order=tableau.order,
+        evaluations=tableau.evaluations,
+        degree=tableau.degree,
+        in_powers=False,
+        step=compose("step", "t, dt, rtol, s, mode, params, atol", step_code(tableau), known),
+        interpolant=compose(
+            "interpolant", "t, dt, s, mode, params", interpolant_code(tableau), known
+        ),
+    )

@@ -1,0 +1,95 @@
+"""What a method of integration is to the driver, and how its code is made for a scene.
+
+A method is two functions (three with Jacobians), made for a scene so that the scene's field stands
+within them and the number of states is a constant: for a small field, calls and loops would cost
+more than the evaluations.
+
+    step(t, dt, rtol, s, mode, params, atol) -> error in units of the tolerance
+    interpolant(t, dt, s, mode, params) -> field evaluations that it took
+
+The table s holds state and slope at the start of the step in the rows Y and K1; the step fills END
+and KEND with those at its end; the interpolant fills P1 ... (see `driver.dense`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from numba import cfunc, njit
+
+from hopdata.hybrid.compiled.cache import cache_directory
+from hopdata.hybrid.compiled.calls import INTERPOLANT_NATIVE, STEP_NATIVE
+from hopdata.hybrid.compiled.digest import driver_digest, function_digest, with_digest
+from hopdata.hybrid.compiled.views import array_of, float_table, float_vector, int_vector
+
+Function = Callable[..., Any]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method, made for a scene.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+    order : int
+        Order of the error estimate, by which the step is controlled: the error of a step goes
+        with this power of its length.
+    evaluations : int
+        Field evaluations of a step.
+    degree : int
+        Degree of the interpolant.
+    in_powers : bool
+        Whether the interpolant is in powers of theta.
+    step, interpolant : callable
+        The functions, for Numba to compile.
+    """
+
+    name: str
+    order: int
+    evaluations: int
+    degree: int
+    in_powers: bool
+    step: Function
+    interpolant: Function
+
+
+def _enter_step(
+    t: float, dt: float, rtol: float, s: int, mode: int, n_modes: int,
+    params: int, n_params: int, atol: int,
+) -> float:  # fmt: skip
+    return FUNCTION(  # type: ignore[name-defined] # noqa: F821
+        t, dt, rtol, float_table(s, N), array_of(int_vector(mode, n_modes)),  # type: ignore[name-defined] # noqa: F821
+        array_of(float_vector(params, n_params)), float_vector(atol, N),  # type: ignore[name-defined] # noqa: F821
+    )  # fmt: skip
+
+
+def _enter_interpolant(
+    t: float, dt: float, s: int, mode: int, n_modes: int, params: int, n_params: int
+) -> int:
+    return FUNCTION(  # type: ignore[name-defined] # noqa: F821
+        t, dt, float_table(s, N), array_of(int_vector(mode, n_modes)),  # type: ignore[name-defined] # noqa: F821
+        array_of(float_vector(params, n_params)),
+    )  # fmt: skip
+
+
+def _compiled(template: Function, native: Any, function: Function, n_states: int) -> Any:
+    """Compile an entry, or take it from the cache."""
+    inner = njit(error_model="numpy")(with_digest(function))
+    entry = with_digest(template, FUNCTION=inner, N=n_states)
+    digest = f"{function_digest(entry)}-{driver_digest()}"
+    with cache_directory(entry, digest) as cached:
+        return cfunc(native, cache=cached, error_model="numpy")(entry)
+
+
+def compiled_step(method: Method, n_states: int) -> Any:
+    """Return the machine code of a method's step."""
+    return _compiled(_enter_step, STEP_NATIVE, method.step, n_states)
+
+
+def compiled_interpolant(method: Method, n_states: int) -> Any:
+    """Return the machine code of a method's interpolant."""
+    return _compiled(_enter_interpolant, INTERPOLANT_NATIVE, method.interpolant, n_states)
