@@ -1,0 +1,28 @@
+"""The integration method as the dissertation prints it (chapter IV), in plain NumPy.
+
+A reference beside `hopdata.hybrid.solve`, not a faster way: a classical solver runs until an event
+function has changed sign between two points of its mesh (`integrate`); the events on that step are
+then resolved on cubic Hermite splines, with a third-order step to its end (`resolve_contacts`).
+"""
+
+from hopdata.hybrid.printed.alternation import integrate_alternating
+from hopdata.hybrid.printed.classical import ClassicalSolver, Mesh, Stepping
+from hopdata.hybrid.printed.contacts import resolve_contacts
+from hopdata.hybrid.printed.dopri5 import Dopri5
+from hopdata.hybrid.printed.options import PrintedOptions
+from hopdata.hybrid.printed.region import Region, region_of
+from hopdata.hybrid.printed.supervisor import PrintedSolution, integrate
+
+__all__ = [
+    "ClassicalSolver",
+    "Dopri5",
+    "Mesh",
+    "PrintedOptions",
+    "PrintedSolution",
+    "Region",
+    "Stepping",
+    "integrate",
+    "integrate_alternating",
+    "region_of",
+    "resolve_contacts",
+]
