@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hopdata.hybrid.solution import FloatArray
 
 LEAST_ERROR, MOST_ERROR = 1e-12, 1e-3
-DEVIATION = 0.15  # decades: by so much may an error stand off the line
+DEVIATION = 0.1  # decades: by so much may an error stand off the line
 FEWEST = 4
 
 

@@ -39,14 +39,18 @@ class Region:
 
     def slope(self, t: float, y: FloatArray, locks: IntArray) -> FloatArray:
         """Return the field (n,) with the locks held."""
-        dy = np.zeros(self.system.n_states)
-        self.system.field.function(t, y, self.mode(locks), self.params, dy)
-        return dy
+        return self.slope_in(locks)(t, y)
 
     def slope_in(self, locks: IntArray) -> Slope:
         """Return the field with these locks held, as a function of time and state."""
-        held = locks.copy()
-        return lambda t, y: self.slope(t, y, held)
+        mode, field = self.mode(locks), self.system.field.function
+
+        def slope(t: float, y: FloatArray) -> FloatArray:
+            dy = np.zeros(len(y))
+            field(t, y, mode, self.params, dy)
+            return dy
+
+        return slope
 
     def events(
         self, t: float, y: FloatArray, dy: FloatArray, locks: IntArray
@@ -94,8 +98,11 @@ def region_of(
     Raises
     ------
     ValueError
-        If the system has a handler, or `orientation` is not one sign a guard.
+        If the system has a handler, or no one function for all guards, or if `orientation` is
+        not one sign a guard.
     """
+    if system.n_guards > 0 and system.guards is None:
+        raise ValueError("system: expected all event functions in one function, @guards")
     if system.on_event is not None:
         raise ValueError("system: the printed method does not call on_event; use hybrid.solve")
     signs = (1,) * system.n_guards if orientation is None else tuple(orientation)
