@@ -20,8 +20,8 @@ def errors(methods=METHODS):
     return pd.concat(tables)
 
 
-def lines(figure, gid):
-    return [line for line in figure.axes[0].lines if line.get_gid() == gid]
+def lines(figure, kind):
+    return [line for line in figure.axes[0].lines if line.get_label() == f"_{kind}"]
 
 
 def curves(figure):

@@ -10,7 +10,6 @@ from hopdata.figures.style import (
     BLUE,
     DOUBLE_COLUMN_MM,
     GREEN,
-    GREY,
     INK,
     ORANGE,
     PURPLE,
@@ -39,6 +38,7 @@ LOOKS: tuple[tuple[str, str], ...] = (
 )
 LARGEST, SMALLEST = 6.5, 2.6  # points
 MOST_MARKERS = 24
+LIGHT_GREY = "#d4d4d4"  # opaque, so that intervals on one another look like one
 
 
 @styled
@@ -89,9 +89,9 @@ def _draw_method(axes: Axes, rows: pd.DataFrame, place: int, count: int) -> None
 def _draw_fit(
     axes: Axes, inverse: np.ndarray, line: np.ndarray, used: np.ndarray, colour: str
 ) -> None:
-    axes.plot(inverse, line, color=colour, linestyle="--", linewidth=0.7, gid="fit", zorder=2)
-    wide: dict[str, Any] = {"linewidth": 9, "alpha": 0.35, "solid_capstyle": "butt"}
-    axes.plot(inverse[used], line[used], color=GREY, gid="interval", zorder=1, **wide)
+    axes.plot(inverse, line, color=colour, linestyle="--", linewidth=0.7, label="_fit", zorder=2)
+    wide: dict[str, Any] = {"linewidth": 9, "solid_capstyle": "butt"}
+    axes.plot(inverse[used], line[used], color=LIGHT_GREY, label="_interval", zorder=1, **wide)
 
 
 def _name(rows: pd.DataFrame, order: float) -> str:
@@ -102,7 +102,7 @@ def _name(rows: pd.DataFrame, order: float) -> str:
 def _label(axes: Axes, errors: pd.DataFrame) -> None:
     shown = errors.loc[errors["error_rms"] > 0, "error_rms"]
     axes.set_ylim(shown.min() / 3, shown.max() * 5)
-    axes.set_xlabel("1/ε, inverse of the longest step (1/s)")
+    axes.set_xlabel("1/ε, inverse of the longest step")
     axes.set_ylabel("RMS error of the final state")
     axes.grid(visible=True, which="major")
     axes.minorticks_off()
