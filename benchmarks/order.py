@@ -7,7 +7,8 @@ that they never shorten one). `error_rms` is the root mean square deviation of t
 the exact one, over its components and over runs whose first steps are cut by different parts of a
 step, so that the events fall everywhere in theirs. `in_fit` marks the straight part of the curve,
 chosen by the rule of `hopdata.hybrid.printed.order.fit_order`; `fitted_order` and `fitted_error`
-are the line through it. "slopes kept" is Algorithm 5 to the letter.
+are the line through it. "slopes kept" is Algorithm 5 to the letter. Dormand-Prince's own order is
+approached from below here: at a rate r = 10 its error goes as (r dt)^5 (1 - 5/7 r dt).
 
 `theorem.csv`: one row a mesh, a place of the event in its step and a step: measured errors beside
 the proven bounds, their constants (error over dt^4), and the constants of table 4.1.

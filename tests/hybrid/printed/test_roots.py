@@ -46,6 +46,19 @@ def test_root_at_the_very_start(find, start):
 
 
 @each
+@pytest.mark.parametrize("start", [-1e-17, -1e-120, -1e-300])
+def test_line_from_the_very_start(find, start):
+    assert find((start, 1.0, 0.0, 0.0)) == pytest.approx(-start, rel=1e-6, abs=0)
+
+
+@each
+@pytest.mark.parametrize("before", [1e-7, 1e-12, 1e-16])
+def test_a_guard_that_has_just_left_zero_comes_back_later(find, before):
+    cubic = tuple(np.poly([-before, 0.6, -5.0])[::-1])
+    assert find(cubic) == pytest.approx(0.6, abs=8 * EPS)
+
+
+@each
 def test_lines_parabolas_and_ends(find):
     assert find((-0.25, 1.0, 0.0, 0.0)) == pytest.approx(0.25, abs=EPS)
     assert find((-0.25, 0.0, 1.0, 0.0)) == pytest.approx(0.5, abs=EPS)

@@ -18,6 +18,12 @@ def value(cubic: Cubic, x: float) -> float:
     return a + x * (b + x * (c + x * d))
 
 
+def derivative(cubic: Cubic, x: float) -> float:
+    """Return b + 2 c x + 3 d x^2."""
+    _, b, c, d = cubic
+    return b + x * (2.0 * c + x * 3.0 * d)
+
+
 def illinois(cubic: Cubic) -> float:
     """Return a root by the Illinois variant of regula falsi (Dowell and Jarratt 1971)."""
     return illinois_root(lambda x: value(cubic, x), 0.0, 1.0)
@@ -57,6 +63,8 @@ def closed_form(cubic: Cubic) -> float:
 
     On a short step the cubic is nearly a line, so that its leading coefficient is nearly zero; the
     formulas are then applied to the reciprocal of the root, whose leading coefficient is not.
+    Only roots where the cubic rises count: a guard that has just left zero has one where it falls,
+    directly before the step.
     """
     a, b, c, d = cubic
     if abs(d) >= abs(a):
@@ -64,7 +72,7 @@ def closed_form(cubic: Cubic) -> float:
     else:
         reciprocal = _monic_roots(b / a, c / a, d / a)
         roots = [1.0 / x for x in reciprocal if x != 0.0]
-    inside = [x for x in roots if -OUTSIDE <= x <= 1.0 + OUTSIDE]
+    inside = [x for x in roots if -OUTSIDE <= x <= 1.0 + OUTSIDE and derivative(cubic, x) >= 0.0]
     if not inside:
         return illinois(cubic)  # rounding has moved all roots out: next to an end, or nearly double
     return _polished(cubic, min(max(min(inside), 0.0), 1.0))
@@ -74,11 +82,11 @@ def _monic_roots(b: float, c: float, d: float) -> list[float]:
     """Return the real roots of x^3 + b x^2 + c x + d."""
     shift = b / 3.0
     p = c / 3.0 - shift * shift  # x = z - shift: z^3 + 3 p z + 2 q
-    q = 0.5 * (2.0 * shift**3 - shift * c + d)
+    q = 0.5 * (2.0 * shift * shift * shift - shift * c + d)
     discriminant = q * q + p * p * p
     if discriminant < 0.0:
         radius = sqrt(-p)
-        angle = acos(max(-1.0, min(1.0, -q / radius**3))) / 3.0
+        angle = acos(max(-1.0, min(1.0, q / (p * radius)))) / 3.0
         return [2.0 * radius * cos(angle - k * 2.0 * pi / 3.0) - shift for k in range(3)]
     u = -cbrt(q + copysign(sqrt(discriminant), q))
     return [(u - p / u if u != 0.0 else 0.0) - shift]
@@ -86,10 +94,9 @@ def _monic_roots(b: float, c: float, d: float) -> list[float]:
 
 def _polished(cubic: Cubic, x: float) -> float:
     """Take Newton steps within the interval for as long as they make the cubic smaller."""
-    _, b, c, d = cubic
     residual = value(cubic, x)
     for _ in range(4):
-        slope = b + x * (2.0 * c + x * 3.0 * d)
+        slope = derivative(cubic, x)
         new = min(max(x - residual / slope, 0.0), 1.0) if slope != 0.0 else x
         if abs(value(cubic, new)) >= abs(residual):
             break
