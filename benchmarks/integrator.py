@@ -30,7 +30,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from hopdata.hybrid import System, solve
-from hopdata.hybrid.compiled.callbacks import call_field
+from hopdata.hybrid.compiled.calls import call_field
 from hopdata.hybrid.compiled.views import view
 from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 from hopdata.scenes.vertical_hopper import VerticalHopper

@@ -1,8 +1,30 @@
 """Event-selected hybrid systems: stepping, event localisation and mode bookkeeping."""
 
-from hopdata.hybrid.compiled.callbacks import Callback, field, guards, on_event
+from hopdata.hybrid.compiled.callbacks import (
+    Callback,
+    affine,
+    field,
+    guard,
+    guards,
+    jacobian,
+    on_event,
+    rate_bound,
+)
 from hopdata.hybrid.solution import EventLog, Solution
 from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
 
-__all__ = ["Callback", "EventLog", "Solution", "System", "field", "guards", "on_event", "solve"]
+__all__ = [
+    "Callback",
+    "EventLog",
+    "Solution",
+    "System",
+    "affine",
+    "field",
+    "guard",
+    "guards",
+    "jacobian",
+    "on_event",
+    "rate_bound",
+    "solve",
+]

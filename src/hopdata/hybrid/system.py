@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.hybrid.compiled.callbacks import FIELD, GUARDS, ON_EVENT, Callback
+from hopdata.hybrid.compiled.callbacks import Callback
+from hopdata.hybrid.compiled.signatures import FIELD, GUARDS, ON_EVENT
 from hopdata.hybrid.workspace import Pool, Workspace
 
 

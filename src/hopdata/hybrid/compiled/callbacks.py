@@ -1,32 +1,27 @@
-# ruff: noqa: ARG001 (Numba reads the arguments from the signatures of intrinsics)
-"""The user's three functions: compiled one by one, and called by address.
-
-A Numba function passed as an argument would compile the driver anew for each scene, in each
-process. Called by its address instead, it leaves the driver as it is: one driver serves all.
-"""
+"""The user's functions: declared by decorators, compiled one by one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property, update_wrapper
+from functools import cached_property, partial, update_wrapper
 from typing import Any
 
 import numba
-from numba import types
-from numba.extending import intrinsic
 
 from hopdata.hybrid.compiled.cache import cache_directory
 from hopdata.hybrid.compiled.digest import function_digest
-from hopdata.hybrid.compiled.views import INDEX, View, lower_row
+from hopdata.hybrid.compiled.signatures import (
+    AFFINE,
+    FIELD,
+    GUARD,
+    GUARDS,
+    JACOBIAN,
+    ON_EVENT,
+    RATE_BOUND,
+    Signature,
+)
 
-STATE = types.float64[::1]
-MODE = types.int64[::1]
-
-FLOATS, INTEGERS, TABLE = View(types.float64, 1), View(types.int64, 1), View(types.float64, 2)
-
-FIELD = types.void(types.float64, STATE, MODE, STATE, STATE)
-GUARDS = types.void(types.float64, STATE, STATE, MODE, STATE, STATE, STATE)
-ON_EVENT = types.int64(types.float64, STATE, MODE, STATE, types.int64, types.int64)
+Function = Callable[..., Any]
 
 
 class Callback:
@@ -35,7 +30,7 @@ class Callback:
     Calling it runs the plain Python function, for a debugger or another solver.
     """
 
-    def __init__(self, function: Callable[..., Any], signature: Any) -> None:
+    def __init__(self, function: Function, signature: Signature) -> None:
         self.function = function
         self.signature = signature
         update_wrapper(self, function)
@@ -55,11 +50,15 @@ class Callback:
     @cached_property
     def _compiled(self) -> Any:
         with cache_directory(self.function, function_digest(self.function)) as cached:
-            compiler = numba.cfunc(self.signature, cache=cached, error_model="numpy")
+            compiler = numba.cfunc(self.signature.native, cache=cached, error_model="numpy")
             return compiler(self.function)
 
 
-def field(function: Callable[..., None]) -> Callback:
+def _declared(signature: Signature, function: Function | None) -> Any:
+    return partial(_declared, signature) if function is None else Callback(function, signature)
+
+
+def field(function: Function | None = None) -> Any:
     """Declare a vector field ``field(t, y, mode, params, dy)``, which fills `dy` in place.
 
     Parameters
@@ -68,10 +67,10 @@ def field(function: Callable[..., None]) -> Callback:
         Takes t (float, s), y (n,), mode (n_guards + n_extra_modes,) of int64, params (p,) and
         the (n,) array `dy` to fill. It is compiled by Numba in nopython mode.
     """
-    return Callback(function, FIELD)
+    return _declared(FIELD, function)
 
 
-def guards(function: Callable[..., None]) -> Callback:
+def guards(function: Function | None = None) -> Any:
     """Declare event functions ``guards(t, y, dy, mode, params, h, hdot)``.
 
     Parameters
@@ -80,10 +79,33 @@ def guards(function: Callable[..., None]) -> Callback:
         Fills `h` (n_guards,), the event functions at y, and `hdot` (n_guards,), their rates of
         change when y changes at the rate `dy`, both in place.
     """
-    return Callback(function, GUARDS)
+    return _declared(GUARDS, function)
 
 
-def on_event(function: Callable[..., int]) -> Callback:
+def guard(function: Function | None = None) -> Any:
+    """Declare one event function of many, ``guard(t, y, dy, mode, params, k, h, hdot)``.
+
+    Parameters
+    ----------
+    function : callable
+        Fills only ``h[k]``, the event function of guard k at y, and ``hdot[k]``, its rate of
+        change when y changes at the rate `dy`, in place.
+    """
+    return _declared(GUARD, function)
+
+
+def rate_bound(function: Function | None = None) -> Any:
+    """Declare a bound on the guards' rates, ``rate_bound(t, y, dy, mode, params) -> float``.
+
+    Parameters
+    ----------
+    function : callable
+        Returns a number that no ``abs(hdot[k])`` exceeds near y, in units of h per second.
+    """
+    return _declared(RATE_BOUND, function)
+
+
+def on_event(function: Function | None = None) -> Any:
     """Declare what happens at an event: ``on_event(t, y, mode, params, guard, direction)``.
 
     Parameters
@@ -92,83 +114,26 @@ def on_event(function: Callable[..., int]) -> Callback:
         Is told the guard's number and the direction in which its event function crossed zero
         (+1 upwards, -1 downwards). May change y and mode in place. Returns 0 to go on, 1 to stop.
     """
-    return Callback(function, ON_EVENT)
+    return _declared(ON_EVENT, function)
 
 
-def _call(context: Any, builder: Any, address: Any, signature: Any, arguments: list[Any]) -> Any:
-    from llvmlite import ir
+def jacobian(function: Function | None = None) -> Any:
+    """Declare the derivative of the field, ``jacobian(t, y, mode, params, jac)``.
 
-    kinds = [context.get_value_type(kind) for kind in signature.args]
-    kind = ir.FunctionType(context.get_value_type(signature.return_type), kinds)
-    return builder.call(builder.inttoptr(address, kind.as_pointer()), arguments)
-
-
-@intrinsic
-def call_field(
-    typing: Any, address: Any, t: Any, s: Any, y: Any, mode: Any, params: Any, dy: Any
-) -> Any:
-    """Call the vector field at an address; `y` and `dy` are rows of the table `s`."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        address, t, s, y, mode, params, dy = values
-        y, dy = (lower_row(context, builder, TABLE, s, row) for row in (y, dy))
-        mode = lower_row(context, builder, INTEGERS, mode)
-        params = lower_row(context, builder, FLOATS, params)
-        _call(context, builder, address, FIELD, [t, y, mode, params, dy])
-        return context.get_dummy_value()
-
-    return types.void(INDEX, types.float64, TABLE, INDEX, INTEGERS, FLOATS, INDEX), generate
+    Parameters
+    ----------
+    function : callable
+        Fills `jac` (n, n) in place: ``jac[i, j]`` is the derivative of ``dy[i]`` by ``y[j]``.
+    """
+    return _declared(JACOBIAN, function)
 
 
-@intrinsic
-def call_guards(
-    typing: Any,
-    address: Any,
-    t: Any,
-    s: Any,
-    y: Any,
-    dy: Any,
-    mode: Any,
-    params: Any,
-    g: Any,
-    h: Any,
-    hdot: Any,
-) -> Any:
-    """Call the event functions at an address; arrays are rows of the tables `s` and `g`."""
+def affine(function: Function | None = None) -> Any:
+    """Declare an affine field, ``affine(mode, params, a, b)``: in this mode it is a y + b.
 
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        address, t, s, y, dy, mode, params, g, h, hdot = values
-        y, dy = (lower_row(context, builder, TABLE, s, row) for row in (y, dy))
-        h, hdot = (lower_row(context, builder, TABLE, g, row) for row in (h, hdot))
-        mode = lower_row(context, builder, INTEGERS, mode)
-        params = lower_row(context, builder, FLOATS, params)
-        _call(context, builder, address, GUARDS, [t, y, dy, mode, params, h, hdot])
-        return context.get_dummy_value()
-
-    kinds = (types.float64, TABLE, INDEX, INDEX, INTEGERS, FLOATS, TABLE, INDEX, INDEX)
-    return types.void(INDEX, *kinds), generate
-
-
-@intrinsic
-def call_on_event(
-    typing: Any,
-    address: Any,
-    t: Any,
-    s: Any,
-    y: Any,
-    mode: Any,
-    params: Any,
-    guard: Any,
-    direction: Any,
-) -> Any:
-    """Call the event handler at an address; `y` is a row of the table `s`."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        address, t, s, y, mode, params, guard, direction = values
-        y = lower_row(context, builder, TABLE, s, y)
-        mode = lower_row(context, builder, INTEGERS, mode)
-        params = lower_row(context, builder, FLOATS, params)
-        return _call(context, builder, address, ON_EVENT, [t, y, mode, params, guard, direction])
-
-    kinds = (types.float64, TABLE, INDEX, INTEGERS, FLOATS, INDEX, INDEX)
-    return types.int64(INDEX, *kinds), generate
+    Parameters
+    ----------
+    function : callable
+        Fills `a` (n, n) and `b` (n,) in place.
+    """
+    return _declared(AFFINE, function)

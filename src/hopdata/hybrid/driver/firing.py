@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hopdata.hybrid.compiled.callbacks import call_on_event
+from hopdata.hybrid.compiled.calls import call_on_event
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.views import FloatTable, FloatVector, IntTable, IntVector
 from hopdata.hybrid.driver.layout import (

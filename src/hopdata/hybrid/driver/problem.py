@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hopdata.hybrid.compiled.callbacks import call_field, call_guards
+from hopdata.hybrid.compiled.calls import call_field, call_guards
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.views import FloatTable, FloatVector, IntTable, IntVector
 from hopdata.hybrid.driver.layout import (
