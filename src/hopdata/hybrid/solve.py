@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -104,16 +103,13 @@ def solve(
 
 def _run(work: Workspace, *arguments: object) -> int:
     """Call the driver until it has ended, with as much room as it asks for; return its status."""
-    drive, caught, previous = driver_entry(), Caught(), sys.unraisablehook
-    sys.unraisablehook = caught.keep
-    try:
+    drive = driver_entry()
+    with Caught() as caught:
         status = drive(work.desk, *arguments, False)
         while status in UNFINISHED and not caught:
             if status == NEEDS_ROOM:
                 work.enlarge()
             status = drive(work.desk, *arguments, True)
-    finally:
-        sys.unraisablehook = previous
     if caught:
         raise caught[0]
     return status
