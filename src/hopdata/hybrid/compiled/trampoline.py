@@ -35,7 +35,7 @@ def protected(function: Function, signature: Signature) -> Function:
     After the first exception the function is not called again: its arrays are filled with NaN, and
     an event handler stops, so that the driver soon gives up.
     """
-    first = True
+    first, silent = True, signature.native.return_type == types.none
 
     def call(*arguments: Any) -> Any:
         nonlocal first
@@ -46,7 +46,10 @@ def protected(function: Function, signature: Signature) -> Function:
             if first:
                 first = False
                 return _checked(function, signature, arguments)
-            return _converted(function(*arguments), function, signature)
+            result = function(*arguments)
+            if silent and result is None:
+                return None
+            return _converted(result, function, signature)
         except BaseException as error:
             if caught is None:
                 raise
@@ -59,10 +62,9 @@ def protected(function: Function, signature: Signature) -> Function:
 def _converted(result: Any, function: Function, signature: Signature) -> Any:
     """Return the result in the type of the signature, as compiled code would convert it."""
     kind = signature.native.return_type
-    if kind == types.none:
-        if result is None:
-            return None
-    elif isinstance(result, int | float | np.number | np.bool_):
+    if kind == types.none and result is None:
+        return None
+    if kind != types.none and isinstance(result, int | float | np.number | np.bool_):
         return int(result) if kind == types.int64 else float(result)
     raise return_error(function, signature, type(result).__name__)
 

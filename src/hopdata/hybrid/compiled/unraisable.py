@@ -6,8 +6,7 @@ Each thread collects its own, so that integrations in threads do not see each ot
 from __future__ import annotations
 
 import sys
-import threading
-from collections.abc import Callable
+from contextvars import ContextVar
 from typing import Any
 
 
@@ -18,49 +17,50 @@ class Caught(list[BaseException]):
     print, arrive through ``sys.unraisablehook``. All others are left to the hook that was there.
     """
 
+    __slots__ = ("_token",)
+
     def __enter__(self) -> Caught:
-        self._outer = current()
-        _here.caught = self
-        _hook.use()
+        self._token = _caught.set(self)
+        if sys.unraisablehook is not _hook:
+            _hook.install()
         return self
 
     def __exit__(self, *_: object) -> None:
-        _hook.leave()
-        _here.caught = self._outer
+        _caught.reset(self._token)
 
 
 class _Hook:
-    """Stands in as ``sys.unraisablehook`` while any thread catches."""
+    """Stands in as ``sys.unraisablehook`` from the first integration on.
+
+    It stays there: to take it away after each integration would need a lock among the threads.
+    """
 
     def __init__(self) -> None:
-        self._lock, self._users = threading.Lock(), 0
-        self._previous: Callable[[Any], Any] = sys.unraisablehook
-        self._own = self.__call__  # one bound method, to be recognised
+        self._previous: Any = sys.unraisablehook
+        self._passing_on = False
 
-    def use(self) -> None:
-        with self._lock:
-            self._users += 1
-            if self._users == 1:
-                self._previous, sys.unraisablehook = sys.unraisablehook, self._own
-
-    def leave(self) -> None:
-        with self._lock:
-            self._users -= 1
-            if self._users == 0 and sys.unraisablehook is self._own:
-                sys.unraisablehook = self._previous
+    def install(self) -> None:
+        self._previous = sys.unraisablehook
+        sys.unraisablehook = self
 
     def __call__(self, unraisable: Any) -> None:
         caught, error = current(), unraisable.exc_value
         # Numba names itself in a string; what a destructor raises comes with the object.
-        if caught is None or error is None or not isinstance(unraisable.object, str):
-            self._previous(unraisable)
-        else:
+        if caught is not None and error is not None and isinstance(unraisable.object, str):
             caught.append(error)
+        elif self._passing_on:  # the hook that was there has called this one
+            sys.__unraisablehook__(unraisable)
+        else:
+            self._pass_on(unraisable)
+
+    def _pass_on(self, unraisable: Any) -> None:
+        self._passing_on = True
+        try:
+            self._previous(unraisable)
+        finally:
+            self._passing_on = False
 
 
-def current() -> Caught | None:
-    """Return what this thread is catching into, None if it is not."""
-    return getattr(_here, "caught", None)
-
-
-_here, _hook = threading.local(), _Hook()
+_caught: ContextVar[Caught | None] = ContextVar("caught", default=None)  # one for each thread
+_hook = _Hook()
+current = _caught.get
