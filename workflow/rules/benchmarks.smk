@@ -1,4 +1,4 @@
-BENCHMARKS = ["integrator", "labelling", "density", "maps", "gait"]
+BENCHMARKS = ["integrator", "labelling", "density", "maps", "gait", "first_solve"]
 
 
 rule benchmark:

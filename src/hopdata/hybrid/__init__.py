@@ -10,6 +10,7 @@ from hopdata.hybrid.compiled.callbacks import (
     on_event,
     rate_bound,
 )
+from hopdata.hybrid.compiled.diagnosis import SlowCallbackWarning
 from hopdata.hybrid.solution import EventLog, Solution
 from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
@@ -17,6 +18,7 @@ from hopdata.hybrid.system import System
 __all__ = [
     "Callback",
     "EventLog",
+    "SlowCallbackWarning",
     "Solution",
     "System",
     "affine",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 
 import numpy as np
@@ -107,9 +106,8 @@ def solve(
 
 def _run(methods: MethodTable, work: Workspace, *arguments: object) -> int:
     """Call the driver until it has ended, with as much room as it asks for; return its status."""
-    drive, caught, previous = driver_entry(), Caught(), sys.unraisablehook
-    sys.unraisablehook = caught.keep
-    try:
+    drive = driver_entry()
+    with Caught() as caught:
         status = drive(work.desk, *arguments, False)
         while status in UNFINISHED and not caught:
             if status == NEEDS_ROOM:
@@ -117,8 +115,6 @@ def _run(methods: MethodTable, work: Workspace, *arguments: object) -> int:
             elif status == NEEDS_METHOD:
                 methods.compile(int(work.counts[METHOD]))
             status = drive(work.desk, *arguments, True)
-    finally:
-        sys.unraisablehook = previous
     if caught:
         raise caught[0]
     return status

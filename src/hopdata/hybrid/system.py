@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.hybrid.compiled.callbacks import Callback
-from hopdata.hybrid.compiled.signatures import FIELD, GUARDS, ON_EVENT
+from hopdata.hybrid.compiled.signatures import FIELD, GUARD, GUARDS, ON_EVENT, RATE_BOUND
 from hopdata.hybrid.driver.entry import run_address
 from hopdata.hybrid.methods.table import MethodTable, check_method
 from hopdata.hybrid.workspace import Pool, Workspace
@@ -31,6 +31,12 @@ class System:
         Event functions and their rates, declared by `hopdata.hybrid.guards`.
     on_event : Callback, optional
         Handler, declared by `hopdata.hybrid.on_event`.
+    guard : Callback, optional
+        Instead of `guards`: one event function at a time, declared by `hopdata.hybrid.guard`.
+    rate_bound : Callback, optional
+        With `guard`: a bound on the rates of all event functions, declared by
+        `hopdata.hybrid.rate_bound`. Guards far from their surfaces are then not evaluated at all;
+        event functions must not depend on the mode. The log's modes leave out the locks.
     n_states : int
         Length of the state.
     guard_names : tuple of str
@@ -57,19 +63,30 @@ class System:
 
     def __post_init__(self) -> None:
         _check_callback("field", self.field, FIELD)
-        if self.guards is not None or self.guard_names:
-            _check_callback("guards", self.guards, GUARDS)
+        self._check_guards()
         if self.on_event is not None:
             _check_callback("on_event", self.on_event, ON_EVENT)
         if self.n_states < 1:
             raise ValueError(f"n_states: expected at least 1, found {self.n_states}")
-        if self.guards is not None and not self.guard_names:
-            raise ValueError("guard_names: expected one name for each guard, found none")
         for name, values in (("directions", self.directions), ("terminal", self.terminal)):
             if values is not None and len(values) != self.n_guards:
                 raise ValueError(f"{name}: expected {self.n_guards} entries, found {len(values)}")
         if not set(self.directions or ()) <= {-1, 0, 1}:
             raise ValueError(f"directions: expected -1, 0 or +1, found {self.directions}")
+
+    def _check_guards(self) -> None:
+        if self.guards is not None and self.guard is not None:
+            raise ValueError("guards, guard: expected one of them, found both")
+        if self.guard is not None:
+            _check_callback("guard", self.guard, GUARD)
+        elif self.guards is not None or self.guard_names:
+            _check_callback("guards", self.guards, GUARDS)
+        if self.rate_bound is not None:
+            _check_callback("rate_bound", self.rate_bound, RATE_BOUND)
+            if self.guard is None:
+                raise ValueError("rate_bound: expected guards declared one by one, by @guard")
+        if (self.guards or self.guard) is not None and not self.guard_names:
+            raise ValueError("guard_names: expected one name for each guard, found none")
 
     @property
     def n_guards(self) -> int:
@@ -101,7 +118,7 @@ class System:
         """Return the methods that a choice leaves to the driver."""
         if choice not in self._method_tables:
             check_method(choice)
-            self._method_tables[choice] = MethodTable(choice, self.field.dispatcher, self.n_states)
+            self._method_tables[choice] = MethodTable(choice, self.field, self.n_states)
         return self._method_tables[choice]
 
     @cached_property

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from numba import config
+from numba.core.compiler_lock import global_compiler_lock
 
 
 @contextmanager
@@ -36,6 +37,11 @@ def cache_directory(function: Callable[..., Any], digest: str) -> Iterator[bool]
     bool
         Whether there is a directory to cache in.
     """
+    with global_compiler_lock:  # the setting is Numba's, and there is one for all threads
+        yield from _pointing(function, digest)
+
+
+def _pointing(function: Callable[..., Any], digest: str) -> Iterator[bool]:
     chosen_by_user = config.CACHE_DIR  # type: ignore[attr-defined]
     base = _first_writable(_candidates(function, chosen_by_user))
     if base is None:

@@ -46,7 +46,7 @@ def function_digest(function: Callable[..., Any]) -> str:
     return digest.hexdigest()[:DIGITS]
 
 
-def with_digest(function: FunctionType, **names: Any) -> FunctionType:
+def with_digest(function: Any, **names: Any) -> FunctionType:
     """Return a copy of a function whose name holds its digest, with these global names added.
 
     Machine code from the cache is linked by names: two functions of one name, as a factory makes

@@ -156,7 +156,7 @@ def lower_row(context: Any, builder: Any, kind: View, value: Any, row: Any = Non
 
 
 @intrinsic
-def row(typing: Any, table: Any, index: Any) -> Any:
+def _row(typing: Any, table: Any, index: Any) -> Any:
     """Return a row of a table of floats as an array, for the user's functions."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
@@ -166,7 +166,7 @@ def row(typing: Any, table: Any, index: Any) -> Any:
 
 
 @intrinsic
-def array_of(typing: Any, vector: Any) -> Any:
+def _array_of(typing: Any, vector: Any) -> Any:
     """Return a vector as an array."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
@@ -176,7 +176,7 @@ def array_of(typing: Any, vector: Any) -> Any:
 
 
 @intrinsic
-def address_of(typing: Any, owner: Any) -> Any:
+def _address_of(typing: Any, owner: Any) -> Any:
     """Return the address of what a view shows."""
 
     def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
@@ -184,3 +184,8 @@ def address_of(typing: Any, owner: Any) -> Any:
         return builder.ptrtoint(proxy.data, context.get_value_type(INDEX))
 
     return INDEX(owner), generate
+
+
+row: Any = _row
+array_of: Any = _array_of
+address_of: Any = _address_of

@@ -69,7 +69,8 @@ def run_address() -> int:
     with cache_directory(_run, driver_digest()) as cached:
         compiled = cfunc(RUN_NATIVE, cache=cached, error_model="numpy")(_run)
     _keep_alive.append(compiled)
-    return int(compiled.address)
+    address: int = compiled.address  # type: ignore[assignment]
+    return address
 
 
 _keep_alive: list[Any] = []

@@ -22,8 +22,8 @@ def index_numbers(count: int) -> Any:
     return np.arange(count, dtype=np.int64)
 
 
-# Rows of `states`: the step from Y to END with the slopes there, room to work in, the coefficients of
-# its interpolant, and the rows that belong to the method (slopes of its stages, for instance).
+# Rows of `states`: the step from Y to END with the slopes there, room to work in, the coefficients
+# of its interpolant, and the rows that belong to the method (slopes of its stages, for instance).
 Y, K1, END, KEND, SCRATCH, SLOPE, P1 = index_numbers(7)
 LARGEST_DEGREE = 24  # of an interpolant
 W1 = P1 + LARGEST_DEGREE

@@ -47,6 +47,12 @@ def speed_at(p: Problem, m: Memory, t: float, y: int, dy: int) -> float:
 
 
 @kernel
+def key(m: Memory, place: int) -> float:
+    """Return the travel at which the guard at a place of the heap must wake."""
+    return m.wake_at[m.lists[HEAP, place]]
+
+
+@kernel
 def push(m: Memory, k: int, wake_at: float) -> None:
     """Put guard k into the heap."""
     m.wake_at[k] = wake_at
@@ -54,7 +60,7 @@ def push(m: Memory, k: int, wake_at: float) -> None:
     m.counts[N_ASLEEP] += 1
     while place > 0:
         above = (place - 1) >> 1
-        if m.wake_at[m.lists[HEAP, above]] <= wake_at:
+        if key(m, above) <= wake_at:
             break
         m.lists[HEAP, place] = m.lists[HEAP, above]
         place = above
@@ -71,10 +77,9 @@ def pop(m: Memory) -> int:
     place = 0
     while 2 * place + 1 < size:
         below = 2 * place + 1
-        if below + 1 < size:
-            if m.wake_at[m.lists[HEAP, below + 1]] < m.wake_at[m.lists[HEAP, below]]:
-                below += 1
-        if m.wake_at[k] <= m.wake_at[m.lists[HEAP, below]]:
+        if below + 1 < size and key(m, below + 1) < key(m, below):
+            below += 1
+        if m.wake_at[k] <= key(m, below):
             break
         m.lists[HEAP, place] = m.lists[HEAP, below]
         place = below
@@ -91,7 +96,7 @@ def wake(p: Problem, m: Memory, dt: float, end_too: bool) -> None:
     if end_too:
         speed = max(speed, speed_at(p, m, t + dt, END, KEND))
     limit = m.clock[TRAVEL] + MARGIN * dt * speed
-    while m.counts[N_ASLEEP] > 0 and not m.wake_at[m.lists[HEAP, 0]] > limit:
+    while m.counts[N_ASLEEP] > 0 and not key(m, 0) > limit:
         k = pop(m)
         m.lists[AWAKE, m.counts[N_AWAKE]] = k
         m.counts[N_AWAKE] += 1

@@ -57,39 +57,47 @@ class Method:
     interpolant: Function
 
 
+# Names that stand for what differs between scenes; the values are put in with the scene.
+FUNCTION: Any = None
+N = 0
+
+
 def _enter_step(
     t: float, dt: float, rtol: float, s: int, mode: int, n_modes: int,
     params: int, n_params: int, atol: int,
 ) -> float:  # fmt: skip
-    return FUNCTION(  # type: ignore[name-defined] # noqa: F821
-        t, dt, rtol, float_table(s, N), array_of(int_vector(mode, n_modes)),  # type: ignore[name-defined] # noqa: F821
-        array_of(float_vector(params, n_params)), float_vector(atol, N),  # type: ignore[name-defined] # noqa: F821
+    return FUNCTION(
+        t, dt, rtol, float_table(s, N), array_of(int_vector(mode, n_modes)),
+        array_of(float_vector(params, n_params)), float_vector(atol, N),
     )  # fmt: skip
 
 
 def _enter_interpolant(
     t: float, dt: float, s: int, mode: int, n_modes: int, params: int, n_params: int
 ) -> int:
-    return FUNCTION(  # type: ignore[name-defined] # noqa: F821
-        t, dt, float_table(s, N), array_of(int_vector(mode, n_modes)),  # type: ignore[name-defined] # noqa: F821
+    return FUNCTION(
+        t, dt, float_table(s, N), array_of(int_vector(mode, n_modes)),
         array_of(float_vector(params, n_params)),
     )  # fmt: skip
 
 
-def _compiled(template: Function, native: Any, function: Function, n_states: int) -> Any:
-    """Compile an entry, or take it from the cache."""
+def compiled_entry(
+    template: Function, native: Any, function: Function, n_states: int, *, cache: bool
+) -> Any:
+    """Compile the entry to a method's function, or take it from the cache, if that is wanted."""
     inner = njit(error_model="numpy")(with_digest(function))
     entry = with_digest(template, FUNCTION=inner, N=n_states)
     digest = f"{function_digest(entry)}-{driver_digest()}"
     with cache_directory(entry, digest) as cached:
-        return cfunc(native, cache=cached, error_model="numpy")(entry)
+        return cfunc(native, cache=cache and cached, error_model="numpy")(entry)
 
 
-def compiled_step(method: Method, n_states: int) -> Any:
+def compiled_step(method: Method, n_states: int, *, cache: bool) -> Any:
     """Return the machine code of a method's step."""
-    return _compiled(_enter_step, STEP_NATIVE, method.step, n_states)
+    return compiled_entry(_enter_step, STEP_NATIVE, method.step, n_states, cache=cache)
 
 
-def compiled_interpolant(method: Method, n_states: int) -> Any:
+def compiled_interpolant(method: Method, n_states: int, *, cache: bool) -> Any:
     """Return the machine code of a method's interpolant."""
-    return _compiled(_enter_interpolant, INTERPOLANT_NATIVE, method.interpolant, n_states)
+    function = method.interpolant
+    return compiled_entry(_enter_interpolant, INTERPOLANT_NATIVE, function, n_states, cache=cache)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.driver import layout
 from hopdata.hybrid.driver.layout import IntArray
 from hopdata.hybrid.methods.dop853 import DOP853
@@ -38,13 +38,13 @@ class MethodTable:
     ----------
     choice : str
         A key of `CHOICES`.
-    field : callable
-        The vector field, compiled by Numba.
+    field : Callback
+        The vector field.
     n_states : int
         Length of the state.
     """
 
-    def __init__(self, choice: str, field: Callable[..., Any], n_states: int) -> None:
+    def __init__(self, choice: str, field: Callback, n_states: int) -> None:
         self._names, self._field, self._n_states = CHOICES[choice], field, n_states
         self._kept_alive: list[Any] = []
         self.rows: IntArray = np.zeros((len(self._names), layout.METHOD_SLOTS), dtype=np.int64)
@@ -53,7 +53,7 @@ class MethodTable:
 
     def _method(self, number: int) -> Method:
         tableau = {"dopri5": DOPRI5, "dop853": DOP853}[self._names[number]]
-        return explicit_method(tableau, self._field, self._n_states)
+        return explicit_method(tableau, self._field.dispatcher, self._n_states)
 
     def _describe(self, number: int) -> None:
         method, row = self._method(number), self.rows[number]
@@ -66,8 +66,8 @@ class MethodTable:
     def compile(self, number: int) -> None:
         """Make the machine code of a method, which the driver has asked for."""
         method = self._method(number)
-        step = compiled_step(method, self._n_states)
-        interpolant = compiled_interpolant(method, self._n_states)
+        step = compiled_step(method, self._n_states, cache=self._field.compiled)
+        interpolant = compiled_interpolant(method, self._n_states, cache=self._field.compiled)
         self._kept_alive += [step, interpolant]
         self.rows[number, layout.INTERPOLANT] = interpolant.address
         self.rows[number, layout.STEP] = step.address

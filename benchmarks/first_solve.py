@@ -1,0 +1,135 @@
+"""How long a user waits for the first solution: in fresh processes, imports aside.
+
+    python benchmarks/first_solve.py --out first_solve.csv
+
+One row for each case. `install`: nothing is cached, the driver is compiled. `new scene`: a module
+never seen before, the driver is there. `known scene`: the same module in another process.
+`new scene, plain Python`: its field uses a dictionary, which Numba does not compile. Times are
+medians over the repeats, with the smallest and the largest; `imports_s` is the import of
+`hopdata.hybrid`, `first_solve_s` the time from there to the end of the first `solve`, the module's
+own import and the compilation of its three functions included; `first_solve_cpu_s` is processor
+time; `second_solve_us` the same call again. The caches stand in a folder of their own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+REPEATS = 7
+CASES = ("install", "new scene", "known scene", "new scene, plain Python")
+TIMES = ("imports_s", "first_solve_s", "first_solve_cpu_s", "second_solve_us")
+
+SCENE = """
+from hopdata.hybrid import System, field, guards, on_event
+
+CONSTANTS = {{"gravity": {gravity}}}
+GRAVITY = {gravity}
+
+@field
+def fall(t, y, mode, params, dy):
+    dy[0] = y[1]
+    dy[1] = -{constant}
+
+@guards
+def floor(t, y, dy, mode, params, h, hdot):
+    h[0] = -y[0]
+    hdot[0] = -dy[0]
+
+@on_event
+def bounce(t, y, mode, params, guard, direction):
+    if direction > 0:
+        y[1] = -0.9 * y[1]
+    return 0
+
+ball = System(fall, floor, bounce, n_states=2, guard_names=("floor",))
+"""
+
+PROGRAM = """
+import json, sys, time, warnings
+
+warnings.simplefilter("ignore")
+start = time.perf_counter()
+from hopdata.hybrid import solve
+
+imported, cpu = time.perf_counter(), time.process_time()
+from {scene} import ball
+
+solve(ball, (0.0, 1.0), (1.0, 0.0))
+solved, cpu = time.perf_counter(), time.process_time() - cpu
+solve(ball, (0.0, 1.0), (1.0, 0.0))
+again = time.perf_counter() - solved
+json.dump([imported - start, solved - imported, cpu, 1e6 * again], sys.stdout)
+"""
+
+
+def write_scene(folder: Path, name: str, number: int, *, plain: bool) -> None:
+    constant = 'CONSTANTS["gravity"]' if plain else "GRAVITY"
+    (folder / f"{name}.py").write_text(SCENE.format(gravity=9.0 + 0.01 * number, constant=constant))
+
+
+def first_solve(folder: Path, scene: str) -> list[float]:
+    """Return the four times of a process that solves this scene."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache")}
+    command = [sys.executable, "-c", PROGRAM.format(scene=scene)]
+    done = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=True
+    )
+    times: list[float] = json.loads(done.stdout)
+    return times
+
+
+def measure(folder: Path, repeats: int) -> dict[str, list[list[float]]]:
+    """Return the times of all runs of each case."""
+    write_scene(folder, "first", 0, plain=False)
+    times: dict[str, list[list[float]]] = {case: [] for case in CASES}
+    times["install"].append(first_solve(folder, "first"))
+    for number in range(1, repeats + 1):
+        for name, plain in ((f"scene{number}", False), (f"plain{number}", True)):
+            write_scene(folder, name, number, plain=plain)
+        times["new scene"].append(first_solve(folder, f"scene{number}"))
+        times["known scene"].append(first_solve(folder, f"scene{number}"))
+        times["new scene, plain Python"].append(first_solve(folder, f"plain{number}"))
+    return times
+
+
+def summary(times: dict[str, list[list[float]]]) -> pd.DataFrame:
+    """Return one row for each case."""
+    rows = []
+    for case, runs in times.items():
+        row: dict[str, object] = {"case": case, "processes": len(runs)}
+        for name, values in zip(TIMES, np.transpose(runs), strict=True):
+            what, unit = name.rsplit("_", 1)
+            row[f"{what}_median_{unit}"] = np.median(values)
+            row[f"{what}_min_{unit}"], row[f"{what}_max_{unit}"] = values.min(), values.max()
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    parser.add_argument("--repeats", type=int, default=REPEATS, help="processes of each case")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        table = summary(measure(Path(folder), arguments.repeats))
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(arguments.out, index=False)
+    for row in table.to_dict("records"):
+        print(
+            f"{row['case']:24} imports {row['imports_median_s']:.2f} s, first solve "
+            f"{row['first_solve_median_s']:.2f} s ({row['first_solve_min_s']:.2f} to "
+            f"{row['first_solve_max_s']:.2f})"
+        )
+
+
+if __name__ == "__main__":
+    main()

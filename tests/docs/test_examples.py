@@ -1,0 +1,47 @@
+"""The examples in the documentation run, and their numbers are right."""
+
+from __future__ import annotations
+
+import re
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def test_two_legs(capsys):
+    names = runpy.run_path(str(DOCS / "examples/two_legs.py"))
+    printed = capsys.readouterr().out.splitlines()
+    log = names["solution"].events
+    assert printed[0] == "0.200915337 s  left foot lands"
+    assert printed[-1].startswith("Event 'left' ended the integration at t = 0.7355")
+    assert len(printed) == len(log) + 1
+    # until the first foot lands the body falls freely, its tilt at rest
+    assert log.time[0] == pytest.approx(np.sqrt(2 * (0.7 - 0.002 - 0.5) / 9.81), abs=1e-14)
+    assert energy(names["solution"].y_end) == pytest.approx(9.81 * 0.7, abs=1e-7)
+
+
+def energy(y, stiffness=400.0, inertia=0.1):
+    """Energy of the two-legged body: nothing dissipates."""
+    pressed = [max(0.0, 0.5 - y[0] - side * y[1]) for side in (-0.2, 0.2)]
+    springs = 0.5 * stiffness * np.square(pressed).sum()
+    return 9.81 * y[0] + 0.5 * y[2] ** 2 + 0.5 * inertia * y[3] ** 2 + springs
+
+
+def code_blocks(page):
+    return re.findall(r"```python\n(.*?)```", (DOCS / page).read_text(), re.DOTALL)
+
+
+def test_the_code_in_the_integrators_page_runs():
+    scope: dict = {}
+    blocks = code_blocks("integrator.md")
+    assert len(blocks) >= 2
+    for block in blocks:
+        exec(compile(block, "docs/integrator.md", "exec"), scope)
+
+
+def test_the_page_shows_the_example_as_it_is():
+    assert (DOCS / "examples/two_legs.py").read_text() in code_blocks("integrator.md")
