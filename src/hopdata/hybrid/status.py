@@ -11,6 +11,7 @@ TOO_MANY_STEPS = -4
 TOO_MANY_EVENTS = -5
 SLIDING = -6
 ZENO = -7
+RESET_IN_JACOBIAN = -8
 
 # Within the driver only.
 RUNNING = 2
@@ -33,6 +34,8 @@ SENTENCES = {
     "trajectory would slide along it. Event-selected systems cross their guards.",
     ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them falls "
     "below what floating-point numbers resolve (a Zeno sequence, or chattering).",
+    RESET_IN_JACOBIAN: "The handler changed the state at {at}: the Jacobian of the flow is known "
+    "only through events that leave it continuous.",
 }
 
 

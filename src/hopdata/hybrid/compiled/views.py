@@ -176,6 +176,25 @@ def _array_of(typing: Any, vector: Any) -> Any:
 
 
 @intrinsic
+def _square(typing: Any, table: Any, index: Any) -> Any:
+    """Return as many rows of a table as they are long, from a row on, as a matrix."""
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        proxy = cgutils.create_struct_proxy(sign.args[0])(context, builder, values[0])
+        start = builder.gep(proxy.data, [builder.mul(values[1], proxy.width)])
+        kind = types.Array(table.dtype, 2, "C")
+        array = make_array(kind)(context, builder)
+        item = context.get_constant(types.intp, table.dtype.bitwidth // 8)
+        across = builder.mul(proxy.width, item)
+        populate_array(
+            array, start, [proxy.width, proxy.width], [across, item], item, meminfo=None
+        )
+        return array._getvalue()
+
+    return types.Array(table.dtype, 2, "C")(table, INDEX), generate
+
+
+@intrinsic
 def _address_of(typing: Any, owner: Any) -> Any:
     """Return the address of what a view shows."""
 
@@ -188,4 +207,5 @@ def _address_of(typing: Any, owner: Any) -> Any:
 
 row: Any = _row
 array_of: Any = _array_of
+square: Any = _square
 address_of: Any = _address_of

@@ -91,7 +91,7 @@ def desk_problem(
         desk[FIELD], desk[GUARDS], desk[GUARD], desk[RATE_BOUND], desk[ON_EVENT],
         int_table_on(desk, METHOD_TABLE), params, int_vector_on(desk, MODE),
         int_table_on(desk, RULES), rtol, vector_on(desk, ATOL), max_step, t_end,
-        table_on(desk, TANGENT_TABLE),
+        table_on(desk, TANGENT_TABLE), desk[TANGENT_TABLE] != 0,
     )  # fmt: skip
 
 

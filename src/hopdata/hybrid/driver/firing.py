@@ -18,6 +18,7 @@ from hopdata.hybrid.driver.layout import (
     FLIPS,
     H0,
     INSTANT,
+    JUMPS,
     K1,
     N_AWAKE,
     RATE0,
@@ -30,11 +31,13 @@ from hopdata.hybrid.driver.layout import (
     Y,
 )
 from hopdata.hybrid.driver.problem import Problem, eval_field, first_not_finite, guards_at_start
+from hopdata.hybrid.driver.saltation import saltate, saltate_handlers
 from hopdata.hybrid.driver.sleep import speed_at, wake_all
 from hopdata.hybrid.driver.surface import mark_due, time_resolution
 from hopdata.hybrid.status import (
     FIELD_NOT_FINITE,
     GUARD_NOT_FINITE,
+    RESET_IN_JACOBIAN,
     RUNNING,
     SLIDING,
     TERMINATED,
@@ -99,6 +102,7 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
         log.after[row, i] = m.states[Y, i]
         jumped = jumped or log.after[row, i] != log.before[row, i]
     if jumped:
+        m.counts[JUMPS] += 1
         wake_all(m)
     first = p.mode.width - log.mode.width
     for i in range(log.mode.width):
@@ -164,10 +168,19 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
         keep_culprit(m)
         return ZENO
     while True:
+        if p.first_order:
+            saltate(p, m)
         status = flip(p, m)
         if status == RUNNING:
             status = fire_due(p, m, log)
-        if status == RUNNING:
+        ended = status == TERMINATED
+        if status == RUNNING or (ended and p.first_order):
             status = refresh(p, m)
+        if p.first_order and status == RUNNING:
+            if m.counts[JUMPS] > 0:
+                return RESET_IN_JACOBIAN
+            saltate_handlers(p, m)
+        if ended and status == RUNNING:
+            status = TERMINATED
         if status != RUNNING or mark_due(p, m, H0, RATE0, resolution) == 0:
             return status

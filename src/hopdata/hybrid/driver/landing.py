@@ -85,7 +85,7 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
     """
     t, whole = m.clock[T], m.clock[SPAN]
     last, theta = span, span / whole
-    on_interpolant = m.clock[ERROR] * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED
+    on_interpolant = not p.first_order and m.clock[ERROR] * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED
     take_part(p, m, t, span, on_interpolant)
     guards_at_end(p, m, t + span)
     for _ in range(MAX_POLISH):
@@ -94,7 +94,7 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
         if not resolution < abs(shift) < last:
             break
         last = abs(shift)
-        if on_interpolant or abs(shift) > RETAKE_ABOVE * span:
+        if on_interpolant or p.first_order or abs(shift) > RETAKE_ABOVE * span:
             take_part(p, m, t, span + shift, on_interpolant)
         else:
             move_end(p, m, t + span, shift)

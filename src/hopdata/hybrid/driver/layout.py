@@ -28,6 +28,11 @@ Y, K1, END, KEND, SCRATCH, SLOPE, P1 = index_numbers(7)
 LARGEST_DEGREE = 24  # of an interpolant
 W1 = P1 + LARGEST_DEGREE
 
+# Rows of the tangent's table, which are as long as the state: the flow's Jacobian (n rows), two
+# blocks of n rows for the method, these single rows, and what the method has of its own.
+PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN = index_numbers(6)
+PHI_ROWS = 6
+
 # Rows of `guards`: event functions and their rates at the start, at the end and inside of a step,
 # the largest |h| over the step, which is the scale of its rounding error, and second derivatives.
 H0, RATE0, H1, RATE1, H, RATE, SIZE, BEND = index_numbers(8)
@@ -98,8 +103,9 @@ CLOCK_SLOTS = 11
     N_AWAKE,
     N_ASLEEP,
     STIFF_SIGNS,
-) = index_numbers(14)
-COUNT_SLOTS = 14
+    JUMPS,
+) = index_numbers(15)
+COUNT_SLOTS = 15
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, then address and width of each

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hopdata.hybrid.compiled.calls import call_tangent
 from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.compiled.views import FloatVector, IntVector
 from hopdata.hybrid.driver.choice import choose_after_event, choose_after_step, first_method
@@ -35,6 +36,7 @@ from hopdata.hybrid.driver.layout import (
     METHOD,
     N_AWAKE,
     NEXT_DT,
+    NFEV,
     RATE0,
     RATE1,
     ROWS,
@@ -42,6 +44,7 @@ from hopdata.hybrid.driver.layout import (
     SIZE,
     STEP,
     STEPS,
+    TANGENT,
     Memory,
     T,
     Y,
@@ -92,6 +95,15 @@ def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
     return status
 
 
+@kernel
+def carry_jacobian(p: Problem, m: Memory, dt: float) -> None:
+    """Multiply the flow's Jacobian by the derivative of the step that ends at END."""
+    address = p.methods[m.counts[METHOD], TANGENT]
+    m.counts[NFEV] += call_tangent(
+        address, m.clock[T], dt, m.states, p.mode, p.params, p.tangent
+    )
+
+
 @kernel_in_loop
 def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Take one step, to its end or to the first flip in it, and let the flips happen."""
@@ -100,6 +112,8 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
         return int(dt)
     dt, n_due = end_at_first_flip(p, m, dt)
     if dt > 0.0:
+        if p.first_order:
+            carry_jacobian(p, m, dt)
         move_on(p, m, out, dt)
     if n_due > 0:
         return fire(p, m, out, log)

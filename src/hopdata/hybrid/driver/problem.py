@@ -47,7 +47,8 @@ class Problem(NamedTuple):
     atol: FloatVector
     max_step: float
     t_end: float
-    tangent: FloatTable  # the flow's Jacobian, and room for it; no rows if it is not wanted
+    tangent: FloatTable  # the flow's Jacobian, and room for it
+    first_order: bool  # whether it is wanted
 
 
 @kernel

@@ -20,7 +20,7 @@ from typing import Any
 from numba import cfunc, njit
 
 from hopdata.hybrid.compiled.cache import cache_directory
-from hopdata.hybrid.compiled.calls import INTERPOLANT_NATIVE, STEP_NATIVE
+from hopdata.hybrid.compiled.calls import INTERPOLANT_NATIVE, STEP_NATIVE, TANGENT_NATIVE
 from hopdata.hybrid.compiled.digest import driver_digest, function_digest, with_digest
 from hopdata.hybrid.compiled.views import array_of, float_table, float_vector, int_vector
 
@@ -46,6 +46,11 @@ class Method:
         Whether the interpolant is in powers of theta.
     step, interpolant : callable
         The functions, for Numba to compile.
+    tangent : callable, optional
+        ``tangent(t, dt, s, mode, params, phi)`` multiplies the Jacobian in the first rows of phi
+        by that of the step; returns field evaluations.
+    tangent_rows : int
+        Rows of phi that the tangent needs.
     """
 
     name: str
@@ -55,6 +60,8 @@ class Method:
     in_powers: bool
     step: Function
     interpolant: Function
+    tangent: Function | None = None
+    tangent_rows: int = 0
 
 
 # Names that stand for what differs between scenes; the values are put in with the scene.
@@ -81,6 +88,20 @@ def _enter_interpolant(
     )  # fmt: skip
 
 
+def _enter_tangent(
+    t: float, dt: float, s: int, mode: int, n_modes: int, params: int, n_params: int, phi: int
+) -> int:
+    result: int = FUNCTION(
+        t,
+        dt,
+        float_table(s, N),
+        array_of(int_vector(mode, n_modes)),
+        array_of(float_vector(params, n_params)),
+        float_table(phi, N),
+    )
+    return result
+
+
 def compiled_entry(
     template: Function, native: Any, function: Function, n_states: int, *, cache: bool
 ) -> Any:
@@ -101,3 +122,9 @@ def compiled_interpolant(method: Method, n_states: int, *, cache: bool) -> Any:
     """Return the machine code of a method's interpolant."""
     function = method.interpolant
     return compiled_entry(_enter_interpolant, INTERPOLANT_NATIVE, function, n_states, cache=cache)
+
+
+def compiled_tangent(method: Method, n_states: int, *, cache: bool) -> Any:
+    """Return the machine code of a method's tangent."""
+    assert method.tangent is not None
+    return compiled_entry(_enter_tangent, TANGENT_NATIVE, method.tangent, n_states, cache=cache)

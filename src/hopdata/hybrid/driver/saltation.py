@@ -1,0 +1,101 @@
+"""The flow's Jacobian through an instant: one saltation matrix for each guard that flips.
+
+At a crossing of h, Phi becomes Phi + (f+ - f-) (Dh Phi) / (Dh f- + dh/dt), with the field before
+and after it (Aizerman and Gantmakher 1958; Kong et al. 2024). Of guards that flip at one instant,
+each is given the field that the locks before it name; what the handlers add is put to the last.
+"""
+
+from __future__ import annotations
+
+from hopdata.hybrid.compiled.calls import call_field, call_guard, call_guards
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.driver.layout import (
+    ALONG,
+    AWAKE,
+    COLUMN,
+    DUE,
+    F_AFTER,
+    F_BEFORE,
+    K1,
+    N_AWAKE,
+    NFEV,
+    RATE,
+    H,
+    Memory,
+    T,
+    Y,
+)
+from hopdata.hybrid.driver.problem import Problem
+
+
+@kernel
+def single_row(m: Memory, row: int) -> int:
+    """Return where a single row stands in the tangent's table."""
+    return 3 * m.states.width + row
+
+
+@kernel
+def rate_along(p: Problem, m: Memory, k: int, row: int) -> float:
+    """Return the rate of guard k when the state moves along a row of the tangent's table."""
+    t, s, g = m.clock[T], m.states, m.guards
+    if p.guards != 0:
+        call_guards(p.guards, t, s, Y, p.tangent, row, p.mode, p.params, g, H, g, RATE)
+    else:
+        call_guard(p.guard, t, s, Y, p.tangent, row, p.mode, p.params, k, g, H, g, RATE)
+    return g[RATE, k]
+
+
+@kernel
+def project(p: Problem, m: Memory, k: int) -> None:
+    """Write Dh Phi / (Dh f- + dh/dt) of guard k into the row ALONG."""
+    phi, n = p.tangent, m.states.width
+    along, column = single_row(m, ALONG), single_row(m, COLUMN)
+    rate = rate_along(p, m, k, single_row(m, F_BEFORE))
+    for i in range(n):
+        phi[column, i] = 0.0
+    by_time = rate_along(p, m, k, column)
+    for j in range(n):
+        for i in range(n):
+            phi[column, i] = phi[i, j]
+        phi[along, j] = (rate_along(p, m, k, column) - by_time) / rate
+
+
+@kernel
+def add_jump(p: Problem, m: Memory) -> None:
+    """Add (f_after - f_before) times ALONG to the Jacobian; f_after becomes f_before."""
+    phi, n = p.tangent, m.states.width
+    before, after, along = single_row(m, F_BEFORE), single_row(m, F_AFTER), single_row(m, ALONG)
+    for i in range(n):
+        jump = phi[after, i] - phi[before, i]
+        phi[before, i] = phi[after, i]
+        for j in range(n):
+            phi[i, j] += jump * phi[along, j]
+
+
+@kernel
+def saltate(p: Problem, m: Memory) -> None:
+    """Pass all guards that are due, one after the other, by their locks alone."""
+    phi, before, after = p.tangent, single_row(m, F_BEFORE), single_row(m, F_AFTER)
+    for i in range(m.states.width):
+        phi[before, i] = m.states[K1, i]
+    for a in range(m.counts[N_AWAKE]):
+        k = m.lists[AWAKE, a]
+        if m.flags[DUE, k] != 0:
+            project(p, m, k)
+            p.mode[k] = -p.mode[k]
+            m.counts[NFEV] += 1
+            call_field(p.field, m.clock[T], m.states, Y, p.mode, p.params, phi, after)
+            add_jump(p, m)
+    for a in range(m.counts[N_AWAKE]):  # they flip in earnest afterwards
+        k = m.lists[AWAKE, a]
+        if m.flags[DUE, k] != 0:
+            p.mode[k] = -p.mode[k]
+
+
+@kernel
+def saltate_handlers(p: Problem, m: Memory) -> None:
+    """Add what the handlers have changed in the field, as part of the last guard's flip."""
+    after = single_row(m, F_AFTER)
+    for i in range(m.states.width):
+        p.tangent[after, i] = m.states[K1, i]
+    add_jump(p, m)

@@ -1,0 +1,121 @@
+# ruff: noqa: ARG001 (templates are all called alike)
+"""The derivative of an explicit step by its initial state, stage by stage.
+
+It is the derivative of the numerical map itself: with the state, the flow's Jacobian converges with
+the order of the method. Stage k has the state Y + dt sum_j a_kj K_j, whose derivative is
+M = Phi + dt sum_j a_kj dK_j, and dK_k = Df M.
+
+The table phi has rows of N: the flow's Jacobian, then blocks of N rows for Df and M, some single
+rows, and one block dK for each stage (see `driver.layout`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from types import FunctionType
+from typing import Any
+
+from hopdata.hybrid.compiled.views import FloatTable, row, square
+from hopdata.hybrid.driver.layout import K1, PHI_ROWS, SCRATCH, Y
+from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination, compose
+
+Function = Callable[..., Any]
+
+# Put in for each scene.
+FIELD: Any = None
+JACOBIAN: Any = None
+N = 0
+
+FIFTH_ROOT_OF_EPS = 2.0 ** (-52 / 5)  # best for differences of fourth order
+ABSOLUTELY_TINY = 1e-290
+
+
+def jacobian_by_user(
+    t: float, dt: float, s: FloatTable, mode: Any, params: Any, phi: FloatTable
+) -> int:
+    """Fetch the user's derivative of the field at SCRATCH; return field evaluations, 0."""
+    for i in range(N, 2 * N):
+        for j in range(N):
+            phi[i, j] = 0.0
+    JACOBIAN(t, row(s, SCRATCH), mode, params, square(phi, N))
+    return 0
+
+
+def jacobian_by_differences(
+    t: float, dt: float, s: FloatTable, mode: Any, params: Any, phi: FloatTable
+) -> int:
+    """Take central differences of fourth order at SCRATCH; return field evaluations, 4 n.
+
+    The increments are parts of a state's size or, if that is larger, of its change in the step: no
+    unit enters.
+    """
+    shifted, slope = 3 * N, 3 * N + 1
+    for i in range(N):
+        phi[shifted, i] = s[SCRATCH, i]
+    for j in range(N):
+        size = max(abs(s[SCRATCH, j]), abs(s[Y, j]), dt * abs(s[K1, j]))
+        step = FIFTH_ROOT_OF_EPS * size if size > ABSOLUTELY_TINY else FIFTH_ROOT_OF_EPS
+        for i in range(N):
+            phi[N + i, j] = 0.0
+        for side in range(4):
+            part = (2.0, 1.0, -1.0, -2.0)[side]
+            weight = (-1.0, 8.0, -8.0, 1.0)[side]
+            phi[shifted, j] = s[SCRATCH, j] + part * step
+            FIELD(t, row(phi, shifted), mode, params, row(phi, slope))
+            for i in range(N):
+                phi[N + i, j] += weight * phi[slope, i]
+        phi[shifted, j] = s[SCRATCH, j]
+        for i in range(N):
+            phi[N + i, j] /= 12.0 * step
+    return 4 * N
+
+
+def times_jacobian(phi: FloatTable, target: int) -> None:
+    """Write Df M into the block that begins at row `target`."""
+    for i in range(N):
+        for j in range(N):
+            phi[target + i, j] = 0.0
+        for k in range(N):
+            factor = phi[N + i, k]
+            if factor != 0.0:
+                for j in range(N):
+                    phi[target + i, j] += factor * phi[2 * N + k, j]
+
+
+def _block(stage: int) -> str:
+    return f"(3 * N + {PHI_ROWS} + {stage} * N + i)"
+
+
+def _sum(weights: Sequence[float], rows: Sequence[Any], table: str) -> str:
+    return combination(weights, rows).replace("s[", f"{table}[")
+
+
+def _matrices(target: str, weights: Sequence[float]) -> list[str]:
+    blocks = [_block(stage) for stage in range(len(weights))]
+    terms = _sum(weights, blocks, "phi").replace(", i]", ", j]")
+    return [
+        "for i in range(N):",
+        INDENT + "for j in range(N):",
+        2 * INDENT + f"phi[{target} + i, j] = phi[i, j] + dt * ({terms})",
+    ]
+
+
+def tangent_code(tableau: Tableau) -> list[str]:
+    """Return the body of the tangent function of a method."""
+    slopes = tableau.slope_rows
+    code = ["evaluations = 0"]
+    for k in range(len(tableau.weights)):
+        weights = tableau.stages[k - 1] if k > 0 else ()
+        node = tableau.nodes[k - 1] if k > 0 else 0.0
+        state = f"s[{SCRATCH}, i] = s[{Y}, i] + dt * ({combination(weights, slopes)})"
+        code += ["for i in range(N):", INDENT + state, *_matrices("2 * N", weights)]
+        code += [
+            f"evaluations += STAGE_JACOBIAN(t + {node!r} * dt, dt, s, mode, params, phi)",
+            f"TIMES_JACOBIAN(phi, 3 * N + {PHI_ROWS} + {k} * N)",
+        ]
+    return [*code, *_matrices("0", tableau.weights), "return evaluations"]
+
+
+def tangent_template(tableau: Tableau, known: dict[str, Any]) -> FunctionType:
+    """Return ``tangent(t, dt, s, mode, params, phi)`` of a method; it counts evaluations."""
+    return compose("tangent", "t, dt, s, mode, params, phi", tangent_code(tableau), known)
