@@ -1,3 +1,4 @@
+# ruff: noqa: ARG001 (methods are all called alike)
 """Derivatives of the field by differences, where the user gives none.
 
 `jacobian_by_user` and `jacobian_by_differences` are templates with one signature: FIELD, JACOBIAN
@@ -60,9 +61,7 @@ def jacobian_by_differences(
     return 2 * N
 
 
-def time_derivative(
-    t: float, dt: float, s: FloatTable, mode: Any, params: Any, into: int
-) -> int:
+def time_derivative(t: float, dt: float, s: FloatTable, mode: Any, params: Any, into: int) -> int:
     """Fill row `into` with df/dt at (t, Y), where K1 is the field; return field evaluations.
 
     Third-order forward differences, which stay inside the step. A field that does not change at

@@ -1,3 +1,4 @@
+# ruff: noqa: ARG001 (methods are all called alike)
 """One step of the Rosenbrock method Rodas5P, for modes that are too stiff for explicit methods.
 
 Eight linear systems with one matrix; no iteration. L-stable and stiffly accurate: however strongly

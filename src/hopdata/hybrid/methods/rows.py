@@ -13,7 +13,8 @@ import numpy as np
 from hopdata.hybrid.compiled.kernel import kernel
 
 # NumPy integers: for literal ones, Numba compiles a function once for each.
-Y, K1, END, KEND, SCRATCH, SLOPE, P1 = np.arange(7, dtype=np.int64)
+_ROWS: Any = np.arange(7, dtype=np.int64)
+Y, K1, END, KEND, SCRATCH, SLOPE, P1 = _ROWS
 MOST_COEFFICIENTS = 24
 W1 = P1 + MOST_COEFFICIENTS
 

@@ -1,3 +1,4 @@
+# ruff: noqa: ARG001 (methods are all called alike)
 """Taylor series of the flow of an affine mode, y' = A y + b, exact but for rounding.
 
 The derivatives follow from one another by a product with A, so a step of degree 24 costs 24 small

@@ -7,7 +7,7 @@ from types import FunctionType
 import numba
 import numpy as np
 
-from hopdata.hybrid.methods.rows import END, K1, KEND, MOST_COEFFICIENTS, P1, W1, Y
+from hopdata.hybrid.methods.rows import END, K1, KEND, P1, W1, Y
 
 compiled = numba.njit(error_model="numpy")
 NO_MODE = np.zeros(0, dtype=np.int64)
@@ -21,7 +21,9 @@ def specialised(template, **names):
 class Stepper:
     """A method, a field and the table of states; one step at a time."""
 
-    def __init__(self, method, field, n, *, params=(), mode=NO_MODE, rtol=1e-9, atol=1e-12, **names):
+    def __init__(
+        self, method, field, n, *, params=(), mode=NO_MODE, rtol=1e-9, atol=1e-12, **names
+    ):
         names = {"FIELD": field, "N": n, **names}
         self.method, self.field, self.n = method, field, n
         self.step_code = specialised(method.step, **names)
@@ -38,7 +40,7 @@ class Stepper:
     def step(self, dt):
         """Return the error of a step, which is not yet accepted."""
         self.dt = dt
-        return self.step_code(t := self.t, dt, self.rtol, self.s, self.mode, self.params, self.atol)
+        return self.step_code(self.t, dt, self.rtol, self.s, self.mode, self.params, self.atol)
 
     def accept(self):
         self.t += self.dt
@@ -54,7 +56,7 @@ class Stepper:
         return self.s[Y] + theta * (self.s[P1] + total)
 
     def run(self, t_end, dt, most_steps=100_000):
-        """Integrate to `t_end` with step control; return the number of steps, taken and rejected."""
+        """Integrate to `t_end` with step control; return how many steps were taken and rejected."""
         taken = rejected = 0
         while self.t < t_end:
             dt = min(dt, t_end - self.t)
@@ -78,6 +80,3 @@ class Stepper:
             self.accept()
             self.t = start + (k + 1) * (t_end - start) / steps
         return largest
-
-
-__all__ = ["END", "K1", "KEND", "MOST_COEFFICIENTS", "P1", "W1", "NO_MODE", "Stepper", "Y", "compiled", "specialised"]
