@@ -61,6 +61,13 @@ def test_at_rest_at_the_origin(atol):
     assert found == pytest.approx(np.array([[0.0, 1.0], [-1e3, -10.0]]), rel=1e-9, abs=1e-9)
 
 
+def test_a_state_below_its_tolerance_counts_as_zero():
+    """An increment in proportion to 1e-30 would drown in the rounding of the weight."""
+    params, y = (CONTACT, 10.0, 9.81, 1e3, 0.0), (1e-30, 1e-30)
+    found, _ = by("jacobian_by_differences", params, 0.0, 1e-3, y)
+    assert found == pytest.approx(np.array([[0.0, 1.0], [-1e3, -10.0]]), rel=1e-4, abs=1e-12)
+
+
 @pytest.mark.parametrize("scale", [2.0**-40, 2.0**40])
 def test_units_of_length_change_nothing(scale):
     weight, rate, spring, square, y = 9.81, 1e3, 1e4, 1e6, np.array([-0.01, -3.0])

@@ -8,7 +8,7 @@ from method_harness import END, KEND, Y
 from stiff_problems import CONTACT, FOLLOWER, KAPS, SMOOTH, damped_contact, exact, field, stepper
 
 from hopdata.hybrid.methods import rosenbrock
-from hopdata.hybrid.methods.rodas5p import GAMMA, STAGES, TIME, A, C, D
+from hopdata.hybrid.methods.rodas5p import GAMMA, STAGES, TIME, A, C, D, H
 
 BOTH = pytest.mark.parametrize("given", [True, False], ids=["given", "differences"])
 
@@ -23,19 +23,42 @@ def global_error(params, steps, **options):
     return np.abs(one.s[Y] - exact(params, 2.0)).max()
 
 
+# The coefficients in the form with products by the Jacobian (Hairer and Wanner, section IV.7).
+GAMMAS = np.linalg.inv(np.eye(STAGES) / GAMMA - C)
+ALPHAS = A @ GAMMAS
+BETAS = ALPHAS + GAMMAS
+LAST = A[-1] + np.eye(STAGES)[-1]
+
+
 def test_the_coefficients_are_consistent():
-    """Sums of the stages' weights are their times, in the form with products by the Jacobian."""
-    gamma = np.linalg.inv(np.eye(STAGES) / GAMMA - C)
-    assert (A @ gamma).sum(axis=1) == pytest.approx(TIME, abs=1e-12)
-    assert gamma.sum(axis=1) == pytest.approx(D, abs=1e-12)
+    """Sums of the stages' weights are their times."""
+    assert ALPHAS.sum(axis=1) == pytest.approx(TIME, abs=1e-12)
+    assert GAMMAS.sum(axis=1) == pytest.approx(D, abs=1e-12)
+
+
+def order_conditions(weights, theta):
+    """By how much the eight conditions of order 4 are missed, at a fraction of the step."""
+    a, b = ALPHAS.sum(axis=1), BETAS.sum(axis=1)
+    of_trees = [
+        np.ones(STAGES), b, a**2, BETAS @ b,
+        a**3, a * (ALPHAS @ b), BETAS @ a**2, BETAS @ BETAS @ b,
+    ]  # fmt: skip
+    wanted = theta ** np.array([1, 2, 3, 3, 4, 4, 4, 4]) / [1, 2, 3, 6, 4, 8, 12, 24]
+    return np.array(of_trees) @ (weights @ GAMMAS) - wanted
+
+
+@pytest.mark.parametrize("theta", [0.2, 0.5, 0.8, 1.0])
+def test_the_conditions_of_order_four_are_met_within_the_step(theta):
+    inner = H[0] + theta * H[1] + theta**2 * H[2]
+    weights = theta * (LAST + (1.0 - theta) * inner)
+    assert np.abs(order_conditions(weights, theta)).max() < 1e-11
+    assert np.abs(order_conditions(A[-1], 1.0)).max() < 1e-11
 
 
 def stability(z, *, embedded=False):
     """The factor by which a step multiplies y in y' = z y / dt."""
-    gamma = np.linalg.inv(np.eye(STAGES) / GAMMA - C)
-    alpha, last = A @ gamma, A[-1] if embedded else A[-1] + np.eye(STAGES)[-1]
-    slopes = np.linalg.solve(np.eye(STAGES) - z * (alpha + gamma), np.full(STAGES, z))
-    return 1.0 + last @ gamma @ slopes
+    slopes = np.linalg.solve(np.eye(STAGES) - z * BETAS, np.full(STAGES, z))
+    return 1.0 + (A[-1] if embedded else LAST) @ GAMMAS @ slopes
 
 
 def test_stability_is_that_of_a_stiffly_accurate_method():

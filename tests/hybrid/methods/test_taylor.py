@@ -102,6 +102,14 @@ def test_a_chain_of_integrators_is_not_cut_short():
     assert one.s[END] == pytest.approx(powers / factorials, rel=4 * EPS)
 
 
+def test_a_term_may_rest_in_the_states_that_count():
+    """Every second term moves only the speed, whose tolerance is loose: the series goes on."""
+    one = stepper([[0.0, 1.0], [-1.0, 0.0]], [0.0, 0.0], [1.0, 0.0])
+    one.atol = np.array([0.0, 1e3])
+    one.step(1.0)
+    assert one.s[END, 0] == pytest.approx(np.cos(1.0), rel=2 * EPS)
+
+
 def test_half_a_stance_is_one_step():
     """A spring turned by 3 radians: accepted at 1e-9, and far better than that."""
     one = stepper(*SPRING)
