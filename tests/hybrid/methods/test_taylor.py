@@ -184,6 +184,24 @@ def test_the_slope_at_the_end_is_the_field():
     assert one.s[KEND] == pytest.approx(slope, rel=2 * EPS)
 
 
+def test_a_field_that_is_not_the_affine_one_is_found():
+    a, b, y = random_mode(3)
+    one, code = stepper(a, b, y), specialised(taylor.disagreement, N=3)
+    assert code(one.s) < 4 * EPS
+    one.s[K1, 1] *= 1.0 + 1e-9
+    assert code(one.s) > 1e-11
+
+
+@pytest.mark.parametrize("turn", [1e3, 1e6, 1e9])
+def test_a_step_far_too_long_is_cut_to_size_at_once(turn):
+    one, dt, rejected = stepper(*SPRING), turn / OMEGA, 0
+    while not (error := one.step(dt)) <= 1.0:
+        dt *= 0.9 / error ** (1.0 / taylor.ORDER)
+        rejected += 1
+    assert rejected <= 2
+    assert 3.0 < dt * OMEGA < 5.0
+
+
 @pytest.mark.parametrize("n", [2, 6])
 def test_the_interpolant_is_as_exact_as_the_step(n):
     a, b, y = random_mode(n, seed=1)

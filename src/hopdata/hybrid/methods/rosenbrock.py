@@ -5,7 +5,8 @@ Eight linear systems with one matrix; no iteration. L-stable and stiffly accurat
 a contact is damped, only accuracy limits the step.
 
 `step` and `interpolant` are templates: FIELD, N, FILL_JACOBIAN and TIME_DERIVATIVE are put in, the
-last two being specialised functions of `differences`.
+last two being specialised functions of `differences`. The field evaluations of a step, which vary,
+are left in INFO, and the Jacobian at its start in the rows from JAC on.
 """
 
 from __future__ import annotations
