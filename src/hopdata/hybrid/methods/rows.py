@@ -1,0 +1,31 @@
+"""The table of states that a method works on: which row holds what, and rows as arrays.
+
+A method reads Y and K1 (the state at the start of the step and its slope) and fills END and KEND.
+Its interpolant is put into P1 and the rows after it; rows from W1 on are its own.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hopdata.hybrid.compiled.kernel import kernel
+
+# NumPy integers: for literal ones, Numba compiles a function once for each.
+_ROWS: Any = np.arange(7, dtype=np.int64)
+Y, K1, END, KEND, SCRATCH, SLOPE, P1 = _ROWS
+MOST_COEFFICIENTS = 24
+W1 = P1 + MOST_COEFFICIENTS
+
+
+@kernel
+def row(s: Any, r: int) -> Any:
+    """Return row `r` of the table as an array (n,)."""
+    return s[r]
+
+
+@kernel
+def matrix(s: Any, first: int, n: int) -> Any:
+    """Return the `n` rows of the table from `first` on as an array (n, n)."""
+    return s[first : first + n]

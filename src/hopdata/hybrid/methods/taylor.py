@@ -1,0 +1,131 @@
+# ruff: noqa: ARG001 (methods are all called alike)
+"""Taylor series of the flow of an affine mode, y' = A y + b, exact but for rounding.
+
+The derivatives follow from one another by a product with A, so a step of degree 24 costs 24 small
+products and no evaluation of the field, and the series is its own dense output. `refresh` fetches
+A and b; it is called at the start and whenever the mode or the parameters may have changed.
+
+`refresh`, `disagreement`, `step` and `interpolant` are templates: AFFINE and N are put in for each
+scene. The order for step control is that of the first term left out, 25. The error obeys this power
+over many decades, so a step may be chosen very long and is cut to size by one or two rejections, if
+the controller may shrink it as far as it proposes. The degree that was needed is left in INFO.
+"""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any
+
+from hopdata.hybrid.compiled.views import FloatTable, FloatVector
+from hopdata.hybrid.methods.rows import (
+    END,
+    K1,
+    KEND,
+    MOST_COEFFICIENTS,
+    P1,
+    W1,
+    Y,
+    matrix,
+    row,
+)  # fmt: skip
+
+NAME = "taylor"
+EVALUATIONS = 0
+DEGREE = MOST_COEFFICIENTS
+BASIS = "power"
+ORDER = DEGREE + 1
+
+AFFINE: Any = None
+N: int = 0
+
+B, WEIGHT, INFO, A = W1, W1 + 1, W1 + 2, W1 + 3
+
+EPS = 2.0**-52
+TINY = 1e-300
+
+
+def work_rows(n: int) -> int:
+    """Return the number of work rows for `n` states."""
+    return 3 + n
+
+
+def refresh(s: FloatTable, mode: Any, params: Any) -> None:
+    """Fetch A and b of the mode; entries that the user's function leaves alone are zero."""
+    for i in range(N):
+        s[B, i] = 0.0
+        for j in range(N):
+            s[A + i, j] = 0.0
+    AFFINE(mode, params, matrix(s, A, N), row(s, B))
+
+
+def disagreement(s: FloatTable) -> float:
+    """Return by how much K1, the field at Y, differs from A Y + b, relative to the terms of these.
+
+    More than rounding means that the user's two functions are not the same field.
+    """
+    worst = 0.0
+    for i in range(N):
+        difference, size = s[B, i] - s[K1, i], abs(s[B, i]) + abs(s[K1, i])
+        for j in range(N):
+            difference += s[A + i, j] * s[Y, j]
+            size += abs(s[A + i, j] * s[Y, j])
+        if difference != 0.0:
+            worst = max(worst, abs(difference) / size)
+    return worst
+
+
+def step(
+    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: FloatVector
+) -> float:
+    """Sum the series at `dt`; return the first term left out, in units of the tolerance.
+
+    Terms are added until two in a row are below an eighth of the rounding error of the state. The
+    returned error is that of degree 24 all the same, which is what limits the size of a step.
+    """
+    last, before, older = 0.0, inf, inf
+    for i in range(N):
+        term = dt * s[K1, i]
+        s[P1, i] = term
+        s[WEIGHT, i] = 1.0 / max(rtol * max(abs(s[Y, i]), abs(term)) + atol[i], TINY)
+        last += abs(term) * s[WEIGHT, i]
+    negligible = EPS / 8.0 / max(rtol, EPS)
+    k = 1
+    # Sums, not maxima, as NaN survives in them; and two terms, as one kind of state may rest.
+    while k < DEGREE and last != 0.0 and not (last + before <= negligible):
+        scale = dt / (k + 1)
+        older, before, last = before, last, 0.0
+        for i in range(N):
+            total = 0.0
+            for j in range(N):
+                total += s[A + i, j] * s[P1 + k - 1, j]
+            term = scale * total
+            s[P1 + k, i] = term
+            last += abs(term) * s[WEIGHT, i]
+        k += 1
+    s[INFO, 0] = k
+    for i in range(N):
+        total = 0.0
+        for m in range(k - 1, -1, -1):  # the smallest terms first
+            total += s[P1 + m, i]
+        s[END, i] = s[Y, i] + total
+    for i in range(N):
+        total = 0.0
+        for j in range(N):
+            total += s[A + i, j] * s[END, j]
+        s[KEND, i] = total + s[B, i]
+    if last == 0.0:
+        return 0.0
+    # Terms fall like z^k / k!, with z from every second of them: they may alternate.
+    z = (k * (k - 1) * last / older) ** 0.5
+    error = max(last, before * z / k)
+    for m in range(k + 1, ORDER + 1):
+        error *= z / m
+    return error
+
+
+def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any) -> int:
+    """Clear the coefficients that the series did not need; the others are in place."""
+    for m in range(int(s[INFO, 0]), DEGREE):
+        for i in range(N):
+            s[P1 + m, i] = 0.0
+    return 0
