@@ -52,6 +52,14 @@ def check_params(params: ArrayLike) -> FloatArray:
     return vector if vector.ndim == 1 else vector.ravel()
 
 
+def with_memory(params: FloatArray, memory: ArrayLike | None, n_memory: int) -> FloatArray:
+    """Return the parameters with the scene's memory behind them."""
+    start = np.zeros(n_memory) if memory is None else check_params(memory)
+    if len(start) != n_memory:
+        raise ValueError(f"memory: expected {n_memory} numbers, found {len(start)}")
+    return np.concatenate([params, start])
+
+
 def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:
     """Write the initial mode into `full`: all of it, or the scene's own integers behind locks 0."""
     full.fill(0)

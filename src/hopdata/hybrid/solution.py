@@ -92,6 +92,8 @@ class Solution:
         Time reached, s.
     y_end : (n,) array
         State reached.
+    jacobian : (n, n) array, optional
+        Derivative of `y_end` by the initial state at fixed times, through all events, if asked for.
     """
 
     t: FloatArray
@@ -106,6 +108,7 @@ class Solution:
     mode: IntArray
     t_end: float
     y_end: FloatArray
+    jacobian: FloatArray | None = None
 
     @property
     def success(self) -> bool:

@@ -14,6 +14,7 @@ from hopdata.hybrid.arguments import (
     check_times,
     set_mode,
     set_tolerance,
+    with_memory,
 )
 from hopdata.hybrid.compiled.unraisable import Caught
 from hopdata.hybrid.driver.entry import driver_entry
@@ -42,10 +43,12 @@ def solve(
     max_steps: int = 10_000_000,
     max_events: int = 10_000_000,
     method: str = "auto",
+    jacobian: bool = False,
+    memory: ArrayLike | None = None,
 ) -> Solution:
     """Integrate an event-selected system from t_span[0] to t_span[1].
 
-    Dormand-Prince 5(4) with error control. Events are localised on the interpolant, and the step
+    One-step methods with error control. Events are localised on the interpolant, and the step
     is then taken again to the event's instant, so that time and state have the method's order.
     Guards that flip at one instant do so together; the field is evaluated anew after each instant.
 
@@ -70,6 +73,15 @@ def solve(
         Times to report, s, increasing, within `t_span`. By default each step and each event.
     max_steps, max_events : int
         Give up, with a status, after so many.
+    method : str
+        "dopri5" (best where events limit the steps), "dop853" (where they are sparse), "taylor"
+        (affine modes, to rounding), "rosenbrock" (stiff fields), or "auto": Taylor series if the
+        system has an affine form, else each of the others where it is best.
+    jacobian : bool
+        Whether to carry the derivative of the state by the initial state along, through events by
+        saltation matrices (not with "rosenbrock", and not through resets of the state).
+    memory : (n_memory,) array_like, optional
+        Initial value of the scene's memory; by default zeros.
 
     Returns
     -------
@@ -88,9 +100,11 @@ def solve(
     )
     state, numbers = check_shape("y0", y0, system.n_states), check_params(params)
     times = None if t_eval is None else check_times(t_eval, t_start, t_end)
-    methods, work = system.methods(method), system.take_workspace()
+    if system.n_memory > 0 or memory is not None:
+        numbers = with_memory(numbers, memory, system.n_memory)
+    methods, work = system.methods(method, jacobian), system.take_workspace()
     try:
-        work.begin(methods.rows, times)
+        work.begin(methods, times, jacobian)
         set_mode(work.mode, system.n_guards, mode)
         set_tolerance(work.atol, atol)
         status = _run(
@@ -139,4 +153,5 @@ def _solution(system: System, work: Workspace, status: int, every_step: bool) ->
         mode=work.mode.copy(),
         t_end=time,
         y_end=work.state.copy(),
+        jacobian=None if work.tangent is None else work.tangent[: system.n_states].copy(),
     )

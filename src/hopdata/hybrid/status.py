@@ -12,6 +12,7 @@ TOO_MANY_EVENTS = -5
 SLIDING = -6
 ZENO = -7
 RESET_IN_JACOBIAN = -8
+AFFINE_DIFFERS = -9
 
 # Within the driver only.
 RUNNING = 2
@@ -34,6 +35,8 @@ SENTENCES = {
     "trajectory would slide along it. Event-selected systems cross their guards.",
     ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them falls "
     "below what floating-point numbers resolve (a Zeno sequence, or chattering).",
+    AFFINE_DIFFERS: "The @affine function does not give the @field function's value at {at}: "
+    "they must be the same field, in every mode.",
     RESET_IN_JACOBIAN: "The handler changed the state at {at}: the Jacobian of the flow is known "
     "only through events that leave it continuous.",
 }

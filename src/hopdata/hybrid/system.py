@@ -9,9 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.hybrid.compiled.callbacks import Callback
-from hopdata.hybrid.compiled.signatures import FIELD, GUARD, GUARDS, ON_EVENT, RATE_BOUND
+from hopdata.hybrid.compiled.signatures import (
+    AFFINE,
+    FIELD,
+    GUARD,
+    GUARDS,
+    JACOBIAN,
+    ON_EVENT,
+    RATE_BOUND,
+)
 from hopdata.hybrid.driver.entry import run_address
-from hopdata.hybrid.methods.table import MethodTable, check_method
+from hopdata.hybrid.methods.scene import Scene
+from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.workspace import Pool, Workspace
 
 
@@ -37,6 +46,11 @@ class System:
         With `guard`: a bound on the rates of all event functions, declared by
         `hopdata.hybrid.rate_bound`. Guards far from their surfaces are then not evaluated at all;
         event functions must not depend on the mode. The log's modes leave out the locks.
+    jacobian : Callback, optional
+        The field's derivative, declared by `hopdata.hybrid.jacobian`; differences are taken where
+        it is needed and not given.
+    affine : Callback, optional
+        The field's affine form, declared by `hopdata.hybrid.affine`, if all modes are affine.
     n_states : int
         Length of the state.
     guard_names : tuple of str
@@ -48,6 +62,9 @@ class System:
         Whether an event of the guard ends the integration. By default none does.
     n_extra_modes : int
         Number of the scene's own integers in the mode.
+    n_memory : int
+        Number of floats that follow the caller's in `params` and belong to one integration: the
+        handler may change them, so that the field need not add up all contacts anew.
     """
 
     field: Callback
@@ -55,17 +72,24 @@ class System:
     on_event: Callback | None = None
     guard: Callback | None = None
     rate_bound: Callback | None = None
+    jacobian: Callback | None = None
+    affine: Callback | None = None
     n_states: int = 1
     guard_names: tuple[str, ...] = ()
     directions: tuple[int, ...] | None = None
     terminal: tuple[bool, ...] | None = None
     n_extra_modes: int = 0
+    n_memory: int = 0
 
     def __post_init__(self) -> None:
         _check_callback("field", self.field, FIELD)
         self._check_guards()
         if self.on_event is not None:
             _check_callback("on_event", self.on_event, ON_EVENT)
+        if self.jacobian is not None:
+            _check_callback("jacobian", self.jacobian, JACOBIAN)
+        if self.affine is not None:
+            _check_callback("affine", self.affine, AFFINE)
         if self.n_states < 1:
             raise ValueError(f"n_states: expected at least 1, found {self.n_states}")
         for name, values in (("directions", self.directions), ("terminal", self.terminal)):
@@ -111,15 +135,16 @@ class System:
         return (*(0 if one is None else one.address for one in callbacks), run_address())
 
     @cached_property
-    def _method_tables(self) -> dict[str, MethodTable]:
+    def _method_tables(self) -> dict[tuple[str, bool], MethodTable]:
         return {}
 
-    def methods(self, choice: str) -> MethodTable:
+    def methods(self, choice: str, jacobian: bool) -> MethodTable:
         """Return the methods that a choice leaves to the driver."""
-        if choice not in self._method_tables:
-            check_method(choice)
-            self._method_tables[choice] = MethodTable(choice, self.field, self.n_states)
-        return self._method_tables[choice]
+        key = choice, jacobian
+        if key not in self._method_tables:
+            scene = Scene(self.field, self.n_states, self.jacobian, self.affine)
+            self._method_tables[key] = MethodTable(choice, scene, jacobian)
+        return self._method_tables[key]
 
     @cached_property
     def idle(self) -> Pool:

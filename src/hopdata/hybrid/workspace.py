@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hopdata.hybrid.driver import layout
 from hopdata.hybrid.driver.layout import FloatArray, IntArray
-from hopdata.hybrid.methods.table import WORK_ROWS
+from hopdata.hybrid.methods.table import MethodTable, tangent_table
 from hopdata.hybrid.solution import EventLog, filled
 
 FIRST_ROWS = 256
@@ -54,7 +54,7 @@ class Workspace:
         n_guards = len(guard_names)
         self._n_logged_modes = n_logged_modes
         self._guard_names = guard_names
-        self._states = np.zeros((layout.W1 + WORK_ROWS, n_states))
+        self._states = np.zeros((layout.W1, n_states))
         self.state = self._states[layout.Y]
         self.mode = np.zeros(n_modes, dtype=np.int64)
         self.atol = np.zeros(n_states)
@@ -63,8 +63,9 @@ class Workspace:
         self._guards = np.zeros((layout.GUARD_ROWS, n_guards))
         self._flags = np.zeros((layout.FLAG_ROWS, n_guards), dtype=np.int64)
         self._lists = np.zeros((layout.LIST_ROWS, n_guards), dtype=np.int64)
-        self._wake_at, self._tangent = np.zeros(n_guards), np.zeros((0, n_states))
-        self._methods = np.zeros((1, layout.METHOD_SLOTS), dtype=np.int64)
+        self._wake_at = np.zeros(n_guards)
+        self._methods: MethodTable | None = None
+        self.tangent: FloatArray | None = None
         self._rows = self._room_for_rows(FIRST_ROWS)
         self._log = self._room_for_events(FIRST_EVENTS + 2 * n_guards if n_guards else 0)
         self._wanted, self._samples = np.empty(0), np.empty((0, n_states))
@@ -75,16 +76,21 @@ class Workspace:
         self._lay_out(
             layout.MODE, self.mode, rules, self.atol,
             self._states, self._guards, self._flags, self._lists, self._wake_at,
-            self.clock, self.counts, self._methods, self._tangent,
+            self.clock, self.counts,
         )  # fmt: skip
         self._lay_out(layout.WANTED, self._wanted, self._samples)
         self._lay_out(layout.ROW_TIME, *self._rows, *self._log)
 
-    def begin(self, methods: IntArray, t_eval: FloatArray | None) -> None:
+    def begin(self, methods: MethodTable, t_eval: FloatArray | None, jacobian: bool) -> None:
         """Forget the last integration; states are wanted at `t_eval` or, if None, at each step."""
         if methods is not self._methods:
-            self._methods = methods
-            self._lay_out(layout.METHOD_TABLE, methods)
+            self._take(methods)
+        if jacobian:
+            self.tangent = tangent_table(methods.tangent_rows, len(self.atol))
+            self._lay_out(layout.TANGENT_TABLE, self.tangent)
+        elif self.tangent is not None:
+            self.tangent = None
+            self.desk[layout.TANGENT_TABLE] = 0
         if self._kept:
             self._kept = []
             if max(len(self._rows[0]), len(self._log[0])) > LARGEST_KEPT:
@@ -93,6 +99,16 @@ class Workspace:
             self._wanted = np.empty(0) if t_eval is None else t_eval
             self._samples = np.empty((len(self._wanted), len(self.atol)))
             self._lay_out(layout.WANTED, self._wanted, self._samples)
+
+    def _take(self, methods: MethodTable) -> None:
+        """Lay out what other methods than before need."""
+        self._methods = methods
+        self._lay_out(layout.METHOD_TABLE, methods.rows)
+        needed = layout.W1 + methods.work_rows
+        if len(self._states) < needed:
+            self._states = np.zeros((needed, len(self.atol)))
+            self.state = self._states[layout.Y]
+            self._lay_out(layout.STATE_TABLE, self._states)
 
     def enlarge(self) -> None:
         """Put aside what the driver has written, and lay out new and larger room."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from hopdata.hybrid import System, field, guards
+from hopdata.hybrid import System, affine, field, guards
 from hopdata.hybrid.solution import FloatArray, IntArray
 
 INITIAL_STATE = (-0.4, -0.15, 0.3)
@@ -47,7 +47,26 @@ def octant_guards(
     h[2], hdot[2] = -y[2], -dy[2]
 
 
+@affine
+def octant_affine(mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray) -> None:
+    """Return the matrix and the constant of the octant that the locks name."""
+    x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
+    b[0], b[1], b[2] = 1.0, 1.0, -1.0
+    if x_side and y_side:
+        a[0, 0], a[1, 1] = 10.0, 1.0
+    elif x_side:
+        a[0, 1], a[1, 0], b[1] = -2.0, 0.5, 2.0
+    elif y_side:
+        a[0, 1], a[1, 0] = 1.0, -1.0
+    else:
+        a[0, 1], a[1, 0] = -1.0, 1.0
+    a[2, 2] = 3.0 if z_fell else -1.0
+
+
 @cache
 def octant() -> System:
     """Return the system of table 4.3: guards ``x`` (rising), ``y`` (rising) and ``z`` (falling)."""
-    return System(field=octant_field, guards=octant_guards, n_states=3, guard_names=("x", "y", "z"))
+    return System(
+        field=octant_field, guards=octant_guards, affine=octant_affine, n_states=3,
+        guard_names=("x", "y", "z"),
+    )  # fmt: skip

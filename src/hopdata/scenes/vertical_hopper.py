@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.hybrid import System, field, guards
+from hopdata.hybrid import System, affine, field, guards
 from hopdata.hybrid.solution import FloatArray, IntArray
 
 
@@ -42,6 +42,17 @@ def hopper_guards(
     """Return the height above contact: negative in stance."""
     h[0] = y[0] - params[4]
     hdot[0] = dy[0]
+
+
+@affine
+def hopper_affine(mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray) -> None:
+    """Return the matrix and the constant of flight, or of stance (lock -1)."""
+    gravity, stiffness, rest_length, damping = params[0], params[1], params[2], params[3]
+    a[0, 1] = 1.0
+    b[1] = -gravity
+    if mode[0] < 0:
+        a[1, 0], a[1, 1] = -stiffness, -damping
+        b[1] += stiffness * rest_length
 
 
 @dataclass(frozen=True)
@@ -102,4 +113,7 @@ class VerticalHopper:
 
 @cache
 def _system() -> System:
-    return System(field=hopper_field, guards=hopper_guards, n_states=2, guard_names=("contact",))
+    return System(
+        field=hopper_field, guards=hopper_guards, affine=hopper_affine, n_states=2,
+        guard_names=("contact",),
+    )  # fmt: skip

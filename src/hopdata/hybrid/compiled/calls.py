@@ -104,6 +104,7 @@ _FLOAT, _INT = types.float64, types.int64
 _VIEWS = (_INT,) * 5  # addresses of states, mode and its width, params and their width
 STEP_NATIVE = _FLOAT(_FLOAT, _FLOAT, _FLOAT, *_VIEWS, _INT)
 INTERPOLANT_NATIVE = _INT(_FLOAT, _FLOAT, *_VIEWS)
+REFRESH_NATIVE = _FLOAT(*_VIEWS)
 TANGENT_NATIVE = _INT(_FLOAT, _FLOAT, *_VIEWS, _INT)
 _LAID_OUT = ((TABLE, ADDRESS), (INTEGERS, SPAN), (FLOATS, SPAN))
 
@@ -113,3 +114,5 @@ call_step = caller(STEP_NATIVE, _T, _T, _T, *_LAID_OUT, (FLOATS, ADDRESS))
 call_interpolant = caller(INTERPOLANT_NATIVE, _T, _T, *_LAID_OUT)
 # call_tangent(address, t, dt, s, mode, params, phi)
 call_tangent = caller(TANGENT_NATIVE, _T, _T, *_LAID_OUT, (TABLE, ADDRESS))
+# call_refresh(address, s, mode, params)
+call_refresh = caller(REFRESH_NATIVE, *_LAID_OUT)

@@ -186,9 +186,7 @@ def _square(typing: Any, table: Any, index: Any) -> Any:
         array = make_array(kind)(context, builder)
         item = context.get_constant(types.intp, table.dtype.bitwidth // 8)
         across = builder.mul(proxy.width, item)
-        populate_array(
-            array, start, [proxy.width, proxy.width], [across, item], item, meminfo=None
-        )
+        populate_array(array, start, [proxy.width, proxy.width], [across, item], item, meminfo=None)
         return array._getvalue()
 
     return types.Array(table.dtype, 2, "C")(table, INDEX), generate

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hopdata.hybrid.compiled.calls import call_on_event
+from hopdata.hybrid.compiled.calls import call_on_event, call_refresh
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.views import FloatTable, FloatVector, IntTable, IntVector
 from hopdata.hybrid.driver.layout import (
@@ -20,10 +20,12 @@ from hopdata.hybrid.driver.layout import (
     INSTANT,
     JUMPS,
     K1,
+    METHOD,
     N_AWAKE,
     RATE0,
     RATE_ABOVE,
     RATE_BELOW,
+    REFRESH,
     SPEED,
     TERMINAL,
     Memory,
@@ -35,6 +37,7 @@ from hopdata.hybrid.driver.saltation import saltate, saltate_handlers
 from hopdata.hybrid.driver.sleep import speed_at, wake_all
 from hopdata.hybrid.driver.surface import mark_due, time_resolution
 from hopdata.hybrid.status import (
+    AFFINE_DIFFERS,
     FIELD_NOT_FINITE,
     GUARD_NOT_FINITE,
     RESET_IN_JACOBIAN,
@@ -47,6 +50,7 @@ from hopdata.hybrid.status import (
 FLIPS_AT_ONCE = 2  # there and back, as at an impact; a third flip means that the guard is not live
 CROWDED = 1000  # instants nearer than this many time resolutions are a crowd
 CROWD_BASE, CROWD_PER_GUARD = 100, 10
+DISAGREEMENT = 1e-9  # of the field and its affine form, relative to their terms
 
 
 class Log(NamedTuple):
@@ -131,6 +135,9 @@ def refresh(p: Problem, m: Memory) -> int:
     m.clock[SPEED] = speed_at(p, m, m.clock[T], Y, K1)
     if first_not_finite(m.states, K1) >= 0:
         return FIELD_NOT_FINITE
+    address = p.methods[m.counts[METHOD], REFRESH]
+    if address != 0 and not call_refresh(address, m.states, p.mode, p.params) < DISAGREEMENT:
+        return AFFINE_DIFFERS
     return RUNNING if guards_at_start(p, m, m.clock[T]) else GUARD_NOT_FINITE
 
 

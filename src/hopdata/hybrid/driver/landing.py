@@ -85,7 +85,9 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
     """
     t, whole = m.clock[T], m.clock[SPAN]
     last, theta = span, span / whole
-    on_interpolant = not p.first_order and m.clock[ERROR] * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED
+    on_interpolant = (
+        not p.first_order and m.clock[ERROR] * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED
+    )
     take_part(p, m, t, span, on_interpolant)
     guards_at_end(p, m, t + span)
     for _ in range(MAX_POLISH):

@@ -50,14 +50,15 @@ LIST_ROWS = 2
 # Rows of `rules`: which crossings are events, and whether these end the integration.
 DIRECTION, TERMINAL = index_numbers(2)
 
-# Columns of `methods`: addresses of step, interpolant and tangent, evaluations that a step takes,
-# degree of the interpolant, whether it is in powers of theta, the order by which the step is
-# controlled, and the methods to change to where events are sparser or denser, or the field is stiff
-# (-1: none).
+# Columns of `methods`: addresses of step, interpolant, tangent and refresh, evaluations that a step
+# takes, degree of the interpolant, whether it is in powers of theta, the order by which the step is
+# controlled; the methods to change to where events are sparser or denser, where the field is stiff
+# and where it is not (-1: none); the row of the last stage's slope, and the limit of stability.
 (
     STEP,
     INTERPOLANT,
     TANGENT,
+    REFRESH,
     EVALUATIONS,
     DEGREE,
     IN_POWERS,
@@ -65,13 +66,16 @@ DIRECTION, TERMINAL = index_numbers(2)
     SPARSER,
     DENSER,
     STIFFER,
-) = index_numbers(10)
-METHOD_SLOTS = 10
+    RELAXED,
+    LAST_SLOPE,
+    STIFF_TENTHS,
+) = index_numbers(14)
+METHOD_SLOTS = 14
 
 # Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
 # none, ERROR that step's error in units of the tolerance, SEGMENT the start of the smooth piece of
 # the trajectory, TRAVEL what no event function can have changed by more than since the start, and
-# SPEED the bound of their rates now.
+# SPEED the bound of their rates now. STIFF_SCORE counts steps that stability limits.
 (
     T,
     NEXT_DT,
@@ -84,8 +88,9 @@ METHOD_SLOTS = 10
     SEGMENT,
     TRAVEL,
     SPEED,
-) = index_numbers(11)
-CLOCK_SLOTS = 11
+    STIFF_SCORE,
+) = index_numbers(12)
+CLOCK_SLOTS = 12
 
 # Slots of `counts`.
 (
@@ -102,10 +107,9 @@ CLOCK_SLOTS = 11
     METHOD,
     N_AWAKE,
     N_ASLEEP,
-    STIFF_SIGNS,
     JUMPS,
-) = index_numbers(15)
-COUNT_SLOTS = 15
+) = index_numbers(14)
+COUNT_SLOTS = 14
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, then address and width of each

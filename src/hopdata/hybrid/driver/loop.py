@@ -99,9 +99,7 @@ def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
 def carry_jacobian(p: Problem, m: Memory, dt: float) -> None:
     """Multiply the flow's Jacobian by the derivative of the step that ends at END."""
     address = p.methods[m.counts[METHOD], TANGENT]
-    m.counts[NFEV] += call_tangent(
-        address, m.clock[T], dt, m.states, p.mode, p.params, p.tangent
-    )
+    m.counts[NFEV] += call_tangent(address, m.clock[T], dt, m.states, p.mode, p.params, p.tangent)
 
 
 @kernel_in_loop

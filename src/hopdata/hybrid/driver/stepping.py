@@ -8,6 +8,7 @@ import numpy as np
 
 from hopdata.hybrid.compiled.calls import call_step
 from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.driver.choice import watch_stiffness
 from hopdata.hybrid.driver.layout import (
     ERROR,
     EVALUATIONS,
@@ -38,6 +39,7 @@ BETA = 0.2
 ALPHA = 1.0 - 0.75 * BETA
 SAFETY = 0.9
 SHRINK_MOST, GROW_MOST = 0.2, 10.0
+VERY_HIGH_ORDER = 16.0  # from which the error obeys its power over many decades: no limits
 SHRINK_AT_NAN = 0.1
 LOG_ERROR_FLOOR = log(1e-4)
 
@@ -71,6 +73,8 @@ def tolerance(p: Problem, i: int, size: float) -> float:
 def growth(log_error: float, last_log_error: float, order: float) -> float:
     """Return the factor by which an accepted step may grow, by the logarithms of two errors."""
     factor = SAFETY * exp((BETA * last_log_error - ALPHA * log_error) / order)
+    if order >= VERY_HIGH_ORDER:
+        return factor
     return min(GROW_MOST, max(SHRINK_MOST, factor))
 
 
@@ -126,6 +130,7 @@ def accepted_step(p: Problem, m: Memory) -> float:
             shrink, reason = SHRINK_AT_NAN, float(GUARD_NOT_FINITE)
         m.counts[REJECTED] += 1
         dt *= shrink
+    watch_stiffness(p, m, dt)
     wake(p, m, dt, True)
     resize_next(m, dt, error, shrink < 1.0, proposed, order)
     m.counts[STEPS] += 1

@@ -6,15 +6,12 @@ arithmetic of a loop over stages would cost several times the evaluations.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import sqrt
 from types import FunctionType
 from typing import Any
 
-from hopdata.hybrid.compiled.views import row
 from hopdata.hybrid.driver.layout import END, K1, KEND, P1, SCRATCH, W1, Y
-from hopdata.hybrid.methods.method import Method
 
 STANDARD_ROWS = 3  # of an interpolant: those that value and slope at both ends determine
 INDENT = "    "
@@ -156,19 +153,3 @@ def compose(name: str, arguments: str, body: list[str], known: dict[str, Any]) -
     exec(compile(source, __file__, "exec"), names)
     made: FunctionType = names[name]
     return made
-
-
-def explicit_method(tableau: Tableau, field: Callable[..., Any], n_states: int) -> Method:
-    """Return the method of a tableau, for a field (compiled by Numba) of n states."""
-    known = {"FIELD": field, "N": n_states, "TINY": TINY, "row": row, "sqrt": sqrt}
-    return Method(
-        name=tableau.name,
-        order=tableau.order,
-        evaluations=tableau.evaluations,
-        degree=tableau.degree,
-        in_powers=False,
-        step=compose("step", "t, dt, rtol, s, mode, params, atol", step_code(tableau), known),
-        interpolant=compose(
-            "interpolant", "t, dt, s, mode, params", interpolant_code(tableau), known
-        ),
-    )

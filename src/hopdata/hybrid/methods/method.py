@@ -20,7 +20,12 @@ from typing import Any
 from numba import cfunc, njit
 
 from hopdata.hybrid.compiled.cache import cache_directory
-from hopdata.hybrid.compiled.calls import INTERPOLANT_NATIVE, STEP_NATIVE, TANGENT_NATIVE
+from hopdata.hybrid.compiled.calls import (
+    INTERPOLANT_NATIVE,
+    REFRESH_NATIVE,
+    STEP_NATIVE,
+    TANGENT_NATIVE,
+)
 from hopdata.hybrid.compiled.digest import driver_digest, function_digest, with_digest
 from hopdata.hybrid.compiled.views import array_of, float_table, float_vector, int_vector
 
@@ -51,6 +56,11 @@ class Method:
         by that of the step; returns field evaluations.
     tangent_rows : int
         Rows of phi that the tangent needs.
+    refresh : callable, optional
+        ``refresh(s, mode, params)`` is called whenever the mode may have changed; returns by how
+        much what the method knows of the field differs from it, relatively.
+    last_slope_row : int
+        Of an explicit method, the row with the slope of its last stage, by which stiffness shows.
     """
 
     name: str
@@ -62,6 +72,8 @@ class Method:
     interpolant: Function
     tangent: Function | None = None
     tangent_rows: int = 0
+    refresh: Function | None = None
+    last_slope_row: int = 0
 
 
 # Names that stand for what differs between scenes; the values are put in with the scene.
@@ -102,6 +114,14 @@ def _enter_tangent(
     return result
 
 
+def _enter_refresh(s: int, mode: int, n_modes: int, params: int, n_params: int) -> float:
+    result: float = FUNCTION(
+        float_table(s, N), array_of(int_vector(mode, n_modes)),
+        array_of(float_vector(params, n_params)),
+    )  # fmt: skip
+    return result
+
+
 def compiled_entry(
     template: Function, native: Any, function: Function, n_states: int, *, cache: bool
 ) -> Any:
@@ -128,3 +148,9 @@ def compiled_tangent(method: Method, n_states: int, *, cache: bool) -> Any:
     """Return the machine code of a method's tangent."""
     assert method.tangent is not None
     return compiled_entry(_enter_tangent, TANGENT_NATIVE, method.tangent, n_states, cache=cache)
+
+
+def compiled_refresh(method: Method, n_states: int, *, cache: bool) -> Any:
+    """Return the machine code that a method runs when the mode has changed."""
+    assert method.refresh is not None
+    return compiled_entry(_enter_refresh, REFRESH_NATIVE, method.refresh, n_states, cache=cache)

@@ -7,28 +7,65 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.driver import layout
-from hopdata.hybrid.driver.layout import IntArray
+from hopdata.hybrid.driver.layout import FloatArray, IntArray
+from hopdata.hybrid.methods import rosenbrock, stiffness, taylor
 from hopdata.hybrid.methods.dop853 import DOP853
 from hopdata.hybrid.methods.dopri5 import DOPRI5
-from hopdata.hybrid.methods.explicit import explicit_method
-from hopdata.hybrid.methods.method import Method, compiled_interpolant, compiled_step
+from hopdata.hybrid.methods.method import (
+    Method,
+    compiled_interpolant,
+    compiled_refresh,
+    compiled_step,
+    compiled_tangent,
+)
+from hopdata.hybrid.methods.scene import Scene, explicit, rosenbrock_method, taylor_method
 
-CHOICES: dict[str, tuple[str, ...]] = {
-    "auto": ("dopri5", "dop853"),
-    "dopri5": ("dopri5",),
-    "dop853": ("dop853",),
+MAKERS = {
+    "dopri5": lambda scene: explicit(DOPRI5, scene),
+    "dop853": lambda scene: explicit(DOP853, scene),
+    "taylor": taylor_method,
+    "rosenbrock": rosenbrock_method,
 }
-WORK_ROWS = max(DOPRI5.work_rows, DOP853.work_rows)
+CHOICES = ("auto", *MAKERS)
+AUTOMATIC = ("dopri5", "dop853", "rosenbrock")
+LARGEST_STIFF = 200  # states; above, the matrices of Rosenbrock would not be worth their memory
+STIFF_LIMITS = {"dopri5": stiffness.DOPRI5_LIMIT, "dop853": stiffness.DOP853_LIMIT}
 
 
-def check_method(name: str) -> None:
-    """Raise ValueError if there is no method of this name."""
+def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
+    """Return the names of the methods that a choice allows the driver to take.
+
+    Raises
+    ------
+    ValueError
+        If there is no method of this name, or it does not suit the scene.
+    """
     if name not in CHOICES:
         near = difflib.get_close_matches(str(name), CHOICES, n=1)
         hint = f"; did you mean '{near[0]}'?" if near else ""
         raise ValueError(f"method: expected one of {', '.join(CHOICES)}, found {name!r}{hint}")
+    if name == "taylor" and scene.affine is None:
+        raise ValueError("method: 'taylor' expects a System with an @affine function, found none")
+    if name == "rosenbrock" and jacobian:
+        raise ValueError("jacobian: expected an explicit method or 'taylor', found 'rosenbrock'")
+    if name != "auto":
+        return (name,)
+    if scene.affine is not None:
+        return ("taylor",)
+    with_stiff = not jacobian and scene.n_states <= LARGEST_STIFF
+    return AUTOMATIC if with_stiff else AUTOMATIC[:2]
+
+
+def work_rows(names: tuple[str, ...], n_states: int) -> int:
+    """Return the number of work rows that these methods need."""
+    needed = {
+        "dopri5": DOPRI5.work_rows,
+        "dop853": DOP853.work_rows,
+        "taylor": taylor.work_rows(n_states),
+        "rosenbrock": rosenbrock.work_rows(n_states),
+    }
+    return max(needed[name] for name in names)
 
 
 class MethodTable:
@@ -37,37 +74,61 @@ class MethodTable:
     Parameters
     ----------
     choice : str
-        A key of `CHOICES`.
-    field : Callback
-        The vector field.
-    n_states : int
-        Length of the state.
+        One of `CHOICES`.
+    scene : Scene
+        What they are made for.
+    jacobian : bool
+        Whether the flow's Jacobian is wanted too.
     """
 
-    def __init__(self, choice: str, field: Callback, n_states: int) -> None:
-        self._names, self._field, self._n_states = CHOICES[choice], field, n_states
+    def __init__(self, choice: str, scene: Scene, jacobian: bool) -> None:
+        self._names = check_method(choice, scene, jacobian)
+        self._scene, self._jacobian = scene, jacobian
         self._kept_alive: list[Any] = []
+        self._methods: dict[int, Method] = {}
+        self.work_rows = work_rows(self._names, scene.n_states)
+        self.tangent_rows = 0
         self.rows: IntArray = np.zeros((len(self._names), layout.METHOD_SLOTS), dtype=np.int64)
-        for k in range(len(self._names)):
-            self._describe(k)
-
-    def _method(self, number: int) -> Method:
-        tableau = {"dopri5": DOPRI5, "dop853": DOP853}[self._names[number]]
-        return explicit_method(tableau, self._field.dispatcher, self._n_states)
+        for number in range(len(self._names)):
+            self._describe(number)
+        if self._names == ("taylor",):  # the driver refreshes it from the very start
+            self.compile(0)
 
     def _describe(self, number: int) -> None:
-        method, row = self._method(number), self.rows[number]
+        name, row = self._names[number], self.rows[number]
+        method = self._methods[number] = MAKERS[name](self._scene)
         row[layout.EVALUATIONS], row[layout.ORDER] = method.evaluations, method.order
         row[layout.DEGREE], row[layout.IN_POWERS] = method.degree, method.in_powers
-        row[[layout.SPARSER, layout.DENSER, layout.STIFFER]] = -1
-        if self._names == CHOICES["auto"]:
-            row[layout.SPARSER if number == 0 else layout.DENSER] = 1 - number
+        row[layout.LAST_SLOPE], row[layout.DENSER] = method.last_slope_row, -1
+        row[[layout.SPARSER, layout.STIFFER, layout.RELAXED]] = -1
+        row[layout.STIFF_TENTHS] = round(10 * STIFF_LIMITS.get(name, 0.0))
+        self.tangent_rows = max(self.tangent_rows, method.tangent_rows)
+        if self._names[:2] == AUTOMATIC[:2]:
+            row[layout.SPARSER] = 1 if number == 0 else -1
+            row[layout.DENSER] = 0 if number == 1 else -1
+            row[layout.STIFFER] = 2 if number < 2 and len(self._names) > 2 else -1
+            row[layout.RELAXED] = 1 if number == 2 else -1
 
     def compile(self, number: int) -> None:
         """Make the machine code of a method, which the driver has asked for."""
-        method = self._method(number)
-        step = compiled_step(method, self._n_states, cache=self._field.compiled)
-        interpolant = compiled_interpolant(method, self._n_states, cache=self._field.compiled)
-        self._kept_alive += [step, interpolant]
-        self.rows[number, layout.INTERPOLANT] = interpolant.address
-        self.rows[number, layout.STEP] = step.address
+        method, row = self._methods[number], self.rows[number]
+        n_states, cache = self._scene.n_states, self._scene.cacheable
+        interpolant = compiled_interpolant(method, n_states, cache=cache)
+        step = compiled_step(method, n_states, cache=cache)
+        self._kept_alive += [interpolant, step]
+        if method.refresh is not None:
+            refresh = compiled_refresh(method, n_states, cache=cache)
+            self._kept_alive.append(refresh)
+            row[layout.REFRESH] = refresh.address
+        if self._jacobian:
+            tangent = compiled_tangent(method, n_states, cache=cache)
+            self._kept_alive.append(tangent)
+            row[layout.TANGENT] = tangent.address
+        row[layout.INTERPOLANT], row[layout.STEP] = interpolant.address, step.address
+
+
+def tangent_table(rows: int, n_states: int) -> FloatArray:
+    """Return room for the flow's Jacobian, which begins as the identity."""
+    table = np.zeros((rows, n_states))
+    table[:n_states] = np.eye(n_states)
+    return table

@@ -129,3 +129,39 @@ def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any) -> i
         for i in range(N):
             s[P1 + m, i] = 0.0
     return 0
+
+
+REFRESH: Any = None
+DISAGREEMENT: Any = None
+
+
+def refreshed_disagreement(s: FloatTable, mode: Any, params: Any) -> float:
+    """Fetch A and b; return by how much they differ from the field (see `disagreement`)."""
+    REFRESH(s, mode, params)
+    result: float = DISAGREEMENT(s)
+    return result
+
+
+def tangent(t: float, dt: float, s: FloatTable, mode: Any, params: Any, phi: FloatTable) -> int:
+    """Multiply the flow's Jacobian in the first rows of phi by exp(A dt); return 0 evaluations."""
+    for i in range(N):
+        for j in range(N):
+            phi[N + i, j] = phi[i, j]
+    largest, size = inf, 0.0
+    k = 1
+    while k <= DEGREE + 4 and largest > EPS / 8.0 * size:
+        largest, size = 0.0, 0.0
+        for i in range(N):
+            for j in range(N):
+                total = 0.0
+                for m in range(N):
+                    total += s[A + i, m] * phi[N + m, j]
+                phi[2 * N + i, j] = total * dt / k
+        for i in range(N):
+            for j in range(N):
+                phi[N + i, j] = phi[2 * N + i, j]
+                phi[i, j] += phi[N + i, j]
+                largest = max(largest, abs(phi[N + i, j]))
+                size = max(size, abs(phi[i, j]))
+        k += 1
+    return 0

@@ -1,0 +1,139 @@
+"""A method's functions, made for a scene: the scene's own functions and its size are put in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any
+
+from numba import njit
+
+from hopdata.hybrid.compiled.callbacks import Callback
+from hopdata.hybrid.compiled.digest import with_digest
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.views import row, square
+from hopdata.hybrid.driver.layout import PHI_ROWS
+from hopdata.hybrid.methods import differences, rosenbrock, tangent, taylor
+from hopdata.hybrid.methods.explicit import (
+    TINY,
+    Tableau,
+    compose,
+    interpolant_code,
+    step_code,
+)
+from hopdata.hybrid.methods.method import Method
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What methods are made from.
+
+    Parameters
+    ----------
+    field : Callback
+        Vector field.
+    n_states : int
+        Length of the state.
+    jacobian, affine : Callback, optional
+        The field's derivative, and its affine form.
+    """
+
+    field: Callback
+    n_states: int
+    jacobian: Callback | None = None
+    affine: Callback | None = None
+
+    @property
+    def cacheable(self) -> bool:
+        """Whether all functions are machine code, which may be kept for the next process."""
+        given = (self.field, self.jacobian, self.affine)
+        return all(one.compiled for one in given if one is not None)
+
+
+@kernel
+def matrix(s: Any, first: int, _n: int) -> Any:
+    """Return the rows of the table from `first` on, as many as they are long, as a matrix."""
+    return square(s, first)
+
+
+def put_in(template: Any, **names: Any) -> Any:
+    """Return a template with these names put in, to be called by other compiled code."""
+    return njit(error_model="numpy")(with_digest(template, **names))
+
+
+def explicit(tableau: Tableau, scene: Scene) -> Method:
+    """Return the method of a tableau for a scene."""
+    n, field = scene.n_states, scene.field.dispatcher
+    known = {"FIELD": field, "N": n, "TINY": TINY, "row": row, "sqrt": sqrt}
+    arguments = "t, dt, rtol, s, mode, params, atol"
+    return Method(
+        name=tableau.name,
+        order=tableau.order,
+        evaluations=tableau.evaluations,
+        degree=tableau.degree,
+        in_powers=False,
+        step=compose("step", arguments, step_code(tableau), known),
+        interpolant=compose(
+            "interpolant", "t, dt, s, mode, params", interpolant_code(tableau), known
+        ),
+        tangent=tangent.tangent_template(tableau, known | _tangent_names(scene)),
+        tangent_rows=3 * n + PHI_ROWS + n * len(tableau.weights),
+        last_slope_row=tableau.slope_rows[len(tableau.weights) - 1],
+    )
+
+
+def _tangent_names(scene: Scene) -> dict[str, Any]:
+    n, names = scene.n_states, {"row": row, "square": square}
+    if scene.jacobian is not None:
+        by_user = {"JACOBIAN": scene.jacobian.dispatcher, "N": n}
+        fill = put_in(tangent.jacobian_by_user, **names, **by_user)
+    else:
+        by_differences = {"FIELD": scene.field.dispatcher, "N": n}
+        fill = put_in(tangent.jacobian_by_differences, **names, **by_differences)
+    return {"STAGE_JACOBIAN": fill, "TIMES_JACOBIAN": put_in(tangent.times_jacobian, N=n)}
+
+
+def taylor_method(scene: Scene) -> Method:
+    """Return the Taylor series of affine modes for a scene."""
+    assert scene.affine is not None
+    n = scene.n_states
+    names = {"AFFINE": scene.affine.dispatcher, "N": n, "row": row, "matrix": matrix}
+    return Method(
+        name=taylor.NAME,
+        order=taylor.ORDER,
+        evaluations=taylor.EVALUATIONS,
+        degree=taylor.DEGREE,
+        in_powers=True,
+        step=with_digest(taylor.step, **names),
+        interpolant=with_digest(taylor.interpolant, **names),
+        refresh=with_digest(
+            taylor.refreshed_disagreement,
+            REFRESH=put_in(taylor.refresh, **names),
+            DISAGREEMENT=put_in(taylor.disagreement, **names),
+        ),
+        tangent=with_digest(taylor.tangent, **names),
+        tangent_rows=3 * n + PHI_ROWS,
+    )
+
+
+def rosenbrock_method(scene: Scene) -> Method:
+    """Return the Rosenbrock method for a scene."""
+    n, field = scene.n_states, scene.field.dispatcher
+    names = {"FIELD": field, "N": n, "row": row, "matrix": matrix}
+    fill, evaluations = differences.jacobian_by_differences, rosenbrock.EVALUATIONS + 2 * n
+    if scene.jacobian is not None:
+        fill, evaluations = differences.jacobian_by_user, rosenbrock.EVALUATIONS
+        names["JACOBIAN"] = scene.jacobian.dispatcher
+    made = {
+        "FILL_JACOBIAN": put_in(fill, **names),
+        "TIME_DERIVATIVE": put_in(differences.time_derivative, **names),
+    }
+    return Method(
+        name=rosenbrock.NAME,
+        order=rosenbrock.ORDER,
+        evaluations=evaluations,
+        degree=rosenbrock.DEGREE,
+        in_powers=False,
+        step=with_digest(rosenbrock.step, **names, **made),
+        interpolant=with_digest(rosenbrock.interpolant, **names),
+    )
