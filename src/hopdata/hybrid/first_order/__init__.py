@@ -1,0 +1,1 @@
+"""First-order information: saltation, Bouligand derivatives, and what they say of smoothness."""
