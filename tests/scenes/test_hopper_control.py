@@ -24,7 +24,10 @@ SWINGING = HopperParameters(boom_swing_rad=1.1, boom_duration_s=0.3)
 SPEEDS = [0.05, -0.03, -2.1, 0.1, -0.2, 0.05]
 
 
-def landing(control=HopperControl()):
+NONE = HopperControl()
+
+
+def landing(control):
     """State, upright, at which all feet meet their guards at once."""
     y = np.zeros(12)
     y[2], y[6:9] = HOPPER.leg_length_m - control.delay_s * SPEEDS[2], SPEEDS[:3]
@@ -65,7 +68,7 @@ def hop(system, params):
 @pytest.mark.parametrize("hopper", [HOPPER, SWINGING])
 def test_at_strength_zero_a_hop_is_bit_for_bit_the_hoppers(hopper):
     plain = hop(hopper_system(), hopper.vector())
-    control = hop(control_system(), HopperControl().vector(hopper))
+    control = hop(control_system(), NONE.vector(hopper))
     assert plain.status == control.status == 1
     assert len(plain.events) >= 7
     assert control.y.tobytes() == plain.y.tobytes()
@@ -163,7 +166,7 @@ def spread(control):
 
 
 def test_six_orders_have_one_jacobian_without_a_control():
-    assert spread(HopperControl()) < 1e-13
+    assert spread(NONE) < 1e-13
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,8 @@
 """The Bouligand derivative of a flow through a state at which several guards meet.
 
 It is linear on each cone of deviations whose trajectories cross the guards in one order, and
-continuous from cone to cone (Burden, Sastry, Koditschek and Revzen 2016; dissertation, section 1.2).
+continuous from cone to cone (Burden, Sastry, Koditschek and Revzen 2016; dissertation,
+section 1.2).
 """
 
 from __future__ import annotations

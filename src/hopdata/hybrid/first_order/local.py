@@ -88,7 +88,7 @@ def state_scale(system: System, scale: ArrayLike | None) -> FloatArray:
     """Return the size of each state coordinate, (n,); 1 unless given."""
     sizes = np.broadcast_to(np.asarray(1.0 if scale is None else scale), (system.n_states,))
     if not (sizes > 0).all():
-        raise ValueError(f"scale: expected numbers > 0, found {scale}")
+        raise ValueError(f"scale: expected numbers > 0, found {scale!r}")
     return sizes.astype(np.float64)
 
 

@@ -48,7 +48,7 @@ class CrossingTree:
     ) -> None:
         self.system, self.guards, self.scale = system, tuple(guards), scale
         here = linearise(system, start, scale)
-        self._nodes = {(): Node(here, np.eye(system.n_states))}
+        self._nodes: dict[tuple[int, ...], Node] = {(): Node(here, np.eye(system.n_states))}
 
     def node(self, order: tuple[int, ...]) -> Node:
         """Return the node after the crossings in this order; raise if one is not transversal."""
@@ -108,7 +108,8 @@ def some_orders(guards: Sequence[int], seed: int = 0) -> Iterator[tuple[int, ...
     if factorial(len(guards)) <= MOST_ORDERS:
         yield from permutations(guards)
         return
-    rng, seen = np.random.default_rng(seed), set()
+    rng = np.random.default_rng(seed)
+    seen: set[tuple[int, ...]] = set()
     while len(seen) < MOST_ORDERS:
         order = tuple(int(k) for k in rng.permutation(np.array(guards)))
         if order not in seen:
@@ -119,29 +120,29 @@ def some_orders(guards: Sequence[int], seed: int = 0) -> Iterator[tuple[int, ...
 def _order(tree: CrossingTree, guards: tuple[int, ...]) -> CrossingOrder:
     last = tree.node(guards)
     delays = [tree.node(guards[:i]).delays[guard] for i, guard in enumerate(guards)]
-    waits = np.diff(np.array(delays), axis=0) * tree.scale
-    direction = _inside_cone(waits)
+    scaled = np.array(delays) * tree.scale
+    direction = _inside_cone(np.diff(scaled, axis=0), float(np.abs(scaled).max()))
     if direction is not None:
         direction = direction * tree.scale
         direction = direction / np.linalg.norm(direction)
     return CrossingOrder(guards, last.product, direction, last.here.instant.y)
 
 
-def _inside_cone(rows: FloatArray) -> FloatArray | None:
+def _inside_cone(rows: FloatArray, size: float) -> FloatArray | None:
     """Return v with rows @ v > 0, or None: then rows sum to zero with weights >= 0 (Gordan 1873).
 
     The smallest |rows.T w|^2 + (1 - sum w)^2 over w >= 0 is positive in the first case, and its
-    minimiser gives v = rows.T w.
+    minimiser gives v = rows.T w. Rows that vanish beside `size` are of guards with one surface,
+    which are crossed together by all: they ask for nothing.
     """
-    n = rows.shape[1]
-    if len(rows) == 0:
-        return np.ones(n)
     lengths = np.linalg.norm(rows, axis=1, keepdims=True)
-    if not lengths.min() > NARROW * lengths.max():
-        return None
+    asking = lengths[:, 0] > NARROW * size
+    if not asking.any():
+        return np.ones(rows.shape[1])
     from scipy.optimize import nnls
 
-    unit = rows / lengths
-    weights, _ = nnls(np.vstack([unit.T, np.ones(len(unit))]), np.append(np.zeros(n), 1.0))
+    unit = rows[asking] / lengths[asking]
+    sums = np.vstack([unit.T, np.ones(len(unit))])
+    weights, _ = nnls(sums, np.append(np.zeros(rows.shape[1]), 1.0))
     inside = unit.T @ weights
     return inside if np.linalg.norm(inside) > NARROW else None
