@@ -68,7 +68,7 @@ def increments(modes: Modes) -> tuple[FloatArray, FloatArray]:
 
 
 def additive_residual(modes: Modes) -> float:
-    """Return the largest |f_b - f_0 - sum of single changes| over modes b, over each rate's size."""
+    """Return the largest |f_b - f_0 - sum of single changes| over modes b, over rates' sizes."""
     single, size = increments(modes)
     of = {c[0]: change for c, change in zip((c for c in modes if len(c) == 1), single, strict=True)}
     nothing = np.zeros_like(size)
