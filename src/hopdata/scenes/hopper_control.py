@@ -100,7 +100,7 @@ def control_guards(
     _guards(t, y, dy, mode, p, h, hdot)
     rot = rotation_entries(y[3], y[4], y[5])
     for leg in range(int(p[hp.N_LEGS])):
-        h[leg] += p[DELAY] * hdot[leg]
+        h[leg] -= p[DELAY] * foot_gap(leg, y, rot, p)[1]
         hdot[leg] -= p[DELAY] * foot_lift(leg, y, dy, rot, p)
 
 

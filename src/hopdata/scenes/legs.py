@@ -26,17 +26,24 @@ def foot_gap(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[flo
 
 
 @njit(error_model="numpy")
+def vertical_rate(y: FloatArray, dy: FloatArray, rot: Rotation) -> Vector:
+    """Rate of the vertical in body axes (last row of R), when the angles change as `dy` says."""
+    by_pitch, by_roll = dy[4], dy[5]
+    return (
+        -math.cos(y[4]) * by_pitch,
+        rot[6] * math.sin(y[5]) * by_pitch + rot[8] * by_roll,
+        rot[6] * math.cos(y[5]) * by_pitch - rot[7] * by_roll,
+    )
+
+
+@njit(error_model="numpy")
 def foot_lift(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
     """Acceleration of a leg's gap, m/s^2, when the state changes at the rate `dy`."""
     k = hp.LEGS + hp.LEG_STRIDE * leg
     px, py, pz = p[k + 1], p[k + 2], -p[hp.LEG_LENGTH]
     sx, sy, sz = cross(y[9], y[10], y[11], px, py, pz)
     ax, ay, az = cross(dy[9], dy[10], dy[11], px, py, pz)
-    # The last row of the rotation is (-sin pitch, cos pitch sin roll, cos pitch cos roll).
-    climb, lean = math.sin(y[5]) * dy[4], math.cos(y[5]) * dy[4]
-    tx = -math.cos(y[4]) * dy[4]
-    ty = rot[6] * climb + rot[8] * dy[5]
-    tz = rot[6] * lean - rot[7] * dy[5]
+    tx, ty, tz = vertical_rate(y, dy, rot)
     turned = tx * sx + ty * sy + tz * sz
     return dy[8] + turned + rot[6] * ax + rot[7] * ay + rot[8] * az
 

@@ -44,6 +44,17 @@ def test_the_hopper_lands_c1(n_legs):
     assert report.velocities == (6, 7, 8, 9, 10, 11)
 
 
+def test_the_hopper_takes_off_c1():
+    """All legs released, at full extension; each is re-armed when it leaves the floor."""
+    y = np.zeros(12)
+    y[2], y[6:] = 0.27 + HOPPER.release_extension_m, [0.05, -0.03, 2.0, 0.1, -0.2, 0.05]
+    mode = [1, 1, 1, 1, -1, 1, 1, 1, 1]
+    report = check_c1(hopper_system(), y, params=HOPPER.vector(), mode=mode)
+    assert report.guards == FEET
+    assert report.verdict == "C1"
+    assert report.reasons == ()
+
+
 @pytest.mark.parametrize(
     ("control", "reason", "apart"),
     [

@@ -52,15 +52,9 @@ class BouligandDerivative:
         """Return the order in which the neighbour at a deviation (n,) crosses the guards.
 
         It is exact to first order: the neighbour follows one constant field after the other. Of
-        guards crossed together that with the smaller number comes first.
+        guards crossed together the first named comes first.
         """
-        v = np.asarray(deviation, dtype=np.float64)
-        order: tuple[int, ...] = ()
-        while len(order) < len(self.tree.guards):
-            delays = self.tree.node(order).delays @ v
-            waiting = [guard for guard in self.tree.guards if guard not in order]
-            order = (*order, min(waiting, key=lambda guard: delays[guard]))
-        return order
+        return self.tree.order(np.asarray(deviation, dtype=np.float64))
 
     def pieces(self) -> tuple[CrossingOrder, ...]:
         """Return the orders that occur, with their matrices."""

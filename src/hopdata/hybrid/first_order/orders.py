@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from math import factorial
@@ -59,6 +59,19 @@ class CrossingTree:
             self._nodes[order] = Node(here, matrix @ before.product)
         return self._nodes[order]
 
+    def order(self, deviation: FloatArray) -> tuple[int, ...]:
+        """Return the order in which the neighbour at a deviation (n,) crosses the guards.
+
+        It is exact to first order: the neighbour follows one constant field after the other. Of
+        guards crossed together the first named comes first.
+        """
+        order: tuple[int, ...] = ()
+        while len(order) < len(self.guards):
+            delays = self.node(order).delays @ deviation
+            waiting = [guard for guard in self.guards if guard not in order]
+            order = (*order, min(waiting, key=lambda guard: delays[guard]))
+        return order
+
     def _require_approach(self, here: Linearisation, guard: int) -> None:
         """Raise unless the guard is approached from the side on which its lock is."""
         rate = here.guard_rates[guard]
@@ -94,38 +107,34 @@ class CrossingOrder:
 
 
 def crossing_orders(tree: CrossingTree, *, seed: int = 0) -> tuple[CrossingOrder, ...]:
-    """Return all orders that occur among the deviations, with their matrices.
+    """Return the orders that occur among the deviations, with their matrices.
 
-    An order occurs if a set of deviations with an interior crosses in it. With more than 720
-    orders, 720 different ones are drawn.
+    An order occurs if a set of deviations with an interior crosses in it. With up to six guards
+    all orders are tried; with more, those are returned in which 720 random deviations cross.
     """
-    every = (_order(tree, guards) for guards in some_orders(tree.guards, seed))
-    return tuple(order for order in every if order.direction is not None)
+    if factorial(len(tree.guards)) <= MOST_ORDERS:
+        every = (_order(tree, guards) for guards in permutations(tree.guards))
+        return tuple(order for order in every if order.direction is not None)
+    draws = np.random.default_rng(seed).normal(size=(MOST_ORDERS, tree.system.n_states))
+    found = {tree.order(v): v / np.linalg.norm(v) for v in draws * tree.scale}
+    return tuple(_crossing_order(tree, guards, v) for guards, v in found.items())
 
 
-def some_orders(guards: Sequence[int], seed: int = 0) -> Iterator[tuple[int, ...]]:
-    """Yield all orders of the guards, or 720 different ones if there are more."""
-    if factorial(len(guards)) <= MOST_ORDERS:
-        yield from permutations(guards)
-        return
-    rng = np.random.default_rng(seed)
-    seen: set[tuple[int, ...]] = set()
-    while len(seen) < MOST_ORDERS:
-        order = tuple(int(k) for k in rng.permutation(np.array(guards)))
-        if order not in seen:
-            seen.add(order)
-            yield order
+def _crossing_order(
+    tree: CrossingTree, guards: tuple[int, ...], direction: FloatArray | None
+) -> CrossingOrder:
+    last = tree.node(guards)
+    return CrossingOrder(guards, last.product, direction, last.here.instant.y)
 
 
 def _order(tree: CrossingTree, guards: tuple[int, ...]) -> CrossingOrder:
-    last = tree.node(guards)
     delays = [tree.node(guards[:i]).delays[guard] for i, guard in enumerate(guards)]
     scaled = np.array(delays) * tree.scale
     direction = _inside_cone(np.diff(scaled, axis=0), float(np.abs(scaled).max()))
     if direction is not None:
         direction = direction * tree.scale
         direction = direction / np.linalg.norm(direction)
-    return CrossingOrder(guards, last.product, direction, last.here.instant.y)
+    return _crossing_order(tree, guards, direction)
 
 
 def _inside_cone(rows: FloatArray, size: float) -> FloatArray | None:
