@@ -1,12 +1,10 @@
 """The controls: none of them at strength zero, and each breaks what it says."""
 
-from itertools import permutations
-
 import numpy as np
 import pytest
 
 from hopdata.hybrid import solve
-from hopdata.hybrid.first_order.saltation import saltation_product
+from hopdata.hybrid.first_order import bouligand_derivative
 from hopdata.scenes.boom import boom_motion
 from hopdata.scenes.hopper import flight_mode, hopper_field, hopper_guards, hopper_system
 from hopdata.scenes.hopper_control import (
@@ -152,17 +150,49 @@ def test_lift_off_apex_and_fall_have_no_impulse():
         np.testing.assert_array_equal(after, y)
 
 
-def spread(control):
+def orders_of_landing(control, hopper=HOPPER):
+    return bouligand_derivative(
+        control_system(), landing(control), params=control.vector(hopper),
+        mode=flight_mode(3, -1.0), guards=(0, 1, 2),
+    ).pieces()  # fmt: skip
+
+
+def spread(control, hopper=HOPPER):
     """Largest difference of two orders' saltation products, over the size of their effect."""
-    products = [
-        saltation_product(
-            control_system(), landing(control), order,
-            params=control.vector(HOPPER), mode=flight_mode(3, -1.0),
-        )
-        for order in permutations(range(3))
-    ]  # fmt: skip
+    products = [order.matrix for order in orders_of_landing(control, hopper)]
+    assert len(products) == 6
     effect = max(np.linalg.norm(p - np.eye(12)) for p in products)
     return max(np.linalg.norm(a - b) for a in products for b in products) / effect
+
+
+def end_spread(control, hopper=HOPPER):
+    """Largest difference of the states in which two orders end."""
+    ends = [order.state for order in orders_of_landing(control, hopper)]
+    return max(np.linalg.norm(a - b) for a in ends for b in ends)
+
+
+def orthogonal_hopper():
+    """A hopper whose feet do not move one another: an impulse at one leaves the others' speeds.
+
+    With masses m and m_t, c below O, and I about the common centre of mass: 1/m_t = R^2 / (2 I).
+    """
+    share = HOPPER.counterweight_mass_kg / HOPPER.total_mass_kg
+    reduced = HOPPER.counterweight_mass_kg * (1 - share)
+    inertia = HOPPER.total_mass_kg * HOPPER.foot_radius_m**2 / 2
+    inertia -= reduced * HOPPER.boom_height_m**2
+    return HopperParameters(inertia_x_kg_m2=inertia, inertia_y_kg_m2=inertia)
+
+
+def test_where_the_feet_are_orthogonal_impulses_end_in_one_state_but_not_one_jacobian():
+    control = HopperControl(impulse=0.1)
+    assert end_spread(control) == pytest.approx(0.0395, abs=1e-4)
+    assert end_spread(control, orthogonal_hopper()) < 1e-14
+    assert spread(control, orthogonal_hopper()) == pytest.approx(0.167, abs=1e-3)
+
+
+@pytest.mark.parametrize("control", [HopperControl(coupling=0.1), HopperControl(delay_s=0.01)])
+def test_other_controls_end_in_the_state_in_which_they_begin(control):
+    assert end_spread(control) == 0
 
 
 def test_six_orders_have_one_jacobian_without_a_control():

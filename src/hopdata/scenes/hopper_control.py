@@ -5,7 +5,9 @@ Each has a strength; with all strengths zero the control is the hopper itself.
 - Coupling: the force of each leg is multiplied by 1 + kappa (s - n), with s of the n legs in
   contact. Forces are no longer additive.
 - Impulse: at touchdown an impulse at the foot, along the vertical, takes the fraction eps of the
-  foot's normal velocity. The state jumps, and by how much depends on the order of the contacts.
+  foot's normal velocity. The state jumps. An impulse at one foot also moves the others, so that the
+  state after a simultaneous contact depends on the order, unless the feet are orthogonal in the
+  inertia (Pace and Burden 2017).
 - Delay: contact is at gap + tau dgap/dt = 0. Guards depend on velocity.
 """
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hybrid_systems import throw
 
 from hopdata.hybrid.first_order.local import (
     active_guards,
@@ -32,6 +33,13 @@ def test_slopes_are_exact_where_rates_use_dy():
     np.testing.assert_array_equal(here.gradients, np.diag([1, 1, -1]))
     np.testing.assert_array_equal(here.time_rates, 0)
     np.testing.assert_array_equal(here.guard_rates, here.rate * [1, 1, -1])
+
+
+def test_slopes_are_exact_where_a_far_surface_spoils_differences():
+    start = instant(throw(), [1.0, -3.0], params=(9.81, 1e10), mode=[-1], t=0.0)
+    here = linearise(throw(), start, np.ones(2))
+    np.testing.assert_array_equal(here.gradients, [[1, 0]])
+    np.testing.assert_array_equal(here.guard_rates, [-3])
 
 
 def test_slopes_of_the_feet_are_those_of_their_heights():

@@ -141,13 +141,13 @@ def linearise(system: System, at: Instant, scale: FloatArray) -> Linearisation:
     trajectory both are the same; then differences of the event functions give the slopes.
     """
     nothing = np.zeros(system.n_states)
-    in_time = guards_at(system, at, nothing)[1]
-    units = np.eye(system.n_states)
-    exact = np.array([guards_at(system, at, e)[1] - in_time for e in units]).T
+    h, in_time = guards_at(system, at, nothing)
+    exact = np.array([guards_at(system, at, e)[1] - in_time for e in np.eye(system.n_states)]).T
     slopes, slopes_in_time = differentiate(lambda p: guards_at(system, p, nothing)[0], at, scale)
     off = np.abs(exact - slopes) @ scale + np.abs(in_time - slopes_in_time)
     size = np.abs(slopes) @ scale + np.abs(slopes_in_time)
-    trusted = off <= SAME_SLOPE * size
+    rounding = 4 * (system.n_states + 1) * np.finfo(float).eps * np.abs(h) / STEP
+    trusted = off <= SAME_SLOPE * size + rounding
     return Linearisation(
         at,
         field_at(system, at),
