@@ -104,10 +104,9 @@ def guards_at(system: System, at: Instant, dy: FloatArray) -> tuple[FloatArray, 
     h, rates = np.zeros(system.n_guards), np.zeros(system.n_guards)
     if system.guards is not None:
         system.guards.function(at.t, at.y, dy, at.mode, at.params, h, rates)
-    one = getattr(system, "guard", None)
-    if one is not None:
+    elif system.guard is not None:
         for k in range(system.n_guards):
-            one.function(at.t, at.y, dy, at.mode, at.params, k, h, rates)
+            system.guard.function(at.t, at.y, dy, at.mode, at.params, k, h, rates)
     return h, rates
 
 
