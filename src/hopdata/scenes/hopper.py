@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes import hopper_parameters as hp
 from hopdata.scenes.boom import boom_motion
-from hopdata.scenes.legs import foot_gap, total_wrench
+from hopdata.scenes.legs import foot_gap, gap_rate_along, total_wrench
 from hopdata.scenes.rigid_body import (
     Rotation,
     Vector,
@@ -121,10 +121,10 @@ def hopper_guards(
     n = int(p[hp.N_LEGS])
     rot = rotation_entries(y[3], y[4], y[5])
     for leg in range(n):
-        gap, gap_rate = foot_gap(leg, y, rot, p)
+        gap, _ = foot_gap(leg, y, rot, p)
         reach = p[hp.RELEASE_EXTENSION] if mode[n + 2 + leg] > 0 else 0.0
         h[leg] = reach - gap
-        hdot[leg] = -gap_rate
+        hdot[leg] = -gap_rate_along(leg, y, dy, rot, p)
     h[n], hdot[n] = y[8], dy[8]
     h[n + 1] = math.cos(p[hp.TILT_LIMIT]) - rot[8]
     hdot[n + 1] = math.sin(y[4]) * math.cos(y[5]) * dy[4] + math.cos(y[4]) * math.sin(y[5]) * dy[5]

@@ -37,6 +37,14 @@ def vertical_rate(y: FloatArray, dy: FloatArray, rot: Rotation) -> Vector:
 
 
 @njit(error_model="numpy")
+def gap_rate_along(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
+    """Rate of a leg's gap, m/s, when the state changes at the rate `dy`."""
+    k = hp.LEGS + hp.LEG_STRIDE * leg
+    tx, ty, tz = vertical_rate(y, dy, rot)
+    return dy[2] + tx * p[k + 1] + ty * p[k + 2] - tz * p[hp.LEG_LENGTH]
+
+
+@njit(error_model="numpy")
 def foot_lift(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
     """Acceleration of a leg's gap, m/s^2, when the state changes at the rate `dy`."""
     k = hp.LEGS + hp.LEG_STRIDE * leg
