@@ -30,8 +30,9 @@ from numpy.typing import NDArray
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes import hopper_parameters as hp
 from hopdata.scenes.boom import boom_motion
-from hopdata.scenes.legs import foot_gap, total_wrench
+from hopdata.scenes.legs import foot_gap, gap_rate_along, total_wrench
 from hopdata.scenes.rigid_body import (
+    Rotation,
     Vector,
     cross,
     euler_rates,
@@ -79,19 +80,31 @@ def body_accelerations(
     return specific, turn
 
 
-@field
-def hopper_field(t: float, y: FloatArray, mode: ModeArray, p: FloatArray, dy: FloatArray) -> None:
-    """Fill `dy` with the rate of the state (Newton-Euler equations, see the module)."""
-    rot = rotation_entries(y[3], y[4], y[5])
-    force, torque = total_wrench(y, mode, rot, p)
+@njit(error_model="numpy")
+def fill_rates(
+    t: float,
+    y: FloatArray,
+    rot: Rotation,
+    wrench: tuple[Vector, Vector],
+    p: FloatArray,
+    dy: FloatArray,
+) -> None:
+    """Fill `dy` with the rate of the state under a force and torque in body axes."""
     w = (y[9], y[10], y[11])
-    a, turn = body_accelerations(w, force, torque, boom_motion(t, p), p)
+    a, turn = body_accelerations(w, wrench[0], wrench[1], boom_motion(t, p), p)
     dy[0], dy[1], dy[2] = y[6], y[7], y[8]
     dy[3], dy[4], dy[5] = euler_rates(y[4], y[5], y[9], y[10], y[11])
     dy[6] = rot[0] * a[0] + rot[1] * a[1] + rot[2] * a[2]
     dy[7] = rot[3] * a[0] + rot[4] * a[1] + rot[5] * a[2]
     dy[8] = rot[6] * a[0] + rot[7] * a[1] + rot[8] * a[2] - p[hp.GRAVITY]
     dy[9], dy[10], dy[11] = turn
+
+
+@field
+def hopper_field(t: float, y: FloatArray, mode: ModeArray, p: FloatArray, dy: FloatArray) -> None:
+    """Fill `dy` with the rate of the state (Newton-Euler equations, see the module)."""
+    rot = rotation_entries(y[3], y[4], y[5])
+    fill_rates(t, y, rot, total_wrench(y, mode, rot, p), p, dy)
 
 
 @guards
@@ -108,10 +121,10 @@ def hopper_guards(
     n = int(p[hp.N_LEGS])
     rot = rotation_entries(y[3], y[4], y[5])
     for leg in range(n):
-        gap, gap_rate = foot_gap(leg, y, rot, p)
+        gap, _ = foot_gap(leg, y, rot, p)
         reach = p[hp.RELEASE_EXTENSION] if mode[n + 2 + leg] > 0 else 0.0
         h[leg] = reach - gap
-        hdot[leg] = -gap_rate
+        hdot[leg] = -gap_rate_along(leg, y, dy, rot, p)
     h[n], hdot[n] = y[8], dy[8]
     h[n + 1] = math.cos(p[hp.TILT_LIMIT]) - rot[8]
     hdot[n + 1] = math.sin(y[4]) * math.cos(y[5]) * dy[4] + math.cos(y[4]) * math.sin(y[5]) * dy[5]

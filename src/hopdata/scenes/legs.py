@@ -26,6 +26,37 @@ def foot_gap(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[flo
 
 
 @njit(error_model="numpy")
+def vertical_rate(y: FloatArray, dy: FloatArray, rot: Rotation) -> Vector:
+    """Rate of the vertical in body axes (last row of R), when the angles change as `dy` says."""
+    by_pitch, by_roll = dy[4], dy[5]
+    return (
+        -math.cos(y[4]) * by_pitch,
+        rot[6] * math.sin(y[5]) * by_pitch + rot[8] * by_roll,
+        rot[6] * math.cos(y[5]) * by_pitch - rot[7] * by_roll,
+    )
+
+
+@njit(error_model="numpy")
+def gap_rate_along(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
+    """Rate of a leg's gap, m/s, when the state changes at the rate `dy`."""
+    k = hp.LEGS + hp.LEG_STRIDE * leg
+    tx, ty, tz = vertical_rate(y, dy, rot)
+    return dy[2] + tx * p[k + 1] + ty * p[k + 2] - tz * p[hp.LEG_LENGTH]
+
+
+@njit(error_model="numpy")
+def foot_lift(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
+    """Acceleration of a leg's gap, m/s^2, when the state changes at the rate `dy`."""
+    k = hp.LEGS + hp.LEG_STRIDE * leg
+    px, py, pz = p[k + 1], p[k + 2], -p[hp.LEG_LENGTH]
+    sx, sy, sz = cross(y[9], y[10], y[11], px, py, pz)
+    ax, ay, az = cross(dy[9], dy[10], dy[11], px, py, pz)
+    tx, ty, tz = vertical_rate(y, dy, rot)
+    turned = tx * sx + ty * sy + tz * sz
+    return dy[8] + turned + rot[6] * ax + rot[7] * ay + rot[8] * az
+
+
+@njit(error_model="numpy")
 def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[Vector, Vector]:
     """Force of the floor on one leg and its torque about O, both in body axes; N, N m.
 

@@ -1,0 +1,179 @@
+"""What a system is to first order at one instant: its field, its guards' slopes, its handler.
+
+The functions of the system are run as plain Python: a few hundred evaluations need no compiler.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hopdata.hybrid.system import System
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+STEP = 1e-3  # of differences, in units of a coordinate's size; extrapolated, they err by STEP^4
+SAME_SLOPE = 1e-6  # differences and rates along unit vectors are then two views of one slope
+ON_GUARD = 1e-9  # of the guard's own scale: how far off a surface a state still lies on it
+
+
+@dataclass(frozen=True)
+class Instant:
+    """A state of the hybrid system: time (s), y (n,), mode (m,) and parameters (p,)."""
+
+    t: float
+    y: FloatArray
+    mode: IntArray
+    params: FloatArray
+
+    def moved(self, y: FloatArray, t: float) -> Instant:
+        """Return the same mode and parameters at another state and time."""
+        return replace(self, y=y, t=t)
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """Field and guards at an instant, in its mode.
+
+    Parameters
+    ----------
+    instant : Instant
+        Where.
+    rate : (n,) array
+        The field f.
+    gradients : (n_guards, n) array
+        Derivative Dh of each event function with respect to the state.
+    time_rates : (n_guards,) array
+        Derivative of each event function with respect to time, at a state at rest.
+    """
+
+    instant: Instant
+    rate: FloatArray
+    gradients: FloatArray
+    time_rates: FloatArray
+
+    @property
+    def guard_rates(self) -> FloatArray:
+        """Rates of the event functions along the field, Dh f + dh/dt, (n_guards,)."""
+        return self.gradients @ self.rate + self.time_rates
+
+    @property
+    def guard_scales(self) -> FloatArray:
+        """The sums |Dh_i f_i| + |dh/dt| that bound the rates, (n_guards,); they have no sign."""
+        return np.abs(self.gradients) @ np.abs(self.rate) + np.abs(self.time_rates)
+
+
+def instant(
+    system: System, state: ArrayLike, *, params: ArrayLike, mode: Sequence[int], t: float
+) -> Instant:
+    """Return a state of the hybrid system, checked; all locks must be set."""
+    y = np.array(state, dtype=np.float64)
+    locks = np.array(mode, dtype=np.int64)
+    if y.shape != (system.n_states,):
+        raise ValueError(f"state: expected shape ({system.n_states},), found {y.shape}")
+    if locks.shape != (system.n_modes,):
+        raise ValueError(f"mode: expected {system.n_modes} integers, found {locks.shape}")
+    if not np.isin(locks[: system.n_guards], (-1, 1)).all():
+        raise ValueError(f"mode: expected locks -1 or +1, found {locks[: system.n_guards]}")
+    memory = np.zeros(getattr(system, "n_memory", 0))
+    numbers = np.concatenate([np.array(params, dtype=np.float64).ravel(), memory])
+    return Instant(float(t), y, locks, numbers)
+
+
+def state_scale(system: System, scale: ArrayLike | None) -> FloatArray:
+    """Return the size of each state coordinate, (n,); 1 unless given."""
+    sizes = np.broadcast_to(np.asarray(1.0 if scale is None else scale), (system.n_states,))
+    if not (sizes > 0).all():
+        raise ValueError(f"scale: expected numbers > 0, found {scale!r}")
+    return sizes.astype(np.float64)
+
+
+def field_at(system: System, at: Instant) -> FloatArray:
+    """Return the field, (n,)."""
+    rate = np.zeros(len(at.y))
+    system.field.function(at.t, at.y, at.mode, at.params, rate)
+    return rate
+
+
+def guards_at(system: System, at: Instant, dy: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return event functions, and their rates when the state changes at the rate `dy`."""
+    h, rates = np.zeros(system.n_guards), np.zeros(system.n_guards)
+    if system.guards is not None:
+        system.guards.function(at.t, at.y, dy, at.mode, at.params, h, rates)
+    elif system.guard is not None:
+        for k in range(system.n_guards):
+            system.guard.function(at.t, at.y, dy, at.mode, at.params, k, h, rates)
+    return h, rates
+
+
+def differentiate(
+    function: Callable[[Instant], FloatArray], at: Instant, scale: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the derivatives (r, n) and (r,) with respect to state and time, by differences.
+
+    Central differences at two steps, extrapolated (Richardson).
+    """
+    steps = STEP * np.maximum(scale, np.abs(at.y))
+    columns = [
+        _extrapolated(lambda s, e=e: function(at.moved(at.y + s * e, at.t)), step)  # type: ignore[misc]
+        for step, e in zip(steps, np.eye(len(at.y)), strict=True)
+    ]
+    in_time = _extrapolated(lambda s: function(at.moved(at.y, at.t + s)), STEP)
+    return np.array(columns).T, in_time
+
+
+def _extrapolated(along: Callable[[float], FloatArray], step: float) -> FloatArray:
+    wide = (along(step) - along(-step)) / (2 * step)
+    narrow = (along(step / 2) - along(-step / 2)) / step
+    return narrow + (narrow - wide) / 3
+
+
+def linearise(system: System, at: Instant, scale: FloatArray) -> Linearisation:
+    """Return the field and the slopes of the guards.
+
+    The rates of the guards are linear in `dy`: unit vectors give their slopes exactly, if the
+    scene computes them from `dy`. A scene may also use velocities of the state instead, since on a
+    trajectory both are the same; then differences of the event functions give the slopes.
+    """
+    nothing = np.zeros(system.n_states)
+    h, in_time = guards_at(system, at, nothing)
+    exact = np.array([guards_at(system, at, e)[1] - in_time for e in np.eye(system.n_states)]).T
+    slopes, slopes_in_time = differentiate(lambda p: guards_at(system, p, nothing)[0], at, scale)
+    off = np.abs(exact - slopes) @ scale + np.abs(in_time - slopes_in_time)
+    size = np.abs(slopes) @ scale + np.abs(slopes_in_time)
+    rounding = 4 * (system.n_states + 1) * np.finfo(float).eps * np.abs(h) / STEP
+    trusted = off <= SAME_SLOPE * size + rounding
+    return Linearisation(
+        at,
+        field_at(system, at),
+        np.where(trusted[:, None], exact, slopes),
+        np.where(trusted, in_time, slopes_in_time),
+    )
+
+
+def cross(system: System, at: Instant, guard: int) -> Instant:
+    """Return the hybrid state after the crossing of one guard: lock flipped, handler run."""
+    y, mode, params = at.y.copy(), at.mode.copy(), at.params.copy()
+    mode[guard] = -mode[guard]
+    if system.on_event is not None:
+        system.on_event.function(at.t, y, mode, params, guard, int(mode[guard]))
+    return Instant(at.t, y, mode, params)
+
+
+def active_guards(
+    system: System, here: Linearisation, guards: Sequence[int | str] | None, scale: FloatArray
+) -> tuple[int, ...]:
+    """Return the numbers of the guards named, or of those on whose surface the state lies."""
+    if guards is None:
+        h = guards_at(system, here.instant, here.rate)[0]
+        on_surface = np.abs(h) <= ON_GUARD * (np.abs(here.gradients) @ scale)
+        return tuple(np.flatnonzero(on_surface).tolist())
+    names = list(system.guard_names)
+    chosen = tuple(names.index(g) if isinstance(g, str) else int(g) for g in guards)
+    if len(set(chosen)) < len(chosen) or not all(0 <= k < len(names) for k in chosen):
+        raise ValueError(f"guards: expected different ones of {names}, found {tuple(guards)}")
+    return chosen

@@ -1,0 +1,171 @@
+"""Table 1.1 on systems whose verdict is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hybrid_systems import ball, ladder, sliding
+
+from hopdata.hybrid import System, field, guards
+from hopdata.hybrid.first_order import check_c1
+from hopdata.hybrid.first_order.conditions import ONE_PRODUCT
+from hopdata.scenes.hopper import flight_mode, hopper_system
+from hopdata.scenes.hopper_control import HopperControl, control_system
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.octant import octant
+from hopdata.scenes.vertical_hopper import VerticalHopper
+
+HOPPER = HopperParameters()
+FEET = ("foot1", "foot2", "foot3")
+SPEEDS = [0.05, -0.03, -2.1, 0.1, -0.2, 0.05]
+
+
+def landing_report(control=None, n_legs=3, **options):
+    hopper = HopperParameters(n_legs=n_legs)
+    y = np.zeros(12)
+    y[2], y[6:] = 0.27, SPEEDS
+    system, params = hopper_system(n_legs), hopper.vector()
+    if control is not None:
+        system, params = control_system(n_legs), control.vector(hopper)
+        if control.delay_s:
+            y[2], y[9:] = 0.27 + 2.1 * control.delay_s, 0.0
+    feet = [f"foot{k + 1}" for k in range(n_legs)]
+    mode = flight_mode(n_legs, -1.0)
+    return check_c1(system, y, params=params, mode=mode, guards=feet, **options)
+
+
+@pytest.mark.parametrize("n_legs", [2, 3, 4])
+def test_the_hopper_lands_c1(n_legs):
+    report = landing_report(n_legs=n_legs)
+    assert report.verdict == "C1"
+    assert report.reasons == ()
+    assert report.products.value < 1e-13
+    assert report.positions == (0, 1, 2, 3, 4, 5)
+    assert report.velocities == (6, 7, 8, 9, 10, 11)
+
+
+def test_the_hopper_takes_off_c1():
+    """All legs released, at full extension; each is re-armed when it leaves the floor."""
+    y = np.zeros(12)
+    y[2], y[6:] = 0.27 + HOPPER.release_extension_m, [0.05, -0.03, 2.0, 0.1, -0.2, 0.05]
+    mode = [1, 1, 1, 1, -1, 1, 1, 1, 1]
+    report = check_c1(hopper_system(), y, params=HOPPER.vector(), mode=mode)
+    assert report.guards == FEET
+    assert report.verdict == "C1"
+    assert report.reasons == ()
+
+
+@pytest.mark.parametrize(
+    ("control", "reason", "apart"),
+    [
+        (HopperControl(coupling=0.1), "accelerations are additive", 0.149),
+        (HopperControl(delay_s=0.005), "guards depend on positions only", 0.049),
+    ],
+)
+def test_controls_are_event_selected_and_not_c1(control, reason, apart):
+    report = landing_report(control)
+    assert report.verdict == "event-selected, not C1"
+    assert report.reasons == (reason, ONE_PRODUCT)
+    assert report.products.value == pytest.approx(apart, abs=1e-3)
+
+
+def test_the_impulse_leaves_states_that_depend_on_the_order():
+    """Liveness holds, but the flow is not even continuous where the feet land together."""
+    report = landing_report(HopperControl(impulse=0.1))
+    assert report.verdict == "not event-selected"
+    assert [f.condition for f in report.selection if not f.passed] == [
+        "trajectories are continuous"
+    ]
+    assert report.products.value == pytest.approx(0.285, abs=1e-3)
+    assert report.products.detail.endswith("the states after them differ by 0.0395")
+
+
+def test_a_control_of_no_strength_is_the_hopper():
+    assert str(landing_report(HopperControl())) == str(landing_report())
+
+
+@pytest.mark.parametrize(("state", "lock"), [([1.0, -3.0], 1), ([1.0, 3.0], -1)])
+def test_the_vertical_hopper_lands_and_takes_off_c1(state, lock):
+    hopper = VerticalHopper(rest_length_m=1.1, damping_n_s_m=3.0)
+    report = check_c1(hopper.system(), state, params=hopper.params, mode=[lock])
+    assert report.verdict == "C1"
+    assert report.reasons == ()
+    assert (report.positions, report.velocities) == ((0,), (1,))
+
+
+def test_octant_is_event_selected_and_not_c1():
+    report = check_c1(octant(), [0, 0, 0], mode=[-1, -1, -1])
+    assert report.verdict == "event-selected, not C1"
+    assert "state is positions and velocities" in report.reasons
+    assert report.products.value == pytest.approx(1.0)
+
+
+def test_sliding_and_rigid_bounce_are_not_event_selected():
+    slide = check_c1(sliding(), [0.0], params=(1.0, 2.0), mode=[-1])
+    bounce = check_c1(ball(), [0.0, -2.0], params=(9.81, 0.0, 0.8), mode=[-1])
+    plastic = check_c1(ball(), [0.0, -2.0], params=(9.81, 0.0, 0.0), mode=[-1])
+    assert {r.verdict for r in (slide, bounce, plastic)} == {"not event-selected"}
+    assert "each guard is crossed" in slide.reasons
+    assert "contact keeps penetration velocity" in plastic.reasons
+    assert bounce.positions == (0,)
+
+
+def test_one_guard_is_c1_without_forces_that_add():
+    """A point whose speed changes at one rung: its flow has one saltation matrix."""
+    report = check_c1(ladder(1), [1.0, 0.0], params=(1.0, 0.5), mode=[-1])
+    assert report.verdict == "C1"
+    assert report.reasons == ("guards depend on positions only",)
+
+
+@field
+def point_field(t, y, mode, params, dy):
+    dy[0], dy[1], dy[2], dy[3] = y[2], y[3], 0.0, 0.0
+    if mode[0] > 0:
+        dy[2] += 1.0
+
+
+@guards
+def kinked_guard(t, y, dy, mode, params, h, hdot):
+    h[0] = y[0] + params[0] * abs(y[1])
+    hdot[0] = dy[0] + params[0] * np.sign(y[1]) * dy[1]
+    hdot[0] *= params[1]
+
+
+def kinked(*params):
+    system = System(point_field, kinked_guard, n_states=4, guard_names=("wedge",))
+    return check_c1(system, [0, 0, 1, 0], params=params, mode=[-1])
+
+
+def test_a_kink_of_a_guard_is_found_and_a_wrong_rate():
+    assert kinked(0.0, 1.0).verdict == "C1"
+    report = kinked(0.2, 1.0)
+    assert report.verdict == "not event-selected"
+    assert report.reasons[0] == "guards are smooth surfaces"
+    assert kinked(0.0, 1.5).reasons[0] == "guards report their rates"
+
+
+def test_coordinates_that_no_contact_moves_are_split_too():
+    report = kinked(0.0, 1.0)
+    assert (report.positions, report.velocities) == ((0, 1), (2, 3))
+
+
+def test_a_split_can_be_given():
+    report = landing_report(positions=range(6))
+    assert report.verdict == "C1"
+    swapped = landing_report(velocities=range(6))
+    assert swapped.positions == tuple(range(6, 12))
+    assert "guards depend on positions only" in swapped.reasons
+    with pytest.raises(ValueError, match="positions"):
+        landing_report(positions=[0, 1], velocities=[1, 2])
+
+
+def test_the_table_reads_as_a_checklist():
+    lines = str(landing_report(HopperControl(coupling=0.1))).split("\n")
+    assert lines[0] == (
+        "event-selected, not C1 (does not hold: accelerations are additive; "
+        "all orders have one saltation product)"
+    )
+    assert lines[1].startswith("guards foot1, foot2, foot3; positions 0 1 2 3 4 5, velocities 6")
+    assert [line[:3] for line in lines[4:10]] == ["yes"] * 6
+    assert [line[:3].strip() for line in lines[11:]] == ["yes"] * 4 + ["NO"] * 2
+    assert len({line.find("<=") for line in lines if "<=" in line}) == 1
