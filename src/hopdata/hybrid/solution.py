@@ -1,12 +1,20 @@
-"""What an integration returns."""
+"""What an integration returns.
+
+It keeps the driver's records as they are, and takes them apart when one of its parts is asked for:
+for a short integration, to make all the arrays would take longer than the integration.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from hopdata.hybrid.driver import layout
+from hopdata.hybrid.status import describe
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -27,45 +35,83 @@ class EventLog:
 
     Parameters
     ----------
-    time : (E,) array
-        Instant of each event, s.
-    guard : (E,) array of int
-        Number of the guard.
-    direction : (E,) array of int
-        +1 where the event function rose through zero, -1 where it fell.
-    before, after : (E, n) array
-        State directly before and after the event's handler.
-    mode : (E, m) array of int
-        Mode after it.
+    records : (E, 3 + 2 n + m) array
+        The columns of all properties, side by side; whole numbers stand in them bit by bit.
+    n_states : int
+        Length of the state, n.
     guard_names : tuple of str
         Names of all guards of the system.
     """
 
-    time: FloatArray
-    guard: IntArray
-    direction: IntArray
-    before: FloatArray
-    after: FloatArray
-    mode: IntArray
+    records: FloatArray
+    n_states: int
     guard_names: tuple[str, ...]
 
+    @classmethod
+    def of_columns(
+        cls,
+        *,
+        time: FloatArray,
+        guard: IntArray,
+        direction: IntArray,
+        before: FloatArray,
+        after: FloatArray,
+        mode: IntArray,
+        guard_names: tuple[str, ...],
+    ) -> EventLog:
+        """Return a log made of the columns that the properties describe."""
+        whole = [np.atleast_2d(column).astype(np.int64) for column in (guard, direction)]
+        integers = [column.T.view(np.float64) for column in whole]
+        modes = np.ascontiguousarray(mode, dtype=np.int64).view(np.float64)
+        records = np.hstack([time[:, None], *integers, before, after, modes])
+        return cls(records, before.shape[1], guard_names)
+
     def __len__(self) -> int:
-        return len(self.time)
+        return len(self.records)
+
+    def _floats(self, first: int, count: int) -> FloatArray:
+        return self.records[:, first : first + count].copy()
+
+    def _integers(self, first: int, count: int) -> IntArray:
+        return self.records.view(np.int64)[:, first : first + count].copy()
+
+    @cached_property
+    def time(self) -> FloatArray:
+        """Instant of each event, s; (E,)."""
+        return self._floats(0, 1).ravel()
+
+    @cached_property
+    def guard(self) -> IntArray:
+        """Number of the guard; (E,)."""
+        return self._integers(1, 1).ravel()
+
+    @cached_property
+    def direction(self) -> IntArray:
+        """+1 where the event function rose through zero, -1 where it fell; (E,)."""
+        return self._integers(2, 1).ravel()
+
+    @cached_property
+    def before(self) -> FloatArray:
+        """State directly before the event's handler; (E, n)."""
+        return self._floats(3, self.n_states)
+
+    @cached_property
+    def after(self) -> FloatArray:
+        """State directly after the event's handler; (E, n)."""
+        return self._floats(3 + self.n_states, self.n_states)
+
+    @cached_property
+    def mode(self) -> IntArray:
+        """Mode after the event; (E, m). Without the locks, if guards are declared one by one."""
+        first = 3 + 2 * self.n_states
+        return self._integers(first, self.records.shape[1] - first)
 
     def of(self, guard: str, *, direction: int = 0) -> EventLog:
         """Return the events of one guard, by name; in one direction only if it is not 0."""
         chosen = self.guard == self.guard_names.index(guard)
         if direction != 0:
             chosen &= self.direction == direction
-        return EventLog(
-            self.time[chosen],
-            self.guard[chosen],
-            self.direction[chosen],
-            self.before[chosen],
-            self.after[chosen],
-            self.mode[chosen],
-            self.guard_names,
-        )
+        return EventLog(self.records[chosen], self.n_states, self.guard_names)
 
 
 @dataclass(frozen=True)
@@ -74,18 +120,10 @@ class Solution:
 
     Parameters
     ----------
-    t : (N,) array
-        Times: `t_eval` as far as it was reached, or every step and event, s.
-    y : (n, N) array
-        States at those times. At the instant of an event, the state after it.
-    events : EventLog
-        All events.
     status : int
         0: reached the end; 1: ended by an event; negative: failed, see `message`.
-    message : str
-        How the integration ended, in words.
-    nfev, n_guard_evaluations, n_steps, n_rejected : int
-        Evaluations of field and guards, accepted and rejected steps.
+    events : EventLog
+        All events.
     mode : (m,) array of int
         Mode at the end.
     t_end : float
@@ -94,23 +132,61 @@ class Solution:
         State reached.
     jacobian : (n, n) array, optional
         Derivative of `y_end` by the initial state at fixed times, through all events, if asked for.
+    rows : (N, 1 + n) array
+        Times and states of the trajectory, side by side.
+    counts, clock : array
+        The driver's counters and times at the end.
     """
 
-    t: FloatArray
-    y: FloatArray
-    events: EventLog
     status: int
-    message: str
-    nfev: int
-    n_guard_evaluations: int
-    n_steps: int
-    n_rejected: int
+    events: EventLog
     mode: IntArray
     t_end: float
     y_end: FloatArray
-    jacobian: FloatArray | None = None
+    jacobian: FloatArray | None
+    rows: FloatArray
+    counts: IntArray
+    clock: FloatArray
+
+    @cached_property
+    def t(self) -> FloatArray:
+        """Times, s; (N,): `t_eval` as far as it was reached, or every step and event."""
+        return self.rows[:, 0].copy()
+
+    @cached_property
+    def y(self) -> FloatArray:
+        """States at those times; (n, N). At the instant of an event, the state after it."""
+        return self.rows[:, 1:].T.copy()
 
     @property
     def success(self) -> bool:
         """Whether it reached the end of the time span, or an event that ends it."""
         return self.status >= 0
+
+    @property
+    def message(self) -> str:
+        """How the integration ended, in words."""
+        culprit = int(self.counts[layout.CULPRIT])
+        below, above = self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]]
+        guard = self.events.guard_names[culprit] if culprit >= 0 else ""
+        return describe(self.status, time=self.t_end, guard=guard, rates=(below, above))
+
+    @property
+    def nfev(self) -> int:
+        """Evaluations of the field."""
+        return int(self.counts[layout.NFEV])
+
+    @property
+    def n_guard_evaluations(self) -> int:
+        """Evaluations of the guards (of each one, if they are declared one by one)."""
+        return int(self.counts[layout.NGEV])
+
+    @property
+    def n_steps(self) -> int:
+        """Accepted steps."""
+        return int(self.counts[layout.STEPS])
+
+    @property
+    def n_rejected(self) -> int:
+        """Rejected steps."""
+        return int(self.counts[layout.REJECTED])

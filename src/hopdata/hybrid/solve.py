@@ -18,10 +18,10 @@ from hopdata.hybrid.arguments import (
 )
 from hopdata.hybrid.compiled.unraisable import Caught
 from hopdata.hybrid.driver.entry import driver_entry
-from hopdata.hybrid.driver.layout import METHOD
+from hopdata.hybrid.driver.layout import METHOD, T
 from hopdata.hybrid.methods.table import MethodTable
-from hopdata.hybrid.solution import Solution, filled
-from hopdata.hybrid.status import BAD_START, NEEDS_METHOD, NEEDS_ROOM, PAUSED, describe
+from hopdata.hybrid.solution import EventLog, Solution, filled
+from hopdata.hybrid.status import BAD_START, NEEDS_METHOD, NEEDS_ROOM, PAUSED
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import Workspace
 
@@ -135,23 +135,20 @@ def _run(methods: MethodTable, work: Workspace, *arguments: object) -> int:
 
 
 def _solution(system: System, work: Workspace, status: int, every_step: bool) -> Solution:
-    nfev, ngev, steps, rejected, _, rows, event_rows, samples, _, culprit, *_ = work.counts.tolist()
-    time, _, _, _, below, above, *_ = work.clock.tolist()
-    t, y = work.trajectory(rows) if every_step else work.samples(samples)
-    guard = system.guard_names[culprit] if culprit >= 0 else ""
     return filled(
         Solution,
-        t=t,
-        y=y,
-        events=work.events(event_rows),
         status=status,
-        message=describe(status, time=time, guard=guard, rates=(below, above)),
-        nfev=nfev,
-        n_guard_evaluations=ngev,
-        n_steps=steps,
-        n_rejected=rejected,
+        events=filled(
+            EventLog,
+            records=work.events(),
+            n_states=system.n_states,
+            guard_names=system.guard_names,
+        ),
         mode=work.mode.copy(),
-        t_end=time,
+        t_end=work.clock.item(T),
         y_end=work.state.copy(),
         jacobian=None if work.tangent is None else work.tangent[: system.n_states].copy(),
+        rows=work.trajectory() if every_step else work.samples(),
+        counts=work.counts.copy(),
+        clock=work.clock.copy(),
     )

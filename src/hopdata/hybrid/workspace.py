@@ -6,7 +6,6 @@ Python to machine code would cost as much as a field evaluation. What it returns
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,14 +14,11 @@ from numpy.typing import NDArray
 from hopdata.hybrid.driver import layout
 from hopdata.hybrid.driver.layout import FloatArray, IntArray
 from hopdata.hybrid.methods.table import MethodTable, tangent_table
-from hopdata.hybrid.solution import EventLog, filled
 
 FIRST_ROWS = 256
 FIRST_EVENTS = 64
 LARGEST_CHUNK = 1 << 16
 LARGEST_KEPT = 1 << 13  # rows that a workspace keeps for the next integration
-
-Columns = tuple[NDArray[Any], ...]
 
 
 class Workspace:
@@ -52,8 +48,7 @@ class Workspace:
         n_logged_modes: int,
     ) -> None:
         n_guards = len(guard_names)
-        self._n_logged_modes = n_logged_modes
-        self._guard_names = guard_names
+        self.guard_names = guard_names
         self._states = np.zeros((layout.W1, n_states))
         self.state = self._states[layout.Y]
         self.mode = np.zeros(n_modes, dtype=np.int64)
@@ -66,20 +61,19 @@ class Workspace:
         self._wake_at = np.zeros(n_guards)
         self._methods: MethodTable | None = None
         self.tangent: FloatArray | None = None
-        self._rows = self._room_for_rows(FIRST_ROWS)
-        self._log = self._room_for_events(FIRST_EVENTS + 2 * n_guards if n_guards else 0)
+        self._rows = np.empty((FIRST_ROWS, 1 + n_states))
+        self._log = np.empty((FIRST_EVENTS + 2 * n_guards, 3 + 2 * n_states + n_logged_modes))
         self._wanted, self._samples = np.empty(0), np.empty((0, n_states))
-        self._kept: list[tuple[Columns, Columns]] = []  # chunks that are full
-        self._no_events = self._log_of([column[:0].copy() for column in self._log])
+        self._kept: list[tuple[FloatArray, FloatArray]] = []  # chunks that are full
         self.desk = np.zeros(layout.DESK_SLOTS, dtype=np.int64)
-        self.desk[: layout.DESK_ARRAYS] = addresses
+        self.desk[: len(addresses)] = addresses
         self._lay_out(
             layout.MODE, self.mode, rules, self.atol,
             self._states, self._guards, self._flags, self._lists, self._wake_at,
             self.clock, self.counts,
         )  # fmt: skip
         self._lay_out(layout.WANTED, self._wanted, self._samples)
-        self._lay_out(layout.ROW_TIME, *self._rows, *self._log)
+        self._lay_out_records()
 
     def begin(self, methods: MethodTable, t_eval: FloatArray | None, jacobian: bool) -> None:
         """Forget the last integration; states are wanted at `t_eval` or, if None, at each step."""
@@ -93,7 +87,7 @@ class Workspace:
             self.desk[layout.TANGENT_TABLE] = 0
         if self._kept:
             self._kept = []
-            if max(len(self._rows[0]), len(self._log[0])) > LARGEST_KEPT:
+            if max(len(self._rows), len(self._log)) > LARGEST_KEPT:
                 self._change_room(LARGEST_KEPT, LARGEST_KEPT)
         if t_eval is not None or len(self._wanted) > 0:
             self._wanted = np.empty(0) if t_eval is None else t_eval
@@ -113,60 +107,37 @@ class Workspace:
     def enlarge(self) -> None:
         """Put aside what the driver has written, and lay out new and larger room."""
         rows, events = int(self.counts[layout.ROWS]), int(self.counts[layout.EVENT_ROWS])
-        self._kept.append((_first(rows, self._rows), _first(events, self._log)))
-        n_rows, n_events = len(self._rows[0]), len(self._log[0])
+        self._kept.append((self._rows[:rows], self._log[:events]))
+        n_rows, n_events = len(self._rows), len(self._log)
         n_rows = 2 * n_rows if rows > n_rows // 2 else n_rows
         n_events = 2 * n_events if events > n_events // 2 else n_events
         self._change_room(min(n_rows, LARGEST_CHUNK), min(n_events, LARGEST_CHUNK))
         self.counts[layout.ROWS] = self.counts[layout.EVENT_ROWS] = 0
 
-    def samples(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Return the first wanted times (N,) and the states (n, N) there."""
-        return self._wanted[:count].copy(), self._samples[:count].T.copy()
+    def samples(self) -> FloatArray:
+        """Return the wanted times that were reached, and the states there, side by side."""
+        count = int(self.counts[layout.SAMPLES])
+        return np.column_stack([self._wanted[:count], self._samples[:count]])
 
-    def trajectory(self, rows: int) -> tuple[FloatArray, FloatArray]:
-        """Return times (N,) and states (n, N) of all steps, `rows` of them in the last chunk."""
-        time, states = self._rows
-        time, states = time[:rows], states[:rows]
-        if self._kept:
-            time, states = _joined([*(chunk[0] for chunk in self._kept), (time, states)])
-        return time.copy(), states.T.copy()
+    def trajectory(self) -> FloatArray:
+        """Return times and states of all steps, side by side."""
+        rows = self._rows[: self.counts.item(layout.ROWS)]
+        return np.concatenate([*(k for k, _ in self._kept), rows]) if self._kept else rows.copy()
 
-    def events(self, events: int) -> EventLog:
-        """Return the log of all events, `events` of them in the last chunk."""
-        if self._kept:
-            chunks = [*(chunk[1] for chunk in self._kept), _first(events, self._log)]
-            return self._log_of(_joined(chunks))
-        if events == 0:
-            return self._no_events
-        return self._log_of([column[:events].copy() for column in self._log])
-
-    def _log_of(self, columns: Sequence[NDArray[Any]]) -> EventLog:
-        time, guard, direction, before, after, mode = columns
-        return filled(
-            EventLog, time=time, guard=guard, direction=direction, before=before, after=after,
-            mode=mode, guard_names=self._guard_names,
-        )  # fmt: skip
+    def events(self) -> FloatArray:
+        """Return the records of all events."""
+        log = self._log[: self.counts.item(layout.EVENT_ROWS)]
+        return np.concatenate([*(k for _, k in self._kept), log]) if self._kept else log.copy()
 
     def _change_room(self, n_rows: int, n_events: int) -> None:
-        spare = 2 * len(self._guard_names)  # for the events of one more instant
-        self._rows = self._room_for_rows(n_rows)
-        self._log = self._room_for_events(n_events + spare)
-        self._lay_out(layout.ROW_TIME, *self._rows, *self._log)
+        spare = 2 * len(self.guard_names)  # for the events of one more instant
+        self._rows = np.empty((n_rows, self._rows.shape[1]))
+        self._log = np.empty((n_events + spare, self._log.shape[1]))
+        self._lay_out_records()
 
-    def _room_for_rows(self, count: int) -> Columns:
-        return np.empty(count), np.empty((count, len(self.atol)))
-
-    def _room_for_events(self, count: int) -> Columns:
-        n_states, n_modes = len(self.atol), self._n_logged_modes
-        return (
-            np.empty(count),
-            np.empty(count, dtype=np.int64),
-            np.empty(count, dtype=np.int64),
-            np.empty((count, n_states)),
-            np.empty((count, n_states)),
-            np.empty((count, n_modes), dtype=np.int64),
-        )
+    def _lay_out_records(self) -> None:
+        self.desk[layout.N_ROWS], self.desk[layout.N_LOG_ROWS] = len(self._rows), len(self._log)
+        self._lay_out(layout.ROW_TABLE, self._rows, self._log)
 
     def _lay_out(self, first: int, *arrays: NDArray[Any]) -> None:
         """Write address and width of arrays on the desk, from the slot of the first one on."""
@@ -183,11 +154,3 @@ class Pool(list[Workspace]):
 
     def __reduce__(self) -> tuple[type[Pool], tuple[()]]:
         return Pool, ()
-
-
-def _first(count: int, columns: Columns) -> Columns:
-    return tuple([column[:count] for column in columns])
-
-
-def _joined(chunks: list[Columns]) -> Columns:
-    return tuple([np.concatenate(column) for column in zip(*chunks, strict=True)])

@@ -82,7 +82,7 @@ def change_method(p: Problem, m: Memory, method: int) -> None:
 
 @kernel
 def choose_after_step(p: Problem, m: Memory) -> None:
-    """Change to a method for stiff fields or back, or to one of high order where events are rare."""
+    """Change to a method for stiff fields or back, or to one of high order where events are few."""
     method = m.counts[METHOD]
     stiffer, relaxed = p.methods[method, STIFFER], p.methods[method, RELAXED]
     if stiffer >= 0 and m.clock[STIFF_SCORE] >= STIFF:

@@ -24,18 +24,14 @@ from hopdata.hybrid.driver.layout import (
     GUARD_TABLE,
     GUARDS,
     LIST_TABLE,
-    LOG_AFTER,
-    LOG_BEFORE,
-    LOG_DIRECTION,
-    LOG_GUARD,
-    LOG_MODE,
-    LOG_TIME,
+    LOG_TABLE,
     METHOD_TABLE,
     MODE,
+    N_LOG_ROWS,
+    N_ROWS,
     ON_EVENT,
     RATE_BOUND,
     ROW_TABLE,
-    ROW_TIME,
     RULES,
     SAMPLE_TABLE,
     STATE_TABLE,
@@ -100,15 +96,11 @@ def desk_output(desk: IntVector, every_step: bool) -> Output:
     """Return room for the trajectory."""
     return Output(
         vector_on(desk, WANTED), table_on(desk, SAMPLE_TABLE),
-        vector_on(desk, ROW_TIME), table_on(desk, ROW_TABLE), every_step,
+        table_on(desk, ROW_TABLE), desk[N_ROWS], every_step,
     )  # fmt: skip
 
 
 @kernel
 def desk_log(desk: IntVector) -> Log:
     """Return room for events."""
-    return Log(
-        vector_on(desk, LOG_TIME), int_vector_on(desk, LOG_GUARD),
-        int_vector_on(desk, LOG_DIRECTION), table_on(desk, LOG_BEFORE), table_on(desk, LOG_AFTER),
-        int_table_on(desk, LOG_MODE),
-    )  # fmt: skip
+    return Log(table_on(desk, LOG_TABLE), int_table_on(desk, LOG_TABLE), desk[N_LOG_ROWS])

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from hopdata.hybrid.compiled.calls import call_on_event, call_refresh
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.compiled.views import FloatTable, FloatVector, IntTable, IntVector
+from hopdata.hybrid.compiled.views import FloatTable, IntTable
 from hopdata.hybrid.driver.layout import (
     AWAKE,
     CROWD,
@@ -20,6 +20,10 @@ from hopdata.hybrid.driver.layout import (
     INSTANT,
     JUMPS,
     K1,
+    LOG_DIRECTION,
+    LOG_GUARD,
+    LOG_STATES,
+    LOG_TIME,
     METHOD,
     N_AWAKE,
     RATE0,
@@ -54,14 +58,11 @@ DISAGREEMENT = 1e-9  # of the field and its affine form, relative to their terms
 
 
 class Log(NamedTuple):
-    """Room for events, one row each."""
+    """Room for events, one row each; floats and integers are views of the same memory."""
 
-    time: FloatVector
-    guard: IntVector
-    direction: IntVector
-    before: FloatTable
-    after: FloatTable
-    mode: IntTable
+    floats: FloatTable
+    integers: IntTable
+    n_rows: int
 
 
 @kernel
@@ -93,24 +94,23 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
         return RUNNING
     row, n = m.counts[EVENT_ROWS], m.states.width
     for i in range(n):
-        log.before[row, i] = m.states[Y, i]
+        log.floats[row, LOG_STATES + i] = m.states[Y, i]
     stop = p.rules[TERMINAL, k]
     if p.on_event != 0:
-        stop |= call_on_event(  # type: ignore[call-arg]
-            p.on_event, m.clock[T], m.states, Y, p.mode, p.params, k, direction
-        )
-    log.time[row] = m.clock[T]
-    log.guard[row], log.direction[row] = k, direction
+        stop |= call_on_event(p.on_event, m.clock[T], m.states, Y, p.mode, p.params, k, direction)
+    log.floats[row, LOG_TIME] = m.clock[T]
+    log.integers[row, LOG_GUARD], log.integers[row, LOG_DIRECTION] = k, direction
     jumped = False
     for i in range(n):
-        log.after[row, i] = m.states[Y, i]
-        jumped = jumped or log.after[row, i] != log.before[row, i]
+        jumped = jumped or m.states[Y, i] != log.floats[row, LOG_STATES + i]
+        log.floats[row, LOG_STATES + n + i] = m.states[Y, i]
     if jumped:
         m.counts[JUMPS] += 1
         wake_all(m)
-    first = p.mode.width - log.mode.width
-    for i in range(log.mode.width):
-        log.mode[row, i] = p.mode[first + i]
+    first = LOG_STATES + 2 * n
+    n_logged = log.floats.width - first
+    for i in range(n_logged):
+        log.integers[row, first + i] = p.mode[p.mode.width - n_logged + i]
     m.counts[EVENT_ROWS] += 1
     m.counts[EVENTS] += 1
     return TERMINATED if stop != 0 else RUNNING

@@ -112,10 +112,15 @@ CLOCK_SLOTS = 12
 COUNT_SLOTS = 14
 
 
-# Slots of the desk: addresses of the callbacks and of the driver, then address and width of each
-# array.
-FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN = index_numbers(6)
-DESK_ARRAYS, N_DESK_ARRAYS = 6, 22
+# Slots of the desk: addresses of the callbacks and of the driver, room for steps and events, then
+# address and width of each array.
+FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS = index_numbers(8)
+DESK_ARRAYS, N_DESK_ARRAYS = 8, 16
+
+# Columns of the log: one row holds an event, as time, guard, direction, state before and after its
+# handler, and mode; integers stand in the memory of floats.
+LOG_TIME, LOG_GUARD, LOG_DIRECTION, LOG_STATES = index_numbers(4)
+
 DESK_SLOTS = DESK_ARRAYS + 2 * N_DESK_ARRAYS
 DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
 (
@@ -133,14 +138,8 @@ DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
     TANGENT_TABLE,
     WANTED,
     SAMPLE_TABLE,
-    ROW_TIME,
     ROW_TABLE,
-    LOG_TIME,
-    LOG_GUARD,
-    LOG_DIRECTION,
-    LOG_BEFORE,
-    LOG_AFTER,
-    LOG_MODE,
+    LOG_TABLE,
 ) = DESK_PLACES
 
 

@@ -161,7 +161,7 @@ def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
 def lacks_room(m: Memory, out: Output, log: Log) -> bool:
     """Tell whether the next step might not find room for its output."""
     events = m.counts[EVENT_ROWS] + EVENTS_PER_INSTANT * m.guards.width
-    return events > log.time.width or (out.every_step and m.counts[ROWS] >= out.time.width)
+    return events > log.n_rows or (out.every_step and m.counts[ROWS] >= out.n_rows)
 
 
 @kernel

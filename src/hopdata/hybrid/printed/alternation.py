@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -81,11 +81,11 @@ def _at_rest(region: Region, t: float, y: FloatArray) -> PrintedSolution:
 
 
 def _joined(parts: list[PrintedSolution]) -> PrintedSolution:
-    names = [column.name for column in fields(EventLog) if column.name != "guard_names"]
-    columns = {n: np.concatenate([getattr(p.events, n) for p in parts]) for n in names}
+    first = parts[0].events
+    records = np.concatenate([part.events.records for part in parts])
     return PrintedSolution(
         t=np.concatenate([part.t for part in parts]),
         y=np.concatenate([part.y for part in parts], axis=1),
-        events=EventLog(**columns, guard_names=parts[0].events.guard_names),
+        events=EventLog(records, first.n_states, first.guard_names),
         mode=parts[-1].mode,
     )

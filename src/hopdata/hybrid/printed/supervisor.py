@@ -135,7 +135,7 @@ def event_log(region: Region, crossings: Sequence[Crossing]) -> EventLog:
     guards = np.array([one.guard for one in crossings], dtype=np.int64)
     states = np.array([one.state for one in crossings]).reshape(-1, region.system.n_states)
     modes = np.array([region.mode(one.locks) for one in crossings], dtype=np.int64)
-    return EventLog(
+    return EventLog.of_columns(
         time=np.array([one.time for one in crossings]),
         guard=guards,
         direction=region.orientation[guards],
