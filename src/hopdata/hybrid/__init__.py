@@ -1,5 +1,6 @@
 """Event-selected hybrid systems: stepping, event localisation and mode bookkeeping."""
 
+from hopdata.hybrid.batch import BatchSolution, solve_batch
 from hopdata.hybrid.compiled.callbacks import (
     Callback,
     affine,
@@ -16,6 +17,7 @@ from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System
 
 __all__ = [
+    "BatchSolution",
     "Callback",
     "EventLog",
     "SlowCallbackWarning",
@@ -29,4 +31,5 @@ __all__ = [
     "on_event",
     "rate_bound",
     "solve",
+    "solve_batch",
 ]

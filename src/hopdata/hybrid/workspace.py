@@ -94,6 +94,10 @@ class Workspace:
             self._samples = np.empty((len(self._wanted), len(self.atol)))
             self._lay_out(layout.WANTED, self._wanted, self._samples)
 
+    def forget_samples(self) -> None:
+        """Lay out the workspace's own room for samples again, after another's was used."""
+        self._lay_out(layout.WANTED, self._wanted, self._samples)
+
     def _take(self, methods: MethodTable) -> None:
         """Lay out what other methods than before need."""
         self._methods = methods

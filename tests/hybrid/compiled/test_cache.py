@@ -13,7 +13,7 @@ import pytest
 
 import hopdata
 from hopdata.hybrid.compiled.cache import cache_directory
-from hopdata.hybrid.driver.loop import compiled_driver
+from hopdata.hybrid.driver.entry import compiled_run
 
 SCENE = """
 from numba import njit
@@ -114,7 +114,7 @@ def test_the_directory_is_restored_after_an_error(source_function, monkeypatch):
 
 OWN_SYSTEM = """
 from hopdata.hybrid import System, field, guards, on_event, solve
-from hopdata.hybrid.driver.loop import compiled_driver
+from hopdata.hybrid.driver.entry import compiled_run
 
 @field
 def fall(t, y, mode, params, dy):
@@ -132,8 +132,7 @@ def bounce(t, y, mode, params, guard, direction):
 ball = System(fall, floor, bounce, n_states=2, guard_names=("floor",))
 print(solve(ball, (0, 1), [1.0, 0.0], params=(9.81,)).y_end.tolist())
 callbacks = (fall, floor, bounce)
-compiled = sum(compiled_driver().stats.cache_misses.values())
-print([one._compiled.cache_hits for one in callbacks], compiled)
+print([one._compiled.cache_hits for one in callbacks], compiled_run().cache_hits)
 """
 
 
@@ -153,12 +152,14 @@ def run_own_system(folder):
 def test_the_next_process_compiles_nothing(tmp_path):
     """Neither driver nor callbacks: all are loaded, and no file is written."""
     (tmp_path / "own.py").write_text(OWN_SYSTEM)
-    compiled_driver()  # by another test or process, or now
+    compiled_run()  # by another test or process, or now
     (first, counts), files = run_own_system(tmp_path)
-    assert counts == "[0, 0, 0] 0"
-    assert len([path for path in files if path.suffix == ".nbc"]) == 3
+    assert counts == "[0, 0, 0] 1"
+    assert (
+        len([path for path in files if path.suffix == ".nbc"]) == 5
+    )  # and the step and the interpolant of a method
     (second, counts), files_after = run_own_system(tmp_path)
-    assert counts == "[1, 1, 1] 0"
+    assert counts == "[1, 1, 1] 1"
     assert second == first
     assert files_after == files
 
@@ -171,4 +172,4 @@ def test_functions_typed_at_a_prompt():
         [sys.executable, "-c", script], input=OWN_SYSTEM, capture_output=True, text=True,
         check=True, env={**os.environ, "PYTHONPATH": source},
     )  # fmt: skip
-    assert done.stdout.splitlines()[1] == "[0, 0, 0] 0"
+    assert done.stdout.splitlines()[1] == "[0, 0, 0] 1"

@@ -31,9 +31,9 @@ from hopdata.hybrid.driver.loop import run
 _INT, _FLOAT, _BOOL = types.int64, types.float64, types.boolean
 _INTS, _FLOATS = types.int64[::1], types.float64[::1]
 
-_OPTIONS = (_FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT, _BOOL, _BOOL)
-RUN_NATIVE = _INT(_INT, _INT, _INT, _INT, *_OPTIONS)
-ENTER_NATIVE = _INT(_INTS, _FLOATS, _FLOATS, *_OPTIONS)
+OPTIONS = (_FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT, _BOOL, _BOOL)
+RUN_NATIVE = _INT(_INT, _INT, _INT, _INT, *OPTIONS)
+ENTER_NATIVE = _INT(_INTS, _FLOATS, _FLOATS, *OPTIONS)
 
 call_run = caller(RUN_NATIVE, *((kind, VALUE) for kind in RUN_NATIVE.args))
 
@@ -64,16 +64,15 @@ def _enter(
 
 
 @cache
-def run_address() -> int:
-    """Return the address of the driver: from the cache, or compiled now (some seconds)."""
+def compiled_run() -> Any:
+    """Return the driver's machine code: from the cache, or compiled now (some seconds)."""
     with cache_directory(_run, driver_digest()) as cached:
-        compiled = cfunc(RUN_NATIVE, cache=cached, error_model="numpy")(_run)
-    _keep_alive.append(compiled)
-    address: int = compiled.address  # type: ignore[assignment]
-    return address
+        return cfunc(RUN_NATIVE, cache=cached, error_model="numpy")(_run)
 
 
-_keep_alive: list[Any] = []
+def run_address() -> int:
+    """Return the address of the driver."""
+    return int(compiled_run().address)
 
 
 def compiled_entry(function: Callable[..., Any], native: Any) -> Any:

@@ -1,0 +1,267 @@
+"""`solve_batch`: one system from many initial states, over the cores."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hopdata.hybrid.arguments import check_numbers, check_times, set_mode, set_tolerance
+from hopdata.hybrid.compiled.unraisable import Caught
+from hopdata.hybrid.driver.layout import COUNT_SLOTS, EVENTS, METHOD, NFEV, SAMPLES, STEPS
+from hopdata.hybrid.driver.many import many_entry
+from hopdata.hybrid.solution import FloatArray, IntArray
+from hopdata.hybrid.status import describe
+from hopdata.hybrid.system import System
+
+CHUNK = 64  # trajectories that a thread takes at a time: results do not depend on it
+
+
+@dataclass(frozen=True)
+class BatchSolution:
+    """Where many integrations ended; B of them.
+
+    Parameters
+    ----------
+    status : (B,) array of int
+        How each ended, as in `Solution`.
+    t_end : (B,) array
+        Times reached, s.
+    y_end : (B, n) array
+        States reached.
+    mode : (B, m) array of int
+        Modes at the end.
+    n_events, n_steps, nfev : (B,) array of int
+        Events, accepted steps, field evaluations.
+    t : (N,) array, optional
+        `t_eval`, if given.
+    y : (B, n, N) array, optional
+        States at these times; NaN after an integration has ended.
+    jacobian : (B, n, n) array, optional
+        Derivatives of the final by the initial states, if asked for.
+    """
+
+    status: IntArray
+    t_end: FloatArray
+    y_end: FloatArray
+    mode: IntArray
+    n_events: IntArray
+    n_steps: IntArray
+    nfev: IntArray
+    t: FloatArray | None = None
+    y: FloatArray | None = None
+    jacobian: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def success(self) -> bool:
+        """Whether all reached the end of the time span, or an event that ends it."""
+        return bool((self.status >= 0).all())
+
+    @property
+    def message(self) -> str:
+        """How many ended in which way."""
+        codes, numbers = np.unique(self.status, return_counts=True)
+        places = [int(np.flatnonzero(self.status == code)[0]) for code in codes]
+        return "\n".join(
+            f"{count} of {len(self)}, such as number {place}: "
+            + describe(int(code), time=self.t_end[place], guard="", rates=(0.0, 0.0))
+            for code, count, place in zip(codes, numbers, places, strict=True)
+        )
+
+
+class _Room:
+    """Arrays that the threads fill, each its own rows."""
+
+    def __init__(self, n_runs: int, system: System, n_wanted: int, jacobian: bool) -> None:
+        n = system.n_states
+        self.status = np.zeros((n_runs, 1), dtype=np.int64)
+        self.ends = np.empty((n_runs, 1 + n))
+        self.modes = np.empty((n_runs, system.n_modes), dtype=np.int64)
+        self.counts = np.empty((n_runs, COUNT_SLOTS), dtype=np.int64)
+        self.samples = np.full((n_runs if n_wanted else 0, n_wanted, n), np.nan)
+        self.jacobians = np.empty((n_runs if jacobian else 0, n, n))
+
+    @property
+    def arrays(self) -> tuple[Any, ...]:
+        return (
+            self.status, self.ends, self.modes, self.counts, self.samples, self.jacobians
+        )  # fmt: skip
+
+
+def solve_batch(
+    system: System,
+    t_span: tuple[float, float],
+    y0: ArrayLike,
+    *,
+    params: ArrayLike = (),
+    mode: Sequence[int] | None = None,
+    rtol: float = 1e-9,
+    atol: ArrayLike = 1e-12,
+    max_step: float = np.inf,
+    first_step: float | None = None,
+    t_eval: ArrayLike | None = None,
+    max_steps: int = 10_000_000,
+    max_events: int = 10_000_000,
+    method: str = "auto",
+    jacobian: bool = False,
+    memory: ArrayLike | None = None,
+    workers: int | None = None,
+    progress: bool = False,
+) -> BatchSolution:
+    """Integrate a system from many initial states; options as in `solve`.
+
+    Each result has the bytes that `solve` gives, whatever the number of workers. Trajectories and
+    events are not kept: take `t_eval`, or `solve` for single ones.
+
+    Parameters
+    ----------
+    y0 : (B, n) array_like
+        Initial states.
+    params : (p,) or (B, p) array_like
+        Parameters of all, or of each.
+    workers : int, optional
+        Threads; by default one for each core that this process may use.
+    progress : bool
+        Whether to show on stderr how far it is.
+
+    Returns
+    -------
+    BatchSolution
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range or of the wrong shape.
+    Exception
+        Whatever the system's functions raise.
+    """
+    t_start, t_stop, rtol, max_step, step = check_numbers(
+        t_span, rtol, max_step, first_step, max_steps, max_events
+    )
+    states = _states(y0, system.n_states)
+    numbers = _with_memory(_parameters(params, len(states)), memory, system.n_memory)
+    modes = np.empty((1, system.n_modes), dtype=np.int64)
+    set_mode(modes[0], system.n_guards, mode)
+    times = np.empty(0) if t_eval is None else check_times(t_eval, t_start, t_stop)
+    room = _Room(len(states), system, len(times), jacobian)
+    options = (t_start, t_stop, rtol, max_step, step, int(max_steps), int(max_events))
+
+    def run(first: int, last: int) -> int:
+        methods, work = system.methods(method, jacobian), system.take_workspace()
+        own, done = np.empty(numbers.shape[1]), first
+        try:
+            work.begin(methods, times if len(times) else None, jacobian)
+            set_tolerance(work.atol, atol)
+            with Caught() as caught:
+                while done < last and not caught:
+                    done = many_entry()(
+                        work.desk, done, last, states, numbers, modes, own, *room.arrays, *options
+                    )
+                    if done < last:
+                        methods.compile(int(work.counts[METHOD]))
+            if caught:
+                raise caught[0]
+        finally:
+            work.forget_samples()
+            system.idle.append(work)
+        return last - first
+
+    _run_all(run, len(states), workers, progress)
+    return _solution(room, times, jacobian)
+
+
+def _run_all(run: Any, total: int, workers: int | None, progress: bool) -> None:
+    done = run(0, min(1, total))  # alone: it compiles what is not compiled yet
+    chunks = [(first, min(first + CHUNK, total)) for first in range(done, total, CHUNK)]
+    shown = _Progress(total) if progress else None
+    with ThreadPoolExecutor(workers or available_cores()) as pool:
+        for count in _in_any_order(pool, [pool.submit(run, *chunk) for chunk in chunks]):
+            done += count
+            if shown is not None:
+                shown.show(done)
+
+
+def _in_any_order(pool: ThreadPoolExecutor, jobs: list[Future[int]]) -> Iterator[int]:
+    """Yield results as they come; after an exception or Ctrl-C, start no more jobs."""
+    waiting = set(jobs)
+    try:
+        while waiting:
+            ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            yield from (job.result() for job in ready)
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+def available_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+class _Progress:
+    """A line on stderr that says how many are done, at most ten times a second."""
+
+    def __init__(self, total: int) -> None:
+        self._total, self._start, self._last = total, time.monotonic(), 0.0
+
+    def show(self, done: int) -> None:
+        now = time.monotonic()
+        if done < self._total and now - self._last < 0.1:
+            return
+        self._last = now
+        line = f"\r{done} of {self._total} integrations, {now - self._start:.1f} s"
+        print(line, end="\n" if done == self._total else "", file=sys.stderr, flush=True)
+
+
+def _states(y0: ArrayLike, n_states: int) -> FloatArray:
+    states = np.ascontiguousarray(y0, dtype=np.float64)
+    if states.ndim != 2 or states.shape[1] != n_states:
+        raise ValueError(f"y0: expected shape (B, {n_states}), found {states.shape}")
+    bad = np.flatnonzero(~np.isfinite(states).all(axis=1))
+    if len(bad) > 0:
+        raise ValueError(f"y0: expected finite numbers, found {states[bad[0]]} in row {bad[0]}")
+    return states
+
+
+def _parameters(params: ArrayLike, n_runs: int) -> FloatArray:
+    numbers = np.atleast_2d(np.asarray(params, dtype=np.float64))
+    if numbers.ndim != 2 or len(numbers) not in (1, n_runs):
+        raise ValueError(f"params: expected shape (p,) or ({n_runs}, p), found {np.shape(params)}")
+    return np.ascontiguousarray(numbers)
+
+
+def _with_memory(numbers: FloatArray, memory: ArrayLike | None, n_memory: int) -> FloatArray:
+    start = np.zeros(n_memory) if memory is None else np.asarray(memory, dtype=np.float64)
+    if start.shape != (n_memory,):
+        raise ValueError(f"memory: expected {n_memory} numbers, found shape {start.shape}")
+    return np.hstack([numbers, np.tile(start, (len(numbers), 1))])
+
+
+def _solution(room: _Room, times: FloatArray, jacobian: bool) -> BatchSolution:
+    y = np.ascontiguousarray(np.swapaxes(room.samples, 1, 2)) if len(times) else None
+    if y is not None:
+        reached = room.counts[:, SAMPLES]
+        y[np.arange(len(times)) >= reached[:, None, None] + np.zeros((1, y.shape[1], 1))] = np.nan
+    return BatchSolution(
+        status=room.status[:, 0],
+        t_end=room.ends[:, 0],
+        y_end=room.ends[:, 1:],
+        mode=room.modes,
+        n_events=room.counts[:, EVENTS],
+        n_steps=room.counts[:, STEPS],
+        nfev=room.counts[:, NFEV],
+        t=times if len(times) else None,
+        y=y,
+        jacobian=room.jacobians if jacobian else None,
+    )

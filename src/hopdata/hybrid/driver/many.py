@@ -1,0 +1,104 @@
+"""Many integrations in a row, without Python in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+from numba import types
+
+from hopdata.hybrid.compiled.views import (
+    address_of,
+    float_table,
+    float_vector,
+    int_vector,
+    view,
+)
+from hopdata.hybrid.driver.entry import OPTIONS, call_run, compiled_entry
+from hopdata.hybrid.driver.layout import (
+    CLOCK,
+    COUNTS,
+    EVENT_ROWS,
+    MODE,
+    RUN,
+    SAMPLE_TABLE,
+    STATE_TABLE,
+    TANGENT_TABLE,
+    WANTED,
+    FloatArray,
+    IntArray,
+    T,
+    Y,
+)
+from hopdata.hybrid.status import NEEDS_METHOD, NEEDS_ROOM, PAUSED
+
+_INT, _FLOAT = types.int64, types.float64
+_INTS, _FLOATS = types.int64[:, ::1], types.float64[:, ::1]
+BYTES = 8
+
+MANY_NATIVE = _INT(
+    types.int64[::1], _INT, _INT, _FLOATS, _FLOATS, _INTS, types.float64[::1],
+    _INTS, _FLOATS, _INTS, _INTS, types.float64[:, :, ::1], types.float64[:, :, ::1], *OPTIONS[:-2],
+)  # fmt: skip
+
+
+def _enter_many(
+    desk: IntArray, first: int, last: int, y0: FloatArray, params: FloatArray, modes: IntArray,
+    own_params: FloatArray, status: IntArray, ends: FloatArray, end_modes: IntArray,
+    counts: IntArray, samples: FloatArray, jacobians: FloatArray,
+    t_start: float, t_end: float, rtol: float, max_step: float, step: float,
+    max_steps: int, max_events: int,
+) -> int:  # fmt: skip
+    """Integrate from the rows `first` to `last` of y0; return the row that could not be done.
+
+    Rows of `params` and `modes` are taken in turn or, if there is one, again and again. `ends`
+    receives time and state, `counts` the driver's counters, `samples` and `jacobians`, if they have
+    any room, the states at the wanted times and the flow's Jacobians.
+    """
+    n, n_modes, n_params = y0.shape[1], modes.shape[1], params.shape[1]
+    mode, clock = int_vector(desk[MODE], n_modes), float_vector(desk[CLOCK], 0)
+    count, state = int_vector(desk[COUNTS], 0), float_table(desk[STATE_TABLE], n)
+    phi, n_wanted = float_table(desk[TANGENT_TABLE], n), desk[WANTED + 1]
+    here, own = address_of(view(desk)), address_of(view(own_params))
+    for b in range(first, last):
+        for i in range(n_params):
+            own_params[i] = params[b % len(params), i]
+        for i in range(n_modes):
+            mode[i] = modes[b % len(modes), i]
+        if n_wanted > 0:
+            desk[SAMPLE_TABLE] = address_of(view(samples)) + b * n_wanted * n * BYTES
+        for i in range(n if len(jacobians) > 0 else 0):
+            for j in range(n):
+                phi[i, j] = 1.0 if i == j else 0.0
+        start = address_of(view(y0)) + b * n * BYTES
+        code = call_run(
+            desk[RUN], here, start, own, n_params, t_start, t_end, rtol, max_step, step,
+            max_steps, max_events, False, False,
+        )  # fmt: skip
+        while code in (NEEDS_ROOM, PAUSED):
+            count[EVENT_ROWS] = 0 if code == NEEDS_ROOM else count[EVENT_ROWS]
+            code = call_run(
+                desk[RUN], here, start, own, n_params, t_start, t_end, rtol, max_step, step,
+                max_steps, max_events, False, True,
+            )  # fmt: skip
+        if code == NEEDS_METHOD:
+            return b
+        status[b, 0], ends[b, 0] = code, clock[T]
+        for i in range(n):
+            ends[b, 1 + i] = state[Y, i]
+        for i in range(n_modes):
+            end_modes[b, i] = mode[i]
+        for i in range(counts.shape[1]):
+            counts[b, i] = count[i]
+        for i in range(n if len(jacobians) > 0 else 0):
+            for j in range(n):
+                jacobians[b, i, j] = phi[i, j]
+    return last
+
+
+@cache
+def many_entry() -> Callable[..., int]:
+    """Return `_enter_many` without the search for a signature: arguments must be exact."""
+    (compiled,) = compiled_entry(_enter_many, MANY_NATIVE).overloads.values()
+    entry: Callable[..., int] = compiled.entry_point
+    return entry
