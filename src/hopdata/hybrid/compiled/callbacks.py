@@ -8,6 +8,7 @@ from types import FunctionType
 from typing import Any
 
 import numba
+from numba.core.errors import NumbaError
 
 from hopdata.hybrid.compiled.cache import cache_directory
 from hopdata.hybrid.compiled.declaration import check_declaration, function_name
@@ -106,9 +107,23 @@ class Callback:
             return None
 
     def _compile(self) -> Any:
+        """Return the function's machine code, from the cache or for it.
+
+        Where caching fails (a full disk, a module that cannot be imported by its name), without.
+        """
         with cache_directory(self.function, function_digest(self.function)) as cached:
-            compiler = numba.cfunc(self.signature.native, cache=cached, error_model="numpy")
-            return compiler(with_digest(self.function))
+            try:
+                return self._compiled_by_numba(cached)
+            except NumbaError:
+                raise
+            except Exception:
+                if not cached:
+                    raise
+            return self._compiled_by_numba(False)
+
+    def _compiled_by_numba(self, cached: bool) -> Any:
+        compiler = numba.cfunc(self.signature.native, cache=cached, error_model="numpy")
+        return compiler(with_digest(self.function))
 
 
 def _declared(signature: Signature, function: Function | None, compiled: bool) -> Any:
