@@ -136,7 +136,8 @@ class System:
     @property
     def callbacks(self) -> tuple[Callback, ...]:
         """The functions that there are."""
-        return tuple(one for one in (self.field, self.guards, self.on_event) if one is not None)
+        every = (self.field, self.guards, self.guard, self.rate_bound, self.on_event)
+        return tuple(one for one in every if one is not None)
 
     @cached_property
     def n_params(self) -> int:

@@ -8,9 +8,8 @@ from types import FunctionType
 from typing import Any
 
 import numba
-from numba.core.errors import NumbaError
 
-from hopdata.hybrid.compiled.cache import cache_directory
+from hopdata.hybrid.compiled.cache import compiled_in_cache
 from hopdata.hybrid.compiled.declaration import check_declaration, function_name, place
 from hopdata.hybrid.compiled.diagnosis import raise_if_mistaken, reason_and_advice, warn_slow
 from hopdata.hybrid.compiled.digest import function_digest, with_digest
@@ -132,23 +131,11 @@ class Callback:
             return None
 
     def _compile(self) -> Any:
-        """Return the function's machine code, from the cache or for it.
+        def compile_it(cached: bool) -> Any:
+            compiler = numba.cfunc(self.signature.native, cache=cached, error_model="numpy")
+            return compiler(with_digest(self.function))
 
-        Where caching fails (a full disk, a module that cannot be imported by its name), without.
-        """
-        with cache_directory(self.function, function_digest(self.function)) as cached:
-            try:
-                return self._compiled_by_numba(cached)
-            except NumbaError:
-                raise
-            except Exception:
-                if not cached:
-                    raise
-            return self._compiled_by_numba(False)
-
-    def _compiled_by_numba(self, cached: bool) -> Any:
-        compiler = numba.cfunc(self.signature.native, cache=cached, error_model="numpy")
-        return compiler(with_digest(self.function))
+        return compiled_in_cache(self.function, function_digest(self.function), compile_it)
 
 
 def _declared(signature: Signature, function: Function | None, compiled: bool) -> Any:
