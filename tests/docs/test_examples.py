@@ -36,7 +36,7 @@ def code_blocks(page):
 
 
 def test_the_code_in_the_integrators_page_runs():
-    scope: dict = {}
+    scope = {"__name__": "__main__"}
     blocks = code_blocks("integrator.md")
     assert len(blocks) >= 2
     for block in blocks:

@@ -102,6 +102,9 @@ def solve(
     times = None if t_eval is None else check_times(t_eval, t_start, t_end)
     if system.n_memory > 0 or memory is not None:
         numbers = with_memory(numbers, memory, system.n_memory)
+    if len(numbers) < system.n_params:
+        for one in system.callbacks:
+            one.check_lengths(params=len(numbers))
     methods, work = system.methods(method, jacobian), system.take_workspace()
     try:
         work.begin(methods, times, jacobian)

@@ -97,6 +97,11 @@ class System:
                 raise ValueError(f"{name}: expected {self.n_guards} entries, found {len(values)}")
         if not set(self.directions or ()) <= {-1, 0, 1}:
             raise ValueError(f"directions: expected -1, 0 or +1, found {self.directions}")
+        states, guards = self.n_states, self.n_guards
+        for one in self.callbacks:
+            one.check_lengths(
+                y=states, dy=states, b=states, h=guards, hdot=guards, mode=self.n_modes
+            )
 
     def _check_guards(self) -> None:
         if self.guards is not None and self.guard is not None:
@@ -127,6 +132,17 @@ class System:
         """Directions and terminal flags, (2, n_guards)."""
         none = (0,) * self.n_guards
         return np.array([self.directions or none, self.terminal or none], dtype=np.int64)
+
+    @property
+    def callbacks(self) -> tuple[Callback, ...]:
+        """The functions that there are."""
+        every = (self.field, self.guards, self.guard, self.rate_bound, self.on_event)
+        return tuple(one for one in every if one is not None)
+
+    @cached_property
+    def n_params(self) -> int:
+        """How many parameters the functions' code names, at least."""
+        return max(one.n_params for one in self.callbacks)
 
     @cached_property
     def addresses(self) -> tuple[int, ...]:

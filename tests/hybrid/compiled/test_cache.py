@@ -13,7 +13,6 @@ import pytest
 
 import hopdata
 from hopdata.hybrid.compiled.cache import cache_directory
-from hopdata.hybrid.driver.entry import compiled_run
 
 SCENE = """
 from numba import njit
@@ -113,8 +112,8 @@ def test_the_directory_is_restored_after_an_error(source_function, monkeypatch):
 
 
 OWN_SYSTEM = """
+from numba.core import event
 from hopdata.hybrid import System, field, guards, on_event, solve
-from hopdata.hybrid.driver.entry import compiled_run
 
 @field
 def fall(t, y, mode, params, dy):
@@ -130,46 +129,40 @@ def bounce(t, y, mode, params, guard, direction):
     return 0
 
 ball = System(fall, floor, bounce, n_states=2, guard_names=("floor",))
-print(solve(ball, (0, 1), [1.0, 0.0], params=(9.81,)).y_end.tolist())
-callbacks = (fall, floor, bounce)
-print([one._compiled.cache_hits for one in callbacks], compiled_run().cache_hits)
+with event.install_recorder("numba:run_pass") as passes:
+    print(solve(ball, (0, 1), [1.0, 0.0], params=(9.81,)).y_end.tolist())
+print([one._compiled.cache_hits for one in (fall, floor, bounce)], len(passes.buffer) > 0)
 """
 
 
-def run_own_system(folder):
+def run_own_system(folder, command=("own.py",), **options):
     """Run a user's script in a process of its own: what it prints, and all files in its folder."""
     source = str(Path(hopdata.__file__).parents[1])
     environment = {**os.environ, "PYTHONPATH": source}
     environment.pop("NUMBA_CACHE_DIR", None)  # the driver's cache stays where it is
     done = subprocess.run(
-        [sys.executable, "own.py"], cwd=folder, capture_output=True, text=True, check=True,
-        env=environment,
+        [sys.executable, *command], cwd=folder, capture_output=True, text=True, check=True,
+        env=environment, **options,
     )  # fmt: skip
     files = {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
     return done.stdout.splitlines(), files
 
 
 def test_the_next_process_compiles_nothing(tmp_path):
-    """Neither driver nor callbacks: all are loaded, and no file is written."""
+    """Neither driver nor callbacks: all are loaded, no compiler runs, and no file is written."""
     (tmp_path / "own.py").write_text(OWN_SYSTEM)
-    compiled_run()  # by another test or process, or now
     (first, counts), files = run_own_system(tmp_path)
-    assert counts == "[0, 0, 0] 1"
-    assert (
-        len([path for path in files if path.suffix == ".nbc"]) == 5
-    )  # and the step and the interpolant of a method
+    assert counts == "[0, 0, 0] True"
+    assert len([path for path in files if path.suffix == ".nbc"]) == 3
     (second, counts), files_after = run_own_system(tmp_path)
-    assert counts == "[1, 1, 1] 1"
+    assert counts == "[1, 1, 1] False"
     assert second == first
     assert files_after == files
 
 
-def test_functions_typed_at_a_prompt():
+def test_functions_typed_at_a_prompt(tmp_path):
     """They have no file, so they are compiled anew, and leave nothing behind."""
     script = "exec(compile(__import__('sys').stdin.read(), '<stdin>', 'exec'))"
-    source = str(Path(hopdata.__file__).parents[1])
-    done = subprocess.run(
-        [sys.executable, "-c", script], input=OWN_SYSTEM, capture_output=True, text=True,
-        check=True, env={**os.environ, "PYTHONPATH": source},
-    )  # fmt: skip
-    assert done.stdout.splitlines()[1] == "[0, 0, 0] 1"
+    printed, files = run_own_system(tmp_path, ("-c", script), input=OWN_SYSTEM)
+    assert printed[1] == "[0, 0, 0] True"
+    assert files == {}

@@ -28,6 +28,32 @@ def test_functions_typed_at_a_prompt_work():
     assert solution.y_end[0] == pytest.approx(3.0, abs=1e-14)
 
 
+@pytest.mark.parametrize("name", [None, "<a module that nobody can import>"])
+def test_functions_that_cannot_be_cached_are_compiled_all_the_same(tmp_path, name):
+    source = "def f(t, y, mode, params, dy):\n    dy[0] = FACTOR * abs(y[0])\n"
+    (tmp_path / "f.py").write_text(source)
+    scope = {"FACTOR": 2.0} if name is None else {"FACTOR": 2.0, "__name__": name}
+    exec(compile(source, str(tmp_path / "f.py"), "exec"), scope)
+    for _ in range(2):  # the second looks into the cache of the first
+        callback = field(scope["f"])
+        assert solve(System(callback, n_states=1), (0, 0.1), [0.0]).success
+        assert callback.compiled
+
+
+def test_a_full_disk_does_not_matter(monkeypatch):
+    def full(*_):
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr("numba.core.caching.IndexDataCacheFile.save", full)
+
+    @field
+    def f(t, y, mode, params, dy):
+        dy[0] = 1.25
+
+    assert solve(System(f, n_states=1), (0, 1), [0.0]).y_end[0] == pytest.approx(1.25, abs=1e-14)
+    assert f.compiled
+
+
 def test_division_by_zero_is_not_an_exception_but_infinity():
     @field
     def pole(t, y, mode, params, dy):

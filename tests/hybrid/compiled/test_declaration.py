@@ -80,7 +80,7 @@ def test_a_returned_array_is_told_when_it_is_compiled():
         return dy
 
     with pytest.raises(TypeError, match=r"field 'f' .* returns an array; fill dy in place"):
-        solve(System(f, n_states=1), (0, 1), [0.0])
+        solve(System(f, n_states=2), (0, 1), [0.0, 0.0])
 
 
 def test_a_handler_that_returns_on_some_paths_only():

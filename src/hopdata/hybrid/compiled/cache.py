@@ -19,6 +19,7 @@ from typing import Any
 
 from numba import config
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.errors import NumbaError
 
 
 @contextmanager
@@ -39,6 +40,25 @@ def cache_directory(function: Callable[..., Any], digest: str) -> Iterator[bool]
     """
     with global_compiler_lock:  # the setting is Numba's, and there is one for all threads
         yield from _pointing(function, digest)
+
+
+def compiled_in_cache(
+    function: Callable[..., Any], digest: str, compile_it: Callable[[bool], Any]
+) -> Any:
+    """Return ``compile_it(True)``, loaded from the cache if it is there.
+
+    Where caching fails (a full disk, a module that cannot be imported by its name), it is
+    ``compile_it(False)``: compiled without.
+    """
+    with cache_directory(function, digest) as cached:
+        try:
+            return compile_it(cached)
+        except NumbaError:
+            raise
+        except Exception:
+            if not cached:
+                raise
+        return compile_it(False)
 
 
 def _pointing(function: Callable[..., Any], digest: str) -> Iterator[bool]:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numba
 
-from hopdata.hybrid.compiled.cache import cache_directory
-from hopdata.hybrid.compiled.declaration import check_declaration, function_name
+from hopdata.hybrid.compiled.cache import compiled_in_cache
+from hopdata.hybrid.compiled.declaration import check_declaration, function_name, place
 from hopdata.hybrid.compiled.diagnosis import raise_if_mistaken, reason_and_advice, warn_slow
 from hopdata.hybrid.compiled.digest import function_digest, with_digest
 from hopdata.hybrid.compiled.signatures import (
@@ -23,6 +23,7 @@ from hopdata.hybrid.compiled.signatures import (
     RATE_BOUND,
     Signature,
 )
+from hopdata.hybrid.compiled.subscripts import largest_subscripts
 from hopdata.hybrid.compiled.trampoline import compiled_trampoline, protected, trampoline
 
 Function = Callable[..., Any]
@@ -70,6 +71,30 @@ class Callback:
         """Whether the machine code is that of the function itself."""
         return self._compiled is not None
 
+    def check_lengths(self, **lengths: int) -> None:
+        """Raise ValueError if the function's code names an element beyond an array's length."""
+        for position, number in self._subscripts.items():
+            name = self.signature.arguments[position]
+            if number >= lengths.get(name, number + 1):
+                raise ValueError(
+                    f"{place(self.function, self.signature)} uses {name}[{number}], but {name} has "
+                    f"the length {lengths[name]}"
+                )
+
+    @cached_property
+    def n_params(self) -> int:
+        """How many parameters the function's code names."""
+        return self._subscripts.get(self.signature.arguments.index("params"), -1) + 1
+
+    @cached_property
+    def _subscripts(self) -> dict[int, int]:
+        """Largest literal subscript of each argument, by its position."""
+        largest = largest_subscripts(self.function)
+        if not largest:
+            return {}
+        names = self.function.__code__.co_varnames[: len(self.signature.arguments)]
+        return {names.index(name): number for name, number in largest.items() if name in names}
+
     @cached_property
     def dispatcher(self) -> Any:
         """The function, or the way back to it, to be called from other code in Numba."""
@@ -106,9 +131,11 @@ class Callback:
             return None
 
     def _compile(self) -> Any:
-        with cache_directory(self.function, function_digest(self.function)) as cached:
+        def compile_it(cached: bool) -> Any:
             compiler = numba.cfunc(self.signature.native, cache=cached, error_model="numpy")
             return compiler(with_digest(self.function))
+
+        return compiled_in_cache(self.function, function_digest(self.function), compile_it)
 
 
 def _declared(signature: Signature, function: Function | None, compiled: bool) -> Any:

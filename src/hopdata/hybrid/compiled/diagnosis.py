@@ -29,7 +29,7 @@ def warn_slow(function: Function, signature: Signature, reason: str, advice: str
     """Warn, at the place of the function, that it runs as plain Python."""
     code = getattr(function, "__code__", None)
     text = (
-        f"{place(function, signature)} runs as plain Python, about a hundred times slower, because "
+        f"{place(function, signature)} runs as plain Python, many times slower, because "
         f"Numba cannot compile it: {reason}. To do: {advice}, or declare it by "
         f"@{signature.name}(compiled=False) to have it so without this warning."
     )

@@ -19,7 +19,7 @@ from typing import Any
 
 from numba import cfunc, njit
 
-from hopdata.hybrid.compiled.cache import cache_directory
+from hopdata.hybrid.compiled.cache import compiled_in_cache
 from hopdata.hybrid.compiled.calls import (
     INTERPOLANT_NATIVE,
     REFRESH_NATIVE,
@@ -129,8 +129,11 @@ def compiled_entry(
     inner = njit(error_model="numpy")(with_digest(function))
     entry = with_digest(template, FUNCTION=inner, N=n_states)
     digest = f"{function_digest(entry)}-{driver_digest()}"
-    with cache_directory(entry, digest) as cached:
+
+    def compile_it(cached: bool) -> Any:
         return cfunc(native, cache=cache and cached, error_model="numpy")(entry)
+
+    return compiled_in_cache(entry, digest, compile_it)
 
 
 def compiled_step(method: Method, n_states: int, *, cache: bool) -> Any:
