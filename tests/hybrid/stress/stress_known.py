@@ -1,0 +1,35 @@
+"""Cases that the integrator is known to fail, and how. Mend it, and take the line out."""
+
+from __future__ import annotations
+
+ZENO_AT_A_JUMP = (
+    "a guard that jumps through zero fires there and back at once, then ends as Zeno (-7)"
+)
+ZENO_AT_THE_END = (
+    "an event at t_end is located one unit short, fires there and back, and ends as Zeno (-7)"
+)
+ZENO_IN_A_CROWD = "guards within a few roundings fire there and back, and end as Zeno (-7)"
+ZENO_AT_FAST = "a crossing of a fast guard fires there and back, and ends as Zeno (-7)"
+ENDLESS_TOUCH = "steps of no length pile up before a flat touch: max_steps is reached"
+FLAT_ROOT = "the root of x^5 is found 0.05 early, rounding of h explains 0.003"
+
+KNOWN = {
+    **{
+        f"jump-{kind}": ZENO_AT_A_JUMP
+        for kind in ("level, up", "level, down", "level, tiny", "level, huge",
+                     "up against its slope", "up, then down by its slope")
+    },
+    "event_at_end-1, end +0 ulp": ZENO_AT_THE_END,
+    "event_at_end-0.7, end +0 ulp": ZENO_AT_THE_END,
+    "tiny_span-2.22045e-16 from 1, event at 0.5": ZENO_AT_THE_END,
+    "tiny_span-2.22045e-16 from 1, event at 2": ZENO_AT_THE_END,
+    "many_guards-100 within 1e-14": ZENO_IN_A_CROWD,
+    "fast_guard-50 Hz, of the state": ZENO_AT_FAST,
+    "fast_guard-50 Hz, of time": ZENO_AT_FAST,
+    "flat_root-+1 x^4": ENDLESS_TOUCH,
+    "flat_root--1 x^4": ENDLESS_TOUCH,
+    "flat_root-+1 x^5": FLAT_ROOT,
+    "flat_root--1 x^5": FLAT_ROOT,
+    "handler-infinite": "a handler may set a state to infinity, and the status is 0",
+    "spiral": "a Zeno spiral is called sliding (-6): the rates are of different modes",
+}  # fmt: skip
