@@ -33,7 +33,7 @@ def turned(angle: float, shift: tuple[float, float]) -> tuple[np.ndarray, np.nda
 
 
 def additive(gains: tuple[float, ...]) -> np.ndarray:
-    """Return fields (2^K, 2): speed 1 and the gains of the locks that are +1, along x; 1 along y."""
+    """Return fields (2^K, 2): along x 1 and the gains of the locks that are +1, along y 1."""
     locks = [[row >> k & 1 for k in range(len(gains))] for row in range(1 << len(gains))]
     return np.array([[1.0 + np.dot(bits, gains), 1.0] for bits in locks])
 
@@ -126,7 +126,7 @@ def push_case(amount: float, events: tuple[tuple[float, int, int], ...], paramet
         gain = 10.0**guard
         z_end += direction * gain * (end - time)
         up[guard] = direction
-    mode = tuple(up.get(k, -1) for k in range(3)) + (1,)
+    mode = (*(up.get(k, -1) for k in range(3)), 1)
     answer = Expected(events, (end + amount, z_end), 64 * EPS, 64 * EPS * 300, mode=mode)
     return Case("handler_pushes", parameter, pushed_clock(3), (0.0, end), (0.0, 0.0), (answer,),
                 {"params": params})  # fmt: skip

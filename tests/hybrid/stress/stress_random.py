@@ -10,12 +10,12 @@ import numpy as np
 from stress_case import EPS, Case, Expected
 from stress_reference import (
     Piecewise,
-    affine_events,
     amplification,
     constant_answer,
     mode_row,
     velocity,
 )
+from stress_series import affine_events
 from stress_systems import selected, selected_params
 
 LIVE = 0.25

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hopdata.hybrid import System, field, guards, on_event
 
-POWER, JUMP, SINE, PAIR, BOWL, TIME, CHEBYSHEV = range(7)  # kinds of the clock's guards
+POWER, JUMP, SINE, PAIR, BOWL, TIME = range(6)  # kinds of the clock's guards
 KIND_WIDTH = 4  # kind, a, b, c
 
 

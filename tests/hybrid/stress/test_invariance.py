@@ -14,8 +14,8 @@ from hopdata.hybrid import Solution, solve
 POWERS = [(30, 0), (-30, 0), (0, 30), (0, -30), (-30, 30), (30, 30)]
 
 
-# The first step is given: the usual choice of it (Hairer, Norsett, Wanner, section II.4) is not free
-# of units of time.
+# The first step is given: the usual choice of it (Hairer, Norsett, Wanner, section II.4) depends on
+# the unit of time.
 def same(a: Solution, b: Solution, length: float, time: float) -> None:
     """Assert that two runs differ by the units alone, to the last bit."""
     unit = np.array([length, length / time])
@@ -34,8 +34,8 @@ def test_units_of_the_mass(powers, atol, k, c):
     unit = np.array([length, length / time])
     runs = [
         solve(
-            mass(), (0, 3 * t), np.array([1.0, 0.5]) * scale, atol=atol * scale, first_step=1e-3 * t,
-            params=(GRAVITY * scale[1] / t, k / t**2, c / t),
+            mass(), (0, 3 * t), np.array([1.0, 0.5]) * scale, atol=atol * scale,
+            first_step=1e-3 * t, params=(GRAVITY * scale[1] / t, k / t**2, c / t),
         )
         for scale, t in ((np.ones(2), 1.0), (unit, time))
     ]  # fmt: skip

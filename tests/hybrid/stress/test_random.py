@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import pytest
 from stress_case import judge
+from stress_known import KNOWN_SEEDS, ZENO_IN_A_CROWD
 from stress_random import random_case
 
 CONSTANT, AFFINE, BLOCK = 900, 100, 50
-KNOWN = frozenset(
-    (47, 110, 177, 185, 274, 316, 330, 335, 340, 341, 353, 369, 377, 399, 401, 417, 444, 493, 517)
-    + (570, 597, 648, 709, 793, 845)
-)
-REASON = "guards within a few roundings fire there and back, and end as Zeno (-7)"
 
 
 @pytest.mark.parametrize("first", range(0, CONSTANT, BLOCK))
 def test_piecewise_constant(first):
-    cases = [random_case(seed, affine=False) for seed in {*range(first, first + BLOCK)} - KNOWN]
+    cases = [
+        random_case(seed, affine=False) for seed in {*range(first, first + BLOCK)} - KNOWN_SEEDS
+    ]
     assert not [verdict for case in cases if not (verdict := judge(case)).right]
 
 
@@ -26,8 +24,8 @@ def test_piecewise_affine(first):
     assert not [verdict for case in cases if not (verdict := judge(case)).right]
 
 
-@pytest.mark.xfail(strict=True, reason=REASON)
-@pytest.mark.parametrize("seed", sorted(KNOWN))
+@pytest.mark.xfail(strict=True, reason=ZENO_IN_A_CROWD)
+@pytest.mark.parametrize("seed", sorted(KNOWN_SEEDS))
 def test_piecewise_constant_known_to_fail(seed):
     verdict = judge(random_case(seed, affine=False))
     assert verdict.right, verdict
