@@ -13,13 +13,12 @@ ZENO_AT_FAST = "a crossing of a fast guard fires there and back, and ends as Zen
 ENDLESS_TOUCH = "steps of no length pile up before a flat touch: max_steps is reached"
 FLAT_ROOT = "the root of x^5 is found 0.05 early, rounding of h explains 0.003"
 
-# Of the random systems with piecewise constant fields.
-KNOWN_SEEDS = frozenset(
-    (
-        *(47, 110, 177, 185, 274, 316, 330, 335, 340, 341, 353, 369, 377, 399, 401, 417, 444),
-        *(493, 517, 570, 597, 648, 709, 793, 845),
-    )
+# Seeds of the random systems: of 900 with piecewise constant fields, and of 100 with affine ones.
+KNOWN_CONSTANT = (
+    *(39, 84, 87, 95, 110, 115, 191, 217, 240, 245, 274, 308, 316, 330, 340, 349, 353, 369, 412),
+    *(417, 473, 489, 517, 541, 567, 570, 648, 657, 827, 845, 896),
 )
+KNOWN_AFFINE = (39,)
 
 KNOWN = {
     **{

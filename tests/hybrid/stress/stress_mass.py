@@ -152,7 +152,7 @@ def long_case(count: int, k: float = 1e3, rtol: float = 1e-13) -> Case:
                       (part + late) * GRAVITY]), mode=(-1,))  # fmt: skip
     return Case("long", f"{count} hops, rtol {rtol:g}", mass(), (0.0, period * count), (1.0, 0.0),
                 (answer,), {"params": (GRAVITY, k, 0.0), "rtol": rtol, "atol": 1e-16,
-                 "max_steps": 10 * per_hop_steps(count)})  # fmt: skip
+                 "max_steps": 10 * per_hop_steps(count), "max_events": 4 * count})  # fmt: skip
 
 
 def per_hop_steps(count: int) -> int:

@@ -23,7 +23,7 @@ PUSH = 3.0  # least n b of affine systems: what is more than LIVE is left to the
 GAPS = (0.0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3)
 END = 1.0
 TERMS = 22  # of the series: 0.5^22 / 22! is below 1e-27
-RTOL, ATOL = 1e-9, 1e-12
+RTOLS, ATOL_OVER_RTOL = (1e-3, 1e-6, 1e-9, 1e-12), 1e-3
 STEPS_PER_PIECE = 1  # errors of single steps rarely come near the tolerance
 
 
@@ -94,11 +94,11 @@ def random_system(seed: int, *, affine: bool) -> tuple[Piecewise, np.ndarray, fl
     return place_planes(rng, blank, y0, gap), y0, gap
 
 
-def affine_answer(system: Piecewise, y0: np.ndarray) -> Expected:
+def affine_answer(system: Piecewise, y0: np.ndarray, rtol: float) -> Expected:
     """Return the right answer, and what local errors of the tolerance may add up to."""
     run = affine_events(system, y0.tolist(), END, TERMS)
     states = np.array([y0, run.y_end, *run.points])
-    local = np.sqrt(len(y0)) * (RTOL * np.abs(states).max() + ATOL)
+    local = np.sqrt(len(y0)) * rtol * (np.abs(states).max() + ATOL_OVER_RTOL)
     steps = STEPS_PER_PIECE * (len(run.events) + 1)
     allowed = steps * local * amplification(system, run, END)
     return Expected(
@@ -109,10 +109,14 @@ def affine_answer(system: Piecewise, y0: np.ndarray) -> Expected:
 def random_case(seed: int, *, affine: bool) -> Case:
     """Return the case of a seed."""
     system, y0, gap = random_system(seed, affine=affine)
-    answer = affine_answer(system, y0) if affine else constant_answer(system, y0, (0.0, END))
+    rtol = RTOLS[seed % len(RTOLS)]
+    if affine:
+        answer = affine_answer(system, y0, rtol)
+    else:
+        answer = constant_answer(system, y0.tolist(), (0.0, END))
     params = selected_params(system.offsets, system.normals, system.constants, system.matrices)
     kind = "affine" if affine else "constant"
     return Case(
-        f"random_{kind}", f"seed {seed}, gap {gap:g}", selected(*system.shape), (0.0, END), y0,
-        (answer,), {"params": params, "rtol": RTOL, "atol": ATOL},
+        f"random_{kind}", f"seed {seed}, gap {gap:g}, rtol {rtol:g}", selected(*system.shape),
+        (0.0, END), y0, (answer,), {"params": params, "rtol": rtol, "atol": rtol * ATOL_OVER_RTOL},
     )  # fmt: skip
