@@ -129,7 +129,7 @@ def root_cases() -> list[Case]:
         *(graze_case(delta, speed) for delta in deltas for speed in (2.0, 3.7)),
         *touch_cases(),
         *jump_cases(),
-        *(fast_case(frequency, kind) for frequency in (5.0, 10.0, 20.0, 50.0) for kind in (SINE, TIME)),
+        *(fast_case(rate, kind) for rate in (5.0, 10.0, 20.0, 50.0) for kind in (SINE, TIME)),
         *(rotor_case(order, rate, rtol) for order in (1, 3, 10, 20) for rate in (1.0, 1000.0)
           for rtol in (1e-6, 1e-9)),
     ]  # fmt: skip
