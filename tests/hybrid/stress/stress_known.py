@@ -33,6 +33,8 @@ KNOWN = {
         f"fast_guard-{rate} Hz, of {what}": ZENO_AT_FAST
         for rate in (10, 20, 50) for what in ("time", "the state")
     },
+    "handler-infinite": "a handler may set a state to infinity, and the status is 0",
+    "spiral": "a Zeno spiral is called sliding (-6): the rates are of different modes",
     "jump-rising": "the crossing at a jump is put 0.37 off",
     "cut 2 ulp early": "steps of no length pile up before t_end: max_steps is reached",
     "flat_root-+1 x^4": ENDLESS_TOUCH,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hybrid_systems import ball, sliding
+from stress_case import marks
 from stress_failing import (
     IN_FIELD,
     IN_GUARD,
@@ -17,6 +18,7 @@ from stress_failing import (
     seesaw,
     spiral,
 )
+from stress_known import KNOWN
 
 from hopdata.hybrid import solve
 
@@ -97,7 +99,9 @@ def test_exception_of_the_handler_reaches_the_caller():
     assert run(NOWHERE, 0, 0.0).status == 0
 
 
-@pytest.mark.parametrize("kind", [IS_NAN, IS_INFINITE])
+@pytest.mark.parametrize(
+    "kind", [IS_NAN, pytest.param(IS_INFINITE, marks=marks("handler-infinite"))]
+)
 def test_a_handler_that_leaves_no_number(kind):
     """The field of `faulty` does not look at y[1], so it stays finite while the state is not."""
     solution = run(IN_HANDLER, kind, 0.0)
@@ -121,6 +125,7 @@ def test_a_bouncing_ball_comes_to_rest(restitution, directions):
     assert times[:9] == pytest.approx([1.0, *exact], abs=1e-9)
 
 
+@pytest.mark.xfail(strict=True, reason=KNOWN["spiral"])
 def test_a_spiral_winds_into_its_centre():
     system, params = spiral()
     solution = solve(system, (0, 3), [1.0, 0.0], params=params, **LIMIT)
