@@ -1,0 +1,174 @@
+"""The stress suite as a table: events missed and spurious, errors, statuses; scipy beside it.
+
+    python benchmarks/stress.py --out stress.csv
+
+One row a case of `tests/hybrid/stress` (whose modules are imported from there), the long run of
+`--hops` hops, and blocks of 100 of the `--systems` random systems of each kind. `missed` and
+`spurious` count events against the exact answer, `error_max` is the largest deviation of the final
+state in the case's own units, `error_over_tolerance` the same in units of what the case allows,
+`status` and `right_status` how the integration ended. The rows of `scipy` show one call of
+`solve_ivp` (RK45, same tolerances), which has no locks: its field sees the sign of h. `right`
+there asks of it what is asked of ours; read its `missed`, `spurious` and `error_max` instead.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.integrate import solve_ivp
+
+TESTS = Path(__file__).resolve().parent.parent / "tests" / "hybrid"
+sys.path[:0] = [str(TESTS), str(TESTS / "stress")]
+
+from stress_case import Case, Verdict, compare, judge, matched  # noqa: E402
+from stress_edges import edge_cases  # noqa: E402
+from stress_gaps import gap_cases  # noqa: E402
+from stress_mass import energy, long_case, mass_cases  # noqa: E402
+from stress_random import random_case  # noqa: E402
+from stress_roots import root_cases  # noqa: E402
+
+from hopdata.hybrid import solve  # noqa: E402
+
+BLOCK = 100
+Row = dict[str, object]
+
+
+def row_of(solver: str, case: str, parameter: str, verdict: Verdict) -> Row:
+    return {
+        "solver": solver, "case": case, "parameter": parameter,
+        "events_expected": verdict.expected, "missed": verdict.missed,
+        "spurious": verdict.spurious, "error_max": verdict.error_max,
+        "error_over_tolerance": verdict.error, "status": verdict.status,
+        "right_status": verdict.right_status, "right": verdict.right, "time_us": verdict.time_us,
+    }  # fmt: skip
+
+
+def single_rows(cases: list[Case]) -> Iterator[Row]:
+    """Yield one row a case; the second call is timed."""
+    for case in cases:
+        judge(case)
+        yield row_of("hopdata", case.name, case.parameter, judge(case))
+
+
+def block_row(first: int, count: int, *, affine: bool) -> Row:
+    """Return the sums, and the worst, of a block of random systems; the time is their mean."""
+    cases = [random_case(seed, affine=affine) for seed in range(first, first + count)]
+    judge(cases[0])
+    verdicts = [judge(case) for case in cases]
+    wrong = sum(not verdict.right for verdict in verdicts)
+    total = Verdict(
+        expected=sum(v.expected for v in verdicts), missed=sum(v.missed for v in verdicts),
+        spurious=sum(v.spurious for v in verdicts), error=max(v.error for v in verdicts),
+        error_max=max(v.error_max for v in verdicts), status=min(v.status for v in verdicts),
+        right_status=all(v.right_status for v in verdicts),
+        right_mode=all(v.right_mode for v in verdicts),
+        time_us=float(np.mean([v.time_us for v in verdicts])),
+    )  # fmt: skip
+    name = cases[0].name
+    return row_of("hopdata", name, f"seeds {first} to {first + count - 1}, {wrong} wrong", total)
+
+
+def long_row(hops: int) -> Row:
+    """Return the row of the long run; the energy's relative drift stands beside its name."""
+    case = long_case(hops)
+    case = replace(case, options={**case.options, "t_eval": [case.t_span[1]]})
+    start = time.perf_counter()
+    solution = solve(case.system, case.t_span, case.y0, **case.options)
+    elapsed = 1e6 * (time.perf_counter() - start)
+    stiffness = case.options["params"][1]
+    drift = energy(stiffness, solution.y_end) / energy(stiffness, np.array(case.y0)) - 1.0
+    verdict = replace(compare(solution, case.answers[0]), time_us=elapsed)
+    return row_of("hopdata", case.name, f"{case.parameter}, energy {drift:+.2g}", verdict)
+
+
+def by_scipy(case: Case) -> Verdict:
+    """Solve a case by one call of `solve_ivp`, without locks: the field sees the sign of h."""
+    system, params = case.system, np.asarray(case.options["params"], dtype=float)
+    n_guards = system.n_guards
+    assert system.guards is not None
+    guards = system.guards
+
+    def heights(t: float, y: np.ndarray) -> np.ndarray:
+        h, rates = np.empty(n_guards), np.empty(n_guards)
+        guards(t, y, np.zeros(len(y)), np.zeros(n_guards, dtype=int), params, h, rates)
+        return h
+
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
+        dy = np.empty_like(y)
+        system.field(t, y, np.where(heights(t, y) > 0, 1, -1), params, dy)
+        return dy
+
+    start = time.perf_counter()
+    end = solve_ivp(
+        slope, case.t_span, np.array(case.y0, dtype=float), method="RK45",
+        rtol=max(case.options.get("rtol", 1e-9), 1e-12), atol=case.options.get("atol", 1e-12),
+        events=[lambda t, y, k=k: heights(t, y)[k] for k in range(n_guards)],
+    )  # fmt: skip
+    elapsed = 1e6 * (time.perf_counter() - start)
+    answer = case.answers[0]
+    # Its event times are good to its tolerance only: a thousandth of the span is asked of it.
+    tolerance = 1e-3 * (case.t_span[1] - case.t_span[0])
+    pairs = sum(
+        matched(sorted(times), [t for t, g, _ in answer.events if g == k], tolerance)
+        for k, times in enumerate(end.t_events)
+    )
+    found = sum(len(times) for times in end.t_events)
+    off = np.abs(end.y[:, -1] - answer.y_end)
+    error = float((off / np.maximum(answer.state_tolerance, 1e-300)).max())
+    return Verdict(
+        len(answer.events), len(answer.events) - pairs, found - pairs, error, float(off.max()),
+        end.status, end.status == answer.status, True, elapsed,
+    )  # fmt: skip
+
+
+def scipy_rows(cases: list[Case]) -> Iterator[Row]:
+    """Yield what scipy does with a few of the cases."""
+    shown = {
+        "contact_gap": ("0.001 mixed at 1", "1e-12 mixed at 1", "1e-16 mixed at 1", "0 mixed at 1"),
+        "grazing": ("-0.001, 2 m/s", "-1e-06, 2 m/s", "-1e-10, 2 m/s"),
+        "on_guard_at_start": ("rate 1, bend -2, h 1", "rate -1, bend -2, h 1"),
+        "recrossing": ("1e-12 turned 0",),
+        "rotor": ("cos 20 angle, rate 1, rtol 1e-09",),
+    }
+    for case in cases:
+        if case.parameter in shown.get(case.name, ()):
+            yield row_of("scipy", case.name, case.parameter, by_scipy(case))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    parser.add_argument("--hops", type=int, default=100_000, help="hops of the long run")
+    parser.add_argument("--systems", type=int, default=1000, help="random systems of each kind")
+    arguments = parser.parse_args()
+    cases = [*gap_cases(), *root_cases(), *edge_cases(), *mass_cases()]
+    rows = list(single_rows(cases))
+    rows.append(long_row(arguments.hops))
+    for affine in (False, True):
+        for first in range(0, arguments.systems, BLOCK):
+            count = min(BLOCK, arguments.systems - first)
+            rows.append(block_row(first, count, affine=affine))
+    rows.extend(scipy_rows(cases))
+    table = pd.DataFrame(rows)
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(arguments.out, index=False)
+    for solver, part in table.groupby("solver"):
+        print(
+            f"{solver:8} {len(part):4} rows, {part['events_expected'].sum()} events expected, "
+            f"{part['missed'].sum()} missed, {part['spurious'].sum()} spurious, "
+            f"{(~part['right']).sum()} rows wrong"
+        )
+    wrong = table[(table["solver"] == "hopdata") & ~table["right"]]
+    if len(wrong) > 0:
+        print(wrong.drop(columns=["solver", "right"]).to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
