@@ -37,9 +37,8 @@ def compression(i: float, y: FloatArray, p: FloatArray) -> float:
 
 
 @njit(error_model="numpy")
-def push(y: FloatArray, p: FloatArray) -> tuple[float, float]:
-    """Coefficients (P, Q) of the force P + Q a of a spring in contact."""
-    slope = math.tan(y[2])
+def push(y: FloatArray, p: FloatArray, slope: float) -> tuple[float, float]:
+    """Coefficients (P, Q) of the force P + Q a of a spring in contact, at this slope."""
     steepening = (1.0 + slope * slope) * y[5]
     force = p[STIFFNESS] * (p[REST_LENGTH] - y[1]) + p[DAMPING] * (slope * y[3] - y[4])
     return force, p[STIFFNESS] * slope + p[DAMPING] * steepening
@@ -49,7 +48,7 @@ def push(y: FloatArray, p: FloatArray) -> tuple[float, float]:
 def fill_rates(y: FloatArray, p: FloatArray, sums: Sums, dy: FloatArray) -> None:
     """Fill the rate of the state, (6,)."""
     slope = math.tan(y[2])
-    at_centre, per_arm = push(y, p)
+    at_centre, per_arm = push(y, p, slope)
     force = at_centre * sums[0] + per_arm * sums[1]
     moment = at_centre * sums[1] + per_arm * sums[2]
     dy[0], dy[1], dy[2] = y[3], y[4], y[5]
@@ -63,7 +62,7 @@ def fill_force_row(y: FloatArray, p: FloatArray, s0: float, s1: float, row: Floa
     """Fill the gradient, (6,), of the sum of F_i w_i at fixed weights, sums s0 of w, s1 of w a."""
     slope, k, c = math.tan(y[2]), p[STIFFNESS], p[DAMPING]
     grow = 1.0 + slope * slope  # derivative of the slope with respect to the angle
-    row[0] = push(y, p)[1] * s0
+    row[0] = push(y, p, slope)[1] * s0
     row[1] = -k * s0
     row[2] = grow * (c * y[3] * s0 + (k + 2.0 * c * slope * y[5]) * s1)
     row[3] = c * slope * s0
@@ -76,7 +75,7 @@ def fill_jacobian(y: FloatArray, p: FloatArray, sums: Sums, jac: FloatArray) -> 
     """Fill the derivative of the rates with respect to the state, (6, 6)."""
     slope = math.tan(y[2])
     grow = 1.0 + slope * slope
-    at_centre, per_arm = push(y, p)
+    at_centre, per_arm = push(y, p, slope)
     force = at_centre * sums[0] + per_arm * sums[1]
     moment = at_centre * sums[1] + per_arm * sums[2]
     jac[:] = 0.0
