@@ -1,0 +1,33 @@
+"""Times of several functions in turn, as medians with quartiles."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+LONGEST_S = 0.25  # of one function's repeats, beyond the fewest
+
+
+def timed(run: Callable[[], object]) -> float:
+    """Return the time of one run, s."""
+    start = time.perf_counter()
+    run()
+    return time.perf_counter() - start
+
+
+def quartiles(
+    runs: Mapping[str, Callable[[], object]], *, fewest: int = 3, most: int = 15
+) -> dict[str, tuple[float, float, float]]:
+    """Return quartile, median and quartile of each function's time, s; the functions take turns.
+
+    All run equally often, `most` times if the slowest takes so little, but `fewest` at least. The
+    first run, which warms up, does not count.
+    """
+    slowest = max(timed(run) for run in runs.values())
+    times: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(int(np.clip(LONGEST_S / slowest, fewest, most))):
+        for name, run in runs.items():
+            times[name].append(timed(run))
+    return {name: tuple(np.percentile(sample, [25, 50, 75])) for name, sample in times.items()}
