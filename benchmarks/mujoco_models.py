@@ -9,7 +9,9 @@ Three ways to make a spring that pushes only in contact:
   along the normal of the plate by the depth along that normal, k cos^2(theta) in place of k, and
   never pulls.
 - ``tendon`` (hopper): a spring of a tendon with a range of lengths at which it is slack.
-- ``callback``: the scene's own field, compiled, called by MuJoCo for its passive forces.
+- ``callback``: the scene's own springs, compiled, called by MuJoCo for its passive forces.
+- ``contact law`` (plate): so, too, but normal to the plate and without pull, as a contact is in
+  the limit of no impedance: what ``contact`` should come to with small steps.
 
 The plate is a thick box whose lower face is the plate's line; each spring is a fixed sphere, so
 small that it is a point, the face being lowered by its radius: depth / cos(theta) is exactly h_i.
@@ -30,7 +32,6 @@ from numba.extending import intrinsic
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.scenes.plate import Plate
-from hopdata.scenes.plate_forces import push
 from hopdata.scenes.vertical_hopper import VerticalHopper
 
 FloatArray = NDArray[np.float64]
@@ -170,7 +171,9 @@ def plate_simulation(plate: Plate, setting: Setting) -> Simulation:
     stiffness, damping = plate.params[4:6]
     set_contacts(model, setting, stiffness, damping)
     data = mujoco.MjData(model)
-    passive = passive_force(data, plate_force(plate)) if setting.spring == "callback" else None
+    passive = None
+    if setting.spring not in CONTACTS:
+        passive = passive_force(data, plate_force(plate, as_contact=setting.spring != "callback"))
     return Simulation(model, data, passive)
 
 
@@ -201,23 +204,27 @@ def set_contacts(model: Any, setting: Setting, stiffness: float, damping: float)
     model.geom_solimp[:] = d, d, 0.001, 0.5, 2.0
 
 
-def plate_force(plate: Plate) -> Callable[..., None]:
+def plate_force(plate: Plate, *, as_contact: bool = False) -> Callable[..., None]:
     """Return the forces of the springs as a function of positions and velocities."""
-    params, n, first, spacing = np.array(plate.params), plate.n_contacts, *plate.params[6:]
+    _, _, _, rest, stiffness, damping, first, spacing = plate.params
+    n = plate.n_contacts
 
     def force(qpos: FloatArray, qvel: FloatArray, out: FloatArray) -> None:
-        y = (qpos[0], qpos[1], qpos[2], qvel[0], qvel[1], qvel[2])
-        slope = np.tan(y[2])
-        at_centre, per_arm = push(y, params, slope)
-        total, moment = 0.0, 0.0
+        x, z, cosine, sine = qpos[0], qpos[1], np.cos(qpos[2]), np.sin(qpos[2])
+        slope = sine / cosine
         for i in range(n):
-            arm = y[0] - first - i * spacing
-            if params[3] + slope * arm - y[1] > 0.0:
-                total += at_centre + per_arm * arm
-                moment += (at_centre + per_arm * arm) * arm
-        out[0] -= slope * total
-        out[1] += total
-        out[2] -= (1.0 + slope * slope) * moment
+            arm = x - first - i * spacing
+            depth = rest + slope * arm - z
+            if depth > 0.0:
+                rate = slope * qvel[0] - qvel[1] + qvel[2] * arm / cosine**2
+                if as_contact:
+                    rate = rate * cosine - depth * sine * qvel[2]
+                    push = max(0.0, stiffness * depth * cosine + damping * rate)
+                else:
+                    push = (stiffness * depth + damping * rate) / cosine
+                out[0] -= sine * push
+                out[1] += cosine * push
+                out[2] -= push * arm / cosine
 
     return force
 
