@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from hopdata.hybrid import solve
 from hopdata.scenes import plate_forces as pf
@@ -118,6 +119,51 @@ def test_each_spring_is_met_where_it_stands():
     own = at_events[solution.events.guard, np.arange(len(solution.events))]
     assert np.abs(own).max() < 1e-12
     assert np.abs(at_events).max() > 0.01
+
+
+def restarted(plate, state, until):
+    """End and number of events by scipy, with forces from Newton's law on a tilted line."""
+    places, k, c = plate.spring_places_m, 2000.0 / plate.n_contacts, 20.0 / plate.n_contacts
+    now, touching, flips = 0.0, np.zeros(plate.n_contacts, dtype=bool), 0
+
+    def slope(_t, y):
+        normal = np.array([-np.sin(y[2]), np.cos(y[2])])
+        contact = np.stack([places[touching], np.full(touching.sum(), np.nan)])
+        contact[1] = y[1] + np.tan(y[2]) * (contact[0] - y[0])
+        h = plate.rest_length_m - contact[1]
+        # Rate of the line's height above a fixed place.
+        climb = y[4] - np.tan(y[2]) * y[3] + (contact[0] - y[0]) * y[5] / np.cos(y[2]) ** 2
+        forces = normal[:, None] * (k * h - c * climb) / normal[1]
+        arms = contact - y[:2, None]
+        moment = np.sum(arms[0] * forces[1] - arms[1] * forces[0])
+        ax, az = forces.sum(axis=1)
+        return np.array([*y[3:], ax, az - 9.81, 3.0 * moment])
+
+    def event(i):
+        def value(_t, y):
+            return plate.compressions(y)[i]
+
+        value.terminal, value.direction = True, -1 if touching[i] else 1
+        return value
+
+    while now < until:
+        part = solve_ivp(
+            slope, (now, until), state, method="DOP853", rtol=1e-13, atol=1e-14,
+            events=[event(i) for i in range(plate.n_contacts)],
+        )  # fmt: skip
+        now, state = part.t[-1], part.y[:, -1]
+        for i, times in enumerate(part.t_events):
+            touching[i] ^= len(times) > 0
+            flips += len(times)
+    return state, flips
+
+
+def test_against_scipy_with_newtons_law():
+    plate = Plate(4)
+    end, flips = restarted(plate, FALL, 0.9)
+    solution = solve(plate.system(), (0, 0.9), FALL, params=plate.params, rtol=1e-12, atol=1e-13)
+    assert flips == len(solution.events) >= 8
+    assert np.abs(solution.y_end - end).max() < 1e-10
 
 
 def test_initial_states():
