@@ -22,12 +22,12 @@ import argparse
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
 from machine import machine
-from mujoco_models import Setting, plate_simulation, steps
+from mujoco_models import INTEGRATORS, Setting, plate_simulation, steps
 from numpy.typing import NDArray
 from plate_reference import reference_end
 from timing import timed
@@ -37,6 +37,7 @@ from hopdata.scenes.plate import Plate
 
 FloatArray = NDArray[np.float64]
 Solver = Callable[[FloatArray], FloatArray]
+Key = TypeVar("Key")
 
 UNTIL_S, N_STARTS, SEED = 2.0, 150, 444
 CONTACTS = tuple(range(2, 36))
@@ -49,10 +50,18 @@ MUJOCO = {
     "MuJoCo contact 2 ms": Setting("contact", "Euler", 2e-3),
     "MuJoCo callback 2 ms": Setting("callback", "Euler", 2e-3),
 }
-MUJOCO_FINE = {  # for a few numbers of contacts
-    "MuJoCo contact 0.1 ms": Setting("contact", "Euler", 1e-4),
-    "MuJoCo callback RK4 0.1 ms": Setting("callback", "RK4", 1e-4),
-    "MuJoCo callback RK4 0.01 ms": Setting("callback", "RK4", 1e-5),
+MUJOCO_MORE = {  # for a few numbers of contacts
+    f"MuJoCo {setting.name} {1e3 * setting.timestep_s:g} ms": setting
+    for setting in (
+        *(
+            Setting(spring, integrator, 2e-3)
+            for spring in ("contact", "callback")
+            for integrator in INTEGRATORS[1:]
+        ),
+        Setting("contact", "Euler", 1e-4),
+        Setting("callback", "RK4", 1e-4),
+        Setting("callback", "RK4", 1e-5),
+    )
 }
 LIMIT = Setting("contact law", "RK4", 5e-5)
 WINDOW = 5  # numbers of contacts to each side, for the local slope
@@ -97,11 +106,11 @@ def solvers(plate: Plate) -> dict[str, Solver]:
 
 
 def in_turn(
-    runs: dict[str, Solver], starts: FloatArray
-) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    runs: dict[Key, Solver], starts: FloatArray
+) -> tuple[dict[Key, FloatArray], dict[Key, FloatArray]]:
     """Return the times, (S,), s, and the ends, (S, 6), of each solver; they take turns."""
-    times: dict[str, list[float]] = {name: [] for name in runs}
-    ends: dict[str, list[FloatArray]] = {name: [] for name in runs}
+    times: dict[Key, list[float]] = {name: [] for name in runs}
+    ends: dict[Key, list[FloatArray]] = {name: [] for name in runs}
     for start in starts:
         for name, run in runs.items():
             best, end = timed(partial(run, start))
@@ -112,35 +121,35 @@ def in_turn(
     return {k: np.array(v) for k, v in times.items()}, {k: np.array(v) for k, v in ends.items()}
 
 
-def row(name: str, n: int, times_s: FloatArray, errors: FloatArray) -> dict[str, Any]:
-    """Return one row of the table."""
-    low, median, high = 1e6 / UNTIL_S * np.percentile(times_s, [25, 50, 75])
-    return {
-        "solver": name,
-        "n_contacts": n,
-        "n_starts": len(times_s),
-        "time_median_us_per_s": median,
-        "time_q25_us_per_s": low,
-        "time_q75_us_per_s": high,
-        "error_median": np.median(errors),
-        "error_max": errors.max(),
-    }
-
-
 def rows_of(
-    runs: dict[str, Solver], n: int, starts: FloatArray, exact: FloatArray
-) -> tuple[list[dict[str, Any]], dict[str, FloatArray]]:
-    """Time all solvers at one number of contacts; return the rows, and the times."""
-    times, ends = in_turn(runs, starts)
-    rows = [row(one, n, times[one], np.abs(ends[one] - exact).max(axis=1)) for one in runs]
-    return rows, times
+    n: int, times_s: dict[str, FloatArray], ends: dict[str, FloatArray], exact: FloatArray
+) -> list[dict[str, Any]]:
+    """Return the rows of all solvers at one number of contacts, n."""
+    rows = []
+    for name, times in times_s.items():
+        low, median, high = 1e6 / UNTIL_S * np.percentile(times, [25, 50, 75])
+        errors = np.abs(ends[name] - exact).max(axis=1)
+        rows.append(
+            {
+                "solver": name,
+                "n_contacts": n,
+                "n_starts": len(times),
+                "time_median_us_per_s": median,
+                "time_q25_us_per_s": low,
+                "time_q75_us_per_s": high,
+                "error_median": np.median(errors),
+                "error_max": errors.max(),
+            }
+        )
+    return rows
 
 
 def checked(plate: Plate, starts: FloatArray, exact: FloatArray) -> list[dict[str, Any]]:
     """Return rows of the slow solvers, and of our tightest against the independent reference."""
     n, starts, exact = plate.n_contacts, starts[:N_CHECKED], exact[:N_CHECKED]
-    fine = {name: with_mujoco(plate, setting) for name, setting in MUJOCO_FINE.items()}
-    rows, _ = rows_of({"hopdata tightest": with_hopdata(plate, TIGHTEST)} | fine, n, starts, exact)
+    fine = {name: with_mujoco(plate, setting) for name, setting in MUJOCO_MORE.items()}
+    runs = {"hopdata tightest": with_hopdata(plate, TIGHTEST)} | fine
+    rows = rows_of(n, *in_turn(runs, starts), exact)
     reference = np.array([reference_end(plate, start, UNTIL_S) for start in starts])
     deviation = np.abs(exact - reference).max(axis=1)
     rows[0] |= {"error_median": np.median(deviation), "error_max": deviation.max()}
@@ -152,7 +161,7 @@ def own_law_errors(plate: Plate, starts: FloatArray) -> dict[str, float]:
     limit = with_mujoco(plate, LIMIT)
     few = starts[:N_CHECKED]
     ends = np.array([limit(start) for start in few])
-    contacts = {k: v for k, v in (MUJOCO | MUJOCO_FINE).items() if v.spring == "contact"}
+    contacts = {k: v for k, v in (MUJOCO | MUJOCO_MORE).items() if v.spring == "contact"}
     return {
         name: float(np.median([np.abs(run(s) - e).max() for s, e in zip(few, ends, strict=True)]))
         for name, run in ((k, with_mujoco(plate, v)) for k, v in contacts.items())
@@ -161,21 +170,24 @@ def own_law_errors(plate: Plate, starts: FloatArray) -> dict[str, float]:
 
 def measure() -> tuple[pd.DataFrame, dict[str, FloatArray]]:
     """Return the table, and the times of each solver, (len(CONTACTS), N_STARTS), s."""
-    starts, rows = Plate().initial_states(N_STARTS, SEED), []
-    times: dict[str, list[FloatArray]] = {}
+    starts = Plate().initial_states(N_STARTS, SEED)
+    runs = {(n, name): run for n in CONTACTS for name, run in solvers(Plate(n)).items()}
+    times, ends = in_turn(runs, starts)  # numbers of contacts take turns as well
+    rows: list[dict[str, Any]] = []
     for n in CONTACTS:
         plate = Plate(n)
         tightest = with_hopdata(plate, TIGHTEST)
         exact = np.array([tightest(start) for start in starts])
-        new, sample = rows_of(solvers(plate), n, starts, exact)
+        own_times, own_ends = ({k: x[n, k] for k in (*OURS, *MUJOCO)} for x in (times, ends))
+        rows += rows_of(n, own_times, own_ends, exact)
         if n in CHECKED:
-            new += checked(plate, starts, exact)
-            own = own_law_errors(plate, starts)
-            new = [one | {"own_law_error_median": own.get(one["solver"], np.nan)} for one in new]
-        rows += new
-        for name, one in sample.items():
-            times.setdefault(name, []).append(one)
-    return pd.DataFrame(rows), {name: np.array(one) for name, one in times.items()}
+            rows += checked(plate, starts, exact)
+            law = own_law_errors(plate, starts)
+            for one in rows:
+                if one["n_contacts"] == n:
+                    one["own_law_error_median"] = law.get(one["solver"], np.nan)
+    by_solver = {name: np.array([times[n, name] for n in CONTACTS]) for name in (*OURS, *MUJOCO)}
+    return pd.DataFrame(rows), by_solver
 
 
 def slopes(n: FloatArray, times: FloatArray) -> FloatArray:
