@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hopdata.hybrid import solve
 from hopdata.scenes.plate import Plate, plate_field, plate_guards
 from hopdata.scenes.plate_incremental import (
     N_MEMORY,
@@ -81,3 +82,30 @@ def test_jacobian_is_the_derivative(locks):
         (rates(TILTED + e, locks) - rates(TILTED - e, locks)) / (2 * step) for e in step * np.eye(6)
     ]
     assert jac == pytest.approx(np.array(columns).T, rel=1e-7, abs=1e-6)
+
+
+@pytest.mark.parametrize("n", [1, 12, 90])
+def test_the_same_flight_as_the_plain_form(n):
+    plate, start = Plate(n), np.array([0.0, 2.4, 0.06 * (n > 1), 0.0, 0.0, 0.0])
+    sparse, plain = (
+        solve(one, (0, 2), start, params=params, rtol=1e-11, atol=1e-12)
+        for one, params in (
+            (plate.system(sparse=True), plate.sparse_params(start)),
+            (plate.system(), plate.params),
+        )
+    )
+    assert sparse.status == plain.status == 0
+    assert np.array_equal(sparse.events.guard, plain.events.guard)
+    assert np.abs(sparse.events.time - plain.events.time).max() < 1e-10
+    assert np.abs(sparse.y_end - plain.y_end).max() < 1e-10
+
+
+def test_a_start_in_contact():
+    plate, ends = Plate(N), []
+    for system, params in (
+        (plate.system(sparse=True), plate.sparse_params(TILTED)),
+        (plate.system(), plate.params),
+    ):
+        ends.append(solve(system, (0, 0.5), TILTED, params=params, rtol=1e-11, atol=1e-12).y_end)
+    assert plate.sparse_params(TILTED)[-N_MEMORY] == np.sum(plate.compressions(TILTED) > 0) > 0
+    assert np.abs(ends[0] - ends[1]).max() < 1e-10

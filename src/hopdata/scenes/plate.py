@@ -19,6 +19,12 @@ from hopdata.hybrid import System, field, guards
 from hopdata.hybrid.solution import FloatArray, IntArray
 from hopdata.scenes import plate_forces as pf
 from hopdata.scenes.plate_forces import fill_rates
+from hopdata.scenes.plate_incremental import (
+    plate_field_of_sums,
+    plate_guard,
+    plate_rate_bound,
+    update_sums,
+)
 
 
 @field
@@ -117,9 +123,18 @@ class Plate:
             spacing,
         )
 
-    def system(self) -> System:
-        """Return the hybrid system, with guards ``spring1`` ... ``spring<n>``."""
-        return _system(self.n_contacts)
+    def system(self, *, sparse: bool = False) -> System:
+        """Return the hybrid system, with guards ``spring1`` ... ``spring<n>``.
+
+        The sparse form is for hundreds of springs and more: far guards sleep, and the field reads
+        sums over the contacts, which follow the parameters (`sparse_params`).
+        """
+        return _sparse_system(self.n_contacts) if sparse else _system(self.n_contacts)
+
+    def sparse_params(self, y0: ArrayLike) -> tuple[float, ...]:
+        """Return the parameters of the sparse form, and behind them the sums for this start."""
+        touching = np.flatnonzero(self.compressions(y0) > 0).astype(np.float64)
+        return (*self.params, float(len(touching)), touching.sum(), (touching**2).sum())
 
     def initial_states(self, count: int, seed: int) -> FloatArray:
         """Return random states at rest, centred over the bed, (count, 6), as in section 4.4.4.
@@ -148,5 +163,19 @@ class Plate:
 
 @cache
 def _system(n_contacts: int) -> System:
-    names = tuple(f"spring{i + 1}" for i in range(n_contacts))
-    return System(field=plate_field, guards=plate_guards, n_states=6, guard_names=names)
+    return System(
+        field=plate_field, guards=plate_guards, n_states=6, guard_names=_names(n_contacts)
+    )
+
+
+@cache
+def _sparse_system(n_contacts: int) -> System:
+    return System(
+        field=plate_field_of_sums, guards=plate_guards, guard=plate_guard,
+        rate_bound=plate_rate_bound, on_event=update_sums, n_states=6,
+        guard_names=_names(n_contacts),
+    )  # fmt: skip
+
+
+def _names(n_contacts: int) -> tuple[str, ...]:
+    return tuple(f"spring{i + 1}" for i in range(n_contacts))

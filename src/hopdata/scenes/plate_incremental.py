@@ -12,6 +12,7 @@ import math
 
 from numba import njit
 
+from hopdata.hybrid import field, guard, jacobian, on_event, rate_bound
 from hopdata.hybrid.solution import FloatArray, IntArray
 from hopdata.scenes import plate_forces as pf
 
@@ -28,6 +29,7 @@ def sums_of_arms(y: FloatArray, p: FloatArray) -> pf.Sums:
     return p[COUNT], arms, squares
 
 
+@field
 def plate_field_of_sums(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
 ) -> None:
@@ -35,6 +37,7 @@ def plate_field_of_sums(
     pf.fill_rates(y, params, sums_of_arms(y, params), dy)
 
 
+@guard
 def plate_guard(
     t: float,
     y: FloatArray,
@@ -51,6 +54,7 @@ def plate_guard(
     hdot[k] = slope * dy[0] - dy[1] + (1.0 + slope * slope) * dy[2] * arm
 
 
+@rate_bound
 def plate_rate_bound(
     t: float, y: FloatArray, dy: FloatArray, mode: IntArray, params: FloatArray
 ) -> float:
@@ -61,6 +65,7 @@ def plate_rate_bound(
     return max(abs(rate + per_arm * arm), abs(rate + per_arm * last))
 
 
+@jacobian
 def plate_jacobian(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, jac: FloatArray
 ) -> None:
@@ -68,11 +73,12 @@ def plate_jacobian(
     pf.fill_jacobian(y, params, sums_of_arms(y, params), jac)
 
 
+@on_event
 def update_sums(
-    t: float, y: FloatArray, mode: IntArray, params: FloatArray, guard: int, direction: int
+    t: float, y: FloatArray, mode: IntArray, params: FloatArray, spring: int, direction: int
 ) -> int:
     """Add a spring that touches to the sums, take away one that lets go."""
     params[COUNT] += direction
-    params[NUMBERS] += direction * guard
-    params[SQUARES] += direction * float(guard) * float(guard)
+    params[NUMBERS] += direction * spring
+    params[SQUARES] += direction * float(spring) * float(spring)
     return 0
