@@ -8,6 +8,7 @@ from hopdata.figures.style import (
     BLUE,
     DOUBLE_COLUMN_MM,
     GREEN,
+    ORANGE,
     VERMILION,
     letter,
     message_figure,
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
 SERIES: dict[str, tuple[str, str, Any]] = {
     "MuJoCo contact 2 ms": ("MuJoCo, its contacts, 2 ms", BLUE, (0, (5, 1.5))),
     "MuJoCo callback 2 ms": ("MuJoCo, our springs, 2 ms", GREEN, (0, (5, 1.2, 1.5, 1.2))),
-    "hopdata rtol 1e-7": ("hopdata", VERMILION, "-"),
+    "hopdata": ("hopdata", VERMILION, "-"),
+    "hopdata sparse": ("hopdata, sparse form", ORANGE, (0, (1.5, 1.2))),
 }
 
 
@@ -69,7 +71,7 @@ def scaling_figure(times: pd.DataFrame, marginal: pd.DataFrame) -> Figure:
         axes.set_xlabel("number of contacts")
         axes.grid(axis="y")
         letter(axes, name)
-    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 
 
