@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid import solve
-from hopdata.scenes.plate import Plate, plate_field, plate_guards
+from hopdata.scenes.plate import Plate, plate_field, plate_field_jacobian, plate_guards
 from hopdata.scenes.plate_incremental import (
     N_MEMORY,
     plate_field_of_sums,
@@ -76,24 +76,30 @@ def test_rate_bound_is_the_largest_rate(spin):
 
 @pytest.mark.parametrize("locks", [LOCKS, -np.ones(N, dtype=int), np.ones(N, dtype=int)])
 def test_jacobian_is_the_derivative(locks):
-    jac, step = np.empty((6, 6)), 1e-6
+    jac, plain, step = np.empty((6, 6)), np.empty((6, 6)), 1e-6
     plate_jacobian(0.0, TILTED, locks, params_with(locks), jac)
+    plate_field_jacobian(0.0, TILTED, locks, np.array(PLATE.params), plain)
+    assert plain == pytest.approx(jac, rel=1e-12, abs=1e-11)
     columns = [
         (rates(TILTED + e, locks) - rates(TILTED - e, locks)) / (2 * step) for e in step * np.eye(6)
     ]
     assert jac == pytest.approx(np.array(columns).T, rel=1e-7, abs=1e-6)
 
 
+def both(plate, start, until, **options):
+    """Solutions in the plain and in the sparse form."""
+    span, given = (0.0, until), {"params": plate.params, "rtol": 1e-11, "atol": 1e-12} | options
+    memory = plate.memory(start)
+    return (
+        solve(plate.system(), span, start, **given),
+        solve(plate.system(sparse=True), span, start, memory=memory, **given),
+    )
+
+
 @pytest.mark.parametrize("n", [1, 12, 90])
 def test_the_same_flight_as_the_plain_form(n):
-    plate, start = Plate(n), np.array([0.0, 2.4, 0.06 * (n > 1), 0.0, 0.0, 0.0])
-    sparse, plain = (
-        solve(one, (0, 2), start, params=params, rtol=1e-11, atol=1e-12)
-        for one, params in (
-            (plate.system(sparse=True), plate.sparse_params(start)),
-            (plate.system(), plate.params),
-        )
-    )
+    start = np.array([0.0, 2.4, 0.06 * (n > 1), 0.0, 0.0, 0.0])
+    plain, sparse = both(Plate(n), start, 2.0)
     assert sparse.status == plain.status == 0
     assert np.array_equal(sparse.events.guard, plain.events.guard)
     assert np.abs(sparse.events.time - plain.events.time).max() < 1e-10
@@ -101,11 +107,25 @@ def test_the_same_flight_as_the_plain_form(n):
 
 
 def test_a_start_in_contact():
-    plate, ends = Plate(N), []
-    for system, params in (
-        (plate.system(sparse=True), plate.sparse_params(TILTED)),
-        (plate.system(), plate.params),
-    ):
-        ends.append(solve(system, (0, 0.5), TILTED, params=params, rtol=1e-11, atol=1e-12).y_end)
-    assert plate.sparse_params(TILTED)[-N_MEMORY] == np.sum(plate.compressions(TILTED) > 0) > 0
-    assert np.abs(ends[0] - ends[1]).max() < 1e-10
+    assert PLATE.memory(TILTED)[0] == np.sum(PLATE.compressions(TILTED) > 0) > 0
+    plain, sparse = both(PLATE, TILTED, 0.5)
+    assert np.abs(sparse.y_end - plain.y_end).max() < 1e-10
+
+
+def test_the_flow_has_one_jacobian():
+    start, step, until = np.array([0.1, 1.2, 0.06, 0.2, -1.0, 0.3]), 1e-6, 0.3
+    plain, sparse = both(PLATE, start, until, rtol=1e-12, jacobian=True)
+    assert len(plain.events) >= N
+    ends = [
+        [
+            solve(
+                PLATE.system(), (0.0, until), start + e, params=PLATE.params, rtol=1e-13, atol=1e-14
+            ).y_end
+            for e in (nudge, -nudge)
+        ]
+        for nudge in step * np.eye(6)
+    ]
+    columns = np.array([(up - down) / (2 * step) for up, down in ends]).T
+    scale = np.abs(columns).max()
+    assert np.abs(plain.jacobian - columns).max() < 1e-6 * scale
+    assert np.abs(sparse.jacobian - plain.jacobian).max() < 1e-9 * scale

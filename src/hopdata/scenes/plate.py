@@ -15,13 +15,14 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.hybrid import System, field, guards
+from hopdata.hybrid import System, field, guards, jacobian
 from hopdata.hybrid.solution import FloatArray, IntArray
 from hopdata.scenes import plate_forces as pf
-from hopdata.scenes.plate_forces import fill_rates
 from hopdata.scenes.plate_incremental import (
+    N_MEMORY,
     plate_field_of_sums,
     plate_guard,
+    plate_jacobian,
     plate_rate_bound,
     update_sums,
 )
@@ -32,15 +33,15 @@ def plate_field(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
 ) -> None:
     """Return gravity, and the push of every spring in contact."""
-    count, arms, squares = 0.0, 0.0, 0.0
-    arm = y[0] - params[pf.FIRST]
-    for i in range(len(mode)):
-        if mode[i] > 0:
-            a = arm - i * params[pf.SPACING]
-            count += 1.0
-            arms += a
-            squares += a * a
-    fill_rates(y, params, (count, arms, squares), dy)
+    pf.fill_rates(y, params, pf.added_up(y, mode, params), dy)
+
+
+@jacobian
+def plate_field_jacobian(
+    t: float, y: FloatArray, mode: IntArray, params: FloatArray, jac: FloatArray
+) -> None:
+    """Return the derivative of the field with respect to the state."""
+    pf.fill_jacobian(y, params, pf.added_up(y, mode, params), jac)
 
 
 @guards
@@ -127,14 +128,15 @@ class Plate:
         """Return the hybrid system, with guards ``spring1`` ... ``spring<n>``.
 
         The sparse form is for hundreds of springs and more: far guards sleep, and the field reads
-        sums over the contacts, which follow the parameters (`sparse_params`).
+        sums over the contacts, which the handler keeps in the system's memory. A start in contact
+        needs ``solve(..., memory=plate.memory(y0))``.
         """
         return _sparse_system(self.n_contacts) if sparse else _system(self.n_contacts)
 
-    def sparse_params(self, y0: ArrayLike) -> tuple[float, ...]:
-        """Return the parameters of the sparse form, and behind them the sums for this start."""
+    def memory(self, y0: ArrayLike) -> tuple[float, ...]:
+        """Return the sums of the sparse form for a start that may be in contact."""
         touching = np.flatnonzero(self.compressions(y0) > 0).astype(np.float64)
-        return (*self.params, float(len(touching)), touching.sum(), (touching**2).sum())
+        return float(len(touching)), float(touching.sum()), float((touching**2).sum())
 
     def initial_states(self, count: int, seed: int) -> FloatArray:
         """Return random states at rest, centred over the bed, (count, 6), as in section 4.4.4.
@@ -164,17 +166,26 @@ class Plate:
 @cache
 def _system(n_contacts: int) -> System:
     return System(
-        field=plate_field, guards=plate_guards, n_states=6, guard_names=_names(n_contacts)
+        field=plate_field,
+        guards=plate_guards,
+        jacobian=plate_field_jacobian,
+        n_states=6,
+        guard_names=_names(n_contacts),
     )
 
 
 @cache
 def _sparse_system(n_contacts: int) -> System:
     return System(
-        field=plate_field_of_sums, guards=plate_guards, guard=plate_guard,
-        rate_bound=plate_rate_bound, on_event=update_sums, n_states=6,
+        field=plate_field_of_sums,
+        guard=plate_guard,
+        rate_bound=plate_rate_bound,
+        on_event=update_sums,
+        jacobian=plate_jacobian,
+        n_states=6,
         guard_names=_names(n_contacts),
-    )  # fmt: skip
+        n_memory=N_MEMORY,
+    )
 
 
 def _names(n_contacts: int) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ import math
 
 from numba import njit
 
-from hopdata.hybrid.solution import FloatArray
+from hopdata.hybrid.solution import FloatArray, IntArray
 
 # Places in the flat vector of parameters; the i-th spring stands at first + i * spacing.
 GRAVITY, MASS, INERTIA, REST_LENGTH, STIFFNESS, DAMPING, FIRST, SPACING = range(8)
@@ -34,6 +34,20 @@ def compression(i: float, y: FloatArray, p: FloatArray) -> float:
     """Compression h_i of spring i, m; negative where the plate is above it."""
     arm = y[0] - p[FIRST] - i * p[SPACING]
     return p[REST_LENGTH] + math.tan(y[2]) * arm - y[1]
+
+
+@njit(error_model="numpy")
+def added_up(y: FloatArray, mode: IntArray, p: FloatArray) -> Sums:
+    """Return the sums over the springs whose locks say contact."""
+    count, arms, squares = 0.0, 0.0, 0.0
+    arm = y[0] - p[FIRST]
+    for i in range(len(mode)):
+        if mode[i] > 0:
+            a = arm - i * p[SPACING]
+            count += 1.0
+            arms += a
+            squares += a * a
+    return count, arms, squares
 
 
 @njit(error_model="numpy")
