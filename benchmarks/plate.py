@@ -13,7 +13,7 @@ from the limit of its own law. Beside the table come two more:
 - ``plate_marginal.csv``: run time per further contact, as the slope of the median run time against
   the number of contacts by least squares, over all and within a window that moves; 95 % bands by
   bootstrap of the starts;
-- ``plate_scaling.csv``: our solver for up to 10,000 contacts, in its plain and its sparse form.
+- ``plate_scaling.csv``: our solver for up to 10,000 contacts, in the three forms of the scene.
 """
 
 from __future__ import annotations
@@ -45,10 +45,11 @@ CHECKED = (2, 10, 35)  # numbers of contacts, and of starts, for what is slow to
 N_CHECKED = 3
 LONG_S = 0.05  # a run that is timed only once
 TIGHTEST = 1e-13
-OURS = {  # tolerance, and whether in the sparse form
-    "hopdata": (1e-6, False),
-    "hopdata rtol 1e-9": (1e-9, False),
-    "hopdata sparse": (1e-6, True),
+OURS: dict[str, tuple[float, dict[str, bool]]] = {  # tolerance, and form of the scene
+    "hopdata": (1e-6, {}),
+    "hopdata rtol 1e-9": (1e-9, {}),
+    "hopdata sums": (1e-6, {"sums": True}),
+    "hopdata sparse": (1e-6, {"sparse": True}),
 }
 MUJOCO = {
     "MuJoCo contact 2 ms": Setting("contact", "Euler", 2e-3),
@@ -76,10 +77,10 @@ LARGEST_PLAIN = 1000
 
 
 def with_hopdata(
-    plate: Plate, tolerance: float, sparse: bool = False, until_s: float = UNTIL_S
+    plate: Plate, tolerance: float, form: dict[str, bool], until_s: float = UNTIL_S
 ) -> Callable[[FloatArray], Solution]:
     """Return our solver as a function of the start."""
-    system, params = plate.system(sparse=sparse), plate.params
+    system, params = plate.system(**form), plate.params
 
     def run(start: FloatArray) -> Solution:
         solution = solve(
@@ -159,7 +160,7 @@ def checked(plate: Plate, starts: FloatArray, exact: FloatArray) -> list[dict[st
     """Return rows of the slow solvers, and of our tightest against the independent reference."""
     n, starts, exact = plate.n_contacts, starts[:N_CHECKED], exact[:N_CHECKED]
     fine = {name: with_mujoco(plate, setting) for name, setting in MUJOCO_MORE.items()}
-    runs = {"hopdata tightest": end(with_hopdata(plate, TIGHTEST))} | fine
+    runs = {"hopdata tightest": end(with_hopdata(plate, TIGHTEST, {}))} | fine
     rows = rows_of(n, *in_turn(runs, starts), exact)
     reference = np.array([reference_end(plate, start, UNTIL_S) for start in starts])
     deviation = np.abs(exact - reference).max(axis=1)
@@ -187,7 +188,7 @@ def measure() -> tuple[pd.DataFrame, dict[str, FloatArray]]:
     rows: list[dict[str, Any]] = []
     for n in CONTACTS:
         plate = Plate(n)
-        tightest = end(with_hopdata(plate, TIGHTEST))
+        tightest = end(with_hopdata(plate, TIGHTEST, {}))
         exact = np.array([tightest(start) for start in starts])
         own_times, own_ends = ({k: x[n, k] for k in (*OURS, *MUJOCO)} for x in (times, ends))
         rows += rows_of(n, own_times, own_ends, exact)
@@ -234,16 +235,16 @@ def marginal(times: dict[str, FloatArray]) -> pd.DataFrame:
 
 
 def scaling() -> pd.DataFrame:
-    """Time our solver, in both forms, for very many contacts."""
+    """Time our solver, in all forms of the scene, for very many contacts."""
     rows = []
     for n in SCALING:
         plate = Plate(n)
         starts = plate.initial_states(N_SCALING, SEED)
-        for name in ("hopdata", "hopdata sparse"):
-            tolerance, sparse = OURS[name]
-            if n > LARGEST_PLAIN and not sparse:
+        for name in ("hopdata", "hopdata sums", "hopdata sparse"):
+            tolerance, form = OURS[name]
+            if n > LARGEST_PLAIN and not form.get("sparse"):
                 continue
-            run = with_hopdata(plate, tolerance, sparse, SCALING_S)
+            run = with_hopdata(plate, tolerance, form, SCALING_S)
             run(starts[0])
             timings = [timed(partial(run, start)) for start in starts]
             low, median, high = 1e3 * np.percentile([one for one, _ in timings], [25, 50, 75])

@@ -87,29 +87,32 @@ def test_jacobian_is_the_derivative(locks):
 
 
 def both(plate, start, until, **options):
-    """Solutions in the plain and in the sparse form."""
+    """Solutions in the plain form and, after the choice in the options, in another."""
+    form = options.pop("form", "sparse")
     span, given = (0.0, until), {"params": plate.params, "rtol": 1e-11, "atol": 1e-12} | options
     memory = plate.memory(start)
     return (
         solve(plate.system(), span, start, **given),
-        solve(plate.system(sparse=True), span, start, memory=memory, **given),
+        solve(plate.system(**{form: True}), span, start, memory=memory, **given),
     )
 
 
+@pytest.mark.parametrize("form", ["sums", "sparse"])
 @pytest.mark.parametrize("n", [1, 12, 90])
-def test_the_same_flight_as_the_plain_form(n):
+def test_the_same_flight_as_the_plain_form(n, form):
     start = np.array([0.0, 2.4, 0.06 * (n > 1), 0.0, 0.0, 0.0])
-    plain, sparse = both(Plate(n), start, 2.0)
-    assert sparse.status == plain.status == 0
-    assert np.array_equal(sparse.events.guard, plain.events.guard)
-    assert np.abs(sparse.events.time - plain.events.time).max() < 1e-10
-    assert np.abs(sparse.y_end - plain.y_end).max() < 1e-10
+    plain, other = both(Plate(n), start, 2.0, form=form)
+    assert other.status == plain.status == 0
+    assert np.array_equal(other.events.guard, plain.events.guard)
+    assert np.abs(other.events.time - plain.events.time).max() < 1e-10
+    assert np.abs(other.y_end - plain.y_end).max() < 1e-10
 
 
-def test_a_start_in_contact():
+@pytest.mark.parametrize("form", ["sums", "sparse"])
+def test_a_start_in_contact(form):
     assert PLATE.memory(TILTED)[0] == np.sum(PLATE.compressions(TILTED) > 0) > 0
-    plain, sparse = both(PLATE, TILTED, 0.5)
-    assert np.abs(sparse.y_end - plain.y_end).max() < 1e-10
+    plain, other = both(PLATE, TILTED, 0.5, form=form)
+    assert np.abs(other.y_end - plain.y_end).max() < 1e-10
 
 
 def test_the_flow_has_one_jacobian():

@@ -26,7 +26,7 @@ SERIES: dict[str, tuple[str, str, Any]] = {
     "MuJoCo contact 2 ms": ("MuJoCo, its contacts, 2 ms", BLUE, (0, (5, 1.5))),
     "MuJoCo callback 2 ms": ("MuJoCo, our springs, 2 ms", GREEN, (0, (5, 1.2, 1.5, 1.2))),
     "hopdata": ("hopdata", VERMILION, "-"),
-    "hopdata sparse": ("hopdata, sparse form", ORANGE, (0, (1.5, 1.2))),
+    "hopdata sums": ("hopdata, sums kept", ORANGE, (0, (1.5, 1.2))),
 }
 
 

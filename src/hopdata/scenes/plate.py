@@ -124,17 +124,19 @@ class Plate:
             spacing,
         )
 
-    def system(self, *, sparse: bool = False) -> System:
+    def system(self, *, sums: bool = False, sparse: bool = False) -> System:
         """Return the hybrid system, with guards ``spring1`` ... ``spring<n>``.
 
-        The sparse form is for hundreds of springs and more: far guards sleep, and the field reads
-        sums over the contacts, which the handler keeps in the system's memory. A start in contact
-        needs ``solve(..., memory=plate.memory(y0))``.
+        With `sums`, the field reads sums over the contacts, which the handler keeps in the system's
+        memory; a start in contact needs ``solve(..., memory=plate.memory(y0))``. With `sparse`, for
+        hundreds of springs and more, guards are evaluated one by one as well, and far ones sleep.
         """
-        return _sparse_system(self.n_contacts) if sparse else _system(self.n_contacts)
+        if sparse:
+            return _sparse_system(self.n_contacts)
+        return _system_of_sums(self.n_contacts) if sums else _system(self.n_contacts)
 
     def memory(self, y0: ArrayLike) -> tuple[float, ...]:
-        """Return the sums of the sparse form for a start that may be in contact."""
+        """Return the sums over the contacts for a start that may be in contact."""
         touching = np.flatnonzero(self.compressions(y0) > 0).astype(np.float64)
         return float(len(touching)), float(touching.sum()), float((touching**2).sum())
 
@@ -171,6 +173,19 @@ def _system(n_contacts: int) -> System:
         jacobian=plate_field_jacobian,
         n_states=6,
         guard_names=_names(n_contacts),
+    )
+
+
+@cache
+def _system_of_sums(n_contacts: int) -> System:
+    return System(
+        field=plate_field_of_sums,
+        guards=plate_guards,
+        on_event=update_sums,
+        jacobian=plate_jacobian,
+        n_states=6,
+        guard_names=_names(n_contacts),
+        n_memory=N_MEMORY,
     )
 
 
