@@ -1,0 +1,286 @@
+"""The plate on 2 to 35 springs: time and error by number of contacts (dissertation, 4.4.4).
+
+    python benchmarks/plate.py --out results/benchmarks/plate.csv
+
+The same random starts for every number of contacts, 2 s each, all solvers in turn on one thread in
+one process. A time is of one whole run without output in between, the faster of two in a row (of
+one, where it takes long), given per simulated second;
+errors are the largest deviation of the final state (m, rad, and these per s) from our solver at its
+tightest, which is checked against `plate_reference` on some. The springs of MuJoCo's contacts
+cannot pull and push along the normal, so that their error has two parts: `own_law_error_median` is
+from the limit of its own law. Beside the table come two more:
+
+- ``plate_marginal.csv``: run time per further contact, as the slope of the median run time against
+  the number of contacts by least squares, over all and within a window that moves; 95 % bands by
+  bootstrap of the starts;
+- ``plate_scaling.csv``: our solver for up to 10,000 contacts, in the three forms of the scene.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import pandas as pd
+from machine import machine
+from mujoco_models import INTEGRATORS, Setting, plate_simulation, steps
+from numpy.typing import NDArray
+from plate_reference import reference_end
+from timing import timed
+
+from hopdata.hybrid import Solution, solve
+from hopdata.scenes.plate import Plate
+
+FloatArray = NDArray[np.float64]
+Solver = Callable[[FloatArray], FloatArray]
+Key = TypeVar("Key")
+
+UNTIL_S, N_STARTS, SEED = 2.0, 150, 444
+CONTACTS = tuple(range(2, 36))
+CHECKED = (2, 10, 35)  # numbers of contacts, and of starts, for what is slow to check
+N_CHECKED = 3
+LONG_S = 0.05  # a run that is timed only once
+TIGHTEST = 1e-13
+OURS: dict[str, tuple[float, dict[str, bool]]] = {  # tolerance, and form of the scene
+    "hopdata": (1e-6, {}),
+    "hopdata rtol 1e-9": (1e-9, {}),
+    "hopdata sums": (1e-6, {"sums": True}),
+    "hopdata sparse": (1e-6, {"sparse": True}),
+}
+MUJOCO = {
+    "MuJoCo contact 2 ms": Setting("contact", "Euler", 2e-3),
+    "MuJoCo callback 2 ms": Setting("callback", "Euler", 2e-3),
+}
+MUJOCO_MORE = {  # for a few numbers of contacts
+    f"MuJoCo {setting.name} {1e3 * setting.timestep_s:g} ms": setting
+    for setting in (
+        *(
+            Setting(spring, integrator, 2e-3)
+            for spring in ("contact", "callback")
+            for integrator in INTEGRATORS[1:]
+        ),
+        Setting("contact", "Euler", 1e-4),
+        Setting("callback", "RK4", 1e-4),
+        Setting("callback", "RK4", 1e-5),
+    )
+}
+LIMIT = Setting("contact law", "RK4", 5e-5)
+WINDOW = 5  # numbers of contacts to each side, for the local slope
+N_BOOTSTRAP = 1000
+SCALING = (35, 100, 300, 1000, 3000, 10_000)
+SCALING_S, N_SCALING = 1.0, 3  # the plate lands once, and flies off again
+LARGEST_PLAIN = 1000
+
+
+def with_hopdata(
+    plate: Plate, tolerance: float, form: dict[str, bool], until_s: float = UNTIL_S
+) -> Callable[[FloatArray], Solution]:
+    """Return our solver as a function of the start."""
+    system, params = plate.system(**form), plate.params
+
+    def run(start: FloatArray) -> Solution:
+        solution = solve(
+            system, (0.0, until_s), start, params=params, rtol=tolerance, atol=0.1 * tolerance,
+            t_eval=(until_s,),
+        )  # fmt: skip
+        if solution.status != 0:
+            raise RuntimeError(solution.message)
+        return solution
+
+    return run
+
+
+def end(run: Callable[[FloatArray], Solution]) -> Solver:
+    """Return a solver's function from start to end."""
+    return lambda start: run(start).y_end
+
+
+def with_mujoco(plate: Plate, setting: Setting) -> Solver:
+    """Return MuJoCo as a function from start to end."""
+    simulation, count = plate_simulation(plate, setting), steps(setting, UNTIL_S)
+
+    def run(start: FloatArray) -> FloatArray:
+        simulation.start(start)
+        simulation.step_in_c(count)
+        return simulation.state()
+
+    return run
+
+
+def solvers(plate: Plate) -> dict[str, Solver]:
+    """Return the solvers that run at every number of contacts."""
+    ours = {name: end(with_hopdata(plate, *options)) for name, options in OURS.items()}
+    return ours | {name: with_mujoco(plate, setting) for name, setting in MUJOCO.items()}
+
+
+def in_turn(
+    runs: dict[Key, Solver], starts: FloatArray
+) -> tuple[dict[Key, FloatArray], dict[Key, FloatArray]]:
+    """Return the times, (S,), s, and the ends, (S, 6), of each solver; they take turns."""
+    times: dict[Key, list[float]] = {name: [] for name in runs}
+    ends: dict[Key, list[FloatArray]] = {name: [] for name in runs}
+    for start in starts:
+        for name, run in runs.items():
+            best, last = timed(partial(run, start))
+            if best < LONG_S:
+                best = min(best, timed(partial(run, start))[0])
+            times[name].append(best)
+            ends[name].append(last)
+    return {k: np.array(v) for k, v in times.items()}, {k: np.array(v) for k, v in ends.items()}
+
+
+def rows_of(
+    n: int, times_s: dict[str, FloatArray], ends: dict[str, FloatArray], exact: FloatArray
+) -> list[dict[str, Any]]:
+    """Return the rows of all solvers at one number of contacts, n."""
+    rows = []
+    for name, times in times_s.items():
+        low, median, high = 1e6 / UNTIL_S * np.percentile(times, [25, 50, 75])
+        errors = np.abs(ends[name] - exact).max(axis=1)
+        rows.append(
+            {
+                "solver": name,
+                "n_contacts": n,
+                "n_starts": len(times),
+                "time_median_us_per_s": median,
+                "time_q25_us_per_s": low,
+                "time_q75_us_per_s": high,
+                "error_median": np.median(errors),
+                "error_max": errors.max(),
+            }
+        )
+    return rows
+
+
+def checked(plate: Plate, starts: FloatArray, exact: FloatArray) -> list[dict[str, Any]]:
+    """Return rows of the slow solvers, and of our tightest against the independent reference."""
+    n, starts, exact = plate.n_contacts, starts[:N_CHECKED], exact[:N_CHECKED]
+    fine = {name: with_mujoco(plate, setting) for name, setting in MUJOCO_MORE.items()}
+    runs = {"hopdata tightest": end(with_hopdata(plate, TIGHTEST, {}))} | fine
+    rows = rows_of(n, *in_turn(runs, starts), exact)
+    reference = np.array([reference_end(plate, start, UNTIL_S) for start in starts])
+    deviation = np.abs(exact - reference).max(axis=1)
+    rows[0] |= {"error_median": np.median(deviation), "error_max": deviation.max()}
+    return rows
+
+
+def own_law_errors(plate: Plate, starts: FloatArray) -> dict[str, float]:
+    """Return the median error of MuJoCo's contacts against the limit of their own law."""
+    limit = with_mujoco(plate, LIMIT)
+    few = starts[:N_CHECKED]
+    ends = np.array([limit(start) for start in few])
+    contacts = {k: v for k, v in (MUJOCO | MUJOCO_MORE).items() if v.spring == "contact"}
+    return {
+        name: float(np.median([np.abs(run(s) - e).max() for s, e in zip(few, ends, strict=True)]))
+        for name, run in ((k, with_mujoco(plate, v)) for k, v in contacts.items())
+    }
+
+
+def measure() -> tuple[pd.DataFrame, dict[str, FloatArray]]:
+    """Return the table, and the times of each solver, (len(CONTACTS), N_STARTS), s."""
+    starts = Plate().initial_states(N_STARTS, SEED)
+    runs = {(n, name): run for n in CONTACTS for name, run in solvers(Plate(n)).items()}
+    times, ends = in_turn(runs, starts)  # numbers of contacts take turns as well
+    rows: list[dict[str, Any]] = []
+    for n in CONTACTS:
+        plate = Plate(n)
+        tightest = end(with_hopdata(plate, TIGHTEST, {}))
+        exact = np.array([tightest(start) for start in starts])
+        own_times, own_ends = ({k: x[n, k] for k in (*OURS, *MUJOCO)} for x in (times, ends))
+        rows += rows_of(n, own_times, own_ends, exact)
+        if n in CHECKED:
+            rows += checked(plate, starts, exact)
+            law = own_law_errors(plate, starts)
+            for one in rows:
+                if one["n_contacts"] == n:
+                    one["own_law_error_median"] = law.get(one["solver"], np.nan)
+    by_solver = {name: np.array([times[n, name] for n in CONTACTS]) for name in (*OURS, *MUJOCO)}
+    return pd.DataFrame(rows), by_solver
+
+
+def slopes(n: FloatArray, times: FloatArray) -> FloatArray:
+    """Return the slopes, (...,), of times (..., len(n)) against n by least squares."""
+    centred = n - n.mean()
+    return np.asarray(times @ centred / (centred @ centred))
+
+
+def marginal(times: dict[str, FloatArray]) -> pd.DataFrame:
+    """Return the time per further contact, over all and in windows, with bootstrap bands."""
+    rng, rows, counts = np.random.default_rng(SEED), [], np.array(CONTACTS, dtype=float)
+    draws = rng.integers(0, N_STARTS, (N_BOOTSTRAP, N_STARTS))
+    for name, sample in times.items():
+        medians = 1e6 / UNTIL_S * np.median(sample, axis=1)
+        drawn = 1e6 / UNTIL_S * np.array([np.median(sample[:, draw], axis=1) for draw in draws])
+        windows = [("all", slice(None))] + [
+            ("local", slice(at - WINDOW, at + WINDOW + 1))
+            for at in range(WINDOW, len(counts) - WINDOW)
+        ]
+        for kind, part in windows:
+            low, high = np.percentile(slopes(counts[part], drawn[:, part]), [2.5, 97.5])
+            rows.append(
+                {
+                    "solver": name,
+                    "window": kind,
+                    "n_contacts": counts[part].mean(),
+                    "marginal_us_per_contact_s": float(slopes(counts[part], medians[part])),
+                    "low95_us_per_contact_s": low,
+                    "high95_us_per_contact_s": high,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def scaling() -> pd.DataFrame:
+    """Time our solver, in all forms of the scene, for very many contacts."""
+    rows = []
+    for n in SCALING:
+        plate = Plate(n)
+        starts = plate.initial_states(N_SCALING, SEED)
+        for name in ("hopdata", "hopdata sums", "hopdata sparse"):
+            tolerance, form = OURS[name]
+            if n > LARGEST_PLAIN and not form.get("sparse"):
+                continue
+            run = with_hopdata(plate, tolerance, form, SCALING_S)
+            run(starts[0])
+            timings = [timed(partial(run, start)) for start in starts]
+            low, median, high = 1e3 * np.percentile([one for one, _ in timings], [25, 50, 75])
+            events = float(np.median([len(solution.events) for _, solution in timings]))
+            rows.append(
+                {
+                    "solver": name,
+                    "n_contacts": n,
+                    "simulated_s": SCALING_S,
+                    "n_starts": N_SCALING,
+                    "n_events_median": events,
+                    "time_median_ms": median,
+                    "time_q25_ms": low,
+                    "time_q75_ms": high,
+                    "time_us_per_event": 1e3 * median / events,
+                    "time_us_per_contact_s": 1e3 * median / n / SCALING_S,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    out = parser.parse_args().out
+    out.parent.mkdir(parents=True, exist_ok=True)
+    table, times = measure()
+    table.assign(**machine("mujoco", "scipy")).to_csv(out, index=False)
+    slope = marginal(times)
+    slope.to_csv(out.with_name(f"{out.stem}_marginal.csv"), index=False)
+    large = scaling()
+    large.to_csv(out.with_name(f"{out.stem}_scaling.csv"), index=False)
+    print(table[table["n_contacts"].isin(CHECKED)].to_string(index=False))
+    print(slope[slope["window"] == "all"].to_string(index=False))
+    print(large.to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
