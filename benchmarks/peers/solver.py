@@ -1,0 +1,42 @@
+"""What every peer offers: named solvers that take a tolerance and give something to run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+Run = Callable[[], FloatArray]
+
+# Where only the nearest guard is watched, an event is placed this far behind the surface, so that
+# the guard which has just flipped starts on the right side of zero. It moves an instant by this
+# over the speed of crossing: nothing beside the errors that are compared.
+HYSTERESIS = 1e-14
+MOST_EVENTS = 10_000
+
+
+@dataclass(frozen=True)
+class Solver:
+    """One way to integrate a scene.
+
+    Parameters
+    ----------
+    package : str
+        What it belongs to; "hopdata" is ours.
+    name : str
+        Package, method, and what its user functions are.
+    prepare : callable
+        Takes the tolerance (relative and absolute) and returns a function that integrates the
+        scene once and returns the final state; all that can be done beforehand is done in it.
+    """
+
+    package: str
+    name: str
+    prepare: Callable[[float], Run]
+
+
+class LostEventError(RuntimeError):
+    """An integration did not come to its end."""
