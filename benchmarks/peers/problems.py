@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from exact import hopper_end, octant_end
+from exact import hopper_end, octant_end, plate_end
 from numpy.typing import NDArray
 
 from hopdata.hybrid import System
@@ -52,8 +52,8 @@ class Problem:
         ``coefficients(locks)`` is c as a tuple, for an array of locks, -1.0 or 1.0.
     system, params
         The same for `hopdata.hybrid.solve`.
-    end : array, optional
-        Exact final state.
+    end : array
+        Exact final state, (n,).
     """
 
     name: str
@@ -65,7 +65,7 @@ class Problem:
     coefficients: Formula
     system: System
     params: tuple[float, ...]
-    end: FloatArray | None = None
+    end: FloatArray
 
     @property
     def start(self) -> FloatArray:
@@ -169,7 +169,8 @@ def plate_problem() -> Problem:
 
     def height(m: Any) -> Formula:
         def h(y: Any, k: Any) -> Any:
-            return rest + m.tan(y[2]) * (y[0] - places[k]) - y[1]
+            tan = m.tan(y[2])
+            return rest - y[1] + tan * y[0] - tan * places[k]  # the first part is common to all
 
         return h
 
@@ -179,7 +180,7 @@ def plate_problem() -> Problem:
 
     return Problem(
         "plate", PLATE_SPAN, PLATE_START, plate.n_contacts, slope, height, coefficients,
-        plate.system(), plate.params,
+        plate.system(), plate.params, plate_end(),
     )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ def solvers(problem: Problem) -> list[Solver]:
     functions = compiled(problem)
     kinds = {"Python": partial(begin_plain, problem), "Numba": partial(begin_compiled, functions)}
     return [
-        Solver("SciPy", f"SciPy {method}, {kind}", partial(prepare, problem, begin, method))
+        Solver("SciPy", f"SciPy, {kind}", method, partial(prepare, problem, begin, method))
         for kind, begin in kinds.items()
         for method in METHODS
     ]

@@ -26,16 +26,22 @@ class Solver:
     ----------
     package : str
         What it belongs to; "hopdata" is ours.
-    name : str
-        Package, method, and what its user functions are.
+    way : str
+        How the package is used: what its user functions are, or who calls it.
+    method : str
+        The integration method.
     prepare : callable
         Takes the tolerance (relative and absolute) and returns a function that integrates the
         scene once and returns the final state; all that can be done beforehand is done in it.
+    trajectories : int
+        How often one call of that function integrates the scene.
     """
 
     package: str
-    name: str
+    way: str
+    method: str
     prepare: Callable[[float], Run]
+    trajectories: int = 1
 
 
 class LostEventError(RuntimeError):

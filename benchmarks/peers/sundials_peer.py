@@ -21,10 +21,10 @@ METHODS = ("Adams", "BDF")
 def solvers(problem: Problem) -> list[Solver]:
     """Return CVODE's two methods, through scikit-sundae and through C."""
     functions = compiled(problem)
-    ways = {"CVODE {}, scikit-sundae": prepare_wrapped, "CVODE {}, C": prepare_library}
+    ways = {"CVODE, scikit-sundae": prepare_wrapped, "CVODE, C": prepare_library}
     return [
-        Solver("SUNDIALS", name.format(method), partial(way, problem, functions, method))
-        for name, way in ways.items()
+        Solver("SUNDIALS", way, method, partial(prepare, problem, functions, method))
+        for way, prepare in ways.items()
         for method in METHODS
     ]
 
