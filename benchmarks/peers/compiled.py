@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from peers.problems import Problem
 from peers.solver import HYSTERESIS, FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Compiled:
     """Compiled functions on ``data``, which holds the coefficients, then the locks.
 
@@ -36,6 +37,7 @@ class Compiled:
     flip: Any
 
 
+@cache
 def compiled(problem: Problem) -> Compiled:
     """Compile a scene (at the first call of each function)."""
     rate, height = njit(problem.slope(math)), njit(problem.height(math))

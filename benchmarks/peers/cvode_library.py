@@ -60,6 +60,7 @@ def pointer_to(typing: Any, address: Any) -> Any:  # noqa: ARG001
     return types.CPointer(types.float64)(types.uintp), generate
 
 
+@cache
 def callbacks(functions: Compiled, n_states: int) -> tuple[Any, Any]:
     """Return right-hand side and root function as C functions."""
     fill, nearest, n_data = functions.fill, functions.nearest, len(functions.data)
@@ -85,6 +86,7 @@ def callbacks(functions: Compiled, n_states: int) -> tuple[Any, Any]:
     return rates, roots
 
 
+@cache
 def compiled_loop(flip: Any) -> Any:
     """Return the loop over the events, compiled."""
     functions = library()

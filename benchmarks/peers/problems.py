@@ -29,7 +29,7 @@ PLATE_START = (0.0, 2.5, 0.05, 0.0, 0.0, 0.0)
 PLATE_SPAN = (0.0, 1.0)  # one bounce: each spring is met and left once
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Problem:
     """A scene as a peer needs it.
 
