@@ -21,21 +21,30 @@ from peers.solver import HYSTERESIS, MOST_EVENTS, FloatArray, LostEventError, Ru
 jax.config.update("jax_enable_x64", True)
 
 METHODS = {"Tsit5": diffrax.Tsit5, "Dopri5": diffrax.Dopri5, "Dopri8": diffrax.Dopri8}
+# Newton's method takes half the time, but may leave the step to the left and find the guard that
+# has just flipped. Its last correction is the square of this tolerance.
+FINDERS = {
+    "bisection": optimistix.Bisection(rtol=1e-15, atol=1e-15, flip="detect"),
+    "Newton": optimistix.Newton(rtol=1e-10, atol=1e-10),
+}
+CHOICES = (
+    ("Tsit5", "bisection"), ("Tsit5", "Newton"), ("Dopri5", "bisection"), ("Dopri5", "Newton"),
+    ("Dopri8", "bisection"),
+)  # fmt: skip
 MOST_STEPS = 100_000  # between two events
 
 
 def solvers(problem: Problem) -> list[Solver]:
-    """Return three explicit Runge-Kutta methods."""
-    return [Solver("diffrax", "diffrax", name, partial(prepare, problem, name)) for name in METHODS]
+    """Return explicit Runge-Kutta methods with one or both root finders."""
+    return [
+        Solver("diffrax", "diffrax", f"{name}, {finder}", partial(prepare, problem, name, finder))
+        for name, finder in CHOICES
+    ]
 
 
-_problems: dict[str, Problem] = {}
-
-
-def prepare(problem: Problem, method: str, tolerance: float) -> Run:
+def prepare(problem: Problem, method: str, finder: str, tolerance: float) -> Run:
     """Compile once for all tolerances; return a function that runs it."""
-    _problems[problem.name] = problem
-    call, start = compiled_trajectory(problem.name, method), jnp.array(problem.start)
+    call, start = compiled_trajectory(problem, method, finder), jnp.array(problem.start)
     traced = jnp.asarray(tolerance)
 
     def run() -> FloatArray:
@@ -48,14 +57,14 @@ def prepare(problem: Problem, method: str, tolerance: float) -> Run:
 
 
 @cache
-def compiled_trajectory(name: str, method: str) -> Any:
+def compiled_trajectory(problem: Problem, method: str, finder: str) -> Any:
     """Compile the whole trajectory: (y0, tolerance) to the time and state reached, and events."""
-    problem = _problems[name]
     shapes = (jnp.array(problem.start), jnp.asarray(1e-6))
-    return jax.jit(partial(trajectory, problem, METHODS[method]())).lower(*shapes).compile()
+    function = partial(trajectory, problem, METHODS[method](), FINDERS[finder])
+    return jax.jit(function).lower(*shapes).compile()
 
 
-def trajectory(problem: Problem, method: Any, y0: Any, tolerance: Any) -> Any:
+def trajectory(problem: Problem, method: Any, finder: Any, y0: Any, tolerance: Any) -> Any:
     """Return the time and the state reached, and how many events there were."""
     slope, height, end = problem.slope(jnp), problem.height(jnp), problem.t_span[1]
     guards = np.arange(problem.n_guards)
@@ -66,7 +75,6 @@ def trajectory(problem: Problem, method: Any, y0: Any, tolerance: Any) -> Any:
     def nearest(t: Any, y: Any, args: Any, **_: Any) -> Any:  # noqa: ARG001
         return jnp.min(args[1] * height(y, guards)) + HYSTERESIS
 
-    finder = optimistix.Newton(rtol=1e-10, atol=1e-10)
     event = diffrax.Event(nearest, finder, direction=False)
 
     def to_next_event(carry: Any) -> Any:
