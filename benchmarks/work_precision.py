@@ -5,10 +5,10 @@
 Writes the table, beside it `ratios.csv` (times at an error of 1e-9 over ours), and the figure
 `work_precision.svg` and `.png`. One process, one thread. At each tolerance all solvers take turns;
 times are of one trajectory, in CPU time of the process (other programs count for little), median
-and quartiles over the turns. What a solver compiles or builds
-is not in them but in `compile_s`, which is the first call's excess over the second, with all that
-goes before it. `error_max` is the largest deviation of the final state from the exact one. A
-solver that fails, or is not installed, has a row that says so.
+and quartiles over the turns. What a solver compiles or builds is not in them but in `compile_s`,
+the first call's excess over the second with all that goes before it. `setting` is the relative and
+absolute tolerance, or MuJoCo's time step, s. `error_max` is the largest deviation of the final
+state from the exact one. A solver that fails, or is not installed, has a row that says so.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -34,22 +35,22 @@ from peers.solver import FloatArray, Solver
 from hopdata.figures.saving import save_figure
 from hopdata.figures.work_precision import work_precision_figure
 
-TOLERANCES = tuple(10.0**-k for k in range(4, 14))
 FAR_OFF = 0.1  # no tolerance here explains it
 BLOCK_S = 500e-6  # calls in a row, at least so long, for one timing
-BUDGET_S = 0.08  # for all timings of a solver at a tolerance, ...
+BUDGET_S = 0.06  # for all timings of a solver at a setting, ...
 FEWEST = 3  # ... but at least so many
 COLUMNS = (
-    "scene", "package", "way", "method", "tolerance", "error_max", "time_median_us", "time_q25_us",
+    "scene", "package", "way", "method", "setting", "error_max", "time_median_us", "time_q25_us",
     "time_q75_us", "timings", "compile_s", "status",
 )  # fmt: skip
 
 
 @dataclass
 class Entry:
-    """A solver at one tolerance: what is known of it, and its timings, s."""
+    """A solver at one setting: what is known of it, and its timings, s."""
 
     solver: Solver
+    setting: float
     run: Callable[[], FloatArray] | None = None
     error: float = np.nan
     compile_s: float = np.nan
@@ -68,11 +69,11 @@ class Entry:
         self.times.append(spent / (self.calls * self.solver.trajectories))
 
 
-def entered(solver: Solver, problem: Problem, tolerance: float, turns: int) -> Entry:
+def entered(solver: Solver, problem: Problem, setting: float, turns: int) -> Entry:
     """Prepare a solver and run it twice: for its error, and to see how long it takes."""
-    entry, start = Entry(solver), time.process_time()
+    entry, start = Entry(solver, setting), time.process_time()
     try:
-        entry.run = solver.prepare(tolerance)
+        entry.run = solver.prepare(setting)
         entry.error = float(np.abs(entry.run() - problem.end).max())
         first = time.process_time() - start
         entry.run()
@@ -95,22 +96,26 @@ def measure(problem: Problem, turns: int) -> list[tuple[object, ...]]:
         (problem.name, package, package, "", *[np.nan] * 5, 0, np.nan, f"absent: {reason}")
         for package, reason in absent.items()
     ]
-    for tolerance in TOLERANCES:
-        entries = [entered(solver, problem, tolerance, turns) for solver in solvers]
+    for settings in zip_longest(*(solver.settings for solver in solvers)):
+        entries = [
+            entered(solver, problem, setting, turns)
+            for solver, setting in zip(solvers, settings, strict=True)
+            if setting is not None
+        ]
         for turn in range(turns):
             for entry in entries:
                 if turn < entry.wanted:
                     entry.time_block()
-        rows += [row(problem, tolerance, entry) for entry in entries]
+        rows += [row(problem, entry) for entry in entries]
     return rows
 
 
-def row(problem: Problem, tolerance: float, entry: Entry) -> tuple[object, ...]:
+def row(problem: Problem, entry: Entry) -> tuple[object, ...]:
     """Return what is written of an entry."""
     s, us = entry.solver, 1e6 * np.array(entry.times or [np.nan])
     low, median, high = np.percentile(us, [25, 50, 75])
     return (
-        problem.name, s.package, s.way, s.method, tolerance, entry.error, median, low, high,
+        problem.name, s.package, s.way, s.method, entry.setting, entry.error, median, low, high,
         len(entry.times), entry.compile_s, entry.status,
     )  # fmt: skip
 

@@ -16,6 +16,7 @@ Run = Callable[[], FloatArray]
 # over the speed of crossing: nothing beside the errors that are compared.
 HYSTERESIS = 1e-14
 MOST_EVENTS = 10_000
+TOLERANCES = tuple(10.0**-k for k in range(4, 14))
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,8 @@ class Solver:
         scene once and returns the final state; all that can be done beforehand is done in it.
     trajectories : int
         How often one call of that function integrates the scene.
+    settings : tuple of float
+        What to prepare it for: tolerances, or time steps where it has no tolerance.
     """
 
     package: str
@@ -42,6 +45,7 @@ class Solver:
     method: str
     prepare: Callable[[float], Run]
     trajectories: int = 1
+    settings: tuple[float, ...] = TOLERANCES
 
 
 class LostEventError(RuntimeError):

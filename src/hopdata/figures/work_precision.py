@@ -52,7 +52,7 @@ def work_precision_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        One row a scene, solver and tolerance: ``scene, way, method, tolerance, error_max,
+        One row a scene, solver and setting: ``scene, way, method, setting, error_max,
         time_median_us, time_q25_us, time_q75_us``. Rows without a time are left out.
     chosen : DataFrame
         One row a scene and solver: ``scene, way, method, error`` (at which they are compared), and
@@ -87,7 +87,7 @@ def _draw_scene(axes: Axes, rows: pd.DataFrame, strong: set[tuple[Any, Any]]) ->
     for key, line in rows.groupby(["way", "method"], sort=False):
         way, method = key
         colour, dash, marker = WAYS.get(str(way), OTHER_WAY)
-        ordered = line.sort_values("tolerance", ascending=False)
+        ordered = line.sort_values("setting", ascending=False)
         error, median = ordered["error_max"], ordered["time_median_us"]
         if (way, method) not in strong:
             axes.plot(error, median, color=colour, linewidth=0.5, alpha=0.35, zorder=1)
