@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 import hopdata.hybrid as hybrid
+from hopdata.hybrid import System
 from peers.problems import Problem
 from peers.solver import FloatArray, LostEventError, Run, Solver
 
@@ -18,19 +19,28 @@ BATCH = 200
 
 def solvers(problem: Problem) -> list[Solver]:
     """Return each method that `solve` has, in a call of its own and in a batch."""
-    methods = METHODS if "method" in signature(hybrid.solve).parameters else ("dopri5",)
-    if getattr(problem.system, "affine", None) is None:
-        methods = tuple(method for method in methods if method != "taylor")
-    single = [
-        Solver("hopdata", "hopdata, call", name, partial(prepare, problem, name))
-        for name in methods
+    forms = {"": (problem.system, problem.params)}
+    if problem.sparse is not None:
+        forms[", sparse"] = problem.sparse
+    ways: dict[str, tuple[Any, int]] = {"hopdata, call": (prepare, 1)}
+    if hasattr(hybrid, "solve_batch"):
+        ways["hopdata, batch"] = (prepare_batch, BATCH)
+    return [
+        Solver(
+            "hopdata", way, method + form, partial(prepared, problem, system, params, method), count
+        )
+        for form, (system, params) in forms.items()
+        for method in methods_for(system)
+        for way, (prepared, count) in ways.items()
     ]
-    if not hasattr(hybrid, "solve_batch"):
-        return single
-    return single + [
-        Solver("hopdata", "hopdata, batch", name, partial(prepare_batch, problem, name), BATCH)
-        for name in methods
-    ]
+
+
+def methods_for(system: System) -> tuple[str, ...]:
+    """Return the methods that serve a system; Taylor's is for affine modes."""
+    if "method" not in signature(hybrid.solve).parameters:
+        return ("dopri5",)
+    affine = getattr(system, "affine", None) is not None
+    return tuple(method for method in METHODS if affine or method != "taylor")
 
 
 def options(function: Any, method: str, tolerance: float) -> dict[str, Any]:
@@ -41,10 +51,11 @@ def options(function: Any, method: str, tolerance: float) -> dict[str, Any]:
     return chosen
 
 
-def prepare(problem: Problem, method: str, tolerance: float) -> Run:
+def prepare(
+    problem: Problem, system: System, params: tuple[float, ...], method: str, tolerance: float
+) -> Run:
     """Return one call."""
-    system, span, y0, params = problem.system, problem.t_span, problem.y0, problem.params
-    chosen = options(hybrid.solve, method, tolerance)
+    span, y0, chosen = problem.t_span, problem.y0, options(hybrid.solve, method, tolerance)
 
     def run() -> FloatArray:
         solution = hybrid.solve(system, span, y0, params=params, **chosen)
@@ -55,16 +66,16 @@ def prepare(problem: Problem, method: str, tolerance: float) -> Run:
     return run
 
 
-def prepare_batch(problem: Problem, method: str, tolerance: float) -> Run:
+def prepare_batch(
+    problem: Problem, system: System, params: tuple[float, ...], method: str, tolerance: float
+) -> Run:
     """Return a batch of the same trajectory, on one thread."""
     solve_batch: Any = hybrid.solve_batch  # type: ignore[attr-defined]
-    states, params = np.tile(problem.start, (BATCH, 1)), np.array(problem.params)
+    states, span = np.tile(problem.start, (BATCH, 1)), problem.t_span
     chosen = options(solve_batch, method, tolerance)
 
     def run() -> FloatArray:
-        batch = solve_batch(
-            problem.system, problem.t_span, states, params=params, workers=1, **chosen
-        )
+        batch = solve_batch(system, span, states, params=params, workers=1, **chosen)
         return batch.y_end[-1]
 
     return run

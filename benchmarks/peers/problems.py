@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 from exact import hopper_end, octant_end, plate_end
+from hopdata.scenes.plate import Plate
 from numpy.typing import NDArray
 
 from hopdata.hybrid import System
 from hopdata.scenes import octant as octant_scene
 from hopdata.scenes.octant import octant
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.vertical_hopper import VerticalHopper
 
 FloatArray = NDArray[np.float64]
@@ -54,6 +54,8 @@ class Problem:
         The same for `hopdata.hybrid.solve`.
     end : array
         Exact final state, (n,).
+    sparse : tuple, optional
+        System and parameters of its form for many guards, if there is one.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Problem:
     system: System
     params: tuple[float, ...]
     end: FloatArray
+    sparse: tuple[System, tuple[float, ...]] | None = None
 
     @property
     def start(self) -> FloatArray:
@@ -181,6 +184,7 @@ def plate_problem() -> Problem:
     return Problem(
         "plate", PLATE_SPAN, PLATE_START, plate.n_contacts, slope, height, coefficients,
         plate.system(), plate.params, plate_end(),
+        (plate.system(sparse=True), plate.sparse_params(PLATE_START)),
     )  # fmt: skip
 
 
