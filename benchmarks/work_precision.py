@@ -6,7 +6,7 @@ Writes the table, beside it `ratios.csv` (times at an error of 1e-9 over ours), 
 `work_precision.svg` and `.png`. One process, one thread. At each tolerance all solvers take turns;
 times are of one trajectory, in CPU time of the process (other programs count for little), median
 and quartiles over the turns. What a solver compiles or builds is not in them but in `compile_s`,
-the first call's excess over the second with all that goes before it. `setting` is the relative and
+the first call's excess over the second with all that goes before it, on the clock. `setting` is the relative and
 absolute tolerance, or MuJoCo's time step, s. `error_max` is the largest deviation of the final
 state from the exact one. A solver that fails, or is not installed, has a row that says so.
 """
@@ -71,16 +71,16 @@ class Entry:
 
 def entered(solver: Solver, problem: Problem, setting: float, turns: int) -> Entry:
     """Prepare a solver and run it twice: for its error, and to see how long it takes."""
-    entry, start = Entry(solver, setting), time.process_time()
+    entry, start = Entry(solver, setting), time.perf_counter()
     try:
         entry.run = solver.prepare(setting)
         entry.error = float(np.abs(entry.run() - problem.end).max())
-        first = time.process_time() - start
+        first = time.perf_counter() - start
         entry.run()
     except Exception as error:  # whatever a peer raises is its result
         entry.run, entry.status = None, f"failed: {type(error).__name__}: {error}".splitlines()[0]
         return entry
-    second = time.process_time() - start - first
+    second = time.perf_counter() - start - first
     entry.compile_s = max(first - second, 0.0)
     entry.calls = max(1, round(BLOCK_S / second))
     entry.wanted = int(np.clip(BUDGET_S / (entry.calls * second), FEWEST, turns))
