@@ -6,9 +6,10 @@ Writes the table, beside it `ratios.csv` (times at an error of 1e-9 over ours), 
 `work_precision.svg` and `.png`. One process, one thread. At each tolerance all solvers take turns;
 times are of one trajectory, in CPU time of the process (other programs count for little), median
 and quartiles over the turns. What a solver compiles or builds is not in them but in `compile_s`,
-the first call's excess over the second with all that goes before it, on the clock. `setting` is the relative and
-absolute tolerance, or MuJoCo's time step, s. `error_max` is the largest deviation of the final
-state from the exact one. A solver that fails, or is not installed, has a row that says so.
+the first call's excess over the second with all that goes before it, on the clock. `setting` is
+the relative and absolute tolerance, or MuJoCo's time step, s. `error_max` is the largest deviation
+of the final state from the exact one. A solver that fails, or is not installed, has a row that
+says so.
 """
 
 from __future__ import annotations
