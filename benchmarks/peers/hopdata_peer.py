@@ -19,17 +19,13 @@ BATCH = 200
 
 def solvers(problem: Problem) -> list[Solver]:
     """Return each method that `solve` has, in a call of its own and in a batch."""
-    forms = {"": (problem.system, problem.params)}
-    if problem.sparse is not None:
-        forms[", sparse"] = problem.sparse
+    forms = {"": problem.system} | {f", {name}": form for name, form in problem.forms.items()}
     ways: dict[str, tuple[Any, int]] = {"hopdata, call": (prepare, 1)}
     if hasattr(hybrid, "solve_batch"):
         ways["hopdata, batch"] = (prepare_batch, BATCH)
     return [
-        Solver(
-            "hopdata", way, method + form, partial(prepared, problem, system, params, method), count
-        )
-        for form, (system, params) in forms.items()
+        Solver("hopdata", way, method + form, partial(prepared, problem, system, method), count)
+        for form, system in forms.items()
         for method in methods_for(system)
         for way, (prepared, count) in ways.items()
     ]
@@ -51,14 +47,12 @@ def options(function: Any, method: str, tolerance: float) -> dict[str, Any]:
     return chosen
 
 
-def prepare(
-    problem: Problem, system: System, params: tuple[float, ...], method: str, tolerance: float
-) -> Run:
+def prepare(problem: Problem, system: System, method: str, tolerance: float) -> Run:
     """Return one call."""
     span, y0, chosen = problem.t_span, problem.y0, options(hybrid.solve, method, tolerance)
 
     def run() -> FloatArray:
-        solution = hybrid.solve(system, span, y0, params=params, **chosen)
+        solution = hybrid.solve(system, span, y0, params=problem.params, **chosen)
         if solution.status != 0:
             raise LostEventError(solution.message)
         return solution.y_end
@@ -66,16 +60,14 @@ def prepare(
     return run
 
 
-def prepare_batch(
-    problem: Problem, system: System, params: tuple[float, ...], method: str, tolerance: float
-) -> Run:
+def prepare_batch(problem: Problem, system: System, method: str, tolerance: float) -> Run:
     """Return a batch of the same trajectory, on one thread."""
     solve_batch: Any = hybrid.solve_batch  # type: ignore[attr-defined]
     states, span = np.tile(problem.start, (BATCH, 1)), problem.t_span
     chosen = options(solve_batch, method, tolerance)
 
     def run() -> FloatArray:
-        batch = solve_batch(system, span, states, params=params, workers=1, **chosen)
+        batch = solve_batch(system, span, states, params=problem.params, workers=1, **chosen)
         return batch.y_end[-1]
 
     return run

@@ -8,8 +8,8 @@ that a peer evaluates it once an event, not once a step: the springs of the plat
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -54,8 +54,8 @@ class Problem:
         The same for `hopdata.hybrid.solve`.
     end : array
         Exact final state, (n,).
-    sparse : tuple, optional
-        System and parameters of its form for many guards, if there is one.
+    forms : mapping
+        Other forms of that system, by name, for the same parameters.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Problem:
     system: System
     params: tuple[float, ...]
     end: FloatArray
-    sparse: tuple[System, tuple[float, ...]] | None = None
+    forms: Mapping[str, System] = field(default_factory=dict)
 
     @property
     def start(self) -> FloatArray:
@@ -184,7 +184,7 @@ def plate_problem() -> Problem:
     return Problem(
         "plate", PLATE_SPAN, PLATE_START, plate.n_contacts, slope, height, coefficients,
         plate.system(), plate.params, plate_end(),
-        (plate.system(sparse=True), plate.sparse_params(PLATE_START)),
+        {"sums": plate.system(sums=True), "sparse": plate.system(sparse=True)},
     )  # fmt: skip
 
 
