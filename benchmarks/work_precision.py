@@ -1,0 +1,157 @@
+"""Error and time of the integrator beside its peers on three scenes, at all tolerances.
+
+    python benchmarks/work_precision.py --out work_precision.csv
+
+Writes the table, beside it `ratios.csv` (times at an error of 1e-9 over ours), and the figure
+`work_precision.svg` and `.png`. One process, one thread. At each tolerance all solvers take turns;
+times are of one trajectory, in CPU time of the process (other programs count for little), median
+and quartiles over the turns. What a solver compiles or builds is not in them but in `compile_s`,
+the first call's excess over the second with all that goes before it, on the clock. `setting` is
+the relative and absolute tolerance, or MuJoCo's time step, s. `error_max` is the largest deviation
+of the final state from the exact one. A solver that fails, or is not installed, has a row that
+says so.
+"""
+
+from __future__ import annotations
+
+import one_thread  # noqa: F401
+
+# isort: split
+import argparse
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from equal_error import EQUAL_ERROR, best_of_way, ratios
+from peers import solvers_of
+from peers.problems import Problem, problems
+from peers.solver import FloatArray, Solver
+
+from hopdata.figures.saving import save_figure
+from hopdata.figures.work_precision import work_precision_figure
+
+FAR_OFF = 0.1  # no tolerance here explains it
+BLOCK_S = 500e-6  # calls in a row, at least so long, for one timing
+BUDGET_S = 0.06  # for all timings of a solver at a setting, ...
+FEWEST = 3  # ... but at least so many
+COLUMNS = (
+    "scene", "package", "way", "method", "setting", "error_max", "time_median_us", "time_q25_us",
+    "time_q75_us", "timings", "compile_s", "status",
+)  # fmt: skip
+
+
+@dataclass
+class Entry:
+    """A solver at one setting: what is known of it, and its timings, s."""
+
+    solver: Solver
+    setting: float
+    run: Callable[[], FloatArray] | None = None
+    error: float = np.nan
+    compile_s: float = np.nan
+    calls: int = 1
+    wanted: int = 0
+    status: str = "ok"
+    times: list[float] = field(default_factory=list)
+
+    def time_block(self) -> None:
+        """Add one timing: the mean of some calls in a row."""
+        assert self.run is not None
+        start = time.process_time()
+        for _ in range(self.calls):
+            self.run()
+        spent = time.process_time() - start
+        self.times.append(spent / (self.calls * self.solver.trajectories))
+
+
+def entered(solver: Solver, problem: Problem, setting: float, turns: int) -> Entry:
+    """Prepare a solver and run it twice: for its error, and to see how long it takes."""
+    entry, start = Entry(solver, setting), time.perf_counter()
+    try:
+        entry.run = solver.prepare(setting)
+        entry.error = float(np.abs(entry.run() - problem.end).max())
+        first = time.perf_counter() - start
+        entry.run()
+    except Exception as error:  # whatever a peer raises is its result
+        entry.run, entry.status = None, f"failed: {type(error).__name__}: {error}".splitlines()[0]
+        return entry
+    second = time.perf_counter() - start - first
+    entry.compile_s = max(first - second, 0.0)
+    entry.calls = max(1, round(BLOCK_S / second))
+    entry.wanted = int(np.clip(BUDGET_S / (entry.calls * second), FEWEST, turns))
+    if not entry.error < FAR_OFF:
+        entry.status = "far off: perhaps an event was lost"
+    return entry
+
+
+def measure(problem: Problem, turns: int) -> list[tuple[object, ...]]:
+    """Return the rows of a scene."""
+    solvers, absent = solvers_of(problem)
+    rows: list[tuple[object, ...]] = [
+        (problem.name, package, package, "", *[np.nan] * 5, 0, np.nan, f"absent: {reason}")
+        for package, reason in absent.items()
+    ]
+    for settings in zip_longest(*(solver.settings for solver in solvers)):
+        entries = [
+            entered(solver, problem, setting, turns)
+            for solver, setting in zip(solvers, settings, strict=True)
+            if setting is not None
+        ]
+        for turn in range(turns):
+            for entry in entries:
+                if turn < entry.wanted:
+                    entry.time_block()
+        rows += [row(problem, entry) for entry in entries]
+    return rows
+
+
+def row(problem: Problem, entry: Entry) -> tuple[object, ...]:
+    """Return what is written of an entry."""
+    s, us = entry.solver, 1e6 * np.array(entry.times or [np.nan])
+    low, median, high = np.percentile(us, [25, 50, 75])
+    return (
+        problem.name, s.package, s.way, s.method, entry.setting, entry.error, median, low, high,
+        len(entry.times), entry.compile_s, entry.status,
+    )  # fmt: skip
+
+
+def print_ratios(at_equal_error: pd.DataFrame) -> None:
+    """Print the best of each package and scene."""
+    chosen: Any = at_equal_error[at_equal_error["best_of_package"] | (at_equal_error["note"] != "")]
+    for one in chosen.itertuples():
+        print(
+            f"{one.scene:16}{one.way:22}{one.method:8}{one.time_us:10.1f} us at {EQUAL_ERROR:g}, "
+            f"{one.ratio:8.2f} times ours, {one.ratio_to_batch:8.2f} times our batch {one.note}"
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    parser.add_argument("--turns", type=int, default=15, help="most timings of each solver")
+    parser.add_argument("--scenes", nargs="*", help="names of scenes; all by default")
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore")
+    rows: list[tuple[object, ...]] = []
+    for problem in problems():
+        if not arguments.scenes or problem.name in arguments.scenes:
+            rows += measure(problem, arguments.turns)
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    at_equal_error = ratios(table)
+    at_equal_error["best_of_way"] = best_of_way(at_equal_error)
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(arguments.out, index=False)
+    at_equal_error.to_csv(arguments.out.with_name("ratios.csv"), index=False)
+    figure = work_precision_figure(table, at_equal_error)
+    save_figure(figure, arguments.out.with_suffix(""))
+    print_ratios(at_equal_error)
+
+
+if __name__ == "__main__":
+    main()
