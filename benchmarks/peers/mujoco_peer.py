@@ -6,9 +6,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from hopdata.scenes.plate import Plate
 from mujoco_models import Setting, hopper_simulation, plate_simulation, steps
 
+from hopdata.scenes.plate import Plate
 from hopdata.scenes.vertical_hopper import VerticalHopper
 from peers.problems import Problem
 from peers.solver import FloatArray, Run, Solver

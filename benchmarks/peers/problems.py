@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 from exact import hopper_end, octant_end, plate_end
-from hopdata.scenes.plate import Plate
 from numpy.typing import NDArray
 
 from hopdata.hybrid import System
 from hopdata.scenes import octant as octant_scene
 from hopdata.scenes.octant import octant
+from hopdata.scenes.plate import Plate
 from hopdata.scenes.vertical_hopper import VerticalHopper
 
 FloatArray = NDArray[np.float64]

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from stress_known import KNOWN
 
 from hopdata.hybrid import Solution, System, solve
 
@@ -116,11 +115,5 @@ def check(case: Case) -> None:
 
 
 def params_of(cases: list[Case]) -> list[Any]:
-    """Return cases as parameters of a test; those known to fail are strictly expected to."""
-    return [pytest.param(case, id=str(case), marks=marks(str(case))) for case in cases]
-
-
-def marks(case: str) -> list[Any]:
-    """Return the mark of a case that is known to fail."""
-    reason = KNOWN.get(case)
-    return [pytest.mark.xfail(strict=True, reason=reason)] if reason else []
+    """Return cases as parameters of a test."""
+    return [pytest.param(case, id=str(case)) for case in cases]

@@ -18,7 +18,6 @@ from stress_failing import (
     seesaw,
     spiral,
 )
-from stress_known import KNOWN
 
 from hopdata.hybrid import solve
 
@@ -125,7 +124,6 @@ def test_a_bouncing_ball_comes_to_rest(restitution, directions):
     assert times[:9] == pytest.approx([1.0, *exact], abs=1e-9)
 
 
-@pytest.mark.xfail(strict=True, reason=KNOWN["spiral"])
 def test_a_spiral_winds_into_its_centre():
     system, params = spiral()
     solution = solve(system, (0, 3), [1.0, 0.0], params=params, **LIMIT)

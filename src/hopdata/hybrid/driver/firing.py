@@ -39,7 +39,7 @@ from hopdata.hybrid.driver.layout import (
 from hopdata.hybrid.driver.problem import Problem, eval_field, first_not_finite, guards_at_start
 from hopdata.hybrid.driver.saltation import saltate, saltate_handlers
 from hopdata.hybrid.driver.sleep import speed_at, wake_all
-from hopdata.hybrid.driver.surface import mark_due, time_resolution
+from hopdata.hybrid.driver.surface import mark_due, remember_residuals, time_resolution
 from hopdata.hybrid.status import (
     AFFINE_DIFFERS,
     FIELD_NOT_FINITE,
@@ -66,6 +66,15 @@ class Log(NamedTuple):
 
 
 @kernel
+def flips_alone(m: Memory, k: int) -> bool:
+    """Tell whether no other guard than k has flipped at this instant."""
+    for a in range(m.counts[N_AWAKE]):
+        if m.lists[AWAKE, a] != k and m.flags[FLIPS, m.lists[AWAKE, a]] != 0:
+            return False
+    return True
+
+
+@kernel
 def flip(p: Problem, m: Memory) -> int:
     """Flip the locks of all guards that are due; refuse the third flip at one instant."""
     for a in range(m.counts[N_AWAKE]):
@@ -79,7 +88,7 @@ def flip(p: Problem, m: Memory) -> int:
         if m.flags[FLIPS, k] > FLIPS_AT_ONCE:
             m.counts[CULPRIT] = k
             into_surface = m.clock[RATE_BELOW] > 0.0 and m.clock[RATE_ABOVE] < 0.0
-            return SLIDING if into_surface else ZENO
+            return SLIDING if into_surface and flips_alone(m, k) else ZENO
     return RUNNING
 
 
@@ -133,7 +142,7 @@ def refresh(p: Problem, m: Memory) -> int:
     """Evaluate field and guards anew at the present state and mode."""
     eval_field(p, m, m.clock[T], Y, K1)
     m.clock[SPEED] = speed_at(p, m, m.clock[T], Y, K1)
-    if first_not_finite(m.states, K1) >= 0:
+    if first_not_finite(m.states, K1) >= 0 or first_not_finite(m.states, Y) >= 0:
         return FIELD_NOT_FINITE
     address = p.methods[m.counts[METHOD], REFRESH]
     if address != 0 and not call_refresh(address, m.states, p.mode, p.params) < DISAGREEMENT:
@@ -191,3 +200,4 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
             status = TERMINATED
         if status != RUNNING or mark_due(p, m, H0, RATE0, resolution) == 0:
             return status
+        remember_residuals(p, m, H0)

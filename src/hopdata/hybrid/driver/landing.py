@@ -17,6 +17,7 @@ from hopdata.hybrid.driver.layout import (
     H1,
     KEND,
     N_AWAKE,
+    RATE0,
     RATE1,
     SCRATCH,
     SIZE,
@@ -28,10 +29,11 @@ from hopdata.hybrid.driver.layout import (
 from hopdata.hybrid.driver.localisation import CROSSING, DIP, PASS, first_cut
 from hopdata.hybrid.driver.problem import Problem, eval_field, guards_at_end
 from hopdata.hybrid.driver.stepping import take_step
-from hopdata.hybrid.driver.surface import mark_due, remember_residuals, time_resolution
+from hopdata.hybrid.driver.surface import blur, mark_due, remember_residuals, time_resolution
 
 MAX_POLISH = 8
 SPARED = 1e-2  # of the tolerance: error of the interpolant that is not worth another step
+FARTHEST = 0.1  # part of the step by which the interpolant may be wrong: beyond, h is not smooth
 RETAKE_ABOVE = 1e-4  # part of the step by which its end may be moved by a midpoint step
 
 
@@ -84,7 +86,7 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
     Returns its length and the guard on which it ends: a rival, if one turns out to be earlier.
     """
     t, whole = m.clock[T], m.clock[SPAN]
-    last, theta = span, span / whole
+    last, theta = FARTHEST * span, span / whole
     on_interpolant = (
         not p.first_order and m.clock[ERROR] * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED
     )
@@ -92,7 +94,6 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
     guards_at_end(p, m, t + span)
     for _ in range(MAX_POLISH):
         shift, k = nearest_surface(p, m, k)
-        shift = max(shift, -0.5 * span)
         if not resolution < abs(shift) < last:
             break
         last = abs(shift)
@@ -114,7 +115,7 @@ def end_at_dips(p: Problem, m: Memory, dt: float) -> tuple[float, int, int, floa
     kind, k, theta = PASS, -1, 1.0
     for _ in range(2 * m.counts[N_AWAKE] + 4):
         kind, k, theta = first_cut(p, m, dt)
-        if kind != DIP:
+        if kind != DIP or theta * dt <= time_resolution(m.clock[T], dt):
             break
         dt *= theta
         take_step(p, m, m.clock[T], dt)
@@ -135,15 +136,26 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
     for a in range(m.counts[N_AWAKE]):
         j = m.lists[AWAKE, a]
         m.flags[DUE, j] = 0
-        m.guards[SIZE, j] = max(abs(m.guards[H0, j]), abs(m.guards[H1, j]))
+        size = max(abs(m.guards[H0, j]), abs(m.guards[H1, j]))
+        still_leaving = p.mode[j] * m.guards[H0, j] <= 0.0  # what it took for rounding stays so
+        m.guards[SIZE, j] = max(size, m.guards[SIZE, j]) if still_leaving else size
     resolution = time_resolution(m.clock[T], dt)
     if theta * dt <= resolution:
-        m.flags[DUE, k] = 1
-        return 0.0, 1
-    dt, k = land(p, m, k, theta * dt, resolution)
+        at_once = p.mode[k] * m.guards[H0, k] <= blur(
+            m.guards[H0, k], m.guards[RATE0, k], resolution
+        )
+        if at_once:
+            m.flags[DUE, k] = 1
+            remember_residuals(p, m, H0)
+            return 0.0, 1
+        dt = min(resolution, dt)  # an event function that jumps: just past it
+        take_step(p, m, m.clock[T], dt)
+        guards_at_end(p, m, m.clock[T] + dt)
+    else:
+        dt, k = land(p, m, k, theta * dt, resolution)
     total = mark_due(p, m, H1, RATE1, resolution)
     if total == 0 and p.mode[k] * m.guards[RATE1, k] < 0.0:
         m.flags[DUE, k] = 1
         total = 1
-    remember_residuals(m, H1)
+    remember_residuals(p, m, H1)
     return dt, total

@@ -17,12 +17,14 @@ from hopdata.hybrid.driver.layout import (
     RATE,
     RATE0,
     RATE1,
+    SIZE,
     H,
     Memory,
     T,
     index_numbers,
 )
 from hopdata.hybrid.driver.problem import Problem, guards_inside
+from hopdata.hybrid.driver.surface import EPS, blur, time_resolution
 
 PASS, CROSSING, DIP = 0, 1, 2
 ANY, PAST = index_numbers(2)  # which guards to suspect
@@ -31,7 +33,8 @@ GRAZE = 1e-2  # look closer at a dip that comes nearer than this, relative to th
 EDGE = 1e-6  # a dip this near to an end of the step is that end
 LEAVING = 1e-12  # a guard that has not left its surface by this part of the step never left
 ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the digits
-MAX_ROOT, MAX_DIP = 80, 12
+JUMP_ACCURACY = 4 * EPS  # of an event function that is not continuous
+MAX_ROOT, MAX_DIP, PATIENCE = 120, 40, 8
 
 
 @kernel
@@ -42,13 +45,16 @@ def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
 
 
 @kernel
-def suspect(g0: float, d0: float, g1: float, d1: float) -> tuple[int, float, float, float]:
+def suspect(
+    g0: float, d0: float, g1: float, d1: float, noise: float
+) -> tuple[int, float, float, float]:
     """Judge a guard by its cubic.
 
-    Takes margin and slope (per step) at both ends; returns the kind of suspicion, where to look
-    first, and a bracket.
+    Takes margin and slope (per step) at both ends, and what rounding may make of a margin that is
+    zero; returns the kind of suspicion, where to look first, and a bracket.
     """
-    crossed = g1 < 0.0 or (g1 == 0.0 and d1 < 0.0)
+    # A guard that has just flipped, and leaves, may still be on its old side by rounding.
+    crossed = g1 < -noise or (g1 <= 0.0 and d1 < 0.0)
     if not crossed and d0 >= 0.0 and d1 >= 0.0 and g1 >= g0 + 0.34 * max(d0, d1):
         return PASS, 1.0, 0.0, 1.0  # monotone (Fritsch and Carlson)
     lowest = min(g0, g0 + d0 / 3.0, g1 - d1 / 3.0, g1)  # of the Bezier points: a lower bound
@@ -62,6 +68,8 @@ def suspect(g0: float, d0: float, g1: float, d1: float) -> tuple[int, float, flo
     if crossed:
         high = bottom if deep < 0.0 and bottom > low else 1.0
         return CROSSING, cubic_root(g0, d0, g1, d1, low, high), low, high
+    if g0 <= noise and (d0 < 0.0 or g1 <= noise) and deep >= -noise:
+        return PASS, 1.0, 0.0, 1.0  # at its surface for all that rounding can tell, and stays there
     if deep < GRAZE * max(g0, g1):
         return DIP, bottom, low, 1.0
     return PASS, 1.0, 0.0, 1.0
@@ -77,6 +85,7 @@ def first_suspect(
     """
     g = m.guards
     best = (PASS, -1, NOWHERE, 0.0, 1.0)
+    resolution = time_resolution(m.clock[T], dt)
     for a in range(m.counts[N_AWAKE]):
         k = m.lists[AWAKE, a]
         lock = p.mode[k]
@@ -84,7 +93,8 @@ def first_suspect(
             continue
         g0, d0 = max(lock * g[H0, k], 0.0), lock * g[RATE0, k] * dt
         g1, d1 = lock * g[H1, k], lock * g[RATE1, k] * dt
-        kind, guess, low, high = suspect(g0, d0, g1, d1)
+        noise = blur(g[SIZE, k], g[RATE1, k], resolution)
+        kind, guess, low, high = suspect(g0, d0, g1, d1, noise)
         if kind != PASS and guess < best[2]:
             best = (kind, k, guess, low, high)
     return best
@@ -92,22 +102,26 @@ def first_suspect(
 
 @kernel
 def lowest_point(p: Problem, m: Memory, dt: float, k: int, theta: float) -> float:
-    """Refine the minimum of guard k on the interpolant by regula falsi on its rate."""
+    """Refine the minimum of guard k on the interpolant: its rate's root, by bisection at worst."""
     lock = p.mode[k]
     low, high = 0.0, 1.0
     slope_low, slope_high = lock * m.guards[RATE0, k], lock * m.guards[RATE1, k]
-    for _ in range(MAX_DIP):
+    for tries in range(MAX_DIP):
         probe(p, m, dt, theta)
         slope = lock * m.guards[RATE, k]
         if slope < 0.0:
             low, slope_low = theta, slope
         else:
             high, slope_high = theta, slope
-        if not slope_low < 0.0 <= slope_high:
+        if not slope_low < 0.0 <= slope_high or high - low < EDGE or slope == 0.0:
             break
         guess = low - slope_low * (high - low) / (slope_high - slope_low)
-        if abs(guess - theta) < EDGE:
-            break
+        if tries >= PATIENCE or not low < guess < high:
+            guess = 0.5 * (low + high)
+        elif abs(guess - theta) < EDGE:  # as good as there, unless the rate is flat
+            guess += EDGE if slope < 0.0 else -EDGE
+            if not low < guess < high:
+                break
         theta = guess
     return theta
 
@@ -133,6 +147,10 @@ def crossing(
         low = leave(p, m, dt, k, low if low > 0.0 else 0.5 * high)
         if low == 0.0:
             return 0.0
+    if high < 1.0:  # so says the cubic; the interpolant may still be above its surface there
+        probe(p, m, dt, high)
+        if lock * m.guards[H, k] > 0.0:
+            low, high = high, 1.0
     x = guess if low < guess < high else 0.5 * (low + high)
     for _ in range(MAX_ROOT):
         probe(p, m, dt, x)
@@ -142,10 +160,13 @@ def crossing(
         else:
             high = x
         new = x - value / slope if slope < 0.0 else low
-        if abs(new - x) <= ROOT_ACCURACY * x:
-            return new if low < new < high else x
-        x = new if low < new < high else 0.5 * (low + high)
-    return x
+        inside = low < new < high
+        if slope < 0.0 and abs(new - x) <= ROOT_ACCURACY * x:
+            return new if inside else x
+        if high - low <= JUMP_ACCURACY * high:  # the event function jumps: directly behind it
+            return high
+        x = new if inside else 0.5 * (low + high)
+    return high
 
 
 @kernel

@@ -23,6 +23,12 @@ def time_resolution(t: float, dt: float) -> float:
 
 
 @kernel
+def blur(size: float, rate: float, resolution: float) -> float:
+    """Return by how much rounding, of h and of time, may change a margin."""
+    return ROUNDING * size + resolution * abs(rate)
+
+
+@kernel
 def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
     """Tell whether a guard flips now.
 
@@ -35,7 +41,7 @@ def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
     resolution : float
         Time below which two instants are one, s.
     """
-    noise = ROUNDING * size + resolution * abs(rate)
+    noise = blur(size, rate, resolution)
     return g < -noise or (g <= noise and rate < 0.0)
 
 
@@ -53,10 +59,11 @@ def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int
 
 
 @kernel
-def remember_residuals(m: Memory, h: int) -> None:
-    """Count what is left of h at the guards that flip now as rounding, whatever follows."""
+def remember_residuals(p: Problem, m: Memory, h: int) -> None:
+    """Count what is left of h at guards that flip now, though on their old side, as rounding."""
     g = m.guards
     for a in range(m.counts[N_AWAKE]):
         k = m.lists[AWAKE, a]
-        if m.flags[DUE, k] != 0:
-            g[SIZE, k] = max(g[SIZE, k], abs(g[h, k]) / ROUNDING)
+        left = p.mode[k] * g[h, k]
+        if m.flags[DUE, k] != 0 and left > 0.0:
+            g[SIZE, k] = max(g[SIZE, k], 2.0 * left / ROUNDING)
