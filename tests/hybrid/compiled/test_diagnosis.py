@@ -61,7 +61,9 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("function", "reason", "advice"), CASES, ids=lambda one: str(one)[:30])
+@pytest.mark.parametrize(
+    ("function", "reason", "advice"), CASES, ids=lambda one: getattr(one, "__name__", one)
+)
 def test_reason_and_advice_in_one_line(function, reason, advice):
     with pytest.warns(SlowCallbackWarning) as seen:
         assert field(function).address > 0

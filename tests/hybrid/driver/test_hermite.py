@@ -62,7 +62,7 @@ def test_a_guard_that_stays_clear_is_not_suspect(rng):
     grid = np.linspace(0, 1, 401)
     for _ in range(3000):
         g0, d0, g1, d1 = rng.uniform(0, 1), rng.normal() * 2, rng.uniform(-0.1, 1), rng.normal() * 2
-        kind = suspect(g0, d0, g1, d1)[0]
+        kind = suspect(g0, d0, g1, d1, 0.0)[0]
         kinds[kind] += 1
         lowest = cubic(g0, d0, g1, d1, grid).min()
         assert (kind == CROSSING) == (g1 < 0)

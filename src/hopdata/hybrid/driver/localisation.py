@@ -113,15 +113,15 @@ def lowest_point(p: Problem, m: Memory, dt: float, k: int, theta: float) -> floa
             low, slope_low = theta, slope
         else:
             high, slope_high = theta, slope
-        if not slope_low < 0.0 <= slope_high or high - low < EDGE or slope == 0.0:
-            break
+        if not slope_low < 0.0 <= slope_high:
+            return theta
         guess = low - slope_low * (high - low) / (slope_high - slope_low)
+        if high - low < 4.0 * EDGE or slope == 0.0:
+            return guess
         if tries >= PATIENCE or not low < guess < high:
             guess = 0.5 * (low + high)
-        elif abs(guess - theta) < EDGE:  # as good as there, unless the rate is flat
+        elif abs(guess - theta) < EDGE:  # as good as there, unless the rate is flat: bracket it
             guess += EDGE if slope < 0.0 else -EDGE
-            if not low < guess < high:
-                break
         theta = guess
     return theta
 
