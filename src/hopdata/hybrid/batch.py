@@ -168,20 +168,23 @@ def solve_batch(
                         work.desk, done, last, states, numbers, modes, own, *room.arrays, *options
                     )
                     if done < last:
-                        methods.compile(int(work.counts[METHOD]))
+                        methods.provide(int(work.counts[METHOD]))
             if caught:
                 raise caught[0]
+            methods.count(int(room.counts[first:last, STEPS].sum()))
         finally:
             work.forget_samples()
             system.idle.append(work)
         return last - first
 
-    _run_all(run, len(states), workers, progress)
+    done = run(0, min(1, len(states)))  # alone: it compiles what is not compiled yet
+    steps = int(room.counts[:done, STEPS].sum()) * len(states)
+    system.methods(method, jacobian).specialise(steps)
+    _run_all(run, done, len(states), workers, progress)
     return _solution(room, times, jacobian)
 
 
-def _run_all(run: Any, total: int, workers: int | None, progress: bool) -> None:
-    done = run(0, min(1, total))  # alone: it compiles what is not compiled yet
+def _run_all(run: Any, done: int, total: int, workers: int | None, progress: bool) -> None:
     chunks = [(first, min(first + CHUNK, total)) for first in range(done, total, CHUNK)]
     shown = _Progress(total) if progress else None
     with ThreadPoolExecutor(workers or available_cores()) as pool:

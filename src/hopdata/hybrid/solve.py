@@ -18,7 +18,7 @@ from hopdata.hybrid.arguments import (
 )
 from hopdata.hybrid.compiled.unraisable import Caught
 from hopdata.hybrid.driver.entry import driver_entry
-from hopdata.hybrid.driver.layout import METHOD, T
+from hopdata.hybrid.driver.layout import METHOD, STEPS, T
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.solution import EventLog, Solution, filled
 from hopdata.hybrid.status import BAD_START, NEEDS_METHOD, NEEDS_ROOM, PAUSED
@@ -124,14 +124,17 @@ def solve(
 def _run(methods: MethodTable, work: Workspace, *arguments: object) -> int:
     """Call the driver until it has ended, with as much room as it asks for; return its status."""
     drive = driver_entry()
+    methods.specialise()
     with Caught() as caught:
         status = drive(work.desk, *arguments, False)
         while status in UNFINISHED and not caught:
             if status == NEEDS_ROOM:
                 work.enlarge()
             elif status == NEEDS_METHOD:
-                methods.compile(int(work.counts[METHOD]))
+                methods.provide(int(work.counts[METHOD]))
+            methods.specialise(int(work.counts[STEPS]))
             status = drive(work.desk, *arguments, True)
+    methods.count(work.counts.item(STEPS))
     if caught:
         raise caught[0]
     return status

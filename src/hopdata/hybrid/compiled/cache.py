@@ -61,6 +61,13 @@ def compiled_in_cache(
         return compile_it(False)
 
 
+def is_in_cache(function: Callable[..., Any], digest: str) -> bool:
+    """Tell whether a directory of this name holds the index of some machine code."""
+    chosen_by_user = config.CACHE_DIR  # type: ignore[attr-defined]
+    folders = (base / f"hopdata-{digest}" for base in _candidates(function, chosen_by_user))
+    return any(True for folder in folders for _ in folder.glob("*/*.nbi"))
+
+
 def _pointing(function: Callable[..., Any], digest: str) -> Iterator[bool]:
     chosen_by_user = config.CACHE_DIR  # type: ignore[attr-defined]
     base = _first_writable(_candidates(function, chosen_by_user))

@@ -102,16 +102,18 @@ call_on_event = caller(signatures.ON_EVENT.native, _T, _STATE, _MODE, _PARAMS, _
 
 _FLOAT, _INT = types.float64, types.int64
 _VIEWS = (_INT,) * 5  # addresses of states, mode and its width, params and their width
-STEP_NATIVE = _FLOAT(_FLOAT, _FLOAT, _FLOAT, *_VIEWS, _INT)
-INTERPOLANT_NATIVE = _INT(_FLOAT, _FLOAT, *_VIEWS)
+_SPANS = (_INT,) * 6  # the same, with the width of the states
+STEP_NATIVE = _FLOAT(_FLOAT, _FLOAT, _FLOAT, *_SPANS, _INT, _INT)
+INTERPOLANT_NATIVE = _INT(_FLOAT, _FLOAT, *_SPANS, _INT)
 REFRESH_NATIVE = _FLOAT(*_VIEWS)
 TANGENT_NATIVE = _INT(_FLOAT, _FLOAT, *_VIEWS, _INT)
 _LAID_OUT = ((TABLE, ADDRESS), (INTEGERS, SPAN), (FLOATS, SPAN))
+_SPREAD = ((TABLE, SPAN), *_LAID_OUT[1:])
 
-# call_step(address, t, dt, rtol, s, mode, params, atol)
-call_step = caller(STEP_NATIVE, _T, _T, _T, *_LAID_OUT, (FLOATS, ADDRESS))
-# call_interpolant(address, t, dt, s, mode, params)
-call_interpolant = caller(INTERPOLANT_NATIVE, _T, _T, *_LAID_OUT)
+# call_step(address, t, dt, rtol, s, mode, params, atol, field): the field's own address
+call_step = caller(STEP_NATIVE, _T, _T, _T, *_SPREAD, (FLOATS, ADDRESS), _NUMBER)
+# call_interpolant(address, t, dt, s, mode, params, field)
+call_interpolant = caller(INTERPOLANT_NATIVE, _T, _T, *_SPREAD, _NUMBER)
 # call_tangent(address, t, dt, s, mode, params, phi)
 call_tangent = caller(TANGENT_NATIVE, _T, _T, *_LAID_OUT, (TABLE, ADDRESS))
 # call_refresh(address, s, mode, params)

@@ -32,7 +32,8 @@ def prepare_interpolant(p: Problem, m: Memory, dt: float) -> None:
         return
     m.clock[SPAN] = dt
     address = p.methods[m.counts[METHOD], INTERPOLANT]
-    m.counts[NFEV] += call_interpolant(address, m.clock[T], dt, m.states, p.mode, p.params)
+    s, t = m.states, m.clock[T]
+    m.counts[NFEV] += call_interpolant(address, t, dt, s, p.mode, p.params, p.field)
 
 
 @kernel

@@ -59,7 +59,8 @@ def take_step(p: Problem, m: Memory, t: float, dt: float) -> float:
     m.clock[SPAN] = 0.0
     m.counts[NFEV] += p.methods[method, EVALUATIONS]
     s[KEND, 0] = np.nan  # stays, if the user's function raises
-    error = call_step(p.methods[method, STEP], t, dt, p.rtol, s, p.mode, p.params, p.atol)
+    address = p.methods[method, STEP]
+    error = call_step(address, t, dt, p.rtol, s, p.mode, p.params, p.atol, p.field)
     return error if first_not_finite(s, KEND) < 0 else np.nan
 
 

@@ -2,11 +2,15 @@
 
 The code is written out, stage by stage, with the coefficients in it: for a small system the
 arithmetic of a loop over stages would cost several times the evaluations.
+
+It knows the names `N`, the number of states, and those in its evaluations of the field: a scene's
+own code has the field in it, generic code calls its address. Both come from the same lines, so that
+they do the same operations in the same order, and give the same bytes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import FunctionType
 from typing import Any
@@ -16,6 +20,8 @@ from hopdata.hybrid.driver.layout import END, K1, KEND, P1, SCRATCH, W1, Y
 STANDARD_ROWS = 3  # of an interpolant: those that value and slope at both ends determine
 INDENT = "    "
 TINY = 1e-300  # never divide by a tolerance of zero
+
+Evaluation = Callable[[str, int, int], list[str]]  # at a time, from a row of states, into a row
 
 
 @dataclass(frozen=True)
@@ -89,10 +95,25 @@ def _loop(*lines: str) -> list[str]:
     return ["for i in range(N):", *(INDENT + line for line in lines)]
 
 
-def _stage(node: float, weights: Sequence[float], rows: Sequence[int], target: int) -> list[str]:
+def inlined(time: str, state: int, slope: int) -> list[str]:
+    """Return an evaluation of a field that is known when the code is compiled."""
+    return [f"FIELD({time}, row(s, {state}), mode, params, row(s, {slope}))"]
+
+
+def by_address(time: str, state: int, slope: int) -> list[str]:
+    """Return an evaluation of a field by its address; NaN stays behind if it raises."""
+    return [
+        f"s[{slope}, 0] = nan",
+        f"call_field(field, {time}, s, {state}, mode, params, s, {slope})",
+    ]
+
+
+def _stage(
+    evaluation: Evaluation, node: float, weights: Sequence[float], rows: Sequence[int], target: int
+) -> list[str]:
     return [
         *_loop(f"s[{SCRATCH}, i] = s[{Y}, i] + dt * ({combination(weights, rows)})"),
-        f"FIELD(t + {node!r} * dt, row(s, {SCRATCH}), mode, params, row(s, {target}))",
+        *evaluation(f"t + {node!r} * dt", int(SCRATCH), target),
     ]
 
 
@@ -114,24 +135,24 @@ def _error(tableau: Tableau) -> list[str]:
     ]
 
 
-def step_code(tableau: Tableau) -> list[str]:
+def step_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list[str]:
     """Return the body of the step function of a method."""
     rows, code = tableau.slope_rows, []
     for k, (node, weights) in enumerate(zip(tableau.nodes, tableau.stages, strict=True)):
-        code += _stage(node, weights, rows, rows[k + 1])
+        code += _stage(evaluation, node, weights, rows, rows[k + 1])
     code += _loop(f"s[{END}, i] = s[{Y}, i] + dt * ({combination(tableau.weights, rows)})")
-    code += [f"FIELD(t + dt, row(s, {END}), mode, params, row(s, {KEND}))"]
+    code += evaluation("t + dt", int(END), int(KEND))
     return code + _error(tableau)
 
 
-def interpolant_code(tableau: Tableau) -> list[str]:
+def interpolant_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list[str]:
     """Return the body of the function that prepares the interpolant of a method."""
     rows, code = tableau.slope_rows, []
     first = len(tableau.weights) + 1
     for k, (node, weights) in enumerate(
         zip(tableau.dense_nodes, tableau.dense_stages, strict=True)
     ):
-        code += _stage(node, weights, rows, rows[first + k])
+        code += _stage(evaluation, node, weights, rows, rows[first + k])
     code += _loop(
         f"rise = s[{END}, i] - s[{Y}, i]",
         f"bend = dt * s[{K1}, i] - rise",

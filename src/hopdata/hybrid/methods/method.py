@@ -1,3 +1,4 @@
+# ruff: noqa: ARG001 (specialised and generic code is called alike)
 """What a method of integration is to the driver, and how its code is made for a scene.
 
 A method is two functions (three with Jacobians), made for a scene so that the scene's field stands
@@ -19,7 +20,7 @@ from typing import Any
 
 from numba import cfunc, njit
 
-from hopdata.hybrid.compiled.cache import compiled_in_cache
+from hopdata.hybrid.compiled.cache import compiled_in_cache, is_in_cache
 from hopdata.hybrid.compiled.calls import (
     INTERPOLANT_NATIVE,
     REFRESH_NATIVE,
@@ -82,8 +83,8 @@ N = 0
 
 
 def _enter_step(
-    t: float, dt: float, rtol: float, s: int, mode: int, n_modes: int,
-    params: int, n_params: int, atol: int,
+    t: float, dt: float, rtol: float, s: int, n: int, mode: int, n_modes: int,
+    params: int, n_params: int, atol: int, field: int,
 ) -> float:  # fmt: skip
     return FUNCTION(
         t, dt, rtol, float_table(s, N), array_of(int_vector(mode, n_modes)),
@@ -92,8 +93,9 @@ def _enter_step(
 
 
 def _enter_interpolant(
-    t: float, dt: float, s: int, mode: int, n_modes: int, params: int, n_params: int
-) -> int:
+    t: float, dt: float, s: int, n: int, mode: int, n_modes: int,
+    params: int, n_params: int, field: int,
+) -> int:  # fmt: skip
     return FUNCTION(
         t, dt, float_table(s, N), array_of(int_vector(mode, n_modes)),
         array_of(float_vector(params, n_params)),
@@ -123,12 +125,10 @@ def _enter_refresh(s: int, mode: int, n_modes: int, params: int, n_params: int) 
 
 
 def compiled_entry(
-    template: Function, native: Any, function: Function, n_states: int, *, cache: bool
+    template: Function, native: Any, function: Function, *, cache: bool, n_states: int = 0
 ) -> Any:
     """Compile the entry to a method's function, or take it from the cache, if that is wanted."""
-    inner = njit(error_model="numpy")(with_digest(function))
-    entry = with_digest(template, FUNCTION=inner, N=n_states)
-    digest = f"{function_digest(entry)}-{driver_digest()}"
+    entry, digest = _entry(template, function, n_states)
 
     def compile_it(cached: bool) -> Any:
         return cfunc(native, cache=cache and cached, error_model="numpy")(entry)
@@ -136,24 +136,42 @@ def compiled_entry(
     return compiled_in_cache(entry, digest, compile_it)
 
 
+def _entry(template: Function, function: Function, n_states: int) -> tuple[Function, str]:
+    """Return the entry to a method's function, to be compiled, and its digest."""
+    inner = njit(error_model="numpy")(with_digest(function))
+    entry = with_digest(template, FUNCTION=inner, N=n_states)
+    return entry, f"{function_digest(entry)}-{driver_digest()}"
+
+
+def is_compiled(method: Method, n_states: int) -> bool:
+    """Tell whether a method's step and interpolant were made for this scene before."""
+    pairs = ((_enter_step, method.step), (_enter_interpolant, method.interpolant))
+    return all(is_in_cache(*_entry(*pair, n_states)) for pair in pairs)
+
+
 def compiled_step(method: Method, n_states: int, *, cache: bool) -> Any:
     """Return the machine code of a method's step."""
-    return compiled_entry(_enter_step, STEP_NATIVE, method.step, n_states, cache=cache)
+    return compiled_entry(_enter_step, STEP_NATIVE, method.step, cache=cache, n_states=n_states)
 
 
 def compiled_interpolant(method: Method, n_states: int, *, cache: bool) -> Any:
     """Return the machine code of a method's interpolant."""
-    function = method.interpolant
-    return compiled_entry(_enter_interpolant, INTERPOLANT_NATIVE, function, n_states, cache=cache)
+    return compiled_entry(
+        _enter_interpolant, INTERPOLANT_NATIVE, method.interpolant, cache=cache, n_states=n_states
+    )
 
 
 def compiled_tangent(method: Method, n_states: int, *, cache: bool) -> Any:
     """Return the machine code of a method's tangent."""
     assert method.tangent is not None
-    return compiled_entry(_enter_tangent, TANGENT_NATIVE, method.tangent, n_states, cache=cache)
+    return compiled_entry(
+        _enter_tangent, TANGENT_NATIVE, method.tangent, cache=cache, n_states=n_states
+    )
 
 
 def compiled_refresh(method: Method, n_states: int, *, cache: bool) -> Any:
     """Return the machine code that a method runs when the mode has changed."""
     assert method.refresh is not None
-    return compiled_entry(_enter_refresh, REFRESH_NATIVE, method.refresh, n_states, cache=cache)
+    return compiled_entry(
+        _enter_refresh, REFRESH_NATIVE, method.refresh, cache=cache, n_states=n_states
+    )

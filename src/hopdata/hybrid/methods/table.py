@@ -1,4 +1,11 @@
-"""The methods that a user can choose from, and the table of them that the driver reads."""
+"""The methods that a user can choose from, and the table of them that the driver reads.
+
+There is machine code of two kinds for an explicit method: generic code, the same for all scenes
+(see `generic`), which is there at once, and code made for the scene, which is faster and takes a
+second or two to compile. Results have the same bytes. A scene begins with its own code where that
+is in the cache, with generic code where it is not; its own is made when the scene has taken
+`WORTH_COMPILING` steps in this process, or a batch will take so many.
+"""
 
 from __future__ import annotations
 
@@ -12,15 +19,18 @@ from hopdata.hybrid.driver.layout import FloatArray, IntArray
 from hopdata.hybrid.methods import rosenbrock, stiffness, taylor
 from hopdata.hybrid.methods.dop853 import DOP853
 from hopdata.hybrid.methods.dopri5 import DOPRI5
+from hopdata.hybrid.methods.generic import generic_interpolant, generic_step
 from hopdata.hybrid.methods.method import (
     Method,
     compiled_interpolant,
     compiled_refresh,
     compiled_step,
     compiled_tangent,
+    is_compiled,
 )
 from hopdata.hybrid.methods.scene import Scene, explicit, rosenbrock_method, taylor_method
 
+TABLEAUS = {"dopri5": DOPRI5, "dop853": DOP853}
 MAKERS = {
     "dopri5": lambda scene: explicit(DOPRI5, scene),
     "dop853": lambda scene: explicit(DOP853, scene),
@@ -30,6 +40,7 @@ MAKERS = {
 CHOICES = ("auto", *MAKERS)
 AUTOMATIC = ("dopri5", "dop853", "rosenbrock")
 LARGEST_STIFF = 200  # states; above, the matrices of Rosenbrock would not be worth their memory
+WORTH_COMPILING = 20_000  # steps in a process, from which a scene gets code of its own
 STIFF_LIMITS = {"dopri5": stiffness.DOPRI5_LIMIT, "dop853": stiffness.DOP853_LIMIT}
 
 
@@ -69,7 +80,7 @@ def work_rows(names: tuple[str, ...], n_states: int) -> int:
 
 
 class MethodTable:
-    """The methods among which the driver may choose, compiled when it first asks for one.
+    """The methods among which the driver may choose, made ready when it first asks for one.
 
     Parameters
     ----------
@@ -86,6 +97,8 @@ class MethodTable:
         self._scene, self._jacobian = scene, jacobian
         self._kept_alive: list[Any] = []
         self._methods: dict[int, Method] = {}
+        self._generic: set[int] = set()
+        self._steps = 0
         self.work_rows = work_rows(self._names, scene.n_states)
         self.tangent_rows = 0
         self.rows: IntArray = np.zeros((len(self._names), layout.METHOD_SLOTS), dtype=np.int64)
@@ -109,13 +122,44 @@ class MethodTable:
             row[layout.STIFFER] = 2 if number < 2 and len(self._names) > 2 else -1
             row[layout.RELAXED] = 1 if number == 2 else -1
 
+    def provide(self, number: int) -> None:
+        """Make a method ready, which the driver has asked for."""
+        if self._generic_will_do(number):
+            tableau = TABLEAUS[self._names[number]]
+            self._enter(number, generic_step(tableau), generic_interpolant(tableau))
+            self._generic.add(number)
+        else:
+            self.compile(number)
+
+    def _generic_will_do(self, number: int) -> bool:
+        if self._names[number] not in TABLEAUS or self._jacobian:
+            return False
+        if not self._scene.field.compiled:
+            return True
+        few = self._steps < WORTH_COMPILING
+        return few and not is_compiled(self._methods[number], self._scene.n_states)
+
+    def count(self, steps: int) -> None:
+        """Count the steps of an integration that has ended."""
+        self._steps += steps
+
+    def specialise(self, steps: int = 0) -> None:
+        """Compile for the scene what is generic, if with these steps more it has taken many."""
+        if self._generic and self._steps + steps >= WORTH_COMPILING and self._scene.field.compiled:
+            generic, self._generic = self._generic, set()
+            for number in generic:
+                self.compile(number)
+
+    def _enter(self, number: int, step: Any, interpolant: Any) -> None:
+        """Hand machine code to the driver."""
+        self._kept_alive += [step, interpolant]
+        row = self.rows[number]
+        row[layout.INTERPOLANT], row[layout.STEP] = interpolant.address, step.address
+
     def compile(self, number: int) -> None:
-        """Make the machine code of a method, which the driver has asked for."""
+        """Make the machine code of a method for the scene."""
         method, row = self._methods[number], self.rows[number]
         n_states, cache = self._scene.n_states, self._scene.cacheable
-        interpolant = compiled_interpolant(method, n_states, cache=cache)
-        step = compiled_step(method, n_states, cache=cache)
-        self._kept_alive += [interpolant, step]
         if method.refresh is not None:
             refresh = compiled_refresh(method, n_states, cache=cache)
             self._kept_alive.append(refresh)
@@ -124,7 +168,8 @@ class MethodTable:
             tangent = compiled_tangent(method, n_states, cache=cache)
             self._kept_alive.append(tangent)
             row[layout.TANGENT] = tangent.address
-        row[layout.INTERPOLANT], row[layout.STEP] = interpolant.address, step.address
+        step = compiled_step(method, n_states, cache=cache)
+        self._enter(number, step, compiled_interpolant(method, n_states, cache=cache))
 
 
 def tangent_table(rows: int, n_states: int) -> FloatArray:
