@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+import importlib
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numba import njit
 
-from hopdata.hybrid.compiled.digest import driver_digest, function_digest
+import hopdata.hybrid
+from hopdata.hybrid.compiled.digest import (
+    NOT_IN_CODE,
+    driver_digest,
+    driver_sources,
+    function_digest,
+    sources_digest,
+)
+
+PACKAGE = Path(hopdata.hybrid.__file__).parent
 
 SOURCE = """
 import numpy as np
@@ -84,5 +97,51 @@ def test_recursion_ends():
     assert len(function_digest(test_recursion_ends)) == 16
 
 
-def test_driver_digest():
-    assert driver_digest() == driver_digest()
+def test_driver_digest_is_that_of_its_sources():
+    assert driver_digest() == sources_digest(PACKAGE)
+    assert len(driver_digest()) == 16
+
+
+@pytest.fixture
+def edited(tmp_path):
+    """Digest of a copy of the package with a line more in one of its files."""
+    shutil.copytree(PACKAGE, tmp_path / "hybrid", ignore=shutil.ignore_patterns("__pycache__"))
+
+    def edit(name):
+        path = tmp_path / "hybrid" / name
+        path.write_text(path.read_text() + "\n# another line\n")
+        return sources_digest(tmp_path / "hybrid")
+
+    return edit
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "driver/loop.py", "driver/many.py", "status.py", "methods/stiffness.py", "methods/rows.py",
+        "compiled/calls.py", "compiled/signatures.py", "compiled/views.py", "compiled/kernel.py",
+    ],
+)  # fmt: skip
+def test_driver_digest_changes_with_what_the_driver_imports(edited, name):
+    assert edited(name) != driver_digest()
+
+
+@pytest.mark.parametrize(
+    "name", ["compiled/diagnosis.py", "compiled/cache.py", "methods/table.py", "solve.py"]
+)
+def test_driver_digest_does_not_change_with_the_rest(edited, name):
+    assert edited(name) == driver_digest()
+
+
+def test_the_driver_is_found_by_what_python_imports():
+    """No module of the package that the driver's modules refer to is missing."""
+    sources = driver_sources(PACKAGE)
+    for name in [name for name in sources if name.startswith("driver/")]:
+        module = importlib.import_module(
+            "hopdata.hybrid." + name.removesuffix(".py").replace("/", ".")
+        )
+        for value in vars(module).values():
+            origin = getattr(getattr(value, "py_func", value), "__module__", None) or ""
+            path = origin.removeprefix("hopdata.hybrid.").replace(".", "/") + ".py"
+            if origin.startswith("hopdata.hybrid."):
+                assert path in {*sources, *NOT_IN_CODE}

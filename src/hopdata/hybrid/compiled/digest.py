@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
@@ -13,16 +15,45 @@ import numpy as np
 DIGITS = 16
 
 
-DRIVER_FOLDERS = ("compiled", "driver")
+PACKAGE = "hopdata.hybrid"
+IMPORT = re.compile(rf"^from ({re.escape(PACKAGE)}[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
+NOT_IN_CODE = ("compiled/cache.py", "compiled/digest.py")  # they say where code is kept, not what
 
 
+@cache
 def driver_digest() -> str:
     """Return a digest of all sources that the driver is made of, as 16 hexadecimal digits."""
-    package, digest = Path(__file__).parent.parent, hashlib.sha256()
-    for path in sorted(p for folder in DRIVER_FOLDERS for p in (package / folder).glob("*.py")):
-        digest.update(path.name.encode())
-        digest.update(path.read_bytes())
+    return sources_digest(Path(__file__).parent.parent)
+
+
+def sources_digest(package: Path) -> str:
+    """Return a digest of the driver in a package: its folder, and whatever that imports."""
+    digest = hashlib.sha256()
+    for name, source in sorted(driver_sources(package).items()):
+        digest.update(name.encode())
+        digest.update(source)
     return digest.hexdigest()[:DIGITS]
+
+
+def driver_sources(package: Path) -> dict[str, bytes]:
+    """Return the sources of the driver, by their paths within the package."""
+    found: dict[str, bytes] = {}
+    waiting = [f"driver/{path.name}" for path in (package / "driver").glob("*.py")]
+    while waiting:
+        name = waiting.pop()
+        if name in found or name in NOT_IN_CODE or not (package / name).is_file():
+            continue
+        found[name] = (package / name).read_bytes()
+        waiting += _imported(found[name].decode())
+    return found
+
+
+def _imported(source: str) -> Iterator[str]:
+    """Yield the paths of the modules that a source may import from the package."""
+    for module, names in IMPORT.findall(source):
+        path = module.removeprefix(PACKAGE).strip(".").replace(".", "/")
+        yield f"{path}.py"
+        yield from (f"{path}/{name}.py" for name in re.findall(r"\w+", names))
 
 
 def function_digest(function: Callable[..., Any]) -> str:

@@ -145,8 +145,9 @@ def _entry(template: Function, function: Function, n_states: int) -> tuple[Funct
 
 def is_compiled(method: Method, n_states: int) -> bool:
     """Tell whether a method's step and interpolant were made for this scene before."""
-    pairs = ((_enter_step, method.step), (_enter_interpolant, method.interpolant))
-    return all(is_in_cache(*_entry(*pair, n_states)) for pair in pairs)
+    step = _entry(_enter_step, method.step, n_states)
+    interpolant = _entry(_enter_interpolant, method.interpolant, n_states)
+    return is_in_cache(*step) and is_in_cache(*interpolant)
 
 
 def compiled_step(method: Method, n_states: int, *, cache: bool) -> Any:

@@ -40,7 +40,9 @@ MAKERS = {
 CHOICES = ("auto", *MAKERS)
 AUTOMATIC = ("dopri5", "dop853", "rosenbrock")
 LARGEST_STIFF = 200  # states; above, the matrices of Rosenbrock would not be worth their memory
-WORTH_COMPILING = 20_000  # steps in a process, from which a scene gets code of its own
+# Steps in a process, from which a scene gets code of its own: that takes 0.4 to 2.5 s, saves 0.02
+# to 0.07 us of each step, and is there for the next process.
+WORTH_COMPILING = 5_000_000
 STIFF_LIMITS = {"dopri5": stiffness.DOPRI5_LIMIT, "dop853": stiffness.DOP853_LIMIT}
 
 
