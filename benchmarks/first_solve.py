@@ -2,13 +2,19 @@
 
     python benchmarks/first_solve.py --out first_solve.csv
 
-One row for each case. `install`: nothing is cached, the driver is compiled. `new scene`: a module
-never seen before, the driver is there. `known scene`: the same module in another process.
-`new scene, plain Python`: its field uses a dictionary, which Numba does not compile. Times are
-medians over the repeats, with the smallest and the largest; `imports_s` is the import of
-`hopdata.hybrid`, `first_solve_s` the time from there to the end of the first `solve`, the module's
-own import and the compilation of its three functions included; `first_solve_cpu_s` is processor
-time; `second_solve_us` the same call again. The caches stand in a folder of their own.
+One row for each case. `install`: nothing is cached, driver and generic methods are compiled.
+`new scene`: a module never seen before, the driver is there. `known scene`: the same module in
+another process. `new scene, plain Python`: its field uses a dictionary, which Numba does not
+compile; `known scene, plain Python`: the same again. `own code`: the process that compiles the two
+explicit methods for the scene, as one does that takes many steps (`WORTH_COMPILING`); `known scene,
+own code`: the next process.
+
+Times are medians over the repeats, with the smallest and the largest. `imports_s` is the import of
+`hopdata.hybrid`, `first_solve_s` the time from there to the end of the first `solve`: the module's
+own import, the compilation of its three functions, and what Numba imports when it first loads or
+compiles anything. That last part alone is `numba_start_s`, measured in processes of its own.
+`first_solve_cpu_s` is processor time, `second_solve_us` the same call again. The caches stand in a
+folder of their own.
 """
 
 from __future__ import annotations
@@ -25,8 +31,16 @@ import numpy as np
 import pandas as pd
 
 REPEATS = 7
-CASES = ("install", "new scene", "known scene", "new scene, plain Python")
-TIMES = ("imports_s", "first_solve_s", "first_solve_cpu_s", "second_solve_us")
+CASES = (
+    "install",
+    "new scene",
+    "known scene",
+    "new scene, plain Python",
+    "known scene, plain Python",
+    "own code",
+    "known scene, own code",
+)
+TIMES = ("imports_s", "numba_start_s", "first_solve_s", "first_solve_cpu_s", "second_solve_us")
 
 SCENE = """
 from hopdata.hybrid import System, field, guards, on_event
@@ -63,11 +77,25 @@ from hopdata.hybrid import solve
 imported, cpu = time.perf_counter(), time.process_time()
 from {scene} import ball
 
+if {own_code}:
+    from hopdata.hybrid.methods import table
+
+    table.WORTH_COMPILING = 0
 solve(ball, (0.0, 1.0), (1.0, 0.0))
 solved, cpu = time.perf_counter(), time.process_time() - cpu
 solve(ball, (0.0, 1.0), (1.0, 0.0))
 again = time.perf_counter() - solved
 json.dump([imported - start, solved - imported, cpu, 1e6 * again], sys.stdout)
+"""
+
+NUMBA_START = """
+import time
+from hopdata.hybrid import solve
+from numba.core.registry import cpu_target
+
+start = time.perf_counter()
+cpu_target.target_context.refresh()
+print(time.perf_counter() - start)
 """
 
 
@@ -76,15 +104,20 @@ def write_scene(folder: Path, name: str, number: int, *, plain: bool) -> None:
     (folder / f"{name}.py").write_text(SCENE.format(gravity=9.0 + 0.01 * number, constant=constant))
 
 
-def first_solve(folder: Path, scene: str) -> list[float]:
-    """Return the four times of a process that solves this scene."""
+def output(folder: Path, program: str) -> str:
+    """Return what a program prints in a process of its own."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "cache")}
-    command = [sys.executable, "-c", PROGRAM.format(scene=scene)]
+    command = [sys.executable, "-c", program]
     done = subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, check=True
     )
-    times: list[float] = json.loads(done.stdout)
-    return times
+    return done.stdout
+
+
+def first_solve(folder: Path, scene: str, *, own_code: bool = False) -> list[float]:
+    """Return the five times of a process that solves this scene."""
+    imports, *rest = json.loads(output(folder, PROGRAM.format(scene=scene, own_code=own_code)))
+    return [imports, float(output(folder, NUMBA_START)), *rest]
 
 
 def measure(folder: Path, repeats: int) -> dict[str, list[list[float]]]:
@@ -95,9 +128,11 @@ def measure(folder: Path, repeats: int) -> dict[str, list[list[float]]]:
     for number in range(1, repeats + 1):
         for name, plain in ((f"scene{number}", False), (f"plain{number}", True)):
             write_scene(folder, name, number, plain=plain)
-        times["new scene"].append(first_solve(folder, f"scene{number}"))
-        times["known scene"].append(first_solve(folder, f"scene{number}"))
-        times["new scene, plain Python"].append(first_solve(folder, f"plain{number}"))
+        for case in ("new scene", "known scene"):
+            times[case].append(first_solve(folder, f"scene{number}"))
+            times[f"{case}, plain Python"].append(first_solve(folder, f"plain{number}"))
+        times["own code"].append(first_solve(folder, f"scene{number}", own_code=True))
+        times["known scene, own code"].append(first_solve(folder, f"scene{number}"))
     return times
 
 
@@ -125,9 +160,10 @@ def main() -> None:
     table.to_csv(arguments.out, index=False)
     for row in table.to_dict("records"):
         print(
-            f"{row['case']:24} imports {row['imports_median_s']:.2f} s, first solve "
+            f"{row['case']:26} imports {row['imports_median_s']:.2f} s, first solve "
             f"{row['first_solve_median_s']:.2f} s ({row['first_solve_min_s']:.2f} to "
-            f"{row['first_solve_max_s']:.2f})"
+            f"{row['first_solve_max_s']:.2f}), processor {row['first_solve_cpu_median_s']:.2f} s, "
+            f"of which Numba's start {row['numba_start_median_s']:.2f} s"
         )
 
 
