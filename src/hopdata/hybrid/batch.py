@@ -171,7 +171,7 @@ def solve_batch(
                         methods.provide(int(work.counts[METHOD]))
             if caught:
                 raise caught[0]
-            methods.count(int(room.counts[first:last, STEPS].sum()))
+            methods.steps += int(room.counts[first:last, STEPS].sum())
         finally:
             work.forget_samples()
             system.idle.append(work)

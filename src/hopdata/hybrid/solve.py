@@ -19,6 +19,7 @@ from hopdata.hybrid.arguments import (
 from hopdata.hybrid.compiled.unraisable import Caught
 from hopdata.hybrid.driver.entry import driver_entry
 from hopdata.hybrid.driver.layout import METHOD, STEPS, T
+from hopdata.hybrid.methods import table
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.solution import EventLog, Solution, filled
 from hopdata.hybrid.status import BAD_START, NEEDS_METHOD, NEEDS_ROOM, PAUSED
@@ -124,7 +125,8 @@ def solve(
 def _run(methods: MethodTable, work: Workspace, *arguments: object) -> int:
     """Call the driver until it has ended, with as much room as it asks for; return its status."""
     drive = driver_entry()
-    methods.specialise()
+    if methods.steps >= table.WORTH_COMPILING:
+        methods.specialise()
     with Caught() as caught:
         status = drive(work.desk, *arguments, False)
         while status in UNFINISHED and not caught:
@@ -134,7 +136,7 @@ def _run(methods: MethodTable, work: Workspace, *arguments: object) -> int:
                 methods.provide(int(work.counts[METHOD]))
             methods.specialise(int(work.counts[STEPS]))
             status = drive(work.desk, *arguments, True)
-    methods.count(work.counts.item(STEPS))
+    methods.steps += work.counts.item(STEPS)
     if caught:
         raise caught[0]
     return status

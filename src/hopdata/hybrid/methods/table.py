@@ -92,6 +92,11 @@ class MethodTable:
         What they are made for.
     jacobian : bool
         Whether the flow's Jacobian is wanted too.
+
+    Attributes
+    ----------
+    steps : int
+        Steps of the integrations that have ended, counted by the caller.
     """
 
     def __init__(self, choice: str, scene: Scene, jacobian: bool) -> None:
@@ -100,7 +105,7 @@ class MethodTable:
         self._kept_alive: list[Any] = []
         self._methods: dict[int, Method] = {}
         self._generic: set[int] = set()
-        self._steps = 0
+        self.steps = 0
         self.work_rows = work_rows(self._names, scene.n_states)
         self.tangent_rows = 0
         self.rows: IntArray = np.zeros((len(self._names), layout.METHOD_SLOTS), dtype=np.int64)
@@ -138,16 +143,12 @@ class MethodTable:
             return False
         if not self._scene.field.compiled:
             return True
-        few = self._steps < WORTH_COMPILING
+        few = self.steps < WORTH_COMPILING
         return few and not is_compiled(self._methods[number], self._scene.n_states)
-
-    def count(self, steps: int) -> None:
-        """Count the steps of an integration that has ended."""
-        self._steps += steps
 
     def specialise(self, steps: int = 0) -> None:
         """Compile for the scene what is generic, if with these steps more it has taken many."""
-        if self._generic and self._steps + steps >= WORTH_COMPILING and self._scene.field.compiled:
+        if self._generic and self.steps + steps >= WORTH_COMPILING and self._scene.field.compiled:
             generic, self._generic = self._generic, set()
             for number in generic:
                 self.compile(number)
