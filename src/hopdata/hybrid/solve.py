@@ -125,7 +125,7 @@ def solve(
 def _run(methods: MethodTable, work: Workspace, *arguments: object) -> int:
     """Call the driver until it has ended, with as much room as it asks for; return its status."""
     drive = driver_entry()
-    if methods.steps >= table.WORTH_COMPILING:
+    if methods.generic and methods.steps >= table.WORTH_COMPILING:
         methods.specialise()
     with Caught() as caught:
         status = drive(work.desk, *arguments, False)
@@ -136,7 +136,8 @@ def _run(methods: MethodTable, work: Workspace, *arguments: object) -> int:
                 methods.provide(int(work.counts[METHOD]))
             methods.specialise(int(work.counts[STEPS]))
             status = drive(work.desk, *arguments, True)
-    methods.steps += work.counts.item(STEPS)
+    if methods.generic:
+        methods.steps += work.counts.item(STEPS)
     if caught:
         raise caught[0]
     return status

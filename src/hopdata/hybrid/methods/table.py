@@ -95,8 +95,10 @@ class MethodTable:
 
     Attributes
     ----------
+    generic : set of int
+        Methods whose code is generic now, by their numbers.
     steps : int
-        Steps of the integrations that have ended, counted by the caller.
+        Steps of the integrations that have ended, counted by the caller while there are any.
     """
 
     def __init__(self, choice: str, scene: Scene, jacobian: bool) -> None:
@@ -104,7 +106,7 @@ class MethodTable:
         self._scene, self._jacobian = scene, jacobian
         self._kept_alive: list[Any] = []
         self._methods: dict[int, Method] = {}
-        self._generic: set[int] = set()
+        self.generic: set[int] = set()
         self.steps = 0
         self.work_rows = work_rows(self._names, scene.n_states)
         self.tangent_rows = 0
@@ -134,7 +136,7 @@ class MethodTable:
         if self._generic_will_do(number):
             tableau = TABLEAUS[self._names[number]]
             self._enter(number, generic_step(tableau), generic_interpolant(tableau))
-            self._generic.add(number)
+            self.generic.add(number)
         else:
             self.compile(number)
 
@@ -148,8 +150,8 @@ class MethodTable:
 
     def specialise(self, steps: int = 0) -> None:
         """Compile for the scene what is generic, if with these steps more it has taken many."""
-        if self._generic and self.steps + steps >= WORTH_COMPILING and self._scene.field.compiled:
-            generic, self._generic = self._generic, set()
+        if self.generic and self.steps + steps >= WORTH_COMPILING and self._scene.field.compiled:
+            generic, self.generic = self.generic, set()
             for number in generic:
                 self.compile(number)
 
