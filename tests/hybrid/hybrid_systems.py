@@ -5,6 +5,8 @@ Compiled once and steered by their parameters, so that the tests spend little ti
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from hopdata.hybrid import System, field, guards, on_event
@@ -126,11 +128,40 @@ def failing_guard(t, y, dy, mode, params, h, hdot):
 
 
 @field
+def balance_field(t, y, mode, params, dy):
+    dy[0] = y[1]
+    dy[1] = (params[0] - y[0]) - params[0]
+
+
+def balance() -> System:
+    """A mass on a spring of rate 1 under the weight params[0], which another force balances."""
+    return System(balance_field, n_states=2)
+
+
+@field
 def raising_field(t, y, mode, params, dy):
     dy[0] = 1.0
     if y[0] > params[0]:
         raise ValueError("beyond the edge of the map")
     dy[1] = 0.0
+
+
+def raising() -> System:
+    """A point at speed 1 whose field raises a ValueError beyond params[0]."""
+    return System(raising_field, n_states=2)
+
+
+@field(compiled=False)
+def py_raising_field(t, y, mode, params, dy):
+    if y[0] > params[0]:
+        raise LookupError("no such place", 3)
+    dy[0], dy[1] = 1.0, 0.0
+
+
+@cache
+def py_raising() -> System:
+    """The same in Python, with an exception that has arguments."""
+    return System(py_raising_field, n_states=2)
 
 
 @field

@@ -1,0 +1,31 @@
+"""The flow's derivative by central differences of `solve`, of fourth order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hopdata.hybrid import solve
+
+TIGHT = {"rtol": 1e-13, "atol": 1e-14}
+
+
+def differences(system, t_span, y0, *, step=1e-4, **options):
+    """The derivative of the final by the initial state, each column from four integrations."""
+    y0, columns = np.asarray(y0, dtype=float), []
+    for e in step * np.eye(len(y0)):
+        ends = [
+            solve(system, t_span, y0 + part * e, **{**TIGHT, **options}).y_end
+            for part in (-2, -1, 1, 2)
+        ]
+        columns.append(np.array([1, -8, 8, -1]) @ ends / (12 * step))
+    return np.array(columns).T
+
+
+def carried(system, t_span, y0, **options):
+    """A solution with its Jacobian, at a tight tolerance."""
+    return solve(system, t_span, y0, jacobian=True, **{**TIGHT, **options})
+
+
+def gap(one, other):
+    """Largest difference of two matrices, relative to the largest entry."""
+    return np.abs(one - other).max() / np.abs(other).max()

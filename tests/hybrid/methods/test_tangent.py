@@ -1,0 +1,127 @@
+"""The flow's Jacobian along smooth arcs: each method, both ways to the field's derivative."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bent_systems import bent, bent_jacobian, bent_params, landing
+from hybrid_systems import balance, growth
+from jacobian_checks import carried, differences, gap
+
+from hopdata.hybrid import solve, solve_batch
+from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
+
+FAR = bent_params([50.0, 60.0, 70.0], drive=0.3)
+METHODS = pytest.mark.parametrize("method", ["auto", "dopri5", "dop853"])
+
+
+@METHODS
+def test_without_events_it_is_the_derivative(method):
+    found = carried(bent(3), (0, 3), [0.0, 1.2], params=FAR, method=method)
+    assert len(found.events) == 0
+    assert gap(found.jacobian, differences(bent(3), (0, 3), [0.0, 1.2], params=FAR)) < 1e-10
+
+
+@METHODS
+def test_a_field_without_divergence_keeps_areas(method):
+    found = carried(bent(3), (0, 10), [0.4, 1.2], params=FAR, method=method)
+    assert np.linalg.det(found.jacobian) == pytest.approx(1.0, abs=1e-10)
+
+
+def test_exponential_growth():
+    found = carried(growth(), (0, 2), [1.0, 0.0], params=(0.7, 4.0))
+    assert found.jacobian == pytest.approx(np.diag([np.exp(1.4), 1.0]), rel=1e-11, abs=1e-11)
+
+
+@METHODS
+def test_it_converges_with_the_tolerance(method):
+    exact = carried(bent(3), (0, 3), [0.3, 1.2], params=FAR).jacobian
+    errors = [
+        gap(solve(bent(3), (0, 3), [0.3, 1.2], params=FAR, method=method, jacobian=True,
+                  rtol=rtol, atol=rtol).jacobian, exact)
+        for rtol in (1e-4, 1e-7, 1e-10)
+    ]  # fmt: skip
+    assert errors[0] < 1e-2
+    assert errors[1] < 1e-5
+    assert errors[2] < 1e-8
+
+
+@METHODS
+def test_a_given_derivative_and_differences_agree(method):
+    params = bent_params([0.5, 0.7, 1.0], drive=0.3, tilts=0.2, gains=[0.4, -0.8, -0.5])
+    options = {"params": params, "method": method}
+    given = carried(bent(3, jacobian=bent_jacobian), (0, 2), [0.0, 1.2], **options)
+    taken = carried(bent(3), (0, 2), [0.0, 1.2], **options)
+    assert given.y_end.tobytes() == taken.y_end.tobytes()
+    assert gap(taken.jacobian, given.jacobian) < 1e-11
+    assert given.nfev < taken.nfev
+
+
+@pytest.mark.parametrize("method", ["auto", "taylor", "dopri5", "dop853"])
+def test_methods_agree_where_modes_are_affine(method):
+    found = carried(octant(), T_SPAN, INITIAL_STATE, method=method)
+    assert gap(found.jacobian, carried(octant(), T_SPAN, INITIAL_STATE).jacobian) < 1e-11
+    reference = differences(octant(), T_SPAN, INITIAL_STATE, step=1e-4)
+    assert gap(found.jacobian, reference) < 1e-10
+
+
+@pytest.mark.parametrize("angle", [1e-3, 1e-6, 0.0])
+def test_units_of_the_state_do_not_matter(angle):
+    """The field is linear: the Jacobian is that of any other start."""
+    given = carried(balance(), (0, 1), [angle, 0.0], params=(0.0,), method="dopri5", max_step=0.01)
+    exact = [[np.cos(1), np.sin(1)], [-np.sin(1), np.cos(1)]]
+    assert np.abs(given.jacobian - exact).max() < 1e-9
+
+
+@pytest.mark.xfail(
+    strict=True, reason="increments are parts of the state, however small beside the field's terms"
+)
+@pytest.mark.parametrize("method", ["dopri5", "dop853"])
+@pytest.mark.parametrize("angle", [1e-13, 1e-16, 1e-20])
+def test_a_state_near_zero_beside_terms_that_cancel(angle, method):
+    """Such as an angle that is zero but for rounding, beside the weight."""
+    options = {"params": (9.81,), "method": method, "max_step": 0.01}
+    found = carried(balance(), (0, 1), [angle, 0.0], **options)
+    exact = [[np.cos(1), np.sin(1)], [-np.sin(1), np.cos(1)]]
+    assert np.abs(found.jacobian - exact).max() < 1e-6
+
+
+@pytest.mark.xfail(
+    strict=True, reason="at rest the state's error is zero, and steps grow without limit"
+)
+@METHODS
+def test_at_an_equilibrium(method):
+    found = carried(balance(), (0, 20), [0.0, 0.0], params=(0.0,), method=method)
+    exact = [[np.cos(20), np.sin(20)], [-np.sin(20), np.cos(20)]]
+    assert np.abs(found.jacobian - exact).max() < 1e-6
+
+
+def test_no_time_no_change():
+    found = solve(bent(3), (1, 1), [0.0, 1.2], params=FAR, jacobian=True)
+    assert found.jacobian.tolist() == np.eye(2).tolist()
+
+
+def test_it_is_not_there_unless_asked_for():
+    options = {"params": FAR}
+    assert solve(bent(3), (0, 1), [0.0, 1.2], **options).jacobian is None
+    assert solve(bent(3), (0, 1), [0.0, 1.2], jacobian=True, **options).jacobian is not None
+    assert solve(bent(3), (0, 1), [0.0, 1.2], **options).jacobian is None
+
+
+def test_each_integration_begins_with_the_identity():
+    batch = solve_batch(bent(3), (0, 1), np.tile([0.0, 1.2], (3, 1)), params=FAR, jacobian=True)
+    single = solve(bent(3), (0, 1), [0.0, 1.2], params=FAR, jacobian=True)
+    for matrix in batch.jacobian:
+        assert matrix.tobytes() == single.jacobian.tobytes()
+
+
+def test_the_chain_rule():
+    first = carried(bent(3), (0, 1), [0.0, 1.2], params=FAR)
+    second = carried(bent(3), (1, 2), first.y_end, params=FAR, mode=first.mode)
+    whole = carried(bent(3), (0, 2), [0.0, 1.2], params=FAR)
+    assert gap(second.jacobian @ first.jacobian, whole.jacobian) < 1e-12
+
+
+def test_a_stiff_method_has_none():
+    with pytest.raises(ValueError, match=r"jacobian: .*'taylor', found 'rosenbrock'"):
+        solve(landing(), (0, 1), [1.0, 0.0], params=(1, 1, 9), method="rosenbrock", jacobian=True)

@@ -1,0 +1,276 @@
+"""`solve_batch`: the bytes of `solve`, whatever the threads; failures of rows, and of functions."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import threading
+
+import numpy as np
+import pytest
+from bent_systems import bent, bent_params
+from hybrid_systems import ball, growth, ladder, py_raising, raising, sliding, throw
+
+from hopdata.hybrid import solve, solve_batch
+from hopdata.scenes.plate import Plate
+
+PARAMS = bent_params(
+    [0.5, 0.7, 1.0], drive=0.3, tilts=[0.2, -0.3, 0.4], sways=0.1, gains=[0.4, -0.8, -0.5]
+)
+TIMES = np.linspace(0, 2, 11)
+
+
+def starts(count, seed=0):
+    return np.random.default_rng(seed).uniform(-1, 1, (count, 2))
+
+
+def assert_same(batch, place, single):
+    """The row of a batch has the bytes of a solution."""
+    assert batch.status[place] == single.status
+    assert batch.t_end[place] == single.t_end
+    assert batch.y_end[place].tobytes() == single.y_end.tobytes()
+    assert batch.mode[place].tolist() == single.mode.tolist()
+    counts = (batch.n_events[place], batch.n_steps[place], batch.nfev[place])
+    assert counts == (len(single.events), single.n_steps, single.nfev)
+    if batch.jacobian is not None:
+        assert batch.jacobian[place].tobytes() == single.jacobian.tobytes()
+    if batch.y is not None:
+        reached = single.y.shape[1]
+        assert np.array_equal(batch.y[place, :, :reached], single.y)
+        assert np.isnan(batch.y[place, :, reached:]).all()
+
+
+@pytest.mark.parametrize("jacobian", [False, True])
+@pytest.mark.parametrize("t_eval", [None, TIMES])
+def test_the_bytes_of_solve(t_eval, jacobian):
+    system, y0 = bent(3), starts(130)
+    options = {"params": PARAMS, "t_eval": t_eval, "jacobian": jacobian}
+    batch = solve_batch(system, (0, 2), y0, **options)
+    assert batch.success
+    assert batch.n_events.max() > 4
+    for place in range(len(y0)):
+        assert_same(batch, place, solve(system, (0, 2), y0[place], **options))
+
+
+@pytest.mark.parametrize("workers", [1, 2, 7, None])
+def test_workers_and_places_do_not_matter(workers):
+    system, y0 = bent(3), starts(200)
+    plain = solve_batch(system, (0, 2), y0, params=PARAMS, workers=workers, jacobian=True)
+    order = np.random.default_rng(1).permutation(200)
+    mixed = solve_batch(system, (0, 2), y0[order], params=PARAMS, jacobian=True)
+    assert mixed.y_end.tobytes() == plain.y_end[order].tobytes()
+    assert mixed.jacobian.tobytes() == plain.jacobian[order].tobytes()
+    assert mixed.n_steps.tolist() == plain.n_steps[order].tolist()
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "rosenbrock"])
+def test_each_method(method):
+    system, y0 = bent(3), starts(5)
+    batch = solve_batch(system, (0, 2), y0, params=PARAMS, method=method)
+    for place in range(5):
+        assert_same(batch, place, solve(system, (0, 2), y0[place], params=PARAMS, method=method))
+
+
+def test_parameters_of_each():
+    system, y0 = throw(), np.tile([0.0, 2.0], (70, 1))
+    params = np.column_stack([np.linspace(1, 3, 70), np.linspace(0.2, 0.8, 70)])
+    batch = solve_batch(system, (0, 2), y0, params=params)
+    for place in range(70):
+        assert_same(batch, place, solve(system, (0, 2), y0[place], params=params[place]))
+    assert len(np.unique(batch.y_end[:, 0])) == 70
+
+
+def test_parameters_and_states_are_not_changed():
+    plate = Plate(12)
+    y0, params = plate.initial_states(3, 0), np.tile(plate.params, (3, 1))
+    y0_before, params_before = y0.copy(), params.copy()
+    solve_batch(plate.system(sums=True), (0, 1), y0, params=params)
+    assert np.array_equal(y0, y0_before)
+    assert np.array_equal(params, params_before)
+
+
+def test_each_has_a_memory_of_its_own():
+    plate = Plate(12)
+    system, y0 = plate.system(sums=True), np.tile([0.1, 0.97, 0.05, 0.2, -1.0, 0.3], (3, 1))
+    options = {"params": plate.params, "memory": plate.memory(y0[0])}
+    batch = solve_batch(system, (0, 0.3), y0, **options)
+    assert batch.n_events.min() > 0
+    for place in range(3):
+        assert_same(batch, place, solve(system, (0, 0.3), y0[place], **options))
+
+
+def test_an_initial_mode():
+    """A lock that is given is not decided by h: guard 0 of the ladder fires at once."""
+    options = {"params": (1.0, 2.0, 0.5, 0.25), "mode": [1, -1]}
+    batch = solve_batch(ladder(2), (0, 3), np.zeros((3, 2)), **options)
+    assert_same(batch, 2, solve(ladder(2), (0, 3), [0, 0], **options))
+
+
+def test_terminal_events_end_each_at_its_own_time():
+    system, y0 = ladder(1, terminal=(True,)), np.column_stack([np.linspace(0, 0.8, 9), np.zeros(9)])
+    batch = solve_batch(system, (0, 1), y0, params=(0.5, 0.0), t_eval=[0.0, 0.25, 0.45, 1.0])
+    below = y0[:, 0] < 0.5
+    assert batch.status.tolist() == below.astype(int).tolist()
+    assert batch.t_end == pytest.approx(np.where(below, 0.5 - y0[:, 0], 1.0), abs=1e-14)
+    assert np.isfinite(batch.y).sum(axis=(1, 2)).tolist() == [
+        2 * int((t >= np.array([0.0, 0.25, 0.45, 1.0])).sum()) for t in batch.t_end
+    ]
+    for place in range(9):
+        single = solve(system, (0, 1), y0[place], params=(0.5, 0.0), t_eval=batch.t)
+        assert_same(batch, place, single)
+
+
+def test_rows_that_fail_do_not_disturb_the_others():
+    params = np.array([[0.7, 4.0], [0.7, 1.0]] * 40)
+    batch = solve_batch(growth(), (0, 2), np.tile([1.0, 0.0], (80, 1)), params=params)
+    assert batch.status.tolist() == [0, -2] * 40
+    assert not batch.success
+    first, second = batch.message.splitlines()
+    assert first.startswith("40 of 80, such as number 1: The field is NaN or infinite")
+    assert second.startswith("40 of 80, such as number 0: The integration reached the end")
+
+
+@pytest.mark.xfail(strict=True, reason="the driver's culprit and rates are not kept for a batch")
+def test_the_message_names_the_guard():
+    system = ladder(2, terminal=(False, True))
+    ended = solve_batch(system, (0, 9), np.zeros((3, 2)), params=(1, 2, 1, 0))
+    assert "'rung1'" in ended.message
+    stuck = solve_batch(sliding(), (0, 9), [[1.0]], params=(1.0, 2.0))
+    assert solve(sliding(), (0, 9), [1.0], params=(1.0, 2.0)).message in stuck.message
+
+
+def test_limits():
+    options = {"params": (0.5, 0.6, 1.0, 1.0)}
+    few_steps = solve_batch(ladder(2), (0, 2), np.zeros((3, 2)), max_step=0.01, max_steps=7, **options)
+    assert few_steps.status.tolist() == [-4] * 3
+    assert few_steps.n_steps.tolist() == [7] * 3
+    few_events = solve_batch(ladder(2), (0, 2), np.zeros((3, 2)), max_events=1, **options)
+    assert few_events.status.tolist() == [-5] * 3
+    assert few_events.n_events.tolist() == [1] * 3
+
+
+def test_more_events_than_there_is_room_for():
+    """The log of a batch is thrown away when it is full."""
+    system, options = ball(directions=(1,)), {"params": (2.0, 0.0, 1.0), "t_eval": [3.0, 1200.5]}
+    batch = solve_batch(system, (0, 1201), np.tile([1.0, 0.0], (3, 1)), **options)
+    single = solve(system, (0, 1201), [1.0, 0.0], **options)
+    assert len(single.events) == 600
+    for place in range(3):
+        assert_same(batch, place, single)
+
+
+def test_more_steps_than_the_driver_takes_in_one_call():
+    system, options = ball(directions=(1,)), {"params": (2.0, 0.0, 0.5), "max_step": 5e-6}
+    batch = solve_batch(system, (0, 1.1), np.tile([1.0, 0.0], (2, 1)), **options)
+    assert batch.n_steps.min() > 200_000
+    assert_same(batch, 1, solve(system, (0, 1.1), [1.0, 0.0], t_eval=[1.0], **options))
+
+
+@pytest.mark.parametrize("count", [0, 1, 64, 65, 66])
+def test_sizes(count):
+    batch = solve_batch(
+        ladder(1), (0, 1), np.zeros((count, 2)), params=(0.5, 1.0), t_eval=[0.25], jacobian=True
+    )
+    assert len(batch) == count
+    assert batch.success
+    shapes = [batch.y_end.shape, batch.mode.shape, batch.y.shape, batch.jacobian.shape]
+    assert shapes == [(count, 2), (count, 1), (count, 2, 1), (count, 2, 2)]
+    assert batch.y_end[:, 0] == pytest.approx(np.full(count, 1.5), abs=1e-14)
+
+
+def test_what_is_not_asked_for_is_none():
+    batch = solve_batch(ladder(1), (0, 1), np.zeros((2, 2)), params=(0.5, 1.0))
+    assert batch.t is batch.y is batch.jacobian is None
+
+
+def test_an_empty_batch_of_parameters():
+    assert len(solve_batch(ladder(1), (0, 1), np.zeros((0, 2)), params=np.zeros((0, 2)))) == 0
+
+
+def test_pickling():
+    batch = solve_batch(ladder(1), (0, 1), np.zeros((2, 2)), params=(0.5, 1.0))
+    again = pickle.loads(pickle.dumps(batch))
+    assert again.y_end.tobytes() == batch.y_end.tobytes()
+    assert again.message == batch.message
+
+
+@pytest.mark.parametrize("place", [0, 1, 70, 129])
+def test_an_exception_of_machine_code_is_raised(place):
+    y0 = np.tile([-5.0, 0.0], (130, 1))
+    y0[place] = 0.0
+    with pytest.raises(ValueError, match=r"^beyond the edge of the map$"):
+        solve_batch(raising(), (0, 2), y0, params=(1.0,))
+    assert threading.active_count() == 1
+
+
+@pytest.mark.parametrize("place", [0, 1, 70])
+def test_an_exception_of_python_is_raised_unchanged(place):
+    y0 = np.tile([-5.0, 0.0], (71, 1))
+    y0[place] = 0.0
+    with pytest.raises(LookupError) as caught:
+        solve_batch(py_raising(), (0, 2), y0, params=(1.0,), method="dopri5")
+    assert caught.value.args == ("no such place", 3)
+    assert threading.active_count() == 1
+    assert solve_batch(py_raising(), (0, 2), y0[-1:] - 5, params=(1.0,), method="dopri5").success
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"y0": np.zeros(2)}, r"y0: expected shape \(B, 2\), found \(2,\)"),
+        ({"y0": np.zeros((3, 3))}, r"y0: expected shape \(B, 2\)"),
+        ({"y0": [[0, 0], [0, np.nan], [np.inf, 0]]}, r"y0: expected finite .* in row 1"),
+        ({"params": np.zeros((3, 2))}, r"params: expected shape \(p,\) or \(2, p\)"),
+        ({"params": np.zeros((2, 2, 2))}, r"params: expected shape"),
+        ({"memory": [1.0]}, "memory: expected 0 numbers"),
+        ({"mode": [1, 1, 1]}, "mode"),
+        ({"atol": -1.0}, "atol"),
+        ({"t_eval": [3.0]}, "t_eval"),
+        ({"method": "dop835"}, "did you mean 'dop853'"),
+        ({"max_steps": 0}, "max_steps"),
+        ({"jacobian": True, "method": "rosenbrock"}, "jacobian"),
+    ],
+)
+def test_wrong_arguments_are_named(change, message):
+    arguments = {"t_span": (0, 1), "y0": np.zeros((2, 2)), "params": (5.0, 1.0), **change}
+    with pytest.raises(ValueError, match=message):
+        solve_batch(ladder(1), **arguments)
+
+
+@pytest.mark.xfail(strict=True, reason="the number of parameters is not checked: memory beyond it is read")
+@pytest.mark.parametrize("params", [(2.0, 0.0), np.ones((3, 2))])
+def test_missing_parameters_are_named(params):
+    with pytest.raises(ValueError, match=r"uses params\[2\]"):
+        solve_batch(ball(), (0, 1), np.ones((3, 2)), params=params)
+
+
+@pytest.mark.xfail(strict=True, reason="0 means all cores, and below the pool speaks of max_workers")
+@pytest.mark.parametrize("workers", [0, -1])
+def test_workers_are_checked(workers):
+    with pytest.raises(ValueError, match="^workers"):
+        solve_batch(ladder(1), (0, 1), np.zeros((2, 2)), params=(5.0, 1.0), workers=workers)
+
+
+def test_progress(capsys):
+    solve_batch(ladder(1), (0, 1), np.zeros((200, 2)), params=(5.0, 1.0), progress=True)
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    last = captured.err.splitlines()[-1]
+    assert last.startswith("200 of 200 integrations")
+    assert captured.err.endswith("\n")
+    solve_batch(ladder(1), (0, 1), np.zeros((200, 2)), params=(5.0, 1.0))
+    assert capsys.readouterr().err == ""
+
+
+def test_ctrl_c_ends_the_threads():
+    """The chunks that are under way come to their ends, no more of them are begun."""
+    timer = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        solve_batch(
+            ball(directions=(1,)), (0, 2.1), np.tile([1.0, 0.0], (20_000, 1)),
+            params=(2.0, 0.0, 0.5), max_step=1e-4,
+        )  # fmt: skip
+    timer.join()
+    assert threading.active_count() == 1
