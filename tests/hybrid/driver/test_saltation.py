@@ -9,6 +9,7 @@ import pytest
 from bent_systems import bent, bent_jacobian, bent_params, bent_sparse, turn_back
 from hybrid_systems import ladder
 from jacobian_checks import TIGHT, carried, differences, gap
+from scipy.integrate import solve_ivp
 
 from hopdata.hybrid import solve, solve_batch
 from hopdata.hybrid.first_order import (
@@ -99,26 +100,40 @@ def test_where_the_order_matters_it_is_that_of_the_log():
     assert gap(other, of_log) > 1e-2
 
 
-def test_one_by_one_or_all_at_once_the_order_is_the_same():
+@pytest.mark.xfail(strict=True, reason="guards that have slept come in the order of waking up")
+@pytest.mark.parametrize("method", ["dop853", "auto"])
+def test_one_by_one_or_all_at_once_the_order_is_the_same(method):
     params = bent_params([0.5] * 3, drive=0.3, gains=GAINS)
-    for method in ("dopri5", "dop853"):
-        plain, sparse = (
-            solve(make(3), (0, 1.2), START, params=params, method=method, **TIGHT)
-            for make in (bent, bent_sparse)
-        )
-        assert plain.events.guard.tolist() == [0, 1, 2]
-        assert sparse.events.guard.tolist() == [0, 1, 2]
+    plain, sparse = (
+        solve(make(3), (0, 1.2), START, params=params, method=method, **TIGHT)
+        for make in (bent, bent_sparse)
+    )
+    assert plain.events.guard.tolist() == [0, 1, 2]
+    assert sparse.events.guard.tolist() == [0, 1, 2]
 
 
+def test_an_event_next_to_the_end():
+    instant = carried(bent(3), (0, 2), START, params=STEADY).events.time[1]
+    after = carried(bent(3), (0, instant + 1e-9), START, params=STEADY)
+    before = carried(bent(3), (0, instant - 1e-9), START, params=STEADY)
+    assert len(after.events) == 2
+    assert len(before.events) == 1
+    matrix = saltation_product(
+        bent(3), before.y_end, [after.events.guard[1]], params=STEADY, mode=before.mode, t=instant
+    )
+    assert gap(after.jacobian, matrix @ before.jacobian) < 1e-7
+    assert gap(after.jacobian, before.jacobian) > 1e-2
+
+
+@pytest.mark.xfail(strict=True, reason="steps of no length pile up before t_end")
 def test_an_event_at_the_end():
     """At the event's instant it has happened: the Jacobian is that from its other side."""
     instant = carried(bent(3), (0, 2), START, params=STEADY).events.time[1]
-    at = carried(bent(3), (0, instant), START, params=STEADY)
+    at = carried(bent(3), (0, instant), START, params=STEADY, max_steps=1000)
     after = carried(bent(3), (0, instant + 1e-9), START, params=STEADY)
-    before = carried(bent(3), (0, instant - 1e-9), START, params=STEADY)
-    assert len(at.events) == len(after.events) == len(before.events) + 1
+    assert at.status == 0
+    assert at.events.guard.tolist() == after.events.guard.tolist()
     assert gap(at.jacobian, after.jacobian) < 1e-8
-    assert gap(at.jacobian, before.jacobian) > 1e-3
 
 
 @pytest.mark.parametrize("params", [STEADY, MOVING], ids=["steady", "moving"])
@@ -136,20 +151,21 @@ def test_the_impact_state_at_a_terminal_event(params):
     assert np.abs(impact - differences(system, (0, 2), START, params=params)).max() < 1e-9
 
 
-@pytest.mark.parametrize("terminal", [(False,) * 3, (True,) * 3])
+@pytest.mark.parametrize("terminal", [(False, False, False), (False, True, False)])
 def test_a_reset_is_refused(terminal):
-    params = bent_params(PLACES, tilts=[0.0, 1.5, 0.0])
-    system = bent(3, on_event=turn_back, terminal=terminal if terminal[0] else None)
+    """Also at a terminal event."""
+    params = bent_params([0.5, 2.0, 9.0], tilts=[0.0, 1.5, 0.0])
+    system = bent(3, on_event=turn_back, terminal=terminal)
     options = {"params": params, "jacobian": True}
-    found = solve(system, (0, 3), [-3.0, 2.5], **options)
-    passed = solve(bent(3), (0, 3), [-3.0, 2.5], params=params).events
+    found = solve(system, (0, 3), START, **options)
+    passed = solve(bent(3), (0, 3), START, params=params).events
     assert found.status == -8
     assert not found.success
     assert found.message.startswith("The handler changed the state at t = ")
     assert found.t_end == pytest.approx(passed.of("bar1").time[0], abs=1e-9)
-    batch = solve_batch(system, (0, 3), [[-3.0, 2.5]] * 2, **options)
+    batch = solve_batch(system, (0, 3), [START] * 2, **options)
     assert batch.status.tolist() == [-8, -8]
-    assert solve(system, (0, 3), [-3.0, 2.5], params=params).success
+    assert solve(system, (0, 3), START, params=params).success
 
 
 def test_a_handler_that_resets_nothing_is_no_reset():
@@ -202,11 +218,19 @@ def extrapolated(system, t_span, y0, **options):
 
 
 def test_three_legs_at_once_and_on():
-    """All angles are well away from zero, but for a landing on even feet."""
-    start = carried(HOPPER, (0, 1e-300), TOUCHING, **LANDING)
-    found = carried(HOPPER, (0, 0.02), TOUCHING, **LANDING)
-    assert start.mode.tolist() == found.mode.tolist()
-    assert gap(found.jacobian, extrapolated(HOPPER, (0, 0.02), TOUCHING, **LANDING)) < 1e-6
+    """From a flight that brings all feet down at one instant, turning."""
+
+    def back(t, y):
+        rate = np.empty(12)
+        HOPPER.field.function(0.01 - t, y, LANDING["mode"], LANDING["params"], rate)
+        return -rate
+
+    options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-15}
+    start = solve_ivp(back, (0, 0.01), TOUCHING, **options).y[:, -1]
+    found = carried(HOPPER, (0, 0.03), start, **LANDING)
+    assert len(found.events) == 3
+    assert np.ptp(found.events.time) < 1e-13
+    assert gap(found.jacobian, extrapolated(HOPPER, (0, 0.03), start, **LANDING)) < 1e-8
 
 
 @pytest.mark.xfail(
