@@ -142,7 +142,9 @@ def test_the_message_names_the_guard():
 
 def test_limits():
     options = {"params": (0.5, 0.6, 1.0, 1.0)}
-    few_steps = solve_batch(ladder(2), (0, 2), np.zeros((3, 2)), max_step=0.01, max_steps=7, **options)
+    few_steps = solve_batch(
+        ladder(2), (0, 2), np.zeros((3, 2)), max_step=0.01, max_steps=7, **options
+    )
     assert few_steps.status.tolist() == [-4] * 3
     assert few_steps.n_steps.tolist() == [7] * 3
     few_events = solve_batch(ladder(2), (0, 2), np.zeros((3, 2)), max_events=1, **options)
@@ -238,14 +240,18 @@ def test_wrong_arguments_are_named(change, message):
         solve_batch(ladder(1), **arguments)
 
 
-@pytest.mark.xfail(strict=True, reason="the number of parameters is not checked: memory beyond it is read")
+@pytest.mark.xfail(
+    strict=True, reason="the number of parameters is not checked: memory beyond it is read"
+)
 @pytest.mark.parametrize("params", [(2.0, 0.0), np.ones((3, 2))])
 def test_missing_parameters_are_named(params):
     with pytest.raises(ValueError, match=r"uses params\[2\]"):
         solve_batch(ball(), (0, 1), np.ones((3, 2)), params=params)
 
 
-@pytest.mark.xfail(strict=True, reason="0 means all cores, and below the pool speaks of max_workers")
+@pytest.mark.xfail(
+    strict=True, reason="0 means all cores, and below the pool speaks of max_workers"
+)
 @pytest.mark.parametrize("workers", [0, -1])
 def test_workers_are_checked(workers):
     with pytest.raises(ValueError, match="^workers"):

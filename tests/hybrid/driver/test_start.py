@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hybrid_systems import ladder, throw
 
-from hopdata.hybrid import solve
+from hopdata.hybrid import System, field, guards, solve
 
 
 @pytest.mark.parametrize(("place", "lock"), [(0.4, -1), (0.6, 1), (0.5, 1)])
@@ -53,3 +54,25 @@ def test_given_locks_against_the_rate_fire_at_once():
     solution = solve(ladder(1), (0, 1), [0.5, 0.0], params=(0.5, 1.0), mode=[-1])
     assert solution.events.time.tolist() == [0.0]
     assert solution.y_end[0] == pytest.approx(2.5, abs=1e-14)
+
+
+@field
+def root_field(t, y, mode, params, dy):
+    dy[0] = np.sqrt(y[0]) if mode[0] > 0 else -np.sqrt(-y[0])
+
+
+@guards
+def root_guard(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0], dy[0]
+
+
+LATE = pytest.mark.xfail(strict=True, reason="NaN under a lock of -1, tried first, ends it all")
+
+
+@pytest.mark.parametrize("side", [-1, pytest.param(1, marks=LATE)])
+def test_a_field_that_only_its_own_side_has(side):
+    """The sign of h decides the lock, whatever the field would be in the other mode."""
+    system = System(root_field, root_guard, n_states=1, guard_names=("zero",))
+    solution = solve(system, (0, 1), [1.0 * side])
+    assert solution.status == 0
+    assert solution.y_end == pytest.approx([2.25 * side], rel=1e-8)

@@ -1,0 +1,270 @@
+"""Guards that sleep: the events of the plain form for fewer evaluations; and the heap itself."""
+
+from __future__ import annotations
+
+import heapq
+
+import numba
+import numpy as np
+import pytest
+from bent_systems import bent, bent_params, bent_sparse, turn_back
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hopdata.hybrid import System, field, guard, guards, rate_bound, solve
+from hopdata.hybrid.compiled.views import float_table, float_vector, int_table, int_vector
+from hopdata.hybrid.driver import layout, sleep
+from hopdata.scenes.plate import Plate
+
+FROM = [-1.2, 1.0]
+GAINS = 0.01 * np.sin(np.arange(300))
+
+
+def both(params, *, start=FROM, until=20.0, **options):
+    n, sparse = (len(params) - 1) // 4, {}
+    if "rate_bound" in options:
+        sparse["rate_bound"] = options.pop("rate_bound")
+    return (
+        solve(bent(n, **options), (0, until), start, params=params),
+        solve(bent_sparse(n, **options, **sparse), (0, until), start, params=params),
+    )
+
+
+def assert_same(plain, sparse, tolerance=1e-9):
+    assert sparse.status == plain.status == 0
+    assert sparse.events.guard.tolist() == plain.events.guard.tolist()
+    assert sparse.events.direction.tolist() == plain.events.direction.tolist()
+    assert sparse.mode.tolist() == plain.mode.tolist()
+    assert np.abs(sparse.events.time - plain.events.time).max() < tolerance
+    assert np.abs(sparse.y_end - plain.y_end).max() < tolerance
+
+
+def test_back_and_forth_over_300_guards():
+    params = bent_params(np.linspace(-1, 1, 300), gains=GAINS)
+    plain, sparse = both(params)
+    assert_same(plain, sparse)
+    assert len(plain.events) > 1200
+    assert sparse.n_guard_evaluations < 300 * plain.n_guard_evaluations / 10
+    assert sparse.n_steps == plain.n_steps
+
+
+def test_guards_far_away_cost_nothing():
+    """The same evaluations for 20 near and 280 far ones as for the near ones alone, or nearly."""
+    near = np.linspace(-1, 1, 20)
+    _, few = both(bent_params(near))
+    _, many = both(bent_params(np.concatenate([near, np.linspace(20, 40, 280)])))
+    assert len(many.events) == len(few.events)
+    assert many.n_guard_evaluations - few.n_guard_evaluations < 4 * 280
+
+
+def test_guards_that_move_with_time():
+    sways = np.linspace(-0.5, 0.5, 50)
+    assert_same(*both(bent_params(np.linspace(-1, 1, 50), sways=sways, tilts=0.1)))
+
+
+def test_guards_that_only_time_moves():
+    """The point rests; guards sway across it."""
+    params = bent_params(np.linspace(-0.5, 0.5, 21) + 1e-3, sways=1.0)
+    plain, sparse = both(params, start=[0.0, 0.0])
+    assert_same(plain, sparse, tolerance=1e-12)
+    assert len(plain.events) > 100
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "rosenbrock"])
+def test_each_method(method):
+    params = bent_params(np.linspace(-1, 1, 50), gains=GAINS[:50])
+    plain, sparse = (
+        solve(make(50), (0, 10), FROM, params=params, method=method) for make in (bent, bent_sparse)
+    )
+    assert_same(plain, sparse)
+
+
+def test_a_jump_of_the_state_wakes_all():
+    tilts = np.where(np.arange(50) == 30, 2.0, 0.0)
+    plain, sparse = both(bent_params(np.linspace(-1, 1, 50), tilts=tilts), on_event=turn_back)
+    assert_same(plain, sparse, tolerance=1e-8)
+    jumps = (plain.events.before != plain.events.after).any(axis=1)
+    assert jumps.sum() > 2
+
+
+def test_locks_at_the_start():
+    """Of guards that sleep from the first step on, too."""
+    params = bent_params(np.linspace(-20, 30, 200))
+    plain, sparse = both(params, until=1.0)
+    assert sparse.mode.tolist() == plain.mode.tolist()
+    assert sparse.mode.sum() == plain.mode.sum() < 0
+
+
+def test_the_log_leaves_out_the_locks():
+    _, sparse = both(bent_params(np.linspace(-1, 1, 50)))
+    assert sparse.events.mode.shape == (len(sparse.events), 0)
+    assert sparse.mode.shape == (50,)
+
+
+@rate_bound
+def odd_bound(t, y, dy, mode, params):
+    """Of the right size, but negative, infinite, or NaN, by the drive."""
+    size = abs(dy[0]) + 1e-9
+    if params[0] == 0.0:
+        return -size
+    return np.inf if params[0] < 1e-12 else np.nan
+
+
+@pytest.mark.parametrize("drive", [0.0, 1e-14, 1e-11], ids=["negative", "infinite", "nan"])
+def test_odd_bounds(drive):
+    """The sign does not matter; with no finite bound no guard sleeps."""
+    params = bent_params(np.linspace(-1, 1, 50), drive=drive)
+    plain, sparse = both(params, rate_bound=odd_bound)
+    assert_same(plain, sparse)
+    evaluations = (sparse.n_guard_evaluations, 50 * plain.n_guard_evaluations)
+    assert (evaluations[0] < evaluations[1] / 2) == (drive == 0.0)
+
+
+@rate_bound
+def raising_bound(t, y, dy, mode, params):
+    if y[0] > 0.0:
+        raise ValueError("no bound beyond zero")
+    return 5.0
+
+
+def test_an_exception_of_the_bound_is_raised():
+    with pytest.raises(ValueError, match=r"^no bound beyond zero$"):
+        both(bent_params(np.linspace(-1, 1, 50)), rate_bound=raising_bound)
+
+
+@field
+def burst_field(t, y, mode, params, dy):
+    dy[0] = t * (params[0] - t)
+
+
+@guards
+def burst_guards(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0] - params[1], dy[0]
+
+
+@guard
+def burst_guard(t, y, dy, mode, params, k, h, hdot):
+    h[k], hdot[k] = y[0] - params[1], dy[0]
+
+
+@rate_bound
+def burst_bound(t, y, dy, mode, params):
+    return abs(dy[0])
+
+
+@pytest.mark.xfail(strict=True, reason="within a step the bound exceeds that at both its ends")
+def test_a_burst_of_speed_within_a_step():
+    """Slow, fast, slow: a cubic, which the method integrates without error in one step."""
+    options = {"n_states": 1, "guard_names": ("line",)}
+    plain, sparse = (
+        solve(system, (0, 1.2), [0.0], params=(1.2, 0.15), first_step=0.1, method="dopri5")
+        for system in (
+            System(burst_field, burst_guards, **options),
+            System(burst_field, guard=burst_guard, rate_bound=burst_bound, **options),
+        )
+    )
+    assert sparse.events.time == pytest.approx(plain.events.time, abs=1e-9)
+
+
+def test_a_plate_on_fifty_springs():
+    plate, start = Plate(50), np.array([0.0, 2.4, 0.06, 0.0, 0.0, 0.0])
+    plain = solve(plate.system(), (0, 2), start, params=plate.params)
+    sparse = solve(plate.system(sparse=True), (0, 2), start, params=plate.params)
+    assert_same(plain, sparse, tolerance=1e-7)
+    assert len(plain.events) >= 50
+    assert sparse.n_guard_evaluations < 50 * plain.n_guard_evaluations / 2
+
+
+@pytest.mark.parametrize("form", ["sums", "sparse"])
+def test_two_runs_begin_with_the_same_memory(form):
+    plate, start = Plate(12), np.array([0.0, 1.4, 0.06, 0.0, 0.0, 0.0])
+    system = plate.system(**{form: True})
+    first, second = (solve(system, (0, 1), start, params=plate.params) for _ in range(2))
+    assert len(first.events) > 0
+    assert first.y_end.tobytes() == second.y_end.tobytes()
+    zeros = solve(system, (0, 1), start, params=plate.params, memory=np.zeros(3))
+    assert zeros.y_end.tobytes() == first.y_end.tobytes()
+
+
+def test_a_memory_of_the_wrong_length_is_named():
+    plate = Plate(12)
+    system, start = plate.system(sums=True), np.zeros(6)
+    with pytest.raises(ValueError, match="memory: expected 3 numbers, found 2"):
+        solve(system, (0, 1), start, params=plate.params, memory=[0.0, 0.0])
+    with pytest.raises(ValueError, match="memory: expected 0 numbers, found 1"):
+        solve(plate.system(), (0, 1), start, params=plate.params, memory=[0.0])
+
+
+SIZE = 64
+
+
+def memory_views(heap, wake_at, counts):
+    table, empty = float_table(0, 0), float_vector(0, 0)
+    return layout.Memory(
+        table, table, int_table(0, 0), int_table(heap, SIZE), float_vector(wake_at, SIZE), empty,
+        int_vector(counts, layout.COUNT_SLOTS),
+    )  # fmt: skip
+
+
+views = numba.njit(memory_views)
+
+
+@numba.njit
+def push_all(heap, wake_at, counts, keys, first):
+    m = views(heap, wake_at, counts)
+    for k in range(len(keys)):
+        sleep.push(m, first + k, keys[k])
+
+
+@numba.njit
+def pop_some(heap, wake_at, counts, popped):
+    m = views(heap, wake_at, counts)
+    for place in range(len(popped)):
+        popped[place] = sleep.pop(m)
+
+
+KEYS = st.lists(st.floats(0, 1e6) | st.sampled_from([0.0, 1.0, 2.0]), max_size=SIZE // 2)
+
+
+class Heap:
+    """The driver's heap in arrays of its own."""
+
+    def __init__(self):
+        self.lists = np.full((layout.LIST_ROWS, SIZE), -1, dtype=np.int64)
+        self.wake_at = np.full(SIZE, np.nan)
+        self.counts = np.zeros(layout.COUNT_SLOTS, dtype=np.int64)
+        self.arrays = tuple(a.ctypes.data for a in (self.lists, self.wake_at, self.counts))
+
+    def push(self, keys, first):
+        push_all(*self.arrays, np.array(keys, dtype=float), first)
+
+    def pop(self, count):
+        popped = np.empty(count, dtype=np.int64)
+        pop_some(*self.arrays, popped)
+        return popped.tolist()
+
+    @property
+    def guards(self):
+        return self.lists[layout.HEAP, : self.counts[layout.N_ASLEEP]].tolist()
+
+
+@settings(deadline=None, max_examples=200)
+@given(first=KEYS, second=KEYS, part=st.floats(0, 1))
+def test_the_heap_is_a_heap(first, second, part):
+    """Guards come out by their keys, each once, whatever goes in between."""
+    heap, expected = Heap(), [(key, k) for k, key in enumerate(first)]
+    heap.push(first, 0)
+    heapq.heapify(expected)
+    out = heap.pop(int(part * len(first)))
+    assert heap.wake_at[out].tolist() == [heapq.heappop(expected)[0] for _ in out]
+    heap.push(second, len(first))
+    for k, key in enumerate(second, len(first)):
+        heapq.heappush(expected, (key, k))
+    inside = heap.guards
+    assert sorted(inside + out) == list(range(len(first) + len(second)))
+    for place in range(1, len(inside)):
+        assert heap.wake_at[inside[(place - 1) // 2]] <= heap.wake_at[inside[place]]
+    rest = heap.pop(len(inside))
+    assert heap.wake_at[rest].tolist() == [heapq.heappop(expected)[0] for _ in rest]
+    assert sorted(rest) == sorted(inside)
+    assert heap.counts[layout.N_ASLEEP] == 0
