@@ -254,7 +254,7 @@ def test_missing_parameters_are_named(params):
 )
 @pytest.mark.parametrize("workers", [0, -1])
 def test_workers_are_checked(workers):
-    with pytest.raises(ValueError, match="^workers"):
+    with pytest.raises(ValueError, match=r"^workers"):
         solve_batch(ladder(1), (0, 1), np.zeros((2, 2)), params=(5.0, 1.0), workers=workers)
 
 

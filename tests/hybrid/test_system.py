@@ -51,7 +51,7 @@ def test_parts_that_do_not_fit(parts, message):
 
 def test_a_plain_function_is_no_callback():
     with pytest.raises(TypeError, match="field: expected a function declared by @field"):
-        System(lambda t, y, mode, params, dy: None, n_states=1)
+        System(bent_field.function, n_states=2)
 
 
 @pytest.mark.xfail(strict=True, reason="it is not checked; tuple.index finds the first only")

@@ -8,7 +8,7 @@ from bent_systems import bent, bent_jacobian, bent_params, landing
 from hybrid_systems import balance, growth
 from jacobian_checks import carried, differences, gap
 
-from hopdata.hybrid import solve, solve_batch
+from hopdata.hybrid import jacobian, solve, solve_batch
 from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 
 FAR = bent_params([50.0, 60.0, 70.0], drive=0.3)
@@ -125,3 +125,32 @@ def test_the_chain_rule():
 def test_a_stiff_method_has_none():
     with pytest.raises(ValueError, match=r"jacobian: .*'taylor', found 'rosenbrock'"):
         solve(landing(), (0, 1), [1.0, 0.0], params=(1, 1, 9), method="rosenbrock", jacobian=True)
+
+
+def test_more_steps_than_the_driver_takes_in_one_call():
+    long = solve(bent(3), (0, 2), [0.0, 1.2], params=FAR, jacobian=True, max_step=8e-6)
+    assert long.n_steps > 200_000
+    assert gap(long.jacobian, carried(bent(3), (0, 2), [0.0, 1.2], params=FAR).jacobian) < 1e-9
+
+
+@jacobian
+def odd_jacobian(t, y, mode, params, jac):
+    jac[0, 1], jac[1, 0] = 1.0, np.nan
+    if params[0] > 0.0:
+        raise ValueError("no derivative with a drive")
+
+
+def test_an_exception_of_the_derivative_is_raised():
+    system = bent(3, jacobian=odd_jacobian)
+    with pytest.raises(ValueError, match=r"^no derivative with a drive$"):
+        solve(system, (0, 1), [0.0, 1.2], params=FAR, jacobian=True)
+    with pytest.raises(ValueError, match=r"^no derivative with a drive$"):
+        solve_batch(system, (0, 1), [[0.0, 1.2]] * 3, params=FAR, jacobian=True)
+    assert solve(system, (0, 1), [0.0, 1.2], params=FAR).success
+
+
+@pytest.mark.xfail(strict=True, reason="the Jacobian is not looked at: status 0, and NaN in it")
+def test_a_derivative_that_is_not_finite_is_a_failure():
+    params = bent_params([50.0, 60.0, 70.0])
+    found = solve(bent(3, jacobian=odd_jacobian), (0, 1), [0.0, 1.2], params=params, jacobian=True)
+    assert not found.success
