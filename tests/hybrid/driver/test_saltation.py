@@ -125,7 +125,6 @@ def test_an_event_next_to_the_end():
     assert gap(after.jacobian, before.jacobian) > 1e-2
 
 
-@pytest.mark.xfail(strict=True, reason="steps of no length pile up before t_end")
 def test_an_event_at_the_end():
     """At the event's instant it has happened: the Jacobian is that from its other side."""
     instant = carried(bent(3), (0, 2), START, params=STEADY).events.time[1]
