@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.hybrid.arguments import check_numbers, check_times, set_mode, set_tolerance
 from hopdata.hybrid.compiled.unraisable import Caught
-from hopdata.hybrid.driver.layout import COUNT_SLOTS, EVENTS, METHOD, NFEV, SAMPLES, STEPS
+from hopdata.hybrid.driver.layout import COUNT_SLOTS, CULPRIT, EVENTS, METHOD, NFEV, SAMPLES, STEPS
 from hopdata.hybrid.driver.many import many_entry
 from hopdata.hybrid.solution import FloatArray, IntArray
 from hopdata.hybrid.status import describe
@@ -46,6 +46,10 @@ class BatchSolution:
         States at these times; NaN after an integration has ended.
     jacobian : (B, n, n) array, optional
         Derivatives of the final by the initial states, if asked for.
+    culprit : (B,) array of int, optional
+        Number of the guard that the status is about, -1 if there is none.
+    guard_names : tuple of str
+        Names of all guards.
     """
 
     status: IntArray
@@ -58,6 +62,8 @@ class BatchSolution:
     t: FloatArray | None = None
     y: FloatArray | None = None
     jacobian: FloatArray | None = None
+    culprit: IntArray | None = None
+    guard_names: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.status)
@@ -73,10 +79,15 @@ class BatchSolution:
         codes, numbers = np.unique(self.status, return_counts=True)
         places = [int(np.flatnonzero(self.status == code)[0]) for code in codes]
         return "\n".join(
-            f"{count} of {len(self)}, such as number {place}: "
-            + describe(int(code), time=self.t_end[place], guard="", rates=(0.0, 0.0))
-            for code, count, place in zip(codes, numbers, places, strict=True)
+            f"{count} of {len(self)}, such as number {place}: {self._sentence(place)}"
+            for count, place in zip(numbers, places, strict=True)
         )
+
+    def _sentence(self, place: int) -> str:
+        number = -1 if self.culprit is None else int(self.culprit[place])
+        guard = self.guard_names[number] if number >= 0 else ""
+        time, status = float(self.t_end[place]), int(self.status[place])
+        return describe(status, time=time, guard=guard, rates=(np.nan, np.nan))
 
 
 class _Room:
@@ -148,8 +159,13 @@ def solve_batch(
     t_start, t_stop, rtol, max_step, step = check_numbers(
         t_span, rtol, max_step, first_step, max_steps, max_events
     )
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers: expected at least 1, found {workers}")
     states = _states(y0, system.n_states)
     numbers = _with_memory(_parameters(params, len(states)), memory, system.n_memory)
+    if numbers.shape[1] < system.n_params:
+        for one in system.callbacks:
+            one.check_lengths(params=numbers.shape[1])
     modes = np.empty((1, system.n_modes), dtype=np.int64)
     set_mode(modes[0], system.n_guards, mode)
     times = np.empty(0) if t_eval is None else check_times(t_eval, t_start, t_stop)
@@ -181,7 +197,7 @@ def solve_batch(
     steps = int(room.counts[:done, STEPS].sum()) * len(states)
     system.methods(method, jacobian).specialise(steps)
     _run_all(run, done, len(states), workers, progress)
-    return _solution(room, times, jacobian)
+    return _solution(room, times, jacobian, system.guard_names)
 
 
 def _run_all(run: Any, done: int, total: int, workers: int | None, progress: bool) -> None:
@@ -251,7 +267,9 @@ def _with_memory(numbers: FloatArray, memory: ArrayLike | None, n_memory: int) -
     return np.hstack([numbers, np.tile(start, (len(numbers), 1))])
 
 
-def _solution(room: _Room, times: FloatArray, jacobian: bool) -> BatchSolution:
+def _solution(
+    room: _Room, times: FloatArray, jacobian: bool, guard_names: tuple[str, ...]
+) -> BatchSolution:
     y = np.ascontiguousarray(np.swapaxes(room.samples, 1, 2)) if len(times) else None
     if y is not None:
         reached = room.counts[:, SAMPLES]
@@ -267,4 +285,6 @@ def _solution(room: _Room, times: FloatArray, jacobian: bool) -> BatchSolution:
         t=times if len(times) else None,
         y=y,
         jacobian=room.jacobians if jacobian else None,
+        culprit=room.counts[:, CULPRIT],
+        guard_names=guard_names,
     )

@@ -107,7 +107,15 @@ class EventLog:
         return self._integers(first, self.records.shape[1] - first)
 
     def of(self, guard: str, *, direction: int = 0) -> EventLog:
-        """Return the events of one guard, by name; in one direction only if it is not 0."""
+        """Return the events of one guard, by name; in one direction only if it is not 0.
+
+        Raises
+        ------
+        ValueError
+            If there is no guard of this name.
+        """
+        if guard not in self.guard_names:
+            raise ValueError(f"guard: expected one of {self.guard_names}, found {guard!r}")
         chosen = self.guard == self.guard_names.index(guard)
         if direction != 0:
             chosen &= self.direction == direction

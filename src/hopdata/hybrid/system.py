@@ -90,6 +90,9 @@ class System:
             _check_callback("jacobian", self.jacobian, JACOBIAN)
         if self.affine is not None:
             _check_callback("affine", self.affine, AFFINE)
+        for name in ("n_extra_modes", "n_memory"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"{name}: expected at least 0, found {getattr(self, name)}")
         if self.n_states < 1:
             raise ValueError(f"n_states: expected at least 1, found {self.n_states}")
         for name, values in (("directions", self.directions), ("terminal", self.terminal)):
@@ -114,6 +117,8 @@ class System:
             _check_callback("rate_bound", self.rate_bound, RATE_BOUND)
             if self.guard is None:
                 raise ValueError("rate_bound: expected guards declared one by one, by @guard")
+        if len(set(self.guard_names)) < len(self.guard_names):
+            raise ValueError(f"guard_names: expected different names, found {self.guard_names}")
         if (self.guards or self.guard) is not None and not self.guard_names:
             raise ValueError("guard_names: expected one name for each guard, found none")
 

@@ -32,11 +32,9 @@ from hopdata.hybrid.methods.stiffness import (
     stiffness_score,
 )
 
-TIGHT = 1e-7  # relative tolerance from which the method of high order takes the first step
-LONG = 3.0  # steps without an event, after which events count as sparse
-SHORT = 0.7  # of a step: events that are nearer to each other are dense
-
-
+TIGHT = 1e-7  # relative tolerance from which the method of highest order takes the first step
+LONG = 4.0  # steps without an event, after which a method of higher order is worth its cost
+SHORT = 2.5  # steps of the cheaper method: events that are nearer to each other are dense
 EVERY = 16  # steps: one of so many is tested for stiffness, as long as there is no sign of it
 RELIEVED = 1.0  # dt times the fastest rate, below which an explicit step of this length will do
 
@@ -67,17 +65,24 @@ def relieved(p: Problem, m: Memory) -> bool:
 
 @kernel
 def first_method(p: Problem) -> int:
-    """Return the method to begin with."""
-    sparser = p.methods[0, SPARSER]
-    return sparser if sparser >= 0 and p.rtol <= TIGHT else 0
+    """Return the method to begin with: of highest order, or one less if tolerances are loose."""
+    method = 0
+    while p.methods[method, SPARSER] >= 0:
+        method = p.methods[method, SPARSER]
+    return method - 1 if method > 0 and p.rtol > TIGHT else method
 
 
 @kernel
-def change_method(p: Problem, m: Memory, method: int) -> None:
-    """Change to a method, and guess its step by the orders of both."""
-    old = p.methods[m.counts[METHOD], ORDER]
-    m.clock[NEXT_DT] *= p.rtol ** (1.0 / p.methods[method, ORDER] - 1.0 / old)
-    m.counts[METHOD] = method
+def step_ratio(p: Problem, method: int, other: int) -> float:
+    """Return how much longer a step of the other method is, by the orders of both."""
+    return p.rtol ** (1.0 / p.methods[other, ORDER] - 1.0 / p.methods[method, ORDER])
+
+
+@kernel
+def change_method(p: Problem, m: Memory, other: int) -> None:
+    """Change to another method, and guess its step."""
+    m.clock[NEXT_DT] *= step_ratio(p, m.counts[METHOD], other)
+    m.counts[METHOD] = other
 
 
 @kernel
@@ -99,8 +104,9 @@ def choose_after_step(p: Problem, m: Memory) -> None:
 
 @kernel
 def choose_after_event(p: Problem, m: Memory) -> None:
-    """Change to the cheap method, if the last event is less than a step ago."""
-    denser = p.methods[m.counts[METHOD], DENSER]
-    if denser >= 0 and m.clock[T] - m.clock[SEGMENT] < SHORT * m.clock[NEXT_DT]:
-        change_method(p, m, denser)
+    """Change to a cheaper method, if the last event is but a few of its steps ago."""
+    method = m.counts[METHOD]
+    denser, apart = p.methods[method, DENSER], m.clock[T] - m.clock[SEGMENT]
     m.clock[SEGMENT] = m.clock[T]
+    if denser >= 0 and apart < SHORT * m.clock[NEXT_DT] * step_ratio(p, method, denser):
+        change_method(p, m, denser)

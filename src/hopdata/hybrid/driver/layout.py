@@ -53,7 +53,8 @@ DIRECTION, TERMINAL = index_numbers(2)
 # Columns of `methods`: addresses of step, interpolant, tangent and refresh, evaluations that a step
 # takes, degree of the interpolant, whether it is in powers of theta, the order by which the step is
 # controlled; the methods to change to where events are sparser or denser, where the field is stiff
-# and where it is not (-1: none); the row of the last stage's slope, and the limit of stability.
+# and where it is not (-1: none); the row of the last stage's slope, the limit of
+# stability, and evaluations that a tangent takes.
 (
     STEP,
     INTERPOLANT,
@@ -69,8 +70,9 @@ DIRECTION, TERMINAL = index_numbers(2)
     RELAXED,
     LAST_SLOPE,
     STIFF_TENTHS,
-) = index_numbers(14)
-METHOD_SLOTS = 14
+    TANGENT_EVALUATIONS,
+) = index_numbers(15)
+METHOD_SLOTS = 15
 
 # Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
 # none, ERROR that step's error in units of the tolerance, SEGMENT the start of the smooth piece of

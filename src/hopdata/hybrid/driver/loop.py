@@ -37,14 +37,17 @@ from hopdata.hybrid.driver.layout import (
     N_AWAKE,
     NEXT_DT,
     NFEV,
+    ORDER,
     RATE0,
     RATE1,
+    REJECTED,
     ROWS,
     SEGMENT,
     SIZE,
     STEP,
     STEPS,
     TANGENT,
+    TANGENT_EVALUATIONS,
     Memory,
     T,
     Y,
@@ -54,11 +57,18 @@ from hopdata.hybrid.driver.prediction import remember_bend
 from hopdata.hybrid.driver.problem import Problem, copy_row, fill_row, first_not_finite
 from hopdata.hybrid.driver.sleep import travel_on
 from hopdata.hybrid.driver.start import settle_locks
-from hopdata.hybrid.driver.stepping import LOG_ERROR_FLOOR, accepted_step, first_step
+from hopdata.hybrid.driver.stepping import (
+    LOG_ERROR_FLOOR,
+    SAFETY,
+    SHRINK_MOST,
+    accepted_step,
+    first_step,
+)
 from hopdata.hybrid.driver.surface import mark_due, time_resolution
 from hopdata.hybrid.status import (
     BAD_START,
     FINISHED,
+    JACOBIAN_NOT_FINITE,
     NEEDS_METHOD,
     NEEDS_ROOM,
     PAUSED,
@@ -96,10 +106,25 @@ def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
 
 
 @kernel
-def carry_jacobian(p: Problem, m: Memory, dt: float) -> None:
-    """Multiply the flow's Jacobian by the derivative of the step that ends at END."""
-    address = p.methods[m.counts[METHOD], TANGENT]
-    m.counts[NFEV] += call_tangent(address, m.clock[T], dt, m.states, p.mode, p.params, p.tangent)
+def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
+    """Multiply the flow's Jacobian by that of the step that ends at END.
+
+    Returns the part of the step by which it must be taken again, as the Jacobian errs by too much;
+    1 if it does not, NaN if it is not finite.
+    """
+    method, phi, n = m.counts[METHOD], p.tangent, m.states.width
+    m.counts[NFEV] += p.methods[method, TANGENT_EVALUATIONS]
+    error = call_tangent(
+        p.methods[method, TANGENT], m.clock[T], dt, p.rtol, m.states, p.mode, p.params, p.atol, phi
+    )
+    if error > 1.0:
+        return max(SHRINK_MOST, SAFETY / error ** (1.0 / p.methods[method, ORDER]))
+    for i in range(n):
+        for j in range(n):
+            if not np.isfinite(phi[n + i, j]):
+                return np.nan
+            phi[i, j] = phi[n + i, j]
+    return 1.0
 
 
 @kernel_in_loop
@@ -111,7 +136,11 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
     dt, n_due = end_at_first_flip(p, m, dt)
     if dt > 0.0:
         if p.first_order:
-            carry_jacobian(p, m, dt)
+            shrink = carry_jacobian(p, m, dt)
+            if not shrink >= 1.0:
+                m.clock[NEXT_DT] = shrink * dt
+                m.counts[REJECTED] += 1
+                return RUNNING if shrink > 0.0 else JACOBIAN_NOT_FINITE
         move_on(p, m, out, dt)
     if n_due > 0:
         return fire(p, m, out, log)

@@ -24,7 +24,9 @@ from hopdata.hybrid.driver.layout import (
     NGEV,
     RATE0,
     RATE1,
+    SCRATCH,
     SIZE,
+    SLOPE,
     SPEED,
     TRAVEL,
     Memory,
@@ -33,7 +35,7 @@ from hopdata.hybrid.driver.layout import (
 )
 from hopdata.hybrid.driver.problem import Problem, eval_guard
 
-MARGIN = 1.25  # the bound inside of a step may exceed the one at its ends by so much
+MARGIN = 1.25  # the bound within a step may exceed the one at its ends and middle by so much
 REST = 8.0  # steps like the last one that a guard must be away to go to sleep
 
 
@@ -88,23 +90,46 @@ def pop(m: Memory) -> int:
 
 
 @kernel
-def wake(p: Problem, m: Memory, dt: float, end_too: bool) -> None:
+def enlist(m: Memory, k: int) -> None:
+    """Add guard k to those awake, which stand in their order."""
+    place = m.counts[N_AWAKE]
+    m.counts[N_AWAKE] += 1
+    while place > 0 and m.lists[AWAKE, place - 1] > k:
+        m.lists[AWAKE, place] = m.lists[AWAKE, place - 1]
+        place -= 1
+    m.lists[AWAKE, place] = k
+
+
+@kernel
+def step_travel(p: Problem, m: Memory, dt: float) -> float:
+    """Return the travel of the step from Y to END, by the bound at its ends and in its middle.
+
+    The middle is that of the cubic through states and slopes at both ends.
+    """
+    s, t = m.states, m.clock[T]
+    for i in range(s.width):
+        rise = s[END, i] - s[Y, i]
+        s[SCRATCH, i] = s[Y, i] + 0.5 * rise + 0.125 * dt * (s[K1, i] - s[KEND, i])
+        s[SLOPE, i] = 1.5 * rise / dt - 0.25 * (s[K1, i] + s[KEND, i])
+    middle = speed_at(p, m, t + 0.5 * dt, SCRATCH, SLOPE)
+    after = speed_at(p, m, t + dt, END, KEND)
+    return MARGIN * dt * max(m.clock[SPEED], middle, after)
+
+
+@kernel
+def wake(p: Problem, m: Memory, dt: float) -> None:
     """Wake all guards that might flip within a step, and evaluate them at its start and end."""
     if p.rate_bound == 0:
         return
-    speed, t = m.clock[SPEED], m.clock[T]
-    if end_too:
-        speed = max(speed, speed_at(p, m, t + dt, END, KEND))
-    limit = m.clock[TRAVEL] + MARGIN * dt * speed
+    t = m.clock[T]
+    limit = m.clock[TRAVEL] + step_travel(p, m, dt)
     while m.counts[N_ASLEEP] > 0 and not key(m, 0) > limit:
         k = pop(m)
-        m.lists[AWAKE, m.counts[N_AWAKE]] = k
-        m.counts[N_AWAKE] += 1
+        enlist(m, k)
         m.counts[NGEV] += 2
         eval_guard(p, m, t, Y, K1, k, H0, RATE0)
         m.guards[SIZE, k], m.guards[BEND, k] = abs(m.guards[H0, k]), 0.0
-        if end_too:
-            eval_guard(p, m, t + dt, END, KEND, k, H1, RATE1)
+        eval_guard(p, m, t + dt, END, KEND, k, H1, RATE1)
 
 
 @kernel
@@ -112,10 +137,9 @@ def travel_on(p: Problem, m: Memory, dt: float) -> None:
     """Count the travel of the step from Y to END, and let those sleep that are far away."""
     if p.rate_bound == 0:
         return
-    after = speed_at(p, m, m.clock[T] + dt, END, KEND)
-    travel = MARGIN * dt * max(m.clock[SPEED], after)
+    travel = step_travel(p, m, dt)
     m.clock[TRAVEL] += travel
-    m.clock[SPEED] = after
+    m.clock[SPEED] = speed_at(p, m, m.clock[T] + dt, END, KEND)
     kept = 0
     for a in range(m.counts[N_AWAKE]):
         k = m.lists[AWAKE, a]
@@ -134,7 +158,7 @@ def wake_all(m: Memory) -> None:
     """Wake all guards: the state has jumped."""
     for place in range(m.counts[N_ASLEEP]):
         k = m.lists[HEAP, place]
-        m.lists[AWAKE, m.counts[N_AWAKE]] = k
-        m.counts[N_AWAKE] += 1
         m.guards[SIZE, k], m.guards[BEND, k] = 0.0, 0.0
-    m.counts[N_ASLEEP] = 0
+    m.counts[N_ASLEEP], m.counts[N_AWAKE] = 0, m.guards.width
+    for k in range(m.guards.width):
+        m.lists[AWAKE, k] = k

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.driver.firing import refresh
 from hopdata.hybrid.driver.layout import H0, K1, OPEN, RATE, RATE0, SCRATCH, SLOPE, Memory, T, Y
-from hopdata.hybrid.driver.problem import Problem, eval_field, guards_inside
+from hopdata.hybrid.driver.problem import Problem, eval_field, guards_at_start, guards_inside
 from hopdata.hybrid.status import RUNNING
 
 PASSES = 4  # rates on the surface may depend on the other locks: go round until they agree
@@ -48,12 +48,27 @@ def decide_locks(p: Problem, m: Memory) -> bool:
 
 
 @kernel
+def lock_by_side(p: Problem, m: Memory) -> None:
+    """Set open locks by the sign of h alone: the field may exist on its own side only."""
+    for i in range(m.states.width):
+        m.states[K1, i] = 0.0
+    guards_at_start(p, m, m.clock[T])
+    for k in range(m.guards.width):
+        if m.flags[OPEN, k] != 0 and m.guards[H0, k] > 0.0:
+            p.mode[k] = 1
+
+
+@kernel
 def settle_locks(p: Problem, m: Memory) -> int:
     """Decide each lock that the caller left open (0), and evaluate field and guards."""
+    open_ones = 0
     for k in range(m.guards.width):
         m.flags[OPEN, k] = 1 if p.mode[k] == 0 else 0
         if p.mode[k] == 0:
             p.mode[k] = -1
+            open_ones += 1
+    if open_ones > 0:
+        lock_by_side(p, m)
     for _ in range(PASSES):
         status = refresh(p, m)
         if status != RUNNING or not decide_locks(p, m):

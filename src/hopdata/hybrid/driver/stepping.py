@@ -132,7 +132,7 @@ def accepted_step(p: Problem, m: Memory) -> float:
         m.counts[REJECTED] += 1
         dt *= shrink
     watch_stiffness(p, m, dt)
-    wake(p, m, dt, True)
+    wake(p, m, dt)
     resize_next(m, dt, error, shrink < 1.0, proposed, order)
     m.counts[STEPS] += 1
     return dt

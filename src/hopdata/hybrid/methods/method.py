@@ -53,8 +53,11 @@ class Method:
     step, interpolant : callable
         The functions, for Numba to compile.
     tangent : callable, optional
-        ``tangent(t, dt, s, mode, params, phi)`` multiplies the Jacobian in the first rows of phi
-        by that of the step; returns field evaluations.
+        ``tangent(t, dt, rtol, s, mode, params, atol, phi)`` writes the product of the step's
+        Jacobian and that in the first rows of phi into the next rows; returns its error in units
+        of the tolerance.
+    tangent_evaluations : int
+        Field evaluations that this takes.
     tangent_rows : int
         Rows of phi that the tangent needs.
     refresh : callable, optional
@@ -72,6 +75,7 @@ class Method:
     step: Function
     interpolant: Function
     tangent: Function | None = None
+    tangent_evaluations: int = 0
     tangent_rows: int = 0
     refresh: Function | None = None
     last_slope_row: int = 0
@@ -103,16 +107,13 @@ def _enter_interpolant(
 
 
 def _enter_tangent(
-    t: float, dt: float, s: int, mode: int, n_modes: int, params: int, n_params: int, phi: int
-) -> int:
-    result: int = FUNCTION(
-        t,
-        dt,
-        float_table(s, N),
-        array_of(int_vector(mode, n_modes)),
-        array_of(float_vector(params, n_params)),
-        float_table(phi, N),
-    )
+    t: float, dt: float, rtol: float, s: int, mode: int, n_modes: int,
+    params: int, n_params: int, atol: int, phi: int,
+) -> float:  # fmt: skip
+    result: float = FUNCTION(
+        t, dt, rtol, float_table(s, N), array_of(int_vector(mode, n_modes)),
+        array_of(float_vector(params, n_params)), float_vector(atol, N), float_table(phi, N),
+    )  # fmt: skip
     return result
 
 

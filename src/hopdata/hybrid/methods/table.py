@@ -38,7 +38,7 @@ MAKERS = {
     "rosenbrock": rosenbrock_method,
 }
 CHOICES = ("auto", *MAKERS)
-AUTOMATIC = ("dopri5", "dop853", "rosenbrock")
+AUTOMATIC = ("dopri5", "dop853", "rosenbrock")  # from cheap to high order, then stiff
 LARGEST_STIFF = 200  # states; above, the matrices of Rosenbrock would not be worth their memory
 # Steps in a process, from which a scene gets code of its own: that takes 0.4 to 2.5 s, saves 0.02
 # to 0.07 us of each step, and is there for the next process.
@@ -67,7 +67,7 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
     if scene.affine is not None:
         return ("taylor",)
     with_stiff = not jacobian and scene.n_states <= LARGEST_STIFF
-    return AUTOMATIC if with_stiff else AUTOMATIC[:2]
+    return AUTOMATIC if with_stiff else AUTOMATIC[:-1]
 
 
 def work_rows(names: tuple[str, ...], n_states: int) -> int:
@@ -125,11 +125,21 @@ class MethodTable:
         row[[layout.SPARSER, layout.STIFFER, layout.RELAXED]] = -1
         row[layout.STIFF_TENTHS] = round(10 * STIFF_LIMITS.get(name, 0.0))
         self.tangent_rows = max(self.tangent_rows, method.tangent_rows)
-        if self._names[:2] == AUTOMATIC[:2]:
-            row[layout.SPARSER] = 1 if number == 0 else -1
-            row[layout.DENSER] = 0 if number == 1 else -1
-            row[layout.STIFFER] = 2 if number < 2 and len(self._names) > 2 else -1
-            row[layout.RELAXED] = 1 if number == 2 else -1
+        row[layout.TANGENT_EVALUATIONS] = method.tangent_evaluations
+        if len(self._names) > 1:
+            self._chain(number, row)
+
+    def _chain(self, number: int, row: IntArray) -> None:
+        """Say which method follows which, among those of an automatic choice."""
+        last = len(self._names) - 1
+        has_stiff = self._names[last] == "rosenbrock"
+        highest = last - 1 if has_stiff else last
+        if has_stiff and number == last:
+            row[layout.RELAXED] = highest
+            return
+        row[layout.SPARSER] = number + 1 if number < highest else -1
+        row[layout.DENSER] = number - 1
+        row[layout.STIFFER] = last if has_stiff else -1
 
     def provide(self, number: int) -> None:
         """Make a method ready, which the driver has asked for."""

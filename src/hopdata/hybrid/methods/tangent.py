@@ -5,15 +5,18 @@ It is the derivative of the numerical map itself: with the state, the flow's Jac
 the order of the method. Stage k has the state Y + dt sum_j a_kj K_j, whose derivative is
 M = Phi + dt sum_j a_kj dK_j, and dK_k = Df M.
 
-The table phi has rows of N: the flow's Jacobian, then blocks of N rows for Df and M, some single
-rows, and one block dK for each stage (see `driver.layout`).
+The table phi has rows of N: the flow's Jacobian, then blocks of N rows for Df (in the end, for the
+new Jacobian) and M, some single rows, and one block dK for each stage (see `driver.layout`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import factorial
 from types import FunctionType
 from typing import Any
+
+import numpy as np
 
 from hopdata.hybrid.compiled.views import FloatTable, row, square
 from hopdata.hybrid.driver.layout import K1, PHI_ROWS, SCRATCH, Y
@@ -28,32 +31,32 @@ N = 0
 
 FIFTH_ROOT_OF_EPS = 2.0 ** (-52 / 5)  # best for differences of fourth order
 ABSOLUTELY_TINY = 1e-290
+LOOSER = 10.0  # than the state: the Jacobian may err by so many relative tolerances a step
 
 
 def jacobian_by_user(
-    t: float, dt: float, s: FloatTable, mode: Any, params: Any, phi: FloatTable
-) -> int:
-    """Fetch the user's derivative of the field at SCRATCH; return field evaluations, 0."""
+    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any
+) -> None:
+    """Fetch the user's derivative of the field at SCRATCH."""
     for i in range(N, 2 * N):
         for j in range(N):
             phi[i, j] = 0.0
     JACOBIAN(t, row(s, SCRATCH), mode, params, square(phi, N))
-    return 0
 
 
 def jacobian_by_differences(
-    t: float, dt: float, s: FloatTable, mode: Any, params: Any, phi: FloatTable
-) -> int:
-    """Take central differences of fourth order at SCRATCH; return field evaluations, 4 n.
+    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any
+) -> None:
+    """Take central differences of fourth order at SCRATCH: 4 n field evaluations.
 
-    The increments are parts of a state's size or, if that is larger, of its change in the step: no
-    unit enters.
+    The increments are parts of a state's size, of its change in the step, or of the size where the
+    absolute tolerance takes over from the relative one, whichever is largest: no unit enters.
     """
     shifted, slope = 3 * N, 3 * N + 1
     for i in range(N):
         phi[shifted, i] = s[SCRATCH, i]
     for j in range(N):
-        size = max(abs(s[SCRATCH, j]), abs(s[Y, j]), dt * abs(s[K1, j]))
+        size = max(abs(s[SCRATCH, j]), abs(s[Y, j]), dt * abs(s[K1, j]), atol[j] / rtol)
         step = FIFTH_ROOT_OF_EPS * size if size > ABSOLUTELY_TINY else FIFTH_ROOT_OF_EPS
         for i in range(N):
             phi[N + i, j] = 0.0
@@ -67,7 +70,6 @@ def jacobian_by_differences(
         phi[shifted, j] = s[SCRATCH, j]
         for i in range(N):
             phi[N + i, j] /= 12.0 * step
-    return 4 * N
 
 
 def times_jacobian(phi: FloatTable, target: int) -> None:
@@ -90,32 +92,67 @@ def _sum(weights: Sequence[float], rows: Sequence[Any], table: str) -> str:
     return combination(weights, rows).replace("s[", f"{table}[")
 
 
+def _each(line: str) -> list[str]:
+    return ["for i in range(N):", INDENT + "for j in range(N):", 2 * INDENT + line]
+
+
 def _matrices(target: str, weights: Sequence[float]) -> list[str]:
     blocks = [_block(stage) for stage in range(len(weights))]
     terms = _sum(weights, blocks, "phi").replace(", i]", ", j]")
+    return _each(f"phi[{target} + i, j] = phi[i, j] + dt * ({terms})")
+
+
+def error_constant(tableau: Tableau) -> float:
+    """Return the factor of z^(p + 1) in the error of a step of length z of y' = y."""
+    stages = len(tableau.weights)
+    matrix = np.zeros((stages, stages))
+    for k, weights in enumerate(tableau.stages, start=1):
+        matrix[k, : len(weights)] = weights
+    power = np.linalg.matrix_power(matrix, tableau.order) @ np.ones(stages)
+    return float(abs(1.0 / factorial(tableau.order + 1) - np.dot(tableau.weights, power)))
+
+
+def _error(tableau: Tableau) -> list[str]:
+    """Estimate the error by the fastest motion of the linear flow, the root of Df Df Phi over Phi.
+
+    Entries are compared with the largest of their row: units differ between rows. The state's error
+    is no guide where the state rests.
+    """
+    spare = f"3 * N + {PHI_ROWS} + {len(tableau.weights)} * N"
+    power = 0.5 * (tableau.order + 1)
     return [
+        *_each(f"phi[2 * N + i, j] = phi[{_block(0)}, j]"),
+        f"TIMES_JACOBIAN(phi, {spare})",
+        *_matrices("N", tableau.weights),
+        "fastest = 0.0",
         "for i in range(N):",
+        INDENT + "bend, size = 0.0, TINY",
         INDENT + "for j in range(N):",
-        2 * INDENT + f"phi[{target} + i, j] = phi[i, j] + dt * ({terms})",
+        2 * INDENT + f"bend = max(bend, abs(phi[{spare} + i, j]))",
+        2 * INDENT + "size = max(size, abs(phi[i, j]), abs(phi[N + i, j]))",
+        INDENT + "fastest = max(fastest, bend / size)",
+        f"error = {error_constant(tableau)!r} * (dt * dt * fastest) ** {power!r}",
+        f"return error / ({LOOSER!r} * rtol)",
     ]
 
 
 def tangent_code(tableau: Tableau) -> list[str]:
     """Return the body of the tangent function of a method."""
     slopes = tableau.slope_rows
-    code = ["evaluations = 0"]
+    code: list[str] = []
     for k in range(len(tableau.weights)):
         weights = tableau.stages[k - 1] if k > 0 else ()
         node = tableau.nodes[k - 1] if k > 0 else 0.0
         state = f"s[{SCRATCH}, i] = s[{Y}, i] + dt * ({combination(weights, slopes)})"
         code += ["for i in range(N):", INDENT + state, *_matrices("2 * N", weights)]
         code += [
-            f"evaluations += STAGE_JACOBIAN(t + {node!r} * dt, dt, s, mode, params, phi)",
+            f"STAGE_JACOBIAN(t + {node!r} * dt, dt, rtol, s, mode, params, atol, phi)",
             f"TIMES_JACOBIAN(phi, 3 * N + {PHI_ROWS} + {k} * N)",
         ]
-    return [*code, *_matrices("0", tableau.weights), "return evaluations"]
+    return [*code, *_error(tableau)]
 
 
 def tangent_template(tableau: Tableau, known: dict[str, Any]) -> FunctionType:
-    """Return ``tangent(t, dt, s, mode, params, phi)`` of a method; it counts evaluations."""
-    return compose("tangent", "t, dt, s, mode, params, phi", tangent_code(tableau), known)
+    """Return ``tangent(t, dt, rtol, s, mode, params, atol, phi)`` of a method."""
+    arguments = "t, dt, rtol, s, mode, params, atol, phi"
+    return compose("tangent", arguments, tangent_code(tableau), known)

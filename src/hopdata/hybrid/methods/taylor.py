@@ -13,7 +13,7 @@ the controller may shrink it as far as it proposes. The degree that was needed i
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, nan
 from typing import Any
 
 from hopdata.hybrid.compiled.views import FloatTable, FloatVector
@@ -142,26 +142,30 @@ def refreshed_disagreement(s: FloatTable, mode: Any, params: Any) -> float:
     return result
 
 
-def tangent(t: float, dt: float, s: FloatTable, mode: Any, params: Any, phi: FloatTable) -> int:
-    """Multiply the flow's Jacobian in the first rows of phi by exp(A dt); return 0 evaluations."""
+def tangent(
+    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any
+) -> float:
+    """Write exp(A dt) Phi into the block after Phi; return the error, which is 0 but for rounding.
+
+    NaN if the series does not end: the step is too long for it.
+    """
     for i in range(N):
         for j in range(N):
             phi[N + i, j] = phi[i, j]
-    largest, size = inf, 0.0
-    k = 1
-    while k <= DEGREE + 4 and largest > EPS / 8.0 * size:
+            phi[2 * N + i, j] = phi[i, j]
+    for k in range(1, 2 * DEGREE):
         largest, size = 0.0, 0.0
-        for i in range(N):
-            for j in range(N):
+        for j in range(N):
+            for i in range(N):
                 total = 0.0
                 for m in range(N):
-                    total += s[A + i, m] * phi[N + m, j]
-                phi[2 * N + i, j] = total * dt / k
-        for i in range(N):
-            for j in range(N):
-                phi[N + i, j] = phi[2 * N + i, j]
-                phi[i, j] += phi[N + i, j]
-                largest = max(largest, abs(phi[N + i, j]))
-                size = max(size, abs(phi[i, j]))
-        k += 1
-    return 0
+                    total += s[A + i, m] * phi[2 * N + m, j]
+                s[WEIGHT, i] = total * dt / k
+            for i in range(N):
+                phi[2 * N + i, j] = s[WEIGHT, i]
+                phi[N + i, j] += s[WEIGHT, i]
+                largest = max(largest, abs(s[WEIGHT, i]))
+                size = max(size, abs(phi[N + i, j]))
+        if largest <= EPS / 8.0 * size:
+            return 0.0
+    return nan
