@@ -131,7 +131,6 @@ def test_rows_that_fail_do_not_disturb_the_others():
     assert second.startswith("40 of 80, such as number 0: The integration reached the end")
 
 
-@pytest.mark.xfail(strict=True, reason="the driver's culprit and rates are not kept for a batch")
 def test_the_message_names_the_guard():
     system = ladder(2, terminal=(False, True))
     ended = solve_batch(system, (0, 9), np.zeros((3, 2)), params=(1, 2, 1, 0))
@@ -240,18 +239,12 @@ def test_wrong_arguments_are_named(change, message):
         solve_batch(ladder(1), **arguments)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the number of parameters is not checked: memory beyond it is read"
-)
 @pytest.mark.parametrize("params", [(2.0, 0.0), np.ones((3, 2))])
 def test_missing_parameters_are_named(params):
     with pytest.raises(ValueError, match=r"uses params\[2\]"):
         solve_batch(ball(), (0, 1), np.ones((3, 2)), params=params)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="0 means all cores, and below the pool speaks of max_workers"
-)
 @pytest.mark.parametrize("workers", [0, -1])
 def test_workers_are_checked(workers):
     with pytest.raises(ValueError, match=r"^workers"):

@@ -74,7 +74,6 @@ def test_events_of_one_guard():
         assert len(ups.of(name, direction=-1)) == 0
 
 
-@pytest.mark.xfail(strict=True, reason="'tuple.index(x): x not in tuple'")
 def test_a_guard_that_there_is_not_is_named():
     with pytest.raises((ValueError, KeyError), match="foot9"):
         swing().events.of("foot9")

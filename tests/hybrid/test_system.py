@@ -54,13 +54,11 @@ def test_a_plain_function_is_no_callback():
         System(bent_field.function, n_states=2)
 
 
-@pytest.mark.xfail(strict=True, reason="it is not checked; tuple.index finds the first only")
 def test_names_of_guards_differ():
     with pytest.raises(ValueError, match="guard_names"):
         System(bent_field, bent_guards, n_states=2, guard_names=("bar", "bar"))
 
 
-@pytest.mark.xfail(strict=True, reason="they are not checked")
 @pytest.mark.parametrize("name", ["n_extra_modes", "n_memory"])
 def test_counts_are_not_negative(name):
     with pytest.raises(ValueError, match=name):

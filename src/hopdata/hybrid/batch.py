@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from hopdata.hybrid.arguments import check_numbers, check_times, set_mode, set_tolerance
 from hopdata.hybrid.compiled.unraisable import Caught
 from hopdata.hybrid.driver.layout import COUNT_SLOTS, CULPRIT, EVENTS, METHOD, NFEV, SAMPLES, STEPS
-from hopdata.hybrid.driver.many import many_entry
+from hopdata.hybrid.driver.many import END_STATE, many_entry
 from hopdata.hybrid.solution import FloatArray, IntArray
 from hopdata.hybrid.status import describe
 from hopdata.hybrid.system import System
@@ -48,6 +48,8 @@ class BatchSolution:
         Derivatives of the final by the initial states, if asked for.
     culprit : (B,) array of int, optional
         Number of the guard that the status is about, -1 if there is none.
+    rates : (B, 2) array, optional
+        Its rates before its last two flips, rising and falling, 1/s.
     guard_names : tuple of str
         Names of all guards.
     """
@@ -63,6 +65,7 @@ class BatchSolution:
     y: FloatArray | None = None
     jacobian: FloatArray | None = None
     culprit: IntArray | None = None
+    rates: FloatArray | None = None
     guard_names: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -87,7 +90,8 @@ class BatchSolution:
         number = -1 if self.culprit is None else int(self.culprit[place])
         guard = self.guard_names[number] if number >= 0 else ""
         time, status = float(self.t_end[place]), int(self.status[place])
-        return describe(status, time=time, guard=guard, rates=(np.nan, np.nan))
+        below, above = (0.0, 0.0) if self.rates is None else self.rates[place]
+        return describe(status, time=time, guard=guard, rates=(float(below), float(above)))
 
 
 class _Room:
@@ -96,7 +100,7 @@ class _Room:
     def __init__(self, n_runs: int, system: System, n_wanted: int, jacobian: bool) -> None:
         n = system.n_states
         self.status = np.zeros((n_runs, 1), dtype=np.int64)
-        self.ends = np.empty((n_runs, 1 + n))
+        self.ends = np.empty((n_runs, END_STATE + n))
         self.modes = np.empty((n_runs, system.n_modes), dtype=np.int64)
         self.counts = np.empty((n_runs, COUNT_SLOTS), dtype=np.int64)
         self.samples = np.full((n_runs if n_wanted else 0, n_wanted, n), np.nan)
@@ -277,7 +281,7 @@ def _solution(
     return BatchSolution(
         status=room.status[:, 0],
         t_end=room.ends[:, 0],
-        y_end=room.ends[:, 1:],
+        y_end=room.ends[:, END_STATE:],
         mode=room.modes,
         n_events=room.counts[:, EVENTS],
         n_steps=room.counts[:, STEPS],
@@ -286,5 +290,6 @@ def _solution(
         y=y,
         jacobian=room.jacobians if jacobian else None,
         culprit=room.counts[:, CULPRIT],
+        rates=room.ends[:, 1:END_STATE],
         guard_names=guard_names,
     )

@@ -130,31 +130,41 @@ class Solution:
     ----------
     status : int
         0: reached the end; 1: ended by an event; negative: failed, see `message`.
-    events : EventLog
-        All events.
     mode : (m,) array of int
         Mode at the end.
-    t_end : float
-        Time reached, s.
     y_end : (n,) array
         State reached.
     jacobian : (n, n) array, optional
         Derivative of `y_end` by the initial state at fixed times, through all events, if asked for.
     rows : (N, 1 + n) array
         Times and states of the trajectory, side by side.
+    records : (E, 3 + 2 n + m) array
+        Events, as `EventLog` keeps them.
     counts, clock : array
         The driver's counters and times at the end.
+    guard_names : tuple of str
+        Names of all guards of the system.
     """
 
     status: int
-    events: EventLog
     mode: IntArray
-    t_end: float
     y_end: FloatArray
     jacobian: FloatArray | None
     rows: FloatArray
+    records: FloatArray
     counts: IntArray
     clock: FloatArray
+    guard_names: tuple[str, ...]
+
+    @cached_property
+    def events(self) -> EventLog:
+        """All events."""
+        return EventLog(self.records, len(self.y_end), self.guard_names)
+
+    @property
+    def t_end(self) -> float:
+        """Time reached, s."""
+        return float(self.clock[layout.T])
 
     @cached_property
     def t(self) -> FloatArray:
@@ -176,7 +186,7 @@ class Solution:
         """How the integration ended, in words."""
         culprit = int(self.counts[layout.CULPRIT])
         below, above = self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]]
-        guard = self.events.guard_names[culprit] if culprit >= 0 else ""
+        guard = self.guard_names[culprit] if culprit >= 0 else ""
         return describe(self.status, time=self.t_end, guard=guard, rates=(below, above))
 
     @property

@@ -18,10 +18,10 @@ from hopdata.hybrid.arguments import (
 )
 from hopdata.hybrid.compiled.unraisable import Caught
 from hopdata.hybrid.driver.entry import driver_entry
-from hopdata.hybrid.driver.layout import METHOD, STEPS, T
+from hopdata.hybrid.driver.layout import METHOD, STEPS
 from hopdata.hybrid.methods import table
 from hopdata.hybrid.methods.table import MethodTable
-from hopdata.hybrid.solution import EventLog, Solution, filled
+from hopdata.hybrid.solution import Solution, filled
 from hopdata.hybrid.status import BAD_START, NEEDS_METHOD, NEEDS_ROOM, PAUSED
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import Workspace
@@ -147,17 +147,12 @@ def _solution(system: System, work: Workspace, status: int, every_step: bool) ->
     return filled(
         Solution,
         status=status,
-        events=filled(
-            EventLog,
-            records=work.events(),
-            n_states=system.n_states,
-            guard_names=system.guard_names,
-        ),
         mode=work.mode.copy(),
-        t_end=work.clock.item(T),
         y_end=work.state.copy(),
         jacobian=None if work.tangent is None else work.tangent[: system.n_states].copy(),
         rows=work.trajectory() if every_step else work.samples(),
+        records=work.events(),
         counts=work.counts.copy(),
         clock=work.clock.copy(),
+        guard_names=system.guard_names,
     )

@@ -30,7 +30,9 @@ def truth():
 def test_samples_are_as_good_as_the_tolerance(truth, method, tolerance):
     found = swing(method=method, rtol=tolerance, atol=tolerance, t_eval=TIMES)
     assert found.t.tolist() == TIMES.tolist()
-    assert np.abs(found.y - truth).max() < 20 * tolerance
+    assert (
+        np.abs(found.y - truth).max() < 30 * tolerance
+    )  # interpolants are of lower order than steps
 
 
 @METHODS

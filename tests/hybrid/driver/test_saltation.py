@@ -100,7 +100,6 @@ def test_where_the_order_matters_it_is_that_of_the_log():
     assert gap(other, of_log) > 1e-2
 
 
-@pytest.mark.xfail(strict=True, reason="guards that have slept come in the order of waking up")
 @pytest.mark.parametrize("method", ["dop853", "auto"])
 def test_one_by_one_or_all_at_once_the_order_is_the_same(method):
     params = bent_params([0.5] * 3, drive=0.3, gains=GAINS)
@@ -232,9 +231,6 @@ def test_three_legs_at_once_and_on():
     assert gap(found.jacobian, extrapolated(HOPPER, (0, 0.03), start, **LANDING)) < 1e-8
 
 
-@pytest.mark.xfail(
-    strict=True, reason="angles that are zero but for rounding get increments as small as they are"
-)
 def test_three_legs_at_once_without_spin():
     start = np.array([0.1, 0.2, 0.29, 0.3, 0.0, 0.0, 0.05, -0.03, -2.1, 0.0, 0.0, 0.0])
     found = carried(HOPPER, (0, 0.03), start, **LANDING)

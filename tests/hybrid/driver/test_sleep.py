@@ -152,7 +152,6 @@ def burst_bound(t, y, dy, mode, params):
     return abs(dy[0])
 
 
-@pytest.mark.xfail(strict=True, reason="within a step the bound exceeds that at both its ends")
 def test_a_burst_of_speed_within_a_step():
     """Slow, fast, slow: a cubic, which the method integrates without error in one step."""
     options = {"n_states": 1, "guard_names": ("line",)}

@@ -73,9 +73,6 @@ def test_units_of_the_state_do_not_matter(angle):
     assert np.abs(given.jacobian - exact).max() < 1e-9
 
 
-@pytest.mark.xfail(
-    strict=True, reason="increments are parts of the state, however small beside the field's terms"
-)
 @pytest.mark.parametrize("method", ["dopri5", "dop853"])
 @pytest.mark.parametrize("angle", [1e-13, 1e-16, 1e-20])
 def test_a_state_near_zero_beside_terms_that_cancel(angle, method):
@@ -86,9 +83,6 @@ def test_a_state_near_zero_beside_terms_that_cancel(angle, method):
     assert np.abs(found.jacobian - exact).max() < 1e-6
 
 
-@pytest.mark.xfail(
-    strict=True, reason="at rest the state's error is zero, and steps grow without limit"
-)
 @METHODS
 def test_at_an_equilibrium(method):
     found = carried(balance(), (0, 20), [0.0, 0.0], params=(0.0,), method=method)
@@ -149,7 +143,6 @@ def test_an_exception_of_the_derivative_is_raised():
     assert solve(system, (0, 1), [0.0, 1.2], params=FAR).success
 
 
-@pytest.mark.xfail(strict=True, reason="the Jacobian is not looked at: status 0, and NaN in it")
 def test_a_derivative_that_is_not_finite_is_a_failure():
     params = bent_params([50.0, 60.0, 70.0])
     found = solve(bent(3, jacobian=odd_jacobian), (0, 1), [0.0, 1.2], params=params, jacobian=True)

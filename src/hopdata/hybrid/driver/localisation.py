@@ -161,12 +161,12 @@ def crossing(
             high = x
         new = x - value / slope if slope < 0.0 else low
         inside = low < new < high
-        if slope < 0.0 and abs(new - x) <= ROOT_ACCURACY * x:
+        if slope < 0.0 and abs(new - x) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
             return new if inside else x
         if high - low <= JUMP_ACCURACY * high:  # the event function jumps: directly behind it
             return high
         x = new if inside else 0.5 * (low + high)
-    return high
+    return x
 
 
 @kernel

@@ -20,6 +20,8 @@ from hopdata.hybrid.driver.layout import (
     COUNTS,
     EVENT_ROWS,
     MODE,
+    RATE_ABOVE,
+    RATE_BELOW,
     RUN,
     SAMPLE_TABLE,
     STATE_TABLE,
@@ -35,6 +37,7 @@ from hopdata.hybrid.status import NEEDS_METHOD, NEEDS_ROOM, PAUSED
 _INT, _FLOAT = types.int64, types.float64
 _INTS, _FLOATS = types.int64[:, ::1], types.float64[:, ::1]
 BYTES = 8
+END_STATE = 3  # column of `ends` where the state begins, behind time and the culprit's rates
 
 MANY_NATIVE = _INT(
     types.int64[::1], _INT, _INT, _FLOATS, _FLOATS, _INTS, types.float64[::1],
@@ -52,8 +55,8 @@ def _enter_many(
     """Integrate from the rows `first` to `last` of y0; return the row that could not be done.
 
     Rows of `params` and `modes` are taken in turn or, if there is one, again and again. `ends`
-    receives time and state, `counts` the driver's counters, `samples` and `jacobians`, if they have
-    any room, the states at the wanted times and the flow's Jacobians.
+    receives time, rates and state, `counts` the driver's counters, `samples` and `jacobians`, if
+    they have any room, the states at the wanted times and the flow's Jacobians.
     """
     n, n_modes, n_params = y0.shape[1], modes.shape[1], params.shape[1]
     mode, clock = int_vector(desk[MODE], n_modes), float_vector(desk[CLOCK], 0)
@@ -84,8 +87,9 @@ def _enter_many(
         if code == NEEDS_METHOD:
             return b
         status[b, 0], ends[b, 0] = code, clock[T]
+        ends[b, 1], ends[b, 2] = clock[RATE_BELOW], clock[RATE_ABOVE]
         for i in range(n):
-            ends[b, 1 + i] = state[Y, i]
+            ends[b, END_STATE + i] = state[Y, i]
         for i in range(n_modes):
             end_modes[b, i] = mode[i]
         for i in range(counts.shape[1]):
