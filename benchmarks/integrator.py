@@ -8,8 +8,9 @@ five in a row), median and quartiles over the repeats, all in one process on one
 solvers taken in turn. `field_ns` is the time of one evaluation of the field alone, called by its
 address in a loop, and `over_evaluations` the time of a call over that of its evaluations;
 `empty_call_us` is a call of our solver for an empty time span.
-Both solvers use the same methods, and call the same Numba-compiled field and guards. scipy stops at each event (a terminal
-event per guard, in the direction that its lock leaves open) and is started again in the new mode.
+Both solvers use the same methods, and call the same Numba-compiled field and guards. scipy stops at
+each event (a terminal event per guard, in the direction that its lock leaves open) and is started
+again in the new mode.
 """
 
 from __future__ import annotations
