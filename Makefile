@@ -34,7 +34,7 @@ figures: $(VENV)/.run
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile $(PYTEST_ARGS)
 
-benchmarks: $(VENV)/.dev
+benchmarks: $(VENV)/.bench
 	$(BIN)/snakemake --cores $(CORES) benchmarks
 
 lint: $(VENV)/.dev
@@ -61,7 +61,7 @@ $(VENV)/pyvenv.cfg:
 	@if command -v uv >/dev/null 2>&1; then uv venv --quiet --clear --python "$(PYTHON)" $(VENV); \
 	else "$(PYTHON)" -m venv --clear $(VENV); fi
 
-# One recipe for both environments: $(1) is the lock file.
+# One recipe for all environments: $(1) is the lock file. Versions agree, so they share a folder.
 define install
 	@if command -v uv >/dev/null 2>&1; then \
 	  uv pip install --quiet --compile-bytecode --python $(BIN)/python --require-hashes -r $(1) && \
@@ -81,10 +81,16 @@ $(VENV)/.dev: requirements-dev.lock pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "Preparing $(VENV) from requirements-dev.lock"
 	$(call install,requirements-dev.lock)
 
+# The libraries that the benchmarks compare with are many and large: nothing else needs them.
+$(VENV)/.bench: requirements-bench.lock pyproject.toml | $(VENV)/pyvenv.cfg
+	@echo "Preparing $(VENV) from requirements-bench.lock"
+	$(call install,requirements-bench.lock)
+
 LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --no-emit-index-url
 lock:
 	echo "flit-core>=3.11,<5" | $(LOCK) pyproject.toml - -o requirements.lock
-	echo "flit-core>=3.11,<5" | $(LOCK) pyproject.toml - --all-extras -c requirements.lock -o requirements-dev.lock
+	echo "flit-core>=3.11,<5" | $(LOCK) pyproject.toml - --extra test --extra lint -c requirements.lock -o requirements-dev.lock
+	echo "flit-core>=3.11,<5" | $(LOCK) pyproject.toml - --extra bench -c requirements-dev.lock -o requirements-bench.lock
 
 clean:
 	rm -rf $(VENV) results .snakemake .pytest_cache .mypy_cache .ruff_cache

@@ -8,8 +8,9 @@ five in a row), median and quartiles over the repeats, all in one process on one
 solvers taken in turn. `field_ns` is the time of one evaluation of the field alone, called by its
 address in a loop, and `over_evaluations` the time of a call over that of its evaluations;
 `empty_call_us` is a call of our solver for an empty time span.
-Both solvers call the same Numba-compiled field and guards. scipy stops at each event (a terminal
-event per guard, in the direction that its lock leaves open) and is started again in the new mode.
+Both solvers use the same methods, and call the same Numba-compiled field and guards. scipy stops at
+each event (a terminal event per guard, in the direction that its lock leaves open) and is started
+again in the new mode.
 """
 
 from __future__ import annotations
@@ -79,13 +80,14 @@ def cases() -> list[Case]:
     ]  # fmt: skip
 
 
-def with_hopdata(case: Case) -> Callable[[float], tuple[FloatArray, int]]:
+def with_hopdata(case: Case, method: str) -> Callable[[float], tuple[FloatArray, int]]:
     """Return a function of the tolerance that gives the final state and the field evaluations."""
 
     def run(tolerance: float) -> tuple[FloatArray, int]:
         solution = solve(
-            case.system, case.t_span, case.y0, params=case.params, rtol=tolerance, atol=tolerance
-        )
+            case.system, case.t_span, case.y0, params=case.params, rtol=tolerance, atol=tolerance,
+            method=method,
+        )  # fmt: skip
         return solution.y_end, solution.nfev
 
     return run
@@ -141,7 +143,7 @@ def evaluate(
     """Evaluate a field many times, as the driver does, from row 0 of the states into row 1."""
     s, m, p = view(states), view(mode), view(params)
     for _ in range(count):
-        call_field(address, 0.0, s, 0, m, p, 1)
+        call_field(address, 0.0, s, 0, m, p, s, 1)
 
 
 def best_time(run: Callable[[], object], repeats: int) -> float:
@@ -179,7 +181,8 @@ def empty_call_us(case: Case, repeats: int) -> float:
 def measure(case: Case, repeats: int) -> list[dict[str, object]]:
     """Time all solvers in turn at each tolerance."""
     solvers = {
-        "hopdata DOPRI5": with_hopdata(case),
+        "hopdata DOPRI5": with_hopdata(case, "dopri5"),
+        "hopdata DOP853": with_hopdata(case, "dop853"),
         "scipy RK45": with_scipy(case, "RK45"),
         "scipy DOP853": with_scipy(case, "DOP853"),
     }

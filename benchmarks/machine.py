@@ -1,11 +1,15 @@
-"""What a benchmark ran on, for its table: platform, processor, versions."""
+"""What the benchmarks ran on: platform, processor, versions; run with `--out machine.csv`."""
 
 from __future__ import annotations
 
+import argparse
+import csv
 import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+PEERS = ("scipy", "scikit-learn", "mujoco", "heyoka", "diffrax", "jax", "scikit-sundae")
 
 
 def processor() -> str:
@@ -36,3 +40,19 @@ def machine(*packages: str) -> dict[str, str | int]:
         "python_version": platform.python_version(),
         **versions,
     }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="What the benchmarks ran on.")
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    out = parser.parse_args().out
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with out.open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(("what", "value"))
+        rows.writerows((what, value or "absent") for what, value in machine(*PEERS).items())
+    print(out.read_text())
+
+
+if __name__ == "__main__":
+    main()

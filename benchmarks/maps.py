@@ -16,6 +16,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
+from importlib.util import find_spec
 from typing import Any, TextIO
 
 import numpy as np
@@ -24,7 +25,7 @@ from hopdata.maps.affine import affine_test_errors
 from hopdata.maps.draws import distinct_draws, named_generator
 from hopdata.maps.grassmann import arc_length, orthonormalised
 
-OURS = "hopdata"
+OURS, SKLEARN = "hopdata", "scikit-learn LinearRegression, loop"
 Methods = dict[str, Callable[..., np.ndarray]]
 #: Fits and pairs whose reference is computed in more digits; it is slow.
 EXACT_FITS, EXACT_PAIRS = 10, 5
@@ -57,8 +58,11 @@ def run(bootstraps: int, pairs: int, repeats: int) -> Iterator[dict[str, Any]]:
     fits: Methods = {
         OURS: affine_test_errors,
         "statsmodels OLS, loop": statsmodels_loop,
-        "scikit-learn LinearRegression, loop": sklearn_loop,
+        SKLEARN: sklearn_loop,
     }
+    if find_spec("sklearn") is None:
+        del fits[SKLEARN]
+        yield absent(SKLEARN)
     for condition in (1e2, 1e6):
         data = regression_problem(bootstraps, condition)
         error_of = partial(relative_error, exact_errors(*data))
@@ -68,6 +72,12 @@ def run(bootstraps: int, pairs: int, repeats: int) -> Iterator[dict[str, Any]]:
     for name, data in (("far", far_pairs(pairs)), ("mixed", mixed_pairs(pairs))):
         error_of = partial(absolute_error, exact_arc_lengths(*data))
         yield from race(f"arc length, {name} angles", lengths, data, error_of, pairs, repeats)
+
+
+def absent(method: str) -> dict[str, Any]:
+    """Return the row of a peer that is not installed."""
+    print(f"{method}: absent", file=sys.stderr)
+    return {"problem": "absent: not installed", "method": method}
 
 
 def relative_error(exact: np.ndarray, found: np.ndarray) -> float:

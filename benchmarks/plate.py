@@ -14,6 +14,8 @@ from the limit of its own law. Beside the table come two more:
   the number of contacts by least squares, over all and within a window that moves; 95 % bands by
   bootstrap of the starts;
 - ``plate_scaling.csv``: our solver for up to 10,000 contacts, in the three forms of the scene.
+
+Without MuJoCo a row says "absent".
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 from machine import machine
-from mujoco_models import INTEGRATORS, Setting, plate_simulation, steps
+from mujoco_models import ABSENT, INTEGRATORS, Setting, plate_simulation, steps
 from numpy.typing import NDArray
 from plate_reference import reference_end
 from timing import timed
@@ -51,7 +53,7 @@ OURS: dict[str, tuple[float, dict[str, bool]]] = {  # tolerance, and form of the
     "hopdata sums": (1e-6, {"sums": True}),
     "hopdata sparse": (1e-6, {"sparse": True}),
 }
-MUJOCO = {
+MUJOCO: dict[str, Setting] = {
     "MuJoCo contact 2 ms": Setting("contact", "Euler", 2e-3),
     "MuJoCo callback 2 ms": Setting("callback", "Euler", 2e-3),
 }
@@ -68,6 +70,8 @@ MUJOCO_MORE = {  # for a few numbers of contacts
         Setting("callback", "RK4", 1e-5),
     )
 }
+if ABSENT:
+    MUJOCO, MUJOCO_MORE = {}, {}
 LIMIT = Setting("contact law", "RK4", 5e-5)
 WINDOW = 5  # numbers of contacts to each side, for the local slope
 N_BOOTSTRAP = 1000
@@ -170,6 +174,8 @@ def checked(plate: Plate, starts: FloatArray, exact: FloatArray) -> list[dict[st
 
 def own_law_errors(plate: Plate, starts: FloatArray) -> dict[str, float]:
     """Return the median error of MuJoCo's contacts against the limit of their own law."""
+    if ABSENT:
+        return {}
     limit = with_mujoco(plate, LIMIT)
     few = starts[:N_CHECKED]
     ends = np.array([limit(start) for start in few])
@@ -180,9 +186,9 @@ def own_law_errors(plate: Plate, starts: FloatArray) -> dict[str, float]:
     }
 
 
-def measure() -> tuple[pd.DataFrame, dict[str, FloatArray]]:
-    """Return the table, and the times of each solver, (len(CONTACTS), N_STARTS), s."""
-    starts = Plate().initial_states(N_STARTS, SEED)
+def measure(n_starts: int) -> tuple[pd.DataFrame, dict[str, FloatArray]]:
+    """Return the table, and the times of each solver, (len(CONTACTS), n_starts), s."""
+    starts = Plate().initial_states(n_starts, SEED)
     runs = {(n, name): run for n in CONTACTS for name, run in solvers(Plate(n)).items()}
     times, ends = in_turn(runs, starts)  # numbers of contacts take turns as well
     rows: list[dict[str, Any]] = []
@@ -199,6 +205,8 @@ def measure() -> tuple[pd.DataFrame, dict[str, FloatArray]]:
                 if one["n_contacts"] == n:
                     one["own_law_error_median"] = law.get(one["solver"], np.nan)
     by_solver = {name: np.array([times[n, name] for n in CONTACTS]) for name in (*OURS, *MUJOCO)}
+    if ABSENT:
+        rows.append({"solver": f"MuJoCo {ABSENT}"})
     return pd.DataFrame(rows), by_solver
 
 
@@ -211,7 +219,8 @@ def slopes(n: FloatArray, times: FloatArray) -> FloatArray:
 def marginal(times: dict[str, FloatArray]) -> pd.DataFrame:
     """Return the time per further contact, over all and in windows, with bootstrap bands."""
     rng, rows, counts = np.random.default_rng(SEED), [], np.array(CONTACTS, dtype=float)
-    draws = rng.integers(0, N_STARTS, (N_BOOTSTRAP, N_STARTS))
+    n_starts = next(iter(times.values())).shape[1]
+    draws = rng.integers(0, n_starts, (N_BOOTSTRAP, n_starts))
     for name, sample in times.items():
         medians = 1e6 / UNTIL_S * np.median(sample, axis=1)
         drawn = 1e6 / UNTIL_S * np.array([np.median(sample[:, draw], axis=1) for draw in draws])
@@ -269,9 +278,11 @@ def scaling() -> pd.DataFrame:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    out = parser.parse_args().out
+    parser.add_argument("--starts", type=int, default=N_STARTS, help="for each number of contacts")
+    arguments = parser.parse_args()
+    out: Path = arguments.out
     out.parent.mkdir(parents=True, exist_ok=True)
-    table, times = measure()
+    table, times = measure(arguments.starts)
     table.assign(**machine("mujoco", "scipy")).to_csv(out, index=False)
     slope = marginal(times)
     slope.to_csv(out.with_name(f"{out.stem}_marginal.csv"), index=False)

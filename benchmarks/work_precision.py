@@ -2,8 +2,8 @@
 
     python benchmarks/work_precision.py --out work_precision.csv
 
-Writes the table, beside it `ratios.csv` (times at an error of 1e-9 over ours), and the figure
-`work_precision.svg` and `.png`. One process, one thread. At each tolerance all solvers take turns;
+Writes the table and beside it `ratios.csv` (times at an error of 1e-9 over ours). One process, one
+thread. At each tolerance all solvers take turns;
 times are of one trajectory, in CPU time of the process (other programs count for little), median
 and quartiles over the turns. What a solver compiles or builds is not in them but in `compile_s`,
 the first call's excess over the second with all that goes before it, on the clock. `setting` is
@@ -32,9 +32,6 @@ from equal_error import EQUAL_ERROR, best_of_way, ratios
 from peers import solvers_of
 from peers.problems import Problem, problems
 from peers.solver import FloatArray, Solver
-
-from hopdata.figures.saving import save_figure
-from hopdata.figures.work_precision import work_precision_figure
 
 FAR_OFF = 0.1  # no tolerance here explains it
 BLOCK_S = 500e-6  # calls in a row, at least so long, for one timing
@@ -148,8 +145,6 @@ def main() -> None:
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(arguments.out, index=False)
     at_equal_error.to_csv(arguments.out.with_name("ratios.csv"), index=False)
-    figure = work_precision_figure(table, at_equal_error)
-    save_figure(figure, arguments.out.with_suffix(""))
     print_ratios(at_equal_error)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+import mujoco  # noqa: F401  # without it this peer is absent
 import numpy as np
 from mujoco_models import Setting, hopper_simulation, plate_simulation, steps
 

@@ -1,27 +1,87 @@
-BENCHMARKS = ["integrator", "labelling", "density", "maps", "gait", "first_solve"]
+BENCHMARKS = "results/benchmarks"
+# Each program of benchmarks/ and the tables that it writes: the one that it is told, others beside it.
+BENCHMARK_TABLES = {
+    "machine": ["machine.csv"],
+    "order": ["order.csv", "theorem.csv"],
+    "integrator": ["integrator.csv"],
+    "work_precision": ["work_precision.csv", "ratios.csv"],
+    "calibration": ["calibration.csv", "calibration_table.csv", "calibration_trajectories.csv"],
+    "plate": ["plate.csv", "plate_marginal.csv", "plate_scaling.csv"],
+    "stress": ["stress.csv"],
+    "first_solve": ["first_solve.csv"],
+    "labelling": ["labelling.csv"],
+    "density": ["density.csv"],
+    "maps": ["maps.csv"],
+    "gait": ["gait.csv"],
+}
+# Each figure, its script and the tables that it shows.
+BENCHMARK_FIGURES = {
+    "fig4_2_order": ("figure_order", ["order.csv"]),
+    "fig4_3_calibration": ("figure_calibration", ["calibration_trajectories.csv"]),
+    "fig4_4_scaling": ("figure_scaling", ["plate.csv", "plate_marginal.csv"]),
+    "work_precision": ("figure_work_precision", ["work_precision.csv", "ratios.csv"]),
+}
 
 
-rule benchmark:
-    """Error and run time of one part of the library beside its peers, on one thread."""
+for program, tables in BENCHMARK_TABLES.items():
+
+    rule:
+        name:
+            f"benchmark_{program}"
+        input:
+            lambda wildcards, program=program: sources(program),
+        output:
+            table=f"{BENCHMARKS}/{tables[0]}",
+            beside=[f"{BENCHMARKS}/{table}" for table in tables[1:]],
+        log:
+            f"{BENCHMARKS}/{program}.log",
+        # Timings want the machine to themselves: one at a time, whatever --cores says.
+        threads: workflow.cores
+        params:
+            python=sys.executable,
+            program=f"benchmarks/{program}.py",
+            code=lambda wildcards, input: [code_digest(source) for source in input],
+        shell:
+            "OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 "
+            "{params.python} {params.program} --out {output.table} > {log} 2>&1"
+
+
+for name, (script, tables) in BENCHMARK_FIGURES.items():
+
+    rule:
+        name:
+            f"{script}"
+        input:
+            [f"{BENCHMARKS}/{table}" for table in tables],
+        output:
+            expand(f"{BENCHMARKS}/figures/{name}.{{format}}", format=FORMATS),
+        log:
+            f"{BENCHMARKS}/{script}.log",
+        params:
+            options=STUDY["figures"],
+            code=code(script),
+        script:
+            f"../scripts/{script}.py"
+
+
+rule benchmark_page:
+    """The figures with their captions on a page."""
     input:
-        program="benchmarks/{name}.py",
+        figures=expand(f"{BENCHMARKS}/figures/{{name}}.{FORMATS[0]}", name=BENCHMARK_FIGURES),
+        captions=expand("workflow/captions/{name}.md", name=BENCHMARK_FIGURES),
     output:
-        table="results/benchmarks/{name}.csv",
+        f"{BENCHMARKS}/figures/README.md",
     log:
-        "results/benchmarks/{name}.log",
-    wildcard_constraints:
-        name="|".join(BENCHMARKS),
-    # Timings want the machine to themselves: one at a time, whatever --cores says.
-    threads: workflow.cores
+        f"{BENCHMARKS}/benchmark_page.log",
     params:
-        python=sys.executable,
-        code=lambda wildcards: code_digest(f"benchmarks/{wildcards.name}.py"),
-    shell:
-        "OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 "
-        "{params.python} {input.program} --out {output.table} > {log} 2>&1"
+        code=code("benchmark_page"),
+    script:
+        "../scripts/benchmark_page.py"
 
 
 rule benchmarks:
-    """All benchmark tables: `snakemake --cores 2 benchmarks`."""
+    """All tables and figures of the benchmarks: `snakemake --cores 2 benchmarks`."""
     input:
-        expand(rules.benchmark.output.table, name=BENCHMARKS),
+        [f"{BENCHMARKS}/{table}" for tables in BENCHMARK_TABLES.values() for table in tables],
+        expand(f"{BENCHMARKS}/figures/{{name}}.{{format}}", name=BENCHMARK_FIGURES, format=FORMATS),
+        rules.benchmark_page.output,

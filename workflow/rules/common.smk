@@ -1,3 +1,4 @@
+import re
 import sys
 from pathlib import Path
 
@@ -27,6 +28,8 @@ FIGURE_NAMES = [
 ]
 FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
+PROGRAMS = Path(workflow.basedir) / "benchmarks"
+STRESS_SUITE = Path(workflow.basedir) / "tests" / "hybrid"  # one of the benchmarks runs it
 
 
 wildcard_constraints:
@@ -47,3 +50,16 @@ def each_recording(pattern):
 def figure(name):
     """The files of one figure, one a format."""
     return expand(f"{RESULTS}/figures/{name}.{{format}}", format=FORMATS)
+
+
+def sources(name, folders=(PROGRAMS, STRESS_SUITE, STRESS_SUITE / "stress")):
+    """A program and all that it imports from beside it, directly or not; a package as a whole."""
+    found, waiting = set(), [PROGRAMS / f"{name}.py"]
+    while waiting:
+        file = waiting.pop()
+        found.add(file)
+        for module in re.findall(r"^(?:from|import) (\w+)", file.read_text(), re.MULTILINE):
+            for folder in folders:
+                files = {folder / f"{module}.py", *(folder / module).glob("*.py")}
+                waiting += [one for one in files - found if one.is_file()]
+    return sorted(found)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import pytest
 
 from hopdata.hybrid import Solution, System, solve
 
@@ -116,4 +115,6 @@ def check(case: Case) -> None:
 
 def params_of(cases: list[Case]) -> list[Any]:
     """Return cases as parameters of a test."""
+    import pytest  # the benchmark of these cases runs without it
+
     return [pytest.param(case, id=str(case)) for case in cases]

@@ -1,0 +1,75 @@
+"""The workflow knows every benchmark: all targets resolve, and nothing runs here."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FIGURES = {
+    "figure_order": "fig4_2_order",
+    "figure_calibration": "fig4_3_calibration",
+    "figure_scaling": "fig4_4_scaling",
+    "figure_work_precision": "work_precision",
+}
+
+pytestmark = pytest.mark.workflow
+
+
+def programs():
+    """Names of the programs in benchmarks/: what else is there is imported by them."""
+    files = (ROOT / "benchmarks").glob("*.py")
+    return {file.stem for file in files if 'if __name__ == "__main__"' in file.read_text()}
+
+
+def planned(folder):
+    """Rules of a dry run of everything, with the text that the run prints on each."""
+    for part in ("Snakefile", "workflow", "config", "data", "src", "benchmarks", "tests"):
+        (folder / part).symlink_to(ROOT / part)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+    run = subprocess.run(
+        [sys.executable, "-m", "snakemake", "--cores", "2", "--dry-run", "benchmarks"],
+        cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stdout + run.stderr
+    pieces = re.split(r"^(?:local)?rule (\w+):$", run.stdout + run.stderr, flags=re.MULTILINE)
+    return dict(zip(pieces[1::2], pieces[2::2], strict=True))
+
+
+@pytest.fixture(scope="module")
+def jobs(tmp_path_factory):
+    return planned(tmp_path_factory.mktemp("linked"))
+
+
+def test_every_program_has_a_rule(jobs):
+    assert len(programs()) >= 12
+    rules = {name.removeprefix("benchmark_") for name in jobs if name.startswith("benchmark_")}
+    assert rules - {"page"} == programs()
+
+
+def test_every_figure_has_a_rule_and_a_caption(jobs):
+    drawn = {name: text for name, text in jobs.items() if name.startswith("figure_")}
+    assert set(drawn) == set(FIGURES)
+    for rule, figure in FIGURES.items():
+        for suffix in ("svg", "png"):
+            assert f"results/benchmarks/figures/{figure}.{suffix}" in drawn[rule]
+        assert f"workflow/captions/{figure}.md" in jobs["benchmark_page"]
+
+
+@pytest.mark.parametrize("program", sorted(programs()))
+def test_the_tables_that_a_program_names_are_declared(jobs, program):
+    text = (ROOT / "benchmarks" / f"{program}.py").read_text()
+    declared = next(x for x in jobs[f"benchmark_{program}"].splitlines() if "output:" in x)
+    assert f"results/benchmarks/{program}.csv" in declared
+    for name in re.findall(r'with_name\(f?"([^"]+)"\)', text):
+        assert "results/benchmarks/" + name.replace("{out.stem}", program) in declared
+
+
+def test_a_program_depends_on_what_it_imports(jobs):
+    inputs = next(x for x in jobs["benchmark_work_precision"].splitlines() if "input:" in x)
+    for module in ("work_precision", "equal_error", "peers/solver", "mujoco_models", "exact"):
+        assert f"benchmarks/{module}.py" in inputs
+    assert "plate_reference" not in inputs

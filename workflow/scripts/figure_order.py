@@ -1,0 +1,11 @@
+"""Draw Fig. 4.2."""
+
+from pathlib import Path
+
+from hopdata.figures.fig4_2_order import order_figure
+from hopdata.figures.saving import save_figure
+from hopdata.jobs import read_table, reported
+
+with reported(snakemake.log[0]):
+    figure = order_figure(read_table(snakemake.input[0]))
+    save_figure(figure, Path(snakemake.output[0]).with_suffix(""), **snakemake.params.options)

@@ -1,0 +1,11 @@
+"""Draw Fig. 4.4."""
+
+from pathlib import Path
+
+from hopdata.figures.fig4_4_scaling import scaling_figure
+from hopdata.figures.saving import save_figure
+from hopdata.jobs import read_table, reported
+
+with reported(snakemake.log[0]):
+    figure = scaling_figure(*map(read_table, snakemake.input))
+    save_figure(figure, Path(snakemake.output[0]).with_suffix(""), **snakemake.params.options)
