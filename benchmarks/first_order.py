@@ -96,16 +96,11 @@ def costs(contacts: int, starts: int) -> list[tuple[str, str, float, str]]:
 
         times = quartiles({"state": run(False), "both": run(True)}, fewest=5)
         case = f"plate_{contacts}_{form}"
-        ratio = times["both"][1] / times["state"][1]
+        state, both = (1e6 * times[name][1] / starts for name in ("state", "both"))
         rows += [
-            (f"plate_{contacts}_{form}", "state_time", 1e6 * times["state"][1] / starts, "us"),
-            (
-                f"plate_{contacts}_{form}",
-                "with_jacobian_time",
-                1e6 * times["both"][1] / starts,
-                "us",
-            ),
-            (f"plate_{contacts}_{form}", "jacobian_cost_ratio", ratio, "1"),
+            (case, "state_time", state, "us"),
+            (case, "with_jacobian_time", both, "us"),
+            (case, "jacobian_cost_ratio", both / state, "1"),
         ]
     return rows
 

@@ -75,13 +75,13 @@ def jacobian_by_differences(
 def times_jacobian(phi: FloatTable, target: int) -> None:
     """Write Df M into the block that begins at row `target`."""
     for i in range(N):
+        first = phi[N + i, 0]
         for j in range(N):
-            phi[target + i, j] = 0.0
-        for k in range(N):
+            phi[target + i, j] = first * phi[2 * N, j]
+        for k in range(1, N):
             factor = phi[N + i, k]
-            if factor != 0.0:
-                for j in range(N):
-                    phi[target + i, j] += factor * phi[2 * N + k, j]
+            for j in range(N):
+                phi[target + i, j] += factor * phi[2 * N + k, j]
 
 
 def _block(stage: int) -> str:
