@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 DOCS = Path(__file__).parents[2] / "docs"
+README = DOCS.parent / "README.md"
 
 
 def test_two_legs(capsys):
@@ -35,12 +36,24 @@ def code_blocks(page):
     return re.findall(r"```python\n(.*?)```", (DOCS / page).read_text(), re.DOTALL)
 
 
+def test_the_code_in_the_readme_runs(capsys):
+    first, own = code_blocks(README)
+    exec(compile(first, "README.md", "exec"), {})
+    assert "touchdown" in capsys.readouterr().out
+    exec(compile(own, "README.md", "exec"), {})
+    # 1 m of free fall
+    landing, take_off = map(float, capsys.readouterr().out.strip("[]\n").split()[:2])
+    assert landing == pytest.approx(np.sqrt(2 / 9.81), abs=1e-8)
+    assert take_off > landing
+
+
 def test_the_code_in_the_integrators_page_runs():
     scope = {"__name__": "__main__"}
     blocks = code_blocks("integrator.md")
     assert len(blocks) >= 2
     for block in blocks:
         exec(compile(block, "docs/integrator.md", "exec"), scope)
+    assert scope["batch"].jacobian.shape == (5, 4, 4)
 
 
 def test_the_page_shows_the_example_as_it_is():

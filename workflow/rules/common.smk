@@ -28,8 +28,8 @@ FIGURE_NAMES = [
 ]
 FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
-PROGRAMS = Path(workflow.basedir) / "benchmarks"
-STRESS_SUITE = Path(workflow.basedir) / "tests" / "hybrid"  # one of the benchmarks runs it
+PROGRAMS = Path("benchmarks")
+STRESS_SUITE = Path("tests/hybrid")  # one of the benchmarks runs it
 
 
 wildcard_constraints:
