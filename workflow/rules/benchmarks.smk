@@ -9,6 +9,7 @@ BENCHMARK_TABLES = {
     "plate": ["plate.csv", "plate_marginal.csv", "plate_scaling.csv"],
     "stress": ["stress.csv"],
     "first_solve": ["first_solve.csv"],
+    "first_order": ["first_order.csv"],
     "labelling": ["labelling.csv"],
     "density": ["density.csv"],
     "maps": ["maps.csv"],
