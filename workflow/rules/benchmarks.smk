@@ -15,7 +15,7 @@ BENCHMARK_TABLES = {
     "maps": ["maps.csv"],
     "gait": ["gait.csv"],
 }
-# Each figure, its script and the tables that it shows.
+# Each figure, its rule, of which the script has the name, and the tables that it shows.
 BENCHMARK_FIGURES = {
     "fig4_2_order": ("figure_order", ["order.csv"]),
     "fig4_3_calibration": ("figure_calibration", ["calibration_trajectories.csv"]),
@@ -47,22 +47,24 @@ for program, tables in BENCHMARK_TABLES.items():
             "{params.python} {params.program} --out {output.table} > {log} 2>&1"
 
 
-for name, (script, tables) in BENCHMARK_FIGURES.items():
+for figure_name, (figure_rule, tables) in BENCHMARK_FIGURES.items():
 
     rule:
         name:
-            f"{script}"
+            figure_rule
         input:
             [f"{BENCHMARKS}/{table}" for table in tables],
         output:
-            expand(f"{BENCHMARKS}/figures/{name}.{{format}}", format=FORMATS),
+            expand(f"{BENCHMARKS}/figures/{figure_name}.{{format}}", format=FORMATS),
         log:
-            f"{BENCHMARKS}/{script}.log",
+            f"{BENCHMARKS}/{figure_rule}.log",
         params:
             options=STUDY["figures"],
-            code=code(script),
+            code=code(figure_rule),
+            script=f"{figure_rule}.py",
+        # Read when the job runs, when the variables of this loop are those of the last rule.
         script:
-            f"../scripts/{script}.py"
+            "../scripts/{params.script}"
 
 
 rule benchmark_page:
