@@ -1,4 +1,4 @@
-"""The workflow knows every benchmark: all targets resolve, and nothing runs here."""
+"""The workflow knows every benchmark: all targets resolve, and figures are drawn."""
 
 import os
 import re
@@ -25,23 +25,32 @@ def programs():
     return {file.stem for file in files if 'if __name__ == "__main__"' in file.read_text()}
 
 
-def planned(folder):
-    """Rules of a dry run of everything, with the text that the run prints on each."""
-    for part in ("Snakefile", "workflow", "config", "data", "src", "benchmarks", "tests"):
-        (folder / part).symlink_to(ROOT / part)
+def snakemake(folder, *arguments):
+    """Run and return all that is printed."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
     run = subprocess.run(
-        [sys.executable, "-m", "snakemake", "--cores", "2", "--dry-run", "benchmarks"],
-        cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=120,
+        [sys.executable, "-m", "snakemake", "--cores", "2", *arguments],
+        cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=300,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
-    pieces = re.split(r"^(?:local)?rule (\w+):$", run.stdout + run.stderr, flags=re.MULTILINE)
-    return dict(zip(pieces[1::2], pieces[2::2], strict=True))
+    return run.stdout + run.stderr
 
 
 @pytest.fixture(scope="module")
-def jobs(tmp_path_factory):
-    return planned(tmp_path_factory.mktemp("linked"))
+def linked(tmp_path_factory):
+    """A folder like the checkout, without results."""
+    folder = tmp_path_factory.mktemp("linked")
+    for part in ("Snakefile", "workflow", "config", "data", "src", "benchmarks", "tests"):
+        (folder / part).symlink_to(ROOT / part)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def jobs(linked):
+    """Rules of a dry run of everything, with the text that the run prints on each."""
+    printed = snakemake(linked, "--dry-run", "benchmarks")
+    pieces = re.split(r"^(?:local)?rule (\w+):$", printed, flags=re.MULTILINE)
+    return dict(zip(pieces[1::2], pieces[2::2], strict=True))
 
 
 def test_every_program_has_a_rule(jobs):
@@ -73,3 +82,25 @@ def test_a_program_depends_on_what_it_imports(jobs):
     for module in ("work_precision", "equal_error", "peers/solver", "mujoco_models", "exact"):
         assert f"benchmarks/{module}.py" in inputs
     assert "plate_reference" not in inputs
+
+
+def test_the_figure_rules_draw_and_the_page_shows_them(linked):
+    """From tables without rows, which the figures say in words."""
+    tables = {
+        "order.csv": "method,max_step,error_rms,in_fit,fitted_order,fitted_error",
+        "calibration_trajectories.csv": "solver,time_s,height_m",
+        "plate.csv": "solver,n_contacts",
+        "plate_marginal.csv": "solver,window",
+        "work_precision.csv": "scene,way,method,setting,error_max,time_median_us",
+        "ratios.csv": "scene,way,method,error,best_of_way",
+    }
+    results = linked / "results" / "benchmarks"
+    results.mkdir(parents=True)
+    for name, columns in tables.items():
+        (results / name).write_text(columns + "\n")
+    targets = [f"results/benchmarks/figures/{name}.png" for name in FIGURES.values()]
+    page = "results/benchmarks/figures/README.md"
+    snakemake(linked, *targets, page, "--rerun-triggers", "mtime")
+    assert all((linked / target).stat().st_size > 1000 for target in targets)
+    text = (linked / page).read_text()
+    assert all(f"]({name}.svg)" in text for name in FIGURES.values())
