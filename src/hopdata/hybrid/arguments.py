@@ -13,6 +13,7 @@ IntArray = NDArray[np.int64]
 
 SMALLEST_RTOL = 10 * 2.0**-52  # below it, rounding is taken for error
 _LOCKS = frozenset((-1, 0, 1))
+_NO_PARAMS = np.empty(0)
 
 
 def check_numbers(
@@ -48,6 +49,8 @@ def check_shape(name: str, value: ArrayLike, length: int) -> FloatArray:
 
 def check_params(params: ArrayLike) -> FloatArray:
     """Return the parameters as a vector."""
+    if type(params) is tuple and not params:
+        return _NO_PARAMS
     vector = np.ascontiguousarray(params, dtype=np.float64)
     return vector if vector.ndim == 1 else vector.ravel()
 

@@ -15,6 +15,9 @@ from hopdata.hybrid.driver import layout
 from hopdata.hybrid.driver.layout import FloatArray, IntArray
 from hopdata.hybrid.methods.table import MethodTable, tangent_table
 
+# NumPy integers, as the compiled driver wants them, are slow to index with.
+ROWS, EVENT_ROWS = int(layout.ROWS), int(layout.EVENT_ROWS)
+
 FIRST_ROWS = 256
 FIRST_EVENTS = 64
 LARGEST_CHUNK = 1 << 16
@@ -125,12 +128,12 @@ class Workspace:
 
     def trajectory(self) -> FloatArray:
         """Return times and states of all steps, side by side."""
-        rows = self._rows[: self.counts.item(layout.ROWS)]
+        rows = self._rows[: self.counts.item(ROWS)]
         return np.concatenate([*(k for k, _ in self._kept), rows]) if self._kept else rows.copy()
 
     def events(self) -> FloatArray:
         """Return the records of all events."""
-        log = self._log[: self.counts.item(layout.EVENT_ROWS)]
+        log = self._log[: self.counts.item(EVENT_ROWS)]
         return np.concatenate([*(k for _, k in self._kept), log]) if self._kept else log.copy()
 
     def _change_room(self, n_rows: int, n_events: int) -> None:
