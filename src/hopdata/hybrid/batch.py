@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import sys
-import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,11 +13,10 @@ from hopdata.hybrid.arguments import check_numbers, check_times, set_mode, set_t
 from hopdata.hybrid.compiled.unraisable import Caught
 from hopdata.hybrid.driver.layout import COUNT_SLOTS, CULPRIT, EVENTS, METHOD, NFEV, SAMPLES, STEPS
 from hopdata.hybrid.driver.many import END_STATE, many_entry
+from hopdata.hybrid.parallel import run_in_threads
 from hopdata.hybrid.solution import FloatArray, IntArray
 from hopdata.hybrid.status import describe
 from hopdata.hybrid.system import System
-
-CHUNK = 64  # trajectories that a thread takes at a time: results do not depend on it
 
 
 @dataclass(frozen=True)
@@ -200,51 +195,8 @@ def solve_batch(
     done = run(0, min(1, len(states)))  # alone: it compiles what is not compiled yet
     steps = int(room.counts[:done, STEPS].sum()) * len(states)
     system.methods(method, jacobian).specialise(steps)
-    _run_all(run, done, len(states), workers, progress)
+    run_in_threads(run, done, len(states), workers, progress)
     return _solution(room, times, jacobian, system.guard_names)
-
-
-def _run_all(run: Any, done: int, total: int, workers: int | None, progress: bool) -> None:
-    chunks = [(first, min(first + CHUNK, total)) for first in range(done, total, CHUNK)]
-    shown = _Progress(total) if progress else None
-    with ThreadPoolExecutor(workers or available_cores()) as pool:
-        for count in _in_any_order(pool, [pool.submit(run, *chunk) for chunk in chunks]):
-            done += count
-            if shown is not None:
-                shown.show(done)
-
-
-def _in_any_order(pool: ThreadPoolExecutor, jobs: list[Future[int]]) -> Iterator[int]:
-    """Yield results as they come; after an exception or Ctrl-C, start no more jobs."""
-    waiting = set(jobs)
-    try:
-        while waiting:
-            ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            yield from (job.result() for job in ready)
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def available_cores() -> int:
-    """Return the number of cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-class _Progress:
-    """A line on stderr that says how many are done, at most ten times a second."""
-
-    def __init__(self, total: int) -> None:
-        self._total, self._start, self._last = total, time.monotonic(), 0.0
-
-    def show(self, done: int) -> None:
-        now = time.monotonic()
-        if done < self._total and now - self._last < 0.1:
-            return
-        self._last = now
-        line = f"\r{done} of {self._total} integrations, {now - self._start:.1f} s"
-        print(line, end="\n" if done == self._total else "", file=sys.stderr, flush=True)
 
 
 def _states(y0: ArrayLike, n_states: int) -> FloatArray:
