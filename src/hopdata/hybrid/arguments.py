@@ -25,8 +25,11 @@ def check_numbers(
     max_events: int,
 ) -> tuple[float, float, float, float, float]:
     """Return start, end, relative tolerance, largest and first step (0: to be chosen) as floats."""
-    t_start, t_end = t_span
-    t_start, t_end = float(t_start), float(t_end)
+    try:
+        t_start, t_end = t_span
+        t_start, t_end = float(t_start), float(t_end)
+    except (TypeError, ValueError):
+        raise ValueError(f"t_span: expected two times (start, end), found {t_span!r}") from None
     if not -inf < t_start <= t_end < inf:
         raise ValueError(f"t_span: expected finite times, the end not first, found {t_span}")
     if not max_step > 0 or not (first_step is None or first_step > 0):

@@ -19,7 +19,7 @@ from hopdata.hybrid.status import describe
 from hopdata.hybrid.system import System
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class BatchSolution:
     """Where many integrations ended; B of them.
 
@@ -65,6 +65,9 @@ class BatchSolution:
 
     def __len__(self) -> int:
         return len(self.status)
+
+    def __repr__(self) -> str:
+        return f"BatchSolution of {len(self)} integrations\n{self.message}"
 
     @property
     def success(self) -> bool:

@@ -29,7 +29,10 @@ def filled(kind: type[Record], **values: Any) -> Record:
     return record
 
 
-@dataclass(frozen=True)
+MOST_SHOWN = 10  # events, in the text of a log
+
+
+@dataclass(frozen=True, repr=False)
 class EventLog:
     """Events in the order in which they happened; E of them.
 
@@ -68,6 +71,15 @@ class EventLog:
 
     def __len__(self) -> int:
         return len(self.records)
+
+    def __repr__(self) -> str:
+        shown = zip(self.time[:MOST_SHOWN], self.guard, self.direction, strict=False)
+        lines = [
+            f"  t = {time:.9g}: {self.guard_names[k]} {'rises' if way > 0 else 'falls'}"
+            for time, k, way in shown
+        ]
+        rest = [f"  and {len(self) - MOST_SHOWN} more"] if len(self) > MOST_SHOWN else []
+        return "\n".join([f"EventLog of {len(self)} events", *lines, *rest])
 
     def _floats(self, first: int, count: int) -> FloatArray:
         return self.records[:, first : first + count].copy()
@@ -122,7 +134,7 @@ class EventLog:
         return EventLog(self.records[chosen], self.n_states, self.guard_names)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Solution:
     """Trajectory, events and how it ended, in the vocabulary of `scipy.integrate.solve_ivp`.
 
@@ -155,6 +167,13 @@ class Solution:
     counts: IntArray
     clock: FloatArray
     guard_names: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return (
+            f"Solution: status {self.status}. {self.message}\n"
+            f"  {len(self.events)} events, {self.n_steps} steps, {self.nfev} evaluations\n"
+            f"  t_end = {self.t_end:.9g}, y_end = {self.y_end}"
+        )
 
     @cached_property
     def events(self) -> EventLog:

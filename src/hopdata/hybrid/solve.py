@@ -96,6 +96,8 @@ def solve(
     Exception
         Whatever the system's functions raise.
     """
+    if not isinstance(system, System):
+        raise TypeError(f"system: expected a System, found {system!r}")
     t_start, t_end, rtol, max_step, step = check_numbers(
         t_span, rtol, max_step, first_step, max_steps, max_events
     )

@@ -14,6 +14,7 @@ ZENO = -7
 RESET_IN_JACOBIAN = -8
 AFFINE_DIFFERS = -9
 JACOBIAN_NOT_FINITE = -10
+TIE_IN_JACOBIAN = -11
 
 # Within the driver only.
 RUNNING = 2
@@ -36,7 +37,9 @@ SENTENCES = {
     "trajectory would slide along it. Event-selected systems cross their guards.",
     ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them falls "
     "below what floating-point numbers resolve (a Zeno sequence, or chattering).",
-    JACOBIAN_NOT_FINITE: "The derivative of the field is NaN or infinite near {at}.",
+    TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the field: how much "
+    "of that belongs to which guard, and so the Jacobian of the flow, is not known.",
+    JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite near {at}.",
     AFFINE_DIFFERS: "The @affine function does not give the @field function's value at {at}: "
     "they must be the same field, in every mode.",
     RESET_IN_JACOBIAN: "The handler changed the state at {at}: the Jacobian of the flow is known "

@@ -96,6 +96,8 @@ class System:
         if self.n_states < 1:
             raise ValueError(f"n_states: expected at least 1, found {self.n_states}")
         for name, values in (("directions", self.directions), ("terminal", self.terminal)):
+            if values is not None and not isinstance(values, tuple | list):
+                raise ValueError(f"{name}: expected one entry for each guard, found {values!r}")
             if values is not None and len(values) != self.n_guards:
                 raise ValueError(f"{name}: expected {self.n_guards} entries, found {len(values)}")
         if not set(self.directions or ()) <= {-1, 0, 1}:

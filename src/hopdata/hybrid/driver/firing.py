@@ -48,6 +48,7 @@ from hopdata.hybrid.status import (
     RUNNING,
     SLIDING,
     TERMINATED,
+    TIE_IN_JACOBIAN,
     ZENO,
 )
 
@@ -131,9 +132,12 @@ def fire_due(p: Problem, m: Memory, log: Log) -> int:
     status = RUNNING
     for a in range(m.counts[N_AWAKE]):
         k = m.lists[AWAKE, a]
-        if m.flags[DUE, k] != 0 and fire_one(p, m, log, k) == TERMINATED:
+        if m.flags[DUE, k] == 0:
+            continue
+        ended = fire_one(p, m, log, k) == TERMINATED
+        if ended or status == RUNNING:
             m.counts[CULPRIT] = k
-            status = TERMINATED
+        status = TERMINATED if ended else status
     return status
 
 
@@ -195,7 +199,8 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
         if p.first_order and status == RUNNING:
             if m.counts[JUMPS] > 0:
                 return RESET_IN_JACOBIAN
-            saltate_handlers(p, m)
+            if not saltate_handlers(p, m):
+                return TIE_IN_JACOBIAN
         if ended and status == RUNNING:
             status = TERMINATED
         if status != RUNNING or mark_due(p, m, H0, RATE0, resolution) == 0:

@@ -55,9 +55,9 @@ class Problem(NamedTuple):
 def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
     """Evaluate the field at row `y` of the states into row `dy`.
 
-    NaN stays behind if the user's function raises before it has filled anything.
+    NaN stays behind where the user's function does not fill it.
     """
-    m.states[dy, 0] = np.nan
+    fill_row(m.states, dy, np.nan)
     m.counts[NFEV] += 1
     call_field(p.field, t, m.states, y, p.mode, p.params, m.states, dy)
 
@@ -86,7 +86,10 @@ def eval_guard(p: Problem, m: Memory, t: float, y: int, dy: int, k: int, h: int,
 
 @kernel
 def guards_at_start(p: Problem, m: Memory, t: float) -> bool:
-    """Evaluate the guards at the start of the step; tell whether all are finite."""
+    """Evaluate the guards at the start of the step; tell whether all are filled and finite."""
+    fill_row(m.guards, RATE0, np.nan)
+    if p.guards != 0:
+        fill_row(m.guards, H0, np.nan)
     eval_guards(p, m, t, Y, K1, H0, RATE0)
     return guards_are_finite(m, H0, RATE0)
 

@@ -2,7 +2,8 @@
 
 At a crossing of h, Phi becomes Phi + (f+ - f-) (Dh Phi) / (Dh f- + dh/dt), with the field before
 and after it (Aizerman and Gantmakher 1958; Kong et al. 2024). Of guards that flip at one instant,
-each is given the field that the locks before it name; what the handlers add is put to the last.
+each is given the field that the locks before it name; what a handler adds, by the memory for
+instance, is put to the guard that has flipped, if there is only one.
 """
 
 from __future__ import annotations
@@ -93,9 +94,17 @@ def saltate(p: Problem, m: Memory) -> None:
 
 
 @kernel
-def saltate_handlers(p: Problem, m: Memory) -> None:
-    """Add what the handlers have changed in the field, as part of the last guard's flip."""
-    after = single_row(m, F_AFTER)
+def saltate_handlers(p: Problem, m: Memory) -> bool:
+    """Add what the handlers have changed in the field, as part of the last guard's flip.
+
+    Tells whether that is right: not if several guards have flipped, whose shares are unknown.
+    """
+    before, after = single_row(m, F_BEFORE), single_row(m, F_AFTER)
+    changed, flipped = False, 0
     for i in range(m.states.width):
         p.tangent[after, i] = m.states[K1, i]
+        changed = changed or p.tangent[after, i] != p.tangent[before, i]
+    for a in range(m.counts[N_AWAKE]):
+        flipped += m.flags[DUE, m.lists[AWAKE, a]]
     add_jump(p, m)
+    return flipped <= 1 or not changed

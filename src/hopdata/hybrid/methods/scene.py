@@ -77,7 +77,7 @@ def explicit(tableau: Tableau, scene: Scene) -> Method:
             "interpolant", "t, dt, s, mode, params", interpolant_code(tableau), known
         ),
         tangent=tangent.tangent_template(tableau, known | _tangent_names(scene)),
-        tangent_rows=3 * n + PHI_ROWS + n * (len(tableau.weights) + 1),
+        tangent_rows=3 * n + PHI_ROWS + n * len(tableau.weights),
         tangent_evaluations=0 if scene.jacobian else 4 * n * len(tableau.weights),
         last_slope_row=tableau.slope_rows[len(tableau.weights) - 1],
     )
