@@ -39,7 +39,7 @@ from hopdata.hybrid.driver.layout import (
 from hopdata.hybrid.driver.problem import Problem, eval_field, first_not_finite, guards_at_start
 from hopdata.hybrid.driver.saltation import saltate, saltate_handlers
 from hopdata.hybrid.driver.sleep import speed_at, wake_all
-from hopdata.hybrid.driver.surface import mark_due, remember_residuals, time_resolution
+from hopdata.hybrid.driver.surface import mark_due, next_due, remember_residuals, time_resolution
 from hopdata.hybrid.status import (
     AFFINE_DIFFERS,
     FIELD_NOT_FINITE,
@@ -129,15 +129,13 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
 @kernel
 def fire_due(p: Problem, m: Memory, log: Log) -> int:
     """Fire all guards that have just flipped, in their order."""
-    status = RUNNING
-    for a in range(m.counts[N_AWAKE]):
-        k = m.lists[AWAKE, a]
-        if m.flags[DUE, k] == 0:
-            continue
+    status, k = RUNNING, next_due(m, -1)
+    while k >= 0:
         ended = fire_one(p, m, log, k) == TERMINATED
         if ended or status == RUNNING:
             m.counts[CULPRIT] = k
         status = TERMINATED if ended else status
+        k = next_due(m, k)
     return status
 
 

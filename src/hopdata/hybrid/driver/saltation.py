@@ -27,6 +27,7 @@ from hopdata.hybrid.driver.layout import (
     Y,
 )
 from hopdata.hybrid.driver.problem import Problem
+from hopdata.hybrid.driver.surface import next_due
 
 
 @kernel
@@ -79,14 +80,14 @@ def saltate(p: Problem, m: Memory) -> None:
     phi, before, after = p.tangent, single_row(m, F_BEFORE), single_row(m, F_AFTER)
     for i in range(m.states.width):
         phi[before, i] = m.states[K1, i]
-    for a in range(m.counts[N_AWAKE]):
-        k = m.lists[AWAKE, a]
-        if m.flags[DUE, k] != 0:
-            project(p, m, k)
-            p.mode[k] = -p.mode[k]
-            m.counts[NFEV] += 1
-            call_field(p.field, m.clock[T], m.states, Y, p.mode, p.params, phi, after)
-            add_jump(p, m)
+    k = next_due(m, -1)
+    while k >= 0:
+        project(p, m, k)
+        p.mode[k] = -p.mode[k]
+        m.counts[NFEV] += 1
+        call_field(p.field, m.clock[T], m.states, Y, p.mode, p.params, phi, after)
+        add_jump(p, m)
+        k = next_due(m, k)
     for a in range(m.counts[N_AWAKE]):  # they flip in earnest afterwards
         k = m.lists[AWAKE, a]
         if m.flags[DUE, k] != 0:

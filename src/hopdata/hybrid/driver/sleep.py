@@ -90,17 +90,6 @@ def pop(m: Memory) -> int:
 
 
 @kernel
-def enlist(m: Memory, k: int) -> None:
-    """Add guard k to those awake, which stand in their order."""
-    place = m.counts[N_AWAKE]
-    m.counts[N_AWAKE] += 1
-    while place > 0 and m.lists[AWAKE, place - 1] > k:
-        m.lists[AWAKE, place] = m.lists[AWAKE, place - 1]
-        place -= 1
-    m.lists[AWAKE, place] = k
-
-
-@kernel
 def step_travel(p: Problem, m: Memory, dt: float) -> float:
     """Return the travel of the step from Y to END, by the bound at its ends and in its middle.
 
@@ -125,7 +114,8 @@ def wake(p: Problem, m: Memory, dt: float) -> None:
     limit = m.clock[TRAVEL] + step_travel(p, m, dt)
     while m.counts[N_ASLEEP] > 0 and not key(m, 0) > limit:
         k = pop(m)
-        enlist(m, k)
+        m.lists[AWAKE, m.counts[N_AWAKE]] = k
+        m.counts[N_AWAKE] += 1
         m.counts[NGEV] += 2
         eval_guard(p, m, t, Y, K1, k, H0, RATE0)
         m.guards[SIZE, k], m.guards[BEND, k] = abs(m.guards[H0, k]), 0.0

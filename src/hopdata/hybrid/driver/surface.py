@@ -67,3 +67,14 @@ def remember_residuals(p: Problem, m: Memory, h: int) -> None:
         left = p.mode[k] * g[h, k]
         if m.flags[DUE, k] != 0 and left > 0.0:
             g[SIZE, k] = max(g[SIZE, k], 2.0 * left / ROUNDING)
+
+
+@kernel
+def next_due(m: Memory, last: int) -> int:
+    """Return the first guard after `last` that flips now, by number, or -1: waking up shuffles."""
+    found = -1
+    for a in range(m.counts[N_AWAKE]):
+        k = m.lists[AWAKE, a]
+        if m.flags[DUE, k] != 0 and k > last and (found < 0 or k < found):
+            found = k
+    return found
