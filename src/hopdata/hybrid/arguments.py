@@ -59,11 +59,11 @@ def check_params(params: ArrayLike) -> FloatArray:
 
 
 def with_memory(params: FloatArray, memory: ArrayLike | None, n_memory: int) -> FloatArray:
-    """Return the parameters with the scene's memory behind them."""
+    """Return the parameters, of one integration or a row for each, with the memory behind them."""
     start = np.zeros(n_memory) if memory is None else check_params(memory)
     if len(start) != n_memory:
         raise ValueError(f"memory: expected {n_memory} numbers, found {len(start)}")
-    return np.concatenate([params, start])
+    return np.concatenate([params, np.broadcast_to(start, (*params.shape[:-1], n_memory))], axis=-1)
 
 
 def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:

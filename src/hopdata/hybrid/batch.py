@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.hybrid.arguments import check_numbers, check_times, set_mode, set_tolerance
+from hopdata.hybrid.arguments import (
+    check_numbers,
+    check_times,
+    set_mode,
+    set_tolerance,
+    with_memory,
+)
 from hopdata.hybrid.compiled.unraisable import Caught
 from hopdata.hybrid.driver.layout import COUNT_SLOTS, CULPRIT, EVENTS, METHOD, NFEV, SAMPLES, STEPS
 from hopdata.hybrid.driver.many import END_STATE, many_entry
@@ -164,10 +170,8 @@ def solve_batch(
     if workers is not None and workers < 1:
         raise ValueError(f"workers: expected at least 1, found {workers}")
     states = _states(y0, system.n_states)
-    numbers = _with_memory(_parameters(params, len(states)), memory, system.n_memory)
-    if numbers.shape[1] < system.n_params:
-        for one in system.callbacks:
-            one.check_lengths(params=numbers.shape[1])
+    numbers = with_memory(_parameters(params, len(states)), memory, system.n_memory)
+    system.check_params_length(numbers.shape[1])
     modes = np.empty((1, system.n_modes), dtype=np.int64)
     set_mode(modes[0], system.n_guards, mode)
     times = np.empty(0) if t_eval is None else check_times(t_eval, t_start, t_stop)
@@ -217,13 +221,6 @@ def _parameters(params: ArrayLike, n_runs: int) -> FloatArray:
     if numbers.ndim != 2 or len(numbers) not in (1, n_runs):
         raise ValueError(f"params: expected shape (p,) or ({n_runs}, p), found {np.shape(params)}")
     return np.ascontiguousarray(numbers)
-
-
-def _with_memory(numbers: FloatArray, memory: ArrayLike | None, n_memory: int) -> FloatArray:
-    start = np.zeros(n_memory) if memory is None else np.asarray(memory, dtype=np.float64)
-    if start.shape != (n_memory,):
-        raise ValueError(f"memory: expected {n_memory} numbers, found shape {start.shape}")
-    return np.hstack([numbers, np.tile(start, (len(numbers), 1))])
 
 
 def _solution(

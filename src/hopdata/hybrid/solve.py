@@ -105,9 +105,7 @@ def solve(
     times = None if t_eval is None else check_times(t_eval, t_start, t_end)
     if system.n_memory > 0 or memory is not None:
         numbers = with_memory(numbers, memory, system.n_memory)
-    if len(numbers) < system.n_params:
-        for one in system.callbacks:
-            one.check_lengths(params=len(numbers))
+    system.check_params_length(len(numbers))
     methods, work = system.methods(method, jacobian), system.take_workspace()
     try:
         work.begin(methods, times, jacobian)

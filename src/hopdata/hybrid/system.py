@@ -108,6 +108,12 @@ class System:
                 y=states, dy=states, b=states, h=guards, hdot=guards, mode=self.n_modes
             )
 
+    def check_params_length(self, count: int) -> None:
+        """Raise ValueError if a function uses an element of `params` that is not there."""
+        if count < self.n_params:
+            for one in self.callbacks:
+                one.check_lengths(params=count)
+
     def _check_guards(self) -> None:
         if self.guards is not None and self.guard is not None:
             raise ValueError("guards, guard: expected one of them, found both")
