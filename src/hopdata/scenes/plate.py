@@ -132,8 +132,8 @@ class Plate:
         hundreds of springs and more, guards are evaluated one by one as well, and far ones sleep.
         """
         if sparse:
-            return _sparse_system(self.n_contacts)
-        return _system_of_sums(self.n_contacts) if sums else _system(self.n_contacts)
+            return _system_of_sums(self.n_contacts, sparse=True)
+        return _system_of_sums(self.n_contacts, sparse=False) if sums else _system(self.n_contacts)
 
     def memory(self, y0: ArrayLike) -> tuple[float, ...]:
         """Return the sums over the contacts for a start that may be in contact."""
@@ -177,29 +177,19 @@ def _system(n_contacts: int) -> System:
 
 
 @cache
-def _system_of_sums(n_contacts: int) -> System:
+def _system_of_sums(n_contacts: int, sparse: bool) -> System:
+    if sparse:
+        guards = {"guard": plate_guard, "rate_bound": plate_rate_bound}
+    else:
+        guards = {"guards": plate_guards}
     return System(
         field=plate_field_of_sums,
-        guards=plate_guards,
         on_event=update_sums,
         jacobian=plate_jacobian,
         n_states=6,
         guard_names=_names(n_contacts),
         n_memory=N_MEMORY,
-    )
-
-
-@cache
-def _sparse_system(n_contacts: int) -> System:
-    return System(
-        field=plate_field_of_sums,
-        guard=plate_guard,
-        rate_bound=plate_rate_bound,
-        on_event=update_sums,
-        jacobian=plate_jacobian,
-        n_states=6,
-        guard_names=_names(n_contacts),
-        n_memory=N_MEMORY,
+        **guards,
     )
 
 
