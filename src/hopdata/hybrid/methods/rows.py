@@ -8,15 +8,34 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.driver.layout import (
+    END,
+    K1,
+    KEND,
+    LARGEST_DEGREE,
+    P1,
+    SCRATCH,
+    SLOPE,
+    W1,
+    Y,
+)
 
-# NumPy integers: for literal ones, Numba compiles a function once for each.
-_ROWS: Any = np.arange(7, dtype=np.int64)
-Y, K1, END, KEND, SCRATCH, SLOPE, P1 = _ROWS
-MOST_COEFFICIENTS = 24
-W1 = P1 + MOST_COEFFICIENTS
+MOST_COEFFICIENTS = LARGEST_DEGREE
+
+__all__ = [
+    "END",
+    "K1",
+    "KEND",
+    "MOST_COEFFICIENTS",
+    "P1",
+    "SCRATCH",
+    "SLOPE",
+    "W1",
+    "Y",
+    "matrix",
+    "row",
+]
 
 
 @kernel
