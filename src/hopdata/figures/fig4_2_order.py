@@ -102,7 +102,7 @@ def _name(rows: pd.DataFrame, order: float) -> str:
 def _label(axes: Axes, errors: pd.DataFrame) -> None:
     shown = errors.loc[errors["error_rms"] > 0, "error_rms"]
     axes.set_ylim(shown.min() / 3, shown.max() * 5)
-    axes.set_xlabel("1/ε, inverse of the longest step")
-    axes.set_ylabel("RMS error of the final state")
+    axes.set_xlabel("1/ε, inverse of the longest step (dimensionless)")
+    axes.set_ylabel("RMS error of the final state (dimensionless)")
     axes.grid(visible=True, which="major")
     axes.minorticks_off()

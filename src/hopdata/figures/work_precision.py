@@ -104,7 +104,7 @@ def _label(panels: Any) -> None:
         axes.set_xscale("log")
         axes.set_yscale("log")
         axes.grid()
-        axes.set_xlabel("largest error of the final state")
+        axes.set_xlabel("largest error of the final state\n(SI units; table 4.3 has none)")
     panels[0].set_ylabel("time of a trajectory (µs)")
 
 
