@@ -1,0 +1,222 @@
+"""The verdict as one picture: how different the maps are, how sure that is, what could be seen."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.figures.style import (
+    BLUE,
+    DOUBLE_COLUMN_MM,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PURPLE,
+    letter,
+    message_figure,
+    paper_figure,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PANELS = (("kinks", "spread", "size"), ("kinks", "spread", "tests"))
+DIFFERENCE = "difference (share of the map)"
+MARGIN: Mapping[str, Any] = {"color": GREEN, "linestyle": (0, (5, 1.5)), "linewidth": 1.2}
+DETECTABLE: Mapping[str, Any] = {"color": PURPLE, "linestyle": (0, (1.5, 1.2)), "linewidth": 1.4}
+# Key in verdict.json and what the picture calls the test; the first one decides.
+TESTS: Mapping[str, str] = {
+    "test": "kinks (decides)",
+    "specialised": "one map or one per order",
+    "subspaces": "constraint subspaces",
+}
+LEAST_P = 1e-4
+# An interval longer than this many times all else is cut and ends in an arrowhead.
+LONGEST = 3.0
+SENTENCE_WIDTH = 100
+
+
+@styled
+def verdict_figure(verdict: Mapping[str, Any], windows: pd.DataFrame) -> Figure:
+    """Draw the verdict on a study.
+
+    Parameters
+    ----------
+    verdict : mapping
+        Contents of ``verdict.json``; see docs/verdict.md.
+    windows : DataFrame
+        One row a window of contact spread: ``window`` (share of the landings), ``mean_spread_ms``,
+        ``kinks, kinks_low, kinks_high, separate`` (relative differences; NaN where not known) and
+        ``chosen``.
+
+    Returns
+    -------
+    Figure
+        (a) the jump at zero spread found in each window, (b) the plain difference of separately
+        fitted maps against the contact spread, (c) size and limits of the difference, (d) p-values;
+        the verdict in words beneath. A study without an answer has the words alone.
+    """
+    if verdict.get("effect") is None or windows.empty:
+        return message_figure(_wrapped(verdict), width_mm=DOUBLE_COLUMN_MM)
+    figure = paper_figure(DOUBLE_COLUMN_MM, 92.0)
+    axes = figure.subplot_mosaic([list(row) for row in PANELS], width_ratios=(1.0, 1.5, 1.4))
+    rows = windows.sort_values("window").to_dict("records")
+    top = _top(verdict, rows)
+    _draw_kinks(axes["kinks"], rows, top)
+    _draw_separate(axes["spread"], rows, top)
+    _draw_limits(axes["kinks"], axes["spread"], verdict)
+    _draw_size(axes["size"], verdict, top)
+    _draw_tests(axes["tests"], verdict)
+    figure.supxlabel(_wrapped(verdict), fontsize=8, fontweight="bold")
+    for text, name in zip("abcd", ("kinks", "spread", "size", "tests"), strict=True):
+        letter(axes[name], text)
+    figure.legend(*_handles(axes["kinks"], axes["spread"]), loc="outside upper center", ncols=4)
+    return figure
+
+
+def _number(mapping: Mapping[Any, Any], key: str) -> float:
+    value = mapping.get(key)
+    return np.nan if value is None else float(value)
+
+
+def _top(verdict: Mapping[str, Any], rows: list[dict[Any, Any]]) -> float:
+    """Upper end of the axes of relative difference: all points, and the intervals that count."""
+    effect = verdict["effect"]
+    points = [_number(row, key) for row in rows for key in ("kinks", "separate")]
+    points += [
+        _number(verdict, "margin"),
+        *(_number(effect, k) for k in ("estimate", "detectable")),
+    ]
+    ends = [_number(effect, "high"), _number(effect, "upper_bound")]
+    most = float(np.nanmax(points))
+    return 1.12 * min(max(most, float(np.nanmax([*ends, most]))), LONGEST * most)
+
+
+def _draw_kinks(axes: Axes, rows: list[dict[Any, Any]], top: float) -> None:
+    """Draw the jump of the derivative at zero spread, a place for each window."""
+    for place, row in enumerate(rows):
+        chosen = bool(row["chosen"])
+        low, high = _number(row, "kinks_low"), _number(row, "kinks_high")
+        strength: dict[str, Any] = {"color": BLUE, "alpha": 1.0 if chosen else 0.55}
+        axes.plot(
+            [place, place], [low, min(high, top)], linewidth=2.4 if chosen else 1.0, **strength
+        )
+        if high > top:
+            axes.plot(place, top, marker="^", clip_on=False, markersize=4, **strength)
+        axes.plot(
+            place,
+            _number(row, "kinks"),
+            marker="s",
+            linestyle="",
+            markersize=6 if chosen else 4,
+            markerfacecolor=BLUE if chosen else "white",
+            clip_on=False,
+            zorder=3,
+            label="jump of the derivative" if chosen else None,
+            **strength,
+        )
+    axes.set_xticks(range(len(rows)), [f"{100 * float(row['window']):.0f}" for row in rows])
+    axes.get_xticklabels()[[bool(row["chosen"]) for row in rows].index(True)].set_weight("bold")
+    axes.set_xlim(-0.6, len(rows) - 0.4)
+    axes.set_ylim(0.0, top)
+    axes.set_xlabel("window: landings\nused (%)")
+    axes.set_ylabel(DIFFERENCE)
+    axes.set_title("at zero spread")
+
+
+def _draw_separate(axes: Axes, rows: list[dict[Any, Any]], top: float) -> None:
+    """Draw the difference of the maps that each schedule is fitted on its own."""
+    known = [row for row in rows if np.isfinite(_number(row, "separate"))]
+    spreads = [float(row["mean_spread_ms"]) for row in known]
+    axes.plot(
+        spreads,
+        [float(row["separate"]) for row in known],
+        color=ORANGE,
+        marker="o",
+        markersize=5,
+        clip_on=False,
+        label="maps fitted separately",
+    )
+    axes.set_xlim(0.0, 1.05 * max(float(row["mean_spread_ms"]) for row in rows))
+    axes.set_ylim(0.0, top)
+    axes.tick_params(labelleft=False)
+    axes.set_xlabel("mean contact spread\nof the window (ms)")
+    axes.set_title("at the spread of the data" if known else "separate maps: too few landings")
+
+
+def _draw_limits(kinks: Axes, spread: Axes, verdict: Mapping[str, Any]) -> None:
+    for axes in (kinks, spread):
+        axes.axhline(_number(verdict, "margin"), zorder=1, **MARGIN)
+        axes.axhline(_number(verdict["effect"], "detectable"), zorder=1, **DETECTABLE)
+    spread.plot([], [], label="margin to exclude", **MARGIN)
+    spread.plot([], [], label=f"detectable{_with_power(verdict)}", **DETECTABLE)
+
+
+def _with_power(verdict: Mapping[str, Any]) -> str:
+    power = verdict.get("power")
+    return "" if power is None else f" with {100 * float(power):g} % power"
+
+
+def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
+    """Draw interval, excluded and detectable differences, one below the other."""
+    effect = verdict["effect"]
+    sure = f"{100 * float(verdict['confidence']):g} %"
+    low, high = _number(effect, "low"), _number(effect, "high")
+    bound, seen = _number(effect, "upper_bound"), _number(effect, "detectable")
+    estimate = _number(effect, "estimate")
+    axes.plot([low, min(high, top)], [0, 0], color=BLUE, linewidth=2.4)
+    axes.plot(estimate, 0, color=BLUE, marker="s", markersize=6, clip_on=False)
+    for place, start, colour in ((1, bound, INK), (2, seen, PURPLE)):
+        if start < top:
+            axes.plot([start, top], [place, place], color=colour, linewidth=1.6)
+            axes.plot(start, place, color=colour, marker="|", markersize=9, markeredgewidth=1.6)
+            axes.plot(top, place, color=colour, marker=">", markersize=4, clip_on=False)
+    axes.axvline(_number(verdict, "margin"), zorder=1, **MARGIN)
+    labels = (
+        f"estimate, {sure} interval\n{estimate:.2g} ({low:.2g} to {high:.2g})",
+        f"excluded at {sure}\nabove {bound:.2g}",
+        f"would have been found\nfrom {seen:.2g}",
+    )
+    axes.set_yticks(range(3), labels)
+    axes.set_ylim(2.6, -0.6)
+    axes.set_xlim(0.0, top)
+    axes.tick_params(axis="y", length=0, pad=6)
+    axes.set_xlabel(DIFFERENCE)
+
+
+def _draw_tests(axes: Axes, verdict: Mapping[str, Any]) -> None:
+    """Draw the p-values on a logarithmic axis; what is left of the level is significant."""
+    level = 1.0 - float(verdict["confidence"])
+    axes.set_xscale("log")
+    axes.set_xlim(LEAST_P, 1.4)
+    axes.set_ylim(len(TESTS) - 0.4, -0.6)
+    axes.axvspan(LEAST_P, level, color=GREY, alpha=0.18, linewidth=0)
+    labels = []
+    for place, (key, name) in enumerate(TESTS.items()):
+        p = _number(verdict.get(key) or {}, "p_value")
+        if np.isfinite(p):
+            fill = BLUE if key == "test" else "white"
+            shown = max(p, LEAST_P)
+            axes.plot(shown, place, marker="D", color=BLUE, markerfacecolor=fill, clip_on=False)
+        labels.append(f"{name}\n" + (f"p = {p:.2g}" if np.isfinite(p) else "too few landings"))
+    axes.set_yticks(range(len(TESTS)), labels)
+    axes.tick_params(axis="y", length=0, pad=6)
+    axes.set_xlabel(f"p-value (grey: below {level:.2g})")
+
+
+def _wrapped(verdict: Mapping[str, Any]) -> str:
+    """Break the sentence into lines, but never within ``p = 0.05`` or ``95 %``."""
+    sentence = str(verdict["sentence"]).replace(" = ", "\u00a0=\u00a0").replace(" %", "\u00a0%")
+    return textwrap.fill(sentence, SENTENCE_WIDTH)
+
+
+def _handles(*panels: Axes) -> tuple[list[Any], list[Any]]:
+    pairs = [panel.get_legend_handles_labels() for panel in panels]
+    return [h for handles, _ in pairs for h in handles], [t for _, texts in pairs for t in texts]
