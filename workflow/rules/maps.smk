@@ -94,6 +94,27 @@ rule scaling_study:
         "../scripts/scaling_study.py"
 
 
+rule verdict:
+    """Whether the map through the landing is C1: effect size, interval and tests."""
+    input:
+        pairs=rules.pairs.output.pairs,
+        touchdowns=rules.pairs.output.touchdowns,
+        units=rules.units.output.units,
+    output:
+        verdict=f"{RESULTS}/verdict.json",
+        windows=f"{RESULTS}/tables/verdict_windows.csv",
+    log:
+        f"{RESULTS}/logs/verdict.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/verdict.tsv"
+    params:
+        options=STUDY["verdict"],
+        seed=STUDY["seed"],
+        code=code("verdict"),
+    script:
+        "../scripts/verdict.py"
+
+
 rule score:
     """Accuracy against the truth that a synthetic recording carries."""
     input:
