@@ -117,7 +117,7 @@ COUNT_SLOTS = 14
 # Slots of the desk: addresses of the callbacks and of the driver, room for steps and events, then
 # address and width of each array.
 FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS = index_numbers(8)
-DESK_ARRAYS, N_DESK_ARRAYS = 8, 16
+DESK_ARRAYS, N_DESK_ARRAYS = 8, 17
 
 # Columns of the log: one row holds an event, as time, guard, direction, state before and after its
 # handler, and mode; integers stand in the memory of floats.
@@ -126,6 +126,7 @@ LOG_TIME, LOG_GUARD, LOG_DIRECTION, LOG_STATES = index_numbers(4)
 DESK_SLOTS = DESK_ARRAYS + 2 * N_DESK_ARRAYS
 DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
 (
+    PARAMS,
     MODE,
     RULES,
     ATOL,
@@ -143,6 +144,11 @@ DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
     ROW_TABLE,
     LOG_TABLE,
 ) = DESK_PLACES
+
+
+# How a run is asked for: that it goes on where it was, that each step is written down, that the
+# mode is given (else it is zeros).
+RESUMED, EVERY_STEP, GIVEN_MODE = 1, 2, 4
 
 
 class Memory(NamedTuple):
