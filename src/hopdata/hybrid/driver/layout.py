@@ -51,17 +51,18 @@ LIST_ROWS = 2
 DIRECTION, TERMINAL = index_numbers(2)
 
 # Columns of `methods`: addresses of step, interpolant, tangent and refresh, evaluations that a step
-# takes, degree of the interpolant, whether it is in powers of theta, the order by which the step is
-# controlled; the methods to change to where events are sparser or denser, where the field is stiff
-# and where it is not (-1: none); the row of the last stage's slope, the limit of
-# stability, and evaluations that a tangent takes.
+# and its interpolant take, the interpolant's error in units of the estimated one of the step,
+# whether it is in powers of theta, the order by which the step is controlled; the methods to change
+# to where events are sparser or denser, where the field is stiff and where it is not (-1: none);
+# the row of the last stage's slope, the limit of stability, and evaluations that a tangent takes.
 (
     STEP,
     INTERPOLANT,
     TANGENT,
     REFRESH,
     EVALUATIONS,
-    DEGREE,
+    INTERPOLANT_EVALUATIONS,
+    INTERPOLANT_ERROR,
     IN_POWERS,
     ORDER,
     SPARSER,
@@ -71,8 +72,8 @@ DIRECTION, TERMINAL = index_numbers(2)
     LAST_SLOPE,
     STIFF_TENTHS,
     TANGENT_EVALUATIONS,
-) = index_numbers(15)
-METHOD_SLOTS = 15
+) = index_numbers(16)
+METHOD_SLOTS = 16
 
 # Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
 # none, ERROR that step's error in units of the tolerance, SEGMENT the start of the smooth piece of
@@ -94,7 +95,7 @@ METHOD_SLOTS = 15
 ) = index_numbers(12)
 CLOCK_SLOTS = 12
 
-# Slots of `counts`.
+# Slots of `counts`. DEGREE is that of the interpolant, if there is one.
 (
     NFEV,
     NGEV,
@@ -110,8 +111,9 @@ CLOCK_SLOTS = 12
     N_AWAKE,
     N_ASLEEP,
     JUMPS,
-) = index_numbers(14)
-COUNT_SLOTS = 14
+    DEGREE,
+) = index_numbers(15)
+COUNT_SLOTS = 15
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for steps and events, then
