@@ -25,7 +25,7 @@ def index_numbers(count: int) -> Any:
 # Rows of `states`: the step from Y to END with the slopes there, room to work in, the coefficients
 # of its interpolant, and the rows that belong to the method (slopes of its stages, for instance).
 Y, K1, END, KEND, SCRATCH, SLOPE, P1 = index_numbers(7)
-LARGEST_DEGREE = 24  # of an interpolant
+LARGEST_DEGREE = 32  # of an interpolant
 W1 = P1 + LARGEST_DEGREE
 
 # Rows of the tangent's table, which are as long as the state: the flow's Jacobian (n rows), two
