@@ -25,15 +25,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 from bare import best_time, field_time_ns, path_of, step_time_ns
 from exact import hopper_end, octant_end
-from numba import njit
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
+from restarted import restarted
 
 from hopdata.hybrid import System, on_event, solve
 from hopdata.hybrid.methods.dop853 import DOP853
@@ -133,43 +131,10 @@ def with_hopdata(case: Case, method: str) -> Callable[[float], tuple[FloatArray,
 
 def with_scipy(case: Case, method: str) -> Callable[[float], tuple[FloatArray, int]]:
     """Do the same by `solve_ivp`, started again at each event."""
-    ivp: Any = solve_ivp
-    assert case.system.guards is not None
-    field, guards = njit(case.system.field.function), njit(case.system.guards.function)
-    params, n_guards = np.array(case.params, dtype=np.float64), case.system.n_guards
-
-    def slope(t: float, y: FloatArray, mode: NDArray[np.int64]) -> FloatArray:
-        dy = np.empty_like(y)
-        field(t, y, mode, params, dy)
-        return dy
-
-    def heights(t: float, y: FloatArray, mode: NDArray[np.int64]) -> FloatArray:
-        h, rates = np.empty(n_guards), np.empty(n_guards)
-        guards(t, y, slope(t, y, mode), mode, params, h, rates)
-        return h
-
-    def event(k: int, lock: int) -> Callable[..., float]:
-        def value(t: float, y: FloatArray, mode: NDArray[np.int64]) -> float:
-            return heights(t, y, mode)[k]
-
-        value.terminal, value.direction = True, -lock  # type: ignore[attr-defined]
-        return value
+    integrate = restarted(case.system, case.params, case.t_span, case.y0)
 
     def run(tolerance: float) -> tuple[FloatArray, int]:
-        now, state, evaluations = case.t_span[0], np.array(case.y0, dtype=np.float64), 0
-        mode = np.full(n_guards, -1)
-        mode[:] = np.where(heights(now, state, mode) > 0, 1, -1)
-        while now < case.t_span[1]:
-            part = ivp(
-                slope, (now, case.t_span[1]), state, method=method, args=(mode,),
-                events=[event(k, lock) for k, lock in enumerate(mode)],
-                rtol=tolerance, atol=tolerance,
-            )  # fmt: skip
-            now, state, evaluations = part.t[-1], part.y[:, -1], evaluations + part.nfev
-            for k, times in enumerate(part.t_events):
-                if len(times) > 0:
-                    mode[k] = -mode[k]
-        return state, evaluations
+        return integrate(method=method, rtol=tolerance, atol=tolerance)
 
     return run
 
