@@ -2,7 +2,8 @@
 
 Along a path (states and modes of a solution), in machine code: the field alone, called by its
 address as the driver does; and whole steps of an explicit method with the field compiled into it,
-so with its stages' sums and its error norm, and nothing else.
+so with its stages' sums and its error norm, and nothing else. Each step goes on from the last, as
+in an integration: a processor works on steps that do not wait for one another at the same time.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from hopdata.hybrid import System, solve
 from hopdata.hybrid.compiled.calls import call_field
 from hopdata.hybrid.compiled.views import address_of, array_of, int_vector, view
-from hopdata.hybrid.driver.layout import K1, W1, Y
+from hopdata.hybrid.driver.layout import END, K1, KEND, W1, Y
 from hopdata.hybrid.methods.explicit import Tableau
 from hopdata.hybrid.methods.scene import Scene, explicit
 
@@ -94,6 +95,8 @@ def _take_steps(
                 s[Y, j], s[K1, j] = states[i, j], 1.0
             for _ in range(IN_A_ROW):
                 total += step(0.0, TINY_STEP, 1e-9, s, mode, params, allowed)
+                for j in range(states.shape[1]):
+                    s[Y, j], s[K1, j] = s[END, j], s[KEND, j]
     return total
 
 
