@@ -20,7 +20,7 @@ IntArray = NDArray[np.int64]
 
 MOST_SHOWN = 10  # events, in the text of a log
 COUNTS = int(layout.CLOCK_SLOTS)  # where in `end` the counters begin
-MODE = COUNTS + int(layout.COUNT_SLOTS)  # and where the mode does, before the state
+MODE = COUNTS + int(layout.COUNT_SLOTS)  # and where the mode does
 BYTES = 8  # of a number
 
 
@@ -151,8 +151,10 @@ class Solution:
     ----------
     status : int
         0: reached the end; 1: ended by an event; negative: failed, see `message`.
+    y_end : (n,) array
+        State reached.
     end : bytes
-        The driver's times and counters, mode and state at the end, side by side.
+        The driver's times and counters, and the mode, at the end, side by side.
     rows : bytes
         Times and states of the trajectory, (N, 1 + n).
     records : bytes
@@ -166,6 +168,7 @@ class Solution:
     """
 
     status: int
+    y_end: FloatArray
     end: bytes
     rows: bytes
     records: bytes
@@ -190,11 +193,6 @@ class Solution:
     def mode(self) -> IntArray:
         """Mode at the end; (m,)."""
         return np.frombuffer(self.end, np.int64, self.widths.mode, BYTES * MODE).copy()
-
-    @cached_property
-    def y_end(self) -> FloatArray:
-        """State reached; (n,)."""
-        return np.frombuffer(self.end)[-self.widths.state :].copy()
 
     @property
     def t_end(self) -> float:
@@ -260,13 +258,13 @@ class Solution:
 
 
 def solution_of(
-    status: int, end: bytes, rows: bytes, records: bytes, jacobian: FloatArray | None,
-    widths: Widths, guard_names: tuple[str, ...],
+    status: int, y_end: FloatArray, end: bytes, rows: bytes, records: bytes,
+    jacobian: FloatArray | None, widths: Widths, guard_names: tuple[str, ...],
 ) -> Solution:  # fmt: skip
     """Return `Solution(...)`, whose own `__init__` takes a microsecond, as it is frozen."""
     solution = object.__new__(Solution)
     fields = solution.__dict__
-    fields["status"], fields["end"], fields["rows"] = status, end, rows
+    fields["status"], fields["y_end"], fields["end"], fields["rows"] = status, y_end, end, rows
     fields["records"], fields["jacobian"] = records, jacobian
     fields["widths"], fields["guard_names"] = widths, guard_names
     return solution

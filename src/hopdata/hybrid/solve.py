@@ -116,8 +116,9 @@ def solve(
         if status == BAD_START:
             raise ValueError(f"y0: expected finite numbers, found {work.state}")
         return solution_of(
-            status, work.end(), work.trajectory() if times is None else work.samples(),
-            work.events(), work.jacobian(), work.widths, work.guard_names,
+            status, work.state.copy(), work.end(),
+            work.trajectory() if times is None else work.samples(), work.events(),
+            work.jacobian(), work.widths, work.guard_names,
         )  # fmt: skip
     finally:
         system.idle.append(work)

@@ -71,7 +71,8 @@ class Workspace:
         self.guard_names = guard_names
         self.desk = np.zeros(layout.DESK_SLOTS, dtype=np.int64)
         self.desk[: len(addresses)] = addresses
-        self._n_memory, self._n_modes = n_memory, n_modes
+        self._n_memory = n_memory
+        self._make_clockwork(n_modes)
         self._make_states(layout.W1, n_states)
         self._make_params(0)
         self._atol, self._atol_of_all = np.zeros(n_states), 0.0
@@ -91,20 +92,22 @@ class Workspace:
         self._lay_out(layout.WANTED, self._wanted, self._samples)
         self._lay_out_records()
 
-    def _make_states(self, n_rows: int, n_states: int) -> None:
-        """Make the table of states, its first row behind all else that is of use at the end."""
-        lengths = (layout.CLOCK_SLOTS, layout.COUNT_SLOTS, self._n_modes)
-        first = sum(lengths)
-        block = np.zeros(first + n_rows * n_states)
-        self.clock, counts, mode = np.split(block[:first], np.cumsum(lengths)[:-1])
+    def _make_clockwork(self, n_modes: int) -> None:
+        """Make times, counters and mode, side by side: they are taken out together."""
+        lengths = (layout.CLOCK_SLOTS, layout.COUNT_SLOTS, n_modes)
+        block = np.zeros(sum(lengths))
+        self.clock, counts, mode = np.split(block, np.cumsum(lengths)[:-1])
         self.counts, self.mode = counts.view(np.int64), mode.view(np.int64)
-        self._states = block[first:].reshape(n_rows, n_states)
-        self.state = self._states[layout.Y]
-        self._end_bytes = block[: first + n_states].data.cast("B")
-        self._write_state = quick_writer(self.state)
+        self._end_bytes = block.data.cast("B")
         self._lay_out(layout.MODE, self.mode)
-        self._lay_out(layout.STATE_TABLE, self._states)
         self._lay_out(layout.CLOCK, self.clock, self.counts)
+
+    def _make_states(self, n_rows: int, n_states: int) -> None:
+        """Make the table of states."""
+        self._states = np.zeros((n_rows, n_states))
+        self.state = self._states[layout.Y]
+        self._write_state = quick_writer(self.state)
+        self._lay_out(layout.STATE_TABLE, self._states)
 
     def _make_params(self, count: int) -> None:
         """Make room for so many parameters and, behind them, the scene's memory."""
@@ -187,7 +190,7 @@ class Workspace:
         return None if self.tangent is None else self.tangent[: len(self.state)].copy()
 
     def end(self) -> bytes:
-        """Return clock, counts, mode and state."""
+        """Return clock, counts and mode."""
         return self._end_bytes.tobytes()
 
     def samples(self) -> bytes:
