@@ -75,6 +75,25 @@ rule distances:
         "../scripts/distances.py"
 
 
+rule scaling_study:
+    """Maps of noise-free landings whose deviations from a simultaneous contact are scaled down."""
+    input:
+        recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
+        sections=rules.sections.output.sections,
+    output:
+        scaling=f"{RESULTS}/tables/scaling_study.csv",
+    log:
+        f"{RESULTS}/logs/scaling_study.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/scaling_study.tsv"
+    threads: workflow.cores
+    params:
+        options=STUDY["scaling_study"],
+        code=code("scaling_study"),
+    script:
+        "../scripts/scaling_study.py"
+
+
 rule verdict:
     """Whether the map through the landing is C1: effect size, interval and tests."""
     input:
@@ -104,6 +123,7 @@ rule score:
             for method in SCORED_METHODS
             for recording in RECORDINGS
         },
+        scaling=[rules.scaling_study.output.scaling] if SIMULATED else [],
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
         sections=rules.sections.output.sections,
