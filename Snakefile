@@ -37,5 +37,6 @@ rule all:
     input:
         f"{RESULTS}/report.html",
         f"{RESULTS}/provenance.json",
+        f"{RESULTS}/verdict.json",
         f"{RESULTS}/truth.json",
         FIGURES,

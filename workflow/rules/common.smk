@@ -24,6 +24,7 @@ SIMULATIONS = {entry["name"]: simulation_of(STUDY, entry["name"]) for entry in S
 SIMULATED = not any(SOURCES.values())
 FORMATS = STUDY["figures"]["formats"]
 FIGURE_NAMES = [
+    "verdict",
     "fig2_2_sections",
     "fig2_3_schedule",
     "fig2_4_prediction",

@@ -1,3 +1,21 @@
+rule figure_verdict:
+    """The verdict: how different the maps of the contact orders are, and what could be seen."""
+    input:
+        verdict=rules.verdict.output.verdict,
+        windows=rules.verdict.output.windows,
+    output:
+        figure("verdict"),
+    log:
+        f"{RESULTS}/logs/figure_verdict.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_verdict.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_verdict"),
+    script:
+        "../scripts/figure_verdict.py"
+
+
 rule figure_sections:
     """Fig. 2.2: foot height against body height, and the sections chosen from it."""
     input:
@@ -100,7 +118,9 @@ STAGES = [
     rules.prediction,
     rules.subspaces,
     rules.distances,
+    rules.verdict,
     rules.score,
+    rules.figure_verdict,
     rules.figure_sections,
     rules.figure_schedule,
     rules.figure_prediction,
@@ -121,6 +141,7 @@ rule report:
         units=rules.units.output.units,
         prediction=rules.prediction.output.summary,
         distances=rules.distances.output.summary,
+        verdict=rules.verdict.output.verdict,
         notes=[
             rules.prediction.output.notes,
             rules.subspaces.output.notes,

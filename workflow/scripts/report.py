@@ -28,6 +28,7 @@ with reported(snakemake.log[0]):
             prediction=read_table(source.prediction),
             distances=read_table(source.distances),
             truth=read_json(source.truth),
+            verdict=read_json(source.verdict),
             notes=[note for path in source.notes for note in read_json(path)],
         )
     )

@@ -123,7 +123,7 @@ def _draw_kinks(axes: Axes, rows: list[dict[Any, Any]], top: float) -> None:
             **strength,
         )
     axes.set_xticks(range(len(rows)), [f"{100 * float(row['window']):.0f}" for row in rows])
-    axes.get_xticklabels()[[bool(row["chosen"]) for row in rows].index(True)].set_weight("bold")
+    axes.get_xticklabels()[[bool(row["chosen"]) for row in rows].index(True)].set_fontweight("bold")
     axes.set_xlim(-0.6, len(rows) - 0.4)
     axes.set_ylim(0.0, top)
     axes.set_xlabel("window: landings\nused (%)")

@@ -9,6 +9,7 @@ from hopdata.report.formatting import fixed, is_missing, significant, with_unit,
 from hopdata.report.inputs import ReportInputs
 from hopdata.report.landing_tables import excluded
 from hopdata.report.result_tables import KIND_NAMES, MODEL_NAMES
+from hopdata.report.verdict import verdict_facts
 
 
 def two_decimals(value: Any) -> str:
@@ -38,6 +39,7 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         "distances": _medians(inputs.distances, "kind", KIND_NAMES, two_decimals),
         "labels_right": _labels_right(inputs.truth or {}),
         "slopes": _slopes(inputs.truth or {}),
+        "verdict": verdict_facts(inputs.verdict),
     }
 
 

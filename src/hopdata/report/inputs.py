@@ -61,6 +61,8 @@ class ReportInputs:
         ``prediction_summary.csv`` and ``distance_summary.csv``.
     truth : mapping, optional
         Contents of ``truth.json``: name to ``value, unit, what``; empty for a real recording.
+    verdict : mapping, optional
+        Contents of ``verdict.json``.
     notes : sequence
         What could not be done, each a sentence or a mapping with ``what`` and ``reason``.
     """
@@ -76,6 +78,7 @@ class ReportInputs:
     prediction: pd.DataFrame | None = None
     distances: pd.DataFrame | None = None
     truth: Mapping[str, Mapping[str, Any]] | None = None
+    verdict: Mapping[str, Any] | None = None
     notes: Sequence[str | Mapping[str, Any]] = ()
 
 

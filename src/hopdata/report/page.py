@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hopdata.report import landing_tables, result_tables
+from hopdata.report import landing_tables, result_tables, verdict
 from hopdata.report.captions import Caption, render_caption
 from hopdata.report.facts import study_facts
 from hopdata.report.formatting import MISSING, count, significant
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 TEMPLATES = Path(__file__).with_name("templates")
 # The figures that have a section of their own; any other stands at the end.
 PLACES = {
+    "verdict": "verdict",
     "fig2_2_sections": "sections",
     "fig2_3_schedule": "touchdowns",
     "fig2_4_prediction": "prediction",
@@ -77,6 +78,7 @@ def build_report(inputs: ReportInputs) -> str:
         pictures=_pictures(inputs.figures, facts),
         tables=_tables(inputs),
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
+        verdict_notes=[_note(note) for note in verdict.notes(inputs.verdict)],
         config=_as_yaml((inputs.provenance or {}).get("config")),
         count=count,
     )
@@ -91,6 +93,7 @@ def _highlights(
     between = f"pre section {facts['pre']}, post section {facts['post']}"
     orders = f"median spread of contacts {facts['spread']}" if facts["spread"] else ""
     cards = [
+        ("Difference of the maps", facts["verdict"]["difference"], facts["verdict"]["remark"]),
         ("Recordings", count(facts["n_recordings"]), frames),
         ("Touchdowns used", count(facts["n_used"]), found if facts["n_touchdowns"] else ""),
         ("Contact orders seen", count(facts["n_schedules"]), orders),
@@ -120,7 +123,9 @@ def _price_of_one(prediction: pd.DataFrame) -> tuple[str | None, str]:
     one, many = medians.get("all", 0), medians.get("specialised", 0)
     if not (one > 0 and many > 0):
         return None, "needs an affine model of each order"
-    return significant(one / many, 3), "ratio of median MSE; above 1 by a kink or by curvature"
+    return significant(
+        one / many, 3
+    ), "ratio of median MSE; curvature alone also raises it above 1: see the verdict"
 
 
 def _gain(prediction: pd.DataFrame | None) -> tuple[str | None, str]:
@@ -162,6 +167,8 @@ def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
     others = {key: value for key, value in record.items() if key not in SHOWN_ELSEWHERE}
     digests = ("source file", "SHA-256")
     return {
+        "tests": verdict.tests_table(inputs.verdict),
+        "windows": verdict.windows_table(inputs.verdict),
         "recordings": landing_tables.recordings_table(inputs.recordings),
         "floor": landing_tables.floor_table(inputs.floors),
         "sections": landing_tables.sections_table(inputs.sections),
