@@ -12,7 +12,7 @@ from hopdata.report.inputs import ReportFigure, ReportInputs
 
 CAPTIONS = Path(__file__).parents[2] / "workflow" / "captions"
 NUMBERED = ("fig2_2_sections", "fig2_3_schedule", "fig2_4_prediction", "fig2_5_distances")
-NAMES = (*NUMBERED, "scaling_study")
+NAMES = ("verdict", *NUMBERED, "scaling_study")
 SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="240.9pt" height="99pt"></svg>'
 
 
@@ -122,6 +122,54 @@ def _entry(value: object, unit: str, what: str) -> dict[str, object]:
     return {"value": value, "unit": unit, "what": what}
 
 
+def verdict(**changes: object) -> dict[str, object]:
+    window = {"degree": 3, "curvature_share": 0.009, "kinks_low": 0.0, "kinks_high": 0.21}
+    window |= {"kinks": 0.04, "separate": 0.15, "largest_spread_ms": 12.7, "mean_spread_ms": 7.5}
+    shares = ((1.0, 986, False), (0.71, 700, True), (0.5, 493, False))
+    return {
+        "conclusion": "no difference",
+        "sentence": "No difference larger than 0.12 of the map, at 95 % confidence (p = 0.73).",
+        "n_landings": 986,
+        "n_schedules": 6,
+        "confidence": 0.95,
+        "margin": 0.2,
+        "effect": {
+            "estimate": 0.04,
+            "low": 0.0,
+            "high": 0.131,
+            "upper_bound": 0.117,
+            "detectable": 0.0752,
+        },
+        "test": {"statistic": 38.81, "degrees_of_freedom": 44, "p_value": 0.728},
+        "specialised": {"error_ratio": 1.0032, "null_high": 1.0086, "p_value": 0.232},
+        "subspaces": {
+            "rank": 8,
+            "within_rad": 0.222,
+            "across_rad": 0.246,
+            "excess_rad": 0.024,
+            "null_high_rad": 0.029,
+            "p_value": 0.916,
+            "n_schedules": 6,
+        },
+        "windows": [window | {"window": w, "landings": n, "chosen": c} for w, n, c in shares],
+        "notes": [],
+    } | changes
+
+
+def no_answer() -> dict[str, object]:
+    reason = "120 landings are too few for second-order terms"
+    return verdict(
+        conclusion="cannot tell",
+        sentence=f"This data cannot tell: {reason}.",
+        effect=None,
+        test=None,
+        specialised=None,
+        subspaces=None,
+        windows=[],
+        notes=[{"what": "verdict", "reason": reason}],
+    )
+
+
 def provenance() -> dict[str, object]:
     return {
         "study": "sample",
@@ -159,6 +207,7 @@ def full_study(**changes: object) -> ReportInputs:
         "prediction": prediction(),
         "distances": distances(),
         "truth": truth(),
+        "verdict": verdict(),
         "notes": [{"what": "splits of 52/18 instead of 120/41", "reason": "class 1>2>3 has 70"}],
     }
     return ReportInputs(**(parts | changes))  # type: ignore[arg-type]

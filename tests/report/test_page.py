@@ -91,6 +91,8 @@ def test_the_language_and_the_title_are_given():
 
 def test_every_table_is_there(full):
     assert full.captions == [
+        "Tests of one map for all contact orders",
+        "The difference in windows of contact spread",
         "Recordings",
         "Floor",
         "Thresholds and sections",

@@ -13,7 +13,13 @@ import yaml
 
 ROOT = Path(__file__).parents[2]
 PARTS = ("Snakefile", "workflow", "config", "profiles", "data/sample", "src", "pyproject.toml")
-FIGURES = ("fig2_2_sections", "fig2_3_schedule", "fig2_4_prediction", "fig2_5_distances")
+FIGURES = (
+    "verdict",
+    "fig2_2_sections",
+    "fig2_3_schedule",
+    "fig2_4_prediction",
+    "fig2_5_distances",
+)
 
 pytestmark = pytest.mark.workflow
 
@@ -72,7 +78,7 @@ def test_all_figures_and_the_report_are_there(sample):
     assert page.count("<figure") >= len(FIGURES)
     record = json.loads((results / "provenance.json").read_text())
     assert record["study"] == "sample"
-    assert len(record["stage_seconds"]) == 16
+    assert len(record["stage_seconds"]) == 18
     assert not any("simulate" in stage for stage in record["stage_seconds"])
 
 
@@ -88,6 +94,23 @@ def test_a_key_of_the_last_stage_runs_only_that_stage(sample):
 
     planned = planned_rules(sample, "--configfile", edit_config(sample, edit))
     assert planned == {"all", "distances", "figure_distances", "score", "report"}
+
+
+def test_a_key_of_the_verdict_runs_only_the_verdict(sample):
+    def edit(config):
+        config["verdict"] = {"margin": 0.1}
+
+    planned = planned_rules(sample, "--configfile", edit_config(sample, edit))
+    assert planned == {"all", "verdict", "figure_verdict", "report"}
+
+
+def test_the_verdict_on_the_sample(sample):
+    """The bundled hopper is C1; whether its landings suffice to say so is theirs."""
+    verdict = json.loads((sample / "results" / "sample" / "verdict.json").read_text())
+    assert verdict["conclusion"] in {"no difference", "cannot tell"}
+    assert verdict["sentence"] in (sample / "results" / "sample" / "report.html").read_text()
+    assert verdict["effect"]["low"] <= verdict["effect"]["estimate"] <= verdict["effect"]["high"]
+    assert [row["chosen"] for row in verdict["windows"]].count(True) == 1
 
 
 def test_an_edited_library_module_runs_the_stages_that_use_it(sample):
@@ -107,7 +130,7 @@ def test_one_core_gives_the_same_tables(sample, tmp_path):
     results = Path("results/sample")
     tables = sorted((sample / results / "tables").iterdir())
     assert len(tables) >= 8
-    for table in [*tables, sample / results / "truth.json"]:
+    for table in [*tables, sample / results / "truth.json", sample / results / "verdict.json"]:
         twin = other / table.relative_to(sample)
         assert twin.read_bytes() == table.read_bytes(), table.name
     for figure in (sample / results / "figures").glob("*.svg"):
@@ -150,7 +173,12 @@ def test_a_real_recording_runs_to_a_report(sample, external_recording):
     assert 25 <= (~table["excluded"]).sum() <= 45
     for name in FIGURES:
         assert (results / "figures" / f"{name}.svg").exists()
-    assert "minimum" in (results / "report.html").read_text()
+    page = (results / "report.html").read_text()
+    assert "minimum" in page
+    verdict = json.loads((results / "verdict.json").read_text())
+    assert verdict["conclusion"] == "cannot tell"
+    assert verdict["effect"] is None
+    assert verdict["sentence"] in page
 
 
 @pytest.mark.parametrize("study", ["thesis", "control"])

@@ -14,6 +14,7 @@ from hopdata.figures.style import (
     GREEN,
     GREY,
     INK,
+    ON_WHITE,
     ORANGE,
     PURPLE,
     letter,
@@ -141,14 +142,25 @@ def _draw_separate(axes: Axes, rows: list[dict[Any, Any]], top: float) -> None:
         color=ORANGE,
         marker="o",
         markersize=5,
-        clip_on=False,
+        clip_on=not known,  # nothing to draw has no extent to lay out
         label="maps fitted separately",
     )
     axes.set_xlim(0.0, 1.05 * max(float(row["mean_spread_ms"]) for row in rows))
     axes.set_ylim(0.0, top)
     axes.tick_params(labelleft=False)
     axes.set_xlabel("mean contact spread\nof the window (ms)")
-    axes.set_title("at the spread of the data" if known else "separate maps: too few landings")
+    axes.set_title("at the spread of the data")
+    if not known:
+        axes.text(
+            0.5,
+            0.5,
+            "not fitted:\ntoo few landings",
+            transform=axes.transAxes,
+            ha="center",
+            va="center",
+            color=GREY,
+            bbox=ON_WHITE,
+        )
 
 
 def _draw_limits(kinks: Axes, spread: Axes, verdict: Mapping[str, Any]) -> None:

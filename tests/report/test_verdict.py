@@ -1,0 +1,84 @@
+import pytest
+from fake_study import full_study, no_answer, verdict
+from test_page import Page
+
+from hopdata.report.page import build_report
+from hopdata.report.verdict import notes, made_tests_table, verdict_facts, windows_table
+
+
+def test_the_card_says_effect_interval_p_and_what_could_be_seen():
+    facts = verdict_facts(verdict())
+    assert facts["difference"] == "0.04 (0 to 0.13)"
+    assert facts["remark"] == "of the map, 95\u00a0% interval; p = 0.73; detectable from 0.075"
+    assert facts["found"] is True
+
+
+def test_without_an_answer_or_a_verdict_the_same_keys_are_there():
+    assert verdict_facts(no_answer()).keys() == verdict_facts(verdict()).keys()
+    assert verdict_facts(None).keys() == verdict_facts(verdict()).keys()
+    assert verdict_facts(no_answer())["remark"] == "cannot tell"
+    assert verdict_facts(None)["sentence"] is None
+    assert notes(None) == ()
+
+
+def test_the_tests_stand_with_what_they_cannot_show():
+    table = made_tests_table(verdict())
+    assert [row[0] for row in table.rows] == [
+        "kinks (decides)",
+        "one map or one per order",
+        "constraint subspaces",
+    ]
+    assert all("cannot" in row[1] or "does not" in row[1] for row in table.rows)
+    assert [row[-1] for row in table.rows] == ["0.73", "0.23", "0.92"]
+    assert table.rows[0][2:4] == ("38.8", "44 expected")
+    assert table.note == ""
+
+
+@pytest.mark.parametrize("missing", ["specialised", "subspaces"])
+def test_a_test_that_was_not_made_has_dashes(missing):
+    table = made_tests_table(verdict(**{missing: None}))
+    dashed = [row for row in table.rows if row[2:] == ("—",) * 3]
+    assert len(dashed) == 1
+    assert "too few landings" in table.note
+
+
+def test_the_windows_mark_the_chosen_one():
+    table = windows_table(verdict())
+    assert [row[0] for row in table.rows] == ["100", "71 (the verdict's)", "50"]
+    assert {len(row) for row in table.rows} == {len(table.head)}
+    one = verdict()["windows"][0] | {"separate": None, "kinks_high": None}
+    assert windows_table(verdict(windows=[one])).rows[0][-2:] == ("—", "—")
+
+
+def test_what_is_missing_has_no_table():
+    for absent in (None, {}, no_answer()):
+        assert made_tests_table(absent) is None
+        assert windows_table(absent) is None
+
+
+def test_the_verdict_opens_the_page():
+    page = Page(build_report(full_study()))
+    sentence = "No difference larger than 0.12 of the map"
+    assert page.text.index(sentence) < page.text.index("Is landing on several feet one smooth map")
+    assert page.text.index("Difference of the maps 0.04") < page.text.index("Recordings 1")
+    assert page.ids.index("verdict") == page.ids.index("glance") + 1
+
+
+def test_a_study_without_an_answer_has_a_page_that_says_why():
+    page = Page(build_report(full_study(verdict=no_answer())))
+    assert page.unbalanced == page.open == []
+    for words in (
+        "This data cannot tell: 120 landings are too few",
+        "No test could be made.",
+        "No window holds landings enough.",
+        "verdict: 120 landings are too few for second-order terms",
+        "Difference of the maps not known cannot tell",
+    ):
+        assert words in page.text
+
+
+def test_notes_stand_under_the_verdict():
+    noted = verdict(notes=[{"what": "smooth terms", "reason": "150 landings"}])
+    page = Page(build_report(full_study(verdict=noted)))
+    assert "What limits this verdict: smooth terms: 150 landings" in page.text
+    assert "What limits" not in Page(build_report(full_study())).text
