@@ -3,7 +3,7 @@ from fake_study import full_study, no_answer, verdict
 from test_page import Page
 
 from hopdata.report.page import build_report
-from hopdata.report.verdict import notes, made_tests_table, verdict_facts, windows_table
+from hopdata.report.verdict import notes, table_of_tests, verdict_facts, windows_table
 
 
 def test_the_card_says_effect_interval_p_and_what_could_be_seen():
@@ -22,7 +22,7 @@ def test_without_an_answer_or_a_verdict_the_same_keys_are_there():
 
 
 def test_the_tests_stand_with_what_they_cannot_show():
-    table = made_tests_table(verdict())
+    table = table_of_tests(verdict())
     assert [row[0] for row in table.rows] == [
         "kinks (decides)",
         "one map or one per order",
@@ -36,7 +36,7 @@ def test_the_tests_stand_with_what_they_cannot_show():
 
 @pytest.mark.parametrize("missing", ["specialised", "subspaces"])
 def test_a_test_that_was_not_made_has_dashes(missing):
-    table = made_tests_table(verdict(**{missing: None}))
+    table = table_of_tests(verdict(**{missing: None}))
     dashed = [row for row in table.rows if row[2:] == ("—",) * 3]
     assert len(dashed) == 1
     assert "too few landings" in table.note
@@ -52,7 +52,7 @@ def test_the_windows_mark_the_chosen_one():
 
 def test_what_is_missing_has_no_table():
     for absent in (None, {}, no_answer()):
-        assert made_tests_table(absent) is None
+        assert table_of_tests(absent) is None
         assert windows_table(absent) is None
 
 

@@ -167,7 +167,7 @@ def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
     others = {key: value for key, value in record.items() if key not in SHOWN_ELSEWHERE}
     digests = ("source file", "SHA-256")
     return {
-        "tests": verdict.made_tests_table(inputs.verdict),
+        "tests": verdict.table_of_tests(inputs.verdict),
         "windows": verdict.windows_table(inputs.verdict),
         "recordings": landing_tables.recordings_table(inputs.recordings),
         "floor": landing_tables.floor_table(inputs.floors),

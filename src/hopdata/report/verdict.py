@@ -65,7 +65,7 @@ def notes(verdict: Verdict | None) -> Sequence[Mapping[str, Any]]:
     return found
 
 
-def made_tests_table(verdict: Verdict | None) -> Table | None:
+def table_of_tests(verdict: Verdict | None) -> Table | None:
     """One row a test: what it is about, what was found, and what no difference would give."""
     if not verdict or verdict.get("test") is None:
         return None
