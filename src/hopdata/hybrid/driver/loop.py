@@ -86,7 +86,7 @@ def move_on(p: Problem, m: Memory, out: Output, dt: float) -> None:
     """Make the end of the step the start of the next, and write it down."""
     t_new = p.t_end if dt == p.t_end - m.clock[T] else m.clock[T] + dt
     sample_step(p, m, out, t_new, dt)
-    remember_bend(m, dt, m.clock[NEXT_DT])
+    remember_bend(m, dt)
     travel_on(p, m, dt)
     m.clock[T] = t_new
     copy_row(m.states, END, Y)

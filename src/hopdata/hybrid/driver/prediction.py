@@ -10,18 +10,21 @@ from __future__ import annotations
 from math import sqrt
 
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.driver.layout import AWAKE, BEND, H0, N_AWAKE, RATE0, RATE1, Memory
+from hopdata.hybrid.driver.layout import AWAKE, BEND, H0, N_AWAKE, RATE0, RATE1, Memory, T
 from hopdata.hybrid.driver.problem import Problem
+from hopdata.hybrid.driver.surface import time_resolution
 
 OVERSHOOT = 1.2  # past the predicted flip, so that the step finds it if the guess was a bit short
-CLIP_MOST = 1e-3  # leave events nearer than this part of the step to localisation
-TOO_SHORT = 1e-3  # part of the proposed step below which it tells nothing of the bend
+# Multiples of the resolution of time. The step that the field would allow is no measure here: in a
+# landing on thousands of springs it is a million times longer than the time between two of them.
+CLIP_MOST = 1e3  # leave events that are nearer to localisation
+TOO_SHORT = 1e6  # the rates at both ends of such a step tell nothing of the bend
 
 
 @kernel
-def remember_bend(m: Memory, dt: float, proposed: float) -> None:
+def remember_bend(m: Memory, dt: float) -> None:
     """Keep the second derivative of each event function, as a secant over the step just taken."""
-    if dt > TOO_SHORT * proposed:
+    if dt > TOO_SHORT * time_resolution(m.clock[T], dt):
         g = m.guards
         for a in range(m.counts[N_AWAKE]):
             k = m.lists[AWAKE, a]
@@ -43,7 +46,7 @@ def flip_time(g: float, d: float, c: float) -> float:
 @kernel
 def clipped(p: Problem, m: Memory, dt: float) -> float:
     """Return `dt`, or less if a guard is predicted to flip before."""
-    g, least = m.guards, CLIP_MOST * dt
+    g, least = m.guards, CLIP_MOST * time_resolution(m.clock[T], 0.0)
     for a in range(m.counts[N_AWAKE]):
         k = m.lists[AWAKE, a]
         lock = p.mode[k]
