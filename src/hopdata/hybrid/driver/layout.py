@@ -38,14 +38,15 @@ PHI_ROWS = 6
 H0, RATE0, H1, RATE1, H, RATE, SIZE, BEND = index_numbers(8)
 GUARD_ROWS = 8
 
-# Rows of `flags`: guards that flip now, how often each has flipped at this instant, and whether its
-# lock was left open at the start.
-DUE, FLIPS, OPEN = index_numbers(3)
+# Rows of `flags`: the number of the instant at which a guard flipped last, how often it has flipped
+# then, and whether its lock was left open at the start.
+LAST_FLIP, FLIPS, OPEN = index_numbers(3)
 FLAG_ROWS = 3
 
-# Rows of `lists`: the guards that are awake, and the heap of those asleep (see `sleep`).
-AWAKE, HEAP = index_numbers(2)
-LIST_ROWS = 2
+# Rows of `lists`: the guards that are awake, the heap of those asleep (see `sleep`), the few that
+# the step may concern (see `near`), and those that flip now.
+AWAKE, HEAP, NEAR, DUE = index_numbers(4)
+LIST_ROWS = 4
 
 # Rows of `rules`: which crossings are events, and whether these end the integration.
 DIRECTION, TERMINAL = index_numbers(2)
@@ -76,8 +77,9 @@ METHOD_SLOTS = 15
 
 # Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
 # none, ERROR that step's error in units of the tolerance, SEGMENT the start of the smooth piece of
-# the trajectory, TRAVEL what no event function can have changed by more than since the start, and
-# SPEED the bound of their rates now. STIFF_SCORE counts steps that stability limits.
+# the trajectory, GAP the length of the one before it, TRAVEL what no event function can have
+# changed by more than since the start, and SPEED the bound of their rates now. STIFF_SCORE counts
+# steps that stability limits.
 (
     T,
     NEXT_DT,
@@ -91,8 +93,9 @@ METHOD_SLOTS = 15
     TRAVEL,
     SPEED,
     STIFF_SCORE,
-) = index_numbers(12)
-CLOCK_SLOTS = 12
+    GAP,
+) = index_numbers(13)
+CLOCK_SLOTS = 13
 
 # Slots of `counts`.
 (
@@ -110,8 +113,11 @@ CLOCK_SLOTS = 12
     N_AWAKE,
     N_ASLEEP,
     JUMPS,
-) = index_numbers(14)
-COUNT_SLOTS = 14
+    N_NEAR,
+    N_DUE,
+    INSTANTS,
+) = index_numbers(17)
+COUNT_SLOTS = 17
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for steps and events, then
@@ -152,6 +158,6 @@ class Memory(NamedTuple):
     guards: FloatTable
     flags: IntTable
     lists: IntTable
-    wake_at: FloatVector  # travel at which a sleeping guard must be looked at
+    wake_at: FloatVector  # travel at which each guard in the heap must be looked at
     clock: FloatVector
     counts: IntVector
