@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hopdata.hybrid.compiled.calls import call_on_event, call_refresh
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.compiled.views import FloatTable, IntTable
 from hopdata.hybrid.driver.layout import (
     CROWD,
@@ -95,7 +95,7 @@ def flip(p: Problem, m: Memory) -> int:
     return RUNNING
 
 
-@kernel
+@kernel_in_loop
 def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
     """Tell the scene that guard k has flipped, if that is an event, and log it.
 
@@ -128,7 +128,7 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
     return TERMINATED if stop != 0 else RUNNING
 
 
-@kernel
+@kernel_in_loop
 def fire_due(p: Problem, m: Memory, log: Log) -> int:
     """Fire all guards that have just flipped, in their order."""
     status, k = RUNNING, next_due(m, -1)
@@ -141,7 +141,7 @@ def fire_due(p: Problem, m: Memory, log: Log) -> int:
     return status
 
 
-@kernel
+@kernel_in_loop
 def refresh(p: Problem, m: Memory) -> int:
     """Evaluate field and guards anew at the present state and mode."""
     eval_field(p, m, m.clock[T], Y, K1)
@@ -172,7 +172,7 @@ def keep_culprit(m: Memory) -> None:
     m.counts[CULPRIT] = next_due(m, -1)
 
 
-@kernel
+@kernel_in_loop
 def fire_all(p: Problem, m: Memory, log: Log) -> int:
     """Let all guards in DUE flip, and those that their handlers push across; refresh the field.
 

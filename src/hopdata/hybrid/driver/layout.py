@@ -34,9 +34,10 @@ PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN = index_numbers(6)
 PHI_ROWS = 6
 
 # Rows of `guards`: event functions and their rates at the start, at the end and inside of a step,
-# the largest |h| over the step, which is the scale of its rounding error, and second derivatives.
-H0, RATE0, H1, RATE1, H, RATE, SIZE, BEND = index_numbers(8)
-GUARD_ROWS = 8
+# the largest |h| over the step, which is the scale of its rounding error, second derivatives, and
+# how far a guard stays from its surface over the step.
+H0, RATE0, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE = index_numbers(9)
+GUARD_ROWS = 9
 
 # Rows of `flags`: the number of the instant at which a guard flipped last, how often it has flipped
 # then, and whether its lock was left open at the start.

@@ -93,7 +93,7 @@ def move_on(p: Problem, m: Memory, out: Output, dt: float) -> None:
     write_row(m, out)
 
 
-@kernel
+@kernel_in_loop
 def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Let the events of this instant happen, and write down the state after them."""
     status = fire_all(p, m, log)

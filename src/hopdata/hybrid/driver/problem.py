@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hopdata.hybrid.compiled.calls import call_field, call_guard, call_guards
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.compiled.views import FloatTable, FloatVector, IntTable, IntVector
 from hopdata.hybrid.driver.layout import (
     AWAKE,
@@ -141,7 +141,7 @@ def near_inside(p: Problem, m: Memory, t: float) -> None:
         eval_listed(p, m, NEAR, m.counts[N_NEAR], t, SCRATCH, SLOPE, H, RATE)
 
 
-@kernel
+@kernel_in_loop
 def guards_are_finite(p: Problem, m: Memory, h: int, rate: int) -> bool:
     """Tell whether rows `h` and `rate` are finite; else keep the guard that is not."""
     g, wrong = m.guards, 0
