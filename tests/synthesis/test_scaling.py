@@ -11,7 +11,7 @@ from hopdata.synthesis.known_scene import common_scene, known_scene
 from hopdata.synthesis.scaling import scaling_cases, study_landings
 
 STRENGTHS = {"coupling": 0.2, "impulse": 0.3, "delay_s": 0.01}
-HEIGHTS = {"pre_m": 0.5, "post_m": 0.28}
+HEIGHTS = {"pre_m": 0.5, "post_m": 0.28, "body": ("body1", "body2", "body3")}
 
 
 @pytest.fixture(scope="module")
@@ -67,6 +67,7 @@ def test_the_scene_is_read_from_the_truth():
     assert scene.hopper.stiffness_n_m == 88.0
     assert scene.control == HopperControl(delay_s=0.004)
     assert scene.body_points_m.shape == (3, 3)
+    np.testing.assert_array_equal(scene.points_of(["body3"]), scene.body_points_m[2:])
     there, back = scene.by_boom(5)
     assert (there[1].tolist(), back[1].tolist()) == ([0, 2, 4], [1, 3])
     assert back[0].boom_swing_rad == -0.3

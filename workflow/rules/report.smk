@@ -105,7 +105,11 @@ STAGES = [
     rules.figure_schedule,
     rules.figure_prediction,
     rules.figure_distances,
-    *([rules.scaling_study, rules.figure_scaling_study] if SIMULATED else []),
+    *(
+        [rules.true_sections, rules.map_errors, rules.scaling_study, rules.figure_scaling_study]
+        if SIMULATED
+        else []
+    ),
 ]
 
 

@@ -68,6 +68,7 @@ class ScaledLandings:
 def study_landings(
     truths: Sequence[Truth],
     *,
+    body: Sequence[str],
     pre_m: float,
     post_m: float,
     landings: int = 1000,
@@ -83,6 +84,8 @@ def study_landings(
     ----------
     truths : sequence of Truth
         Of all its recordings; of a boom that swings, only hops with the first hop's are taken.
+    body : sequence of str
+        Names of the body markers that the study uses.
     pre_m, post_m : float
         Heights of the sections, m.
     landings : int
@@ -102,7 +105,7 @@ def study_landings(
         scaling_cases(scene.control, coupling=coupling, impulse=impulse, delay_s=delay_s),
         apexes[every],
         preloads[every],
-        SectionHeights(pre_m, post_m, scene.body_points_m),
+        SectionHeights(pre_m, post_m, scene.points_of(body)),
         scales=scales,
         workers=workers,
     )
