@@ -107,6 +107,7 @@ rule map_errors:
     output:
         errors=f"{RESULTS}/tables/map_errors.csv",
         states=f"{RESULTS}/tables/state_errors.csv",
+        entries=f"{RESULTS}/tables/map_entries.csv",
     log:
         f"{RESULTS}/logs/map_errors.log",
     benchmark:
@@ -169,7 +170,15 @@ rule score:
             for method in SCORED_METHODS
             for recording in RECORDINGS
         },
-        exact=([rules.scaling_study.output, rules.map_errors.output] if SIMULATED else []),
+        exact=(
+            [
+                rules.scaling_study.output.scaling,
+                rules.map_errors.output.errors,
+                rules.map_errors.output.states,
+            ]
+            if SIMULATED
+            else []
+        ),
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
         sections=rules.sections.output.sections,
