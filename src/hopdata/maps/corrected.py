@@ -1,0 +1,205 @@
+"""The derivative of a landing map at a simultaneous contact: four estimates of it.
+
+Ordinary least squares errs twice. Noise of the inputs pulls its coefficients towards zero (errors
+in variables; Fuller 1987), and at a finite spread of the landings it is a secant of a curved map,
+not its derivative. Each can be corrected, and both.
+
+All is in the coordinates of a rigid body on a section: 8 inputs, 11 outputs (`hopdata.maps.rigid`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.errors import AnalysisError
+from hopdata.maps.curvature import affordable_degree, mean_terms, simultaneous_point
+from hopdata.maps.marker_noise import InputErrors
+from hopdata.maps.verdict.estimate import expected_contacts
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearMap:
+    """An estimate of the derivative of q outputs by p inputs.
+
+    Attributes
+    ----------
+    coefficients
+        (p, q).
+    standard_errors
+        (p, q) by the sandwich formula, leverages allowed for (MacKinnon and White 1985, HC2). The
+        noise of the markers counts as known.
+    degree
+        Order of the curved terms beside the linear ones; 0 for none.
+    removed
+        Share of the noise covariance that was taken off: less than 1 where the inputs hardly vary
+        more than their noise.
+    """
+
+    coefficients: Floats
+    standard_errors: Floats
+    degree: int = 0
+    removed: float = 0.0
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What inputs are to be expected given the measured ones.
+
+    Attributes
+    ----------
+    slopes
+        (p, p), by which deviations from the mean are multiplied from the right.
+    doubt
+        (p, p) covariance of the inputs about what is expected.
+    drift
+        (p, q) of the outputs' errors: what is expected of them given the measured inputs.
+    removed
+        Share of the noise covariance that was taken off.
+    """
+
+    slopes: Floats
+    doubt: Floats
+    drift: Floats
+    removed: float
+
+
+def ols_map(x: Floats, y: Floats) -> LinearMap:
+    """Fit an affine map by ordinary least squares.
+
+    Parameters
+    ----------
+    x, y
+        (n, p) inputs and (n, q) outputs.
+    """
+    x, y = _checked(x, y)
+    return LinearMap(*_regress(x - x.mean(axis=0), y))
+
+
+def corrected_map(x: Floats, y: Floats, errors: InputErrors) -> LinearMap:
+    """Fit an affine map whose inputs carry noise of known covariance.
+
+    The coefficients are ``(Sxx - N)^-1 (Sxy - M)`` with the moments S of the data and those of the
+    errors, N of the inputs and M shared with the outputs.
+
+    Parameters
+    ----------
+    x, y
+        (n, p) inputs and (n, q) outputs.
+    errors
+        Their errors.
+    """
+    x, y = _checked(x, y)
+    known = calibration(x, errors)
+    centred = x - x.mean(axis=0)
+    slopes, se = _regress(centred @ known.slopes, y - centred @ known.drift)
+    return LinearMap(slopes, se, removed=known.removed)
+
+
+def curved_map(
+    x: Floats, y: Floats, instants: Floats, errors: InputErrors | None = None
+) -> LinearMap:
+    """Fit the derivative where all feet are expected at once, with curvature beside it.
+
+    Parameters
+    ----------
+    x, y
+        (n, p) inputs and (n, q) outputs.
+    instants
+        (n, feet) measured contact instants, s.
+    errors
+        Errors of inputs and outputs; by default there are none.
+    """
+    x, y = _checked(x, y)
+    if len(instants) != len(x) or not np.isfinite(instants).all():
+        raise ValueError(f"instants: expected finite ones for {len(x)} landings")
+    errors = errors or InputErrors.none(x.shape[1], y.shape[1])
+    known, centred = calibration(x, errors), x - x.mean(axis=0)
+    scale = x.std(axis=0)
+    inputs = centred @ known.slopes / scale
+    expected = expected_contacts(inputs, instants)
+    unit = float(expected.std(axis=1).max())
+    if not unit > 0:
+        raise AnalysisError("curved map: expected contact instants that depend on the inputs")
+    inputs = inputs - simultaneous_point(inputs, expected)
+    degree = affordable_degree(len(x), x.shape[1], expected.shape[1])
+    curved = mean_terms(inputs, expected / unit, degree, known.doubt / scale[:, None] / scale)
+    slopes, se = _regress(inputs, y - centred @ known.drift, curved)
+    return LinearMap(slopes / scale[:, None], se / scale[:, None], degree, known.removed)
+
+
+def calibration(x: Floats, errors: InputErrors) -> Calibration:
+    """Return what to expect of inputs measured with noise.
+
+    The guard is that of Fuller (1987, sec. 2.2 and 3.1): if the noise would leave less than its own
+    share of one landing in some direction, only as much of it is taken off as leaves that.
+
+    Parameters
+    ----------
+    x
+        (n, p) measured inputs.
+    errors
+        Covariances of their errors.
+
+    Raises
+    ------
+    AnalysisError
+        If the inputs do not vary in some direction.
+    ValueError
+        If the covariance does not fit the inputs or is not one.
+    """
+    noise = np.asarray(errors.inputs, float)
+    if noise.shape != (x.shape[1],) * 2 or not np.allclose(noise, noise.T):
+        raise ValueError(f"errors: expected a symmetric matrix for {x.shape[1]} inputs")
+    if not np.isfinite(noise).all() or np.linalg.eigvalsh(noise)[0] < -1e-9 * np.trace(noise):
+        raise ValueError("errors: expected a covariance, found one that is not positive")
+    moments = np.cov(x, rowvar=False).reshape(noise.shape)
+    root = _cholesky(moments)
+    # Eigenvalues of the noise in units of the spread: the inverses of Fuller's roots.
+    seen = np.linalg.solve(root, np.linalg.solve(root, noise).T)
+    largest = float(np.linalg.eigvalsh(seen)[-1])
+    slack = 1.0 / (len(x) - 1)
+    removed = 1.0 if largest * (1.0 + slack) < 1.0 else 1.0 / largest - slack
+    share = np.linalg.solve(moments, removed * noise)
+    doubt = removed * noise - removed * noise @ share
+    drift = np.linalg.solve(moments, removed * np.asarray(errors.shared, float))
+    return Calibration(np.eye(len(noise)) - share, doubt, drift, removed)
+
+
+def _cholesky(moments: Floats) -> Floats:
+    try:
+        return np.linalg.cholesky(moments)
+    except np.linalg.LinAlgError as error:
+        raise AnalysisError("map: expected inputs that vary in all directions") from error
+
+
+def _regress(linear: Floats, y: Floats, others: Floats | None = None) -> tuple[Floats, Floats]:
+    """Return the coefficients of the linear terms, (p, q), and their standard errors."""
+    rest = np.ones((len(linear), 1))
+    if others is not None:
+        rest = np.column_stack([rest, others])
+    basis: Floats = np.linalg.qr(rest)[0]
+    linear, y = (part - basis @ (basis.T @ part) for part in (linear, y))
+    own, triangle = np.linalg.qr(linear)
+    if np.abs(np.diag(triangle)).min() <= 1e-10 * np.abs(np.diag(triangle)).max():
+        raise AnalysisError("map: expected inputs that vary apart from the curved terms")
+    slopes = np.linalg.solve(triangle, own.T @ y)
+    influence = np.linalg.solve(triangle, own.T)
+    slack = 1.0 - np.sum(basis**2, axis=1) - np.sum(own**2, axis=1)
+    residuals = (y - linear @ slopes) / np.sqrt(np.maximum(slack, 1e-3))[:, None]
+    return slopes, np.sqrt(influence**2 @ residuals**2)
+
+
+def _checked(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    if x.ndim != 2 or y.ndim != 2 or len(x) != len(y):
+        raise ValueError(f"expected (n, p) and (n, q) arrays, found {x.shape} and {y.shape}")
+    if not (np.isfinite(x).all() and np.isfinite(y).all()):
+        raise ValueError("inputs and outputs must be finite")
+    if len(x) < x.shape[1] + 2:
+        raise AnalysisError(f"map: {len(x)} landings do not suffice for {x.shape[1]} inputs")
+    return x, y
