@@ -362,6 +362,7 @@ STAGES = {
     "prediction": ("hopdata.maps.prediction", "bootstrap_prediction", set()),
     "subspaces": ("hopdata.maps.subspaces", "bootstrap_subspaces", set()),
     "distances": ("hopdata.maps.distances", "measure_distances", set()),
+    "scaling_study": ("hopdata.synthesis.scaling", "study_landings", set()),
     "figures": ("hopdata.figures.saving", "save_figure", set()),
 }
 

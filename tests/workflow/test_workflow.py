@@ -174,6 +174,13 @@ def test_a_small_study_of_a_control_runs_to_a_report(sample):
     truth = json.loads((results / "truth.json").read_text())
     assert truth["touchdowns_usable"]["value"] > 250
     assert truth["labels_right_of_all_kink"]["value"] > 0.9
+    assert truth["exact_map_difference_hopper"]["value"] < 1e-12
+    assert truth["exact_map_difference_coupling"]["value"] > 1
+    assert abs(truth["scaling_slope_hopper"]["value"] - 2) < 0.15
+    assert truth["scaling_slope_coupling"]["value"] < 1.4
+    assert 0 < truth["velocity_rms_pre"]["value"] < truth["velocity_rms_post"]["value"] < 100
+    assert 0 < truth["map_error_noise_free_pooled_all"]["value"] < 2
+    assert (results / "figures" / "scaling_study.svg").exists()
     for name in FIGURES:
         assert (results / "figures" / f"{name}.svg").exists()
     table = pd.read_csv(results / "tables" / "touchdowns.csv")

@@ -20,12 +20,15 @@ METHODS = ["kink", "velocity_minimum", "velocity_minimum_parabola"]
 MAY_HAVE_TRUTH = any(not file or file.endswith((".h5", ".hdf5")) for file in SOURCES.values())
 SCORED_METHODS = METHODS if MAY_HAVE_TRUTH else [METHOD]
 SIMULATIONS = {entry["name"]: simulation_of(STUDY, entry["name"]) for entry in STUDY["recordings"]}
+# The scenes of a study that is simulated as a whole are known, and can be integrated again.
+SIMULATED = not any(SOURCES.values())
 FORMATS = STUDY["figures"]["formats"]
 FIGURE_NAMES = [
     "fig2_2_sections",
     "fig2_3_schedule",
     "fig2_4_prediction",
     "fig2_5_distances",
+    *(["scaling_study"] if SIMULATED else []),
 ]
 FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"

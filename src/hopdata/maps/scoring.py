@@ -17,6 +17,8 @@ from hopdata.maps.landing_scores import (
     score_floor,
     score_sections,
 )
+from hopdata.maps.map_errors import score_maps
+from hopdata.maps.scaling import score_scaling
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,6 +33,7 @@ def score(
     touchdowns: pd.DataFrame,
     prediction_summary: pd.DataFrame,
     distance_summary: pd.DataFrame,
+    exact: Mapping[str, pd.DataFrame] | None = None,
 ) -> Entries:
     """Score a study against the truth of its recordings.
 
@@ -48,6 +51,9 @@ def score(
         The study's own touchdown table, whose used and excluded rows are counted.
     prediction_summary, distance_summary
         Tables of the same names.
+    exact
+        Tables ``map_errors``, ``state_errors`` and ``scaling_study`` of a study that is simulated
+        as a whole.
     """
     if not known:
         return {}
@@ -59,6 +65,9 @@ def score(
     entries |= score_floor(known)
     entries |= score_predictions(prediction_summary)
     entries |= score_distances(distance_summary)
+    if exact:
+        entries |= score_maps(exact["map_errors"], exact["state_errors"])
+        entries |= score_scaling(exact["scaling_study"])
     return entries
 
 

@@ -1,0 +1,26 @@
+"""Compare measured states and fitted maps with the true ones."""
+
+from hopdata.jobs import read_json, read_table, reported, write_table
+from hopdata.landings.pairs import read_pairs
+from hopdata.maps.map_errors import map_error_table, state_errors, true_rows
+from hopdata.recordings.hdf5 import read_truth
+
+with reported(snakemake.log[0]):
+    source, names = snakemake.input, snakemake.params.recordings
+    pairs, true = read_pairs(source.pairs), read_pairs(source.true_pairs)
+    contacts = {
+        name: read_truth(path).contact_times
+        for name, path in zip(names, source.recordings, strict=True)
+    }
+    table = read_table(source.touchdowns)
+    rows = true_rows(pairs, table, true, contacts, snakemake.params.feet)
+    errors = map_error_table(
+        pairs,
+        true,
+        rows,
+        read_json(source.maps),
+        time_unit_s=read_json(source.units)["time_unit_s"],
+        seed=snakemake.params.seed,
+    )
+    write_table(snakemake.output.errors, errors)
+    write_table(snakemake.output.states, state_errors(pairs, true, rows))
