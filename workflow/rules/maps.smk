@@ -140,6 +140,46 @@ rule scaling_study:
         "../scripts/scaling_study.py"
 
 
+rule map_estimates:
+    """Estimates of the landing map: as printed, and corrected for noise and for curvature."""
+    input:
+        pairs=rules.pairs.output.pairs,
+        touchdowns=rules.pairs.output.touchdowns,
+        units=rules.units.output.units,
+    output:
+        table=f"{RESULTS}/tables/map_estimates.csv",
+        maps=f"{RESULTS}/maps/map_estimates.json",
+        notes=f"{RESULTS}/maps/map_estimates_notes.json",
+    log:
+        f"{RESULTS}/logs/map_estimates.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/map_estimates.tsv"
+    params:
+        code=code("map_estimates"),
+    script:
+        "../scripts/map_estimates.py"
+
+
+rule estimate_errors:
+    """The estimates of the landing map against the exact one."""
+    input:
+        estimates=rules.map_estimates.output.maps,
+        maps=rules.true_sections.output.maps,
+        true_pairs=rules.true_sections.output.pairs,
+        units=rules.units.output.units,
+    output:
+        errors=f"{RESULTS}/tables/estimate_errors.csv",
+        exact=f"{RESULTS}/tables/exact_map.csv",
+    log:
+        f"{RESULTS}/logs/estimate_errors.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/estimate_errors.tsv"
+    params:
+        code=code("estimate_errors"),
+    script:
+        "../scripts/estimate_errors.py"
+
+
 rule verdict:
     """Whether the map through the landing is C1: effect size, interval and tests."""
     input:
@@ -169,7 +209,15 @@ rule score:
             for method in SCORED_METHODS
             for recording in RECORDINGS
         },
-        exact=([rules.scaling_study.output, rules.map_errors.output] if SIMULATED else []),
+        exact=(
+            [
+                rules.scaling_study.output,
+                rules.map_errors.output,
+                rules.estimate_errors.output.errors,
+            ]
+            if SIMULATED
+            else []
+        ),
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
         sections=rules.sections.output.sections,

@@ -19,6 +19,10 @@ from hopdata.maps.curvature import affordable_degree, mean_terms, simultaneous_p
 from hopdata.maps.marker_noise import InputErrors
 from hopdata.maps.verdict.estimate import expected_contacts
 
+#: Share of the variance of the inputs that is taken as more than noise, in every direction: no
+#: coefficient is multiplied by more than its inverse.
+LEAST_RELIABILITY = 0.3
+
 Floats = NDArray[np.float64]
 
 
@@ -135,8 +139,9 @@ def curved_map(
 def calibration(x: Floats, errors: InputErrors) -> Calibration:
     """Return what to expect of inputs measured with noise.
 
-    The guard is that of Fuller (1987, sec. 2.2 and 3.1): if the noise would leave less than its own
-    share of one landing in some direction, only as much of it is taken off as leaves that.
+    Moments minus those of the noise need not be positive, and where they nearly vanish the estimate
+    is wild. As Fuller (1987, sec. 2.2) does, only as much noise is then taken off as leaves enough:
+    `LEAST_RELIABILITY` of the variance in every direction.
 
     Parameters
     ----------
@@ -159,20 +164,19 @@ def calibration(x: Floats, errors: InputErrors) -> Calibration:
         raise ValueError("errors: expected a covariance, found one that is not positive")
     moments = np.cov(x, rowvar=False).reshape(noise.shape)
     root = _cholesky(moments)
-    # Eigenvalues of the noise in units of the spread: the inverses of Fuller's roots.
-    seen = np.linalg.solve(root, np.linalg.solve(root, noise).T)
-    largest = float(np.linalg.eigvalsh(seen)[-1])
-    slack = 1.0 / (len(x) - 1)
-    removed = 1.0 if largest * (1.0 + slack) < 1.0 else 1.0 / largest - slack
+    # Share of the noise in the variance, direction by direction.
+    shares = np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, noise).T))
+    bearable = 1.0 - LEAST_RELIABILITY
+    removed = 1.0 if shares[-1] <= bearable else bearable / float(shares[-1])
     share = np.linalg.solve(moments, removed * noise)
     doubt = removed * noise - removed * noise @ share
     drift = np.linalg.solve(moments, removed * np.asarray(errors.shared, float))
-    return Calibration(np.eye(len(noise)) - share, doubt, drift, removed)
+    return Calibration(np.eye(len(noise)) - share, doubt, np.asarray(drift, float), removed)
 
 
 def _cholesky(moments: Floats) -> Floats:
     try:
-        return np.linalg.cholesky(moments)
+        return np.asarray(np.linalg.cholesky(moments), float)
     except np.linalg.LinAlgError as error:
         raise AnalysisError("map: expected inputs that vary in all directions") from error
 
