@@ -100,7 +100,8 @@ def corrected_map(x: Floats, y: Floats, errors: InputErrors) -> LinearMap:
     x, y = _checked(x, y)
     known = calibration(x, errors)
     centred = x - x.mean(axis=0)
-    slopes, se = _regress(centred @ known.slopes, y - centred @ known.drift)
+    inputs, drift = centred @ known.slopes, centred @ known.drift
+    slopes, se = _regress(inputs, y - drift, astray=(centred - inputs, drift))
     return LinearMap(slopes, se, removed=known.removed)
 
 
@@ -121,18 +122,20 @@ def curved_map(
     x, y = _checked(x, y)
     if len(instants) != len(x) or not np.isfinite(instants).all():
         raise ValueError(f"instants: expected finite ones for {len(x)} landings")
+    if not np.ptp(instants - instants.mean(axis=1, keepdims=True), axis=0).any():
+        raise AnalysisError("curved map: expected contact instants that differ")
     errors = errors or InputErrors.none(x.shape[1], y.shape[1])
     known, centred = calibration(x, errors), x - x.mean(axis=0)
     scale = x.std(axis=0)
     inputs = centred @ known.slopes / scale
     expected = expected_contacts(inputs, instants)
     unit = float(expected.std(axis=1).max())
-    if not unit > 0:
-        raise AnalysisError("curved map: expected contact instants that depend on the inputs")
-    inputs = inputs - simultaneous_point(inputs, expected)
+    point, drift = simultaneous_point(inputs, expected), centred @ known.drift
     degree = affordable_degree(len(x), x.shape[1], expected.shape[1])
-    curved = mean_terms(inputs, expected / unit, degree, known.doubt / scale[:, None] / scale)
-    slopes, se = _regress(inputs, y - centred @ known.drift, curved)
+    curved = mean_terms(
+        inputs - point, expected / unit, degree, known.doubt / scale[:, None] / scale
+    )
+    slopes, se = _regress(inputs - point, y - drift, curved, (centred / scale - inputs, drift))
     return LinearMap(slopes / scale[:, None], se / scale[:, None], degree, known.removed)
 
 
@@ -181,8 +184,18 @@ def _cholesky(moments: Floats) -> Floats:
         raise AnalysisError("map: expected inputs that vary in all directions") from error
 
 
-def _regress(linear: Floats, y: Floats, others: Floats | None = None) -> tuple[Floats, Floats]:
-    """Return the coefficients of the linear terms, (p, q), and their standard errors."""
+def _regress(
+    linear: Floats,
+    y: Floats,
+    others: Floats | None = None,
+    astray: tuple[Floats, Floats] | None = None,
+) -> tuple[Floats, Floats]:
+    """Return the coefficients of the linear terms, (p, q), and their standard errors.
+
+    Where inputs and outputs are those expected given the measured ones, `astray` has what was taken
+    off both, (n, p) and (n, q). Landings count by their measured values: so the moments that make
+    the expectation are uncertain too (Fuller 1987, sec. 2.2).
+    """
     rest = np.ones((len(linear), 1))
     if others is not None:
         rest = np.column_stack([rest, others])
@@ -195,7 +208,13 @@ def _regress(linear: Floats, y: Floats, others: Floats | None = None) -> tuple[F
     influence = np.linalg.solve(triangle, own.T)
     slack = 1.0 - np.sum(basis**2, axis=1) - np.sum(own**2, axis=1)
     residuals = (y - linear @ slopes) / np.sqrt(np.maximum(slack, 1e-3))[:, None]
-    return slopes, np.sqrt(influence**2 @ residuals**2)
+    if astray is None:
+        return slopes, np.sqrt(influence**2 @ residuals**2)
+    lost = astray[1] - astray[0] @ slopes
+    bias = influence @ lost  # what the corrections stand for: no scatter
+    residuals = residuals + lost
+    square = influence**2 @ residuals**2 - bias**2 / len(residuals)
+    return slopes, np.sqrt(np.maximum(square, 0.0))
 
 
 def _checked(x: Floats, y: Floats) -> tuple[Floats, Floats]:
