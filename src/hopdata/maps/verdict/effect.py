@@ -20,6 +20,7 @@ from hopdata.maps.verdict.kinks import Feet, kink_slopes
 
 _BISECTIONS = 60
 _LARGEST = 1e3
+_KINDS = 400
 
 Floats = NDArray[np.float64]
 
@@ -117,16 +118,18 @@ def effect_size(
 def detectable_size(
     fit: KinkFit, form: Floats, generator: np.random.Generator, level: float, power: float
 ) -> float:
-    """Return the size at which the test finds kinks of a random direction with this power."""
+    """Return the size at which the test finds kinks of a random kind with this power.
+
+    Random kinds change every output by a like share of its own variation.
+    """
     from scipy.special import chdtri, chndtr
 
-    m = len(form)
-    values, vectors = np.linalg.eigh(form)
-    kept = values > 1e-12 * values[-1]
-    ball = generator.standard_normal((400, int(kept.sum())))
-    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
-    unit = (ball / np.sqrt(values[kept])) @ vectors[:, kept].T
-    weights = np.einsum("dm,dm->d", unit, np.linalg.solve(fit.covariance, unit.T).T)
+    m, outputs = len(form), fit.coefficients.shape[1]
+    variation = np.sqrt(np.sum(fit.linear**2, axis=0))
+    kinds = generator.standard_normal((_KINDS, m // outputs, outputs)) * variation
+    kinds = (np.linalg.pinv(_root(form[::outputs, ::outputs])).T @ kinds).reshape(_KINDS, m)
+    kinds /= np.sqrt(np.einsum("dm,mk,dk->d", kinds, form, kinds))[:, None]
+    weights = np.einsum("dm,dm->d", kinds, np.linalg.solve(fit.covariance, kinds.T).T)
     threshold = chdtri(m, level)
 
     def missed(size: float) -> float:

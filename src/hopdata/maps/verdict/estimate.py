@@ -83,19 +83,24 @@ class KinkFit:
 def expected_contacts(x: Floats, instants: Floats) -> Floats:
     """Return the contact instants (N, feet) that the inputs lead one to expect, mean removed.
 
-    A smooth function of the inputs fitted to the measured instants, so that errors of these, which
-    the outputs may share, move no landing across a kink. Landings whose instants lie far off are
-    left out of the fit.
+    A polynomial of the inputs fitted to the measured instants, so that errors of these, which the
+    outputs may share, move no landing across a kink. Its degree is the one that predicts best with
+    each landing left out; landings whose instants lie far off take no part.
     """
     t = instants - instants.mean(axis=1, keepdims=True)
-    degree = _affordable_degree(len(x), x.shape[1], t.shape[1])
-    design = np.column_stack([np.ones(len(x)), monomials(x, tuple(range(1, degree + 1)))])
-    good = np.isfinite(t).all(axis=1)
-    for _ in range(2):
-        fitted = design @ np.linalg.lstsq(design[good], t[good], rcond=None)[0]
+    highest = _affordable_degree(len(x), x.shape[1], t.shape[1])
+    fitted, best, least = np.median(t, axis=0), t, np.inf
+    for degree in range(1, highest + 1):  # a few terms first: wrong instants stand out more
         miss = np.abs(t - fitted).max(axis=1)
-        good = miss < _OUTLYING * 1.4826 * np.nanmedian(miss[good])
-    expected: Floats = fitted - fitted.mean(axis=1, keepdims=True)
+        good = miss <= _OUTLYING * 1.4826 * np.median(miss)
+        design = np.column_stack([np.ones(len(x)), monomials(x, tuple(range(1, degree + 1)))])
+        basis, root = np.linalg.qr(design[good])
+        fitted = design @ np.linalg.solve(root, basis.T @ t[good])
+        slack = np.maximum(1.0 - np.sum(basis**2, axis=1), 1e-3)
+        error = np.median(np.abs(t - fitted)[good].max(axis=1) / slack)
+        if error < least:
+            best, least = fitted, error
+    expected: Floats = best - best.mean(axis=1, keepdims=True)
     return expected
 
 
