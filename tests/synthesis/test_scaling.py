@@ -51,6 +51,17 @@ def test_the_spread_of_the_contacts_is_scaled(table):
     assert hopper["spread_ms"].iloc[0] > 8
 
 
+def test_a_case_that_does_not_sink_to_the_section_has_no_landings(truths):
+    heights = {**HEIGHTS, "post_m": 0.245}
+    strong = {"coupling": 0.2, "impulse": 0.6, "delay_s": 0.01}
+    found = scaling_table(
+        study_landings(truths[:1], **heights, **strong, scales=(0.5, 0.25))
+    ).set_index("case")
+    assert (found.loc["impulse", "landings"] == 0).all()
+    assert (found.loc["impulse", "failed"] == 200).all()
+    assert (found.loc["hopper", "landings"] > 150).all()
+
+
 def test_the_study_s_own_control_takes_the_place_of_its_kind():
     cases = scaling_cases(HopperControl(coupling=0.4), **STRENGTHS)
     assert list(cases) == ["hopper", "coupling", "impulse", "delay"]

@@ -166,6 +166,7 @@ def test_a_small_study_of_a_control_runs_to_a_report(sample):
         config["study"] = "small"
         for recording, seconds in zip(config["recordings"], (50, 50, 50, 40.5), strict=True):
             recording["simulation"]["duration_s"] = seconds
+        config["sections"] = {"pre_height_m": 0.52, "post_height_m": 0.275}
 
     edited = edit_config(sample, shorten, source="config/control.yaml")
     run = snakemake(sample, "--configfile", edited)
