@@ -147,9 +147,10 @@ def main() -> None:
     recording, truth = recorded(arguments.hops, arguments.seed)
     errors = pd.concat(noise_rows(recording, truth, arguments.draws, arguments.seed))
     table, spreads = summary(errors), pd.DataFrame(spread_rows(truth))
-    for name, part in ((arguments.out.name, table), ("map_error_spread.csv", spreads)):
+    beside = arguments.out.with_name("map_error_spread.csv")
+    for path, part in ((arguments.out, table), (beside, spreads)):
         print(part.to_string(index=False))
-        part.to_csv(arguments.out.with_name(name), index=False, float_format="%.6g")
+        part.to_csv(path, index=False, float_format="%.6g")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ BENCHMARK_TABLES = {
     "labelling": ["labelling.csv"],
     "density": ["density.csv"],
     "maps": ["maps.csv"],
+    "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
 }
 # Each figure, its rule, of which the script has the name, and the tables that it shows.
@@ -21,6 +22,7 @@ BENCHMARK_FIGURES = {
     "fig4_3_calibration": ("figure_calibration", ["calibration_trajectories.csv"]),
     "fig4_4_scaling": ("figure_scaling", ["plate.csv", "plate_marginal.csv"]),
     "work_precision": ("figure_work_precision", ["work_precision.csv", "ratios.csv"]),
+    "map_error": ("figure_map_error", ["map_error.csv"]),
 }
 
 

@@ -71,6 +71,24 @@ rule figure_distances:
         "../scripts/figure_distances.py"
 
 
+rule figure_map_matrices:
+    """The landing map as printed and corrected, beside the exact one where that is known."""
+    input:
+        estimates=rules.map_estimates.output.table,
+        exact=([rules.estimate_errors.output.exact] if SIMULATED else []),
+    output:
+        figure("map_matrices"),
+    log:
+        f"{RESULTS}/logs/figure_map_matrices.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_map_matrices.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_map_matrices"),
+    script:
+        "../scripts/figure_map_matrices.py"
+
+
 rule figure_scaling_study:
     """The scaling study: the hopper and three kinds of control side by side."""
     input:
@@ -105,8 +123,16 @@ STAGES = [
     rules.figure_schedule,
     rules.figure_prediction,
     rules.figure_distances,
+    rules.map_estimates,
+    rules.figure_map_matrices,
     *(
-        [rules.true_sections, rules.map_errors, rules.scaling_study, rules.figure_scaling_study]
+        [
+            rules.true_sections,
+            rules.map_errors,
+            rules.estimate_errors,
+            rules.scaling_study,
+            rules.figure_scaling_study,
+        ]
         if SIMULATED
         else []
     ),
@@ -129,6 +155,7 @@ rule report:
             rules.prediction.output.notes,
             rules.subspaces.output.notes,
             rules.distances.output.notes,
+            rules.map_estimates.output.notes,
         ],
         truth=rules.score.output.truth,
     output:
