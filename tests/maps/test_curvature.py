@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from made_up_landings import inputs
+from made_up_landings import CONTACTS, inputs
 
 from hopdata.maps.curvature import (
     affordable_degree,
+    contact_slopes,
     mean_cube,
     mean_signed_square,
     mean_terms,
@@ -36,42 +37,54 @@ def test_without_doubt_the_terms_are_themselves():
     x, t = inputs(50)
     d = time_differences(t)
     plain = [monomials(x, (2,)), d * np.abs(d), np.abs(d) ** 3, monomials(x, (3,))]
-    found = mean_terms(x, t, 3, np.zeros((8, 8)))
-    np.testing.assert_allclose(found, np.column_stack(plain), rtol=1e-12, atol=1e-15)
-    assert mean_terms(x, t, 0, np.zeros((8, 8))).shape == (50, 0)
-    assert mean_terms(x, t, 1, np.zeros((8, 8))).shape == (50, 6)
-    assert mean_terms(x, t, 2, np.zeros((8, 8))).shape == (50, 42)
+    found = mean_terms(x, CONTACTS, 3, np.zeros((8, 8)))
+    np.testing.assert_allclose(found, np.column_stack(plain), rtol=1e-9, atol=1e-15)
+    assert mean_terms(x, CONTACTS, 0, np.zeros((8, 8))).shape == (50, 0)
+    assert mean_terms(x, CONTACTS, 1, np.zeros((8, 8))).shape == (50, 6)
+    assert mean_terms(x, CONTACTS, 2, np.zeros((8, 8))).shape == (50, 42)
 
 
 def test_terms_on_average_are_those_of_drawn_inputs():
-    x, t = inputs(8)
-    slopes = np.linalg.lstsq(x, t, rcond=None)[0]
+    x, _ = inputs(8)
     root = 0.2 * np.random.default_rng(3).normal(size=(8, 8))
     drawn = x[:, None] + np.random.default_rng(4).normal(size=(5000, 8)) @ root.T
-    d = time_differences((drawn @ slopes).reshape(-1, 3)).reshape(8, -1, 3)
+    d = time_differences((drawn @ CONTACTS).reshape(-1, 3)).reshape(8, -1, 3)
     cubic = monomials(drawn.reshape(-1, 8), (3,)).reshape(8, 5000, -1)
-    found = mean_terms(x, t, 3, root @ root.T)
+    found = mean_terms(x, CONTACTS, 3, root @ root.T)
     for columns, draws in ((slice(36, 39), d * np.abs(d)), (slice(42, None), cubic)):
         mean, error = draws.mean(axis=1), draws.std(axis=1) / np.sqrt(5000)
         assert np.abs((found[:, columns] - mean) / error).max() < 5.0
 
 
-def test_all_feet_are_down_at_once_at_the_simultaneous_point():
-    u, t = inputs(400)
-    x = 0.3 + u
+def test_contact_slopes_are_found_beside_outliers():
+    x, t = inputs(400)
+    x = 0.3 + x
     offset = np.array([0.002, -0.001, -0.001])
-    bent = t + offset + 0.001 * u[:, :1] ** 2 * np.array([1.0, 0.0, -1.0])
-    point = simultaneous_point(x, bent)
-    slopes = np.linalg.lstsq(u, t, rcond=None)[0]
-    at = (point - 0.3) @ slopes + offset + 0.001 * (point[0] - 0.3) ** 2 * np.array([1, 0, -1])
-    assert np.ptp(at) < 1e-9
-    assert np.abs(point - x.mean(axis=0)).max() < 1.0
+    t = t + offset + np.linspace(0, 1, 400)[:, None]
+    t[::50, 0] += 0.5
+    middle, slopes = contact_slopes(x, t)
+    relative = CONTACTS - CONTACTS.mean(axis=1, keepdims=True)
+    np.testing.assert_allclose(slopes, relative, atol=1e-4)
+    np.testing.assert_allclose(middle, (x.mean(axis=0) - 0.3) @ relative + offset, atol=1e-4)
+
+
+def test_all_feet_are_down_at_once_at_the_simultaneous_point():
+    x, _ = inputs(400)
+    middle = np.array([0.002, -0.001, -0.001])
+    slopes = CONTACTS - CONTACTS.mean(axis=1, keepdims=True)
+    point = simultaneous_point(x, middle, slopes)
+    np.testing.assert_allclose(middle + (point - x.mean(axis=0)) @ slopes, 0.0, atol=1e-12)
+    # Any other such point is farther from the mean, by the covariance of the inputs.
+    away = np.linalg.svd(slopes.T)[2][-1]
+    metric = np.linalg.inv(np.cov(x, rowvar=False))
+    step = point - x.mean(axis=0)
+    for other in (step + 0.1 * away, step - 0.1 * away):
+        assert other @ metric @ other > step @ metric @ step
 
 
 def test_the_point_stays_at_the_mean_if_that_is_simultaneous():
-    u, t = inputs(300)
-    x = np.vstack([u, -u])
-    np.testing.assert_allclose(simultaneous_point(x, np.vstack([t, -t])), 0.0, atol=1e-12)
+    x, _ = inputs(300)
+    np.testing.assert_array_equal(simultaneous_point(x, np.zeros(3), CONTACTS), x.mean(axis=0))
 
 
 def test_more_landings_bear_more_terms():

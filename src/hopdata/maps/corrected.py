@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError
-from hopdata.maps.curvature import affordable_degree, mean_terms, simultaneous_point
+from hopdata.maps.curvature import affordable_degree, contact_slopes, mean_terms, simultaneous_point
 from hopdata.maps.marker_noise import InputErrors
-from hopdata.maps.verdict.estimate import expected_contacts
 
 #: Share of the variance of the inputs that is taken as more than noise, in every direction: no
 #: coefficient is multiplied by more than its inverse.
@@ -127,15 +126,13 @@ def curved_map(
     errors = errors or InputErrors.none(x.shape[1], y.shape[1])
     known, centred = calibration(x, errors), x - x.mean(axis=0)
     scale = x.std(axis=0)
-    inputs = centred @ known.slopes / scale
-    expected = expected_contacts(inputs, instants)
-    unit = float(expected.std(axis=1).max())
-    point, drift = simultaneous_point(inputs, expected), centred @ known.drift
-    degree = affordable_degree(len(x), x.shape[1], expected.shape[1])
-    curved = mean_terms(
-        inputs - point, expected / unit, degree, known.doubt / scale[:, None] / scale
-    )
-    slopes, se = _regress(inputs - point, y - drift, curved, (centred / scale - inputs, drift))
+    inputs, drift = centred @ known.slopes / scale, centred @ known.drift
+    middle, delays = contact_slopes(inputs, instants)
+    unit = float((inputs @ delays).std(axis=1).max())
+    moved = inputs - simultaneous_point(inputs, middle, delays)
+    degree = affordable_degree(len(x), x.shape[1], instants.shape[1])
+    curved = mean_terms(moved, delays / unit, degree, known.doubt / scale[:, None] / scale)
+    slopes, se = _regress(moved, y - drift, curved, (centred / scale - inputs, drift))
     return LinearMap(slopes / scale[:, None], se / scale[:, None], degree, known.removed)
 
 

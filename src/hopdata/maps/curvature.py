@@ -21,7 +21,7 @@ from hopdata.maps.verdict.smooth import monomials, number_of_free_terms
 #: Landings wanted for each term. Cubic terms of p inputs multiply the variance of a derivative by
 #: 1 + (p + 2) / 2: they are worth it only where landings are many.
 LANDINGS_PER_TERM = 4.0
-_NEWTON_STEPS = 3
+_OUTLYING = 5.0
 
 Floats = NDArray[np.float64]
 
@@ -39,15 +39,15 @@ def affordable_degree(landings: int, n_inputs: int, n_feet: int) -> int:
     return 1 if landings >= LANDINGS_PER_TERM * few else 0
 
 
-def mean_terms(x: Floats, instants: Floats, degree: int, doubt: Floats) -> Floats:
+def mean_terms(x: Floats, slopes: Floats, degree: int, doubt: Floats) -> Floats:
     """Return the curved terms on average over what the inputs may be, (n, terms).
 
     Parameters
     ----------
     x
         (n, p) inputs to be expected given the measured ones, from the point of expansion.
-    instants
-        (n, feet) contact instants to be expected.
+    slopes
+        (p, feet) derivatives of the contact instants, in a unit in which they are about one.
     degree
         See `affordable_degree`.
     doubt
@@ -55,8 +55,9 @@ def mean_terms(x: Floats, instants: Floats, degree: int, doubt: Floats) -> Float
     """
     if degree == 0:
         return np.empty((len(x), 0))
-    d = time_differences(instants)
-    sd = _doubt_of_differences(x, d, doubt)
+    instants = x @ slopes
+    d, steps = time_differences(instants), time_differences(slopes)
+    sd = np.sqrt(np.maximum(np.einsum("pk,pr,rk->k", steps, doubt, steps), 0.0))
     if degree == 1:
         u = instants[:, :-1] - instants[:, -1:]
         return np.column_stack([monomials(u, (2,)), mean_signed_square(d, sd)])
@@ -80,38 +81,46 @@ def mean_cube(middle: Floats, sd: Floats) -> Floats:
     return values + 2 * sd * (middle**2 + 2 * sd**2) * density
 
 
-def simultaneous_point(x: Floats, instants: Floats) -> Floats:
-    """Return the input (p,) nearest to the mean at which all contacts are expected at once.
+def contact_slopes(x: Floats, instants: Floats) -> tuple[Floats, Floats]:
+    """Return the contact instants at the mean input, (feet,), and their derivatives (p, feet).
 
-    Nearest by the covariance of the inputs; Newton's method on quadratics fitted to the instants.
+    Relative to the mean of all feet. Linear in the inputs: what they are beyond that changes the
+    second-order terms of the map only in third order. Landings whose instants lie far off are left
+    out of the fit.
 
     Parameters
     ----------
     x
         (n, p) inputs.
     instants
-        (n, feet) contact instants to be expected, as functions of these inputs.
+        (n, feet) measured contact instants.
     """
-    middle, spread = x.mean(axis=0), np.cov(x, rowvar=False)
     times = instants - instants.mean(axis=1, keepdims=True)
-    degree = affordable_degree(len(x), x.shape[1], times.shape[1])
-    orders = (1, 2) if degree > 1 else (1,)
-    point = middle.copy()
-    for _ in range(_NEWTON_STEPS):
-        design = np.column_stack([np.ones(len(x)), monomials(x - point, orders)])
-        fitted = np.linalg.lstsq(design, times, rcond=None)[0][: 1 + len(point)]
-        slope = fitted[1:].T
-        missing = -fitted[0] + slope @ (point - middle)
-        weights = np.linalg.lstsq(slope @ spread @ slope.T, missing, rcond=1e-8)[0]
-        point = middle + spread @ slope.T @ weights
+    design = np.column_stack([np.ones(len(x)), x - x.mean(axis=0)])
+    good = np.ones(len(x), dtype=bool)
+    for _ in range(2):
+        fitted = np.linalg.lstsq(design[good], times[good], rcond=None)[0]
+        miss = np.abs(times - design @ fitted).max(axis=1)
+        good = miss <= _OUTLYING * 1.4826 * np.median(miss[good])
+    return fitted[0], fitted[1:]
+
+
+def simultaneous_point(x: Floats, middle: Floats, slopes: Floats) -> Floats:
+    """Return the input (p,) nearest to the mean at which all contacts are expected at once.
+
+    Nearest by the covariance of the inputs.
+
+    Parameters
+    ----------
+    x
+        (n, p) inputs.
+    middle, slopes
+        Contact instants at their mean, and their derivatives: see `contact_slopes`.
+    """
+    spread = np.cov(x, rowvar=False)
+    weights = np.linalg.lstsq(slopes.T @ spread @ slopes, -middle, rcond=1e-8)[0]
+    point: Floats = x.mean(axis=0) + spread @ slopes @ weights
     return point
-
-
-def _doubt_of_differences(x: Floats, differences: Floats, doubt: Floats) -> Floats:
-    """Return the standard deviations (pairs,) of time differences given the measured inputs."""
-    centred = x - x.mean(axis=0)
-    slopes = np.linalg.lstsq(centred, differences - differences.mean(axis=0), rcond=None)[0]
-    return np.sqrt(np.maximum(np.einsum("pk,pr,rk->k", slopes, doubt, slopes), 0.0))
 
 
 def _mean_third_order(x: Floats, doubt: Floats) -> Floats:
