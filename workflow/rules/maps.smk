@@ -107,6 +107,7 @@ rule map_errors:
     output:
         errors=f"{RESULTS}/tables/map_errors.csv",
         states=f"{RESULTS}/tables/state_errors.csv",
+        entries=f"{RESULTS}/tables/map_entries.csv",
     log:
         f"{RESULTS}/logs/map_errors.log",
     benchmark:
@@ -211,8 +212,9 @@ rule score:
         },
         exact=(
             [
-                rules.scaling_study.output,
-                rules.map_errors.output,
+                rules.scaling_study.output.scaling,
+                rules.map_errors.output.errors,
+                rules.map_errors.output.states,
                 rules.estimate_errors.output.errors,
             ]
             if SIMULATED

@@ -1,4 +1,4 @@
-"""How close linear maps fitted to landings come to the exact ones, and how good their data are.
+"""How close linear maps fitted to landings come to the exact ones.
 
 Landings are those of a simulated study, as measured and as they truly were. Maps take the eight
 coordinates of the body at the pre section to eleven at the post section (`hopdata.maps.rigid`), in
@@ -9,7 +9,7 @@ in the study's unit of time, as the errors of Fig. 2.4 are.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,8 +18,13 @@ from numpy.typing import NDArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.entries import Entries, entry
 from hopdata.maps.map_differences import input_root, relative_difference
-from hopdata.maps.matching import match_landings
-from hopdata.maps.rigid import output_weights, rigid_states, section_coordinates, split_states
+from hopdata.maps.rigid import (
+    INPUT_NAMES,
+    OUTPUT_NAMES,
+    output_weights,
+    rigid_states,
+    section_coordinates,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,86 +37,6 @@ SIZES = (30, 60, 120, 240, 480, 960, 1920)
 DRAWS = 200
 SOURCES = {"noise_free": "without noise", "measured": "as measured"}
 MODELS = {"pooled": "one map for all schedules", "specialised": "a map of one schedule"}
-
-
-def true_rows(
-    pairs: Any, table: pd.DataFrame, true: Any, contacts: Mapping[str, Floats], feet: Sequence[str]
-) -> Integers:
-    """Return the row of `true` that each row of `pairs` is, (n,), -1 where there is none.
-
-    Parameters
-    ----------
-    pairs, true
-        Measured and true `Pairs`; the index of the latter is the number of the landing.
-    table
-        The study's touchdowns.
-    contacts
-        Recording -> true contact instants (L, feet), s.
-    feet
-        Names of the feet, in the order of the truth.
-    """
-    keyed = table.set_index(["recording", "index"])[[f"contact_{foot}_s" for foot in feet]]
-    keys = list(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
-    found = keyed.loc[keys].to_numpy(float)
-    places = {
-        key: row
-        for row, key in enumerate(zip(true.recording.tolist(), true.index.tolist(), strict=True))
-    }
-    rows = np.full(len(found), -1)
-    for name, instants in contacts.items():
-        mine = np.flatnonzero(pairs.recording == name)
-        landing = match_landings(found[mine], instants)
-        rows[mine] = [places.get((name, int(number)), -1) for number in landing]
-    return rows
-
-
-def state_errors(pairs: Any, true: Any, rows: Integers) -> pd.DataFrame:
-    """Return the errors of the states at the sections.
-
-    Each touchdown's home frame is where it lies best on the true states, at both sections at once:
-    a shift in the plane and a turn about the vertical.
-
-    Returns
-    -------
-    DataFrame
-        Columns section (``pre``, ``post``), landings, position_rms_mm, velocity_rms_mm_s; per
-        coordinate of a marker.
-    """
-    import pandas as pd
-
-    known = np.flatnonzero(rows >= 0)
-    mine = [split_states(states[known]) for states in (pairs.x, pairs.y)]
-    truly = [split_states(states[rows[known]]) for states in (true.x, true.y)]
-    turn = _plane_turns(
-        np.concatenate([state[0] for state in truly], axis=1),
-        np.concatenate([state[0] for state in mine], axis=1),
-    )
-    offset = np.zeros((len(known), 1, 3))
-    both = [(m[0] - t[0] @ turn)[..., :2] for m, t in zip(mine, truly, strict=True)]
-    offset[..., :2] = np.concatenate(both, axis=1).mean(axis=1, keepdims=True)
-    table = []
-    for section, measured, known_state in zip(("pre", "post"), mine, truly, strict=True):
-        position = measured[0] - known_state[0] @ turn - offset
-        velocity = measured[1] - known_state[1] @ turn
-        table.append((section, len(known), 1e3 * _rms(position), 1e3 * _rms(velocity)))
-    columns = ["section", "landings", "position_rms_mm", "velocity_rms_mm_s"]
-    return pd.DataFrame(table, columns=columns)
-
-
-def _plane_turns(source: Floats, target: Floats) -> Floats:
-    """Return the turns (n, 3, 3), for rows on the left, that bring points (n, k, 3) to others."""
-    a, b = (p[..., :2] - p[..., :2].mean(axis=1, keepdims=True) for p in (source, target))
-    along = (a * b).sum(axis=(1, 2))
-    across = (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]).sum(axis=1)
-    length = np.hypot(along, across)
-    turn = np.tile(np.eye(3), (len(a), 1, 1))
-    turn[:, 0, 0] = turn[:, 1, 1] = along / length
-    turn[:, 0, 1], turn[:, 1, 0] = across / length, -across / length
-    return turn
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
 def map_error_table(
@@ -131,7 +56,7 @@ def map_error_table(
     Parameters
     ----------
     pairs, true, rows
-        See `true_rows`.
+        See `hopdata.maps.state_errors.true_rows`.
     exact
         Content of ``exact_maps.json``.
     time_unit_s
@@ -155,8 +80,7 @@ def map_error_table(
     known = np.flatnonzero(rows >= 0)
     if not len(known):
         raise AnalysisError("map errors: expected touchdowns with a true landing, found none")
-    points = np.array(exact["body_points_m"])
-    shape = points - points.mean(axis=0)
+    shape = _shape(exact)
     samples = {
         "noise_free": _coordinates(true.x[rows[known]], true.y[rows[known]], shape),
         "measured": _coordinates(pairs.x[known], pairs.y[known], shape),
@@ -182,6 +106,48 @@ def map_error_table(
     return pd.DataFrame(table, columns=columns)
 
 
+def map_entries(
+    pairs: Any, true: Any, rows: Integers, exact: Mapping[str, Any], *, time_unit_s: float
+) -> pd.DataFrame:
+    """Return the exact map, mean of the schedules, and that fitted to all measured landings.
+
+    Parameters
+    ----------
+    pairs, true, rows, exact, time_unit_s
+        As for `map_error_table`.
+
+    Returns
+    -------
+    DataFrame
+        Columns source (``exact``, ``measured``), output, input, value_mm: displacement of the
+        markers, mm, for a standard deviation of the input.
+    """
+    import pandas as pd
+
+    known, shape = np.flatnonzero(rows >= 0), _shape(exact)
+    spread = _coordinates(true.x[rows[known]], true.y[rows[known]], shape)[0].std(axis=0)
+    measured = _coordinates(pairs.x[known], pairs.y[known], shape)
+    maps = {
+        "exact": np.array(exact["maps"]).mean(axis=0),
+        "measured": _slopes(measured, np.arange(len(known))),
+    }
+    weights = 1e3 * output_weights(shape, time_unit_s)
+    table = [
+        (source, output, given, value)
+        for source, slopes in maps.items()
+        for output, row in zip(OUTPUT_NAMES, weights[:, None] * slopes * spread, strict=True)
+        for given, value in zip(INPUT_NAMES, row, strict=True)
+    ]
+    return pd.DataFrame(table, columns=["source", "output", "input", "value_mm"])
+
+
+def _shape(exact: Mapping[str, Any]) -> Floats:
+    """Return the body markers about their mean, body frame, (B, 3), m."""
+    points = np.array(exact["body_points_m"])
+    shape: Floats = points - points.mean(axis=0)
+    return shape
+
+
 def _coordinates(x: Floats, y: Floats, shape: Floats) -> Coordinates:
     return section_coordinates(rigid_states(x, shape), rigid_states(y, shape))
 
@@ -201,12 +167,15 @@ def _classes(
 def _draws(
     classes: list[tuple[Integers, Floats]], size: int | None, rng: np.random.Generator
 ) -> Iterator[tuple[Integers, Floats]]:
-    """Yield random landings and the exact map; all of them for no size."""
-    for rows, target in classes:
-        if size is None:
-            if len(rows) >= SIZES[0]:
-                yield rows, target
-        elif size < len(rows):
+    """Yield random landings and the exact map; all landings for no size.
+
+    Classes of fewer landings than the smallest size play no part; of the others all or none.
+    """
+    classes = [one for one in classes if len(one[0]) >= SIZES[0]]
+    if size is None:
+        yield from classes
+    elif all(size < len(rows) for rows, _ in classes):
+        for rows, target in classes:
             for _ in range(-(-DRAWS // len(classes))):
                 yield rng.choice(rows, size, replace=False), target
 
@@ -220,21 +189,9 @@ def _slopes(sample: Coordinates, rows: Integers) -> Floats:
     return (slopes / spread[:, None]).T
 
 
-def score_maps(errors: pd.DataFrame, states: pd.DataFrame) -> Entries:
-    """Say how good the states at the sections are, and maps of 120 and of all landings."""
+def score_maps(errors: pd.DataFrame) -> Entries:
+    """Say how good maps of 120 and of all landings are."""
     entries: Entries = {}
-    for row in states.to_dict("records"):
-        section = row["section"]
-        entries[f"position_rms_{section}"] = entry(
-            row["position_rms_mm"],
-            "mm",
-            f"Rms error of the marker positions at the {section} section, per coordinate",
-        )
-        entries[f"velocity_rms_{section}"] = entry(
-            row["velocity_rms_mm_s"],
-            "mm/s",
-            f"Rms error of the marker velocities at the {section} section, per coordinate",
-        )
     for (source, model), rows in errors.groupby(["source", "model"], sort=False):
         for name, row in _shown(rows):
             entries[f"map_error_{source}_{model}_{name}"] = entry(

@@ -20,6 +20,7 @@ from hopdata.maps.landing_scores import (
 )
 from hopdata.maps.map_errors import score_maps
 from hopdata.maps.scaling import score_scaling
+from hopdata.maps.state_errors import score_states
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,7 +68,8 @@ def score(
     entries |= score_predictions(prediction_summary)
     entries |= score_distances(distance_summary)
     if exact:
-        entries |= score_maps(exact["map_errors"], exact["state_errors"])
+        entries |= score_states(exact["state_errors"])
+        entries |= score_maps(exact["map_errors"])
         entries |= score_scaling(exact["scaling_study"])
         entries |= score_estimates(exact["estimate_errors"])
     return entries

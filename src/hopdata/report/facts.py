@@ -38,7 +38,7 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         "distances": _medians(inputs.distances, "kind", KIND_NAMES, two_decimals),
         "labels_right": _labels_right(inputs.truth or {}),
         "slopes": _by_name(inputs.truth or {}, "scaling_slope_"),
-        "map_errors": _by_name(inputs.truth or {}, "map_estimate_error_"),
+        "estimate_errors": _by_name(inputs.truth or {}, "map_estimate_error_"),
     }
 
 
