@@ -108,7 +108,7 @@ def spread_rows(truth: Truth) -> Iterator[dict[str, float | str]]:
         scales=SPREADS,
     ):  # fmt: skip
         ways = {"ols": ols_map(sample.x, sample.y)}
-        ways["curved"] = curved_map(sample.x, sample.y, sample.contact_s)
+        ways["curved"] = curved_map(sample.x, sample.y, sample.contact_s, units=units)
         for name, one in ways.items():
             error = relative_difference(
                 one.coefficients.T,

@@ -127,9 +127,20 @@ def test_no_more_noise_is_taken_off_than_there_is_spread(factor):
 
 
 def test_few_landings_bear_fewer_terms():
-    x, y, t = measured(900, bend=0.3)
+    x, y, t = measured(900, bend=0.5, noise=0.0)
+    y = y + 0.2 * x[:, :2] ** 3
     degrees = [curved_map(x[:n], y[:n], t[:n]).degree for n in (30, 100, 250, 900)]
     assert degrees == [0, 1, 2, 3]
+
+
+def test_terms_that_only_scatter_are_left_out():
+    degrees = [curved_map(*measured(900, seed)).degree for seed in range(10)]
+    assert np.mean(degrees) < 1.0
+    x, y, t = measured(900, bend=0.2)
+    assert curved_map(x, y * [1.0, 0.0], t).degree == curved_map(x, y[:, :1], t).degree
+    loud = np.column_stack([y[:, 0], 1e3 * np.random.default_rng(5).normal(size=900)])
+    quiet = curved_map(x, loud, t, units=np.array([1.0, 1e9])).degree
+    assert quiet == curved_map(x, y[:, :1], t).degree
 
 
 def test_bad_input_is_refused():

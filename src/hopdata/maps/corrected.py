@@ -9,7 +9,7 @@ All is in the coordinates of a rigid body on a section: 8 inputs, 11 outputs (`h
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,9 +105,17 @@ def corrected_map(x: Floats, y: Floats, errors: InputErrors) -> LinearMap:
 
 
 def curved_map(
-    x: Floats, y: Floats, instants: Floats, errors: InputErrors | None = None
+    x: Floats,
+    y: Floats,
+    instants: Floats,
+    errors: InputErrors | None = None,
+    *,
+    units: Floats | None = None,
 ) -> LinearMap:
     """Fit the derivative where all feet are expected at once, with curvature beside it.
+
+    The order of the curved terms is what the landings bear, or less where that is expected to err
+    less.
 
     Parameters
     ----------
@@ -117,6 +125,9 @@ def curved_map(
         (n, feet) measured contact instants, s.
     errors
         Errors of inputs and outputs; by default there are none.
+    units
+        (q,) units in which errors of the outputs count alike, by which the order of the terms is
+        chosen; by default their standard deviations.
     """
     x, y = _checked(x, y)
     if len(instants) != len(x) or not np.isfinite(instants).all():
@@ -130,10 +141,42 @@ def curved_map(
     middle, delays = contact_slopes(inputs, instants)
     unit = float((inputs @ delays).std(axis=1).max())
     moved = inputs - simultaneous_point(inputs, middle, delays)
-    degree = affordable_degree(len(x), x.shape[1], instants.shape[1])
-    curved = mean_terms(moved, delays / unit, degree, known.doubt / scale[:, None] / scale)
-    slopes, se = _regress(moved, y - drift, curved, (centred / scale - inputs, drift))
-    return LinearMap(slopes / scale[:, None], se / scale[:, None], degree, known.removed)
+    doubt = known.doubt / scale[:, None] / scale
+    astray = (centred / scale - inputs, drift)
+    fits = []
+    for degree in range(affordable_degree(len(x), x.shape[1], instants.shape[1]) + 1):
+        curved = mean_terms(moved, delays / unit, degree, doubt)
+        slopes, se = _regress(moved, y - drift, curved, astray)
+        fits.append(LinearMap(slopes, se, degree, known.removed))
+    best = _least_error(fits, y.std(axis=0) if units is None else units)
+    return replace(
+        best,
+        coefficients=best.coefficients / scale[:, None],
+        standard_errors=best.standard_errors / scale[:, None],
+    )
+
+
+def _least_error(fits: list[LinearMap], units: Floats) -> LinearMap:
+    """Return the fit of the least expected error, bias and scatter together.
+
+    The last one has all terms and counts as unbiased. Another's bias is its distance from that,
+    less what the scatter of the last one makes of it (the focused criterion of Claeskens and Hjort
+    2003).
+
+    Parameters
+    ----------
+    fits
+        Maps of standardised inputs with more and more terms.
+    units
+        (q,) units of the outputs.
+    """
+    units = np.where(units > 0, units, np.inf)
+    scatter = [float(np.sum((fit.standard_errors / units) ** 2)) for fit in fits]
+    errors = []
+    for fit, own in zip(fits, scatter, strict=True):
+        apart = float(np.sum(((fit.coefficients - fits[-1].coefficients) / units) ** 2))
+        errors.append(own + max(apart - (scatter[-1] - own), 0.0))
+    return fits[int(np.argmin(errors))]
 
 
 def calibration(x: Floats, errors: InputErrors) -> Calibration:

@@ -158,14 +158,14 @@ def estimate_maps(
     shape = body_shape(split_states(before)[0])
     first = rigid_states(before, shape)
     inputs, outputs = section_coordinates(first, rigid_states(after, shape))
-    noise = marker_noise(before, shape)
+    noise, weights = marker_noise(before, shape), output_weights(shape, time_unit_s)
     errors = input_errors(before, after, shape, noise)
     ways = {
         "printed": lambda: printed_map(before, after, shape),
         "ols": lambda: ols_map(inputs, outputs),
         "corrected": lambda: corrected_map(inputs, outputs, errors),
-        "curved": lambda: curved_map(inputs, outputs, times),
-        "corrected_curved": lambda: curved_map(inputs, outputs, times, errors),
+        "curved": lambda: curved_map(inputs, outputs, times, units=1 / weights),
+        "corrected_curved": lambda: curved_map(inputs, outputs, times, errors, units=1 / weights),
     }
     maps, notes = {}, []
     for name, what in ESTIMATORS.items():
@@ -179,7 +179,7 @@ def estimate_maps(
         noise,
         errors,
         np.cov(inputs, rowvar=False),
-        output_weights(shape, time_unit_s),
+        weights,
         len(inputs),
         notes + _guard_notes(maps),
     )
