@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from made_up_landings import coefficients, landings, noisy
+from made_up_landings import END, MIDDLE, POINTS, coefficients, landings, noisy
 
-from hopdata.errors import AnalysisError
+from hopdata.maps.exact_map import estimate_errors, exact_map, score_estimates
 from hopdata.maps.map_estimates import ESTIMATORS, estimate_maps, printed_map
 from hopdata.maps.rigid import body_shape, rigid_states, section_coordinates, split_states
 
@@ -93,8 +93,22 @@ def test_too_few_landings_are_said():
     assert len(found.notes) == 5
     assert "9 landings" in found.notes[0]["reason"]
     assert found.table().empty
-    with pytest.raises(AnalysisError, match="found 1"):
-        estimate_maps(before[:1], after[:1], instants[:1], time_unit_s=TIME_S)
+    assert list(found.table())[:3] == ["estimator", "input", "output"]
+
+
+@pytest.mark.parametrize(("count", "flat", "reason"), [(1, 1.0, "1 landings"), (60, 0.0, "line")])
+def test_what_shows_no_rigid_body_is_said(count, flat, reason):
+    before, after, instants = landings(count)
+    along = np.tile([1.0, flat, flat], 6)
+    found = estimate_maps(before * along, after * along, instants, time_unit_s=TIME_S)
+    assert found.maps == {}
+    assert found.n_landings == count
+    assert reason in found.notes[0]["reason"]
+    said = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    exact = {"body_points_m": POINTS.tolist(), "x": MIDDLE, "y": [END], "maps": [coefficients().T]}
+    shape = np.array(said["shape_m"]).reshape(-1, 3)
+    known = exact_map(exact, landings(30)[0], shape=shape, time_unit_s=TIME_S)
+    assert score_estimates(estimate_errors(known, said)) == {}
 
 
 def test_noise_beyond_the_spread_is_noted():

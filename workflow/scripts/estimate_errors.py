@@ -11,7 +11,7 @@ with reported(snakemake.log[0]):
     exact = exact_map(
         read_json(snakemake.input.maps),
         read_pairs(snakemake.input.true_pairs).x,
-        shape=np.array(estimates["shape_m"]),
+        shape=np.array(estimates["shape_m"]).reshape(-1, 3),
         time_unit_s=read_json(snakemake.input.units)["time_unit_s"],
     )
     write_table(snakemake.output.errors, estimate_errors(exact, estimates))

@@ -92,13 +92,14 @@ def exact_map(
     states
         (n, 6B) true marker states of the study's landings at the pre section, m and m/s.
     shape
-        (B, 3) body markers as estimated, in the attitude of the coordinates, m.
+        (B, 3) body markers as estimated, in the attitude of the coordinates, m; without rows the
+        true ones are taken.
     time_unit_s
         Unit of time that weighs velocities against positions.
     """
     points = np.array(exact["body_points_m"], float)
     centred = points - points.mean(axis=0)
-    turned = centred @ kabsch(shape[None], centred)[0].T
+    turned = centred @ kabsch(shape[None], centred)[0].T if len(shape) else centred
     moved = np.vstack([np.diag(_STEPS), -np.diag(_STEPS)])
     starts = np.array(exact["x"]) + moved
     ends = np.mean(exact["y"], axis=0) + moved @ np.mean(exact["maps"], axis=0).T

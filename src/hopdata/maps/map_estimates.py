@@ -56,7 +56,8 @@ class MapEstimates:
         Name of the estimator -> the map, 8 inputs by 11 outputs in SI units; those that could not
         be made are missing.
     shape
-        (B, 3) body markers in the mean attitude, m: what the coordinates rest on.
+        (B, 3) body markers in the mean attitude, m: what the coordinates rest on; without rows if
+        they show no rigid body.
     noise
         Of the markers at the pre section.
     errors
@@ -90,19 +91,20 @@ class MapEstimates:
 
         sd = np.sqrt(np.diag(self.input_covariance))
         rows = [
-            {
-                "estimator": name,
-                "input": INPUT_NAMES[i],
-                "output": OUTPUT_NAMES[j],
-                "value": one.coefficients[i, j],
-                "standard_error": one.standard_errors[i, j],
-                "standardised": 1e3 * sd[i] * one.coefficients[i, j] * self.output_weights[j],
-            }
+            (
+                name,
+                INPUT_NAMES[i],
+                OUTPUT_NAMES[j],
+                one.coefficients[i, j],
+                one.standard_errors[i, j],
+                1e3 * sd[i] * one.coefficients[i, j] * self.output_weights[j],
+            )
             for name, one in self.maps.items()
             for i in range(len(INPUT_NAMES))
             for j in range(len(OUTPUT_NAMES))
         ]
-        return pd.DataFrame(rows)
+        columns = ["estimator", "input", "output", "value", "standard_error", "standardised"]
+        return pd.DataFrame(rows, columns=columns)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain data, for ``map_estimates.json``."""
@@ -145,19 +147,25 @@ def estimate_maps(
     time_unit_s
         Unit of time that weighs velocities against positions.
 
-    Raises
-    ------
-    AnalysisError
-        If there are fewer than two landings, or the markers do not show a rigid body.
+    Returns
+    -------
+    MapEstimates
+        Without maps, but with a note, if the markers do not show a rigid body.
     """
     before, after, times = (np.asarray(part, float) for part in (x, y, instants))
     known = np.asarray(np.isfinite(times).all(axis=1))
     before, after, times = before[known], after[known], times[known]
+    try:
+        return _estimates(before, after, times, time_unit_s)
+    except AnalysisError as error:
+        return _no_estimates(len(before), str(error))
+
+
+def _estimates(before: Floats, after: Floats, times: Floats, time_unit_s: float) -> MapEstimates:
     if len(before) < 2:
-        raise AnalysisError(f"maps: expected landings with known instants, found {len(before)}")
+        raise AnalysisError(f"{len(before)} landings with known contact instants")
     shape = body_shape(split_states(before)[0])
-    first = rigid_states(before, shape)
-    inputs, outputs = section_coordinates(first, rigid_states(after, shape))
+    inputs, outputs = section_coordinates(rigid_states(before, shape), rigid_states(after, shape))
     noise, weights = marker_noise(before, shape), output_weights(shape, time_unit_s)
     errors = input_errors(before, after, shape, noise)
     ways = {
@@ -182,6 +190,20 @@ def estimate_maps(
         weights,
         len(inputs),
         notes + _guard_notes(maps),
+    )
+
+
+def _no_estimates(n_landings: int, reason: str) -> MapEstimates:
+    p, q = len(INPUT_NAMES), len(OUTPUT_NAMES)
+    return MapEstimates(
+        {},
+        np.empty((0, 3)),
+        MarkerNoise(0.0, 0.0, 0.0),
+        InputErrors.none(p, q),
+        np.zeros((p, p)),
+        np.zeros(q),
+        n_landings,
+        [{"what": "landing map", "reason": reason}],
     )
 
 
