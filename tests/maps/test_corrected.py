@@ -6,13 +6,8 @@ from made_up_landings import inputs
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import fit_affine
-from hopdata.maps.corrected import (
-    LEAST_RELIABILITY,
-    calibration,
-    corrected_map,
-    curved_map,
-    ols_map,
-)
+from hopdata.maps.calibration import LEAST_RELIABILITY, calibration
+from hopdata.maps.corrected import corrected_map, curved_map, ols_map
 from hopdata.maps.marker_noise import InputErrors
 
 SLOPES = np.random.default_rng(7).normal(size=(8, 2))

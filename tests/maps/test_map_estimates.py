@@ -7,7 +7,8 @@ import pytest
 from made_up_landings import END, MIDDLE, POINTS, coefficients, landings, noisy
 
 from hopdata.maps.exact_map import estimate_errors, exact_map, score_estimates
-from hopdata.maps.map_estimates import ESTIMATORS, estimate_maps, printed_map
+from hopdata.maps.map_estimates import estimate_maps, printed_map
+from hopdata.maps.map_results import ESTIMATORS
 from hopdata.maps.rigid import body_shape, rigid_states, section_coordinates, split_states
 
 TIME_S = 0.02
