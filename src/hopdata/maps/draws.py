@@ -7,8 +7,6 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-_CHUNK_BYTES = 16 * 2**20
-
 Indices = NDArray[np.int64]
 
 
@@ -59,20 +57,12 @@ def distinct_draws(
     total = sum(sizes)
     if total > population:
         raise ValueError(f"cannot draw {total} distinct items from {population}")
-    rows = max(1, _CHUNK_BYTES // (8 * population))
-    chunks = [
-        _smallest(generator.random((min(rows, count - start), population)), sizes)
-        for start in range(0, count, rows)
-    ]
-    # Sorted, so that sums over a set do not depend on the order a partition happens to leave.
-    bounds = np.cumsum(sizes)[:-1]
-    parts = np.split(np.concatenate(chunks), bounds, axis=1)
+    from hopdata.maps.shuffle_kernel import partial_shuffles
+
+    # The first steps of a shuffle (Fisher and Yates): each swaps one of the items that are left.
+    left = np.arange(population, population - total, -1)
+    steps = generator.integers(0, left, size=(count, total))
+    drawn = np.empty_like(steps)
+    partial_shuffles(steps, np.arange(population), drawn)
+    parts = np.split(drawn, np.cumsum(sizes)[:-1], axis=1)
     return tuple(np.sort(part, axis=1) for part in parts)
-
-
-def _smallest(keys: NDArray[np.float64], sizes: tuple[int, ...]) -> Indices:
-    """Return the columns of the smallest keys of each row, grouped by `sizes`."""
-    bounds = np.cumsum(sizes)
-    inner = [int(bound) for bound in bounds if bound < keys.shape[1]]
-    order = np.argpartition(keys, inner, axis=1) if inner else np.argsort(keys, axis=1)
-    return order[:, : bounds[-1]]
