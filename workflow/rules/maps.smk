@@ -67,6 +67,7 @@ rule distances:
         f"{RESULTS}/logs/distances.log",
     benchmark:
         f"{RESULTS}/benchmarks/distances.tsv"
+    threads: workflow.cores if STUDY["distances"]["all_pairs"] else 1
     params:
         options=STUDY["distances"],
         seed=STUDY["seed"],
