@@ -16,6 +16,7 @@ FloatArray = NDArray[np.float64]
 _NODES_PER_BANDWIDTH = 32  # spacing of the fine grid; aliasing below 1e-8 of the peak
 _REACH = 8.0  # bandwidths after which the kernel is nothing (exp(-32) = 1e-14)
 _MAX_FINE_NODES = 2**23
+_MANY_SAMPLES = 100_000  # from which on they are spread by compiled code
 
 
 def normal_bandwidth(samples: ArrayLike) -> float:
@@ -64,10 +65,8 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
         No finite sample, a bandwidth that is not positive, a grid that is not uniform, or a
         bandwidth so small against the grid that the work would be unreasonable.
     """
-    values = finite(samples)
+    values = np.asarray(samples, dtype=np.float64).ravel()
     nodes, spacing = _uniform(grid)
-    if values.size == 0:
-        raise ValueError("samples: expected at least one finite value, found none")
     if not (np.isfinite(bandwidth) and bandwidth > 0):
         raise ValueError(f"bandwidth: expected a positive number, found {bandwidth}")
     refine = max(1, int(np.ceil(spacing * _NODES_PER_BANDWIDTH / bandwidth)))
@@ -79,10 +78,12 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
             f"bandwidth: {bandwidth:g} is too small for a grid from {nodes[0]:g} to {nodes[-1]:g}"
         )
     n_fine = _fast_length(n_inside + 2 * margin)
-    counts = _spread((values - nodes[0]) / step + margin, n_fine)
+    counts, found = _spread(values, float(nodes[0] - margin * step), 1.0 / step, n_fine)
+    if found == 0:
+        raise ValueError("samples: expected at least one finite value, found none")
     smooth = np.fft.irfft(np.fft.rfft(counts) * _transfer(n_fine, bandwidth / step), n_fine)
     inside = smooth[margin : margin + n_inside : refine]
-    return np.maximum(inside, 0.0) / (values.size * step)
+    return np.maximum(inside, 0.0) / (found * step)
 
 
 def finite(samples: ArrayLike) -> FloatArray:
@@ -103,8 +104,22 @@ def _uniform(grid: ArrayLike) -> tuple[FloatArray, float]:
     return nodes, spacing
 
 
-def _spread(place: FloatArray, n_fine: int) -> FloatArray:
-    """Spread unit counts at fractional places over four nodes each by the cubic B-spline."""
+def _spread(
+    values: FloatArray, origin: float, nodes_per_unit: float, n_fine: int
+) -> tuple[FloatArray, int]:
+    """Spread values over four nodes each by the cubic B-spline; also count the finite ones."""
+    if values.size < _MANY_SAMPLES:
+        known = finite(values)
+        return _spread_few((known - origin) * nodes_per_unit, n_fine), known.size
+    from hopdata.landings.density_kernel import spread_samples
+
+    counts = np.zeros((2, n_fine))
+    found = spread_samples(values, origin, nodes_per_unit, counts)
+    return (counts[0] + counts[1]) / 6.0, found
+
+
+def _spread_few(place: FloatArray, n_fine: int) -> FloatArray:
+    """Spread unit counts at fractional places; nothing compiled has to be loaded for it."""
     place = place[(place >= 1) & (place < n_fine - 3)]
     below = place.astype(np.int64)
     u = place - below
