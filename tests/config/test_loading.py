@@ -325,7 +325,7 @@ STAGES = {
     "units": ("hopdata.maps.units", "choose_units", set()),
     "prediction": ("hopdata.maps.prediction", "bootstrap_prediction", set()),
     "subspaces": ("hopdata.maps.subspaces", "bootstrap_subspaces", set()),
-    "distances": ("hopdata.maps.distances", "measure_distances", set()),
+    "distances": ("hopdata.maps.distances", "measure_distances", {"sensitivity"}),
     "figures": ("hopdata.figures.saving", "save_figure", set()),
 }
 

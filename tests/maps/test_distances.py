@@ -17,16 +17,6 @@ def clouds(rng, centres, count=40, scatter=0.05):
     return dict(zip("abcdef", orthonormalised(bases + noise), strict=False))
 
 
-def test_baselines_of_seventeen_in_thirty_four():
-    haar = random(np.random.default_rng(0), (34, 17), 4000)
-    noised = noised_identity(np.random.default_rng(1), (34, 17), 4000, 0.1)
-    # Standard error of the mean 0.0016, of the sd 1.1 %.
-    assert haar.mean() == pytest.approx(3.7605, abs=0.006)
-    assert haar.std() == pytest.approx(0.102, rel=0.05)
-    assert noised.mean() == pytest.approx(2.268, abs=0.006)
-    assert noised.std() == pytest.approx(0.098, rel=0.05)
-
-
 def test_baselines_of_a_line_in_a_plane():
     # The angle between two random lines in a plane is uniform in [0, pi/2].
     lengths = random(np.random.default_rng(2), (2, 1), 20_000)

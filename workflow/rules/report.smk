@@ -71,6 +71,25 @@ rule figure_distances:
         "../scripts/figure_distances.py"
 
 
+rule figure_sensitivity:
+    """How distances between subspaces answer to noise."""
+    input:
+        sensitivity=rules.sensitivity.output.sensitivity,
+        readings=rules.sensitivity.output.readings,
+        summary=rules.distances.output.summary,
+    output:
+        figure("distance_sensitivity"),
+    log:
+        f"{RESULTS}/logs/figure_sensitivity.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_sensitivity.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_sensitivity"),
+    script:
+        "../scripts/figure_sensitivity.py"
+
+
 # What a study runs through, whose times the report gives.
 STAGES = [
     *([] if all(SOURCES.values()) else [rules.simulate]),
@@ -88,6 +107,7 @@ STAGES = [
     rules.figure_schedule,
     rules.figure_prediction,
     rules.figure_distances,
+    *([rules.sensitivity, rules.figure_sensitivity] if STUDY["distances"]["sensitivity"] else []),
 ]
 
 
