@@ -68,7 +68,8 @@ def sensitivity_figure(
     if sensitivity.empty or readings.empty:
         return message_figure("No distances: their sensitivity to noise was not studied.")
     figure = paper_figure(DOUBLE_COLUMN_MM, 118.0)
-    upper, below = np.ravel(figure.subfigures(2, 1, height_ratios=(1.15, 1.0)))
+    parts: Any = figure.subfigures(2, 1, height_ratios=(1.15, 1.0))
+    upper, below = parts
     left, right = upper.subplots(1, 2)
     lower = below.subplots()
     _lines(left, sensitivity, "mean")
