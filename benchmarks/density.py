@@ -9,11 +9,13 @@ exact sum, over its highest value. Times are medians with quartiles of runs take
 
 from __future__ import annotations
 
+import one_thread  # noqa: F401
+
+# isort: split
 import argparse
 from pathlib import Path
 
 import numpy as np
-import one_thread  # noqa: F401  before anything that starts threads
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import gaussian_kde

@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError
-from hopdata.maps.basis import RANK_TOLERANCE, column_scales, pooled_basis, truncated_svd
+from hopdata.maps.basis import (
+    RANK_TOLERANCE,
+    column_scales,
+    cross_product,
+    pooled_basis,
+    row_product,
+    truncated_svd,
+)
 
 #: A replicate whose pivots spread wider than this is fitted by pseudo-inverse.
 _PIVOT_SPREAD = 1e-6
@@ -136,7 +143,7 @@ def affine_test_errors(
     design = pooled_basis(x, rank_tolerance=rank_tolerance)
     # What the pooled fit explains is exact in every replicate; fit only what it leaves.
     centred = y - y.mean(0)
-    residual = centred - design @ (design.T @ centred / len(x))
+    residual = centred - row_product(design, cross_product(design, centred) / len(x))
     errors, spread = _whitened_errors(design, residual, train, test)
     again = np.flatnonzero(spread <= _PIVOT_SPREAD)
     for rows in _chunks(len(again), train.shape[1] * (x.shape[1] + y.shape[1])):

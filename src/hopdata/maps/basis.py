@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 #: Singular values of the scaled, centred inputs below this share of the largest count as zero.
 RANK_TOLERANCE = 1e-11
+#: So few rows that no BLAS shares them out to threads, of which the last bits would depend.
+_BLOCK_ROWS = 256
 
 Floats = NDArray[np.float64]
 
@@ -38,13 +40,33 @@ def pooled_basis(x: Floats, *, rank_tolerance: float = RANK_TOLERANCE) -> Floats
 
     x = np.asarray(x, float)
     scale = column_scales(x)
-    triangle: Floats = np.linalg.qr((x - x.mean(0)) / scale, mode="r")  # type: ignore[assignment]
-    _, values, right = truncated_svd(triangle, rank_tolerance)
+    _, values, right = truncated_svd(_triangle((x - x.mean(0)) / scale), rank_tolerance)
     spread = centred_product(x, x.mean(0), right.T / values / scale[:, None])
     spread -= spread.mean(0)
     # Already near to orthogonal, so that Cholesky's factor serves as well as a QR.
-    factor = np.linalg.cholesky(spread.T @ spread / len(x))
-    return np.column_stack([np.ones(len(x)), spread @ np.linalg.inv(factor).T])
+    factor = np.linalg.cholesky(cross_product(spread, spread) / len(x))
+    return np.column_stack([np.ones(len(x)), row_product(spread, np.linalg.inv(factor).T)])
+
+
+def cross_product(a: Floats, b: Floats) -> Floats:
+    """Return ``a.T @ b``, the same bytes on any number of threads."""
+    parts = [a[rows].T @ b[rows] for rows in _blocks(len(a))]
+    return np.sum(parts, axis=0) if parts else np.zeros((a.shape[1], b.shape[1]))
+
+
+def row_product(a: Floats, b: Floats) -> Floats:
+    """Return ``a @ b``, the same bytes on any number of threads."""
+    return np.concatenate([a[:0] @ b, *(a[rows] @ b for rows in _blocks(len(a)))])
+
+
+def _triangle(matrix: Floats) -> Floats:
+    """Return the R of a QR factorisation, from those of blocks of rows."""
+    parts = [np.linalg.qr(matrix[rows], mode="r") for rows in _blocks(len(matrix))]
+    return np.asarray(np.linalg.qr(np.concatenate([matrix[:0], *parts]), mode="r"))
+
+
+def _blocks(count: int) -> list[slice]:
+    return [slice(first, first + _BLOCK_ROWS) for first in range(0, count, _BLOCK_ROWS)]
 
 
 def truncated_svd(matrix: Floats, rank_tolerance: float) -> tuple[Floats, Floats, Floats]:

@@ -11,6 +11,7 @@ from hopdata.maps.vectors import (
     WIDTH,
     gram_tile,
     gram_tile_wide,
+    gram_tile_widest,
     squared_misses,
     subtract_row,
 )
@@ -23,11 +24,17 @@ def _normal_equations(rows, index, count, normal):  # type: ignore[no-untyped-de
     """Fill the first `count` rows of `normal`, on and right of the diagonal."""
     for a in range(0, count, TILE_ROWS):
         b = a // WIDTH * WIDTH
-        while b + WIDTH < rows.shape[1]:
-            gram_tile_wide(rows, index, a, b, normal)
-            b += 2 * WIDTH
-        if b < rows.shape[1]:
-            gram_tile(rows, index, a, b, normal)
+        while b < rows.shape[1]:
+            blocks = (rows.shape[1] - b) // WIDTH
+            if blocks == 1:
+                gram_tile(rows, index, a, b, normal)
+                b += WIDTH
+            elif blocks == 2 or blocks == 4:
+                gram_tile_wide(rows, index, a, b, normal)
+                b += 2 * WIDTH
+            else:
+                gram_tile_widest(rows, index, a, b, normal)
+                b += 3 * WIDTH
 
 
 @njit(cache=True, nogil=True)

@@ -40,6 +40,12 @@ def gram_tile_wide(typing, rows, index, a, b, out):  # type: ignore[no-untyped-d
 
 
 @intrinsic  # type: ignore[misc]
+def gram_tile_widest(typing, rows, index, a, b, out):  # type: ignore[no-untyped-def]  # noqa: ARG001
+    """As `gram_tile`, for 24 columns."""
+    return types.void(rows, index, a, b, out), _gram_tile(3)
+
+
+@intrinsic  # type: ignore[misc]
 def subtract_row(typing, matrix, i, k, factor, first):  # type: ignore[no-untyped-def]  # noqa: ARG001
     """Do ``matrix[i, first:] -= factor * matrix[k, first:]``; `first` is a multiple of 8."""
 
