@@ -24,7 +24,9 @@ def test_what_cancels_leaves_the_digits_of_the_data(cancelled):
         ]
         for row in x
     ]
-    np.testing.assert_allclose(centred_product(x, centre, matrix), exact, rtol=1e-15)
+    found = centred_product(x, centre, matrix)
+    np.testing.assert_allclose(found, exact, rtol=1e-15)
+    assert np.array_equal(centred_product(x, centre, matrix, compiled=True), found)
 
 
 def test_no_rows_and_no_columns():

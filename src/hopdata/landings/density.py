@@ -78,7 +78,7 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
             f"bandwidth: {bandwidth:g} is too small for a grid from {nodes[0]:g} to {nodes[-1]:g}"
         )
     n_fine = _fast_length(n_inside + 2 * margin)
-    counts, found = _spread(values, float(nodes[0] - margin * step), 1.0 / step, n_fine)
+    counts, found = _spread(values, float(nodes[0]), step, margin, n_fine)
     if found == 0:
         raise ValueError("samples: expected at least one finite value, found none")
     smooth = np.fft.irfft(np.fft.rfft(counts) * _transfer(n_fine, bandwidth / step), n_fine)
@@ -105,16 +105,16 @@ def _uniform(grid: ArrayLike) -> tuple[FloatArray, float]:
 
 
 def _spread(
-    values: FloatArray, origin: float, nodes_per_unit: float, n_fine: int
+    values: FloatArray, first: float, step: float, margin: int, n_fine: int
 ) -> tuple[FloatArray, int]:
     """Spread values over four nodes each by the cubic B-spline; also count the finite ones."""
     if values.size < _MANY_SAMPLES:
         known = finite(values)
-        return _spread_few((known - origin) * nodes_per_unit, n_fine), known.size
+        return _spread_few((known - first) / step + margin, n_fine), known.size
     from hopdata.landings.density_kernel import spread_samples
 
     counts = np.zeros((2, n_fine))
-    found = spread_samples(values, origin, nodes_per_unit, counts)
+    found = spread_samples(values, first - margin * step, 1.0 / step, counts)
     return (counts[0] + counts[1]) / 6.0, found
 
 

@@ -140,7 +140,7 @@ def affine_test_errors(
         If a row number is not one of the population.
     """
     x, y = _checked(x, y)
-    design = pooled_basis(x, rank_tolerance=rank_tolerance)
+    design = pooled_basis(x, rank_tolerance=rank_tolerance, compiled=True)
     # What the pooled fit explains is exact in every replicate; fit only what it leaves.
     centred = y - y.mean(0)
     residual = centred - row_product(design, cross_product(design, centred) / len(x))

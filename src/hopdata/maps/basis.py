@@ -12,6 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.maps.compensated import centred_product
+
 #: Singular values of the scaled, centred inputs below this share of the largest count as zero.
 RANK_TOLERANCE = 1e-11
 #: So few rows that no BLAS shares them out to threads, of which the last bits would depend.
@@ -20,7 +22,9 @@ _BLOCK_ROWS = 256
 Floats = NDArray[np.float64]
 
 
-def pooled_basis(x: Floats, *, rank_tolerance: float = RANK_TOLERANCE) -> Floats:
+def pooled_basis(
+    x: Floats, *, rank_tolerance: float = RANK_TOLERANCE, compiled: bool = False
+) -> Floats:
     """Return the whitened design of a population: a column of ones, then the input directions.
 
     Parameters
@@ -29,6 +33,8 @@ def pooled_basis(x: Floats, *, rank_tolerance: float = RANK_TOLERANCE) -> Floats
         (n, p) inputs.
     rank_tolerance
         See `RANK_TOLERANCE`.
+    compiled
+        Whether compiled code is worth loading: see `compensated.centred_product`.
 
     Returns
     -------
@@ -36,12 +42,11 @@ def pooled_basis(x: Floats, *, rank_tolerance: float = RANK_TOLERANCE) -> Floats
         (n, 1 + rank), columns orthogonal, each of mean square one. It spans the space of the
         inputs to about 1e-15, whatever their condition number.
     """
-    from hopdata.maps.compensated import centred_product
-
     x = np.asarray(x, float)
     scale = column_scales(x)
     _, values, right = truncated_svd(_triangle((x - x.mean(0)) / scale), rank_tolerance)
-    spread = centred_product(x, x.mean(0), right.T / values / scale[:, None])
+    directions = right.T / values / scale[:, None]
+    spread = centred_product(x, x.mean(0), directions, compiled=compiled)
     spread -= spread.mean(0)
     # Already near to orthogonal, so that Cholesky's factor serves as well as a QR.
     factor = np.linalg.cholesky(cross_product(spread, spread) / len(x))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 _SPLITTER = 134217729.0  # 2^27 + 1: halves a double into two of 26 bits
@@ -11,7 +10,7 @@ _SPLITTER = 134217729.0  # 2^27 + 1: halves a double into two of 26 bits
 Floats = NDArray[np.float64]
 
 
-def centred_product(x: Floats, centre: Floats, matrix: Floats) -> Floats:
+def centred_product(x: Floats, centre: Floats, matrix: Floats, *, compiled: bool = False) -> Floats:
     """Return ``(x - centre) @ matrix``, each entry as if computed in 32 digits and rounded.
 
     Parameters
@@ -22,6 +21,8 @@ def centred_product(x: Floats, centre: Floats, matrix: Floats) -> Floats:
         (p,).
     matrix
         (p, r).
+    compiled
+        Whether to use compiled code: twenty times as fast, where it is loaded. Same bytes.
 
     Returns
     -------
@@ -29,30 +30,33 @@ def centred_product(x: Floats, centre: Floats, matrix: Floats) -> Floats:
         (n, r). The error is a rounding of the result plus 1e-31 of the terms of its sum, so that
         terms that cancel leave the digits that the data have.
     """
-    out = np.zeros((2, len(x), matrix.shape[1]))
+    values = np.ascontiguousarray(x - centre)
+    back = values - x
+    lost = (x - (values - back)) - (centre + back)  # by the rounding of the difference
     matrix = np.ascontiguousarray(matrix)
-    scaled = matrix * _SPLITTER
-    top = scaled - (scaled - matrix)
-    _centred_product(np.ascontiguousarray(x), centre, matrix, top, matrix - top, *out)
-    return out[0] + out[1]
+    top, rest = _halves(matrix)
+    high, low = np.zeros((2, len(x), matrix.shape[1]))
+    if compiled:
+        from hopdata.maps.compensated_kernel import add_products
+
+        add_products(values, lost, matrix, top, rest, high, low)
+        return high + low
+    first, second = _halves(values)
+    for k, row in enumerate(matrix):
+        a, a1, a2 = (part[:, k, np.newaxis] for part in (values, first, second))
+        product = a * row
+        error = a1 * top[k] - product
+        error = ((error + a1 * rest[k]) + a2 * top[k]) + a2 * rest[k]
+        total = high + product
+        part = total - high
+        error = error + ((high - (total - part)) + (product - part))
+        low = low + (error + lost[:, k, np.newaxis] * row)
+        high = total
+    return high + low
 
 
-@njit(cache=True, nogil=True)
-def _centred_product(x, centre, matrix, top, rest, high, low):  # type: ignore[no-untyped-def]
-    """Add the products to `high`, and what its roundings lose to `low`."""
-    for i in range(x.shape[0]):
-        for k in range(x.shape[1]):
-            value = x[i, k] - centre[k]
-            back = value - x[i, k]
-            lost = (x[i, k] - (value - back)) - (centre[k] + back)
-            first = value * _SPLITTER - (value * _SPLITTER - value)
-            second = value - first
-            for j in range(matrix.shape[1]):
-                product = value * matrix[k, j]
-                error = first * top[k, j] - product
-                error = ((error + first * rest[k, j]) + second * top[k, j]) + second * rest[k, j]
-                total = high[i, j] + product
-                part = total - high[i, j]
-                error += (high[i, j] - (total - part)) + (product - part)
-                low[i, j] += error + lost * matrix[k, j]
-                high[i, j] = total
+def _halves(values: Floats) -> tuple[Floats, Floats]:
+    """Return two parts of each value, of 26 bits, whose products with others are exact."""
+    scaled = values * _SPLITTER
+    top = scaled - (scaled - values)
+    return top, values - top

@@ -7,6 +7,8 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
+_CHUNK_BYTES = 4 * 2**20
+
 Indices = NDArray[np.int64]
 
 
@@ -57,12 +59,22 @@ def distinct_draws(
     total = sum(sizes)
     if total > population:
         raise ValueError(f"cannot draw {total} distinct items from {population}")
-    from hopdata.maps.shuffle_kernel import partial_shuffles
-
     # The first steps of a shuffle (Fisher and Yates): each swaps one of the items that are left.
     left = np.arange(population, population - total, -1)
     steps = generator.integers(0, left, size=(count, total))
-    drawn = np.empty_like(steps)
-    partial_shuffles(steps, np.arange(population), drawn)
-    parts = np.split(drawn, np.cumsum(sizes)[:-1], axis=1)
+    rows = max(1, _CHUNK_BYTES // (8 * population))
+    chunks = [_shuffled(steps[start : start + rows], population) for start in range(0, count, rows)]
+    parts = np.split(np.concatenate([steps[:0], *chunks]), np.cumsum(sizes)[:-1], axis=1)
     return tuple(np.sort(part, axis=1) for part in parts)
+
+
+def _shuffled(steps: Indices, population: int) -> Indices:
+    """Return the (R, m) items that the steps of R shuffles draw, all rows a step at a time."""
+    drawn = np.empty_like(steps)
+    items = np.tile(np.arange(population), (len(steps), 1))
+    row = np.arange(len(steps))
+    for k in range(steps.shape[1]):
+        place = k + steps[:, k]
+        drawn[:, k] = items[row, place]
+        items[row, place] = items[:, k]  # what step k leaves behind; it is not looked at again
+    return drawn
