@@ -16,7 +16,6 @@ FloatArray = NDArray[np.float64]
 _NODES_PER_BANDWIDTH = 32  # spacing of the fine grid; aliasing below 1e-8 of the peak
 _REACH = 8.0  # bandwidths after which the kernel is nothing (exp(-32) = 1e-14)
 _MAX_FINE_NODES = 2**23
-_MANY_SAMPLES = 100_000  # from which on they are spread by compiled code
 
 
 def normal_bandwidth(samples: ArrayLike) -> float:
@@ -40,7 +39,9 @@ def normal_bandwidth(samples: ArrayLike) -> float:
     return 0.9 * (spread or float(values.std(ddof=1))) * values.size**-0.2
 
 
-def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
+def kde(
+    samples: ArrayLike, *, bandwidth: float, grid: ArrayLike, compiled: bool = False
+) -> FloatArray:
     """Density of `samples` under a Gaussian kernel, at the nodes of a uniform grid.
 
     Parameters
@@ -52,6 +53,9 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
         Standard deviation of the kernel, in the unit of `samples`, > 0.
     grid : (G,) array
         Nodes, equally spaced and increasing, G >= 2.
+    compiled : bool
+        Whether to spread the samples by compiled code: eight times as fast, but half a second to
+        load, so that it pays from a hundred densities of long recordings on.
 
     Returns
     -------
@@ -78,7 +82,11 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
             f"bandwidth: {bandwidth:g} is too small for a grid from {nodes[0]:g} to {nodes[-1]:g}"
         )
     n_fine = _fast_length(n_inside + 2 * margin)
-    counts, found = _spread(values, float(nodes[0]), step, margin, n_fine)
+    if compiled:
+        counts, found = _spread_compiled(values, float(nodes[0]) - margin * step, step, n_fine)
+    else:
+        known = finite(values)
+        counts, found = _spread((known - nodes[0]) / step + margin, n_fine), known.size
     if found == 0:
         raise ValueError("samples: expected at least one finite value, found none")
     smooth = np.fft.irfft(np.fft.rfft(counts) * _transfer(n_fine, bandwidth / step), n_fine)
@@ -104,22 +112,19 @@ def _uniform(grid: ArrayLike) -> tuple[FloatArray, float]:
     return nodes, spacing
 
 
-def _spread(
-    values: FloatArray, first: float, step: float, margin: int, n_fine: int
+def _spread_compiled(
+    values: FloatArray, origin: float, step: float, n_fine: int
 ) -> tuple[FloatArray, int]:
-    """Spread values over four nodes each by the cubic B-spline; also count the finite ones."""
-    if values.size < _MANY_SAMPLES:
-        known = finite(values)
-        return _spread_few((known - first) / step + margin, n_fine), known.size
+    """Spread unit counts of the finite values as `_spread` does; also return how many they are."""
     from hopdata.landings.density_kernel import spread_samples
 
     counts = np.zeros((2, n_fine))
-    found = spread_samples(values, first - margin * step, 1.0 / step, counts)
+    found = spread_samples(values, origin, 1.0 / step, counts)
     return (counts[0] + counts[1]) / 6.0, found
 
 
-def _spread_few(place: FloatArray, n_fine: int) -> FloatArray:
-    """Spread unit counts at fractional places; nothing compiled has to be loaded for it."""
+def _spread(place: FloatArray, n_fine: int) -> FloatArray:
+    """Spread unit counts at fractional places over four nodes each by the cubic B-spline."""
     place = place[(place >= 1) & (place < n_fine - 3)]
     below = place.astype(np.int64)
     u = place - below
