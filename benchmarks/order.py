@@ -7,8 +7,14 @@ that they never shorten one). `error_rms` is the root mean square deviation of t
 the exact one, over its components and over runs whose first steps are cut by different parts of a
 step, so that the events fall everywhere in theirs. `in_fit` marks the straight part of the curve,
 chosen by the rule of `hopdata.hybrid.printed.order.fit_order`; `fitted_order` and `fitted_error`
-are the line through it. "slopes kept" is Algorithm 5 to the letter. Dormand-Prince's own order is
-approached from below here: at a rate r = 10 its error goes as (r dt)^5 (1 - 5/7 r dt).
+are the line through it. "slopes kept" is Algorithm 5 to the letter.
+
+A line's slope is a mean over its steps, and an order is a limit. Dormand-Prince's is approached
+from below here: at a rate r = 10 its error goes as (r dt)^5 (1 - 5/7 r dt). So `limit_order` is
+from a fit of error = factor dt^order exp(bend dt), over all steps of which four fit into the
+shortest piece between events and whose errors are above 1e-12 (`fit_limit`): one rule for all
+methods. `local_order` is the slope between a step and the next shorter one. Columns `_se` are
+standard errors from the scatter about line or curve.
 
 `theorem.csv`, beside it: one row a mesh, a place of the event in its step and a step: measured
 errors and proven bounds, their constants (error over dt^4), and the constants of table 4.1.
@@ -24,12 +30,13 @@ import numpy as np
 import pandas as pd
 from exact import octant_end
 from numpy.typing import NDArray
+from restarted import restarted
 from scipy.integrate import RK45
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.printed import Dopri5, PrintedOptions, Stepping, integrate, region_of
 from hopdata.hybrid.printed.known_event import turning_point
-from hopdata.hybrid.printed.order import fit_order
+from hopdata.hybrid.printed.order import fit_limit, fit_order
 from hopdata.hybrid.printed.theorem import MESHES, Localisation, localise
 from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 
@@ -38,7 +45,7 @@ TAYLOR = "taylor"  # the default here; its order is chosen step by step, so that
 Run = Callable[[float, float], FloatArray]  # longest step, first step: final state
 
 LONGEST, SHORTEST = 0.5, 5e-4
-PRINTED_STEPS, OUR_STEPS = 16, 61  # plain Python is slow; higher orders need a finer grid
+PRINTED_STEPS, OUR_STEPS = 31, 61  # plain Python is slow; higher orders need a finer grid
 LOOSE = {"rtol": 0.9, "atol": 1e9}
 THEOREM_STEPS = 0.5 / 2.0 ** np.arange(8)
 PLACES = (0.1, 0.4, 0.5, 0.9)
@@ -65,6 +72,17 @@ def ours(**method: str) -> Run:
     return run
 
 
+def scipy_alone() -> Run:
+    """Return a run of `solve_ivp`, started again at each event."""
+    integrate = restarted(octant(), (), T_SPAN, INITIAL_STATE)
+
+    def run(max_step: float, first_step: float) -> FloatArray:
+        first = min(first_step, T_SPAN[1] - T_SPAN[0])
+        return integrate(method="RK45", max_step=max_step, first_step=first, **LOOSE)[0]
+
+    return run
+
+
 def methods() -> dict[str, tuple[Run, int]]:
     """Return a run and the number of step sizes for each method that there is."""
     runs: dict[str, tuple[Run, int]] = {
@@ -74,6 +92,7 @@ def methods() -> dict[str, tuple[Run, int]]:
             printed(Dopri5, PrintedOptions(refresh_slopes=False)), PRINTED_STEPS,
         ),
         "printed, scipy RK45": (printed(RK45), PRINTED_STEPS),
+        "scipy RK45, restarted": (scipy_alone(), PRINTED_STEPS),
     }  # fmt: skip
     for name in ("dopri5", "dop853", TAYLOR):
         run = ours(method=name)
@@ -92,15 +111,23 @@ def error_rms(run: Run, step: float, exact: FloatArray, runs: int) -> float:
     return float(np.sqrt(np.mean([(run(step, part * step) - exact) ** 2 for part in parts])))
 
 
+def shortest_piece() -> float:
+    """Return the shortest time between two events, or an event and start or end."""
+    times = solve(octant(), T_SPAN, INITIAL_STATE).events.time
+    return float(np.diff([T_SPAN[0], *times, T_SPAN[1]]).min())
+
+
 def order_rows(name: str, run: Run, count: int, exact: FloatArray, runs: int) -> pd.DataFrame:
     """Measure one method at all step sizes, and fit its order."""
     steps = np.geomspace(LONGEST, SHORTEST, count)
     errors = np.array([error_rms(run, step, exact, runs) for step in steps])
-    fit = fit_order(steps, np.full_like(errors, np.nan) if name.endswith(TAYLOR) else errors)
+    fitted = np.full_like(errors, np.nan) if name.endswith(TAYLOR) else errors
+    fit, limit = fit_order(steps, fitted), fit_limit(steps, fitted, shortest_piece())
     used = steps[fit.used]
     print(
-        f"{name:30} order {fit.order:5.2f} over {len(used):2} steps "
-        f"from {used.min(initial=np.inf):.2g} to {used.max(initial=0):.2g}"
+        f"{name:30} order {fit.order:5.2f} +- {fit.standard_error:.2f} over {len(used):2} steps "
+        f"from {used.min(initial=np.inf):.2g} to {used.max(initial=0):.2g}, "
+        f"in the limit {limit.order:5.2f} +- {limit.standard_error:.2f} ({limit.n_steps} steps)"
     )
     return pd.DataFrame(
         {
@@ -110,7 +137,12 @@ def order_rows(name: str, run: Run, count: int, exact: FloatArray, runs: int) ->
             "error_rms": errors,
             "in_fit": fit.used,
             "fitted_order": fit.order,
+            "fitted_order_se": fit.standard_error,
             "fitted_error": fit.error(steps),
+            "local_order": np.append(np.diff(np.log(errors)) / np.diff(np.log(steps)), np.nan),
+            "limit_order": limit.order,
+            "limit_order_se": limit.standard_error,
+            "limit_steps": limit.n_steps,
         }
     )
 

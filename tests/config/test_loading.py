@@ -1,12 +1,13 @@
 from dataclasses import asdict
 from importlib import import_module
 from inspect import signature
+from math import ceil
 from pathlib import Path
 
 import pytest
 import yaml
 
-from hopdata.config import load_config
+from hopdata.config import load_config, simulation_of
 from hopdata.config.schema import in_words, load_schema
 from hopdata.errors import ConfigError
 
@@ -104,7 +105,37 @@ def test_a_recording_without_a_file_is_simulated(folder):
     text = SOUND.replace("    file: one.tsv\n", "")
     text = text.replace("b1, b2, b3", "body1, body2, body3").replace("heel, toe", "foot1, foot2")
     config = load(text.replace("marker: b1", "marker: body2"))
-    assert config["recordings"] == [{"name": "one", "file": None}]
+    own = {"hops": None, "duration_s": None}
+    assert config["recordings"] == [{"name": "one", "file": None, "simulation": own}]
+
+
+def test_a_recording_may_have_its_own_length(folder):
+    text = SOUND.replace("file: one.tsv", "simulation: {duration_s: 5.5}")
+    text = text.replace("b1, b2, b3", "body1, body2, body3").replace("heel, toe", "foot1, foot2")
+    text = text.replace("markers:", "  - name: two\nmarkers:").replace(
+        "marker: b1", "marker: body2"
+    )
+    config = load(text + "simulation: {hops: 7, duration_s: 9}\n")
+    one, two = (simulation_of(config, name) for name in ("one", "two"))
+    assert (one["hops"], one["duration_s"]) == (7, 5.5)
+    assert two == config["simulation"]
+    assert {**one, "duration_s": 9} == two
+
+
+@pytest.mark.parametrize("name", ["thesis", "control"])
+def test_the_dissertation_s_study_has_its_size(name):
+    config = load_config(ROOT / "config" / f"{name}.yaml")
+    rate = config["motion_capture"]["rate_hz"]
+    lengths = [simulation_of(config, r["name"])["duration_s"] for r in config["recordings"]]
+    assert (rate, config["motion_capture"]["noise_m"]) == (100.0, 0.0006)
+    assert sum(ceil(length * rate) for length in lengths) == 182_611
+
+
+def test_the_control_differs_from_the_study_by_what_lands_alone():
+    thesis, control = (load_config(ROOT / "config" / f"{n}.yaml") for n in ("thesis", "control"))
+    assert control["simulation"].pop("control") == {"coupling": 0.4, "impulse": 0.0, "delay_s": 0.0}
+    assert not any(thesis["simulation"].pop("control").values())
+    assert {**control, "study": "thesis"} == thesis
 
 
 def test_files_need_not_exist_if_nobody_asks(folder):
@@ -186,6 +217,11 @@ MISTAKES = {
         "  - {name: One, file: one.tsv}\nmarkers:",
         ["recordings[1].name: expected a name of its own", "as in recordings[0]"],
     ),
+    "length of a file": (
+        "file: one.tsv",
+        "file: one.tsv\n    simulation: {hops: 3}",
+        ["recordings[0].simulation: expected nothing beside a file", "found hops"],
+    ),
     "no recordings": (
         "\n  - name: one\n    file: one.tsv",
         " []",
@@ -255,10 +291,10 @@ def test_a_mapping_is_named_by_its_files_which_are_looked_into(folder):
         load_config(yaml.safe_load(SOUND), files=["study.yaml"])
 
 
-@pytest.mark.parametrize("name", ["config.yaml", "runner.yaml"])
+@pytest.mark.parametrize("name", ["config.yaml", "control.yaml", "runner.yaml", "thesis.yaml"])
 def test_the_configurations_that_come_along_are_sound(name):
     config = load_config(ROOT / "config" / name, check_files=False)
-    assert config["study"] in ("sample", "runner")
+    assert config["study"] in ("sample", "runner", "thesis", "control")
 
 
 UNITS = {
@@ -326,6 +362,7 @@ STAGES = {
     "prediction": ("hopdata.maps.prediction", "bootstrap_prediction", set()),
     "subspaces": ("hopdata.maps.subspaces", "bootstrap_subspaces", set()),
     "distances": ("hopdata.maps.distances", "measure_distances", {"sensitivity"}),
+    "scaling_study": ("hopdata.synthesis.scaling", "study_landings", set()),
     "figures": ("hopdata.figures.saving", "save_figure", set()),
 }
 

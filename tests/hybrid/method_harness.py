@@ -48,9 +48,9 @@ class Stepper:
 
     def interpolate(self, theta):
         """State at the fraction `theta` of the last step, by the rule of the method's basis."""
-        self.interpolant_code(self.t, self.dt, self.s, self.mode, self.params)
+        degree = self.interpolant_code(self.t, self.dt, self.s, self.mode, self.params)
         total = np.zeros(self.n)
-        for k in range(self.method.DEGREE - 1, 0, -1):
+        for k in range(degree - 1, 0, -1):
             other = theta if self.method.BASIS == "power" or k % 2 == 0 else 1.0 - theta
             total = other * (total + self.s[P1 + k])
         return self.s[Y] + theta * (self.s[P1] + total)

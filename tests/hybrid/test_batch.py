@@ -13,6 +13,7 @@ from bent_systems import bent, bent_params
 from hybrid_systems import ball, growth, ladder, py_raising, raising, sliding, throw
 
 from hopdata.hybrid import solve, solve_batch
+from hopdata.hybrid.parallel import run_in_threads
 from hopdata.scenes.plate import Plate
 
 PARAMS = bent_params(
@@ -274,3 +275,16 @@ def test_ctrl_c_ends_the_threads():
         solve_batch(system, (0, 2.1), np.tile([1.0, 0.0], (20_000, 1)), **options)
     timer.join()
     assert threading.active_count() == 1
+
+
+def test_one_worker_is_the_thread_that_calls():
+    seen = set()
+
+    def run(first, last):
+        seen.add(threading.get_ident())
+        return last - first
+
+    run_in_threads(run, 1, 200, 1, progress=False)
+    assert seen == {threading.get_ident()}
+    run_in_threads(run, 1, 200, 2, progress=False)
+    assert len(seen) > 1

@@ -92,3 +92,30 @@ def test_arrays_that_may_not_be_written_to():
     state, params = np.zeros(2), np.array([0.5, 1.0])
     state.flags.writeable = params.flags.writeable = False
     assert solve(ladder(1), (0, 1), state, params=params).y_end[0] == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize(
+    "state", [[0.0], [0.0, 0.0, 0.0], [[0.0], [0.0]], [[0.0, 0.0]], 0.0, ["a", "b"]]
+)
+def test_a_state_of_another_shape(state):
+    with pytest.raises(ValueError, match=r"y0: expected shape \(2,\)|could not convert"):
+        solve(ladder(1), (0, 1), state, params=(5.0, 1.0))
+
+
+def test_parameters_of_another_length_than_before():
+    system = ladder(1)
+    few, more = (5.0, 1.0), (5.0, 1.0, 7.0)
+    ends = [solve(system, (0, 1), (0.0, 0.0), params=p).y_end for p in (few, more, few)]
+    assert ends[0].tobytes() == ends[1].tobytes() == ends[2].tobytes()
+
+
+def test_the_tolerance_of_the_last_call_is_forgotten():
+    system, options = growth(), {"params": (0.7, 4.0), "rtol": 0.0}
+    loose, tight = ({**options, "atol": atol} for atol in (1e-4, 1e-10))
+    first = solve(system, (0, 1), [1.0, 0.0], **loose)
+    assert solve(system, (0, 1), [1.0, 0.0], **tight).n_steps > first.n_steps
+    each = {**options, "atol": [1e-10, 1e-10]}
+    assert same(
+        solve(system, (0, 1), [1.0, 0.0], **each), solve(system, (0, 1), [1.0, 0.0], **tight)
+    )
+    assert same(solve(system, (0, 1), [1.0, 0.0], **loose), first)

@@ -103,3 +103,14 @@ def test_stiff_legs(stiffness):
     solution = solve(hopper.system(), (0, end), [2.0, 0.0], params=hopper.params, rtol=1e-11)
     assert solution.status == 0
     assert np.abs(solution.events.time - instants).max() < 1e-8
+
+
+@pytest.mark.parametrize("rtol", [1e-3, 1e-9])
+def test_a_phase_is_one_step_of_a_series(rtol):
+    """Three flights and two stances of half a swing each, exact to rounding at any tolerance."""
+    hopper = VerticalHopper()
+    solution = solve(hopper.system(), (0.0, 2.0), [2.0, 0.0], params=hopper.params, rtol=rtol)
+    assert solution.n_steps == len(solution.events) + 1 == 5
+    instants, _ = exact_hops(hopper, 2.0, 2)
+    assert solution.events.time == pytest.approx(instants, abs=1e-14)
+    assert hopper.energy(solution.y_end) == pytest.approx(hopper.energy([2.0, 0.0]), rel=1e-14)

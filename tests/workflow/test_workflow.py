@@ -153,6 +153,33 @@ def test_a_real_recording_runs_to_a_report(sample, external_recording):
     assert "minimum" in (results / "report.html").read_text()
 
 
+@pytest.mark.parametrize("study", ["thesis", "control"])
+def test_the_dissertation_s_study_simulates_its_recordings_apart(sample, study):
+    run = snakemake(sample, "--dry-run", "--configfile", f"config/{study}.yaml")
+    assert run.returncode == 0, run.stderr
+    jobs = [x for x in (run.stdout + run.stderr).splitlines() if x.startswith("rule simulate")]
+    assert len(jobs) == 4
+
+
+def test_a_small_study_of_a_control_runs_to_a_report(sample):
+    def shorten(config):
+        config["study"] = "small"
+        for recording, seconds in zip(config["recordings"], (50, 50, 50, 40.5), strict=True):
+            recording["simulation"]["duration_s"] = seconds
+
+    edited = edit_config(sample, shorten, source="config/control.yaml")
+    run = snakemake(sample, "--configfile", edited)
+    assert run.returncode == 0, run.stdout + run.stderr
+    results = sample / "results" / "small"
+    truth = json.loads((results / "truth.json").read_text())
+    assert truth["touchdowns_usable"]["value"] > 250
+    assert truth["labels_right_of_all_kink"]["value"] > 0.9
+    for name in FIGURES:
+        assert (results / "figures" / f"{name}.svg").exists()
+    table = pd.read_csv(results / "tables" / "touchdowns.csv")
+    assert table["recording"].nunique() == 4
+
+
 def swap_body_and_feet(config):
     markers = config["markers"]
     markers["body"], markers["feet"] = markers["feet"], markers["body"]

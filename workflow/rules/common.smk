@@ -2,7 +2,7 @@ import re
 import sys
 from pathlib import Path
 
-from hopdata.config import load_config
+from hopdata.config import load_config, simulation_of
 from hopdata.errors import HopdataError
 from hopdata.provenance import code_digest
 
@@ -19,6 +19,9 @@ METHODS = ["kink", "velocity_minimum", "velocity_minimum_parabola"]
 # Only a simulation, or a file of ours, can carry the truth that all methods are scored against.
 MAY_HAVE_TRUTH = any(not file or file.endswith((".h5", ".hdf5")) for file in SOURCES.values())
 SCORED_METHODS = METHODS if MAY_HAVE_TRUTH else [METHOD]
+SIMULATIONS = {entry["name"]: simulation_of(STUDY, entry["name"]) for entry in STUDY["recordings"]}
+# The scenes of a study that is simulated as a whole are known, and can be integrated again.
+SIMULATED = not any(SOURCES.values())
 FORMATS = STUDY["figures"]["formats"]
 FIGURE_NAMES = [
     "fig2_2_sections",
@@ -26,6 +29,7 @@ FIGURE_NAMES = [
     "fig2_4_prediction",
     "fig2_5_distances",
     *(["distance_sensitivity"] if STUDY["distances"]["sensitivity"] else []),
+    *(["scaling_study"] if SIMULATED else []),
 ]
 FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"

@@ -94,6 +94,46 @@ rule sensitivity:
         "../scripts/sensitivity.py"
 
 
+rule scaling_study:
+    """Maps of noise-free landings whose deviations from a simultaneous contact are scaled down."""
+    input:
+        recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
+        sections=rules.sections.output.sections,
+    output:
+        scaling=f"{RESULTS}/tables/scaling_study.csv",
+    log:
+        f"{RESULTS}/logs/scaling_study.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/scaling_study.tsv"
+    threads: workflow.cores
+    params:
+        options=STUDY["scaling_study"],
+        code=code("scaling_study"),
+    script:
+        "../scripts/scaling_study.py"
+
+
+rule verdict:
+    """Whether the map through the landing is C1: effect size, interval and tests."""
+    input:
+        pairs=rules.pairs.output.pairs,
+        touchdowns=rules.pairs.output.touchdowns,
+        units=rules.units.output.units,
+    output:
+        verdict=f"{RESULTS}/verdict.json",
+        windows=f"{RESULTS}/tables/verdict_windows.csv",
+    log:
+        f"{RESULTS}/logs/verdict.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/verdict.tsv"
+    params:
+        options=STUDY["verdict"],
+        seed=STUDY["seed"],
+        code=code("verdict"),
+    script:
+        "../scripts/verdict.py"
+
+
 rule score:
     """Accuracy against the truth that a synthetic recording carries."""
     input:
@@ -102,6 +142,7 @@ rule score:
             for method in SCORED_METHODS
             for recording in RECORDINGS
         },
+        scaling=[rules.scaling_study.output.scaling] if SIMULATED else [],
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
         sections=rules.sections.output.sections,

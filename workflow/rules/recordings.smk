@@ -7,7 +7,7 @@ rule simulate:
     benchmark:
         f"{RESULTS}/benchmarks/simulate_{{recording}}.tsv"
     params:
-        simulation=STUDY["simulation"],
+        simulation=lambda wildcards: SIMULATIONS[wildcards.recording],
         motion_capture=STUDY["motion_capture"],
         seed=STUDY["seed"],
         number=lambda wildcards: RECORDINGS.index(wildcards.recording),

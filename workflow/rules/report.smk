@@ -90,6 +90,23 @@ rule figure_sensitivity:
         "../scripts/figure_sensitivity.py"
 
 
+rule figure_scaling_study:
+    """The scaling study: the hopper and three kinds of control side by side."""
+    input:
+        scaling=rules.scaling_study.output.scaling,
+    output:
+        figure("scaling_study"),
+    log:
+        f"{RESULTS}/logs/figure_scaling_study.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_scaling_study.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_scaling_study"),
+    script:
+        "../scripts/figure_scaling_study.py"
+
+
 # What a study runs through, whose times the report gives.
 STAGES = [
     *([] if all(SOURCES.values()) else [rules.simulate]),
@@ -108,6 +125,7 @@ STAGES = [
     rules.figure_prediction,
     rules.figure_distances,
     *([rules.sensitivity, rules.figure_sensitivity] if STUDY["distances"]["sensitivity"] else []),
+    *([rules.scaling_study, rules.figure_scaling_study] if SIMULATED else []),
 ]
 
 

@@ -27,5 +27,6 @@ with reported(snakemake.log[0]):
         touchdowns=read_table(source.touchdowns),
         prediction_summary=read_table(source.prediction),
         distance_summary=read_table(source.distances),
+        scaling=read_tables(source.scaling) if source.scaling else None,
     )
     write_json(snakemake.output.truth, entries)

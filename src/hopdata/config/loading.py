@@ -189,6 +189,16 @@ def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
                 return
 
 
+def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
+    for i, recording in enumerate(config["recordings"]):
+        given = [key for key, value in recording["simulation"].items() if value is not None]
+        if recording["file"] is not None and given:
+            yield (
+                f"recordings[{i}].simulation: expected nothing beside a file, "
+                f"found {', '.join(given)}"
+            )
+
+
 def _missing_files(config: dict[str, Any]) -> Iterator[str]:
     for i, recording in enumerate(config["recordings"]):
         if recording["file"] is None or Path(recording["file"]).is_file():
@@ -217,4 +227,5 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _sections_in_order,
     _enough_samples,
     _simulated_markers,
+    _simulated_files,
 ]

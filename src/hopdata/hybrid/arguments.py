@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+from collections.abc import Callable
 from math import inf
 from typing import Any
 
@@ -13,7 +15,6 @@ IntArray = NDArray[np.int64]
 
 SMALLEST_RTOL = 10 * 2.0**-52  # below it, rounding is taken for error
 _LOCKS = frozenset((-1, 0, 1))
-_NO_PARAMS = np.empty(0)
 
 
 def check_numbers(
@@ -52,25 +53,46 @@ def check_shape(name: str, value: ArrayLike, length: int) -> FloatArray:
 
 def check_params(params: ArrayLike) -> FloatArray:
     """Return the parameters as a vector."""
-    if type(params) is tuple and not params:
-        return _NO_PARAMS
     vector = np.ascontiguousarray(params, dtype=np.float64)
     return vector if vector.ndim == 1 else vector.ravel()
 
 
+def quick_writer(row: FloatArray) -> Callable[[ArrayLike], bool]:
+    """Return a function that writes plain numbers into a row, in half of the time NumPy takes.
+
+    It tells whether it could: it wants a tuple or a list of as many numbers as the row is long.
+    """
+    pack, memory = struct.Struct(f"{len(row)}d").pack_into, row.data
+
+    def write(values: ArrayLike) -> bool:
+        if type(values) is not tuple and type(values) is not list:
+            return False
+        try:
+            pack(memory, 0, *values)
+        except (struct.error, TypeError, OverflowError):
+            return False
+        return True
+
+    return write
+
+
+def check_memory(memory: ArrayLike | None, length: int) -> FloatArray:
+    """Return the scene's memory at the start, by default zeros."""
+    start = np.zeros(length) if memory is None else check_params(memory)
+    if len(start) != length:
+        raise ValueError(f"memory: expected {length} numbers, found {len(start)}")
+    return start
+
+
 def with_memory(params: FloatArray, memory: ArrayLike | None, n_memory: int) -> FloatArray:
-    """Return the parameters, of one integration or a row for each, with the memory behind them."""
-    start = np.zeros(n_memory) if memory is None else check_params(memory)
-    if len(start) != n_memory:
-        raise ValueError(f"memory: expected {n_memory} numbers, found {len(start)}")
+    """Return the parameters, a row for each integration, with the memory behind them."""
+    start = check_memory(memory, n_memory)
     return np.concatenate([params, np.broadcast_to(start, (*params.shape[:-1], n_memory))], axis=-1)
 
 
 def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:
     """Write the initial mode into `full`: all of it, or the scene's own integers behind locks 0."""
     full.fill(0)
-    if mode is None:
-        return
     given = np.asarray(mode, dtype=np.int64).ravel()
     if len(given) == len(full):
         full[:] = given

@@ -13,7 +13,6 @@ from hopdata.hybrid.arguments import (
     check_numbers,
     check_times,
     set_mode,
-    set_tolerance,
     with_memory,
 )
 from hopdata.hybrid.compiled.unraisable import Caught
@@ -172,22 +171,24 @@ def solve_batch(
     states = _states(y0, system.n_states)
     numbers = with_memory(_parameters(params, len(states)), memory, system.n_memory)
     system.check_params_length(numbers.shape[1])
-    modes = np.empty((1, system.n_modes), dtype=np.int64)
-    set_mode(modes[0], system.n_guards, mode)
+    modes = np.zeros((1, system.n_modes), dtype=np.int64)
+    if mode is not None:
+        set_mode(modes[0], system.n_guards, mode)
     times = np.empty(0) if t_eval is None else check_times(t_eval, t_start, t_stop)
     room = _Room(len(states), system, len(times), jacobian)
     options = (t_start, t_stop, rtol, max_step, step, int(max_steps), int(max_events))
 
     def run(first: int, last: int) -> int:
         methods, work = system.methods(method, jacobian), system.take_workspace()
-        own, done = np.empty(numbers.shape[1]), first
+        done = first
         try:
             work.begin(methods, times if len(times) else None, jacobian)
-            set_tolerance(work.atol, atol)
+            work.make_params_room(numbers.shape[1] - system.n_memory)
+            work.set_tolerance(atol)
             with Caught() as caught:
                 while done < last and not caught:
                     done = many_entry()(
-                        work.desk, done, last, states, numbers, modes, own, *room.arrays, *options
+                        work.desk, done, last, states, numbers, modes, *room.arrays, *options
                     )
                     if done < last:
                         methods.provide(int(work.counts[METHOD]))

@@ -16,6 +16,8 @@ def run_in_threads(
 ) -> None:
     """Run a job on the numbers from `done` on below `total`, a chunk at a time in each thread.
 
+    One worker is this thread: to start another would take as long as a hundred small integrations.
+
     Parameters
     ----------
     run : callable
@@ -29,11 +31,21 @@ def run_in_threads(
     """
     chunks = [(first, min(first + CHUNK, total)) for first in range(done, total, CHUNK)]
     shown = _Progress(total) if progress else None
-    with ThreadPoolExecutor(workers or available_cores()) as pool:
-        for count in _in_any_order(pool, [pool.submit(run, *chunk) for chunk in chunks]):
-            done += count
-            if shown is not None:
-                shown.show(done)
+    for count in _counts(run, chunks, min(workers or available_cores(), len(chunks))):
+        done += count
+        if shown is not None:
+            shown.show(done)
+
+
+def _counts(
+    run: Callable[[int, int], int], chunks: list[tuple[int, int]], workers: int
+) -> Iterator[int]:
+    """Run the chunks; yield how many numbers are done, as each chunk ends."""
+    if workers <= 1:
+        yield from (run(*chunk) for chunk in chunks)
+        return
+    with ThreadPoolExecutor(workers) as pool:
+        yield from _in_any_order(pool, [pool.submit(run, *chunk) for chunk in chunks])
 
 
 def _in_any_order(pool: ThreadPoolExecutor, jobs: list[Future[int]]) -> Iterator[int]:

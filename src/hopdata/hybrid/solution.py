@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +18,10 @@ from hopdata.hybrid.status import describe
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-Record = TypeVar("Record")
-
-
-def filled(kind: type[Record], **values: Any) -> Record:
-    """Return a frozen dataclass with these values: its own `__init__` takes a microsecond."""
-    record = object.__new__(kind)
-    record.__dict__.update(values)
-    return record
-
-
 MOST_SHOWN = 10  # events, in the text of a log
+COUNTS = int(layout.CLOCK_SLOTS)  # where in `end` the counters begin
+MODE = COUNTS + int(layout.COUNT_SLOTS)  # and where the mode does
+BYTES = 8  # of a number
 
 
 @dataclass(frozen=True, repr=False)
@@ -134,6 +126,23 @@ class EventLog:
         return EventLog(self.records[chosen], self.n_states, self.guard_names)
 
 
+@dataclass(frozen=True)
+class Widths:
+    """How long the parts of a system's records are.
+
+    Parameters
+    ----------
+    state, mode : int
+        Lengths of state (n) and mode (m).
+    event : int
+        Numbers in the record of an event.
+    """
+
+    state: int
+    mode: int
+    event: int
+
+
 @dataclass(frozen=True, repr=False)
 class Solution:
     """Trajectory, events and how it ended, in the vocabulary of `scipy.integrate.solve_ivp`.
@@ -142,30 +151,29 @@ class Solution:
     ----------
     status : int
         0: reached the end; 1: ended by an event; negative: failed, see `message`.
-    mode : (m,) array of int
-        Mode at the end.
     y_end : (n,) array
         State reached.
+    end : bytes
+        The driver's times and counters, and the mode, at the end, side by side.
+    rows : bytes
+        Times and states of the trajectory, (N, 1 + n).
+    records : bytes
+        Events, as `EventLog` keeps them.
     jacobian : (n, n) array, optional
         Derivative of `y_end` by the initial state at fixed times, through all events, if asked for.
-    rows : (N, 1 + n) array
-        Times and states of the trajectory, side by side.
-    records : (E, 3 + 2 n + m) array
-        Events, as `EventLog` keeps them.
-    counts, clock : array
-        The driver's counters and times at the end.
+    widths : Widths
+        Lengths of the parts of these records.
     guard_names : tuple of str
         Names of all guards of the system.
     """
 
     status: int
-    mode: IntArray
     y_end: FloatArray
+    end: bytes
+    rows: bytes
+    records: bytes
     jacobian: FloatArray | None
-    rows: FloatArray
-    records: FloatArray
-    counts: IntArray
-    clock: FloatArray
+    widths: Widths
     guard_names: tuple[str, ...]
 
     def __repr__(self) -> str:
@@ -178,7 +186,13 @@ class Solution:
     @cached_property
     def events(self) -> EventLog:
         """All events."""
-        return EventLog(self.records, len(self.y_end), self.guard_names)
+        records = np.frombuffer(self.records).reshape(-1, self.widths.event)
+        return EventLog(records, self.widths.state, self.guard_names)
+
+    @cached_property
+    def mode(self) -> IntArray:
+        """Mode at the end; (m,)."""
+        return np.frombuffer(self.end, np.int64, self.widths.mode, BYTES * MODE).copy()
 
     @property
     def t_end(self) -> float:
@@ -188,12 +202,12 @@ class Solution:
     @cached_property
     def t(self) -> FloatArray:
         """Times, s; (N,): `t_eval` as far as it was reached, or every step and event."""
-        return self.rows[:, 0].copy()
+        return self._table[:, 0].copy()
 
     @cached_property
     def y(self) -> FloatArray:
         """States at those times; (n, N). At the instant of an event, the state after it."""
-        return self.rows[:, 1:].T.copy()
+        return self._table[:, 1:].T.copy()
 
     @property
     def success(self) -> bool:
@@ -227,3 +241,30 @@ class Solution:
     def n_rejected(self) -> int:
         """Rejected steps."""
         return int(self.counts[layout.REJECTED])
+
+    @property
+    def _table(self) -> FloatArray:
+        return np.frombuffer(self.rows).reshape(-1, 1 + self.widths.state)
+
+    @property
+    def clock(self) -> FloatArray:
+        """The driver's times at the end, as `driver.layout` numbers them."""
+        return np.frombuffer(self.end)[:COUNTS]
+
+    @property
+    def counts(self) -> IntArray:
+        """The driver's counters at the end."""
+        return np.frombuffer(self.end, np.int64)[COUNTS:MODE]
+
+
+def solution_of(
+    status: int, y_end: FloatArray, end: bytes, rows: bytes, records: bytes,
+    jacobian: FloatArray | None, widths: Widths, guard_names: tuple[str, ...],
+) -> Solution:  # fmt: skip
+    """Return `Solution(...)`, whose own `__init__` takes a microsecond, as it is frozen."""
+    solution = object.__new__(Solution)
+    fields = solution.__dict__
+    fields["status"], fields["y_end"], fields["end"], fields["rows"] = status, y_end, end, rows
+    fields["records"], fields["jacobian"] = records, jacobian
+    fields["widths"], fields["guard_names"] = widths, guard_names
+    return solution

@@ -9,19 +9,15 @@ from numpy.typing import ArrayLike
 
 from hopdata.hybrid.arguments import (
     check_numbers,
-    check_params,
-    check_shape,
     check_times,
     set_mode,
-    set_tolerance,
-    with_memory,
 )
 from hopdata.hybrid.compiled.unraisable import Caught
 from hopdata.hybrid.driver.entry import driver_entry
-from hopdata.hybrid.driver.layout import METHOD, STEPS
+from hopdata.hybrid.driver.layout import EVERY_STEP, GIVEN_MODE, METHOD, RESUMED, STEPS
 from hopdata.hybrid.methods import table
 from hopdata.hybrid.methods.table import MethodTable
-from hopdata.hybrid.solution import Solution, filled
+from hopdata.hybrid.solution import Solution, solution_of
 from hopdata.hybrid.status import BAD_START, NEEDS_METHOD, NEEDS_ROOM, PAUSED
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import Workspace
@@ -101,58 +97,49 @@ def solve(
     t_start, t_end, rtol, max_step, step = check_numbers(
         t_span, rtol, max_step, first_step, max_steps, max_events
     )
-    state, numbers = check_shape("y0", y0, system.n_states), check_params(params)
     times = None if t_eval is None else check_times(t_eval, t_start, t_end)
-    if system.n_memory > 0 or memory is not None:
-        numbers = with_memory(numbers, memory, system.n_memory)
-    system.check_params_length(len(numbers))
     methods, work = system.methods(method, jacobian), system.take_workspace()
     try:
         work.begin(methods, times, jacobian)
-        set_mode(work.mode, system.n_guards, mode)
-        set_tolerance(work.atol, atol)
+        work.set_state(y0)
+        work.set_params(params, memory)
+        system.check_params_length(len(work.params))
+        work.set_tolerance(atol)
+        flags = EVERY_STEP if times is None else 0
+        if mode is not None:
+            set_mode(work.mode, system.n_guards, mode)
+            flags |= GIVEN_MODE
         status = _run(
-            methods, work, state, numbers, t_start, t_end, rtol, max_step, step,
-            int(max_steps), int(max_events), times is None,
+            methods, work,
+            (t_start, t_end, rtol, max_step, step, int(max_steps), int(max_events)), flags,
         )  # fmt: skip
         if status == BAD_START:
-            raise ValueError(f"y0: expected finite numbers, found {state}")
-        return _solution(system, work, status, times is None)
+            raise ValueError(f"y0: expected finite numbers, found {work.state}")
+        return solution_of(
+            status, work.state.copy(), work.end(),
+            work.trajectory() if times is None else work.samples(), work.events(),
+            work.jacobian(), work.widths, work.guard_names,
+        )  # fmt: skip
     finally:
         system.idle.append(work)
 
 
-def _run(methods: MethodTable, work: Workspace, *arguments: object) -> int:
+def _run(methods: MethodTable, work: Workspace, options: tuple[float, ...], flags: int) -> int:
     """Call the driver until it has ended, with as much room as it asks for; return its status."""
     drive = driver_entry()
     if methods.generic and methods.steps >= table.WORTH_COMPILING:
         methods.specialise()
     with Caught() as caught:
-        status = drive(work.desk, *arguments, False)
+        status = drive(work.desk, *options, flags)
         while status in UNFINISHED and not caught:
             if status == NEEDS_ROOM:
                 work.enlarge()
             elif status == NEEDS_METHOD:
                 methods.provide(int(work.counts[METHOD]))
             methods.specialise(int(work.counts[STEPS]))
-            status = drive(work.desk, *arguments, True)
+            status = drive(work.desk, *options, flags | RESUMED)
     if methods.generic:
         methods.steps += work.counts.item(STEPS)
     if caught:
         raise caught[0]
     return status
-
-
-def _solution(system: System, work: Workspace, status: int, every_step: bool) -> Solution:
-    return filled(
-        Solution,
-        status=status,
-        mode=work.mode.copy(),
-        y_end=work.state.copy(),
-        jacobian=None if work.tangent is None else work.tangent[: system.n_states].copy(),
-        rows=work.trajectory() if every_step else work.samples(),
-        records=work.events(),
-        counts=work.counts.copy(),
-        clock=work.clock.copy(),
-        guard_names=system.guard_names,
-    )

@@ -187,8 +187,9 @@ class System:
         except IndexError:
             logged = self.n_extra_modes if self.guard is not None else self.n_modes
             return Workspace(
-                self.addresses, self.rules, self.n_states, self.n_modes, self.guard_names, logged
-            )
+                self.addresses, self.rules, self.n_states, self.n_modes, self.n_memory,
+                self.guard_names, logged,
+            )  # fmt: skip
 
 
 def _check_callback(name: str, callback: Callback | None, signature: object) -> None:

@@ -161,6 +161,24 @@ def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
     )
 
 
+def contact_instants(pairs: Pairs, table: pd.DataFrame) -> FloatArray:
+    """Return the contact instants (n, feet) of the pairs, s, from the table of touchdowns.
+
+    Raises
+    ------
+    AnalysisError
+        If a pair has no row in the table.
+    """
+    columns = [name for name in table.columns if name.startswith("contact_")]
+    rows = table.set_index(["recording", "index"])[columns]
+    keys = list(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
+    missing = [key for key in keys if key not in rows.index]
+    if missing:
+        name, number = missing[0]
+        raise AnalysisError(f"touchdowns: expected a row for touchdown {number} of {name}, no such")
+    return rows.loc[keys].to_numpy(float)
+
+
 def _why_none(recording: Recording, table: pd.DataFrame) -> str:
     """Say why a recording gives no pair: its descents and the commonest reason, or its heights."""
     if len(table):

@@ -17,6 +17,7 @@ from hopdata.maps.landing_scores import (
     score_floor,
     score_sections,
 )
+from hopdata.maps.scaling import score_scaling
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,6 +32,7 @@ def score(
     touchdowns: pd.DataFrame,
     prediction_summary: pd.DataFrame,
     distance_summary: pd.DataFrame,
+    scaling: pd.DataFrame | None = None,
 ) -> Entries:
     """Score a study against the truth of its recordings.
 
@@ -48,6 +50,8 @@ def score(
         The study's own touchdown table, whose used and excluded rows are counted.
     prediction_summary, distance_summary
         Tables of the same names.
+    scaling
+        Table of the scaling study, of a study that is simulated as a whole.
     """
     if not known:
         return {}
@@ -59,6 +63,8 @@ def score(
     entries |= score_floor(known)
     entries |= score_predictions(prediction_summary)
     entries |= score_distances(distance_summary)
+    if scaling is not None:
+        entries |= score_scaling(scaling)
     return entries
 
 

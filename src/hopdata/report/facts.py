@@ -37,6 +37,7 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         **_models(inputs),
         "distances": _medians(inputs.distances, "kind", KIND_NAMES, two_decimals),
         "labels_right": _labels_right(inputs.truth or {}),
+        "slopes": _slopes(inputs.truth or {}),
     }
 
 
@@ -115,6 +116,16 @@ def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str
         method.replace("_", " "): (share, _percent(truth.get(of_all + method)))
         for method in methods
         if (share := _percent(truth[prefix + method]))
+    }
+
+
+def _slopes(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
+    """Slopes of the scaling study, by case."""
+    prefix = "scaling_slope_"
+    return {
+        name.removeprefix(prefix): fixed(entry["value"], 2)
+        for name, entry in truth.items()
+        if name.startswith(prefix) and not is_missing(entry.get("value"))
     }
 
 

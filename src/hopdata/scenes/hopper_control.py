@@ -67,6 +67,11 @@ class HopperControl:
         if not 0 <= self.impulse <= 1:
             raise ValueError(f"impulse: expected 0 to 1, found {self.impulse}")
 
+    @property
+    def active(self) -> bool:
+        """Whether any strength differs from zero."""
+        return (self.coupling, self.impulse, self.delay_s) != (0.0, 0.0, 0.0)
+
     def vector(self, hopper: HopperParameters, preloads_n: FloatArray | None = None) -> FloatArray:
         """Flat parameter vector: the hopper's, then the strengths."""
         return np.append(hopper.vector(preloads_n), [self.coupling, self.impulse, self.delay_s])

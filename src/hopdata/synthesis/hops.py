@@ -12,6 +12,7 @@ from hopdata.hybrid import Solution, solve
 from hopdata.hybrid.status import SLIDING, TERMINATED, ZENO
 from hopdata.scenes.boom import boom_angle, counterweight_places
 from hopdata.scenes.hopper import flight_mode, hopper_system
+from hopdata.scenes.hopper_control import HopperControl, control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.rigid_body import rotation_matrices
 
@@ -77,6 +78,7 @@ def fly_hop(
     parameters: HopperParameters,
     state: FloatArray,
     *,
+    control: HopperControl | None = None,
     preloads_n: FloatArray | None = None,
     frame_times_s: FloatArray | None = None,
     limit_s: float = 3.0,
@@ -90,6 +92,8 @@ def fly_hop(
     parameters : HopperParameters
     state : (12,) array
         State in flight, at or near the apex.
+    control : HopperControl, optional
+        What it lands like; by default like the hopper itself.
     preloads_n : (n,) array, optional
         Preload of each leg in this hop, N.
     frame_times_s : (K,) array, optional
@@ -105,9 +109,11 @@ def fly_hop(
     n = parameters.n_legs
     preloads = np.full(n, parameters.preload_n) if preloads_n is None else preloads_n
     frames = np.empty(0) if frame_times_s is None else frame_times_s
-    vector = parameters.vector(preloads)
+    system, vector = hopper_system(n), parameters.vector(preloads)
+    if control is not None:
+        system, vector = control_system(n), control.vector(parameters, preloads)
     solution = solve(
-        hopper_system(n),
+        system,
         (0.0, limit_s),
         state,
         params=vector,
@@ -148,6 +154,13 @@ def rest_foot(parameters: HopperParameters, states: FloatArray, leg: int) -> Flo
     """Place of one leg's foot at rest length, world frame, (..., 3), m."""
     arm = rotation_matrices(states[..., 3:6]) @ parameters.rest_feet()[leg]
     return states[..., :3] + arm
+
+
+def rest_foot_climb(parameters: HopperParameters, states: FloatArray, leg: int) -> FloatArray:
+    """Rate of the height of one leg's foot at rest length, (...), m/s."""
+    turning = np.cross(states[..., 9:12], parameters.rest_feet()[leg])
+    up = rotation_matrices(states[..., 3:6])[..., 2, :]
+    return np.asarray(states[..., 8] + np.sum(up * turning, axis=-1))
 
 
 def level_state(parameters: HopperParameters, height_m: float) -> FloatArray:

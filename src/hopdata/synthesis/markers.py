@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.rigid_body import rotation_matrices
-from hopdata.synthesis.hops import rest_foot
+from hopdata.synthesis.control_hops import smooth_step
+from hopdata.synthesis.hops import rest_foot, rest_foot_climb
 from hopdata.synthesis.options import MarkerOptions
 from hopdata.synthesis.trial import Trial
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
+RUNNING_AHEAD_S = 0.1  # time after the apex in which feet come to run ahead
 
 
 @dataclass(frozen=True)
@@ -32,10 +35,14 @@ class MarkerTracks:
 
 
 def track_markers(
-    trial: Trial, parameters: HopperParameters, options: MarkerOptions
+    trial: Trial, parameters: HopperParameters, options: MarkerOptions, *, delay_s: float = 0.0
 ) -> MarkerTracks:
-    """Follow all markers of a trial, at its frames."""
-    down, feet = _follow_feet(trial, parameters, options.retraction_s)
+    """Follow all markers of a trial, at its frames.
+
+    With a control's `delay_s`, contact is where the guard says: the feet run ahead by this time as
+    they come down, and so are on the floor at that instant.
+    """
+    down, feet = _follow_feet(trial, parameters, options.retraction_s, delay_s)
     body = fixed_markers(trial.states, np.array(options.body_m))
     boom = _in_world(trial.states, (trial.boom + options.boom_m)[:, None])
     counts = {"body": body.shape[1], "foot": feet.shape[1], "boom": 1}
@@ -59,7 +66,7 @@ def _in_world(states: FloatArray, points_m: FloatArray) -> FloatArray:
 
 
 def _follow_feet(
-    trial: Trial, parameters: HopperParameters, retraction_s: float
+    trial: Trial, parameters: HopperParameters, retraction_s: float, delay_s: float
 ) -> tuple[BoolArray, FloatArray]:
     """Contact (N, n) and position (N, n, 3) of every foot at every frame.
 
@@ -78,10 +85,22 @@ def _follow_feet(
         rest = rest_foot(parameters, trial.states, leg)
         drawn = extension * (1.0 - smooth_step(since / retraction_s))[:, None]
         flying = rest + np.einsum("nij,nj->ni", rotations, drawn)
+        if delay_s != 0:
+            flying[:, 2] += delay_s * _running_ahead(trial, parameters, leg, since, time)
         standing = rest * [1.0, 1.0, 0.0]
         down[:, leg] = in_contact
         feet[:, leg] = np.where(in_contact[:, None], standing, flying)
     return down, feet
+
+
+def _running_ahead(
+    trial: Trial, parameters: HopperParameters, leg: int, since: FloatArray, time: FloatArray
+) -> FloatArray:
+    """Vertical speed of a foot that has not touched since the apex, m/s, faded in; else 0; (N,)."""
+    apex = np.searchsorted(trial.apex_s, time, side="right") - 1
+    falling = time - trial.apex_s[apex]
+    share = np.where(since > falling, smooth_step(falling / RUNNING_AHEAD_S), 0.0)
+    return np.asarray(share * rest_foot_climb(parameters, trial.states, leg))
 
 
 def _after_last_event(
@@ -101,9 +120,3 @@ def _after_last_event(
     extension = np.vstack([extension, np.zeros(3)])
     is_down = np.append(trial.event_down[mine], False)
     return time - when[last], extension[last], is_down[last]
-
-
-def smooth_step(s: FloatArray) -> FloatArray:
-    """Quintic from 0 to 1 on [0, 1] whose first two derivatives vanish at both ends."""
-    s = np.clip(s, 0.0, 1.0)
-    return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)

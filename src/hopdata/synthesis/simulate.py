@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hopdata.errors import ConfigError, did_you_mean
 from hopdata.recordings.recording import Recording
 from hopdata.recordings.truth import Truth
+from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.capture import observe
 from hopdata.synthesis.floor import CurvedFloor, draw_floor
@@ -46,6 +47,8 @@ class Simulation:
         Cut the recording at this time, s.
     hopper, kicks, operator
         See their classes.
+    control : HopperControl
+        What lands in the hopper's place, from the apexes of its gait; at strength zero itself.
     """
 
     hops: int = 1000
@@ -53,6 +56,7 @@ class Simulation:
     hopper: HopperParameters = field(default_factory=HopperParameters)
     kicks: Kicks = field(default_factory=Kicks)
     operator: Operator = field(default_factory=Operator)
+    control: HopperControl = field(default_factory=HopperControl)
 
     def __post_init__(self) -> None:
         require(self.hops >= 1, "simulation.hops", "at least 1", self.hops)
@@ -94,7 +98,12 @@ class MotionCapture:
 
 
 _BLOCKS: dict[type, dict[str, type]] = {
-    Simulation: {"hopper": HopperParameters, "kicks": Kicks, "operator": Operator},
+    Simulation: {
+        "hopper": HopperParameters,
+        "kicks": Kicks,
+        "operator": Operator,
+        "control": HopperControl,
+    },
     MotionCapture: {"floor": FloorOptions, "gaps": GapOptions, "markers": MarkerOptions},
 }
 
@@ -135,13 +144,22 @@ def simulate_recording(
         rng=kicks_rng,
         kicks=scene.kicks,
         operator=scene.operator,
+        control=scene.control if scene.control.active else None,
         duration_s=math.inf if scene.duration_s is None else scene.duration_s,
     )
-    tracks = track_markers(trial, scene.hopper, camera.markers)
+    tracks = track_markers(trial, scene.hopper, camera.markers, delay_s=scene.control.delay_s)
     floor = draw_floor(camera.floor, floor_rng)
     recording = _observed(tracks, floor, camera, name, noise_rng, gaps_rng)
-    parameters = {"seed": seed, "simulation": asdict(scene), "motion_capture": asdict(camera)}
+    parameters = {"seed": seed, "simulation": _said(scene), "motion_capture": asdict(camera)}
     return recording, _truth(trial, tracks, floor, scene.hopper, camera, parameters)
+
+
+def _said(scene: Simulation) -> dict[str, Any]:
+    """Return the options as plain data; a control only if there is one."""
+    said = asdict(scene)
+    if not scene.control.active:
+        del said["control"]
+    return said
 
 
 def _options(kind: type[Any], values: Mapping[str, Any] | None, where: str) -> Any:

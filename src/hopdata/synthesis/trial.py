@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.scenes.boom import counterweight_places
+from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.rigid_body import euler_rates
+from hopdata.synthesis.control_hops import control_hop, pose_rate
 from hopdata.synthesis.hops import Hop, fly_hop, level_state
 from hopdata.synthesis.options import Kicks, Operator
 
@@ -35,6 +37,8 @@ class Trial:
         Hops that ended before the last frame, in order.
     hop_start_s : (L,) array
         Time of the apex at which each hop began, s.
+    apex_s : (A,) array
+        The same of every hop, also of one that was cut off, s.
     event_time, event_leg, event_down, event_state
         All contact events, (E,), (E,), (E,) and (E, 12), ordered in time.
     n_carries : int
@@ -46,6 +50,7 @@ class Trial:
     boom: FloatArray
     hops: tuple[Hop, ...]
     hop_start_s: FloatArray
+    apex_s: FloatArray
     event_time: FloatArray
     event_leg: IntArray
     event_down: BoolArray
@@ -102,6 +107,7 @@ class _Tape:
             boom=np.concatenate(self.boom)[:frames],
             hops=tuple(self.hops[:n_whole]),
             hop_start_s=np.array(self.starts[:n_whole]),
+            apex_s=np.array(self.starts),
             event_time=time,
             event_leg=leg,
             event_down=down,
@@ -118,11 +124,13 @@ def run_trial(
     rng: np.random.Generator,
     kicks: Kicks | None = None,
     operator: Operator | None = None,
+    control: HopperControl | None = None,
     duration_s: float = math.inf,
 ) -> Trial:
     """Let the hopper hop so many times, or for so long, whichever ends first.
 
-    If the boom swings, it does so to and fro, hop by hop.
+    If the boom swings, it does so to and fro, hop by hop. A control lands from the apexes of the
+    hopper's own gait, whatever became of its last landing; see `hopdata.synthesis.control_hops`.
 
     Parameters
     ----------
@@ -135,6 +143,8 @@ def run_trial(
         Source of the kicks and of the places of release.
     kicks, operator : optional
         Disturbances and handling; the defaults of their classes if absent.
+    control : HopperControl, optional
+        What lands; by default the hopper itself.
     duration_s : float
         Cut the trial at this time, s.
     """
@@ -142,20 +152,26 @@ def run_trial(
     tape = _Tape(rate_hz)
     state = _release_state(parameters, operator, rng, yaw_rad=0.0)
     while len(tape.hops) < hops and tape.clock < duration_s:
+        frames: dict[str, Any] = {
+            "frame_times_s": tape.frames_within(operator.hop_limit_s),
+            "limit_s": operator.hop_limit_s,
+        }
         chance = rng.standard_normal(parameters.n_legs)
         hop = fly_hop(
             parameters,
             kicked(state, kicks, rng),
             preloads_n=parameters.preload_n * (1 + kicks.preload_fraction * chance),
-            frame_times_s=tape.frames_within(operator.hop_limit_s),
-            limit_s=operator.hop_limit_s,
+            **frames,
         )
-        tape.add_hop(hop)
+        shown = hop if control is None else control_hop(parameters, control, hop, **frames)
+        tape.add_hop(shown)
         state = hop.end_state
         parameters = _boom_reversed(parameters, hop)
         if hop.fell or np.max(np.abs(state[:2])) > operator.arena_m:
             state = _release_state(parameters, operator, rng, yaw_rad=hop.end_state[3])
-            _carry(tape, hop, state, operator.carry_s, parameters)
+            _carry(tape, shown, state, operator.carry_s, parameters)
+        elif shown is not hop and not np.array_equal(shown.end_state, state):
+            _carry(tape, shown, state, operator.carry_s, parameters)
     return tape.trial(duration_s)
 
 
@@ -172,18 +188,19 @@ def carried(
 ) -> FloatArray:
     """States, (K, 12), of a body moved by hand: cubic in each coordinate, with no jump in speed.
 
-    It starts with the motion of `state` and ends at rest in `release`; `times_s` (K,) count from
+    It starts with the motion of `state` and ends with that of `release`; `times_s` (K,) count from
     the start. The angular velocity of these states is not used by anybody and left at zero.
     """
     s = np.clip(times_s / duration_s, 0.0, 1.0)[:, None]
-    rate = np.concatenate([state[6:9], euler_rates.py_func(state[4], state[5], *state[9:12])])
     start, end = state[:6], release[:6]
+    leaving, arriving = pose_rate(state), pose_rate(release)
     blend = s * s * (3.0 - 2.0 * s)
-    slide = s * (1.0 - s) ** 2 * duration_s
+    slide, brake = s * (1.0 - s) ** 2 * duration_s, s * s * (s - 1.0) * duration_s
     states = np.zeros((len(s), 12))
-    states[:, :6] = start + (end - start) * blend + rate * slide
-    speed = 6.0 * s * (1.0 - s) / duration_s
-    states[:, 6:9] = ((end - start) * speed + rate * (1.0 - s) * (1.0 - 3.0 * s))[:, :3]
+    states[:, :6] = start + (end - start) * blend + leaving * slide + arriving * brake
+    speed = (end - start) * 6.0 * s * (1.0 - s) / duration_s
+    speed += leaving * (1.0 - s) * (1.0 - 3.0 * s) + arriving * s * (3.0 * s - 2.0)
+    states[:, 6:9] = speed[:, :3]
     return states
 
 

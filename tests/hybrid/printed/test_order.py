@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hopdata.hybrid.printed.order import fit_order
+from hopdata.hybrid.printed.order import fit_limit, fit_order
 
 STEPS = np.geomspace(1e-3, 1.0, 25)
 
@@ -32,3 +32,31 @@ def test_scatter_is_no_line():
     fit = fit_order(STEPS, error)
     assert np.isnan(fit.order)
     assert not fit.used.any()
+
+
+def test_the_limit_is_found_where_no_line_is_straight():
+    """As for Dormand-Prince at a rate of 10: z^5 (1 - 5/7 z)."""
+    z = 10.0 * STEPS
+    error = np.where(z < 1.0, z**5 * (1.0 - 5.0 / 7.0 * z), 1.0) + 1e-16
+    limit = fit_limit(STEPS, error, shortest_piece=0.05)
+    assert limit.order == pytest.approx(5.0, abs=0.01)
+    assert limit.bend == pytest.approx(-50.0 / 7.0, rel=0.2)
+    assert limit.n_steps == ((STEPS <= 0.0125) & (error >= 1e-12)).sum()
+    assert fit_order(STEPS, error).order < 4.97
+
+
+def test_the_standard_error_is_that_of_the_scatter():
+    rng, orders, said = np.random.default_rng(7), [], []
+    for _ in range(200):
+        error = 2.0 * STEPS**4 * np.exp(3.0 * STEPS + rng.normal(0.0, 0.02, len(STEPS)))
+        limit = fit_limit(STEPS, error, shortest_piece=4.0)
+        orders.append(limit.order)
+        said.append(limit.standard_error)
+    assert np.mean(orders) == pytest.approx(4.0, abs=0.005)
+    assert np.std(orders) == pytest.approx(np.mean(said), rel=0.2)
+
+
+def test_too_few_steps_have_no_limit():
+    limit = fit_limit(STEPS, STEPS**8, shortest_piece=0.5)
+    assert np.isnan(limit.order)
+    assert limit.n_steps < 5

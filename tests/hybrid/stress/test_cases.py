@@ -40,3 +40,11 @@ def test_no_hop_is_lost_and_the_energy_stays():
     drift = energy(case.options["params"][1], solution.y) / energy(1e3, solution.y[:, 0]) - 1
     # Each step's error is about its tolerance; together they are less than if all had one sign.
     assert abs(drift).max() < solution.n_steps * case.options["rtol"]
+
+
+def test_landings_lose_no_energy():
+    """The interpolant of DOP853 errs by more than its step: landing on it cost 2e-14 a lift-off."""
+    case = long_case(200)
+    solution = solve(case.system, case.t_span, case.y0, method="dop853", **case.options)
+    first, last = energy(1e3, solution.y[:, 0]), energy(1e3, solution.y_end)
+    assert abs(last / first - 1.0) < 200 * 1e-14

@@ -36,6 +36,7 @@ TIGHT = 1e-7  # relative tolerance from which the method of highest order takes 
 LONG = 4.0  # steps without an event, after which a method of higher order is worth its cost
 SHORT = 2.5  # steps of the cheaper method: events that are nearer to each other are dense
 EVERY = 16  # steps: one of so many is tested for stiffness, as long as there is no sign of it
+VERY_HIGH_ORDER = 16.0  # from which the error obeys its power over many decades: no limits
 RELIEVED = 1.0  # dt times the fastest rate, below which an explicit step of this length will do
 
 
@@ -108,5 +109,7 @@ def choose_after_event(p: Problem, m: Memory) -> None:
     method = m.counts[METHOD]
     denser, apart = p.methods[method, DENSER], m.clock[T] - m.clock[SEGMENT]
     m.clock[SEGMENT] = m.clock[T]
+    if p.methods[method, ORDER] >= VERY_HIGH_ORDER:  # the last mode tells nothing of this one
+        m.clock[NEXT_DT] = p.t_end - m.clock[T]
     if denser >= 0 and apart < SHORT * m.clock[NEXT_DT] * step_ratio(p, method, denser):
         change_method(p, m, denser)

@@ -12,6 +12,7 @@ from hopdata.hybrid.driver.layout import (
     DEGREE,
     IN_POWERS,
     INTERPOLANT,
+    INTERPOLANT_EVALUATIONS,
     METHOD,
     NFEV,
     P1,
@@ -31,16 +32,16 @@ def prepare_interpolant(p: Problem, m: Memory, dt: float) -> None:
     if m.clock[SPAN] > 0.0:
         return
     m.clock[SPAN] = dt
-    address = p.methods[m.counts[METHOD], INTERPOLANT]
-    s, t = m.states, m.clock[T]
-    m.counts[NFEV] += call_interpolant(address, t, dt, s, p.mode, p.params, p.field)
+    s, t, method = m.states, m.clock[T], m.counts[METHOD]
+    address = p.methods[method, INTERPOLANT]
+    m.counts[NFEV] += p.methods[method, INTERPOLANT_EVALUATIONS]
+    m.counts[DEGREE] = call_interpolant(address, t, dt, s, p.mode, p.params, p.field)
 
 
 @kernel
 def interpolate(p: Problem, m: Memory, theta: float, target: int) -> None:
     """Write the state at the fraction `theta` of the step into a row of the states."""
-    s, method = m.states, m.counts[METHOD]
-    last = p.methods[method, DEGREE] - 1
+    s, method, last = m.states, m.counts[METHOD], m.counts[DEGREE] - 1
     rest = theta if p.methods[method, IN_POWERS] != 0 else 1.0 - theta
     for i in range(s.width):
         value = s[P1 + last, i]
@@ -52,8 +53,7 @@ def interpolate(p: Problem, m: Memory, theta: float, target: int) -> None:
 @kernel
 def interpolate_with_slope(p: Problem, m: Memory, theta: float, dt: float) -> None:
     """Write the state at `theta` into SCRATCH, and its time derivative into SLOPE."""
-    s, method = m.states, m.counts[METHOD]
-    last = p.methods[method, DEGREE] - 1
+    s, method, last = m.states, m.counts[METHOD], m.counts[DEGREE] - 1
     in_powers = p.methods[method, IN_POWERS] != 0
     rest = theta if in_powers else 1.0 - theta
     turn = 1.0 if in_powers else -1.0

@@ -30,6 +30,7 @@ from hopdata.hybrid.driver.layout import (
     N_LOG_ROWS,
     N_ROWS,
     ON_EVENT,
+    PARAMS,
     RATE_BOUND,
     ROW_TABLE,
     RULES,
@@ -79,13 +80,11 @@ def desk_memory(desk: IntVector) -> Memory:
 
 
 @kernel
-def desk_problem(
-    desk: IntVector, params: FloatVector, rtol: float, max_step: float, t_end: float
-) -> Problem:
+def desk_problem(desk: IntVector, rtol: float, max_step: float, t_end: float) -> Problem:
     """Return what is integrated."""
     return Problem(
         desk[FIELD], desk[GUARDS], desk[GUARD], desk[RATE_BOUND], desk[ON_EVENT],
-        int_table_on(desk, METHOD_TABLE), params, int_vector_on(desk, MODE),
+        int_table_on(desk, METHOD_TABLE), vector_on(desk, PARAMS), int_vector_on(desk, MODE),
         int_table_on(desk, RULES), rtol, vector_on(desk, ATOL), max_step, t_end,
         table_on(desk, TANGENT_TABLE), desk[TANGENT_TABLE] != 0,
     )  # fmt: skip

@@ -14,52 +14,39 @@ from numba import cfunc, njit, types
 from hopdata.hybrid.compiled.cache import cache_directory
 from hopdata.hybrid.compiled.calls import VALUE, caller
 from hopdata.hybrid.compiled.digest import driver_digest
-from hopdata.hybrid.compiled.views import (
-    address_of,
-    float_vector,
-    int_vector,
-    view,
-)
-from hopdata.hybrid.driver.layout import (
-    DESK_SLOTS,
-    RUN,
-    FloatArray,
-    IntArray,
-)
+from hopdata.hybrid.compiled.views import address_of, int_vector, view
+from hopdata.hybrid.driver.layout import DESK_SLOTS, RUN, IntArray
 from hopdata.hybrid.driver.loop import run
 
-_INT, _FLOAT, _BOOL = types.int64, types.float64, types.boolean
-_INTS, _FLOATS = types.int64[::1], types.float64[::1]
+_INT, _FLOAT, _INTS = types.int64, types.float64, types.int64[::1]
 
-OPTIONS = (_FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT, _BOOL, _BOOL)
-RUN_NATIVE = _INT(_INT, _INT, _INT, _INT, *OPTIONS)
-ENTER_NATIVE = _INT(_INTS, _FLOATS, _FLOATS, *OPTIONS)
+# t_start, t_end, rtol, max_step, step, max_steps, max_events; then the flags
+OPTIONS = (_FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT)
+RUN_NATIVE = _INT(_INT, *OPTIONS, _INT)
+ENTER_NATIVE = _INT(_INTS, *OPTIONS, _INT)
 
 call_run = caller(RUN_NATIVE, *((kind, VALUE) for kind in RUN_NATIVE.args))
 
 
 def _run(
-    desk: int, y0: int, params: int, n_params: int, t_start: float, t_end: float,
-    rtol: float, max_step: float, step: float, max_steps: int, max_events: int,
-    every_step: bool, resume: bool,
+    desk: int, t_start: float, t_end: float, rtol: float, max_step: float, step: float,
+    max_steps: int, max_events: int, flags: int,
 ) -> int:  # fmt: skip
-    """Run the driver on views of what stands at these addresses."""
+    """Run the driver on what stands on the desk at this address."""
     return run(
-        int_vector(desk, DESK_SLOTS), float_vector(y0, 0), float_vector(params, n_params),
-        t_start, t_end, rtol, max_step, step, max_steps, max_events, every_step, resume,
+        int_vector(desk, DESK_SLOTS), t_start, t_end, rtol, max_step, step, max_steps, max_events,
+        flags,
     )  # fmt: skip
 
 
 def _enter(
-    desk: IntArray, y0: FloatArray, params: FloatArray, t_start: float, t_end: float,
-    rtol: float, max_step: float, step: float, max_steps: int, max_events: int,
-    every_step: bool, resume: bool,
+    desk: IntArray, t_start: float, t_end: float, rtol: float, max_step: float, step: float,
+    max_steps: int, max_events: int, flags: int,
 ) -> int:  # fmt: skip
-    """Run the driver on arrays."""
+    """Run the driver."""
     return call_run(
-        desk[RUN], address_of(view(desk)), address_of(view(y0)), address_of(view(params)),
-        len(params), t_start, t_end, rtol, max_step, step, max_steps, max_events, every_step,
-        resume,
+        desk[RUN], address_of(view(desk)), t_start, t_end, rtol, max_step, step, max_steps,
+        max_events, flags,
     )  # fmt: skip
 
 

@@ -15,7 +15,9 @@ from hopdata.hybrid.driver.layout import (
     ERROR,
     H0,
     H1,
+    INTERPOLANT_ERROR,
     KEND,
+    METHOD,
     N_AWAKE,
     RATE0,
     RATE1,
@@ -32,7 +34,7 @@ from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.driver.surface import blur, mark_due, remember_residuals, time_resolution
 
 MAX_POLISH = 8
-SPARED = 1e-2  # of the tolerance: error of the interpolant that is not worth another step
+SPARED = 5e-2  # of the tolerance: error of the interpolant that is not worth another step
 FARTHEST = 0.1  # part of the step by which the interpolant may be wrong: beyond, h is not smooth
 RETAKE_ABOVE = 1e-4  # part of the step by which its end may be moved by a midpoint step
 
@@ -87,9 +89,8 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
     """
     t, whole = m.clock[T], m.clock[SPAN]
     last, theta = FARTHEST * span, span / whole
-    on_interpolant = (
-        not p.first_order and m.clock[ERROR] * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED
-    )
+    error = p.methods[m.counts[METHOD], INTERPOLANT_ERROR] * m.clock[ERROR]
+    on_interpolant = not p.first_order and error * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED
     take_part(p, m, t, span, on_interpolant)
     guards_at_end(p, m, t + span)
     for _ in range(MAX_POLISH):

@@ -25,7 +25,7 @@ def index_numbers(count: int) -> Any:
 # Rows of `states`: the step from Y to END with the slopes there, room to work in, the coefficients
 # of its interpolant, and the rows that belong to the method (slopes of its stages, for instance).
 Y, K1, END, KEND, SCRATCH, SLOPE, P1 = index_numbers(7)
-LARGEST_DEGREE = 24  # of an interpolant
+LARGEST_DEGREE = 32  # of an interpolant
 W1 = P1 + LARGEST_DEGREE
 
 # Rows of the tangent's table, which are as long as the state: the flow's Jacobian (n rows), two
@@ -51,17 +51,18 @@ LIST_ROWS = 2
 DIRECTION, TERMINAL = index_numbers(2)
 
 # Columns of `methods`: addresses of step, interpolant, tangent and refresh, evaluations that a step
-# takes, degree of the interpolant, whether it is in powers of theta, the order by which the step is
-# controlled; the methods to change to where events are sparser or denser, where the field is stiff
-# and where it is not (-1: none); the row of the last stage's slope, the limit of
-# stability, and evaluations that a tangent takes.
+# and its interpolant take, the interpolant's error in units of the estimated one of the step,
+# whether it is in powers of theta, the order by which the step is controlled; the methods to change
+# to where events are sparser or denser, where the field is stiff and where it is not (-1: none);
+# the row of the last stage's slope, the limit of stability, and evaluations that a tangent takes.
 (
     STEP,
     INTERPOLANT,
     TANGENT,
     REFRESH,
     EVALUATIONS,
-    DEGREE,
+    INTERPOLANT_EVALUATIONS,
+    INTERPOLANT_ERROR,
     IN_POWERS,
     ORDER,
     SPARSER,
@@ -71,8 +72,8 @@ DIRECTION, TERMINAL = index_numbers(2)
     LAST_SLOPE,
     STIFF_TENTHS,
     TANGENT_EVALUATIONS,
-) = index_numbers(15)
-METHOD_SLOTS = 15
+) = index_numbers(16)
+METHOD_SLOTS = 16
 
 # Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
 # none, ERROR that step's error in units of the tolerance, SEGMENT the start of the smooth piece of
@@ -94,7 +95,7 @@ METHOD_SLOTS = 15
 ) = index_numbers(12)
 CLOCK_SLOTS = 12
 
-# Slots of `counts`.
+# Slots of `counts`. DEGREE is that of the interpolant, if there is one.
 (
     NFEV,
     NGEV,
@@ -110,14 +111,15 @@ CLOCK_SLOTS = 12
     N_AWAKE,
     N_ASLEEP,
     JUMPS,
-) = index_numbers(14)
-COUNT_SLOTS = 14
+    DEGREE,
+) = index_numbers(15)
+COUNT_SLOTS = 15
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for steps and events, then
 # address and width of each array.
 FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS = index_numbers(8)
-DESK_ARRAYS, N_DESK_ARRAYS = 8, 16
+DESK_ARRAYS, N_DESK_ARRAYS = 8, 17
 
 # Columns of the log: one row holds an event, as time, guard, direction, state before and after its
 # handler, and mode; integers stand in the memory of floats.
@@ -126,6 +128,7 @@ LOG_TIME, LOG_GUARD, LOG_DIRECTION, LOG_STATES = index_numbers(4)
 DESK_SLOTS = DESK_ARRAYS + 2 * N_DESK_ARRAYS
 DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
 (
+    PARAMS,
     MODE,
     RULES,
     ATOL,
@@ -143,6 +146,11 @@ DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
     ROW_TABLE,
     LOG_TABLE,
 ) = DESK_PLACES
+
+
+# How a run is asked for: that it goes on where it was, that each step is written down, that the
+# mode is given (else it is zeros).
+RESUMED, EVERY_STEP, GIVEN_MODE = 1, 2, 4
 
 
 class Memory(NamedTuple):

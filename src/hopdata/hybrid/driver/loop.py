@@ -12,7 +12,7 @@ import numpy as np
 
 from hopdata.hybrid.compiled.calls import call_tangent
 from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
-from hopdata.hybrid.compiled.views import FloatVector, IntVector
+from hopdata.hybrid.compiled.views import IntVector
 from hopdata.hybrid.driver.choice import choose_after_event, choose_after_step, first_method
 from hopdata.hybrid.driver.desk import desk_log, desk_memory, desk_output, desk_problem
 from hopdata.hybrid.driver.firing import Log, fire_all
@@ -25,7 +25,9 @@ from hopdata.hybrid.driver.layout import (
     END,
     EVENT_ROWS,
     EVENTS,
+    EVERY_STEP,
     FLIPS,
+    GIVEN_MODE,
     GUARD_ROWS,
     H0,
     H1,
@@ -41,6 +43,7 @@ from hopdata.hybrid.driver.layout import (
     RATE0,
     RATE1,
     REJECTED,
+    RESUMED,
     ROWS,
     SEGMENT,
     SIZE,
@@ -149,8 +152,8 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
 
 
 @kernel
-def clear(m: Memory, y0: FloatVector, t: float, step: float) -> bool:
-    """Make the memory that of an integration from `y0`; tell whether `y0` is finite."""
+def clear(m: Memory, t: float, step: float) -> bool:
+    """Make the memory that of an integration from the state in Y; tell whether that is finite."""
     for row in range(GUARD_ROWS):
         fill_row(m.guards, row, 0.0)
     for k in range(m.flags.width):
@@ -163,8 +166,6 @@ def clear(m: Memory, y0: FloatVector, t: float, step: float) -> bool:
         m.clock[slot] = 0.0
     m.clock[T], m.clock[SEGMENT], m.clock[INSTANT] = t, t, -np.inf
     m.clock[NEXT_DT], m.clock[LAST_LOG_ERROR] = step, LOG_ERROR_FLOOR
-    for i in range(m.states.width):
-        m.states[Y, i] = y0[i]
     return first_not_finite(m.states, Y) < 0
 
 
@@ -195,17 +196,18 @@ def lacks_room(m: Memory, out: Output, log: Log) -> bool:
 
 @kernel
 def run(
-    desk: IntVector, y0: FloatVector, params: FloatVector, t_start: float, t_end: float,
-    rtol: float, max_step: float, step: float, max_steps: int, max_events: int,
-    every_step: bool, resume: bool,
+    desk: IntVector, t_start: float, t_end: float, rtol: float, max_step: float, step: float,
+    max_steps: int, max_events: int, flags: int,
 ) -> int:  # fmt: skip
     """Integrate until something ends it, or needs room; return a status."""
     m, log = desk_memory(desk), desk_log(desk)
-    p = desk_problem(desk, params, rtol, max_step, t_end)
-    out = desk_output(desk, every_step)
+    p = desk_problem(desk, rtol, max_step, t_end)
+    out = desk_output(desk, flags & EVERY_STEP != 0)
     status = RUNNING
-    if not resume:
-        status = start(p, m, out, log) if clear(m, y0, t_start, step) else BAD_START
+    if flags & RESUMED == 0:
+        for k in range(p.mode.width if flags & GIVEN_MODE == 0 else 0):
+            p.mode[k] = 0
+        status = start(p, m, out, log) if clear(m, t_start, step) else BAD_START
     pause = m.counts[STEPS] + STEPS_PER_CALL
     while status == RUNNING:
         if m.clock[T] >= p.t_end:

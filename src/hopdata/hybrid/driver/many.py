@@ -19,9 +19,12 @@ from hopdata.hybrid.driver.layout import (
     CLOCK,
     COUNTS,
     EVENT_ROWS,
+    GIVEN_MODE,
     MODE,
+    PARAMS,
     RATE_ABOVE,
     RATE_BELOW,
+    RESUMED,
     RUN,
     SAMPLE_TABLE,
     STATE_TABLE,
@@ -40,14 +43,14 @@ BYTES = 8
 END_STATE = 3  # column of `ends` where the state begins, behind time and the culprit's rates
 
 MANY_NATIVE = _INT(
-    types.int64[::1], _INT, _INT, _FLOATS, _FLOATS, _INTS, types.float64[::1],
-    _INTS, _FLOATS, _INTS, _INTS, types.float64[:, :, ::1], types.float64[:, :, ::1], *OPTIONS[:-2],
+    types.int64[::1], _INT, _INT, _FLOATS, _FLOATS, _INTS,
+    _INTS, _FLOATS, _INTS, _INTS, types.float64[:, :, ::1], types.float64[:, :, ::1], *OPTIONS,
 )  # fmt: skip
 
 
 def _enter_many(
     desk: IntArray, first: int, last: int, y0: FloatArray, params: FloatArray, modes: IntArray,
-    own_params: FloatArray, status: IntArray, ends: FloatArray, end_modes: IntArray,
+    status: IntArray, ends: FloatArray, end_modes: IntArray,
     counts: IntArray, samples: FloatArray, jacobians: FloatArray,
     t_start: float, t_end: float, rtol: float, max_step: float, step: float,
     max_steps: int, max_events: int,
@@ -62,10 +65,10 @@ def _enter_many(
     mode, clock = int_vector(desk[MODE], n_modes), float_vector(desk[CLOCK], 0)
     count, state = int_vector(desk[COUNTS], 0), float_table(desk[STATE_TABLE], n)
     phi, n_wanted = float_table(desk[TANGENT_TABLE], n), desk[WANTED + 1]
-    here, own = address_of(view(desk)), address_of(view(own_params))
+    here, own = address_of(view(desk)), float_vector(desk[PARAMS], n_params)
     for b in range(first, last):
         for i in range(n_params):
-            own_params[i] = params[b % len(params), i]
+            own[i] = params[b % len(params), i]
         for i in range(n_modes):
             mode[i] = modes[b % len(modes), i]
         if n_wanted > 0:
@@ -73,16 +76,17 @@ def _enter_many(
         for i in range(n if len(jacobians) > 0 else 0):
             for j in range(n):
                 phi[i, j] = 1.0 if i == j else 0.0
-        start = address_of(view(y0)) + b * n * BYTES
+        for i in range(n):
+            state[Y, i] = y0[b, i]
         code = call_run(
-            desk[RUN], here, start, own, n_params, t_start, t_end, rtol, max_step, step,
-            max_steps, max_events, False, False,
+            desk[RUN], here, t_start, t_end, rtol, max_step, step, max_steps, max_events,
+            GIVEN_MODE,
         )  # fmt: skip
         while code in (NEEDS_ROOM, PAUSED):
             count[EVENT_ROWS] = 0 if code == NEEDS_ROOM else count[EVENT_ROWS]
             code = call_run(
-                desk[RUN], here, start, own, n_params, t_start, t_end, rtol, max_step, step,
-                max_steps, max_events, False, True,
+                desk[RUN], here, t_start, t_end, rtol, max_step, step, max_steps, max_events,
+                RESUMED,
             )  # fmt: skip
         if code == NEEDS_METHOD:
             return b

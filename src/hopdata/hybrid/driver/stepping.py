@@ -8,7 +8,7 @@ import numpy as np
 
 from hopdata.hybrid.compiled.calls import call_step
 from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
-from hopdata.hybrid.driver.choice import watch_stiffness
+from hopdata.hybrid.driver.choice import VERY_HIGH_ORDER, watch_stiffness
 from hopdata.hybrid.driver.layout import (
     ERROR,
     EVALUATIONS,
@@ -39,7 +39,6 @@ BETA = 0.2
 ALPHA = 1.0 - 0.75 * BETA
 SAFETY = 0.9
 SHRINK_MOST, GROW_MOST = 0.2, 10.0
-VERY_HIGH_ORDER = 16.0  # from which the error obeys its power over many decades: no limits
 SHRINK_AT_NAN = 0.1
 LOG_ERROR_FLOOR = log(1e-4)
 
@@ -68,6 +67,13 @@ def take_step(p: Problem, m: Memory, t: float, dt: float) -> float:
 def tolerance(p: Problem, i: int, size: float) -> float:
     """Return the error allowed in component `i` at this size; never 0."""
     return max(p.atol[i] + p.rtol * size, TINY)
+
+
+@kernel
+def shrink_factor(error: float, order: float) -> float:
+    """Return the factor by which a rejected step must shrink, by its error."""
+    factor = SAFETY / error ** (1.0 / order)
+    return factor if order >= VERY_HIGH_ORDER else max(SHRINK_MOST, factor)
 
 
 @kernel
@@ -121,10 +127,7 @@ def accepted_step(p: Problem, m: Memory) -> float:
         if not isfinite(error):
             shrink, reason = SHRINK_AT_NAN, float(FIELD_NOT_FINITE)
         elif error > 1.0:
-            shrink, reason = (
-                max(SHRINK_MOST, SAFETY / error ** (1.0 / order)),
-                float(STEP_UNDERFLOW),
-            )
+            shrink, reason = shrink_factor(error, order), float(STEP_UNDERFLOW)
         elif guards_at_end(p, m, t + dt):
             break
         else:
@@ -140,9 +143,14 @@ def accepted_step(p: Problem, m: Memory) -> float:
 
 @kernel
 def first_step(p: Problem, m: Memory) -> float:
-    """Propose a first step from two slopes (Hairer, Norsett, Wanner, section II.4)."""
+    """Propose a first step from two slopes (Hairer, Norsett, Wanner, section II.4).
+
+    With a very high order, one that is too long costs less than to ask.
+    """
     s, t = m.states, m.clock[T]
     longest = min(p.t_end - t, p.max_step)
+    if p.methods[m.counts[METHOD], ORDER] >= VERY_HIGH_ORDER:
+        return longest
     size, slope, bend = 0.0, 0.0, 0.0
     for i in range(s.width):
         scale = tolerance(p, i, abs(s[Y, i]))

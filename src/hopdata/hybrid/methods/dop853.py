@@ -131,6 +131,7 @@ DOP853 = Tableau(
             0.02265179219836082,
         ),
     ),
+    dense_error=24,
     dense_nodes=(0.1, 0.2, 0.7777777777777778),
     dense_stages=(
         (

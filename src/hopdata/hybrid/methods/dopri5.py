@@ -34,4 +34,5 @@ DOPRI5 = Tableau(
             69997945 / 29380423,
         ),
     ),
+    dense_error=8,
 )

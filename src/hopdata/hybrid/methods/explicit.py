@@ -47,6 +47,9 @@ class Tableau:
         Further stages for the interpolant, on the s slopes, the one at the end, and each other.
     dense : tuple of tuple of float
         Weights of its rows from the fourth on.
+    dense_error : int
+        Error of the interpolant at the middle of a step, in units of the estimated error of the
+        step, which is of the same order.
     """
 
     name: str
@@ -56,6 +59,7 @@ class Tableau:
     weights: tuple[float, ...]
     errors: tuple[tuple[float, ...], ...]
     dense: tuple[tuple[float, ...], ...]
+    dense_error: int
     dense_nodes: tuple[float, ...] = ()
     dense_stages: tuple[tuple[float, ...], ...] = ()
 
@@ -164,7 +168,7 @@ def interpolant_code(tableau: Tableau, evaluation: Evaluation = inlined) -> list
             for k, weights in enumerate(tableau.dense)
         ),
     )
-    return [*code, f"return {len(tableau.dense_nodes)}"]
+    return [*code, f"return {tableau.degree}"]
 
 
 def compose(name: str, arguments: str, body: list[str], known: dict[str, Any]) -> FunctionType:

@@ -6,7 +6,7 @@ within them and the number of states is a constant: for a small field, calls and
 more than the evaluations.
 
     step(t, dt, rtol, s, mode, params, atol) -> error in units of the tolerance
-    interpolant(t, dt, s, mode, params) -> field evaluations that it took
+    interpolant(t, dt, s, mode, params) -> its degree
 
 The table s holds state and slope at the start of the step in the rows Y and K1; the step fills END
 and KEND with those at its end; the interpolant fills P1 ... (see `driver.dense`).
@@ -46,8 +46,10 @@ class Method:
         with this power of its length.
     evaluations : int
         Field evaluations of a step.
-    degree : int
-        Degree of the interpolant.
+    interpolant_evaluations : int
+        Field evaluations of the interpolant.
+    interpolant_error : int
+        Its error at the middle of a step, in units of the step's estimated error.
     in_powers : bool
         Whether the interpolant is in powers of theta.
     step, interpolant : callable
@@ -70,7 +72,8 @@ class Method:
     name: str
     order: int
     evaluations: int
-    degree: int
+    interpolant_evaluations: int
+    interpolant_error: int
     in_powers: bool
     step: Function
     interpolant: Function

@@ -21,6 +21,7 @@ from hopdata.hybrid.methods.rows import END, K1, KEND, P1, SCRATCH, SLOPE, W1, Y
 NAME = "rosenbrock"
 EVALUATIONS = STAGES + 1  # with a given Jacobian and a field that does not depend on time
 DEGREE = 4
+DENSE_ERROR = 1  # of the interpolant, in units of the estimated error of the step
 BASIS = "alternating"
 ORDER = 5
 
@@ -89,4 +90,4 @@ def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any) -> i
         s[P1 + 1, i] = first
         s[P1 + 2, i] = second + third
         s[P1 + 3, i] = -third
-    return 0
+    return DEGREE

@@ -120,7 +120,11 @@ class MethodTable:
         name, row = self._names[number], self.rows[number]
         method = self._methods[number] = MAKERS[name](self._scene)
         row[layout.EVALUATIONS], row[layout.ORDER] = method.evaluations, method.order
-        row[layout.DEGREE], row[layout.IN_POWERS] = method.degree, method.in_powers
+        row[layout.INTERPOLANT_EVALUATIONS] = method.interpolant_evaluations
+        row[layout.INTERPOLANT_ERROR], row[layout.IN_POWERS] = (
+            method.interpolant_error,
+            method.in_powers,
+        )
         row[layout.LAST_SLOPE], row[layout.DENSER] = method.last_slope_row, -1
         row[[layout.SPARSER, layout.STIFFER, layout.RELAXED]] = -1
         row[layout.STIFF_TENTHS] = round(10 * STIFF_LIMITS.get(name, 0.0))

@@ -1,0 +1,253 @@
+"""Size and power of the verdict, on studies of the dissertation's size.
+
+    python benchmarks/verdict_power.py --out verdict_power.csv [--studies 200] [--hops 2860]
+
+False alarms on hoppers whose landing is C1, of several stiffnesses, noises, spreads and preloads;
+and how often three kinds of control are told from them, with the printed statistics on the same
+studies beside it. One row a condition; beside it ``verdict_studies.csv``, one row a study.
+
+For each hopper one long gait is simulated; a study draws its landings from it without replacement,
+with noise of its own. Two studies share a twentieth of their landings, but no noise.
+"""
+
+from __future__ import annotations
+
+import one_thread  # noqa: F401  before NumPy
+
+import argparse
+import os
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from observed_landings import see_landings
+from statsmodels.stats.proportion import proportion_confint
+
+from hopdata.errors import AnalysisError
+from hopdata.maps.rigid import output_weights
+from hopdata.maps.verdict import judge
+from hopdata.scenes.hopper_control import HopperControl
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.synthesis.landings import SectionHeights, TrueLandings, true_landings
+from hopdata.synthesis.options import Kicks, MarkerOptions
+from hopdata.synthesis.section_jacobians import section_jacobians
+from hopdata.synthesis.trial import run_trial
+
+POINTS_M = np.array(MarkerOptions().body_m)
+SECTIONS = SectionHeights(0.502, 0.2774, POINTS_M)  # those of the bundled sample
+POOL_STUDIES, TRIALS = 20, 8
+NOISE_M, INSTANT_NOISE_S = 0.0006, 0.0006
+TIME_UNIT_S = 0.03
+LEVEL = 0.05
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A hopper with its disturbances, a control and the noise it is seen with."""
+
+    name: str
+    hopper: HopperParameters
+    kicks: Kicks
+    control: HopperControl
+    noise_m: float = NOISE_M
+
+    @property
+    def gait(self) -> str:
+        """Conditions of one gait share apex states."""
+        return f"{self.hopper}{self.kicks}"
+
+
+def conditions() -> list[Condition]:
+    """All conditions; the first word of a name is the kind."""
+    hopper, kicks, none = HopperParameters(), Kicks(), HopperControl()
+    variants = {
+        "C1": (hopper, kicks, NOISE_M),
+        "C1 softer legs": (replace(hopper, stiffness_n_m=60.0, preload_n=19.0), kicks, NOISE_M),
+        "C1 stiffer legs": (replace(hopper, stiffness_n_m=120.0, preload_n=25.0), kicks, NOISE_M),
+        "C1 half the noise": (hopper, kicks, NOISE_M / 2),
+        "C1 twice the noise": (hopper, kicks, NOISE_M * 2),
+        "C1 half the kicks": (hopper, replace(kicks, angular_velocity_rad_s=0.125), NOISE_M),
+        "C1 larger kicks": (hopper, replace(kicks, angular_velocity_rad_s=0.35), NOISE_M),
+        "C1 equal preloads": (hopper, replace(kicks, preload_fraction=0.0), NOISE_M),
+        "C1 uneven preloads": (hopper, replace(kicks, preload_fraction=0.1), NOISE_M),
+    }
+    rows = [Condition(name, h, k, none, noise) for name, (h, k, noise) in variants.items()]
+    for kappa in (0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.4):
+        rows.append(Condition("kappa", hopper, kicks, HopperControl(coupling=kappa)))
+    for eps in (0.1, 0.2, 0.3):
+        rows.append(Condition("eps", hopper, kicks, HopperControl(impulse=eps)))
+    for tau in (0.005, 0.01):
+        rows.append(Condition("tau", hopper, kicks, HopperControl(delay_s=tau)))
+    return rows
+
+
+def label(condition: Condition) -> str:
+    """Name and strength."""
+    return f"{condition.name} {strength(condition.control):g}"
+
+
+def strength(control: HopperControl) -> float:
+    """The one strength that is not zero, or zero; a delay in ms."""
+    return control.coupling or control.impulse or 1e3 * control.delay_s
+
+
+def apex_states(condition: Condition, hops: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """States and preloads at the apexes of one trial."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    trial = run_trial(condition.hopper, hops=hops, rate_hz=10.0, rng=rng, kicks=condition.kicks)
+    stood = [hop for hop in trial.hops if hop.all_stood() and not hop.fell]
+    return np.array([h.start_state for h in stood]), np.array([h.preloads_n for h in stood])
+
+
+def true_size(condition: Condition, states: np.ndarray, landings: TrueLandings) -> float:
+    """Relative difference of the true derivatives, in the measure of the verdict's effect."""
+    from hopdata.synthesis.section_coordinates import input_coordinates
+
+    try:
+        maps = section_jacobians(condition.hopper, condition.control, states, SECTIONS).maps
+    except AnalysisError:
+        return float("nan")
+    inputs = input_coordinates(landings.pre_state, SECTIONS.centre_m)
+    root = np.linalg.cholesky(np.cov(inputs, rowvar=False))
+    shape = POINTS_M - POINTS_M.mean(axis=0)
+    scaled = output_weights(shape, TIME_UNIT_S)[:, None] * (maps @ root)
+    rows, columns = np.triu_indices(len(maps), 1)
+    change = np.mean(np.sum((scaled[rows] - scaled[columns]) ** 2, axis=(1, 2)))
+    return float(np.sqrt(change / np.sum(scaled.mean(axis=0) ** 2)))
+
+
+def one_study(task: tuple[Condition, TrueLandings, int, list[int]]) -> dict[str, float]:
+    """Draw, observe and judge the landings of one study."""
+    condition, landings, hops, key = task
+    rng = np.random.default_rng(np.random.SeedSequence(key))
+    chosen = np.sort(rng.choice(len(landings), min(hops, len(landings)), replace=False))
+    whole = chosen[landings.whole[chosen]]
+    seen = see_landings(
+        _rows(landings, whole), SECTIONS,
+        noise_m=condition.noise_m, instant_noise_s=INSTANT_NOISE_S, rng=rng,
+    )  # fmt: skip
+    start = time.perf_counter()
+    answer = judge(
+        seen.before, seen.after, seen.instants,
+        seed=key[-1], time_unit_s=TIME_UNIT_S, flips=999, permutations=39,
+    )  # fmt: skip
+    seconds = time.perf_counter() - start
+    if answer.effect is None or answer.test is None:
+        raise AnalysisError(answer.sentence)
+    other = answer.subspaces
+    return {
+        "landings": len(seen.before),
+        "p": answer.test.p_value,
+        "p_specialised": answer.specialised.p_value if answer.specialised else np.nan,
+        "p_subspaces": other.p_value if other else np.nan,
+        "effect": answer.effect.estimate,
+        "low": answer.effect.low,
+        "high": answer.effect.high,
+        "upper_bound": answer.effect.upper_bound,
+        "detectable": answer.effect.detectable,
+        "window": next(row.window for row in answer.windows if row.chosen),
+        "seconds": seconds,
+    }
+
+
+def _rows(landings: TrueLandings, rows: np.ndarray) -> TrueLandings:
+    return TrueLandings(*(getattr(landings, name)[rows] for name in landings.__dataclass_fields__))
+
+
+def studies(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
+    """All studies of one condition after the other."""
+    gaits: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    with ProcessPoolExecutor(args.workers) as pool:
+        for number, condition in enumerate(conditions()):
+            if args.only and args.only not in label(condition):
+                continue
+            began = time.perf_counter()
+            if condition.gait not in gaits:
+                share = args.hops * POOL_STUDIES // TRIALS
+                parts = list(
+                    pool.map(
+                        apex_states, [condition] * TRIALS, [share] * TRIALS,
+                        [args.seed + 1000 * k for k in range(TRIALS)],
+                    )
+                )  # fmt: skip
+                gaits[condition.gait] = tuple(map(np.concatenate, zip(*parts, strict=True)))
+            states, preloads = gaits[condition.gait]
+            landings = true_landings(
+                condition.hopper, condition.control, states, preloads, SECTIONS
+            )
+            size = true_size(condition, states, _rows(landings, np.flatnonzero(landings.whole)))
+            tasks = [
+                (condition, landings, args.hops, [args.seed, number, k])
+                for k in range(args.studies)
+            ]
+            table = pd.DataFrame(list(pool.map(one_study, tasks, chunksize=4)))
+            table.insert(0, "condition", condition.name)
+            table.insert(1, "strength", strength(condition.control))
+            table.insert(2, "true_effect", size)
+            seconds = time.perf_counter() - began
+            alarms = np.mean(table["p"] < LEVEL)
+            print(
+                f"{label(condition)}: {alarms:.3f} below {LEVEL}, "
+                f"true {size:.3f}, found {table['effect'].mean():.3f} ({seconds:.0f} s)",
+                flush=True,
+            )
+            yield table
+
+
+def summary(table: pd.DataFrame) -> pd.DataFrame:
+    """One row a condition: shares of positive verdicts with intervals, and sizes."""
+    rows = []
+    for (name, level), part in table.groupby(["condition", "strength"], sort=False):
+        found = int(np.sum(part["p"] < LEVEL))
+        low, high = proportion_confint(found, len(part), method="wilson")
+        true = part["true_effect"].iloc[0]
+        rows.append(
+            {
+                "condition": name,
+                "strength": level,
+                "true_effect": true,
+                "studies": len(part),
+                "landings": part["landings"].mean(),
+                "found_share": found / len(part),
+                "found_low": low,
+                "found_high": high,
+                "specialised_share": np.mean(part["p_specialised"] < LEVEL),
+                "subspaces_share": np.mean(part["p_subspaces"] < LEVEL),
+                "effect_mean": part["effect"].mean(),
+                "effect_sd": part["effect"].std(),
+                "interval_covers": np.mean((part["low"] <= true) & (true <= part["high"])),
+                "bound_covers": np.mean(part["upper_bound"] >= true),
+                "upper_bound_mean": part["upper_bound"].mean(),
+                "detectable_mean": part["detectable"].mean(),
+                "window_mean": part["window"].mean(),
+                "seconds_per_verdict": part["seconds"].median(),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def main() -> None:
+    """Run all studies and write both tables."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    parser.add_argument("--studies", type=int, default=200, help="studies a condition")
+    parser.add_argument("--hops", type=int, default=2860, help="hops a study")
+    parser.add_argument("--only", default="", help="conditions whose label holds this text")
+    parser.add_argument("--seed", type=int, default=20261121)
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
+    args = parser.parse_args()
+    table = pd.concat(studies(args), ignore_index=True)
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(args.out.with_name("verdict_studies.csv"), index=False, float_format="%.6g")
+    summary(table).to_csv(args.out, index=False, float_format="%.6g")
+    print(summary(table).to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,231 @@
+"""The kinks of a landing map, with what is uncertain about them.
+
+Free terms, kinks and shrunk terms are fitted together to the landings within a window of contact
+spread about the simultaneous contact. Two things make the estimate uncertain: the scatter of the
+landings, which the sandwich covariance takes as it is (White 1980), and smooth terms beyond those
+fitted, whose size the shrinkage has estimated. The window is the widest in which the second is
+small beside the first, so that the answer rests on noise, which is known, not on curvature.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.maps.verdict.kinks import kinks
+from hopdata.maps.verdict.shrinkage import variance_ratios
+from hopdata.maps.verdict.smooth import (
+    free_terms,
+    monomials,
+    number_of_free_terms,
+    shrunk_terms,
+)
+
+#: Shares of the landings, nearest to the simultaneous contact, that may be the window.
+WINDOWS = (1.0, 0.71, 0.5, 0.35, 0.25)
+#: Share of curvature in the variance of the kinks up to which a window is taken.
+CURVATURE_SHARE = 0.02
+#: Landings wanted in a window for each free term.
+LANDINGS_PER_TERM = 2.5
+#: Kinks of which less than this share is left beside the smooth terms are not seen by the data.
+_LEAST_KINK = 1e-3
+_OUTLYING = 5.0
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class KinkFit:
+    """Kinks of one window; K kinks, q outputs, n landings in the window of N in all.
+
+    Attributes
+    ----------
+    coefficients
+        (K, q) per unit of time.
+    linear
+        (p, q) derivative of the outputs by the inputs at the middle of the window.
+    covariance
+        (K q, K q) of the coefficients, row by row, curvature included.
+    null_scores
+        (n, K q) contributions of the landings to the coefficients if there are no kinks.
+    curvature
+        (K q, K q) share of the covariance that is due to smooth terms beyond those fitted.
+    seen
+        (all kinks, K) orthonormal combinations of the kinks that the data can tell from smooth
+        terms; `coefficients` are those of these combinations.
+    rows
+        (n,) numbers of the landings in the window.
+    window, largest_spread_s
+        Share of the landings, and their largest contact spread, s.
+    degree
+        Order up to which smooth terms are free.
+    """
+
+    coefficients: Floats
+    linear: Floats
+    covariance: Floats
+    null_scores: Floats
+    curvature: Floats
+    seen: Floats
+    rows: NDArray[np.int64]
+    window: float
+    largest_spread_s: float
+    degree: int
+
+    @property
+    def curvature_share(self) -> float:
+        """Share of curvature in the total variance of the coefficients."""
+        return float(np.trace(self.curvature) / np.trace(self.covariance))
+
+
+def expected_contacts(x: Floats, instants: Floats) -> Floats:
+    """Return the contact instants (N, feet) that the inputs lead one to expect, mean removed.
+
+    A polynomial of the inputs fitted to the measured instants, so that errors of these, which the
+    outputs may share, move no landing across a kink. Its degree is the one that predicts best with
+    each landing left out; landings whose instants lie far off take no part.
+    """
+    t = instants - instants.mean(axis=1, keepdims=True)
+    highest = _affordable_degree(len(x), x.shape[1], t.shape[1])
+    fitted, best, least = np.median(t, axis=0), t, np.inf
+    for degree in range(1, highest + 1):  # a few terms first: wrong instants stand out more
+        miss = np.abs(t - fitted).max(axis=1)
+        good = miss <= _OUTLYING * 1.4826 * np.median(miss)
+        design = np.column_stack([np.ones(len(x)), monomials(x, tuple(range(1, degree + 1)))])
+        basis, root = np.linalg.qr(design[good])
+        fitted = design @ np.linalg.solve(root, basis.T @ t[good])
+        slack = np.maximum(1.0 - np.sum(basis**2, axis=1), 1e-3)
+        error = np.median(np.abs(t - fitted)[good].max(axis=1) / slack)
+        if error < least:
+            best, least = fitted, error
+    expected: Floats = best - best.mean(axis=1, keepdims=True)
+    return expected
+
+
+def fit_kinks(x: Floats, y: Floats, instants: Floats) -> list[KinkFit]:
+    """Fit the kinks in every window that has enough landings, widest first.
+
+    Parameters
+    ----------
+    x, y
+        (N, p) inputs and (N, q) outputs.
+    instants
+        (N, feet) expected contact instants, s; see `expected_contacts`.
+    """
+    near = np.argsort(instants.std(axis=1), kind="stable")
+    fits = []
+    for window in WINDOWS:
+        rows = np.sort(near[: round(window * len(x))])
+        degree = _affordable_degree(len(rows), x.shape[1], instants.shape[1])
+        if degree >= 2:
+            fits.append(_fit_window(x, y, instants, rows, window, degree))
+    return fits
+
+
+def choose_window(fits: list[KinkFit]) -> KinkFit:
+    """Return the widest window whose curvature is small beside its noise, or else the nearest."""
+    return next((fit for fit in fits if fit.curvature_share <= CURVATURE_SHARE), fits[-1])
+
+
+def _affordable_degree(landings: int, n_inputs: int, n_feet: int) -> int:
+    """Return the order up to which so many landings can have free terms: 3, 2 or 1."""
+    for degree in (3, 2):
+        terms = number_of_free_terms(n_inputs, n_feet, degree)
+        if landings >= LANDINGS_PER_TERM * terms:
+            return degree
+    return 1
+
+
+def _fit_window(
+    x: Floats, y: Floats, instants: Floats, rows: NDArray[np.int64], window: float, degree: int
+) -> KinkFit:
+    times = instants[rows]
+    unit = float(times.std(axis=1).max())
+    inputs = x[rows] - x[rows].mean(axis=0)
+    scale = inputs.std(axis=0)
+    free = free_terms(inputs / scale, times / unit, degree)
+    basis: Floats = np.linalg.qr(free)[0]
+    bends, outputs = _without(basis, kinks(times / unit)), _without(basis, y[rows])
+    others = _without(basis, shrunk_terms(inputs / scale, times / unit, degree))
+    seen = _seen_directions(bends, kinks(times / unit))
+    bends = np.matmul(bends, seen)
+    bend_basis: Floats = np.linalg.qr(bends)[0]
+    used = basis.shape[1] + bends.shape[1]
+    ratios = variance_ratios(_without(bend_basis, others), _without(bend_basis, outputs), used)
+    slack = 1.0 - np.sum(basis**2, axis=1)
+    parts = [
+        _one_output(bends, others, outputs[:, k], slack, ratios.ratio[k], ratios.noise[k])
+        for k in range(y.shape[1])
+    ]
+    coefficients = np.column_stack([part[0] for part in parts])
+    null_scores = _interleaved([part[1] for part in parts])
+    scores = _interleaved([part[2] for part in parts])
+    curvature = _block_diagonal([part[3] for part in parts])
+    smooth = y[rows] - kinks(times / unit) @ seen @ coefficients
+    slopes = np.linalg.lstsq(free, smooth, rcond=None)[0][1 : x.shape[1] + 1] / scale[:, None]
+    return KinkFit(
+        coefficients / unit,
+        slopes,
+        (scores.T @ scores + curvature) / unit**2,
+        null_scores / unit,
+        curvature / unit**2,
+        seen,
+        rows,
+        window,
+        unit,
+        degree,
+    )
+
+
+def _seen_directions(bends: Floats, whole: Floats) -> Floats:
+    """Return the combinations of kinks, (all, K), that smooth terms do not explain."""
+    _, values, right = np.linalg.svd(bends, full_matrices=False)
+    return right[values > _LEAST_KINK * np.linalg.norm(whole, 2)].T
+
+
+def _one_output(
+    bends: Floats, others: Floats, output: Floats, slack: Floats, ratio: float, noise: float
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return coefficients (K,), null scores and scores (n, K), and curvature covariance (K, K)."""
+    shrinker = _shrinker(others, ratio)
+    weighted = bends - others @ (shrinker @ bends)
+    influence = np.linalg.solve(bends.T @ weighted, weighted.T)
+    coefficients = influence @ output
+    rest = output - bends @ coefficients
+    rest = rest - others @ (shrinker @ rest)
+    own = slack - np.einsum("nk,kn->n", bends, influence)
+    scores = influence.T * (rest / np.sqrt(np.maximum(own, 0.1)))[:, None]
+    null_scores = influence.T * (output / np.sqrt(np.maximum(slack, 0.1)))[:, None]
+    missed = influence @ others
+    return coefficients, null_scores, scores, ratio * noise * missed @ missed.T
+
+
+def _shrinker(others: Floats, ratio: float) -> Floats:
+    """Return the matrix (g, n) that gives the shrunk coefficients of a residual."""
+    if ratio == 0.0:
+        return np.zeros(others.shape[::-1])
+    gram = others.T @ others
+    return np.asarray(np.linalg.solve(gram + np.eye(len(gram)) / ratio, others.T), float)
+
+
+def _without(basis: Floats, columns: Floats) -> Floats:
+    """Return columns with their projection on an orthonormal basis taken off."""
+    rest: Floats = columns - basis @ (basis.T @ columns)
+    return rest
+
+
+def _interleaved(parts: list[Floats]) -> Floats:
+    """Return (n, K q) of q arrays (n, K), in the order of the flattened coefficients (K, q)."""
+    stacked: Floats = np.stack(parts, axis=2).reshape(len(parts[0]), -1)
+    return stacked
+
+
+def _block_diagonal(blocks: list[Floats]) -> Floats:
+    """Return (K q, K q) of q covariances (K, K) of outputs that have nothing in common."""
+    size, q = len(blocks[0]), len(blocks)
+    whole = np.zeros((size, q, size, q))
+    for k, block in enumerate(blocks):
+        whole[:, k, :, k] = block
+    return whole.reshape(size * q, size * q)

@@ -1,0 +1,89 @@
+"""Landings as the verdict sees them: a rigid body on a section, and the order to be expected."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.errors import AnalysisError
+from hopdata.maps.rigid import (
+    body_shape,
+    input_noise,
+    output_weights,
+    rigid_states,
+    section_coordinates,
+    split_states,
+)
+from hopdata.maps.verdict.estimate import expected_contacts
+from hopdata.maps.verdict.membership import Memberships, memberships
+
+#: Schedules with fewer landings play no part.
+LEAST_CLASS = 20
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SectionLandings:
+    """Landings of a study, n of them.
+
+    Attributes
+    ----------
+    inputs
+        (n, 8) standardised coordinates at the pre section.
+    outputs
+        (n, 11) coordinates at the post section, as displacements of the markers, m.
+    expected
+        (n, feet) contact instants to be expected from the inputs, s, mean of the feet removed.
+    members
+        Schedules to be expected, with weights.
+    noise
+        (8,) measurement noise of the inputs in units of their spread.
+    """
+
+    inputs: Floats
+    outputs: Floats
+    expected: Floats
+    members: Memberships
+    noise: Floats
+
+
+def section_landings(x: Floats, y: Floats, instants: Floats, time_unit_s: float) -> SectionLandings:
+    """Bring pairs to rigid-body coordinates, and find the schedules that they lead to.
+
+    Schedules are those to be expected from the inputs: measured ones err together with the states,
+    and so would make maps differ that do not.
+
+    Parameters
+    ----------
+    x, y
+        (n, 6B) home-frame states at the two sections, m and m/s.
+    instants
+        (n, feet) contact instants, s.
+    time_unit_s
+        Unit of time that weighs velocities against positions.
+
+    Raises
+    ------
+    AnalysisError
+        If there are too few landings or markers, or nothing varies.
+    """
+    if len(x) < 2:
+        raise AnalysisError(f"{len(x)} landings with known contact instants")
+    shape = body_shape(split_states(x)[0])
+    before = rigid_states(x, shape)
+    inputs, outputs = section_coordinates(before, rigid_states(y, shape))
+    deviation = inputs.std(axis=0)
+    if not (deviation > 0).all():
+        raise AnalysisError("the states before the landing do not vary")
+    inputs = (inputs - inputs.mean(axis=0)) / deviation
+    outputs = (outputs - outputs.mean(axis=0)) * output_weights(shape, time_unit_s)
+    expected = expected_contacts(inputs, instants)
+    miss = instants - instants.mean(axis=1, keepdims=True) - expected
+    doubt = 1.4826 * np.median(np.abs(miss), axis=0)
+    members = memberships(expected, np.broadcast_to(doubt, expected.shape), LEAST_CLASS)
+    return SectionLandings(
+        inputs, outputs, expected, members, input_noise(before, shape) / deviation
+    )

@@ -1,0 +1,182 @@
+"""The verdict: one smooth map through the landing, a map for every contact order, or no answer.
+
+What decides is the test of the kinks (`significance`); the size of the difference and what could
+have been excluded or seen stand beside it (`effect`), and two more tests that look at the same
+question in the dissertation's ways (`specialised`, `graphs`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hopdata.errors import AnalysisError
+from hopdata.maps.draws import named_generator
+from hopdata.maps.verdict.answer import CANNOT_TELL, Verdict, WindowResult, conclude, sentence
+from hopdata.maps.verdict.effect import EffectSize, effect_size, squared_size
+from hopdata.maps.verdict.estimate import KinkFit, choose_window, fit_kinks
+from hopdata.maps.verdict.graphs import SubspaceTest, compare_subspaces
+from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings, section_landings
+from hopdata.maps.verdict.residuals import smooth_residuals
+from hopdata.maps.verdict.separate import separate_difference
+from hopdata.maps.verdict.significance import flip_signs
+from hopdata.maps.verdict.specialised import SpecialisedTest, compare_specialised
+
+Floats = NDArray[np.float64]
+Notes = list[dict[str, str]]
+
+
+def judge(
+    x: ArrayLike,
+    y: ArrayLike,
+    instants: ArrayLike,
+    *,
+    seed: int,
+    time_unit_s: float,
+    margin: float = 0.2,
+    confidence: float = 0.95,
+    power: float = 0.8,
+    flips: int = 1999,
+    permutations: int = 499,
+) -> Verdict:
+    """Say whether the map through the landing has one derivative.
+
+    Parameters
+    ----------
+    x, y
+        (n, 6B) home-frame states at the pre and the post section: positions, m, and velocities,
+        m/s, of the markers of a rigid body.
+    instants
+        (n, feet) contact instants, s; NaN where not known.
+    seed
+        Seed of the study.
+    time_unit_s
+        Unit of time that weighs velocities against positions.
+    margin
+        Relative difference that the study wants to exclude.
+    confidence, power
+        Of intervals, and of the detectable difference. The test's level is 1 - confidence.
+    flips, permutations
+        Number of random sign patterns, and of shuffled data sets of the other tests.
+    """
+    before, after, times = (np.asarray(part, float) for part in (x, y, instants))
+    known = np.asarray(np.isfinite(times).all(axis=1))
+    notes = _unknown_notes(known)
+    limits = (int(known.sum()), confidence, margin, notes)
+    try:
+        landings = section_landings(before[known], after[known], times[known], time_unit_s)
+        fits = fit_kinks(landings.inputs, landings.outputs, landings.expected)
+        _check_enough(landings, fits)
+    except AnalysisError as error:
+        return _no_answer(str(error), *limits)
+    fit = choose_window(fits)
+    form = squared_size(fit, landings.inputs, landings.expected, list(landings.members.schedules))
+
+    def size(one: KinkFit) -> EffectSize:
+        own = named_generator(seed, "verdict", "effect", str(one.window))
+        return effect_size(one, form, generator=own, confidence=confidence, power=power)
+
+    windows = tuple(_window_result(landings, one, size(one), fit, seed) for one in fits)
+    test = flip_signs(fit, generator=named_generator(seed, "verdict", "signs"), flips=flips)
+    specialised, subspaces = _other_tests(landings, fit, seed, permutations)
+    effect = size(fit)
+    conclusion = conclude(test, effect, 1.0 - confidence, margin)
+    return Verdict(
+        conclusion,
+        sentence(conclusion, effect, test, confidence, margin),
+        len(landings.inputs),
+        len(landings.members.schedules),
+        confidence,
+        margin,
+        effect,
+        test,
+        specialised,
+        subspaces,
+        windows,
+        notes + _window_notes(fit, fits),
+    )
+
+
+def _check_enough(landings: SectionLandings, fits: list[KinkFit]) -> None:
+    if len(landings.members.schedules) < 2:
+        raise AnalysisError(
+            f"{len(landings.members.schedules)} mode schedules with {LEAST_CLASS} landings, "
+            "at least 2 wanted"
+        )
+    if not fits:
+        raise AnalysisError(f"{len(landings.inputs)} landings are too few for second-order terms")
+    if not choose_window(fits).coefficients.size:
+        raise AnalysisError("no two feet exchange their order among these landings")
+
+
+def _other_tests(
+    landings: SectionLandings, fit: KinkFit, seed: int, permutations: int
+) -> tuple[SpecialisedTest, SubspaceTest | None]:
+    residuals = smooth_residuals(fit, landings.inputs, landings.outputs, landings.expected)
+    weights = landings.members.weights[fit.rows]
+    specialised = compare_specialised(
+        residuals,
+        weights,
+        generator=named_generator(seed, "verdict", "specialised"),
+        permutations=permutations,
+    )
+    subspaces = compare_subspaces(
+        residuals,
+        weights,
+        landings.noise,
+        generator=named_generator(seed, "verdict", "subspaces"),
+        permutations=permutations,
+    )
+    return specialised, subspaces
+
+
+def _window_result(
+    landings: SectionLandings, fit: KinkFit, effect: EffectSize, chosen: KinkFit, seed: int
+) -> WindowResult:
+    rows = fit.rows
+    separate = separate_difference(
+        landings.inputs[rows],
+        landings.outputs[rows],
+        landings.members.weights[rows],
+        generator=named_generator(seed, "verdict", "separate", str(fit.window)),
+    )
+    spread = 1e3 * landings.expected[rows].std(axis=1)
+    return WindowResult(
+        fit.window,
+        len(rows),
+        fit.degree,
+        float(spread.mean()),
+        float(spread.max()),
+        fit.curvature_share,
+        effect.estimate,
+        effect.low,
+        effect.high,
+        separate,
+        fit is chosen,
+    )
+
+
+def _no_answer(
+    reason: str, landings: int, confidence: float, margin: float, notes: Notes
+) -> Verdict:
+    note = {"what": "verdict", "reason": reason}
+    sentence = f"This data cannot tell: {reason}."
+    return Verdict(CANNOT_TELL, sentence, landings, 0, confidence, margin, notes=[*notes, note])
+
+
+def _unknown_notes(known: NDArray[np.bool_]) -> Notes:
+    if known.all():
+        return []
+    reason = f"{int((~known).sum())} of {len(known)} landings lack the contact instant of a foot"
+    return [{"what": "landings left out of the verdict", "reason": reason}]
+
+
+def _window_notes(fit: KinkFit, fits: list[KinkFit]) -> Notes:
+    notes = []
+    if fit is fits[-1] and fit.window > 0.25:
+        reason = f"{len(fit.rows)} landings in the narrowest window that their number allows"
+        notes.append({"what": "window of the verdict", "reason": reason})
+    if fit.degree < 3:
+        reason = f"{len(fit.rows)} landings: third-order terms are shrunk, not fitted freely"
+        notes.append({"what": "smooth terms of the verdict", "reason": reason})
+    return notes

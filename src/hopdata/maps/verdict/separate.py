@@ -1,0 +1,60 @@
+"""The plain comparison: a linear map for each schedule, and how much they differ.
+
+At a finite spread of contacts the maps of the schedules differ even if the map through the landing
+is C1, since each schedule sees its own side of the curvature. The difference then goes to zero with
+the spread; if it is a jump of the derivative it does not. Maps from disjoint halves are multiplied,
+so that noise adds nothing on average.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.maps.affine import fit_affine
+
+HALVINGS = 10
+_LANDINGS_PER_INPUT = 3
+
+Floats = NDArray[np.float64]
+
+
+def separate_difference(
+    x: Floats, y: Floats, weights: Floats, *, generator: np.random.Generator
+) -> float:
+    """Return the rms difference of the schedules' maps relative to the map of all.
+
+    Parameters
+    ----------
+    x, y
+        (n, p) inputs and (n, q) outputs of a window.
+    weights
+        (n, schedules) membership of each landing; each counts where it weighs most.
+    generator
+        Source of the halvings.
+
+    Returns
+    -------
+    float
+        NaN if fewer than two schedules have enough landings; 0 where noise exceeds the difference.
+    """
+    belongs = np.where(weights.max(axis=1) > 0.5, weights.argmax(axis=1), -1)
+    classes = [np.flatnonzero(belongs == k) for k in range(weights.shape[1])]
+    classes = [rows for rows in classes if len(rows) >= 2 * _LANDINGS_PER_INPUT * x.shape[1]]
+    if len(classes) < 2:
+        return float("nan")
+    deviation = x.std(axis=0)
+    z = (x - x.mean(axis=0)) / deviation
+    squares = []
+    for _ in range(HALVINGS):
+        mixed = [generator.permutation(rows) for rows in classes]
+        first, second = (
+            [fit_affine(z[rows[k::2]], y[rows[k::2]]).coefficients for rows in mixed]
+            for k in (0, 1)
+        )
+        for a, b in combinations(range(len(classes)), 2):
+            squares.append(np.sum((first[a] - first[b]) * (second[a] - second[b])))
+    whole = np.sum(fit_affine(z, y).coefficients ** 2)
+    return float(np.sqrt(max(0.0, float(np.mean(squares))) / whole))

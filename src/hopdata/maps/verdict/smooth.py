@@ -1,0 +1,75 @@
+"""The smooth part of a landing map near a simultaneous contact, to third order and beyond.
+
+Terms up to the third order are fitted freely. Terms of the fourth order, and those of the third
+that are different on the two sides of a double contact, would leave too little of the kinks to be
+seen; they are shrunk, by as much as the data say (see `hopdata.maps.verdict.shrinkage`).
+"""
+
+from __future__ import annotations
+
+from itertools import combinations_with_replacement
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.maps.verdict.kinks import time_differences
+
+Floats = NDArray[np.float64]
+
+
+def monomials(x: Floats, degrees: tuple[int, ...]) -> Floats:
+    """Return all products of columns of `x` (n, p) of the given degrees, (n, terms)."""
+    columns = [
+        np.prod(x[:, list(chosen)], axis=1)
+        for degree in degrees
+        for chosen in combinations_with_replacement(range(x.shape[1]), degree)
+    ]
+    return np.column_stack(columns)
+
+
+def number_of_free_terms(n_inputs: int, n_feet: int, degree: int) -> int:
+    """Return the number of columns of `free_terms`."""
+    return comb(n_inputs + degree, degree) + n_feet * (n_feet - 1)
+
+
+def free_terms(x: Floats, instants: Floats, degree: int) -> Floats:
+    """Return the terms that are fitted freely.
+
+    Parameters
+    ----------
+    x
+        (n, p) standardised inputs.
+    instants
+        (n, feet) contact instants in units of their spread.
+    degree
+        3, or 2 where landings are few.
+    """
+    d = time_differences(instants)
+    orders = tuple(range(1, degree + 1))
+    steps = [d * np.abs(d), np.abs(d) ** 3]
+    return np.column_stack([np.ones(len(x)), monomials(x, orders), *steps])
+
+
+def shrunk_terms(x: Floats, instants: Floats, degree: int) -> Floats:
+    """Return the terms whose coefficients are shrunk, each with mean square one.
+
+    Parameters
+    ----------
+    x, instants, degree
+        See `free_terms`.
+    """
+    d = time_differences(instants)
+    u = instants[:, :-1] - instants[:, -1:]
+    steps = d * np.abs(d)
+    blocks = [_products(steps, x), _products(steps, monomials(u, (2,))), monomials(u, (4,))]
+    if degree < 3:
+        blocks.append(monomials(u, (3,)))
+    terms = np.column_stack(blocks)
+    scale = np.sqrt(np.mean(terms**2, axis=0))
+    return terms[:, scale > 0] / scale[scale > 0]
+
+
+def _products(a: Floats, b: Floats) -> Floats:
+    products: Floats = (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)
+    return products

@@ -1,0 +1,205 @@
+"""True states of a simulated hopper at the two sections of each landing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.hybrid import solve_batch
+from hopdata.hybrid.status import TERMINATED
+from hopdata.scenes.hopper import N_STATES
+from hopdata.scenes.hopper_control import HopperControl
+from hopdata.scenes.hopper_landing import NOT_YET, landing_system, landing_vectors
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.rigid_body import rotation_matrices
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+LONGEST_S = 3.0
+ATOL_PER_RTOL = 1e-2
+
+NO_PRE = "pre section never reached"
+EARLY = "foot down before the pre section"
+NO_POST = "post section never reached"
+LATE = "foot not down by the post section"
+
+
+@dataclass(frozen=True)
+class TrueLandings:
+    """States at the sections of L landings of n feet; NaN where there is none.
+
+    Parameters
+    ----------
+    pre_time_s, post_time_s : (L,) array
+        Instants at which the mean of the body markers falls through the sections, from the apex, s.
+    pre_state, post_state : (L, 12) array
+        States there, see `hopdata.scenes.hopper`.
+    contact_s : (L, n) array
+        Instant of each foot's first contact, from the apex, s.
+    failure : (L,) array of str
+        Why a landing does not count; empty if all feet are up at the pre section and down at the
+        post section, as the pipeline asks for.
+    """
+
+    pre_time_s: FloatArray
+    post_time_s: FloatArray
+    pre_state: FloatArray
+    post_state: FloatArray
+    contact_s: FloatArray
+    failure: NDArray[np.str_]
+
+    def __len__(self) -> int:
+        return len(self.failure)
+
+    @property
+    def whole(self) -> BoolArray:
+        """Whether each landing counts, (L,)."""
+        return np.asarray(self.failure == "")
+
+    @property
+    def schedule(self) -> list[str]:
+        """Feet in the order of their contacts, such as ``"2>3>1"``; empty if it does not count."""
+        orders = np.argsort(self.contact_s, axis=1, kind="stable") + 1
+        return [
+            ">".join(map(str, order)) if whole else ""
+            for order, whole in zip(orders, self.whole, strict=True)
+        ]
+
+
+@dataclass(frozen=True)
+class SectionHeights:
+    """What the sections cut: heights of the mean of the body markers.
+
+    Parameters
+    ----------
+    pre_m, post_m : float
+        The two heights above the floor, m.
+    points_m : (B, 3) array
+        Body markers, body frame, m.
+    """
+
+    pre_m: float
+    post_m: float
+    points_m: FloatArray
+
+    def __post_init__(self) -> None:
+        if not self.pre_m > self.post_m:
+            raise ValueError(f"pre_m: expected above {self.post_m} m, found {self.pre_m} m")
+
+    @property
+    def centre_m(self) -> FloatArray:
+        """Mean of the body markers, body frame, (3,), m."""
+        return np.asarray(np.mean(self.points_m, axis=0))
+
+
+def true_landings(
+    hopper: HopperParameters,
+    control: HopperControl,
+    apex_states: FloatArray,
+    preloads_n: FloatArray,
+    sections: SectionHeights,
+    *,
+    rtol: float = 1e-8,
+    workers: int | None = None,
+) -> TrueLandings:
+    """Integrate landings from their apexes, to the pre section and on to the post section.
+
+    Parameters
+    ----------
+    hopper, control
+        What lands; `HopperControl()` for the hopper itself. Its boom is that of the first hop.
+    apex_states : (L, 12) array
+        States in flight above the pre section.
+    preloads_n : (L, n) array
+        Preload of each leg, N.
+    sections : SectionHeights
+        Where to stop.
+    rtol : float
+        Relative tolerance of the integration; the absolute one is a hundredth of it.
+    workers : int, optional
+        Threads.
+
+    Returns
+    -------
+    TrueLandings
+        Ends at the first passage through the post section, whether or not all feet are down there.
+    """
+    scene = _Batch(hopper, control, sections, rtol, workers)
+    n, count = hopper.n_legs, len(apex_states)
+    unknown = np.full((count, n), NOT_YET)
+    pre_time, pre, early, fell = scene.fall(apex_states, unknown, preloads_n, sections.pre_m, 0.0)
+    failure = np.where(~fell, NO_PRE, np.where((early >= 0).any(axis=1), EARLY, ""))
+    failure = failure.astype(f"<U{max(map(len, (NO_PRE, EARLY, NO_POST, LATE)))}")
+    post_time, post, contact = np.full(count, np.nan), np.full((count, N_STATES), np.nan), early
+    go = np.flatnonzero(failure == "")
+    if len(go):
+        after, post[go], contact[go], fell = scene.fall(
+            pre[go], unknown[go], preloads_n[go], sections.post_m, pre_time[go]
+        )
+        post_time[go] = after + pre_time[go]
+        contact[go] = np.where(contact[go] >= 0, contact[go] + pre_time[go, None], NOT_YET)
+        late = (contact[go] < 0).any(axis=1)
+        failure[go] = np.where(~fell, NO_POST, np.where(late, LATE, ""))
+    contact = np.where(contact < 0, np.nan, contact)
+    return TrueLandings(pre_time, post_time, pre, post, contact, failure)
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """What all landings have in common."""
+
+    hopper: HopperParameters
+    control: HopperControl
+    sections: SectionHeights
+    rtol: float
+    workers: int | None
+
+    def fall(
+        self,
+        states: FloatArray,
+        instants: FloatArray,
+        preloads_n: FloatArray,
+        height_m: float,
+        since_apex_s: FloatArray | float,
+    ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+        """Integrate until the body falls through a height.
+
+        Returns the time it took, the states, the instants of contact, and whether it did; times
+        and states are NaN where it did not.
+        """
+        n = self.hopper.n_legs
+        system = landing_system(n)
+        above = _heights(states, self.sections.centre_m) > height_m
+        solution = solve_batch(
+            system,
+            (0.0, LONGEST_S),
+            np.hstack([states, instants]),
+            params=landing_vectors(
+                self.hopper,
+                self.control,
+                preloads_n,
+                point_m=self.sections.centre_m,
+                height_m=height_m,
+                boom_time_s=since_apex_s,
+            ),
+            mode=[0] * system.n_modes,
+            rtol=self.rtol,
+            atol=ATOL_PER_RTOL * self.rtol,
+            workers=self.workers,
+        )
+        # Only a section that was crossed has its lock down; an apex ends with it as it was.
+        fell = above & (solution.status == TERMINATED) & (solution.mode[:, n + 1] < 0)
+        states, instants = np.split(solution.y_end, [N_STATES], axis=1)
+        return (
+            np.where(fell, solution.t_end, np.nan),
+            np.where(fell[:, None], states, np.nan),
+            instants,
+            fell,
+        )
+
+
+def _heights(states: FloatArray, point_m: FloatArray) -> FloatArray:
+    return np.asarray(states[:, 2] + rotation_matrices(states[:, 3:6])[:, 2] @ point_m)

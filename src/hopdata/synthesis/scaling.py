@@ -1,0 +1,184 @@
+"""Landings whose deviations from the simultaneous contact are scaled down, without noise.
+
+What a map does as its inputs draw together about a point is its derivative there: the error of the
+best linear map falls with the square of the scale if there is one, and with the scale itself if
+each order of the contacts has its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.recordings.truth import Truth
+from hopdata.scenes.hopper_control import HopperControl
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.synthesis.known_scene import common_scene
+from hopdata.synthesis.landings import SectionHeights, true_landings
+from hopdata.synthesis.section_coordinates import input_coordinates, output_coordinates
+from hopdata.synthesis.section_jacobians import section_jacobians
+from hopdata.synthesis.simultaneous import homed
+
+FloatArray = NDArray[np.float64]
+
+RTOL = 1e-10
+
+
+@dataclass(frozen=True)
+class ScaledLandings:
+    """Landings of one kind at one scale; n of them count.
+
+    Parameters
+    ----------
+    case : str
+        "hopper", "coupling", "impulse", "delay", or "study" for a mixture.
+    control : HopperControl
+        Its strengths.
+    scale : float
+        By which the deviations were multiplied.
+    x, y : (n, 8) and (n, 11) array
+        Inputs and outcomes, see `hopdata.synthesis.section_coordinates`.
+    preloads_n : (n, legs) array
+        Deviations of the preloads, N.
+    contact_s : (n, legs) array
+        Contact instants, from the apex, s.
+    schedule : (n,) array of str
+        Orders of the contacts.
+    n_failed : int
+        Landings that do not count.
+    exact_maps : (S, 11, 8) array
+        Derivatives at the simultaneous contact, one a schedule.
+    """
+
+    case: str
+    control: HopperControl
+    scale: float
+    x: FloatArray
+    y: FloatArray
+    preloads_n: FloatArray
+    contact_s: FloatArray
+    schedule: NDArray[np.str_]
+    n_failed: int
+    exact_maps: FloatArray
+
+
+def study_landings(
+    truths: Sequence[Truth],
+    *,
+    pre_m: float,
+    post_m: float,
+    landings: int = 1000,
+    scales: Sequence[float] = (1.0, 0.5, 0.25, 0.125, 0.0625),
+    coupling: float = 0.2,
+    impulse: float = 0.3,
+    delay_s: float = 0.01,
+    workers: int | None = None,
+) -> Iterator[ScaledLandings]:
+    """Yield the landings of a simulated study, scaled, of the hopper and of each kind of control.
+
+    Parameters
+    ----------
+    truths : sequence of Truth
+        Of all its recordings; of a boom that swings, only hops with the first hop's are taken.
+    pre_m, post_m : float
+        Heights of the sections, m.
+    landings : int
+        Landings taken at most, evenly from all.
+    scales, coupling, impulse, delay_s
+        Factors of the deviations, and strengths of the controls that are not the study's own.
+    workers : int, optional
+        Threads.
+    """
+    scene = common_scene(truths)
+    rows = [next(scene.by_boom(len(truth.apex_states)))[1] for truth in truths]
+    apexes = np.concatenate([t.apex_states[row] for t, row in zip(truths, rows, strict=True)])
+    preloads = np.concatenate([t.preloads_n[row] for t, row in zip(truths, rows, strict=True)])
+    every = slice(None, None, -(-len(apexes) // landings))
+    return scaled_landings(
+        scene.hopper,
+        scaling_cases(scene.control, coupling=coupling, impulse=impulse, delay_s=delay_s),
+        apexes[every],
+        preloads[every],
+        SectionHeights(pre_m, post_m, scene.body_points_m),
+        scales=scales,
+        workers=workers,
+    )
+
+
+def scaling_cases(
+    own: HopperControl, *, coupling: float, impulse: float, delay_s: float
+) -> dict[str, HopperControl]:
+    """Name the hopper and the three kinds of control, each with its own strength or this one.
+
+    The study's own control takes the place of that of its kind, or comes last if it mixes kinds.
+    """
+    cases = {
+        "hopper": HopperControl(),
+        "coupling": HopperControl(coupling=own.coupling or coupling),
+        "impulse": HopperControl(impulse=own.impulse or impulse),
+        "delay": HopperControl(delay_s=own.delay_s or delay_s),
+    }
+    return cases if own in cases.values() else {**cases, "study": own}
+
+
+def scaled_landings(
+    hopper: HopperParameters,
+    cases: dict[str, HopperControl],
+    apex_states: FloatArray,
+    preloads_n: FloatArray,
+    sections: SectionHeights,
+    *,
+    scales: Sequence[float],
+    workers: int | None = None,
+) -> Iterator[ScaledLandings]:
+    """Integrate the landings of each case at each scale.
+
+    Parameters
+    ----------
+    hopper : HopperParameters
+    cases : dict
+        Name -> what lands.
+    apex_states : (L, 12) array
+        States at the apexes.
+    preloads_n : (L, legs) array
+        Preload of each leg, N; scaled towards `hopper.preload_n`.
+    sections : SectionHeights
+        The sections.
+    scales : sequence of float
+        Factors of the deviations.
+    workers : int, optional
+        Threads.
+    """
+    apart = preloads_n - hopper.preload_n
+    still = replace(hopper, boom_swing_rad=0.0)
+    for case, control in cases.items():
+        exact = section_jacobians(still, control, apex_states, sections)
+        middle = exact.landing.apex_state
+        deviations = homed(apex_states) - middle
+        for scale in scales:
+            found = true_landings(
+                still,
+                control,
+                middle + scale * deviations,
+                hopper.preload_n + scale * apart,
+                sections,
+                rtol=RTOL,
+                workers=workers,
+            )
+            rows = np.flatnonzero(found.whole)
+            pre, post = found.pre_state[rows], found.post_state[rows]
+            yield ScaledLandings(
+                case,
+                control,
+                scale,
+                input_coordinates(pre, sections.centre_m),
+                output_coordinates(pre, post, sections.centre_m),
+                scale * apart[rows],
+                found.contact_s[rows],
+                np.array(found.schedule)[rows],
+                len(found) - len(rows),
+                exact.maps,
+            )

@@ -1,0 +1,91 @@
+"""Landings of a rigid body by a map whose derivative is known on every schedule."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hopdata.maps.verdict.kinks import kinks
+
+SHAPE = np.array([[0.13, 0.03, -0.01], [-0.07, 0.11, 0.02], [-0.06, -0.14, -0.01]])
+SPREAD_S = 0.01
+
+
+@dataclass(frozen=True)
+class Landings:
+    """Marker states before and after, contact instants, and inputs and outputs as they were."""
+
+    before: np.ndarray
+    after: np.ndarray
+    instants: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+
+
+def landings(n=900, strength=0.0, noise=0.02, curvature=0.1, seed=1, feet=3):
+    """Draw landings; `strength` scales the kinks, whose slopes are those of the linear part."""
+    rng = np.random.default_rng(seed)
+    fixed = np.random.default_rng(99)  # one map for all seeds
+    linear = fixed.standard_normal((8, 11))
+    bends = fixed.standard_normal((kinks(np.zeros((1, feet))).shape[1], 11))
+    square = fixed.standard_normal((8, 8, 11)) * curvature / 8
+    onto = fixed.standard_normal((8, feet))
+    onto = SPREAD_S * (onto - onto.mean(axis=1, keepdims=True)) / np.sqrt(8)
+    x = rng.standard_normal((n, 8))
+    instants = x @ onto
+    y = x @ linear + np.einsum("ni,nj,ijk->nk", x, x, square)
+    y += strength * kinks(instants / SPREAD_S) @ bends
+    y += noise * rng.standard_normal(y.shape)
+    scale = np.array([0.03, 0.03, 0.07, 0.07, 0.07, 0.3, 0.3, 0.2])
+    out = np.array([0.01, 0.01, 0.02, *(0.01, 0.01, 0.05, 0.05, 0.05, 0.2, 0.2, 0.2)])
+    before, after = _states(x * scale, y * out, rng)
+    times = 1.0 + instants + 0.0004 * rng.standard_normal(instants.shape)
+    return Landings(before, after, times, x * scale, y * out)
+
+
+def _states(x, y, rng):
+    """Marker states (n, 18) of inputs (n, 8) and outputs (n, 11), anywhere in the plane."""
+    yaw = rng.uniform(-0.4, 0.4, len(x))
+    place = np.column_stack([rng.uniform(-1, 1, (len(x), 2)), np.full(len(x), 0.5)])
+    step = np.column_stack([turned(y[:, :2], -yaw), np.full(len(x), -0.2)])
+    return _markers(x, place, yaw, yaw), _markers(y[:, 3:], place + step, yaw + y[:, 2], yaw)
+
+
+def _markers(states, place, yaw, frame):
+    rotation = rotations(yaw, states[:, 0], states[:, 1])
+    velocity = np.column_stack([turned(states[:, 2:4], -frame), states[:, 4]])
+    arms = np.einsum("nij,bj->nbi", rotation, SHAPE)
+    turning = np.einsum("nij,nj->ni", rotation, states[:, 5:])
+    positions = place[:, None] + arms
+    velocities = velocity[:, None] + np.cross(turning[:, None], arms)
+    return np.column_stack(
+        [positions.reshape(len(states), -1), velocities.reshape(len(states), -1)]
+    )
+
+
+def turned(vectors, angle):
+    """Components of plane vectors in a frame turned by `angle`."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.column_stack(
+        [c * vectors[:, 0] + s * vectors[:, 1], c * vectors[:, 1] - s * vectors[:, 0]]
+    )
+
+
+def rotations(yaw, pitch, roll):
+    """Rotations Rz(yaw) Ry(pitch) Rx(roll), (n, 3, 3)."""
+    zero, one = np.zeros_like(yaw), np.ones_like(yaw)
+
+    def stack(rows):
+        return np.moveaxis(np.array(rows), 2, 0)
+
+    z = [[np.cos(yaw), -np.sin(yaw), zero], [np.sin(yaw), np.cos(yaw), zero], [zero, zero, one]]
+    y = [
+        [np.cos(pitch), zero, np.sin(pitch)],
+        [zero, one, zero],
+        [-np.sin(pitch), zero, np.cos(pitch)],
+    ]
+    x = [
+        [one, zero, zero],
+        [zero, np.cos(roll), -np.sin(roll)],
+        [zero, np.sin(roll), np.cos(roll)],
+    ]
+    return stack(z) @ stack(y) @ stack(x)

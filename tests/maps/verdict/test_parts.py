@@ -1,0 +1,180 @@
+"""The pieces of the verdict, each against what is known of it."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from kinked_landings import landings
+
+from hopdata.maps.verdict.effect import detectable_size, effect_size, squared_size
+from hopdata.maps.verdict.estimate import choose_window, expected_contacts, fit_kinks
+from hopdata.maps.verdict.graphs import rank_gap
+from hopdata.maps.verdict.inputs import section_landings
+from hopdata.maps.verdict.kinks import foot_sets, kink_slopes, kinks
+from hopdata.maps.verdict.membership import memberships
+from hopdata.maps.verdict.residuals import shuffled
+from hopdata.maps.verdict.shrinkage import variance_ratios
+from hopdata.maps.verdict.significance import flip_signs
+from hopdata.maps.verdict.smooth import free_terms, number_of_free_terms, shrunk_terms
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+@pytest.mark.parametrize(("feet", "number"), [(2, 1), (3, 4), (4, 6), (6, 15)])
+def test_number_of_kinks(feet, number):
+    assert len(foot_sets(feet)) == number
+
+
+@pytest.mark.parametrize("feet", [2, 3, 4])
+def test_slopes_of_the_kinks_are_their_derivatives(feet):
+    for order in permutations(range(feet)):
+        t = np.argsort(order) * 1.0
+        steps = np.array(
+            [(kinks((t + e)[None]) - kinks((t - e)[None]))[0] / 2e-3 for e in 1e-3 * np.eye(feet)]
+        )
+        assert np.allclose(steps.T, kink_slopes(order), atol=1e-9)
+
+
+def test_every_continuous_function_linear_on_each_order_is_a_sum_of_kinks(rng):
+    """Values at the six rays (one foot first, or one foot last) are free; linear between them."""
+    rays = np.array(
+        [np.eye(3)[k] - 1 / 3 for k in range(3)] + [1 / 3 - np.eye(3)[k] for k in range(3)]
+    )
+    design = np.column_stack([kinks(rays), rays[:, :2]])
+    assert np.linalg.matrix_rank(design) == 6
+    values = rng.standard_normal(6)
+    weights = np.linalg.solve(design, values)
+    middle = rays[0] + rays[5]  # between neighbouring rays, inside one order
+    found = np.concatenate([kinks(middle[None])[0], middle[:2]]) @ weights
+    assert found == pytest.approx(values[0] + values[5])
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_number_of_free_terms(degree, rng):
+    x, t = rng.standard_normal((5, 8)), rng.standard_normal((5, 3))
+    assert free_terms(x, t, degree).shape[1] == number_of_free_terms(8, 3, degree)
+    assert np.allclose(np.mean(shrunk_terms(x, t, degree) ** 2, axis=0), 1.0)
+
+
+def test_ratio_of_variances_is_found(rng):
+    terms = rng.standard_normal((2000, 60)) / 3
+    signal = terms @ rng.standard_normal((60, 40))
+    found = variance_ratios(terms, signal + rng.standard_normal((2000, 40)), 0)
+    assert np.median(found.ratio) == pytest.approx(1.0, rel=0.2)
+    assert np.allclose(found.noise, 1.0, rtol=0.15)
+    none = variance_ratios(terms, rng.standard_normal((2000, 40)), 0)
+    assert np.median(none.ratio) < 0.01
+
+
+def test_noise_free_kinks_are_recovered():
+    """Outputs less the kinks found are a smooth function of the inputs, to rounding."""
+    data = landings(n=800, strength=0.2, noise=0.0)
+    x = (data.x - data.x.mean(axis=0)) / data.x.std(axis=0)
+    line = np.column_stack([np.ones(len(x)), x])
+    exact = line @ np.linalg.lstsq(line, data.instants - 1.0, rcond=None)[0]
+    exact -= exact.mean(axis=1, keepdims=True)
+    fit = fit_kinks(x, data.y, exact)[0]
+    rest = data.y - kinks(exact) @ fit.seen @ fit.coefficients
+    design = free_terms(x, exact / 0.01, 2)[:, :45]
+    left = rest - design @ np.linalg.lstsq(design, rest, rcond=None)[0]
+    kinked = data.y - design @ np.linalg.lstsq(design, data.y, rcond=None)[0]
+    assert np.abs(left).max() < 0.05 * np.abs(kinked).max()
+
+
+def test_wrong_instants_do_not_move_the_expected_ones():
+    data = landings(n=600)
+    x = (data.x - data.x.mean(axis=0)) / data.x.std(axis=0)
+    good = expected_contacts(x, data.instants)
+    spoilt = data.instants.copy()
+    spoilt[::25] += 0.2 * np.array([1.0, -1.0, 0.5])
+    assert np.abs(expected_contacts(x, spoilt) - good).max() < 2e-4
+
+
+def test_a_narrower_window_is_chosen_where_curvature_is_strong():
+    chosen = []
+    for curvature in (0.0, 3.0):
+        data = landings(n=1500, curvature=curvature, noise=1e-3)
+        x = (data.x - data.x.mean(axis=0)) / data.x.std(axis=0)
+        fits = fit_kinks(x, _with_high_order(data, curvature), expected_contacts(x, data.instants))
+        chosen.append(choose_window(fits).window)
+    assert chosen[1] < chosen[0] == 1.0
+
+
+def _with_high_order(data, strength):
+    times = data.instants - data.instants.mean(axis=1, keepdims=True)
+    d = (times[:, 0] - times[:, 1]) / times.std()
+    return data.y + 0.01 * strength * data.y.std(axis=0) * (d**3 * np.abs(d))[:, None]
+
+
+def test_memberships_are_probabilities():
+    instants = np.array([[0.0, 0.001, 0.02], [0.0, 0.01, 0.02], [0.0, np.nan, 0.02]])
+    found = memberships(np.tile(instants, (30, 1)), np.full((90, 3), 0.001), 20)
+    assert found.schedules == ((0, 1, 2),)
+    assert found.weights[1, 0] == pytest.approx(1.0)
+    assert found.weights[0, 0] == pytest.approx(0.7602, abs=1e-3)  # Phi(1 / sqrt 2)
+    assert found.weights[2, 0] == 0.0
+
+
+def test_rows_change_places_within_their_strata_only(rng):
+    strata = rng.integers(0, 4, 200)
+    for order in shuffled(strata, 5, rng):
+        assert sorted(order) == list(range(200))
+        assert (strata[order] == strata).all()
+        assert (order != np.arange(200)).any()
+
+
+def test_rank_is_where_the_gap_is(rng):
+    signal = rng.standard_normal((400, 8)) @ rng.standard_normal((8, 19))
+    assert rank_gap(signal + 0.01 * rng.standard_normal((400, 19))) == 8
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    data = landings(n=600, noise=0.3)
+    section = section_landings(data.before, data.after, data.instants, 0.05)
+    fit = choose_window(fit_kinks(section.inputs, section.outputs, section.expected))
+    form = squared_size(fit, section.inputs, section.expected, list(section.members.schedules))
+    return fit, form
+
+
+def test_size_and_bounds_are_in_order(fitted, rng):
+    effect = effect_size(*fitted, generator=rng)
+    assert effect.low <= effect.estimate <= effect.high
+    assert effect.estimate <= effect.upper_bound <= effect.high
+
+
+def test_more_power_asks_for_a_larger_difference_and_more_landings_for_a_smaller(fitted, rng):
+    fit, form = fitted
+    sizes = [detectable_size(fit, form, rng, 0.05, power) for power in (0.5, 0.8, 0.95)]
+    assert sizes == sorted(sizes)
+    quartered = replace(fit, covariance=fit.covariance / 4)
+    half = detectable_size(quartered, form, np.random.default_rng(5), 0.05, 0.8)
+    whole = detectable_size(fit, form, np.random.default_rng(5), 0.05, 0.8)
+    assert half == pytest.approx(whole / 2)
+
+
+def test_a_difference_of_the_detectable_size_is_found_as_often_as_said(fitted, rng):
+    """With an error like the size itself, all kinds are alike and the power is known."""
+    from scipy.stats import chi2, ncx2
+
+    fit, form = fitted
+    alike = replace(fit, covariance=np.linalg.inv(form))
+    size = detectable_size(alike, form, rng, 0.05, 0.8)
+    threshold = chi2.ppf(0.95, len(form))
+    assert ncx2.sf(threshold, len(form), size**2) == pytest.approx(0.8, abs=1e-6)
+
+
+def test_false_alarms_are_as_rare_as_said_and_the_statistic_as_large():
+    found = []
+    for seed in range(60):
+        data = landings(n=450, seed=seed)
+        section = section_landings(data.before, data.after, data.instants, 0.05)
+        fit = choose_window(fit_kinks(section.inputs, section.outputs, section.expected))
+        found.append(flip_signs(fit, generator=np.random.default_rng(seed), flips=99))
+    mean = np.mean([test.statistic / test.degrees_of_freedom for test in found])
+    assert 0.8 < mean < 1.1  # with few landings, noise that looks like curvature counts twice
+    assert sum(t.p_value <= 0.1 for t in found) <= 13  # 6 expected; more in one of a thousand

@@ -1,0 +1,18 @@
+"""Judge whether the map through the landing is C1."""
+
+from hopdata.jobs import read_json, read_table, reported, write_json, write_table
+from hopdata.landings.pairs import contact_instants, read_pairs
+from hopdata.maps.verdict import judge
+
+with reported(snakemake.log[0]):
+    pairs = read_pairs(snakemake.input.pairs)
+    verdict = judge(
+        pairs.x,
+        pairs.y,
+        contact_instants(pairs, read_table(snakemake.input.touchdowns)),
+        seed=snakemake.params.seed,
+        time_unit_s=read_json(snakemake.input.units)["time_unit_s"],
+        **snakemake.params.options,
+    )
+    write_json(snakemake.output.verdict, verdict.to_dict())
+    write_table(snakemake.output.windows, verdict.windows_table())
