@@ -40,6 +40,15 @@ def test_three_panels_with_a_line_a_case():
     assert labels[1] == "coupled forces, κ = 0.2\nslope 1.00"
 
 
+def test_a_case_without_landings_is_named():
+    empty = table(("delay",)).assign(slope=np.nan, pooled_rms=np.nan, exact_difference=np.nan)
+    empty[["pooled_over_specialised", "map_difference"]] = np.nan
+    figure = scaling_study_figure(pd.concat([table(("hopper",)), empty]))
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels[1] == "contact by velocity, τ = 0.01 s\nnot between the sections"
+    assert text_faults(figure) == []
+
+
 def test_lines_are_the_table():
     figure = scaling_study_figure(table(("hopper", "delay")))
     for axes, column in zip(

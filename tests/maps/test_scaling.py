@@ -72,6 +72,19 @@ def test_a_schedule_with_too_few_landings_has_no_map():
     assert found["pooled_rms"].notna().all()
 
 
+def test_a_case_without_landings_has_a_row_without_errors():
+    import pandas as pd
+
+    nothing = landings("delay", 1.0, count=0)
+    found = scaling_table([nothing, *(landings("hopper", scale) for scale in SCALES)])
+    row = found.iloc[0]
+    assert (row["case"], row["landings"], row["failed"]) == ("delay", 0, 3)
+    assert pd.isna(row["pooled_rms"])
+    entries = score_scaling(found)
+    assert entries["scaling_slope_delay"]["value"] is None
+    assert entries["scaling_slope_hopper"]["value"] == pytest.approx(2, abs=0.01)
+
+
 def test_the_entries_name_case_strength_and_scale():
     import pandas as pd
 

@@ -11,7 +11,7 @@ from hopdata.synthesis.known_scene import common_scene, known_scene
 from hopdata.synthesis.scaling import scaling_cases, study_landings
 
 STRENGTHS = {"coupling": 0.2, "impulse": 0.3, "delay_s": 0.01}
-HEIGHTS = {"pre_m": 0.5, "post_m": 0.28}
+HEIGHTS = {"pre_m": 0.5, "post_m": 0.28, "body": ("body1", "body2", "body3")}
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +51,17 @@ def test_the_spread_of_the_contacts_is_scaled(table):
     assert hopper["spread_ms"].iloc[0] > 8
 
 
+def test_a_case_that_does_not_sink_to_the_section_has_no_landings(truths):
+    heights = {**HEIGHTS, "post_m": 0.245}
+    strong = {"coupling": 0.2, "impulse": 0.6, "delay_s": 0.01}
+    found = scaling_table(
+        study_landings(truths[:1], **heights, **strong, scales=(0.5, 0.25))
+    ).set_index("case")
+    assert (found.loc["impulse", "landings"] == 0).all()
+    assert (found.loc["impulse", "failed"] == 200).all()
+    assert (found.loc["hopper", "landings"] > 150).all()
+
+
 def test_the_study_s_own_control_takes_the_place_of_its_kind():
     cases = scaling_cases(HopperControl(coupling=0.4), **STRENGTHS)
     assert list(cases) == ["hopper", "coupling", "impulse", "delay"]
@@ -67,6 +78,7 @@ def test_the_scene_is_read_from_the_truth():
     assert scene.hopper.stiffness_n_m == 88.0
     assert scene.control == HopperControl(delay_s=0.004)
     assert scene.body_points_m.shape == (3, 3)
+    np.testing.assert_array_equal(scene.points_of(["body3"]), scene.body_points_m[2:])
     there, back = scene.by_boom(5)
     assert (there[1].tolist(), back[1].tolist()) == ([0, 2, 4], [1, 3])
     assert back[0].boom_swing_rad == -0.3

@@ -166,6 +166,7 @@ def test_a_small_study_of_a_control_runs_to_a_report(sample):
         config["study"] = "small"
         for recording, seconds in zip(config["recordings"], (50, 50, 50, 40.5), strict=True):
             recording["simulation"]["duration_s"] = seconds
+        config["sections"] = {"pre_height_m": 0.52, "post_height_m": 0.275}
 
     edited = edit_config(sample, shorten, source="config/control.yaml")
     run = snakemake(sample, "--configfile", edited)
@@ -174,6 +175,13 @@ def test_a_small_study_of_a_control_runs_to_a_report(sample):
     truth = json.loads((results / "truth.json").read_text())
     assert truth["touchdowns_usable"]["value"] > 250
     assert truth["labels_right_of_all_kink"]["value"] > 0.9
+    assert truth["exact_map_difference_hopper"]["value"] < 1e-12
+    assert truth["exact_map_difference_coupling"]["value"] > 1
+    assert abs(truth["scaling_slope_hopper"]["value"] - 2) < 0.15
+    assert truth["scaling_slope_coupling"]["value"] < 1.4
+    assert 0 < truth["velocity_rms_pre"]["value"] < truth["velocity_rms_post"]["value"] < 100
+    assert 0 < truth["map_error_noise_free_pooled_all"]["value"] < 2
+    assert (results / "figures" / "scaling_study.svg").exists()
     for name in FIGURES:
         assert (results / "figures" / f"{name}.svg").exists()
     table = pd.read_csv(results / "tables" / "touchdowns.csv")

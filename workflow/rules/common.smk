@@ -29,7 +29,7 @@ FIGURE_NAMES = [
     "fig2_4_prediction",
     "fig2_5_distances",
     *(["distance_sensitivity"] if STUDY["distances"]["sensitivity"] else []),
-    *(["scaling_study"] if SIMULATED else []),
+    *(["map_errors", "scaling_study"] if SIMULATED else []),
 ]
 FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"

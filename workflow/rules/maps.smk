@@ -94,6 +94,52 @@ rule sensitivity:
         "../scripts/sensitivity.py"
 
 
+rule true_sections:
+    """What would be measured at the sections without noise, and the exact linear maps."""
+    input:
+        recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
+        sections=rules.sections.output.sections,
+    output:
+        pairs=f"{RESULTS}/landings/true_pairs.h5",
+        maps=f"{RESULTS}/maps/exact_maps.json",
+    log:
+        f"{RESULTS}/logs/true_sections.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/true_sections.tsv"
+    params:
+        recordings=RECORDINGS,
+        body=STUDY["markers"]["body"],
+        code=code("true_sections"),
+    script:
+        "../scripts/true_sections.py"
+
+
+rule map_errors:
+    """Errors of fitted linear maps against the exact ones, by number of landings."""
+    input:
+        pairs=rules.pairs.output.pairs,
+        touchdowns=rules.pairs.output.touchdowns,
+        recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
+        true_pairs=rules.true_sections.output.pairs,
+        maps=rules.true_sections.output.maps,
+        units=rules.units.output.units,
+    output:
+        errors=f"{RESULTS}/tables/map_errors.csv",
+        states=f"{RESULTS}/tables/state_errors.csv",
+        entries=f"{RESULTS}/tables/map_entries.csv",
+    log:
+        f"{RESULTS}/logs/map_errors.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/map_errors.tsv"
+    params:
+        recordings=RECORDINGS,
+        feet=STUDY["markers"]["feet"],
+        seed=STUDY["seed"],
+        code=code("map_errors"),
+    script:
+        "../scripts/map_errors.py"
+
+
 rule scaling_study:
     """Maps of noise-free landings whose deviations from a simultaneous contact are scaled down."""
     input:
@@ -108,6 +154,7 @@ rule scaling_study:
     threads: workflow.cores
     params:
         options=STUDY["scaling_study"],
+        body=STUDY["markers"]["body"],
         code=code("scaling_study"),
     script:
         "../scripts/scaling_study.py"
@@ -142,7 +189,15 @@ rule score:
             for method in SCORED_METHODS
             for recording in RECORDINGS
         },
-        scaling=[rules.scaling_study.output.scaling] if SIMULATED else [],
+        exact=(
+            [
+                rules.scaling_study.output.scaling,
+                rules.map_errors.output.errors,
+                rules.map_errors.output.states,
+            ]
+            if SIMULATED
+            else []
+        ),
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
         sections=rules.sections.output.sections,

@@ -90,6 +90,24 @@ rule figure_sensitivity:
         "../scripts/figure_sensitivity.py"
 
 
+rule figure_map_errors:
+    """Errors of fitted maps by the number of landings; the exact and the fitted map."""
+    input:
+        errors=rules.map_errors.output.errors,
+        entries=rules.map_errors.output.entries,
+    output:
+        figure("map_errors"),
+    log:
+        f"{RESULTS}/logs/figure_map_errors.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_map_errors.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_map_errors"),
+    script:
+        "../scripts/figure_map_errors.py"
+
+
 rule figure_scaling_study:
     """The scaling study: the hopper and three kinds of control side by side."""
     input:
@@ -125,7 +143,17 @@ STAGES = [
     rules.figure_prediction,
     rules.figure_distances,
     *([rules.sensitivity, rules.figure_sensitivity] if STUDY["distances"]["sensitivity"] else []),
-    *([rules.scaling_study, rules.figure_scaling_study] if SIMULATED else []),
+    *(
+        [
+            rules.true_sections,
+            rules.map_errors,
+            rules.scaling_study,
+            rules.figure_map_errors,
+            rules.figure_scaling_study,
+        ]
+        if SIMULATED
+        else []
+    ),
 ]
 
 

@@ -1,5 +1,7 @@
 """Score a study against the truth that its synthetic recordings carry."""
 
+from pathlib import Path
+
 from hopdata.jobs import read_json, read_table, read_tables, reported, write_json
 from hopdata.landings.surface import FloorModel
 from hopdata.maps.landing_scores import known_recording
@@ -27,6 +29,6 @@ with reported(snakemake.log[0]):
         touchdowns=read_table(source.touchdowns),
         prediction_summary=read_table(source.prediction),
         distance_summary=read_table(source.distances),
-        scaling=read_tables(source.scaling) if source.scaling else None,
+        exact={Path(path).stem: read_table(path) for path in source.exact},
     )
     write_json(snakemake.output.truth, entries)

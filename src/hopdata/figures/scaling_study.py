@@ -82,7 +82,10 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
 
 def _draw(axes: Axes, rows: pd.DataFrame, case: str, column: str) -> None:
     name, strength, colour, marker = CASES[case]
-    label = f"{name}, slope {rows['slope'].iloc[0]:.2f}"
+    slope = float(rows["slope"].iloc[0])
+    label = f"{name}, " + (
+        f"slope {slope:.2f}" if np.isfinite(slope) else "not between the sections"
+    )
     if strength:
         label = (
             f"{name}, {SYMBOLS[strength].format(rows[strength].iloc[0])}\n" + label[len(name) + 2 :]

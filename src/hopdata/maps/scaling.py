@@ -26,6 +26,11 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 SPARE_LANDINGS = 2
+COLUMNS = (
+    *("case", "coupling", "impulse", "delay_s", "scale", "landings", "failed", "schedules"),
+    *("spread_ms", "pooled_rms", "specialised_rms", "pooled_over_specialised"),
+    *("map_difference", "exact_difference", "map_error", "slope"),
+)
 KINDS = {
     "hopper": "the hopper",
     "coupling": "coupled forces",
@@ -76,16 +81,20 @@ def scaling_table(samples: Iterable[Landings]) -> pd.DataFrame:
         degrees of freedom), ``pooled_over_specialised`` (ratio of mean squares),
         ``map_difference`` (largest between two schedules), ``exact_difference`` (of the exact
         derivatives), ``map_error`` (of the pooled map against their mean), ``slope`` (of log
-        pooled rms over log scale, the same for all rows of a case).
+        pooled rms over log scale, the same for all rows of a case). A sample of too few landings
+        has no errors (NaN).
     """
     import pandas as pd
 
     rows: list[dict[str, Any]] = []
     units: Floats | None = None
     for sample in samples:
-        units = sample.y.std(axis=0) if units is None else units
-        rows.append(_row(sample, units))
-    table = pd.DataFrame(rows)
+        row = _counts(sample)
+        if len(sample.y) >= _needed(sample):
+            units = sample.y.std(axis=0) if units is None else units
+            row |= _errors(sample, units)
+        rows.append(row)
+    table = pd.DataFrame(rows).reindex(columns=COLUMNS)
     for case in dict.fromkeys(table["case"]):
         mine = table["case"] == case
         table.loc[mine, "slope"] = _slope(
@@ -142,13 +151,8 @@ def _strength(row: Any) -> str:
     return f" ({', '.join(given)})" if given else ""
 
 
-def _row(sample: Landings, units: Floats) -> dict[str, Any]:
+def _counts(sample: Landings) -> dict[str, Any]:
     strengths = sample.control
-    root = input_root(sample.x)
-    pooled, own = _fit(sample, np.arange(len(sample.x)), units), _fits(sample, units)
-    variance, own_variance = pooled.variance, _mean_square([fit for fit in own if fit.freedom > 0])
-    p, maps = sample.x.shape[1], np.array([fit.slopes for fit in own])
-    exact = sample.exact_maps
     return {
         "case": sample.case,
         "coupling": strengths.coupling,
@@ -157,6 +161,16 @@ def _row(sample: Landings, units: Floats) -> dict[str, Any]:
         "scale": sample.scale,
         "landings": len(sample.x),
         "failed": sample.n_failed,
+    }
+
+
+def _errors(sample: Landings, units: Floats) -> dict[str, Any]:
+    root = input_root(sample.x)
+    pooled, own = _fit(sample, np.arange(len(sample.x)), units), _fits(sample, units)
+    variance, own_variance = pooled.variance, _mean_square([fit for fit in own if fit.freedom > 0])
+    p, maps = sample.x.shape[1], np.array([fit.slopes for fit in own])
+    exact = sample.exact_maps
+    return {
         "schedules": len(own),
         "spread_ms": 1e3 * float(np.median(sample.contact_s.std(axis=1))),
         "pooled_rms": float(np.sqrt(variance)),
@@ -169,7 +183,6 @@ def _row(sample: Landings, units: Floats) -> dict[str, Any]:
         "map_error": relative_difference(
             pooled.slopes[:, :p], exact.mean(axis=0), root=root, units=units
         ),
-        "slope": float("nan"),
     }
 
 
@@ -197,9 +210,13 @@ def _fit(sample: Landings, rows: NDArray[np.int64], units: Floats) -> _Fit:
 
 def _fits(sample: Landings, units: Floats) -> list[_Fit]:
     """Return the fits of the schedules that have landings enough."""
-    needed = 1 + sample.x.shape[1] + sample.preloads_n.shape[1] + SPARE_LANDINGS
     classes = [np.flatnonzero(sample.schedule == name) for name in np.unique(sample.schedule)]
-    return [_fit(sample, rows, units) for rows in classes if len(rows) >= needed]
+    return [_fit(sample, rows, units) for rows in classes if len(rows) >= _needed(sample)]
+
+
+def _needed(sample: Landings) -> int:
+    """Return how many landings a map of inputs and preloads needs."""
+    return 1 + sample.x.shape[1] + sample.preloads_n.shape[1] + SPARE_LANDINGS
 
 
 def _mean_square(fits: list[_Fit]) -> float:

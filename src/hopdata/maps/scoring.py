@@ -17,7 +17,9 @@ from hopdata.maps.landing_scores import (
     score_floor,
     score_sections,
 )
+from hopdata.maps.map_errors import score_maps
 from hopdata.maps.scaling import score_scaling
+from hopdata.maps.state_errors import score_states
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +34,7 @@ def score(
     touchdowns: pd.DataFrame,
     prediction_summary: pd.DataFrame,
     distance_summary: pd.DataFrame,
-    scaling: pd.DataFrame | None = None,
+    exact: Mapping[str, pd.DataFrame] | None = None,
 ) -> Entries:
     """Score a study against the truth of its recordings.
 
@@ -50,8 +52,9 @@ def score(
         The study's own touchdown table, whose used and excluded rows are counted.
     prediction_summary, distance_summary
         Tables of the same names.
-    scaling
-        Table of the scaling study, of a study that is simulated as a whole.
+    exact
+        Tables ``map_errors``, ``state_errors`` and ``scaling_study`` of a study that is simulated
+        as a whole.
     """
     if not known:
         return {}
@@ -63,8 +66,10 @@ def score(
     entries |= score_floor(known)
     entries |= score_predictions(prediction_summary)
     entries |= score_distances(distance_summary)
-    if scaling is not None:
-        entries |= score_scaling(scaling)
+    if exact:
+        entries |= score_states(exact["state_errors"])
+        entries |= score_maps(exact["map_errors"])
+        entries |= score_scaling(exact["scaling_study"])
     return entries
 
 

@@ -26,6 +26,7 @@ PLACES = {
     "fig2_3_schedule": "touchdowns",
     "fig2_4_prediction": "prediction",
     "fig2_5_distances": "distances",
+    "map_errors": "truth",
     "scaling_study": "truth",
 }
 SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,6 +32,10 @@ class KnownScene:
     hopper: HopperParameters
     control: HopperControl
     body_points_m: FloatArray
+
+    def points_of(self, body: Sequence[str]) -> FloatArray:
+        """Places of the body markers with these names (``body1`` ...), body frame, (k, 3), m."""
+        return self.body_points_m[[int(name.removeprefix("body")) - 1 for name in body]]
 
     def by_boom(self, count: int) -> Iterator[tuple[HopperParameters, NDArray[np.int64]]]:
         """Yield the hopper and the numbers of its hops, for each place of a boom that swings."""

@@ -7,24 +7,33 @@ each order of the contacts has its own.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.errors import AnalysisError
 from hopdata.recordings.truth import Truth
 from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.known_scene import common_scene
 from hopdata.synthesis.landings import SectionHeights, true_landings
-from hopdata.synthesis.section_coordinates import input_coordinates, output_coordinates
+from hopdata.synthesis.section_coordinates import (
+    INPUT_NAMES,
+    OUTPUT_NAMES,
+    input_coordinates,
+    output_coordinates,
+)
 from hopdata.synthesis.section_jacobians import section_jacobians
 from hopdata.synthesis.simultaneous import homed
 
 FloatArray = NDArray[np.float64]
 
 RTOL = 1e-10
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -68,6 +77,7 @@ class ScaledLandings:
 def study_landings(
     truths: Sequence[Truth],
     *,
+    body: Sequence[str],
     pre_m: float,
     post_m: float,
     landings: int = 1000,
@@ -83,6 +93,8 @@ def study_landings(
     ----------
     truths : sequence of Truth
         Of all its recordings; of a boom that swings, only hops with the first hop's are taken.
+    body : sequence of str
+        Names of the body markers that the study uses.
     pre_m, post_m : float
         Heights of the sections, m.
     landings : int
@@ -102,7 +114,7 @@ def study_landings(
         scaling_cases(scene.control, coupling=coupling, impulse=impulse, delay_s=delay_s),
         apexes[every],
         preloads[every],
-        SectionHeights(pre_m, post_m, scene.body_points_m),
+        SectionHeights(pre_m, post_m, scene.points_of(body)),
         scales=scales,
         workers=workers,
     )
@@ -151,11 +163,22 @@ def scaled_landings(
         Factors of the deviations.
     workers : int, optional
         Threads.
+
+    Yields
+    ------
+    ScaledLandings
+        Without landings for a case whose simultaneous contact does not lie between the sections, or
+        that does not sink to the lower one; the log says why.
     """
     apart = preloads_n - hopper.preload_n
     still = replace(hopper, boom_swing_rad=0.0)
     for case, control in cases.items():
-        exact = section_jacobians(still, control, apex_states, sections)
+        try:
+            exact = section_jacobians(still, control, apex_states, sections)
+        except AnalysisError as error:
+            logger.warning("scaling study, %s: %s", case, error)
+            yield from (_nothing(case, control, scale, preloads_n) for scale in scales)
+            continue
         middle = exact.landing.apex_state
         deviations = homed(apex_states) - middle
         for scale in scales:
@@ -182,3 +205,22 @@ def scaled_landings(
                 len(found) - len(rows),
                 exact.maps,
             )
+
+
+def _nothing(
+    case: str, control: HopperControl, scale: float, preloads_n: FloatArray
+) -> ScaledLandings:
+    """Return that no landing of a case counts."""
+    none = np.empty((0, preloads_n.shape[1]))
+    return ScaledLandings(
+        case,
+        control,
+        scale,
+        np.empty((0, len(INPUT_NAMES))),
+        np.empty((0, len(OUTPUT_NAMES))),
+        none,
+        none,
+        np.empty(0, dtype=str),
+        len(preloads_n),
+        np.full((1, len(OUTPUT_NAMES), len(INPUT_NAMES)), np.nan),
+    )

@@ -1,19 +1,12 @@
-"""Guards that sleep: the events of the plain form for fewer evaluations; and the heap itself."""
+"""Guards that sleep: the events of the plain form for fewer evaluations."""
 
 from __future__ import annotations
 
-import heapq
-
-import numba
 import numpy as np
 import pytest
 from bent_systems import bent, bent_params, bent_sparse, turn_back
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from hopdata.hybrid import System, field, guard, guards, rate_bound, solve
-from hopdata.hybrid.compiled.views import float_table, float_vector, int_table, int_vector
-from hopdata.hybrid.driver import layout, sleep
 from hopdata.scenes.plate import Plate
 
 FROM = [-1.2, 1.0]
@@ -194,76 +187,14 @@ def test_a_memory_of_the_wrong_length_is_named():
         solve(plate.system(), (0, 1), start, params=plate.params, memory=[0.0])
 
 
-SIZE = 64
-
-
-def memory_views(heap, wake_at, counts):
-    table, empty = float_table(0, 0), float_vector(0, 0)
-    return layout.Memory(
-        table, table, int_table(0, 0), int_table(heap, SIZE), float_vector(wake_at, SIZE), empty,
-        int_vector(counts, layout.COUNT_SLOTS),
-    )  # fmt: skip
-
-
-views = numba.njit(memory_views)
-
-
-@numba.njit
-def push_all(heap, wake_at, counts, keys, first):
-    m = views(heap, wake_at, counts)
-    for k in range(len(keys)):
-        sleep.push(m, first + k, keys[k])
-
-
-@numba.njit
-def pop_some(heap, wake_at, counts, popped):
-    m = views(heap, wake_at, counts)
-    for place in range(len(popped)):
-        popped[place] = sleep.pop(m)
-
-
-KEYS = st.lists(st.floats(0, 1e6) | st.sampled_from([0.0, 1.0, 2.0]), max_size=SIZE // 2)
-
-
-class Heap:
-    """The driver's heap in arrays of its own."""
-
-    def __init__(self):
-        self.lists = np.full((layout.LIST_ROWS, SIZE), -1, dtype=np.int64)
-        self.wake_at = np.full(SIZE, np.nan)
-        self.counts = np.zeros(layout.COUNT_SLOTS, dtype=np.int64)
-        self.arrays = tuple(a.ctypes.data for a in (self.lists, self.wake_at, self.counts))
-
-    def push(self, keys, first):
-        push_all(*self.arrays, np.array(keys, dtype=float), first)
-
-    def pop(self, count):
-        popped = np.empty(count, dtype=np.int64)
-        pop_some(*self.arrays, popped)
-        return popped.tolist()
-
-    @property
-    def guards(self):
-        return self.lists[layout.HEAP, : self.counts[layout.N_ASLEEP]].tolist()
-
-
-@settings(deadline=None, max_examples=200)
-@given(first=KEYS, second=KEYS, part=st.floats(0, 1))
-def test_the_heap_is_a_heap(first, second, part):
-    """Guards come out by their keys, each once, whatever goes in between."""
-    heap, expected = Heap(), [(key, k) for k, key in enumerate(first)]
-    heap.push(first, 0)
-    heapq.heapify(expected)
-    out = heap.pop(int(part * len(first)))
-    assert heap.wake_at[out].tolist() == [heapq.heappop(expected)[0] for _ in out]
-    heap.push(second, len(first))
-    for k, key in enumerate(second, len(first)):
-        heapq.heappush(expected, (key, k))
-    inside = heap.guards
-    assert sorted(inside + out) == list(range(len(first) + len(second)))
-    for place in range(1, len(inside)):
-        assert heap.wake_at[inside[(place - 1) // 2]] <= heap.wake_at[inside[place]]
-    rest = heap.pop(len(inside))
-    assert heap.wake_at[rest].tolist() == [heapq.heappop(expected)[0] for _ in rest]
-    assert sorted(rest) == sorted(inside)
-    assert heap.counts[layout.N_ASLEEP] == 0
+@pytest.mark.parametrize("tilt", [0.05, 1e-3, 1e-6])
+def test_a_flat_landing_looks_at_few_guards(tilt):
+    """However near to each other the contacts are, a step is clipped to the first and wakes few."""
+    plate = Plate(600)
+    start = [0.0, 2.0, tilt, 0.0, 0.0, 0.0]
+    solution = solve(plate.system(sparse=True), (0, 0.6), start, params=plate.params, rtol=1e-6)
+    events = solution.events
+    assert len(events) >= 600
+    assert sorted(events.guard[:600].tolist()) == list(range(600))
+    assert solution.n_steps < 1.1 * len(events)
+    assert solution.n_guard_evaluations < 100 * len(events)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.driver.layout import (
     DENSER,
+    GAP,
     LAST_SLOPE,
     METHOD,
     NEXT_DT,
@@ -108,7 +109,7 @@ def choose_after_event(p: Problem, m: Memory) -> None:
     """Change to a cheaper method, if the last event is but a few of its steps ago."""
     method = m.counts[METHOD]
     denser, apart = p.methods[method, DENSER], m.clock[T] - m.clock[SEGMENT]
-    m.clock[SEGMENT] = m.clock[T]
+    m.clock[SEGMENT], m.clock[GAP] = m.clock[T], apart
     if p.methods[method, ORDER] >= VERY_HIGH_ORDER:  # the last mode tells nothing of this one
         m.clock[NEXT_DT] = p.t_end - m.clock[T]
     if denser >= 0 and apart < SHORT * m.clock[NEXT_DT] * step_ratio(p, method, denser):

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hopdata.hybrid.compiled.calls import call_on_event, call_refresh
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.compiled.views import FloatTable, IntTable
 from hopdata.hybrid.driver.layout import (
-    AWAKE,
     CROWD,
     CULPRIT,
     DIRECTION,
@@ -18,14 +17,16 @@ from hopdata.hybrid.driver.layout import (
     FLIPS,
     H0,
     INSTANT,
+    INSTANTS,
     JUMPS,
     K1,
+    LAST_FLIP,
     LOG_DIRECTION,
     LOG_GUARD,
     LOG_STATES,
     LOG_TIME,
     METHOD,
-    N_AWAKE,
+    N_DUE,
     RATE0,
     RATE_ABOVE,
     RATE_BELOW,
@@ -36,6 +37,7 @@ from hopdata.hybrid.driver.layout import (
     T,
     Y,
 )
+from hopdata.hybrid.driver.near import gather_reached
 from hopdata.hybrid.driver.problem import Problem, eval_field, first_not_finite, guards_at_start
 from hopdata.hybrid.driver.saltation import saltate, saltate_handlers
 from hopdata.hybrid.driver.sleep import speed_at, wake_all
@@ -69,8 +71,8 @@ class Log(NamedTuple):
 @kernel
 def flips_alone(m: Memory, k: int) -> bool:
     """Tell whether no other guard than k has flipped at this instant."""
-    for a in range(m.counts[N_AWAKE]):
-        if m.lists[AWAKE, a] != k and m.flags[FLIPS, m.lists[AWAKE, a]] != 0:
+    for other in range(m.flags.width):
+        if other != k and m.flags[LAST_FLIP, other] == m.counts[INSTANTS]:
             return False
     return True
 
@@ -78,13 +80,13 @@ def flips_alone(m: Memory, k: int) -> bool:
 @kernel
 def flip(p: Problem, m: Memory) -> int:
     """Flip the locks of all guards that are due; refuse the third flip at one instant."""
-    for a in range(m.counts[N_AWAKE]):
-        k = m.lists[AWAKE, a]
-        if m.flags[DUE, k] == 0:
-            continue
+    now = m.counts[INSTANTS]
+    for a in range(m.counts[N_DUE]):
+        k = m.lists[DUE, a]
         side = RATE_BELOW if p.mode[k] < 0 else RATE_ABOVE
         m.clock[side] = m.guards[RATE0, k]
-        m.flags[FLIPS, k] += 1
+        m.flags[FLIPS, k] = m.flags[FLIPS, k] + 1 if m.flags[LAST_FLIP, k] == now else 1
+        m.flags[LAST_FLIP, k] = now
         p.mode[k] = -p.mode[k]
         if m.flags[FLIPS, k] > FLIPS_AT_ONCE:
             m.counts[CULPRIT] = k
@@ -93,7 +95,7 @@ def flip(p: Problem, m: Memory) -> int:
     return RUNNING
 
 
-@kernel
+@kernel_in_loop
 def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
     """Tell the scene that guard k has flipped, if that is an event, and log it.
 
@@ -126,7 +128,7 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
     return TERMINATED if stop != 0 else RUNNING
 
 
-@kernel
+@kernel_in_loop
 def fire_due(p: Problem, m: Memory, log: Log) -> int:
     """Fire all guards that have just flipped, in their order."""
     status, k = RUNNING, next_due(m, -1)
@@ -139,7 +141,7 @@ def fire_due(p: Problem, m: Memory, log: Log) -> int:
     return status
 
 
-@kernel
+@kernel_in_loop
 def refresh(p: Problem, m: Memory) -> int:
     """Evaluate field and guards anew at the present state and mode."""
     eval_field(p, m, m.clock[T], Y, K1)
@@ -158,8 +160,7 @@ def too_crowded(m: Memory, resolution: float) -> bool:
     n_guards = m.flags.width
     gap = m.clock[T] - m.clock[INSTANT]
     if gap > resolution:
-        for a in range(m.counts[N_AWAKE]):
-            m.flags[FLIPS, m.lists[AWAKE, a]] = 0
+        m.counts[INSTANTS] += 1
     m.counts[CROWD] = m.counts[CROWD] + 1 if gap <= CROWDED * resolution else 0
     m.clock[INSTANT] = m.clock[T]
     return m.counts[CROWD] > CROWD_BASE + CROWD_PER_GUARD * n_guards
@@ -168,14 +169,10 @@ def too_crowded(m: Memory, resolution: float) -> bool:
 @kernel
 def keep_culprit(m: Memory) -> None:
     """Remember the first guard that is due as the one to report."""
-    culprit = m.flags.width
-    for a in range(m.counts[N_AWAKE]):
-        k = m.lists[AWAKE, a]
-        if m.flags[DUE, k] != 0 and k < culprit:
-            m.counts[CULPRIT] = culprit = k
+    m.counts[CULPRIT] = next_due(m, -1)
 
 
-@kernel
+@kernel_in_loop
 def fire_all(p: Problem, m: Memory, log: Log) -> int:
     """Let all guards in DUE flip, and those that their handlers push across; refresh the field.
 
@@ -201,6 +198,9 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
                 return TIE_IN_JACOBIAN
         if ended and status == RUNNING:
             status = TERMINATED
-        if status != RUNNING or mark_due(p, m, H0, RATE0, resolution) == 0:
+        if status != RUNNING:
+            return status
+        gather_reached(p, m, H0, RATE0, resolution)
+        if mark_due(p, m, H0, RATE0, resolution) == 0:
             return status
         remember_residuals(p, m, H0)

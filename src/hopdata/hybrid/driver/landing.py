@@ -9,8 +9,6 @@ from __future__ import annotations
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.driver.dense import interpolate
 from hopdata.hybrid.driver.layout import (
-    AWAKE,
-    DUE,
     END,
     ERROR,
     H0,
@@ -19,6 +17,8 @@ from hopdata.hybrid.driver.layout import (
     KEND,
     METHOD,
     N_AWAKE,
+    N_NEAR,
+    NEAR,
     RATE0,
     RATE1,
     SCRATCH,
@@ -29,9 +29,16 @@ from hopdata.hybrid.driver.layout import (
     T,
 )
 from hopdata.hybrid.driver.localisation import CROSSING, DIP, PASS, first_cut
+from hopdata.hybrid.driver.near import gather_reached
 from hopdata.hybrid.driver.problem import Problem, eval_field, guards_at_end
 from hopdata.hybrid.driver.stepping import take_step
-from hopdata.hybrid.driver.surface import blur, mark_due, remember_residuals, time_resolution
+from hopdata.hybrid.driver.surface import (
+    blur,
+    mark_due,
+    mark_one,
+    remember_residuals,
+    time_resolution,
+)
 
 MAX_POLISH = 8
 SPARED = 5e-2  # of the tolerance: error of the interpolant that is not worth another step
@@ -48,8 +55,8 @@ def nearest_surface(p: Problem, m: Memory, k: int) -> tuple[float, int]:
     shift, nearest = 0.0, k
     if p.mode[k] * m.guards[RATE1, k] < 0.0:
         shift = -m.guards[H1, k] / m.guards[RATE1, k]
-    for a in range(m.counts[N_AWAKE]):
-        j = m.lists[AWAKE, a]
+    for a in range(m.counts[N_NEAR]):
+        j = m.lists[NEAR, a]
         value, rate = p.mode[j] * m.guards[H1, j], p.mode[j] * m.guards[RATE1, j]
         if rate < 0.0 and value < 0.0 and -value / rate < shift:
             shift, nearest = -value / rate, j
@@ -79,6 +86,13 @@ def take_part(p: Problem, m: Memory, t: float, span: float, on_interpolant: bool
 
 
 @kernel
+def look_at_end(p: Problem, m: Memory, t: float, resolution: float) -> None:
+    """Evaluate the guards at the end of the step, at time t; those that it has reached are near."""
+    guards_at_end(p, m, t)
+    gather_reached(p, m, H1, RATE1, resolution)
+
+
+@kernel
 def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple[float, int]:
     """Make the step end on guard k, about `span` from now.
 
@@ -92,7 +106,7 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
     error = p.methods[m.counts[METHOD], INTERPOLANT_ERROR] * m.clock[ERROR]
     on_interpolant = not p.first_order and error * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED
     take_part(p, m, t, span, on_interpolant)
-    guards_at_end(p, m, t + span)
+    look_at_end(p, m, t + span, resolution)
     for _ in range(MAX_POLISH):
         shift, k = nearest_surface(p, m, k)
         if not resolution < abs(shift) < last:
@@ -103,7 +117,7 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
         else:
             move_end(p, m, t + span, shift)
         span += shift
-        guards_at_end(p, m, t + span)
+        look_at_end(p, m, t + span, resolution)
     return span, k
 
 
@@ -134,9 +148,8 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
     dt, kind, k, theta = end_at_dips(p, m, dt)
     if kind != CROSSING:
         return dt, 0
-    for a in range(m.counts[N_AWAKE]):
-        j = m.lists[AWAKE, a]
-        m.flags[DUE, j] = 0
+    for a in range(m.counts[N_NEAR]):
+        j = m.lists[NEAR, a]
         size = max(abs(m.guards[H0, j]), abs(m.guards[H1, j]))
         still_leaving = p.mode[j] * m.guards[H0, j] <= 0.0  # what it took for rounding stays so
         m.guards[SIZE, j] = max(size, m.guards[SIZE, j]) if still_leaving else size
@@ -146,17 +159,16 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
             m.guards[H0, k], m.guards[RATE0, k], resolution
         )
         if at_once:
-            m.flags[DUE, k] = 1
+            mark_one(m, k)
             remember_residuals(p, m, H0)
             return 0.0, 1
         dt = min(resolution, dt)  # an event function that jumps: just past it
         take_step(p, m, m.clock[T], dt)
-        guards_at_end(p, m, m.clock[T] + dt)
+        look_at_end(p, m, m.clock[T] + dt, resolution)
     else:
         dt, k = land(p, m, k, theta * dt, resolution)
     total = mark_due(p, m, H1, RATE1, resolution)
     if total == 0 and p.mode[k] * m.guards[RATE1, k] < 0.0:
-        m.flags[DUE, k] = 1
-        total = 1
+        total = mark_one(m, k)
     remember_residuals(p, m, H1)
     return dt, total

@@ -34,18 +34,20 @@ PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN = index_numbers(6)
 PHI_ROWS = 6
 
 # Rows of `guards`: event functions and their rates at the start, at the end and inside of a step,
-# the largest |h| over the step, which is the scale of its rounding error, and second derivatives.
-H0, RATE0, H1, RATE1, H, RATE, SIZE, BEND = index_numbers(8)
-GUARD_ROWS = 8
+# the largest |h| over the step, which is the scale of its rounding error, second derivatives, and
+# how far a guard stays from its surface over the step.
+H0, RATE0, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE = index_numbers(9)
+GUARD_ROWS = 9
 
-# Rows of `flags`: guards that flip now, how often each has flipped at this instant, and whether its
-# lock was left open at the start.
-DUE, FLIPS, OPEN = index_numbers(3)
+# Rows of `flags`: the number of the instant at which a guard flipped last, how often it has flipped
+# then, and whether its lock was left open at the start.
+LAST_FLIP, FLIPS, OPEN = index_numbers(3)
 FLAG_ROWS = 3
 
-# Rows of `lists`: the guards that are awake, and the heap of those asleep (see `sleep`).
-AWAKE, HEAP = index_numbers(2)
-LIST_ROWS = 2
+# Rows of `lists`: the guards that are awake, the heap of those asleep (see `sleep`), the few that
+# the step may concern (see `near`), and those that flip now.
+AWAKE, HEAP, NEAR, DUE = index_numbers(4)
+LIST_ROWS = 4
 
 # Rows of `rules`: which crossings are events, and whether these end the integration.
 DIRECTION, TERMINAL = index_numbers(2)
@@ -77,8 +79,9 @@ METHOD_SLOTS = 16
 
 # Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
 # none, ERROR that step's error in units of the tolerance, SEGMENT the start of the smooth piece of
-# the trajectory, TRAVEL what no event function can have changed by more than since the start, and
-# SPEED the bound of their rates now. STIFF_SCORE counts steps that stability limits.
+# the trajectory, GAP the length of the one before it, TRAVEL what no event function can have
+# changed by more than since the start, and SPEED the bound of their rates now. STIFF_SCORE counts
+# steps that stability limits.
 (
     T,
     NEXT_DT,
@@ -92,8 +95,9 @@ METHOD_SLOTS = 16
     TRAVEL,
     SPEED,
     STIFF_SCORE,
-) = index_numbers(12)
-CLOCK_SLOTS = 12
+    GAP,
+) = index_numbers(13)
+CLOCK_SLOTS = 13
 
 # Slots of `counts`. DEGREE is that of the interpolant, if there is one.
 (
@@ -111,9 +115,12 @@ CLOCK_SLOTS = 12
     N_AWAKE,
     N_ASLEEP,
     JUMPS,
+    N_NEAR,
+    N_DUE,
+    INSTANTS,
     DEGREE,
-) = index_numbers(15)
-COUNT_SLOTS = 15
+) = index_numbers(18)
+COUNT_SLOTS = 18
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for steps and events, then
@@ -160,6 +167,6 @@ class Memory(NamedTuple):
     guards: FloatTable
     flags: IntTable
     lists: IntTable
-    wake_at: FloatVector  # travel at which a sleeping guard must be looked at
+    wake_at: FloatVector  # travel at which each guard in the heap must be looked at
     clock: FloatVector
     counts: IntVector

@@ -10,10 +10,10 @@ from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
 from hopdata.hybrid.driver.hermite import NOWHERE, cubic, cubic_root, turning_points
 from hopdata.hybrid.driver.layout import (
-    AWAKE,
     H0,
     H1,
-    N_AWAKE,
+    N_NEAR,
+    NEAR,
     RATE,
     RATE0,
     RATE1,
@@ -23,13 +23,13 @@ from hopdata.hybrid.driver.layout import (
     T,
     index_numbers,
 )
-from hopdata.hybrid.driver.problem import Problem, guards_inside
+from hopdata.hybrid.driver.near import GRAZE, gather_near
+from hopdata.hybrid.driver.problem import Problem, near_inside
 from hopdata.hybrid.driver.surface import EPS, blur, time_resolution
 
 PASS, CROSSING, DIP = 0, 1, 2
 ANY, PAST = index_numbers(2)  # which guards to suspect
 
-GRAZE = 1e-2  # look closer at a dip that comes nearer than this, relative to the step's margins
 EDGE = 1e-6  # a dip this near to an end of the step is that end
 LEAVING = 1e-12  # a guard that has not left its surface by this part of the step never left
 ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the digits
@@ -41,14 +41,14 @@ MAX_ROOT, MAX_DIP, PATIENCE = 120, 40, 8
 def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     """Evaluate the guards on the interpolant at `theta`, into H and RATE."""
     interpolate_with_slope(p, m, theta, dt)
-    guards_inside(p, m, m.clock[T] + theta * dt)
+    near_inside(p, m, m.clock[T] + theta * dt)
 
 
 @kernel
 def suspect(
     g0: float, d0: float, g1: float, d1: float, noise: float
 ) -> tuple[int, float, float, float]:
-    """Judge a guard by its cubic.
+    """Judge a guard by its cubic, which does not stay clear.
 
     Takes margin and slope (per step) at both ends, and what rounding may make of a margin that is
     zero; returns the kind of suspicion, where to look first, and a bracket.
@@ -57,9 +57,6 @@ def suspect(
     crossed = g1 < -noise or (g1 <= 0.0 and d1 < 0.0)
     if not crossed and d0 >= 0.0 and d1 >= 0.0 and g1 >= g0 + 0.34 * max(d0, d1):
         return PASS, 1.0, 0.0, 1.0  # monotone (Fritsch and Carlson)
-    lowest = min(g0, g0 + d0 / 3.0, g1 - d1 / 3.0, g1)  # of the Bezier points: a lower bound
-    if lowest > 0.0 and lowest >= GRAZE * max(g0, g1):
-        return PASS, 1.0, 0.0, 1.0
     top, bottom = turning_points(g0, d0, g1, d1)
     low = top if g0 == 0.0 and top < bottom else 0.0
     deep = NOWHERE
@@ -81,13 +78,13 @@ def first_suspect(
 ) -> tuple[int, int, float, float, float]:
     """Return (kind, guard, guess, low, high) of the suspect guard with the earliest guess.
 
-    With ANY all guards are asked, with PAST those that are past their surface in row H.
+    With ANY all that are near are asked, with PAST those of them past their surface in row H.
     """
     g = m.guards
     best = (PASS, -1, NOWHERE, 0.0, 1.0)
     resolution = time_resolution(m.clock[T], dt)
-    for a in range(m.counts[N_AWAKE]):
-        k = m.lists[AWAKE, a]
+    for a in range(m.counts[N_NEAR]):
+        k = m.lists[NEAR, a]
         lock = p.mode[k]
         if among == PAST and not lock * g[H, k] < 0.0:
             continue
@@ -172,12 +169,14 @@ def crossing(
 @kernel
 def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     """Return (kind, guard, theta): where the step must end, and why."""
+    if gather_near(p, m, dt) == 0:
+        return PASS, -1, 1.0
     kind, k, guess, low, high = first_suspect(p, m, dt, ANY)
     if kind == PASS:
         return PASS, -1, 1.0
     prepare_interpolant(p, m, dt)
     theta = 1.0
-    for _ in range(m.counts[N_AWAKE]):
+    for _ in range(m.counts[N_NEAR]):
         if kind == DIP:
             theta = lowest_point(p, m, dt, k, guess)
         else:

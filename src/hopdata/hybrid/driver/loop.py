@@ -26,14 +26,13 @@ from hopdata.hybrid.driver.layout import (
     EVENT_ROWS,
     EVENTS,
     EVERY_STEP,
-    FLIPS,
     GIVEN_MODE,
     GUARD_ROWS,
     H0,
-    H1,
     INSTANT,
     K1,
     KEND,
+    LAST_FLIP,
     LAST_LOG_ERROR,
     METHOD,
     N_AWAKE,
@@ -41,7 +40,6 @@ from hopdata.hybrid.driver.layout import (
     NFEV,
     ORDER,
     RATE0,
-    RATE1,
     REJECTED,
     RESUMED,
     ROWS,
@@ -55,8 +53,9 @@ from hopdata.hybrid.driver.layout import (
     T,
     Y,
 )
+from hopdata.hybrid.driver.near import gather_reached
 from hopdata.hybrid.driver.output import Output, rewrite_row, sample_start, sample_step, write_row
-from hopdata.hybrid.driver.prediction import remember_bend
+from hopdata.hybrid.driver.prediction import carry_guards
 from hopdata.hybrid.driver.problem import Problem, copy_row, fill_row, first_not_finite
 from hopdata.hybrid.driver.sleep import travel_on
 from hopdata.hybrid.driver.start import settle_locks
@@ -89,17 +88,15 @@ def move_on(p: Problem, m: Memory, out: Output, dt: float) -> None:
     """Make the end of the step the start of the next, and write it down."""
     t_new = p.t_end if dt == p.t_end - m.clock[T] else m.clock[T] + dt
     sample_step(p, m, out, t_new, dt)
-    remember_bend(m, dt, m.clock[NEXT_DT])
+    carry_guards(p, m, dt)
     travel_on(p, m, dt)
     m.clock[T] = t_new
     copy_row(m.states, END, Y)
     copy_row(m.states, KEND, K1)
-    copy_row(m.guards, H1, H0)
-    copy_row(m.guards, RATE1, RATE0)
     write_row(m, out)
 
 
-@kernel
+@kernel_in_loop
 def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Let the events of this instant happen, and write down the state after them."""
     status = fire_all(p, m, log)
@@ -157,7 +154,7 @@ def clear(m: Memory, t: float, step: float) -> bool:
     for row in range(GUARD_ROWS):
         fill_row(m.guards, row, 0.0)
     for k in range(m.flags.width):
-        m.flags[FLIPS, k] = 0
+        m.flags[LAST_FLIP, k] = 0
         m.lists[AWAKE, k] = k
     for slot in range(COUNT_SLOTS):
         m.counts[slot] = 0
@@ -182,7 +179,9 @@ def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
     write_row(m, out)
     for k in range(m.guards.width):
         m.guards[SIZE, k] = abs(m.guards[H0, k])
-    if mark_due(p, m, H0, RATE0, time_resolution(m.clock[T], 0.0)) > 0:
+    resolution = time_resolution(m.clock[T], 0.0)
+    gather_reached(p, m, H0, RATE0, resolution)
+    if mark_due(p, m, H0, RATE0, resolution) > 0:
         status = fire(p, m, out, log)
     return status
 

@@ -10,22 +10,30 @@ from __future__ import annotations
 from math import sqrt
 
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.driver.layout import AWAKE, BEND, H0, N_AWAKE, RATE0, RATE1, Memory
-from hopdata.hybrid.driver.problem import Problem
+from hopdata.hybrid.driver.layout import BEND, GAP, H0, H1, N_AWAKE, RATE0, RATE1, Memory, T
+from hopdata.hybrid.driver.problem import Problem, awake
+from hopdata.hybrid.driver.sleep import wake_for
+from hopdata.hybrid.driver.surface import time_resolution
 
+SOON = 4.0  # times the last two events' distance: the next flip is first looked for within this
 OVERSHOOT = 1.2  # past the predicted flip, so that the step finds it if the guess was a bit short
-CLIP_MOST = 1e-3  # leave events nearer than this part of the step to localisation
-TOO_SHORT = 1e-3  # part of the proposed step below which it tells nothing of the bend
+# Multiples of the resolution of time. The step that the field would allow is no measure here: in a
+# landing on thousands of springs it is a million times longer than the time between two of them.
+CLIP_MOST = 1e3  # leave events that are nearer to localisation
+TOO_SHORT = 1e6  # the rates at both ends of such a step tell nothing of the bend
 
 
 @kernel
-def remember_bend(m: Memory, dt: float, proposed: float) -> None:
-    """Keep the second derivative of each event function, as a secant over the step just taken."""
-    if dt > TOO_SHORT * proposed:
-        g = m.guards
-        for a in range(m.counts[N_AWAKE]):
-            k = m.lists[AWAKE, a]
-            g[BEND, k] = (g[RATE1, k] - g[RATE0, k]) / dt
+def carry_guards(p: Problem, m: Memory, dt: float) -> None:
+    """Make the guards at the end of the step those at its start; keep their second derivatives.
+
+    These are secants over the step.
+    """
+    g, tells = m.guards, dt > TOO_SHORT * time_resolution(m.clock[T], dt)
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        g[BEND, k] = (g[RATE1, k] - g[RATE0, k]) / dt if tells else g[BEND, k]
+        g[H0, k], g[RATE0, k] = g[H1, k], g[RATE1, k]
 
 
 @kernel
@@ -42,15 +50,39 @@ def flip_time(g: float, d: float, c: float) -> float:
 
 @kernel
 def clipped(p: Problem, m: Memory, dt: float) -> float:
-    """Return `dt`, or less if a guard is predicted to flip before."""
-    g, least = m.guards, CLIP_MOST * dt
-    for a in range(m.counts[N_AWAKE]):
-        k = m.lists[AWAKE, a]
-        lock = p.mode[k]
-        value, rate, bend = lock * g[H0, k], lock * g[RATE0, k], lock * g[BEND, k]
-        if value + dt * (min(rate, 0.0) + 0.5 * dt * min(bend, 0.0)) > 0.0:
-            continue
-        time = OVERSHOOT * flip_time(max(value, 0.0), rate, bend)
-        if least < time < dt:
-            dt = time
+    """Return `dt`, or less if a guard is predicted to flip before.
+
+    Of the guards asleep those that might flip by then wake, the nearest first.
+    """
+    dt = clipped_by_awake(p, m, dt)
+    k = wake_for(p, m, dt)
+    while k >= 0:
+        dt = clipped_by(p, m, k, dt)
+        k = wake_for(p, m, dt)
     return dt
+
+
+@kernel
+def clipped_by_awake(p: Problem, m: Memory, dt: float) -> float:
+    """Return `dt`, or a little more than the time to the first flip that is predicted before."""
+    soon = SOON * m.clock[GAP]
+    if soon < dt:
+        for a in range(m.counts[N_AWAKE]):
+            soon = clipped_by(p, m, awake(p, m, a), soon)
+        if soon < SOON * m.clock[GAP]:
+            return soon
+    for a in range(m.counts[N_AWAKE]):
+        dt = clipped_by(p, m, awake(p, m, a), dt)
+    return dt
+
+
+@kernel
+def clipped_by(p: Problem, m: Memory, k: int, dt: float) -> float:
+    """Return `dt`, or a little more than the time to the flip of guard k if that is before."""
+    g, lock = m.guards, p.mode[k]
+    value, rate, bend = lock * g[H0, k], lock * g[RATE0, k], lock * g[BEND, k]
+    if value + dt * (min(rate, 0.0) + 0.5 * dt * min(bend, 0.0)) > 0.0:
+        return dt
+    time = OVERSHOOT * flip_time(max(value, 0.0), rate, bend)
+    least = CLIP_MOST * time_resolution(m.clock[T], 0.0)
+    return time if least < time < dt else dt

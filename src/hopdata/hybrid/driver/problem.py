@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hopdata.hybrid.compiled.calls import call_field, call_guard, call_guards
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.compiled.views import FloatTable, FloatVector, IntTable, IntVector
 from hopdata.hybrid.driver.layout import (
     AWAKE,
@@ -18,6 +18,8 @@ from hopdata.hybrid.driver.layout import (
     K1,
     KEND,
     N_AWAKE,
+    N_NEAR,
+    NEAR,
     NFEV,
     NGEV,
     RATE,
@@ -52,6 +54,15 @@ class Problem(NamedTuple):
 
 
 @kernel
+def awake(p: Problem, m: Memory, a: int) -> int:
+    """Return the guard at a place of the list AWAKE: where none sleeps, that of this number.
+
+    A loop over all guards is then compiled without the list, into vector instructions.
+    """
+    return a if p.rate_bound == 0 else m.lists[AWAKE, a]
+
+
+@kernel
 def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
     """Evaluate the field at row `y` of the states into row `dy`.
 
@@ -65,40 +76,54 @@ def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
 @kernel
 def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int) -> None:
     """Evaluate the guards that are awake at rows `y` and `dy` into rows `h` and `rate`."""
-    s, g = m.states, m.guards
     if p.guards != 0:
-        g[h, 0] = np.nan
-        m.counts[NGEV] += 1
-        call_guards(p.guards, t, s, y, s, dy, p.mode, p.params, g, h, g, rate)
+        eval_all(p, m, t, y, dy, h, rate)
     elif p.guard != 0:
-        m.counts[NGEV] += m.counts[N_AWAKE]
-        for a in range(m.counts[N_AWAKE]):
-            eval_guard(p, m, t, y, dy, m.lists[AWAKE, a], h, rate)
+        eval_listed(p, m, AWAKE, m.counts[N_AWAKE], t, y, dy, h, rate)
+
+
+@kernel
+def eval_all(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int) -> None:
+    """Evaluate the guards of a system that gives all at once."""
+    s, g = m.states, m.guards
+    g[h, 0] = np.nan
+    m.counts[NGEV] += 1
+    call_guards(p.guards, t, s, y, s, dy, p.mode, p.params, g, h, g, rate)
+
+
+@kernel
+def eval_listed(
+    p: Problem, m: Memory, which: int, count: int, t: float, y: int, dy: int, h: int, rate: int
+) -> None:
+    """Evaluate the guards in a list, one by one."""
+    m.counts[NGEV] += count
+    for a in range(count):
+        eval_guard(p, m, t, y, dy, m.lists[which, a], h, rate)
 
 
 @kernel
 def eval_guard(p: Problem, m: Memory, t: float, y: int, dy: int, k: int, h: int, rate: int) -> None:
-    """Evaluate one of many guards."""
+    """Evaluate one of many guards; NaN stays behind where the user's function does not fill it."""
     s, g = m.states, m.guards
-    g[h, k] = np.nan
+    g[h, k], g[rate, k] = np.nan, np.nan
     call_guard(p.guard, t, s, y, s, dy, p.mode, p.params, k, g, h, g, rate)
 
 
 @kernel
 def guards_at_start(p: Problem, m: Memory, t: float) -> bool:
     """Evaluate the guards at the start of the step; tell whether all are filled and finite."""
-    fill_row(m.guards, RATE0, np.nan)
     if p.guards != 0:
         fill_row(m.guards, H0, np.nan)
+        fill_row(m.guards, RATE0, np.nan)
     eval_guards(p, m, t, Y, K1, H0, RATE0)
-    return guards_are_finite(m, H0, RATE0)
+    return guards_are_finite(p, m, H0, RATE0)
 
 
 @kernel
 def guards_at_end(p: Problem, m: Memory, t: float) -> bool:
     """Evaluate the guards at the end of the step; tell whether all are finite."""
     eval_guards(p, m, t, END, KEND, H1, RATE1)
-    return guards_are_finite(m, H1, RATE1)
+    return guards_are_finite(p, m, H1, RATE1)
 
 
 @kernel
@@ -108,14 +133,29 @@ def guards_inside(p: Problem, m: Memory, t: float) -> None:
 
 
 @kernel
-def guards_are_finite(m: Memory, h: int, rate: int) -> bool:
+def near_inside(p: Problem, m: Memory, t: float) -> None:
+    """Evaluate there at least the guards that the step may concern."""
+    if p.guards != 0:
+        eval_all(p, m, t, SCRATCH, SLOPE, H, RATE)
+    else:
+        eval_listed(p, m, NEAR, m.counts[N_NEAR], t, SCRATCH, SLOPE, H, RATE)
+
+
+@kernel_in_loop
+def guards_are_finite(p: Problem, m: Memory, h: int, rate: int) -> bool:
     """Tell whether rows `h` and `rate` are finite; else keep the guard that is not."""
+    g, wrong = m.guards, 0
     for a in range(m.counts[N_AWAKE]):
-        k = m.lists[AWAKE, a]
-        if not (np.isfinite(m.guards[h, k]) and np.isfinite(m.guards[rate, k])):
+        k = awake(p, m, a)
+        wrong += 0 if (abs(g[h, k]) < np.inf) & (abs(g[rate, k]) < np.inf) else 1
+    if wrong == 0:
+        return True
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        if not (np.isfinite(g[h, k]) and np.isfinite(g[rate, k])):
             m.counts[CULPRIT] = k
-            return False
-    return True
+            break
+    return False
 
 
 @kernel

@@ -12,13 +12,12 @@ from hopdata.hybrid.compiled.calls import call_field, call_guard, call_guards
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.driver.layout import (
     ALONG,
-    AWAKE,
     COLUMN,
     DUE,
     F_AFTER,
     F_BEFORE,
     K1,
-    N_AWAKE,
+    N_DUE,
     NFEV,
     RATE,
     H,
@@ -88,10 +87,9 @@ def saltate(p: Problem, m: Memory) -> None:
         call_field(p.field, m.clock[T], m.states, Y, p.mode, p.params, phi, after)
         add_jump(p, m)
         k = next_due(m, k)
-    for a in range(m.counts[N_AWAKE]):  # they flip in earnest afterwards
-        k = m.lists[AWAKE, a]
-        if m.flags[DUE, k] != 0:
-            p.mode[k] = -p.mode[k]
+    for a in range(m.counts[N_DUE]):  # they flip in earnest afterwards
+        k = m.lists[DUE, a]
+        p.mode[k] = -p.mode[k]
 
 
 @kernel
@@ -101,11 +99,9 @@ def saltate_handlers(p: Problem, m: Memory) -> bool:
     Tells whether that is right: not if several guards have flipped, whose shares are unknown.
     """
     before, after = single_row(m, F_BEFORE), single_row(m, F_AFTER)
-    changed, flipped = False, 0
+    changed = False
     for i in range(m.states.width):
         p.tangent[after, i] = m.states[K1, i]
         changed = changed or p.tangent[after, i] != p.tangent[before, i]
-    for a in range(m.counts[N_AWAKE]):
-        flipped += m.flags[DUE, m.lists[AWAKE, a]]
     add_jump(p, m)
-    return flipped <= 1 or not changed
+    return m.counts[N_DUE] <= 1 or not changed

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from hopdata.hybrid.compiled.calls import call_rate_bound
 from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.driver.heap import pop, push, replace_first
 from hopdata.hybrid.driver.layout import (
     AWAKE,
     BEND,
     END,
-    FLIPS,
     H0,
     H1,
     HEAP,
@@ -36,7 +36,7 @@ from hopdata.hybrid.driver.layout import (
 from hopdata.hybrid.driver.problem import Problem, eval_guard
 
 MARGIN = 1.25  # the bound within a step may exceed the one at its ends and middle by so much
-REST = 8.0  # steps like the last one that a guard must be away to go to sleep
+REST = 4.0  # steps like the last one that a guard must be away to go to sleep
 
 
 @kernel
@@ -46,47 +46,6 @@ def speed_at(p: Problem, m: Memory, t: float, y: int, dy: int) -> float:
         return 0.0
     s = m.states
     return abs(call_rate_bound(p.rate_bound, t, s, y, s, dy, p.mode, p.params))
-
-
-@kernel
-def key(m: Memory, place: int) -> float:
-    """Return the travel at which the guard at a place of the heap must wake."""
-    return m.wake_at[m.lists[HEAP, place]]
-
-
-@kernel
-def push(m: Memory, k: int, wake_at: float) -> None:
-    """Put guard k into the heap."""
-    m.wake_at[k] = wake_at
-    place = m.counts[N_ASLEEP]
-    m.counts[N_ASLEEP] += 1
-    while place > 0:
-        above = (place - 1) >> 1
-        if key(m, above) <= wake_at:
-            break
-        m.lists[HEAP, place] = m.lists[HEAP, above]
-        place = above
-    m.lists[HEAP, place] = k
-
-
-@kernel
-def pop(m: Memory) -> int:
-    """Take the guard that must wake first out of the heap."""
-    first = m.lists[HEAP, 0]
-    m.counts[N_ASLEEP] -= 1
-    size = m.counts[N_ASLEEP]
-    k = m.lists[HEAP, size]
-    place = 0
-    while 2 * place + 1 < size:
-        below = 2 * place + 1
-        if below + 1 < size and key(m, below + 1) < key(m, below):
-            below += 1
-        if m.wake_at[k] <= key(m, below):
-            break
-        m.lists[HEAP, place] = m.lists[HEAP, below]
-        place = below
-    m.lists[HEAP, place] = k
-    return first
 
 
 @kernel
@@ -106,20 +65,48 @@ def step_travel(p: Problem, m: Memory, dt: float) -> float:
 
 
 @kernel
+def wake_first(p: Problem, m: Memory, limit: float) -> int:
+    """Look at the guard that must wake first; beyond the `limit` of travel it sleeps on.
+
+    Else wake it, and return its number; -1 if it sleeps on.
+    """
+    k = m.lists[HEAP, 0]
+    m.counts[NGEV] += 1
+    eval_guard(p, m, m.clock[T], Y, K1, k, H0, RATE0)
+    distance = abs(m.guards[H0, k])
+    if m.clock[TRAVEL] + distance > limit:
+        replace_first(m, k, m.clock[TRAVEL] + distance)
+        return -1
+    m.guards[SIZE, k], m.guards[BEND, k] = distance, 0.0
+    m.lists[AWAKE, m.counts[N_AWAKE]] = k
+    m.counts[N_AWAKE] += 1
+    return pop(m)
+
+
+@kernel
+def wake_for(p: Problem, m: Memory, dt: float) -> int:
+    """Wake the nearest guard that may flip within `dt`, if rates stay as they are; -1 if none may.
+
+    Those that turn out to be far away sleep on.
+    """
+    travel, bound = m.clock[TRAVEL], MARGIN * m.clock[SPEED] * dt
+    k = -1
+    while k < 0 and m.counts[N_ASLEEP] > 0 and not m.wake_at[0] > travel + bound:
+        k = wake_first(p, m, travel + REST * bound)
+    return k
+
+
+@kernel
 def wake(p: Problem, m: Memory, dt: float) -> None:
-    """Wake all guards that might flip within a step, and evaluate them at its start and end."""
+    """Wake all guards that may flip within the step taken, and evaluate them at its end, too."""
     if p.rate_bound == 0:
         return
-    t = m.clock[T]
     limit = m.clock[TRAVEL] + step_travel(p, m, dt)
-    while m.counts[N_ASLEEP] > 0 and not key(m, 0) > limit:
-        k = pop(m)
-        m.lists[AWAKE, m.counts[N_AWAKE]] = k
-        m.counts[N_AWAKE] += 1
-        m.counts[NGEV] += 2
-        eval_guard(p, m, t, Y, K1, k, H0, RATE0)
-        m.guards[SIZE, k], m.guards[BEND, k] = abs(m.guards[H0, k]), 0.0
-        eval_guard(p, m, t + dt, END, KEND, k, H1, RATE1)
+    while m.counts[N_ASLEEP] > 0 and not m.wake_at[0] > limit:
+        k = wake_first(p, m, limit)
+        if k >= 0:
+            m.counts[NGEV] += 1
+            eval_guard(p, m, m.clock[T] + dt, END, KEND, k, H1, RATE1)
 
 
 @kernel
@@ -135,7 +122,6 @@ def travel_on(p: Problem, m: Memory, dt: float) -> None:
         k = m.lists[AWAKE, a]
         distance = abs(m.guards[H1, k])
         if distance > REST * travel:
-            m.flags[FLIPS, k] = 0
             push(m, k, m.clock[TRAVEL] + distance)
         else:
             m.lists[AWAKE, kept] = k

@@ -7,8 +7,8 @@ side by decree, whatever rounding makes of h.
 
 from __future__ import annotations
 
-from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.driver.layout import AWAKE, DUE, N_AWAKE, SIZE, Memory
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.driver.layout import DUE, N_DUE, N_NEAR, NEAR, SIZE, Memory
 from hopdata.hybrid.driver.problem import Problem
 
 EPS = 2.0**-52
@@ -45,27 +45,36 @@ def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
     return g < -noise or (g <= noise and rate < 0.0)
 
 
-@kernel
+@kernel_in_loop
 def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
-    """Mark in DUE each guard that flips now, by rows `h` and `rate`; return how many do."""
+    """Put those of the guards in NEAR that flip now, by rows `h` and `rate`, into DUE."""
     g, total = m.guards, 0
-    for a in range(m.counts[N_AWAKE]):
-        k = m.lists[AWAKE, a]
+    for a in range(m.counts[N_NEAR]):
+        k = m.lists[NEAR, a]
         lock = p.mode[k]
-        due = is_due(lock * g[h, k], lock * g[rate, k], g[SIZE, k], resolution)
-        m.flags[DUE, k] = 1 if due else 0
-        total += m.flags[DUE, k]
+        if is_due(lock * g[h, k], lock * g[rate, k], g[SIZE, k], resolution):
+            m.lists[DUE, total] = k
+            total += 1
+    m.counts[N_DUE] = total
     return total
+
+
+@kernel
+def mark_one(m: Memory, k: int) -> int:
+    """Put guard k, alone, into DUE; return 1."""
+    m.lists[DUE, 0] = k
+    m.counts[N_DUE] = 1
+    return 1
 
 
 @kernel
 def remember_residuals(p: Problem, m: Memory, h: int) -> None:
     """Count what is left of h at guards that flip now, though on their old side, as rounding."""
     g = m.guards
-    for a in range(m.counts[N_AWAKE]):
-        k = m.lists[AWAKE, a]
+    for a in range(m.counts[N_DUE]):
+        k = m.lists[DUE, a]
         left = p.mode[k] * g[h, k]
-        if m.flags[DUE, k] != 0 and left > 0.0:
+        if left > 0.0:
             g[SIZE, k] = max(g[SIZE, k], 2.0 * left / ROUNDING)
 
 
@@ -73,8 +82,8 @@ def remember_residuals(p: Problem, m: Memory, h: int) -> None:
 def next_due(m: Memory, last: int) -> int:
     """Return the first guard after `last` that flips now, by number, or -1: waking up shuffles."""
     found = -1
-    for a in range(m.counts[N_AWAKE]):
-        k = m.lists[AWAKE, a]
-        if m.flags[DUE, k] != 0 and k > last and (found < 0 or k < found):
+    for a in range(m.counts[N_DUE]):
+        k = m.lists[DUE, a]
+        if k > last and (found < 0 or k < found):
             found = k
     return found

@@ -1,0 +1,67 @@
+"""The guards that a step may concern: of many, only these few are looked at closely.
+
+Left out are guards whose cubic, through values and rates at both ends of the step, stays clear of
+their surface, and at an instant those that have not come to it.
+"""
+
+from __future__ import annotations
+
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.driver.layout import (
+    CLEARANCE,
+    H0,
+    H1,
+    N_AWAKE,
+    N_NEAR,
+    NEAR,
+    RATE0,
+    RATE1,
+    SIZE,
+    Memory,
+)
+from hopdata.hybrid.driver.problem import Problem, awake
+from hopdata.hybrid.driver.surface import blur
+
+GRAZE = 1e-2  # look closer at a dip that comes nearer than this, relative to the step's margins
+THIRD = 1.0 / 3.0
+
+
+@kernel
+def clearance(g0: float, d0: float, g1: float, d1: float) -> float:
+    """Return a number that is positive if the cubic with these margins and slopes stays clear.
+
+    Slopes are per step. The least of its Bezier points is a lower bound of the cubic.
+    """
+    lowest = min(g0, g0 + THIRD * d0, g1 - THIRD * d1, g1)
+    return lowest - GRAZE * max(g0, g1)
+
+
+@kernel_in_loop
+def gather_near(p: Problem, m: Memory, dt: float) -> int:
+    """Put the guards that may flip within the step into NEAR; return how many they are."""
+    g, count = m.guards, 0
+    for a in range(m.counts[N_AWAKE]):  # vectorised, where the next loop is not
+        k = awake(p, m, a)
+        lock = p.mode[k]
+        g[CLEARANCE, k] = clearance(
+            lock * g[H0, k], lock * g[RATE0, k] * dt, lock * g[H1, k], lock * g[RATE1, k] * dt
+        )
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        m.lists[NEAR, count] = k
+        count += 0 if g[CLEARANCE, k] > 0.0 else 1
+    m.counts[N_NEAR] = count
+    return count
+
+
+@kernel_in_loop
+def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
+    """Put the guards that are at their surface or past it, by rows `h` and `rate`, into NEAR."""
+    g, count = m.guards, 0
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        reached = p.mode[k] * g[h, k] <= blur(g[SIZE, k], g[rate, k], resolution)
+        m.lists[NEAR, count] = k
+        count += 1 if reached else 0
+    m.counts[N_NEAR] = count
+    return count

@@ -1,0 +1,13 @@
+"""Draw the errors of fitted maps, and the exact and the fitted map."""
+
+from pathlib import Path
+
+from hopdata.figures.map_errors import map_errors_figure
+from hopdata.figures.saving import save_figure
+from hopdata.jobs import read_table, reported
+
+with reported(snakemake.log[0]):
+    figure = map_errors_figure(
+        read_table(snakemake.input.errors), read_table(snakemake.input.entries)
+    )
+    save_figure(figure, Path(snakemake.output[0]).with_suffix(""), **snakemake.params.options)
