@@ -69,6 +69,24 @@ for figure_name, (figure_rule, tables) in BENCHMARK_FIGURES.items():
             "../scripts/{params.script}"
 
 
+rule verdict_power:
+    """Size and power of the verdict on simulated studies; takes most of an hour on two cores."""
+    input:
+        sources("verdict_power"),
+    output:
+        table=f"{BENCHMARKS}/verdict_power.csv",
+        studies=f"{BENCHMARKS}/verdict_studies.csv",
+    log:
+        f"{BENCHMARKS}/verdict_power.log",
+    threads: workflow.cores
+    params:
+        python=sys.executable,
+        code=lambda wildcards, input: [code_digest(source) for source in input],
+    shell:
+        "{params.python} benchmarks/verdict_power.py --out {output.table} --workers {threads} "
+        "> {log} 2>&1"
+
+
 rule benchmark_page:
     """The figures with their captions on a page."""
     input:

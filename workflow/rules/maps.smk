@@ -67,12 +67,31 @@ rule distances:
         f"{RESULTS}/logs/distances.log",
     benchmark:
         f"{RESULTS}/benchmarks/distances.tsv"
+    threads: workflow.cores if STUDY["distances"]["all_pairs"] else 1
     params:
-        options=STUDY["distances"],
+        options={k: v for k, v in STUDY["distances"].items() if k != "sensitivity"},
         seed=STUDY["seed"],
         code=code("distances"),
     script:
         "../scripts/distances.py"
+
+
+rule sensitivity:
+    """How each distance between subspaces answers to noise, and every reading of "a SNR of 10"."""
+    input:
+        subspaces=rules.subspaces.output.subspaces,
+    output:
+        sensitivity=f"{RESULTS}/tables/distance_sensitivity.csv",
+        readings=f"{RESULTS}/tables/snr_readings.csv",
+    log:
+        f"{RESULTS}/logs/sensitivity.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/sensitivity.tsv"
+    params:
+        seed=STUDY["seed"],
+        code=code("sensitivity"),
+    script:
+        "../scripts/sensitivity.py"
 
 
 rule true_sections:

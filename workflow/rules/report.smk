@@ -89,6 +89,25 @@ rule figure_map_matrices:
         "../scripts/figure_map_matrices.py"
 
 
+rule figure_sensitivity:
+    """How distances between subspaces answer to noise."""
+    input:
+        sensitivity=rules.sensitivity.output.sensitivity,
+        readings=rules.sensitivity.output.readings,
+        summary=rules.distances.output.summary,
+    output:
+        figure("distance_sensitivity"),
+    log:
+        f"{RESULTS}/logs/figure_sensitivity.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_sensitivity.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_sensitivity"),
+    script:
+        "../scripts/figure_sensitivity.py"
+
+
 rule figure_map_errors:
     """Errors of fitted maps by the number of landings; the exact and the fitted map."""
     input:
@@ -143,6 +162,7 @@ STAGES = [
     rules.figure_distances,
     rules.map_estimates,
     rules.figure_map_matrices,
+    *([rules.sensitivity, rules.figure_sensitivity] if STUDY["distances"]["sensitivity"] else []),
     *(
         [
             rules.true_sections,
