@@ -2,44 +2,65 @@
 
     python benchmarks/maps.py --out maps.csv
 
-Rows: one method on one problem; `seconds` is the median over repeats taken in turn with the
-peers, `error` the largest relative error of a mean squared error (regressions) or the largest
-absolute error in rad (arc lengths) against a reference in more digits than a double,
-`times_faster` the peer's time over ours.
+Rows: one method on one problem. `size` counts fits or pairs, `each_us` is the median time for one
+of them over runs taken in turn with the peers, between its quartiles; `error` is the largest
+relative error of a mean squared error (regressions) or the largest absolute error in rad (arc
+lengths) against a reference in more digits than a double (of arc lengths the first five; the others
+against singular values, which are good to 1e-14); `times_faster` is the method's time over
+ours. All run in one thread, and times are the processor's, but for all pairs of a study, which take
+every core: there `each_us` is from the clock.
 """
 
 from __future__ import annotations
 
+import one_thread  # noqa: F401
+
+# isort: split
 import argparse
 import csv
+import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from importlib.util import find_spec
 from typing import Any, TextIO
 
 import numpy as np
+from timing import quartiles
 
-from hopdata.maps.affine import affine_test_errors
+from hopdata.maps.affine import affine_test_errors, mean_test_errors
+from hopdata.maps.distances import measure_distances
 from hopdata.maps.draws import distinct_draws, named_generator
-from hopdata.maps.grassmann import arc_length, orthonormalised
+from hopdata.maps.grassmann import arc_length, exact_arc_length, orthonormalised
 
 OURS, SKLEARN = "hopdata", "scikit-learn LinearRegression, loop"
 Methods = dict[str, Callable[..., np.ndarray]]
+Splits = tuple[np.ndarray, ...]
+#: Landings of six classes, near, all and far in the dissertation's data set.
+POPULATIONS = (477, 477, 477, 477, 476, 476, 1430, 2860, 1430)
 #: Fits and pairs whose reference is computed in more digits; it is slow.
 EXACT_FITS, EXACT_PAIRS = 10, 5
-COLUMNS = ("problem", "method", "size", "seconds", "error", "times_faster")
+#: The peers' loops take as long for each pair of a few as of many.
+FEW_PAIRS = 1000
+COLUMNS = (
+    *("problem", "method", "size", "each_us", "each_us_q25", "each_us_q75"),
+    *("error", "times_faster"),
+)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", help="CSV to write; standard output by default")
-    parser.add_argument("--bootstraps", type=int, default=1000, help="fits per regression problem")
-    parser.add_argument("--pairs", type=int, default=1000, help="pairs of subspaces")
-    parser.add_argument("--repeats", type=int, default=5, help="timings whose median is given")
+    parser.add_argument("--bootstraps", type=int, default=1000, help="fits of each of nine models")
+    parser.add_argument("--pairs", type=int, default=20_000, help="pairs of subspaces")
+    parser.add_argument("--draws", type=int, default=1000, help="of each class, for all pairs")
     options = parser.parse_args()
-    rows = list(run(options.bootstraps, options.pairs, options.repeats))
+    rows = [
+        *regressions(options.bootstraps),
+        *lengths(options.pairs),
+        *all_pairs(options.draws),
+    ]
     if options.out:
         with open(options.out, "w", newline="", encoding="utf-8") as file:
             write(rows, file)
@@ -53,8 +74,8 @@ def write(rows: list[dict[str, Any]], file: TextIO) -> None:
     writer.writerows(rows)
 
 
-def run(bootstraps: int, pairs: int, repeats: int) -> Iterator[dict[str, Any]]:
-    """Yield the rows of all problems."""
+def regressions(bootstraps: int) -> Iterator[dict[str, Any]]:
+    """Yield the rows of the bootstraps of nine models, as for Fig. 2.4."""
     fits: Methods = {
         OURS: affine_test_errors,
         "statsmodels OLS, loop": statsmodels_loop,
@@ -64,14 +85,55 @@ def run(bootstraps: int, pairs: int, repeats: int) -> Iterator[dict[str, Any]]:
         del fits[SKLEARN]
         yield absent(SKLEARN)
     for condition in (1e2, 1e6):
-        data = regression_problem(bootstraps, condition)
-        error_of = partial(relative_error, exact_errors(*data))
-        name = f"affine bootstrap, condition {condition:.0e}"
-        yield from race(name, fits, data, error_of, bootstraps, repeats)
-    lengths: Methods = {OURS: arc_length, "scipy subspace_angles, loop": scipy_loop}
-    for name, data in (("far", far_pairs(pairs)), ("mixed", mixed_pairs(pairs))):
-        error_of = partial(absolute_error, exact_arc_lengths(*data))
-        yield from race(f"arc length, {name} angles", lengths, data, error_of, pairs, repeats)
+        data = [regression_problem(n, bootstraps, condition) for n in POPULATIONS]
+        exact = exact_errors(*data[0])
+        errors = {name: relative_error(exact, fit(*data[0])) for name, fit in fits.items()}
+        runs = {name: partial(on_each, fit, data) for name, fit in fits.items()}
+        name = f"nine affine models, condition {condition:.0e}"
+        yield from race(name, runs, errors, dict.fromkeys(runs, bootstraps * len(data)))
+    of_means: Methods = {
+        OURS: lambda _x, *rest: mean_test_errors(*rest),
+        "numpy, loop": lambda _x, *rest: mean_loop(*rest),
+    }
+    runs = {name: partial(on_each, fit, data) for name, fit in of_means.items()}
+    loop = mean_loop(*data[0][1:])
+    errors = {name: relative_error(loop, fit(*data[0])) for name, fit in of_means.items()}
+    yield from race("nine mean models", runs, errors, dict.fromkeys(runs, bootstraps * len(data)))
+
+
+def lengths(pairs: int) -> Iterator[dict[str, Any]]:
+    """Yield the rows of arc lengths of given pairs."""
+    few = min(pairs, FEW_PAIRS)
+    for name, (a, b) in (("far", far_pairs(pairs)), ("mixed", mixed_pairs(few))):
+        exact = exact_arc_length(a, b)
+        exact[:EXACT_PAIRS] = exact_arc_lengths(a, b)
+        sizes = {OURS: len(a), "scipy subspace_angles, loop": few}
+        runs = {
+            OURS: partial(arc_length, a, b),
+            "scipy subspace_angles, loop": partial(scipy_loop, a[:few], b[:few]),
+        }
+        errors = {method: absolute_error(exact, run()) for method, run in runs.items()}
+        yield from race(f"arc length, {name} angles", runs, errors, sizes)
+
+
+def all_pairs(draws: int) -> Iterator[dict[str, Any]]:
+    """Yield the row of all pairs of six classes of subspaces."""
+    bases = orthonormalised(np.random.default_rng(4).normal(size=(6, draws, 34, 17)))
+    classes = {str(number): part for number, part in enumerate(bases)}
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    measure = partial(measure_distances, shape=(34, 17), seed=1, pairs=100, all_pairs=True)
+    measure({name: part[:17] for name, part in classes.items()})  # compiled now, if ever
+    start, busy = time.perf_counter(), time.process_time()
+    found = measure(classes, workers=cores or 1, progress=True)
+    seconds, busy = time.perf_counter() - start, time.process_time() - busy
+    size = int(found.summary["n"][:2].sum())
+    name = f"all pairs of 6 x {draws} subspaces, {seconds:.0f} s on {cores} cores"
+    name += f" ({busy:.0f} s of processor time)"
+    yield dict(zip(COLUMNS, (name, OURS, size, f"{1e6 * seconds / size:.3g}"), strict=False))
+
+
+def on_each(fit: Callable[..., np.ndarray], data: list[Splits]) -> list[np.ndarray]:
+    return [fit(*part) for part in data]
 
 
 def absent(method: str) -> dict[str, Any]:
@@ -85,39 +147,37 @@ def relative_error(exact: np.ndarray, found: np.ndarray) -> float:
 
 
 def absolute_error(exact: np.ndarray, found: np.ndarray) -> float:
-    return float(np.abs(found[: len(exact)] - exact).max())
+    return float(np.abs(found - exact[: len(found)]).max())
 
 
 def race(
     problem: str,
-    methods: Methods,
-    data: tuple[np.ndarray, ...],
-    error_of: Callable[[np.ndarray], float],
-    size: int,
-    repeats: int,
+    runs: Mapping[str, Callable[[], object]],
+    errors: dict[str, float],
+    sizes: dict[str, int],
 ) -> Iterator[dict[str, Any]]:
     """Time the methods in turn, so that a busy machine slows all alike, and compare errors."""
-    seconds: dict[str, list[float]] = {name: [] for name in methods}
-    errors = {name: error_of(method(*data)) for name, method in methods.items()}
-    for _ in range(repeats):
-        for name, method in methods.items():
-            start = time.perf_counter()
-            method(*data)
-            seconds[name].append(time.perf_counter() - start)
-    median = {name: float(np.median(taken)) for name, taken in seconds.items()}
-    for name in methods:
-        values = (median[name], errors[name], median[name] / median[OURS])
+    times = quartiles(runs)
+    each = {name: 1e6 * np.array(times[name]) / sizes[name] for name in runs}
+    for name in runs:
+        low, middle, high = each[name]
+        values = (middle, low, high, errors[name], middle / each[OURS][1])
         digits = (f"{value:.3g}" for value in values)
-        yield dict(zip(COLUMNS, (problem, name, size, *digits), strict=True))
+        yield dict(zip(COLUMNS, (problem, name, sizes[name], *digits), strict=True))
 
 
-def regression_problem(bootstraps: int, condition: float) -> tuple[np.ndarray, ...]:
-    """Return a class of 161 landings of 18 inputs and outputs, and its 120/41 splits."""
+def regression_problem(landings: int, bootstraps: int, condition: float) -> Splits:
+    """Return landings of 18 inputs and outputs, and their splits into 120 to fit and 41 to test."""
     rng = np.random.default_rng(1)
     twist = orthonormalised(rng.normal(size=(18, 18)))
-    x = rng.normal(size=(161, 18)) @ (np.geomspace(1, 1 / condition, 18)[:, None] * twist)
-    y = x @ rng.normal(size=(18, 18)) + 0.05 * rng.normal(size=(161, 18))
-    return x, y, *distinct_draws(named_generator(1, "splits"), 161, (120, 41), bootstraps)
+    x = rng.normal(size=(landings, 18)) @ (np.geomspace(1, 1 / condition, 18)[:, None] * twist)
+    y = x @ rng.normal(size=(18, 18)) + 0.05 * rng.normal(size=(landings, 18))
+    return x, y, *distinct_draws(named_generator(1, "splits"), landings, (120, 41), bootstraps)
+
+
+def mean_loop(y: np.ndarray, train: np.ndarray, test: np.ndarray) -> np.ndarray:
+    splits = zip(train, test, strict=True)
+    return np.array([np.mean((y[held] - y[fit].mean(0)) ** 2, axis=0) for fit, held in splits])
 
 
 def statsmodels_loop(

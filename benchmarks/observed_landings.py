@@ -55,7 +55,7 @@ def see_landings(
 
 
 def marker_states(states: np.ndarray, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """True positions and velocities (n, B, 3) of markers fixed in the body."""
+    """Return true positions and velocities (n, B, 3) of markers fixed in the body."""
     rotation = rotation_matrices(states[:, 3:6])
     arms = np.einsum("nij,bj->nbi", rotation, points_m)
     slip = np.einsum("nij,nbj->nbi", rotation, np.cross(states[:, None, 9:], points_m[None]))

@@ -12,8 +12,6 @@ with noise of its own. Two studies share a twentieth of their landings, but no n
 
 from __future__ import annotations
 
-import one_thread  # noqa: F401  before NumPy
-
 import argparse
 import os
 import time
@@ -23,6 +21,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import one_thread  # noqa: F401  before NumPy
 import pandas as pd
 from observed_landings import see_landings
 from statsmodels.stats.proportion import proportion_confint
@@ -91,7 +90,7 @@ def label(condition: Condition) -> str:
 
 
 def strength(control: HopperControl) -> float:
-    """The one strength that is not zero, or zero; a delay in ms."""
+    """Return the one strength that is not zero, or zero; a delay in ms."""
     return control.coupling or control.impulse or 1e3 * control.delay_s
 
 

@@ -361,7 +361,7 @@ STAGES = {
     "units": ("hopdata.maps.units", "choose_units", set()),
     "prediction": ("hopdata.maps.prediction", "bootstrap_prediction", set()),
     "subspaces": ("hopdata.maps.subspaces", "bootstrap_subspaces", set()),
-    "distances": ("hopdata.maps.distances", "measure_distances", set()),
+    "distances": ("hopdata.maps.distances", "measure_distances", {"sensitivity"}),
     "scaling_study": ("hopdata.synthesis.scaling", "study_landings", set()),
     "figures": ("hopdata.figures.saving", "save_figure", set()),
 }

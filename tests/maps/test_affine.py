@@ -1,3 +1,4 @@
+import mpmath
 import numpy as np
 import pytest
 
@@ -103,17 +104,60 @@ def test_fewer_landings_than_inputs_match_the_library():
     np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("condition", [1e2, 1e6, 1e9])
-def test_error_grows_with_the_condition_number_not_its_square(condition):
-    rng = np.random.default_rng(6)
-    base = rng.normal(size=(200, 18))
-    twist = np.linalg.qr(rng.normal(size=(18, 18)))[0]
-    x = base @ np.diag(np.geomspace(1, 1 / condition, 18)) @ twist
-    y = base @ rng.normal(size=(18, 4)) + 0.1 * rng.normal(size=(200, 4))
-    train, test = splits(len(x))
-    expected = affine_test_errors(base, y, train, test)
-    found = affine_test_errors(x, y, train, test)
-    np.testing.assert_allclose(found, expected, rtol=1e-14 * condition + 1e-12)
+def conditioned(rng, condition, n=60, p=6, q=2):
+    """Inputs of this condition number, in no particular directions, and noisy outputs."""
+    base, twist = rng.normal(size=(n, p)), np.linalg.qr(rng.normal(size=(p, p)))[0]
+    x = base * np.geomspace(1, 1 / condition, p) @ twist
+    return x, base @ rng.normal(size=(p, q)) + 0.1 * rng.normal(size=(n, q))
+
+
+def exact_errors(x, y, train, test):
+    """Errors of the given floats in 80 digits."""
+    errors = []
+    with mpmath.workdps(80):
+        x, y = (
+            mpmath.matrix(np.column_stack(part).tolist()) for part in ([np.ones(len(x)), x], [y])
+        )
+        for fitted, held in zip(train, test, strict=True):
+            a, b = (_rows(part, fitted) for part in (x, y))
+            slopes = mpmath.inverse(a.T * a) * (a.T * b)
+            misses = _rows(y, held) - _rows(x, held) * slopes
+            squares = np.array((misses.apply(lambda value: value**2)).tolist())
+            errors.append([float(sum(column) / len(held)) for column in squares.T])
+    return np.array(errors)
+
+
+def _rows(matrix, rows):
+    return mpmath.matrix([[matrix[int(i), j] for j in range(matrix.cols)] for i in rows])
+
+
+@pytest.mark.parametrize("offset", [0.0, 1.0])
+@pytest.mark.parametrize("condition", [1e2, 1e6, 1e10])
+def test_error_does_not_grow_with_the_condition_number(condition, offset):
+    x, y = conditioned(np.random.default_rng(6), condition)
+    x += offset
+    train, test = splits(len(x), 30, 12, count=2)
+    expected = exact_errors(x, y, train, test)
+    np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=2e-13)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (6, 1), (7, 8), (8, 5), (9, 14), (15, 2), (16, 16)])
+def test_any_number_of_inputs_and_outputs(shape):
+    rng = np.random.default_rng(16)
+    x, y = rng.normal(size=(90, shape[0])), rng.normal(size=(90, shape[1]))
+    train, test = splits(90, 40, 13, count=5)
+    expected = sklearn_errors(x, y, train, test)
+    np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=1e-11)
+    rows = y[train].mean(axis=1, keepdims=True)
+    expected = np.mean((y[test] - rows) ** 2, axis=1)
+    np.testing.assert_allclose(mean_test_errors(y, train, test), expected, rtol=1e-12)
+
+
+def test_rows_beyond_the_population_are_refused():
+    y = landings(np.random.default_rng(17))[1]
+    for train in ([[0, 1, 200]], [[-1, 2, 3]]):
+        with pytest.raises(IndexError, match="below 200"):
+            mean_test_errors(y, np.array(train), np.array([[5, 6]]))
 
 
 def test_scales_of_the_columns_do_not_matter():
@@ -124,13 +168,15 @@ def test_scales_of_the_columns_do_not_matter():
     np.testing.assert_allclose(affine_test_errors(scaled, y, train, test), expected, rtol=1e-10)
 
 
-def test_results_do_not_depend_on_the_chunks(monkeypatch):
-    x, y = landings(np.random.default_rng(8))
-    train, test = splits(len(x))
-    whole = affine_test_errors(x, y, train, test), mean_test_errors(y, train, test)
+def test_replicates_do_not_depend_on_each_other(monkeypatch):
+    x, y = landings(np.random.default_rng(8), n=60)
+    x[:50, 4] = 2.0  # so that some training sets lack a direction
+    train, test = splits(60, 30, 20, count=40)
+    whole = affine_test_errors(x, y, train, test)
     monkeypatch.setattr(affine, "_CHUNK_BYTES", 1)
-    assert np.array_equal(affine_test_errors(x, y, train, test), whole[0])
-    assert np.array_equal(mean_test_errors(y, train, test), whole[1])
+    assert np.array_equal(affine_test_errors(x, y, train, test), whole)
+    parts = [affine_test_errors(x, y, train[[r]], test[[r]])[0] for r in range(40)]
+    assert np.array_equal(parts, whole)
 
 
 def test_float32_input_is_computed_in_double():

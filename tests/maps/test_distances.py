@@ -2,13 +2,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from hopdata.maps.baselines import noised_identity, random
 from hopdata.maps.distances import (
     auc,
-    cross_class,
-    in_class,
     measure_distances,
-    noised_identity,
-    random,
     summarise_distances,
 )
 from hopdata.maps.grassmann import arc_length, orthonormalised
@@ -20,38 +17,12 @@ def clouds(rng, centres, count=40, scatter=0.05):
     return dict(zip("abcdef", orthonormalised(bases + noise), strict=False))
 
 
-def test_baselines_of_seventeen_in_thirty_four():
-    haar = random(np.random.default_rng(0), (34, 17), 4000)
-    noised = noised_identity(np.random.default_rng(1), (34, 17), 4000, 0.1)
-    # Standard error of the mean 0.0016, of the sd 1.1 %.
-    assert haar.mean() == pytest.approx(3.7605, abs=0.006)
-    assert haar.std() == pytest.approx(0.102, rel=0.05)
-    assert noised.mean() == pytest.approx(2.268, abs=0.006)
-    assert noised.std() == pytest.approx(0.098, rel=0.05)
-
-
 def test_baselines_of_a_line_in_a_plane():
     # The angle between two random lines in a plane is uniform in [0, pi/2].
     lengths = random(np.random.default_rng(2), (2, 1), 20_000)
     assert lengths.mean() == pytest.approx(np.pi / 4, abs=0.015)
     assert np.quantile(lengths, 0.25) == pytest.approx(np.pi / 8, abs=0.02)
     assert noised_identity(np.random.default_rng(3), (9, 4), 5, 0.0).max() == 0
-
-
-def test_all_pairs_are_used_once_where_they_are_few():
-    bases = clouds(np.random.default_rng(4), 2, count=5)
-    found = in_class(np.random.default_rng(5), bases["a"], 1000)
-    a = bases["a"]
-    expected = [arc_length(a[i], a[j]) for i in range(5) for j in range(i + 1, 5)]
-    np.testing.assert_allclose(np.sort(found), np.sort(expected), atol=1e-14)
-    found = cross_class(np.random.default_rng(5), bases["a"], bases["b"][:3], 1000)
-    expected = [arc_length(i, j) for i in bases["a"] for j in bases["b"][:3]]
-    np.testing.assert_allclose(np.sort(found), np.sort(expected), atol=1e-14)
-
-
-def test_in_class_never_compares_a_draw_with_itself():
-    bases = orthonormalised(np.random.default_rng(6).normal(size=(30, 8, 3)))
-    assert in_class(np.random.default_rng(7), bases, 400).min() > 0.1
 
 
 def test_equal_pools_overlap_and_different_ones_do_not():
@@ -118,7 +89,25 @@ def test_auc_by_hand_with_ties():
 
 
 def test_summary_of_a_single_distance():
-    table = pd.DataFrame({"kind": ["random"], "distance_rad": [1.25]})
-    row = summarise_distances(table).iloc[0]
+    row = summarise_distances({"random": np.array([1.25]), "in_class": np.zeros(0)}, {}).iloc[0]
+    assert row["kind"] == "random"
     assert row["median"] == 1.25
     assert np.isnan(row["sd"])
+    assert np.isnan(row["mean_se"])
+
+
+def test_all_pairs_change_the_summary_and_not_the_table():
+    bases = clouds(np.random.default_rng(13), 3, count=21)
+    some = measure_distances(bases, (12, 5), seed=1, pairs=50)
+    whole = measure_distances(bases, (12, 5), seed=1, pairs=50, all_pairs=True, workers=2)
+    pd.testing.assert_frame_equal(some.distances, whole.distances, rtol=1e-12)
+    rows = whole.summary.set_index("kind")
+    assert rows["n"].tolist() == [3 * 210, 3 * 441, 50, 50]
+    a, b, c = bases.values()
+    lengths = np.concatenate(
+        [arc_length(one[:, None], two).ravel() for one, two in ((a, b), (a, c), (b, c))]
+    )
+    assert rows.loc["cross_class", "mean"] == pytest.approx(lengths.mean(), rel=1e-12)
+    assert rows.loc["cross_class", "q25"] == pytest.approx(np.quantile(lengths, 0.25), rel=1e-12)
+    every = measure_distances(bases, (12, 5), seed=1, pairs=1000).summary
+    pd.testing.assert_frame_equal(every[:2], whole.summary[:2], rtol=1e-9)

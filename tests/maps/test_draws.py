@@ -30,11 +30,19 @@ def test_every_item_is_as_likely_in_each_set():
         assert np.abs(found - share).max() < 5 * np.sqrt(share * (1 - share) / count)
 
 
-def test_chunks_do_not_show(monkeypatch):
-    whole = distinct_draws(named_generator(1, "x"), 20, (5, 3), 40)
-    monkeypatch.setattr("hopdata.maps.draws._CHUNK_BYTES", 8 * 20 * 7)
-    parts = distinct_draws(named_generator(1, "x"), 20, (5, 3), 40)
-    assert all(np.array_equal(a, b) for a, b in zip(whole, parts, strict=True))
+def test_pairs_of_items_are_as_likely_as_in_any_draw_without_replacement():
+    count, population = 20_000, 5
+    (drawn,) = distinct_draws(named_generator(2, "x"), population, (2,), count)
+    found = np.bincount(drawn[:, 0] * population + drawn[:, 1], minlength=population**2) / count
+    pairs = [a * population + b for a in range(population) for b in range(a + 1, population)]
+    assert found[pairs].sum() == pytest.approx(1)
+    assert np.abs(found[pairs] - 0.1).max() < 5 * np.sqrt(0.1 * 0.9 / count)
+
+
+def test_fewer_draws_are_the_first_of_more():
+    more = distinct_draws(named_generator(1, "x"), 20, (5, 3), 40)
+    fewer = distinct_draws(named_generator(1, "x"), 20, (5, 3), 7)
+    assert all(np.array_equal(a[:7], b) for a, b in zip(more, fewer, strict=True))
 
 
 def test_more_than_there_are_is_refused():

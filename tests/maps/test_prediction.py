@@ -61,6 +61,9 @@ def test_errors_in_millimetres_and_in_metres_per_second():
     assert errors["worst_velocity_m_s"].median() == pytest.approx(0.2 * 1.0789 * 1.1, rel=0.1)
     assert row["worst_position_mm"] == np.quantile(errors["worst_position_mm"], 0.975)
     assert (errors["mse"] * 2 - errors["mse_position"] - errors["mse_velocity"]).abs().max() < 1e-15
+    for kind in ("position", "velocity"):
+        interval = [row[f"{kind}_{level}"] for level in ("p2_5", "median", "p97_5")]
+        assert interval == np.quantile(errors[f"mse_{kind}"], [0.025, 0.5, 0.975]).tolist()
 
 
 def test_a_model_does_not_depend_on_which_others_are_there():

@@ -62,6 +62,20 @@ def test_captions_name_the_numbers_of_the_study():
     assert "3.10 rad" in shown["fig2_5_distances"]
 
 
+def test_the_caption_of_the_maps_gives_their_errors():
+    errors = {"map_estimate_error_printed": 0.133, "map_estimate_error_corrected_curved": 0.038}
+    truth = {name: {"value": value, "unit": "1", "what": ""} for name, value in errors.items()}
+    shown = {}
+    for name, known in (("simulated", truth), ("real", {})):
+        facts = study_facts(ReportInputs("study", truth=known))
+        caption = render_caption(captions()["map_matrices"], facts, name="map_matrices")
+        shown[name] = " ".join(caption.paragraphs)
+    assert (
+        "printed map has a relative error of 0.13, the corrected one of 0.04" in shown["simulated"]
+    )
+    assert "exact" not in shown["real"]
+
+
 def test_the_caption_of_the_scaling_study_gives_its_slopes():
     slopes = {"scaling_slope_hopper": 1.947, "scaling_slope_delay": 1.2, "other": 3.0}
     truth = {name: {"value": value, "unit": "1", "what": ""} for name, value in slopes.items()}

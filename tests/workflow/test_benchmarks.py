@@ -14,6 +14,7 @@ FIGURES = {
     "figure_calibration": "fig4_3_calibration",
     "figure_scaling": "fig4_4_scaling",
     "figure_work_precision": "work_precision",
+    "figure_map_error": "map_error",
 }
 
 pytestmark = pytest.mark.workflow

@@ -210,6 +210,8 @@ def test_a_small_study_of_a_control_runs_to_a_report(sample):
     assert 0 < truth["velocity_rms_pre"]["value"] < truth["velocity_rms_post"]["value"] < 100
     assert 0 < truth["map_error_noise_free_pooled_all"]["value"] < 2
     assert (results / "figures" / "scaling_study.svg").exists()
+    assert (results / "figures" / "map_matrices.svg").exists()
+    assert 0 < truth["map_estimate_error_corrected_curved"]["value"] < 2
     for name in FIGURES:
         assert (results / "figures" / f"{name}.svg").exists()
     table = pd.read_csv(results / "tables" / "touchdowns.csv")

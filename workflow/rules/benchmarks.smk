@@ -13,6 +13,7 @@ BENCHMARK_TABLES = {
     "labelling": ["labelling.csv"],
     "density": ["density.csv"],
     "maps": ["maps.csv"],
+    "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
 }
 # Each figure, its rule, of which the script has the name, and the tables that it shows.
@@ -21,6 +22,7 @@ BENCHMARK_FIGURES = {
     "fig4_3_calibration": ("figure_calibration", ["calibration_trajectories.csv"]),
     "fig4_4_scaling": ("figure_scaling", ["plate.csv", "plate_marginal.csv"]),
     "work_precision": ("figure_work_precision", ["work_precision.csv", "ratios.csv"]),
+    "map_error": ("figure_map_error", ["map_error.csv"]),
 }
 
 
@@ -65,6 +67,24 @@ for figure_name, (figure_rule, tables) in BENCHMARK_FIGURES.items():
         # Read when the job runs, when the variables of this loop are those of the last rule.
         script:
             "../scripts/{params.script}"
+
+
+rule verdict_power:
+    """Size and power of the verdict on simulated studies; takes most of an hour on two cores."""
+    input:
+        sources("verdict_power"),
+    output:
+        table=f"{BENCHMARKS}/verdict_power.csv",
+        studies=f"{BENCHMARKS}/verdict_studies.csv",
+    log:
+        f"{BENCHMARKS}/verdict_power.log",
+    threads: workflow.cores
+    params:
+        python=sys.executable,
+        code=lambda wildcards, input: [code_digest(source) for source in input],
+    shell:
+        "{params.python} benchmarks/verdict_power.py --out {output.table} --workers {threads} "
+        "> {log} 2>&1"
 
 
 rule benchmark_page:

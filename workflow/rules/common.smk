@@ -29,6 +29,8 @@ FIGURE_NAMES = [
     "fig2_3_schedule",
     "fig2_4_prediction",
     "fig2_5_distances",
+    "map_matrices",
+    *(["distance_sensitivity"] if STUDY["distances"]["sensitivity"] else []),
     *(["map_errors", "scaling_study"] if SIMULATED else []),
 ]
 FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)

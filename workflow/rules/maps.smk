@@ -67,12 +67,31 @@ rule distances:
         f"{RESULTS}/logs/distances.log",
     benchmark:
         f"{RESULTS}/benchmarks/distances.tsv"
+    threads: workflow.cores if STUDY["distances"]["all_pairs"] else 1
     params:
-        options=STUDY["distances"],
+        options={k: v for k, v in STUDY["distances"].items() if k != "sensitivity"},
         seed=STUDY["seed"],
         code=code("distances"),
     script:
         "../scripts/distances.py"
+
+
+rule sensitivity:
+    """How each distance between subspaces answers to noise, and every reading of "a SNR of 10"."""
+    input:
+        subspaces=rules.subspaces.output.subspaces,
+    output:
+        sensitivity=f"{RESULTS}/tables/distance_sensitivity.csv",
+        readings=f"{RESULTS}/tables/snr_readings.csv",
+    log:
+        f"{RESULTS}/logs/sensitivity.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/sensitivity.tsv"
+    params:
+        seed=STUDY["seed"],
+        code=code("sensitivity"),
+    script:
+        "../scripts/sensitivity.py"
 
 
 rule true_sections:
@@ -141,6 +160,46 @@ rule scaling_study:
         "../scripts/scaling_study.py"
 
 
+rule map_estimates:
+    """Estimates of the landing map: as printed, and corrected for noise and for curvature."""
+    input:
+        pairs=rules.pairs.output.pairs,
+        touchdowns=rules.pairs.output.touchdowns,
+        units=rules.units.output.units,
+    output:
+        table=f"{RESULTS}/tables/map_estimates.csv",
+        maps=f"{RESULTS}/maps/map_estimates.json",
+        notes=f"{RESULTS}/maps/map_estimates_notes.json",
+    log:
+        f"{RESULTS}/logs/map_estimates.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/map_estimates.tsv"
+    params:
+        code=code("map_estimates"),
+    script:
+        "../scripts/map_estimates.py"
+
+
+rule estimate_errors:
+    """The estimates of the landing map against the exact one."""
+    input:
+        estimates=rules.map_estimates.output.maps,
+        maps=rules.true_sections.output.maps,
+        true_pairs=rules.true_sections.output.pairs,
+        units=rules.units.output.units,
+    output:
+        errors=f"{RESULTS}/tables/estimate_errors.csv",
+        exact=f"{RESULTS}/tables/exact_map.csv",
+    log:
+        f"{RESULTS}/logs/estimate_errors.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/estimate_errors.tsv"
+    params:
+        code=code("estimate_errors"),
+    script:
+        "../scripts/estimate_errors.py"
+
+
 rule verdict:
     """Whether the map through the landing is C1: effect size, interval and tests."""
     input:
@@ -175,6 +234,7 @@ rule score:
                 rules.scaling_study.output.scaling,
                 rules.map_errors.output.errors,
                 rules.map_errors.output.states,
+                rules.estimate_errors.output.errors,
             ]
             if SIMULATED
             else []

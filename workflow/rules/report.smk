@@ -89,6 +89,43 @@ rule figure_distances:
         "../scripts/figure_distances.py"
 
 
+rule figure_map_matrices:
+    """The landing map as printed and corrected, beside the exact one where that is known."""
+    input:
+        estimates=rules.map_estimates.output.table,
+        exact=([rules.estimate_errors.output.exact] if SIMULATED else []),
+    output:
+        figure("map_matrices"),
+    log:
+        f"{RESULTS}/logs/figure_map_matrices.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_map_matrices.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_map_matrices"),
+    script:
+        "../scripts/figure_map_matrices.py"
+
+
+rule figure_sensitivity:
+    """How distances between subspaces answer to noise."""
+    input:
+        sensitivity=rules.sensitivity.output.sensitivity,
+        readings=rules.sensitivity.output.readings,
+        summary=rules.distances.output.summary,
+    output:
+        figure("distance_sensitivity"),
+    log:
+        f"{RESULTS}/logs/figure_sensitivity.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_sensitivity.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_sensitivity"),
+    script:
+        "../scripts/figure_sensitivity.py"
+
+
 rule figure_map_errors:
     """Errors of fitted maps by the number of landings; the exact and the fitted map."""
     input:
@@ -143,10 +180,14 @@ STAGES = [
     rules.figure_schedule,
     rules.figure_prediction,
     rules.figure_distances,
+    rules.map_estimates,
+    rules.figure_map_matrices,
+    *([rules.sensitivity, rules.figure_sensitivity] if STUDY["distances"]["sensitivity"] else []),
     *(
         [
             rules.true_sections,
             rules.map_errors,
+            rules.estimate_errors,
             rules.scaling_study,
             rules.figure_map_errors,
             rules.figure_scaling_study,
@@ -174,6 +215,7 @@ rule report:
             rules.prediction.output.notes,
             rules.subspaces.output.notes,
             rules.distances.output.notes,
+            rules.map_estimates.output.notes,
         ],
         truth=rules.score.output.truth,
     output:

@@ -10,6 +10,8 @@ with reported(snakemake.log[0]):
         bases,
         shape,
         seed=snakemake.params.seed,
+        workers=snakemake.threads,
+        progress=True,
         **snakemake.params.options,
     )
     write_table(snakemake.output.distances, study.distances)

@@ -1,10 +1,9 @@
 """Affine least-squares maps and mean predictors, many fits at once.
 
-The inputs of a landing are nearly or exactly rank-deficient (three rigid markers on a section
-have 18 coordinates and at most 11 degrees of freedom), so every fit goes through an orthonormal
-basis of the pooled, centred inputs. In that basis the normal equations of each replicate are
-close to a multiple of the identity: they cost one small matrix product and lose accuracy with
-the condition number of the data, not with its square.
+Every fit goes through an orthonormal basis of the pooled inputs (`hopdata.maps.basis`), and only
+what the pooled fit leaves is fitted again. In that basis the normal equations of each replicate
+are close to a multiple of the identity: they cost one small matrix product, and their error does
+not grow with the condition number of the data.
 """
 
 from __future__ import annotations
@@ -15,12 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError
+from hopdata.maps.basis import (
+    RANK_TOLERANCE,
+    column_scales,
+    cross_product,
+    pooled_basis,
+    row_product,
+    truncated_svd,
+)
 
-#: Singular values of the scaled, centred inputs below this share of the largest count as zero.
-RANK_TOLERANCE = 1e-11
-#: A replicate whose squared Cholesky pivots spread wider than this is fitted by pseudo-inverse.
+#: A replicate whose pivots spread wider than this is fitted by pseudo-inverse.
 _PIVOT_SPREAD = 1e-6
-#: Working set of one chunk of replicates: larger ones leave the cache and are slower.
+#: Working set of the pseudo-inverses of one chunk of replicates.
 _CHUNK_BYTES = 2 * 2**20
 
 Floats = NDArray[np.float64]
@@ -68,33 +73,13 @@ def fit_affine(x: Floats, y: Floats, *, rank_tolerance: float = RANK_TOLERANCE) 
         If the arrays do not match or hold values that are not finite.
     """
     x, y = _checked(x, y)
-    scale = _scales(x)
-    left, values, right = _truncated_svd((x - x.mean(0)) / scale, rank_tolerance)
+    scale = column_scales(x)
+    left, values, right = truncated_svd((x - x.mean(0)) / scale, rank_tolerance)
     scaled = right.T @ ((left.T @ (y - y.mean(0))) / values[:, None])
     # Of the maps that agree on the data, the one without a part that the inputs never excite.
     excited = np.linalg.qr(right.T * np.where(np.isfinite(scale), scale, 0.0)[:, None])[0]
     coefficients = excited @ (excited.T @ (scaled / scale[:, None]))
     return AffineMap(coefficients, y.mean(0) - x.mean(0) @ coefficients, len(values))
-
-
-def pooled_basis(x: Floats, *, rank_tolerance: float = RANK_TOLERANCE) -> Floats:
-    """Return the whitened design of a population: a column of ones, then the input directions.
-
-    Parameters
-    ----------
-    x
-        (n, p) inputs.
-    rank_tolerance
-        See `RANK_TOLERANCE`.
-
-    Returns
-    -------
-    ndarray
-        (n, 1 + rank), columns orthogonal, each of mean square one.
-    """
-    x = np.asarray(x, float)
-    left, _, _ = _truncated_svd((x - x.mean(0)) / _scales(x), rank_tolerance)
-    return np.column_stack([np.ones(len(x)), left * np.sqrt(len(x))])
 
 
 def leave_one_out_residuals(
@@ -151,17 +136,19 @@ def affine_test_errors(
     ------
     ValueError
         If the arrays do not match or hold values that are not finite.
+    IndexError
+        If a row number is not one of the population.
     """
     x, y = _checked(x, y)
-    design = pooled_basis(x, rank_tolerance=rank_tolerance)
+    design = pooled_basis(x, rank_tolerance=rank_tolerance, compiled=True)
     # What the pooled fit explains is exact in every replicate; fit only what it leaves.
-    residual = y - design @ (design.T @ y / len(x))
-    errors = np.empty((len(train), y.shape[1]))
-    for rows in _chunks(len(train), train.shape[1] * (design.shape[1] + y.shape[1])):
-        errors[rows], sound = _whitened_errors(design, residual, train[rows], test[rows])
-        again = rows.start + np.flatnonzero(~sound)
-        if again.size:
-            errors[again] = _minimum_norm_errors(x, y, train[again], test[again])
+    centred = y - y.mean(0)
+    residual = centred - row_product(design, cross_product(design, centred) / len(x))
+    errors, spread = _whitened_errors(design, residual, train, test)
+    again = np.flatnonzero(spread <= _PIVOT_SPREAD)
+    for rows in _chunks(len(again), train.shape[1] * (x.shape[1] + y.shape[1])):
+        chosen = again[rows]
+        errors[chosen] = _minimum_norm_errors(x, y, train[chosen], test[chosen])
     return errors
 
 
@@ -176,38 +163,28 @@ def mean_test_errors(y: Floats, train: Indices, test: Indices) -> Floats:
         (R, m) and (R, t) row numbers of each replicate.
     """
     y = np.asarray(y, float)
-    centred = y - y.mean(0)
-    errors = np.empty((len(train), y.shape[1]))
-    for rows in _chunks(len(train), train.shape[1] * y.shape[1]):
-        means = centred[train[rows]].mean(axis=1, keepdims=True)
-        errors[rows] = np.mean((centred[test[rows]] - means) ** 2, axis=1)
-    return errors
+    return _whitened_errors(np.ones((len(y), 1)), y - y.mean(0), train, test)[0]
 
 
 def _whitened_errors(
     design: Floats, residual: Floats, train: Indices, test: Indices
-) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return (R, q) errors of whitened normal equations, and which replicates can be trusted."""
-    columns = design.shape[1]
-    both = np.hstack([design, residual])
-    rows = both[train]
-    moments = rows[..., :columns].swapaxes(1, 2) @ rows
-    gram = moments[..., :columns]
-    sound = _well_posed(gram)
-    gram[~sound] = np.eye(columns)
-    solution = np.linalg.solve(gram, moments[..., columns:])
-    rows = both[test]
-    misses = rows[..., columns:] - rows[..., :columns] @ solution
-    return np.einsum("rtq,rtq->rq", misses, misses) / test.shape[1], sound
+) -> tuple[Floats, Floats]:
+    """Return (R, q) errors of the normal equations, and (R,) the spread of their pivots."""
+    from hopdata.maps.split_kernel import affine_split_errors, padded_rows
+
+    inputs, outputs = design.shape[1], residual.shape[1]
+    rows = padded_rows(design, residual)
+    train, test = _rows_of(train, len(rows)), _rows_of(test, len(rows))
+    sums, spread = np.zeros((len(train), rows.shape[1])), np.zeros(len(train))
+    affine_split_errors(rows, inputs, train, test, sums, spread)
+    return sums[:, inputs : inputs + outputs] / test.shape[1], spread
 
 
-def _well_posed(gram: Floats) -> NDArray[np.bool_]:
-    """Return which of the (R, k, k) Gram matrices have a safe Cholesky factor."""
-    try:
-        pivots = np.diagonal(np.linalg.cholesky(gram), axis1=1, axis2=2) ** 2
-    except np.linalg.LinAlgError:  # raised for the whole batch: look at each
-        pivots = np.linalg.eigvalsh(gram)
-    return pivots.min(axis=1) > _PIVOT_SPREAD * pivots.max(axis=1)
+def _rows_of(index: Indices, population: int) -> NDArray[np.int64]:
+    """Return row numbers that the compiled kernel, which does not look, may follow."""
+    if index.size and not 0 <= index.min() <= index.max() < population:
+        raise IndexError(f"expected row numbers below {population}, found some beyond")
+    return np.ascontiguousarray(index, dtype=np.int64)
 
 
 def _minimum_norm_errors(x: Floats, y: Floats, train: Indices, test: Indices) -> Floats:
@@ -217,19 +194,6 @@ def _minimum_norm_errors(x: Floats, y: Floats, train: Indices, test: Indices) ->
     slopes = np.linalg.pinv(inputs - centre, rcond=RANK_TOLERANCE) @ (outputs - level)
     misses = y[test] - level - (x[test] - centre) @ slopes
     return np.mean(misses**2, axis=1)
-
-
-def _truncated_svd(matrix: Floats, rank_tolerance: float) -> tuple[Floats, Floats, Floats]:
-    """Return U, s, Vt without the singular values that count as zero."""
-    left, values, right = np.linalg.svd(matrix, full_matrices=False)
-    rank = int(np.sum(values > rank_tolerance * values[0])) if values.size else 0
-    return left[:, :rank], values[:rank], right[:rank]
-
-
-def _scales(x: Floats) -> Floats:
-    """Return the sd of each column; infinite where it is constant up to rounding."""
-    rounding = 8 * np.finfo(float).eps * np.abs(x).max(axis=0)
-    return np.where(np.ptp(x, axis=0) > rounding, x.std(axis=0), np.inf)
 
 
 def _chunks(count: int, floats_each: int) -> list[slice]:

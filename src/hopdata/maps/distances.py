@@ -19,8 +19,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.maps.baselines import noised_identity, random
 from hopdata.maps.draws import named_generator
-from hopdata.maps.grassmann import arc_length, orthonormalised
+from hopdata.maps.pair_lengths import PairLengths
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 #: Kinds of distance, in the order of Fig. 2.5.
 KINDS = ("in_class", "cross_class", "noised_identity", "random")
 _SUMMARY_COLUMNS = (
-    *("kind", "n", "mean", "sd", "q05", "q25", "median", "q75", "q95"),
+    *("kind", "n", "mean", "mean_se", "sd", "q05", "q25", "median", "q75", "q95"),
     "auc_against_in_class",
 )
 
@@ -61,6 +62,9 @@ def measure_distances(
     seed: int,
     pairs: int = 1000,
     noise_sd: float = 0.1,
+    all_pairs: bool = False,
+    workers: int = 1,
+    progress: bool = False,
 ) -> DistanceStudy:
     """Measure in-class, cross-class and baseline distances.
 
@@ -77,76 +81,68 @@ def measure_distances(
         there are fewer.
     noise_sd
         Sd of the noise on each entry of both identity matrices.
+    all_pairs
+        Whether the summary of in-class and cross-class distances is of all pairs of draws; the
+        table has `pairs` of them all the same.
+    workers
+        Threads, for all pairs; results do not depend on them.
+    progress
+        Whether to say on stderr how far all pairs are.
     """
     notes = [] if bases else [_note("in-class distances", "no schedule has subspaces")]
     if len(bases) < 2:
         reason = f"{len(bases)} of the 2 schedules needed have subspaces"
         notes.append(_note("cross-class distances", reason))
+    found = PairLengths(
+        bases, all_pairs=all_pairs, workers=workers, progress=progress and all_pairs
+    )
     blocks = []
-    for name, draws in bases.items():
+    for name in bases:
         generator = named_generator(seed, "in_class", name)
-        blocks.append(("in_class", name, name, in_class(generator, draws, pairs)))
+        blocks.append(("in_class", name, name, found.in_class(generator, name, pairs)))
     for a, b in combinations(bases, 2):
         generator = named_generator(seed, "cross_class", a, b)
-        lengths = cross_class(generator, bases[a], bases[b], pairs)
-        blocks.append(("cross_class", a, b, lengths))
+        blocks.append(("cross_class", a, b, found.cross_class(generator, a, b, pairs)))
     noised = noised_identity(named_generator(seed, "noised_identity"), shape, pairs, noise_sd)
-    blocks.append(("noised_identity", "", "", noised))
-    blocks.append(("random", "", "", random(named_generator(seed, "random"), shape, pairs)))
-    table = _table(blocks)
-    return DistanceStudy(table, summarise_distances(table), notes)
+    unrelated = random(named_generator(seed, "random"), shape, pairs)
+    blocks += [("noised_identity", "", "", noised), ("random", "", "", unrelated)]
+    lengths = {kind: found.lengths(kind) for kind in found.sums}
+    lengths |= {"noised_identity": noised, "random": unrelated}
+    errors = {kind: sums.standard_error for kind, sums in found.sums.items()}
+    return DistanceStudy(_table(blocks), summarise_distances(lengths, errors), notes)
 
 
-def in_class(generator: np.random.Generator, bases: Floats, pairs: int) -> Floats:
-    """Return distances of up to `pairs` different pairs of different draws of (R, D, k) bases."""
-    first, second = np.triu_indices(len(bases), 1)
-    chosen = _some(generator, len(first), pairs)
-    return arc_length(bases[first[chosen]], bases[second[chosen]])
-
-
-def cross_class(generator: np.random.Generator, a: Floats, b: Floats, pairs: int) -> Floats:
-    """Return distances of up to `pairs` different pairs, one draw from `a` and one from `b`."""
-    first, second = np.divmod(_some(generator, len(a) * len(b), pairs), len(b))
-    return arc_length(a[first], b[second])
-
-
-def noised_identity(
-    generator: np.random.Generator, shape: tuple[int, int], count: int, noise_sd: float
-) -> Floats:
-    """Return distances of `count` pairs of noised identities of a (D, k) shape.
-
-    Both matrices get independent normal noise on every entry and are orthonormalised.
-    """
-    noise = noise_sd * generator.standard_normal((2, count, *shape))
-    a, b = orthonormalised(np.eye(*shape) + noise)
-    return arc_length(a, b)
-
-
-def random(generator: np.random.Generator, shape: tuple[int, int], count: int) -> Floats:
-    """Return distances of `count` pairs of uniform (Haar) random subspaces of a (D, k) shape."""
-    a, b = orthonormalised(generator.standard_normal((2, count, *shape)))
-    return arc_length(a, b)
-
-
-def summarise_distances(distances: pd.DataFrame) -> pd.DataFrame:
+def summarise_distances(
+    lengths: Mapping[str, Floats], standard_errors: Mapping[str, float]
+) -> pd.DataFrame:
     """Summarise each kind.
+
+    Parameters
+    ----------
+    lengths
+        Kind -> distances, rad; kinds without any are left out.
+    standard_errors
+        Kind -> Monte-Carlo standard error of the mean; where not given, that of independent
+        distances.
 
     Returns
     -------
     DataFrame
-        ``kind, n, mean, sd, q05, q25, median, q75, q95`` in rad and ``auc_against_in_class``:
-        the probability that a distance of this kind exceeds an in-class one (NaN without any).
+        ``kind, n, mean, mean_se, sd, q05, q25, median, q75, q95`` in rad and
+        ``auc_against_in_class``: the probability that a distance of this kind exceeds an in-class
+        one (NaN without any).
     """
     import pandas as pd
 
-    lengths = dict(iter(distances.groupby("kind")["distance_rad"]))
-    own = np.asarray(lengths.get("in_class", []), float)
+    own = np.sort(lengths.get("in_class", np.zeros(0)))
     rows = []
-    for kind in [kind for kind in KINDS if kind in lengths]:
-        values = np.asarray(lengths[kind], float)
+    for kind in [kind for kind in KINDS if len(lengths.get(kind, ()))]:
+        values = np.sort(lengths[kind])
         spread = values.std(ddof=1) if len(values) > 1 else np.nan
+        error = standard_errors.get(kind, spread / np.sqrt(len(values)))
         quantiles = np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95])
-        rows.append((kind, len(values), values.mean(), spread, *quantiles, auc(values, own)))
+        levels = (len(values), values.mean(), error, spread, *quantiles, auc(values, own))
+        rows.append((kind, *levels))
     return pd.DataFrame(rows, columns=list(_SUMMARY_COLUMNS))
 
 
@@ -154,13 +150,9 @@ def auc(values: Floats, reference: Floats) -> float:
     """Return the probability that a value exceeds a reference value; ties count half."""
     if not (len(values) and len(reference)):
         return float("nan")
-    ordered = np.sort(reference)
+    ordered = np.sort(reference)  # quick where it is sorted already
     below = np.searchsorted(ordered, values, "left") + np.searchsorted(ordered, values, "right")
     return float(below.mean() / (2 * len(reference)))
-
-
-def _some(generator: np.random.Generator, population: int, count: int) -> NDArray[np.int64]:
-    return np.sort(generator.choice(population, min(count, population), replace=False))
 
 
 def _note(what: str, reason: str) -> dict[str, str]:

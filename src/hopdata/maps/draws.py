@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-_CHUNK_BYTES = 16 * 2**20
+_CHUNK_BYTES = 4 * 2**20
 
 Indices = NDArray[np.int64]
 
@@ -59,20 +59,22 @@ def distinct_draws(
     total = sum(sizes)
     if total > population:
         raise ValueError(f"cannot draw {total} distinct items from {population}")
+    # The first steps of a shuffle (Fisher and Yates): each swaps one of the items that are left.
+    left = np.arange(population, population - total, -1)
+    steps = generator.integers(0, left, size=(count, total))
     rows = max(1, _CHUNK_BYTES // (8 * population))
-    chunks = [
-        _smallest(generator.random((min(rows, count - start), population)), sizes)
-        for start in range(0, count, rows)
-    ]
-    # Sorted, so that sums over a set do not depend on the order a partition happens to leave.
-    bounds = np.cumsum(sizes)[:-1]
-    parts = np.split(np.concatenate(chunks), bounds, axis=1)
+    chunks = [_shuffled(steps[start : start + rows], population) for start in range(0, count, rows)]
+    parts = np.split(np.concatenate([steps[:0], *chunks]), np.cumsum(sizes)[:-1], axis=1)
     return tuple(np.sort(part, axis=1) for part in parts)
 
 
-def _smallest(keys: NDArray[np.float64], sizes: tuple[int, ...]) -> Indices:
-    """Return the columns of the smallest keys of each row, grouped by `sizes`."""
-    bounds = np.cumsum(sizes)
-    inner = [int(bound) for bound in bounds if bound < keys.shape[1]]
-    order = np.argpartition(keys, inner, axis=1) if inner else np.argsort(keys, axis=1)
-    return order[:, : bounds[-1]]
+def _shuffled(steps: Indices, population: int) -> Indices:
+    """Return the (R, m) items that the steps of R shuffles draw, all rows a step at a time."""
+    drawn = np.empty_like(steps)
+    items = np.tile(np.arange(population), (len(steps), 1))
+    row = np.arange(len(steps))
+    for k in range(steps.shape[1]):
+        place = k + steps[:, k]
+        drawn[:, k] = items[row, place]
+        items[row, place] = items[:, k]  # what step k leaves behind; it is not looked at again
+    return drawn

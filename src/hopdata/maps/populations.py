@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.maps.affine import pooled_basis
+from hopdata.maps.basis import pooled_basis
 
 #: Landings that a fit must have beyond its number of coefficients per output.
 SPARE_LANDINGS = 2

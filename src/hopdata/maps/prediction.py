@@ -140,8 +140,10 @@ def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         ``model, n_classes, n_train, n_test``, the median and quantiles of ``mse`` (``median,
-        q25, q75, p2_5, p97_5``), and ``worst_position_mm, worst_velocity_m_s``: the level that
-        97.5 % of the splits keep below with the rms error of their worst coordinate.
+        q25, q75, p2_5, p97_5``), ``worst_position_mm, worst_velocity_m_s``: the level that
+        97.5 % of the splits keep below with the rms error of their worst coordinate, and median
+        and 95 % interval of the errors in position and in velocity alone (``position_median,
+        position_p2_5, position_p97_5``, and of ``velocity``).
     """
     import pandas as pd
 
@@ -150,15 +152,23 @@ def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
         part = errors[errors["model"] == model]
         mse = np.quantile(part["mse"], [0.5, 0.25, 0.75, 0.025, 0.975])
         worst = [np.quantile(part[column], 0.975) for column in _WORST]
+        parts = [
+            np.quantile(part[f"mse_{kind}"], [0.5, 0.025, 0.975])
+            for kind in ("position", "velocity")
+        ]
         sizes = part["n_train"].iloc[0], part["n_test"].iloc[0]
-        rows.append((model, part["schedule"].nunique(), *sizes, *mse, *worst))
-    return pd.DataFrame(rows, columns=[*_SUMMARY_COLUMNS, *_WORST])
+        rows.append((model, part["schedule"].nunique(), *sizes, *mse, *worst, *np.ravel(parts)))
+    return pd.DataFrame(rows, columns=[*_SUMMARY_COLUMNS, *_WORST, *_PART_COLUMNS])
 
 
 _WORST = ("worst_position_mm", "worst_velocity_m_s")
 _SUMMARY_COLUMNS = (
     *("model", "n_classes", "n_train", "n_test"),
     *("median", "q25", "q75", "p2_5", "p97_5"),
+)
+_PART_COLUMNS = (
+    *("position_median", "position_p2_5", "position_p97_5"),
+    *("velocity_median", "velocity_p2_5", "velocity_p97_5"),
 )
 _COLUMNS = (
     *("model", "schedule", "bootstrap", "n_train", "n_test"),

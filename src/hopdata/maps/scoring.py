@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hopdata.maps.entries import Entries, entry
+from hopdata.maps.exact_map import score_estimates
 from hopdata.maps.landing_scores import (
     KnownRecording,
     count_touchdowns,
@@ -53,8 +54,8 @@ def score(
     prediction_summary, distance_summary
         Tables of the same names.
     exact
-        Tables ``map_errors``, ``state_errors`` and ``scaling_study`` of a study that is simulated
-        as a whole.
+        Tables ``map_errors``, ``state_errors``, ``scaling_study`` and ``estimate_errors`` of a
+        study that is simulated as a whole.
     """
     if not known:
         return {}
@@ -70,6 +71,7 @@ def score(
         entries |= score_states(exact["state_errors"])
         entries |= score_maps(exact["map_errors"])
         entries |= score_scaling(exact["scaling_study"])
+        entries |= score_estimates(exact["estimate_errors"])
     return entries
 
 

@@ -100,11 +100,17 @@ def pooled_frame(x: Floats, y: Floats) -> PooledFrame:
     Raises
     ------
     AnalysisError
-        If there are fewer than two landings.
+        If there are fewer than two landings, or if one has a value that is not finite.
     """
     if len(x) < 2:
         raise AnalysisError(f"subspaces: at least 2 usable landings are needed, found {len(x)}")
     pairs = np.hstack([x, y])
+    unknown = np.flatnonzero(~np.isfinite(pairs).all(axis=1))
+    if unknown.size:
+        raise AnalysisError(
+            f"subspaces: expected finite pairs, found others in {unknown.size} landings, the first "
+            f"in row {unknown[0]}"
+        )
     centred = pairs - pairs.mean(0)
     _, values, right = np.linalg.svd(np.linalg.qr(centred, mode="r"), full_matrices=True)
     deviations = np.zeros(pairs.shape[1])

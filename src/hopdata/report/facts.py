@@ -38,7 +38,8 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         **_models(inputs),
         "distances": _medians(inputs.distances, "kind", KIND_NAMES, two_decimals),
         "labels_right": _labels_right(inputs.truth or {}),
-        "slopes": _slopes(inputs.truth or {}),
+        "slopes": _by_name(inputs.truth or {}, "scaling_slope_"),
+        "estimate_errors": _by_name(inputs.truth or {}, "map_estimate_error_"),
         "verdict": verdict_facts(inputs.verdict),
     }
 
@@ -121,9 +122,8 @@ def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str
     }
 
 
-def _slopes(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
-    """Slopes of the scaling study, by case."""
-    prefix = "scaling_slope_"
+def _by_name(truth: Mapping[str, Mapping[str, Any]], prefix: str) -> dict[str, str]:
+    """Entries whose names begin with the prefix, by the rest of their names."""
     return {
         name.removeprefix(prefix): fixed(entry["value"], 2)
         for name, entry in truth.items()

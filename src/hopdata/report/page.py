@@ -27,6 +27,7 @@ PLACES = {
     "fig2_3_schedule": "touchdowns",
     "fig2_4_prediction": "prediction",
     "fig2_5_distances": "distances",
+    "map_matrices": "prediction",
     "map_errors": "truth",
     "scaling_study": "truth",
 }

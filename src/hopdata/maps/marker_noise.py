@@ -1,0 +1,167 @@
+"""Noise of the markers of a rigid body, and what it does to the coordinates on a section.
+
+Three or more markers on a rigid body say more than its motion needs. What a rigid body cannot
+explain is noise, of positions, of velocities, and of both together: a velocity fitted to frames
+that end at a contact errs together with the position that the same fit gives there.
+
+The states are those at the instant at which the mean height of the markers passes the section, as
+measured. An error of that height is therefore an error of the instant, and shifts all else along
+the motion. All this is propagated to first order to the coordinates, and to the errors that inputs
+and outputs share: steps and turns begin at the pre section, and the heading there turns velocities.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.errors import AnalysisError
+from hopdata.maps.rigid import rigid_states, section_coordinates, split_states
+
+GRAVITY_M_S2 = 9.80665
+#: Landings at which the propagation is linearised, at most; evenly taken from all.
+LINEARISED = 100
+_STEPS = (1e-5, 1e-4)  # of positions, m, and of velocities, m/s
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MarkerNoise:
+    """Covariance of the errors of one coordinate of one marker; markers err independently.
+
+    Attributes
+    ----------
+    position
+        Variance of positions, m^2.
+    shared
+        Covariance of the position and the velocity of the same coordinate, m^2/s.
+    velocity
+        Variance of velocities, m^2/s^2.
+    """
+
+    position: float
+    shared: float
+    velocity: float
+
+    def covariance(self, n_markers: int) -> Floats:
+        """Return the covariance (6B, 6B) of the state of so many markers."""
+        one = np.array([[self.position, self.shared], [self.shared, self.velocity]])
+        whole: Floats = np.kron(one, np.eye(3 * n_markers))
+        return whole
+
+
+@dataclass(frozen=True)
+class InputErrors:
+    """Second moments of the errors of inputs, and of those that outputs share with them.
+
+    Attributes
+    ----------
+    inputs
+        (p, p) covariance of the errors of the inputs.
+    shared
+        (p, q) covariance of the errors of inputs and outputs.
+    """
+
+    inputs: Floats
+    shared: Floats
+
+    def scaled(self, inputs: Floats, outputs: Floats) -> InputErrors:
+        """Return the moments of inputs and outputs multiplied by factors (p,) and (q,)."""
+        return InputErrors(
+            inputs[:, None] * self.inputs * inputs, inputs[:, None] * self.shared * outputs
+        )
+
+    @classmethod
+    def none(cls, n_inputs: int, n_outputs: int) -> InputErrors:
+        """Return the moments of inputs that are known exactly."""
+        return cls(np.zeros((n_inputs, n_inputs)), np.zeros((n_inputs, n_outputs)))
+
+
+def marker_noise(states: Floats, shape: Floats) -> MarkerNoise:
+    """Estimate the noise of markers from what a rigid body cannot explain.
+
+    Parameters
+    ----------
+    states
+        (n, 6B) positions, m, and velocities, m/s.
+    shape
+        (B, 3) markers in the body, m; see `hopdata.maps.rigid.body_shape`.
+
+    Raises
+    ------
+    AnalysisError
+        If there are no landings.
+    """
+    if not len(states):
+        raise AnalysisError("marker noise: expected at least one landing, found none")
+    positions, velocities = split_states(states)
+    fit = rigid_states(states, shape)
+    arms = np.einsum("nij,bj->nbi", fit.rotation, shape)
+    turning = np.einsum("nij,nj->ni", fit.rotation, fit.spin)
+    misses = positions - fit.centre[:, None] - arms
+    slips = velocities - fit.velocity[:, None] - np.cross(turning[:, None], arms)
+    free = (3 * len(shape) - 6) * len(states)
+    moments = (np.sum(a * b) for a, b in ((misses, misses), (misses, slips), (slips, slips)))
+    return MarkerNoise(*(float(moment / free) for moment in moments))
+
+
+def input_errors(before: Floats, after: Floats, shape: Floats, noise: MarkerNoise) -> InputErrors:
+    """Propagate the noise of the states at the pre section to inputs and outputs.
+
+    Noise at the post section is that of other frames and plays no part here: it makes outputs
+    scatter, but biases no map.
+
+    Parameters
+    ----------
+    before, after
+        (n, 6B) states at the two sections, m and m/s; the body is in free flight at the first.
+    shape
+        (B, 3) markers in the body, m.
+    noise
+        Of the states at the pre section.
+
+    Raises
+    ------
+    AnalysisError
+        If a body does not sink through the pre section.
+    """
+    some = slice(None, None, -(-len(before) // LINEARISED))
+    before, after = before[some], after[some]
+    slopes = _slopes(before, after, shape) @ _at_noisy_instant(before)
+    moments = slopes @ noise.covariance(len(shape)) @ slopes.swapaxes(1, 2)
+    mean, p = moments.mean(axis=0), 8
+    return InputErrors(mean[:p, :p], mean[:p, p:])
+
+
+def _slopes(before: Floats, after: Floats, shape: Floats) -> Floats:
+    """Return the derivatives (n, 19, 6B) of all coordinates by the states at the pre section."""
+    post = rigid_states(after, shape)
+
+    def coordinates(states: Floats) -> Floats:
+        return np.hstack(section_coordinates(rigid_states(states, shape), post))
+
+    half = before.shape[1] // 2
+    columns = []
+    for k in range(2 * half):
+        step = np.zeros(2 * half)
+        step[k] = _STEPS[k >= half]
+        columns.append((coordinates(before + step) - coordinates(before - step)) / (2 * step[k]))
+    return np.stack(columns, axis=2)
+
+
+def _at_noisy_instant(states: Floats) -> Floats:
+    """Return what becomes of errors at a fixed instant, (n, 6B, 6B), at that of the section."""
+    _, velocities = split_states(states)
+    n, markers, _ = velocities.shape
+    sinking = velocities[..., 2].mean(axis=1)
+    if not (sinking < 0).all():
+        raise AnalysisError("input errors: expected bodies that sink through the pre section")
+    height = np.tile([0.0, 0.0, 1.0 / markers], markers)
+    falling = np.tile([0.0, 0.0, -GRAVITY_M_S2], (n, markers, 1))
+    motion = np.concatenate([velocities, falling], axis=1).reshape(n, -1)
+    late = np.concatenate([height, np.zeros_like(height)]) / sinking[:, None]
+    shift: Floats = np.eye(motion.shape[1]) - motion[:, :, None] * late[:, None, :]
+    return shift
