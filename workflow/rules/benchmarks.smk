@@ -72,7 +72,7 @@ for figure_name, (figure_rule, tables) in BENCHMARK_FIGURES.items():
 rule verdict_power:
     """Size and power of the verdict on simulated studies; takes most of an hour on two cores."""
     input:
-        sources("verdict_power"),
+        lambda wildcards: sources("verdict_power"),
     output:
         table=f"{BENCHMARKS}/verdict_power.csv",
         studies=f"{BENCHMARKS}/verdict_studies.csv",
