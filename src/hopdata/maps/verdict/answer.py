@@ -63,8 +63,9 @@ class Verdict:
         The same in one sentence, with its numbers.
     n_landings, n_schedules
         Landings and schedules that it rests on.
-    confidence, margin
-        Of the interval, and the difference that the study wants to exclude.
+    confidence, margin, power
+        Of the interval, the difference that the study wants to exclude, and the power with which
+        the detectable one would have been found.
     effect, test
         Size and significance of the kinks in the chosen window; None if there is no answer.
     specialised, subspaces
@@ -81,6 +82,7 @@ class Verdict:
     n_schedules: int
     confidence: float
     margin: float
+    power: float
     effect: EffectSize | None = None
     test: KinkTest | None = None
     specialised: SpecialisedTest | None = None

@@ -62,7 +62,7 @@ def judge(
     before, after, times = (np.asarray(part, float) for part in (x, y, instants))
     known = np.asarray(np.isfinite(times).all(axis=1))
     notes = _unknown_notes(known)
-    limits = (int(known.sum()), confidence, margin, notes)
+    limits = (int(known.sum()), confidence, margin, power, notes)
     try:
         landings = section_landings(before[known], after[known], times[known], time_unit_s)
         fits = fit_kinks(landings.inputs, landings.outputs, landings.expected)
@@ -88,6 +88,7 @@ def judge(
         len(landings.members.schedules),
         confidence,
         margin,
+        power,
         effect,
         test,
         specialised,
@@ -100,8 +101,8 @@ def judge(
 def _check_enough(landings: SectionLandings, fits: list[KinkFit]) -> None:
     if len(landings.members.schedules) < 2:
         raise AnalysisError(
-            f"{len(landings.members.schedules)} mode schedules with {LEAST_CLASS} landings, "
-            "at least 2 wanted"
+            f"mode schedules with {LEAST_CLASS} landings or more: expected at least 2, found "
+            f"{len(landings.members.schedules)}"
         )
     if not fits:
         raise AnalysisError(f"{len(landings.inputs)} landings are too few for second-order terms")
@@ -138,6 +139,7 @@ def _window_result(
         landings.inputs[rows],
         landings.outputs[rows],
         landings.members.weights[rows],
+        np.cov(landings.inputs, rowvar=False),
         generator=named_generator(seed, "verdict", "separate", str(fit.window)),
     )
     spread = 1e3 * landings.expected[rows].std(axis=1)
@@ -157,11 +159,13 @@ def _window_result(
 
 
 def _no_answer(
-    reason: str, landings: int, confidence: float, margin: float, notes: Notes
+    reason: str, landings: int, confidence: float, margin: float, power: float, notes: Notes
 ) -> Verdict:
     note = {"what": "verdict", "reason": reason}
     sentence = f"This data cannot tell: {reason}."
-    return Verdict(CANNOT_TELL, sentence, landings, 0, confidence, margin, notes=[*notes, note])
+    return Verdict(
+        CANNOT_TELL, sentence, landings, 0, confidence, margin, power, notes=[*notes, note]
+    )
 
 
 def _unknown_notes(known: NDArray[np.bool_]) -> Notes:

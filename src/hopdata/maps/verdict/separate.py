@@ -22,7 +22,12 @@ Floats = NDArray[np.float64]
 
 
 def separate_difference(
-    x: Floats, y: Floats, weights: Floats, *, generator: np.random.Generator
+    x: Floats,
+    y: Floats,
+    weights: Floats,
+    covariance: Floats,
+    *,
+    generator: np.random.Generator,
 ) -> float:
     """Return the rms difference of the schedules' maps relative to the map of all.
 
@@ -32,6 +37,9 @@ def separate_difference(
         (n, p) inputs and (n, q) outputs of a window.
     weights
         (n, schedules) membership of each landing; each counts where it weighs most.
+    covariance
+        (p, p) of the inputs of the study: in all windows a change of the outcome counts by what it
+        is over these inputs, as in `hopdata.maps.verdict.effect.squared_size`.
     generator
         Source of the halvings.
 
@@ -45,16 +53,15 @@ def separate_difference(
     classes = [rows for rows in classes if len(rows) >= 2 * _LANDINGS_PER_INPUT * x.shape[1]]
     if len(classes) < 2:
         return float("nan")
-    deviation = x.std(axis=0)
-    z = (x - x.mean(axis=0)) / deviation
     squares = []
     for _ in range(HALVINGS):
         mixed = [generator.permutation(rows) for rows in classes]
         first, second = (
-            [fit_affine(z[rows[k::2]], y[rows[k::2]]).coefficients for rows in mixed]
+            [fit_affine(x[rows[k::2]], y[rows[k::2]]).coefficients for rows in mixed]
             for k in (0, 1)
         )
         for a, b in combinations(range(len(classes)), 2):
-            squares.append(np.sum((first[a] - first[b]) * (second[a] - second[b])))
-    whole = np.sum(fit_affine(z, y).coefficients ** 2)
+            squares.append(np.sum((first[a] - first[b]) * (covariance @ (second[a] - second[b]))))
+    map_of_all = fit_affine(x, y).coefficients
+    whole = np.sum(map_of_all * (covariance @ map_of_all))
     return float(np.sqrt(max(0.0, float(np.mean(squares))) / whole))
