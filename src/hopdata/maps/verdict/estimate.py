@@ -97,7 +97,7 @@ def expected_contacts(x: Floats, instants: Floats) -> Floats:
         basis, root = np.linalg.qr(design[good])
         fitted = design @ np.linalg.solve(root, basis.T @ t[good])
         slack = np.maximum(1.0 - np.sum(basis**2, axis=1), 1e-3)
-        error = np.median(np.abs(t - fitted)[good].max(axis=1) / slack)
+        error = np.mean(((t - fitted)[good] / slack[:, None]) ** 2)
         if error < least:
             best, least = fitted, error
     expected: Floats = best - best.mean(axis=1, keepdims=True)

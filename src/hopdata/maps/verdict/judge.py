@@ -38,6 +38,7 @@ def judge(
     power: float = 0.8,
     flips: int = 1999,
     permutations: int = 499,
+    all_windows: bool = True,
 ) -> Verdict:
     """Say whether the map through the landing has one derivative.
 
@@ -57,7 +58,10 @@ def judge(
     confidence, power
         Of intervals, and of the detectable difference. The test's level is 1 - confidence.
     flips, permutations
-        Number of random sign patterns, and of shuffled data sets of the other tests.
+        Number of random sign patterns, and of shuffled data sets of the other tests; with 0 of
+        these they are left out.
+    all_windows
+        Whether to report every window, or only the one that the verdict rests on.
     """
     before, after, times = (np.asarray(part, float) for part in (x, y, instants))
     known = np.asarray(np.isfinite(times).all(axis=1))
@@ -76,9 +80,12 @@ def judge(
         own = named_generator(seed, "verdict", "effect", str(one.window))
         return effect_size(one, form, generator=own, confidence=confidence, power=power)
 
-    windows = tuple(_window_result(landings, one, size(one), fit, seed) for one in fits)
+    shown = fits if all_windows else [fit]
+    windows = tuple(_window_result(landings, one, size(one), fit, seed) for one in shown)
     test = flip_signs(fit, generator=named_generator(seed, "verdict", "signs"), flips=flips)
-    specialised, subspaces = _other_tests(landings, fit, seed, permutations)
+    specialised, subspaces = (
+        _other_tests(landings, fit, seed, permutations) if permutations else (None, None)
+    )
     effect = size(fit)
     conclusion = conclude(test, effect, 1.0 - confidence, margin)
     return Verdict(
