@@ -16,6 +16,10 @@ BENCHMARK_TABLES = {
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
 }
+# They take most of an hour, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
+SIMULATED_STUDIES = {
+    "verdict_power": ["verdict_power.csv", "verdict_studies.csv"],
+}
 # Each figure, its rule, of which the script has the name, and the tables that it shows.
 BENCHMARK_FIGURES = {
     "fig4_2_order": ("figure_order", ["order.csv"]),
@@ -26,7 +30,7 @@ BENCHMARK_FIGURES = {
 }
 
 
-for program, tables in BENCHMARK_TABLES.items():
+for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES}.items():
 
     rule:
         name:
@@ -69,24 +73,6 @@ for figure_name, (figure_rule, tables) in BENCHMARK_FIGURES.items():
             "../scripts/{params.script}"
 
 
-rule verdict_power:
-    """Size and power of the verdict on simulated studies; takes most of an hour on two cores."""
-    input:
-        lambda wildcards: sources("verdict_power"),
-    output:
-        table=f"{BENCHMARKS}/verdict_power.csv",
-        studies=f"{BENCHMARKS}/verdict_studies.csv",
-    log:
-        f"{BENCHMARKS}/verdict_power.log",
-    threads: workflow.cores
-    params:
-        python=sys.executable,
-        code=lambda wildcards, input: [code_digest(source) for source in input],
-    shell:
-        "{params.python} benchmarks/verdict_power.py --out {output.table} --workers {threads} "
-        "> {log} 2>&1"
-
-
 rule benchmark_page:
     """The figures with their captions on a page."""
     input:
@@ -108,3 +94,9 @@ rule benchmarks:
         [f"{BENCHMARKS}/{table}" for tables in BENCHMARK_TABLES.values() for table in tables],
         expand(f"{BENCHMARKS}/figures/{{name}}.{{format}}", name=BENCHMARK_FIGURES, format=FORMATS),
         rules.benchmark_page.output,
+
+
+rule studies:
+    """Hundreds of simulated studies: `snakemake --cores 2 studies`."""
+    input:
+        [f"{BENCHMARKS}/{table}" for tables in SIMULATED_STUDIES.values() for table in tables],
