@@ -20,6 +20,9 @@ BENCHMARK_TABLES = {
 SIMULATED_STUDIES = {
     "verdict_power": ["verdict_power.csv", "verdict_studies.csv"],
 }
+STUDY_FIGURES = {
+    "verdict_power": ("figure_verdict_power", ["verdict_power.csv"]),
+}
 # Each figure, its rule, of which the script has the name, and the tables that it shows.
 BENCHMARK_FIGURES = {
     "fig4_2_order": ("figure_order", ["order.csv"]),
@@ -53,7 +56,7 @@ for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES}.items():
             "{params.python} {params.program} --out {output.table} > {log} 2>&1"
 
 
-for figure_name, (figure_rule, tables) in BENCHMARK_FIGURES.items():
+for figure_name, (figure_rule, tables) in {**BENCHMARK_FIGURES, **STUDY_FIGURES}.items():
 
     rule:
         name:
@@ -100,3 +103,4 @@ rule studies:
     """Hundreds of simulated studies: `snakemake --cores 2 studies`."""
     input:
         [f"{BENCHMARKS}/{table}" for tables in SIMULATED_STUDIES.values() for table in tables],
+        expand(f"{BENCHMARKS}/figures/{{name}}.{{format}}", name=STUDY_FIGURES, format=FORMATS),
