@@ -15,11 +15,12 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH
 
-.PHONY: figures test benchmarks lint format docs sample lock clean help
+.PHONY: figures both-sides test benchmarks lint format docs sample lock clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
 	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
+	@echo "make both-sides the study of the dissertation's size, C1 and not, and both in one figure"
 	@echo "make benchmarks error and run time beside other libraries, into results/benchmarks"
 	@echo "make lint       ruff, mypy, snakefmt and snakemake --lint"
 	@echo "make format     let ruff and snakefmt rewrite the files"
@@ -33,6 +34,11 @@ figures: $(VENV)/.run
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile $(PYTEST_ARGS)
+
+both-sides: $(VENV)/.run
+	$(BIN)/snakemake --cores $(CORES) --configfile config/thesis.yaml
+	$(BIN)/snakemake --cores $(CORES) --configfile config/control.yaml
+	$(BIN)/snakemake --cores $(CORES) both_sides
 
 benchmarks: $(VENV)/.bench
 	$(BIN)/snakemake --cores $(CORES) benchmarks

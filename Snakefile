@@ -26,6 +26,7 @@ include: "workflow/rules/landings.smk"
 include: "workflow/rules/maps.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/benchmarks.smk"
+include: "workflow/rules/comparison.smk"
 
 
 localrules:

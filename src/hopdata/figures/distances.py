@@ -60,14 +60,17 @@ def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     boxes = {str(row["kind"]): row for row in summary.to_dict("records")}
     for place, kind in enumerate(KINDS):
         sample = distances.loc[distances["kind"] == kind, "distance_rad"].dropna().to_numpy()
-        _draw_cumulative(upper, kind, sample)
-        _draw_box(lower, place, kind, boxes.get(kind, {}))
-    _label(upper, lower)
+        draw_cumulative(upper, kind, sample)
+        draw_box(lower, place, kind, boxes.get(kind, {}))
+    label_axes(upper, lower)
+    letter(upper, "a")
+    letter(lower, "b")
     figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
 
-def _draw_cumulative(axes: Axes, kind: str, sample: np.ndarray) -> None:
+def draw_cumulative(axes: Axes, kind: str, sample: np.ndarray) -> None:
+    """Draw the cumulative distribution of one kind; without data its name and the word "none"."""
     label, colour, dash = KINDS[kind]
     if not len(sample):
         axes.plot([], [], color=colour, linestyle=dash, label=f"{label} (none)")
@@ -79,7 +82,8 @@ def _draw_cumulative(axes: Axes, kind: str, sample: np.ndarray) -> None:
     axes.plot(x, y, color=colour, linestyle=dash, label=label, drawstyle="steps-post")
 
 
-def _draw_box(axes: Axes, place: int, kind: str, row: Any) -> None:
+def draw_box(axes: Axes, place: int, kind: str, row: Any) -> None:
+    """Draw the box of one kind from its row of the summary."""
     _, colour, _ = KINDS[kind]
     values = [float(row.get(quantile, np.nan)) for quantile in QUANTILES]
     if not np.all(np.isfinite(values)):
@@ -104,7 +108,8 @@ def _draw_box(axes: Axes, place: int, kind: str, row: Any) -> None:
     )
 
 
-def _label(upper: Axes, lower: Axes) -> None:
+def label_axes(upper: Axes, lower: Axes) -> None:
+    """Name the axes of distributions and boxes."""
     upper.set_ylabel("cumulative share")
     upper.set_ylim(0, 1.02)
     upper.grid(axis="x")
@@ -114,5 +119,3 @@ def _label(upper: Axes, lower: Axes) -> None:
     lower.set_ylim(len(KINDS) - 0.4, -0.6)
     lower.tick_params(axis="y", length=0)
     lower.set_xlabel("arc-length distance (rad)")
-    letter(upper, "a")
-    letter(lower, "b")

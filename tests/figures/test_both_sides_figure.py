@@ -1,0 +1,44 @@
+import numpy as np
+import pandas as pd
+from overlaps import text_faults
+
+from hopdata.figures.both_sides import both_sides_figure
+from hopdata.figures.distances import KINDS, QUANTILES
+
+DIFFERENT = {
+    "conclusion": "different",
+    "effect": {"estimate": 0.347, "upper_bound": 0.38},
+    "test": {"p_value": 0.0005},
+}
+SAME = {
+    "conclusion": "no difference",
+    "effect": {"estimate": 0.01, "upper_bound": 0.126},
+    "test": {"p_value": 0.35},
+}
+NONE = {"conclusion": "cannot tell", "effect": None, "test": None}
+
+
+def tables(shift):
+    rng = np.random.default_rng(3)
+    samples = {kind: shift + rng.normal(2 + k / 4, 0.1, 300) for k, kind in enumerate(KINDS)}
+    distances = pd.concat(
+        [pd.DataFrame({"kind": kind, "distance_rad": values}) for kind, values in samples.items()]
+    )
+    shares = (0.05, 0.25, 0.5, 0.75, 0.95)
+    rows = [(kind, *np.quantile(values, shares)) for kind, values in samples.items()]
+    return distances, pd.DataFrame(rows, columns=["kind", *QUANTILES])
+
+
+def test_each_study_stands_under_its_verdict():
+    figure = both_sides_figure(
+        {"C1 hopper": (*tables(0), SAME), "control, not C1": (*tables(0.1), DIFFERENT)}
+    )
+    titles = [axes.get_title(loc="left") for axes in figure.axes[:2]]
+    assert "no difference above 0.13 (p = 0.35)" in titles[0]
+    assert "different by 0.35 (p = 0.0005)" in titles[1]
+    assert text_faults(figure) == []
+
+
+def test_a_study_without_an_answer():
+    figure = both_sides_figure({"one": (*tables(0), NONE)})
+    assert "cannot tell" in figure.axes[0].get_title(loc="left")
