@@ -180,26 +180,6 @@ rule map_estimates:
         "../scripts/map_estimates.py"
 
 
-rule estimate_errors:
-    """The estimates of the landing map against the exact one."""
-    input:
-        estimates=rules.map_estimates.output.maps,
-        maps=rules.true_sections.output.maps,
-        true_pairs=rules.true_sections.output.pairs,
-        units=rules.units.output.units,
-    output:
-        errors=f"{RESULTS}/tables/estimate_errors.csv",
-        exact=f"{RESULTS}/tables/exact_map.csv",
-    log:
-        f"{RESULTS}/logs/estimate_errors.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/estimate_errors.tsv"
-    params:
-        code=code("estimate_errors"),
-    script:
-        "../scripts/estimate_errors.py"
-
-
 rule verdict:
     """Whether the map through the landing is C1: effect size, interval and tests."""
     input:
@@ -221,6 +201,28 @@ rule verdict:
         "../scripts/verdict.py"
 
 
+rule estimate_errors:
+    """The estimates of the landing map, and the verdict, against the exact maps."""
+    input:
+        estimates=rules.map_estimates.output.maps,
+        maps=rules.true_sections.output.maps,
+        true_pairs=rules.true_sections.output.pairs,
+        units=rules.units.output.units,
+        verdict=rules.verdict.output.verdict,
+    output:
+        errors=f"{RESULTS}/tables/estimate_errors.csv",
+        exact=f"{RESULTS}/tables/exact_map.csv",
+        verdict=f"{RESULTS}/tables/verdict_errors.csv",
+    log:
+        f"{RESULTS}/logs/estimate_errors.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/estimate_errors.tsv"
+    params:
+        code=code("estimate_errors"),
+    script:
+        "../scripts/estimate_errors.py"
+
+
 rule score:
     """Accuracy against the truth that a synthetic recording carries."""
     input:
@@ -235,6 +237,7 @@ rule score:
                 rules.map_errors.output.errors,
                 rules.map_errors.output.states,
                 rules.estimate_errors.output.errors,
+                rules.estimate_errors.output.verdict,
             ]
             if SIMULATED
             else []

@@ -1,18 +1,20 @@
-"""Compare the estimates of the landing map with the exact one."""
+"""Compare the estimates of the landing map, and the verdict, with the exact maps."""
 
 import numpy as np
 
 from hopdata.jobs import read_json, reported, write_table
 from hopdata.landings.pairs import read_pairs
 from hopdata.maps.exact_map import estimate_errors, exact_map
+from hopdata.maps.verdict_truth import true_effect, verdict_errors
 
 with reported(snakemake.log[0]):
     estimates = read_json(snakemake.input.estimates)
-    exact = exact_map(
-        read_json(snakemake.input.maps),
-        read_pairs(snakemake.input.true_pairs).x,
-        shape=np.array(estimates["shape_m"]).reshape(-1, 3),
-        time_unit_s=read_json(snakemake.input.units)["time_unit_s"],
-    )
+    maps, states = read_json(snakemake.input.maps), read_pairs(snakemake.input.true_pairs).x
+    time_unit_s = read_json(snakemake.input.units)["time_unit_s"]
+    shape = np.array(estimates["shape_m"]).reshape(-1, 3)
+    exact = exact_map(maps, states, shape=shape, time_unit_s=time_unit_s)
+    effect = true_effect(maps, states, time_unit_s=time_unit_s)
+    verdict = verdict_errors(effect, read_json(snakemake.input.verdict))
     write_table(snakemake.output.errors, estimate_errors(exact, estimates))
     write_table(snakemake.output.exact, exact.table())
+    write_table(snakemake.output.verdict, verdict)

@@ -21,6 +21,7 @@ from hopdata.maps.landing_scores import (
 from hopdata.maps.map_errors import score_maps
 from hopdata.maps.scaling import score_scaling
 from hopdata.maps.state_errors import score_states
+from hopdata.maps.verdict_truth import score_verdict
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,8 +55,8 @@ def score(
     prediction_summary, distance_summary
         Tables of the same names.
     exact
-        Tables ``map_errors``, ``state_errors``, ``scaling_study`` and ``estimate_errors`` of a
-        study that is simulated as a whole.
+        Tables ``map_errors``, ``state_errors``, ``scaling_study``, ``estimate_errors`` and
+        ``verdict_errors`` of a study that is simulated as a whole.
     """
     if not known:
         return {}
@@ -72,6 +73,7 @@ def score(
         entries |= score_maps(exact["map_errors"])
         entries |= score_scaling(exact["scaling_study"])
         entries |= score_estimates(exact["estimate_errors"])
+        entries |= score_verdict(exact["verdict_errors"])
     return entries
 
 
