@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from hopdata.errors import AnalysisError
-from hopdata.maps.map_errors import map_entries, map_error_table, score_maps
+from hopdata.maps.map_errors import map_error_table, score_maps
 from hopdata.maps.state_errors import score_states, state_errors, true_rows
 
 POINTS = np.array([(0.13, 0.03, 0.05), (-0.08, 0.11, 0.075), (-0.07, -0.14, 0.055)])
@@ -153,14 +153,3 @@ def test_the_entries_name_source_model_and_number():
     assert entries["map_error_measured_pooled_120"]["value"] > 0
     all_of_them = entries["map_error_noise_free_pooled_all"]
     assert f"one map for all schedules, {COUNT} landings, without noise" in all_of_them["what"]
-
-
-def test_entries_of_the_maps_are_displacements_for_a_usual_input():
-    true, exact = study()
-    table = map_entries(measured(true), true, np.arange(COUNT), exact, time_unit_s=0.02)
-    assert table["source"].value_counts().to_dict() == {"exact": 88, "measured": 88}
-    sources = (table[table["source"] == name] for name in ("exact", "measured"))
-    one, other = (rows["value_mm"].to_numpy() for rows in sources)
-    np.testing.assert_allclose(one, other, rtol=0, atol=1e-7)
-    row = table[(table["output"] == "step_x_m") & (table["input"] == "roll_rad")].iloc[0]
-    assert row["value_mm"] == pytest.approx(1e3 * MAP[0, 1] * 0.05, rel=0.1)

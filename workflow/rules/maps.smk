@@ -126,7 +126,6 @@ rule map_errors:
     output:
         errors=f"{RESULTS}/tables/map_errors.csv",
         states=f"{RESULTS}/tables/state_errors.csv",
-        entries=f"{RESULTS}/tables/map_entries.csv",
     log:
         f"{RESULTS}/logs/map_errors.log",
     benchmark:

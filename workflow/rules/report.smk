@@ -127,10 +127,9 @@ rule figure_sensitivity:
 
 
 rule figure_map_errors:
-    """Errors of fitted maps by the number of landings; the exact and the fitted map."""
+    """Errors of fitted maps by the number of landings."""
     input:
         errors=rules.map_errors.output.errors,
-        entries=rules.map_errors.output.entries,
     output:
         figure("map_errors"),
     log:

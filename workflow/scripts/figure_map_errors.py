@@ -1,4 +1,4 @@
-"""Draw the errors of fitted maps, and the exact and the fitted map."""
+"""Draw the errors of fitted maps by the number of landings."""
 
 from pathlib import Path
 
@@ -7,7 +7,5 @@ from hopdata.figures.saving import save_figure
 from hopdata.jobs import read_table, reported
 
 with reported(snakemake.log[0]):
-    figure = map_errors_figure(
-        read_table(snakemake.input.errors), read_table(snakemake.input.entries)
-    )
+    figure = map_errors_figure(read_table(snakemake.input.errors))
     save_figure(figure, Path(snakemake.output[0]).with_suffix(""), **snakemake.params.options)

@@ -2,7 +2,7 @@
 
 from hopdata.jobs import read_json, read_table, reported, write_table
 from hopdata.landings.pairs import read_pairs
-from hopdata.maps.map_errors import map_entries, map_error_table
+from hopdata.maps.map_errors import map_error_table
 from hopdata.maps.state_errors import state_errors, true_rows
 from hopdata.recordings.hdf5 import read_truth
 
@@ -20,4 +20,3 @@ with reported(snakemake.log[0]):
     errors = map_error_table(pairs, true, rows, exact, time_unit_s=time_unit_s, seed=seed)
     write_table(output.errors, errors)
     write_table(output.states, state_errors(pairs, true, rows))
-    write_table(output.entries, map_entries(pairs, true, rows, exact, time_unit_s=time_unit_s))

@@ -19,8 +19,6 @@ from hopdata.errors import AnalysisError
 from hopdata.maps.entries import Entries, entry
 from hopdata.maps.map_differences import input_root, relative_difference
 from hopdata.maps.rigid import (
-    INPUT_NAMES,
-    OUTPUT_NAMES,
     output_weights,
     rigid_states,
     section_coordinates,
@@ -104,41 +102,6 @@ def map_error_table(
                 table.append((source, model, count, len(draws), *quantiles))
     columns = ["source", "model", "landings", "draws", "median", "q05", "q95"]
     return pd.DataFrame(table, columns=columns)
-
-
-def map_entries(
-    pairs: Any, true: Any, rows: Integers, exact: Mapping[str, Any], *, time_unit_s: float
-) -> pd.DataFrame:
-    """Return the exact map, mean of the schedules, and that fitted to all measured landings.
-
-    Parameters
-    ----------
-    pairs, true, rows, exact, time_unit_s
-        As for `map_error_table`.
-
-    Returns
-    -------
-    DataFrame
-        Columns source (``exact``, ``measured``), output, input, value_mm: displacement of the
-        markers, mm, for a standard deviation of the input.
-    """
-    import pandas as pd
-
-    known, shape = np.flatnonzero(rows >= 0), _shape(exact)
-    spread = _coordinates(true.x[rows[known]], true.y[rows[known]], shape)[0].std(axis=0)
-    measured = _coordinates(pairs.x[known], pairs.y[known], shape)
-    maps = {
-        "exact": np.array(exact["maps"]).mean(axis=0),
-        "measured": _slopes(measured, np.arange(len(known))),
-    }
-    weights = 1e3 * output_weights(shape, time_unit_s)
-    table = [
-        (source, output, given, value)
-        for source, slopes in maps.items()
-        for output, row in zip(OUTPUT_NAMES, weights[:, None] * slopes * spread, strict=True)
-        for given, value in zip(INPUT_NAMES, row, strict=True)
-    ]
-    return pd.DataFrame(table, columns=["source", "output", "input", "value_mm"])
 
 
 def _shape(exact: Mapping[str, Any]) -> Floats:
