@@ -67,7 +67,7 @@ def verdict_power_figure(table: pd.DataFrame) -> Figure:
             _draw_sizes(right, rows, kind)
     _label_power(middle, none)
     _label_sizes(right, table[~same])
-    figure.legend(*middle.get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    figure.legend(*middle.get_legend_handles_labels(), loc="outside upper right", ncols=4)
     for axes, name in zip((left, middle, right), "abc", strict=True):
         letter(axes, name)
     return figure
