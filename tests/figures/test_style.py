@@ -18,6 +18,7 @@ def test_size_on_paper_is_in_millimetres():
 
 
 def test_the_style_holds_within_and_only_there():
+    matplotlib.get_backend()  # chosen when first asked for, whoever asks
     before = matplotlib.rcParams.copy()
     with style_context():
         assert matplotlib.rcParams["svg.hashsalt"] == "hopdata"
