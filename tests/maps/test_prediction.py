@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.maps.prediction import MODELS, bootstrap_prediction
+from hopdata.maps.prediction import MODELS, bootstrap_prediction, error_ratios
 
 SCHEDULES = np.array(["1>2>3", "1>3>2", "2>1>3", "2>3>1", "3>1>2", "3>2>1"])
 
@@ -131,3 +131,20 @@ def test_constant_columns_and_duplicates_are_harmless():
     result = bootstrap_prediction(*data, seed=1, bootstraps=10)
     assert len(result.summary) == 6
     assert np.isfinite(result.errors["mse"]).all()
+
+
+def test_ratios_are_those_of_the_medians_and_of_touchdowns_used():
+    summary = pd.DataFrame(
+        {"model": list(MODELS), "median": [4.0, 1.0, 6.0, 9.0, 80.0, 90.0]}
+    ).assign(worst_position_mm=1.5, worst_velocity_m_s=0.1)
+    order = dict(zip(MODELS, summary["median"], strict=True))
+    touchdowns = pd.DataFrame(
+        {"spread_s": [0.010, 0.012, 0.014, np.nan], "excluded": [False, False, False, True]}
+    )
+    found = error_ratios(summary, touchdowns)
+    assert found["spread_ms"] == pytest.approx(12.0)
+    assert found["all_over_specialised"] == order["all"] / order["specialised"]
+    assert found["specialised_over_mean"] == order["specialised"] / order["specialised_mean"]
+    without = error_ratios(summary[summary["model"] != "specialised_mean"], touchdowns)
+    assert np.isnan(without["specialised_over_mean"])
+    assert without["near"] == found["near"]

@@ -161,6 +161,35 @@ def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*_SUMMARY_COLUMNS, *_WORST, *_PART_COLUMNS])
 
 
+def error_ratios(summary: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, float]:
+    """Return what Fig. 2.4 is read for: how the models' errors compare.
+
+    Parameters
+    ----------
+    summary
+        As from `summarise_errors`; a model that it lacks gives NaN.
+    touchdowns
+        The study's table of touchdowns.
+
+    Returns
+    -------
+    dict
+        Median contact spread of the touchdowns used, ``spread_ms``; median errors of the models ``near, all, far, specialised`` (relative to the variance), the
+        ratios ``specialised_over_mean`` and ``all_over_specialised``, and the specialised models'
+        ``worst_position_mm`` and ``worst_velocity_m_s``.
+    """
+    rows = summary.set_index("model").reindex(list(MODELS))
+    median = {name: float(rows.loc[name, "median"]) for name in MODELS}
+    used = touchdowns.loc[~touchdowns["excluded"].astype(bool), "spread_s"]
+    return {
+        "spread_ms": 1e3 * float(used.median()),
+        **{name: median[name] for name in ("near", "all", "far", "specialised")},
+        "specialised_over_mean": median["specialised"] / median["specialised_mean"],
+        "all_over_specialised": median["all"] / median["specialised"],
+        **{name: float(rows.loc["specialised", name]) for name in _WORST},
+    }
+
+
 _WORST = ("worst_position_mm", "worst_velocity_m_s")
 _SUMMARY_COLUMNS = (
     *("model", "n_classes", "n_train", "n_test"),
