@@ -174,8 +174,9 @@ def error_ratios(summary: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, f
     Returns
     -------
     dict
-        Median contact spread of the touchdowns used, ``spread_ms``; median errors of the models ``near, all, far, specialised`` (relative to the variance), the
-        ratios ``specialised_over_mean`` and ``all_over_specialised``, and the specialised models'
+        Median contact spread of the touchdowns used, ``spread_ms``; median errors, relative to the
+        variance, of the models ``near, all, far, specialised``; the ratios
+        ``specialised_over_mean`` and ``all_over_specialised``; and the specialised models'
         ``worst_position_mm`` and ``worst_velocity_m_s``.
     """
     rows = summary.set_index("model").reindex(list(MODELS))
