@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import yaml
@@ -24,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FACTORS = (1, 10)
 
 
-def scaled_config(factor: float, base: float = 1.0) -> dict:
+def scaled_config(factor: float, base: float = 1.0) -> dict[str, Any]:
     """Return the study of the dissertation's size with recordings `base * factor` times as long."""
     config = yaml.safe_load((ROOT / "config/thesis.yaml").read_text(encoding="utf-8"))
     for recording in config["recordings"]:
@@ -33,13 +34,14 @@ def scaled_config(factor: float, base: float = 1.0) -> dict:
     return config
 
 
-def run_study(config: dict, folder: Path, cores: int) -> float:
+def run_study(config: dict[str, Any], folder: Path, cores: int) -> float:
     """Run a study in an empty folder and return the wall time, s."""
     file = folder / "study.yaml"
     file.write_text(yaml.safe_dump(config), encoding="utf-8")
     command = [
         sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"),
-        "--directory", str(folder), "--configfile", str(file), "--cores", str(cores), "--quiet", "all",
+        "--directory", str(folder), "--configfile", str(file), "--cores", str(cores),
+        "--quiet", "all",
     ]  # fmt: skip
     start = time.perf_counter()
     subprocess.run(command, check=True)

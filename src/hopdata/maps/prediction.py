@@ -180,14 +180,15 @@ def error_ratios(summary: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, f
         ``worst_position_mm`` and ``worst_velocity_m_s``.
     """
     rows = summary.set_index("model").reindex(list(MODELS))
-    median = {name: float(rows.loc[name, "median"]) for name in MODELS}
+    median = dict(zip(MODELS, rows["median"].to_numpy(float), strict=True))
+    own = rows.loc[["specialised"], list(_WORST)].to_numpy(float)[0]
     used = touchdowns.loc[~touchdowns["excluded"].astype(bool), "spread_s"]
     return {
         "spread_ms": 1e3 * float(used.median()),
         **{name: median[name] for name in ("near", "all", "far", "specialised")},
         "specialised_over_mean": median["specialised"] / median["specialised_mean"],
         "all_over_specialised": median["all"] / median["specialised"],
-        **{name: float(rows.loc["specialised", name]) for name in _WORST},
+        **dict(zip(_WORST, own, strict=True)),
     }
 
 
