@@ -21,7 +21,7 @@ def test_the_page_is_up_to_date():
 def test_every_key_stands_on_the_page_with_its_meaning():
     page = configuration_page()
     for key, schema in keys(load_schema()):
-        assert f"`{key}`" in page or f".{key}`" in page or f"`{key}[]`" in page
+        assert f"`{key}`" in page or f".{key}`" in page or f"{key}[]`" in page
         assert schema["description"].split("|")[0] in page
 
 

@@ -23,6 +23,12 @@ SCORED_METHODS = METHODS if MAY_HAVE_TRUTH else [METHOD]
 SIMULATIONS = {entry["name"]: simulation_of(STUDY, entry["name"]) for entry in STUDY["recordings"]}
 # The scenes of a study that is simulated as a whole are known, and can be integrated again.
 SIMULATED = not any(SOURCES.values())
+# What is known from elsewhere of the contacts in each recording, where anything is.
+EXTERNAL = {
+    entry["name"]: {block: entry[block] for block in ("contacts", "forces")}
+    for entry in STUDY["recordings"]
+    if entry["contacts"]["file"] or entry["forces"]["file"]
+}
 FORMATS = STUDY["figures"]["formats"]
 FIGURE_NAMES = [
     "verdict",
@@ -33,6 +39,7 @@ FIGURE_NAMES = [
     "map_matrices",
     *(["distance_sensitivity"] if STUDY["distances"]["sensitivity"] else []),
     *(["map_errors", "scaling_study"] if SIMULATED else []),
+    *(["contact_overlay"] if EXTERNAL else []),
 ]
 FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"

@@ -194,6 +194,7 @@ STAGES = [
         if SIMULATED
         else []
     ),
+    *([rules.contact_overlay, rules.figure_contact_overlay] if EXTERNAL else []),
 ]
 
 
@@ -217,6 +218,15 @@ rule report:
             rules.map_estimates.output.notes,
         ],
         truth=rules.score.output.truth,
+        overlay=(
+            [
+                rules.contact_overlay.output.summary,
+                rules.contact_overlay.output.contacts,
+                rules.contact_overlay.output.thresholds,
+            ]
+            if EXTERNAL
+            else []
+        ),
     output:
         report=f"{RESULTS}/report.html",
         provenance=f"{RESULTS}/provenance.json",

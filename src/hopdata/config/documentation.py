@@ -64,4 +64,5 @@ def _row(key: str, schema: dict[str, Any], required: bool) -> str:
 
 
 def _is_section(schema: dict[str, Any]) -> bool:
-    return schema.get("type") == "object"
+    entries = schema.get("items", {})
+    return schema.get("type") == "object" or entries.get("type") == "object"

@@ -9,6 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from hopdata.config.external import external_files, external_mistakes
 from hopdata.config.messages import describe, dotted
 from hopdata.config.schema import load_schema
 from hopdata.config.yaml_file import read_yaml
@@ -200,12 +201,13 @@ def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
 
 
 def _missing_files(config: dict[str, Any]) -> Iterator[str]:
-    for i, recording in enumerate(config["recordings"]):
-        if recording["file"] is None or Path(recording["file"]).is_file():
+    named = [(f"recordings[{i}].file", r["file"]) for i, r in enumerate(config["recordings"])]
+    for key, name in [*named, *external_files(config)]:
+        if name is None or Path(name).is_file():
             continue
-        file = Path(recording["file"])
+        file = Path(name)
         found = f"the folder '{file}'" if file.is_dir() else f"no '{file}'{_near(file)}"
-        yield f"recordings[{i}].file: expected a file, found {found}"
+        yield f"{key}: expected a file, found {found}"
 
 
 def _near(file: Path) -> str:
@@ -228,4 +230,5 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _enough_samples,
     _simulated_markers,
     _simulated_files,
+    external_mistakes,
 ]
