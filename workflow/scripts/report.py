@@ -29,6 +29,7 @@ with reported(snakemake.log[0]):
             distances=read_table(source.distances),
             truth=read_json(source.truth),
             verdict=read_json(source.verdict),
+            overlay={Path(path).stem: read_table(path) for path in source.overlay},
             notes=[note for path in source.notes for note in read_json(path)],
         )
     )

@@ -63,6 +63,9 @@ class ReportInputs:
         Contents of ``truth.json``: name to ``value, unit, what``; empty for a real recording.
     verdict : mapping, optional
         Contents of ``verdict.json``.
+    overlay : mapping
+        Tables of the contacts known from elsewhere, by name (``contact_overlay``,
+        ``contact_overlay_summary``, ``contact_overlay_thresholds``); empty where none are.
     notes : sequence
         What could not be done, each a sentence or a mapping with ``what`` and ``reason``.
     """
@@ -79,6 +82,7 @@ class ReportInputs:
     distances: pd.DataFrame | None = None
     truth: Mapping[str, Mapping[str, Any]] | None = None
     verdict: Mapping[str, Any] | None = None
+    overlay: Mapping[str, pd.DataFrame] = field(default_factory=dict)
     notes: Sequence[str | Mapping[str, Any]] = ()
 
 

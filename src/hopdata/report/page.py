@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hopdata.report import landing_tables, result_tables, verdict
+from hopdata.report import landing_tables, overlay_tables, result_tables, verdict
 from hopdata.report.captions import Caption, render_caption
 from hopdata.report.facts import study_facts
 from hopdata.report.formatting import MISSING, count, significant
@@ -27,6 +27,7 @@ PLACES = {
     "fig2_3_schedule": "touchdowns",
     "fig2_4_prediction": "prediction",
     "fig2_5_distances": "distances",
+    "contact_overlay": "overlay",
     "map_matrices": "prediction",
     "map_errors": "truth",
     "scaling_study": "truth",
@@ -176,6 +177,9 @@ def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
         "sections": landing_tables.sections_table(inputs.sections),
         "schedules": landing_tables.schedules_table(inputs.touchdowns),
         "exclusions": landing_tables.exclusions_table(inputs.touchdowns),
+        "overlay": overlay_tables.agreement_table(inputs.overlay),
+        "unmatched": overlay_tables.unmatched_table(inputs.overlay),
+        "thresholds": overlay_tables.thresholds_table(inputs.overlay),
         "prediction": result_tables.prediction_table(inputs.prediction),
         "distances": result_tables.distances_table(inputs.distances),
         "truth": result_tables.truth_table(inputs.truth),

@@ -1,0 +1,189 @@
+"""Contacts found beside those known from elsewhere: errors, their distribution, one landing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hopdata.figures.style import (
+    DOUBLE_COLUMN_MM,
+    GREY,
+    INK,
+    MM_PER_M,
+    MS_PER_S,
+    foot_colour,
+    foot_dash,
+    letter,
+    message_figure,
+    paper_figure,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MARKERS = ("o", "s", "^", "D", "v", "P")
+UNMATCHED = {"missed": ("x", "missed"), "invented": ("1", "invented")}
+UNITS = {"N": "N", "body_weight": "body weights"}
+ALL = "all"
+
+
+@styled
+def contact_overlay_figure(
+    contacts: pd.DataFrame, summary: pd.DataFrame, example: pd.DataFrame
+) -> Figure:
+    """Draw the contacts that hopdata found against those that another device knows.
+
+    Parameters
+    ----------
+    contacts : DataFrame
+        Table ``contact_overlay``: one row a contact, see `hopdata.landings.contact_overlay`.
+    summary : DataFrame
+        Table ``contact_overlay_summary``: ``recording, column, bias_s, bias_low_s, bias_high_s``.
+    example : DataFrame
+        Table ``contact_overlay_example``: ``time_s, kind, name, value, unit`` of one landing.
+
+    Returns
+    -------
+    Figure
+        (a) found less external instant of each contact over time, with its standard error,
+        (b) the share of the contacts below each error, with the median and its 95 % interval,
+        (c) foot heights and (d) force in one landing.
+    """
+    if not (contacts["status"] == "matched").any():
+        return message_figure("No contact could be matched with one known from elsewhere.")
+    force = (example["kind"] == "force").any()
+    rows = [["error", "share"], ["height", "height"]] + ([["force", "force"]] if force else [])
+    figure = paper_figure(DOUBLE_COLUMN_MM, 118.0 if force else 92.0)
+    panels = figure.subplot_mosaic(
+        rows, width_ratios=(2.6, 1), height_ratios=(1.5, 1, 0.8)[: len(rows)]
+    )
+    columns = tuple(dict.fromkeys(contacts["column"].astype(str)))
+    _draw_errors(panels["error"], contacts, columns)
+    _draw_shares(panels["share"], contacts, summary, columns)
+    panels["share"].sharey(panels["error"])
+    panels["share"].tick_params(labelleft=False)
+    _draw_example(panels, example)
+    for text, name in zip("abcd", panels, strict=False):
+        letter(panels[name], text)
+    figure.legend(
+        *panels["error"].get_legend_handles_labels(), loc="outside upper center", ncols=6
+    )
+    return figure
+
+
+def _of(contacts: pd.DataFrame, column: str, status: str) -> pd.DataFrame:
+    return contacts[(contacts["column"].astype(str) == column) & (contacts["status"] == status)]
+
+
+def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -> None:
+    for number, column in enumerate(columns):
+        matched = _of(contacts, column, "matched")
+        left_out = matched["excluded"].astype(bool)
+        for rows, face in ((matched[~left_out], foot_colour(number)), (matched[left_out], "white")):
+            if rows.empty:
+                continue
+            axes.errorbar(
+                rows["external_s"], rows["difference_s"] * MS_PER_S, yerr=rows["se_s"] * MS_PER_S,
+                fmt=MARKERS[number % len(MARKERS)], color=foot_colour(number),
+                markerfacecolor=face, ms=3, mew=0.7, elinewidth=0.6, capsize=1.2,
+                label=column + (" (touchdown excluded)" if face == "white" else ""),
+            )  # fmt: skip
+    for status, (marker, label) in UNMATCHED.items():
+        rows = contacts[contacts["status"] == status]
+        if len(rows):
+            times = rows["external_s" if status == "missed" else "found_s"]
+            axes.plot(
+                times, np.full(len(times), 0.06), marker, color=INK, ms=6, mew=1.1,
+                transform=axes.get_xaxis_transform(), label=f"{label} ({len(times)})",
+            )  # fmt: skip
+    axes.axhline(0.0, color="#bbbbbb", linewidth=0.6, zorder=0)
+    axes.margins(y=0.12)
+    axes.set_xlabel("time in the recording (s)")
+    axes.set_ylabel("contact found less\nexternal contact (ms)")
+
+
+def _draw_shares(
+    axes: Axes, contacts: pd.DataFrame, summary: pd.DataFrame, columns: tuple[str, ...]
+) -> None:
+    for number, column in enumerate(columns):
+        errors = np.sort(_of(contacts, column, "matched")["difference_s"].to_numpy() * MS_PER_S)
+        if not len(errors):
+            continue
+        share = (np.arange(len(errors)) + 0.5) / len(errors) * 100
+        axes.step(
+            share, errors, where="mid", color=foot_colour(number), linestyle=foot_dash(number)
+        )
+        _draw_bias(axes, _overall(summary, column), number)
+    axes.axhline(0.0, color="#bbbbbb", linewidth=0.6, zorder=0)
+    axes.set_xlim(0, 100)
+    axes.set_xlabel("share of the contacts (%)")
+
+
+def _overall(summary: pd.DataFrame, column: str) -> Mapping[str, float]:
+    """Row of all recordings together, or of the only one."""
+    rows = summary[summary["column"].astype(str) == column]
+    together = rows[rows["recording"] == ALL]
+    chosen: Mapping[str, float] = (together if len(together) else rows).iloc[-1].to_dict()
+    return chosen
+
+
+def _draw_bias(axes: Axes, measures: Mapping[str, float], number: int) -> None:
+    bias, low, high = (measures[key] * MS_PER_S for key in ("bias_s", "bias_low_s", "bias_high_s"))
+    known = np.isfinite(low) and np.isfinite(high)
+    axes.errorbar(
+        50 + 3 * number, bias, yerr=[[bias - low], [high - bias]] if known else None,
+        fmt=MARKERS[number % len(MARKERS)], color=INK, markerfacecolor=foot_colour(number),
+        ms=4, mew=0.7, capsize=2.5, zorder=4,
+    )  # fmt: skip
+
+
+def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
+    height = panels["height"]
+    feet = list(dict.fromkeys(example.loc[example["kind"] == "height", "name"]))
+    for number, foot in enumerate(feet):
+        rows = example[(example["kind"] == "height") & (example["name"] == foot)]
+        height.plot(
+            rows["time_s"] * MS_PER_S, rows["value"] * MM_PER_M, color=foot_colour(number),
+            linestyle=foot_dash(number), marker=".", ms=3, label=str(foot),
+        )  # fmt: skip
+    height.set_ylabel("foot height (mm)")
+    lowest = panels.get("force", height)
+    lowest.set_xlabel("time after the external contact (ms)")
+    shown = [height, *([lowest] if lowest is not height else [])]
+    for axes in shown:
+        _draw_instants(axes, example)
+    if lowest is not height:
+        _draw_force(lowest, example)
+        lowest.sharex(height)
+        height.tick_params(labelbottom=False)
+    height.legend(loc="upper right", ncols=2)
+
+
+def _draw_instants(axes: Axes, example: pd.DataFrame) -> None:
+    for kind, dash, colour, label in (
+        ("external", "-", GREY, "external contact"),
+        ("found", (0, (2, 1.2)), INK, "contact found"),
+    ):
+        for k, instant in enumerate(example.loc[example["kind"] == kind, "time_s"]):
+            axes.axvline(
+                instant * MS_PER_S, color=colour, linestyle=dash, linewidth=1.0, zorder=0,
+                label=label if k == 0 else None,
+            )  # fmt: skip
+
+
+def _draw_force(axes: Axes, example: pd.DataFrame) -> None:
+    rows = example[example["kind"] == "force"]
+    axes.plot(rows["time_s"] * MS_PER_S, rows["value"], color=INK, marker=".", ms=2.5)
+    threshold = float(example.loc[example["kind"] == "threshold", "value"].iloc[0])
+    axes.axhline(threshold, color=GREY, linestyle=(0, (1, 1)), linewidth=0.8)
+    axes.annotate(
+        "threshold", (1, threshold), xycoords=axes.get_yaxis_transform(), xytext=(-2, 1.5),
+        textcoords="offset points", ha="right", va="bottom", fontsize=6, color=INK,
+    )  # fmt: skip
+    unit = str(rows["unit"].iloc[0])
+    axes.set_ylabel(f"force ({UNITS.get(unit, unit)})")
