@@ -13,6 +13,7 @@ IntArray = NDArray[np.int64]
 
 LOADED_SHARE = 0.3  # of the large forces: from here on a foot carries load
 LARGE_QUANTILE = 0.9  # of the forces above the threshold
+UNLOADED_S = 0.01  # a force that is gone for less than this is a rattle within a contact
 
 
 def contact_times_of(signal: ForceSignal, *, threshold: float | None = None) -> ContactTimes:
@@ -54,10 +55,11 @@ def threshold_of(signal: ForceSignal) -> float:
 
 
 def force_onsets(signal: ForceSignal, *, threshold: float) -> FloatArray:
-    """Find each last upward crossing of `threshold` before the foot is loaded.
+    """Find where the force rises through `threshold` from an unloaded foot to a loaded one.
 
     A foot is loaded from `LOADED_SHARE` of the large forces on, and at least at twice the
-    threshold: so a rattle of the plate is no contact, and a dip during stance no new one. Two feet
+    threshold; it is unloaded where the force has been below the threshold for `UNLOADED_S`. So a
+    rattle of the plate is no contact, and a dip during the rise or in stance no new one. Two feet
     that are on the plate together make one onset. The crossing is interpolated between the samples.
 
     Parameters
@@ -86,7 +88,8 @@ def force_onsets(signal: ForceSignal, *, threshold: float) -> FloatArray:
             f"{threshold:.4g} {signal.unit}, found at most {np.nanmax(force):.4g}; "
             "do forces.unit and the threshold fit?"
         )
-    before = _last_below(force, threshold, load=max(2 * threshold, LOADED_SHARE * large))
+    load = max(2 * threshold, LOADED_SHARE * large)
+    before = _last_unloaded(signal.time, force, threshold, load)
     left, right = force[before], force[before + 1]
     part = (threshold - left) / (right - left)
     width = signal.time[before + 1] - signal.time[before]
@@ -94,11 +97,16 @@ def force_onsets(signal: ForceSignal, *, threshold: float) -> FloatArray:
     return instants
 
 
-def _last_below(force: FloatArray, threshold: float, *, load: float) -> IntArray:
-    """Last sample below the threshold before each rise to `load`; its neighbour is above."""
-    level = np.where(force >= load, 1, np.where(force < threshold, -1, 0))
-    decided = np.flatnonzero(level)
-    signs = level[decided]
-    turns = np.flatnonzero((signs[:-1] < 0) & (signs[1:] > 0))
-    before = decided[turns]
-    return before[force[before + 1] >= threshold]  # not so beside a missing sample
+def _last_unloaded(
+    time: FloatArray, force: FloatArray, threshold: float, load: float
+) -> IntArray:
+    """Last unloaded sample before each rise to `load`; its neighbour is above the threshold."""
+    below = np.concatenate([[False], force < threshold, [False]])
+    first, after = np.flatnonzero(np.diff(below.astype(np.int8))).reshape(-1, 2).T
+    long = time[after - 1] - time[first] >= UNLOADED_S - np.median(np.diff(time))
+    last = after[long] - 1
+    loaded = np.flatnonzero(force >= load)
+    reached = loaded[np.minimum(np.searchsorted(loaded, last), len(loaded) - 1)]
+    until = np.append(last[1:], len(force))  # the next unloaded stretch ends the attempt
+    rises = last[(reached > last) & (reached < until)]
+    return rises[force[rises + 1] >= threshold]  # not so beside a missing sample
