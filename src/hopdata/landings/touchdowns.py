@@ -19,7 +19,12 @@ from hopdata.landings.approach import (
 )
 from hopdata.landings.contacts import Contacts, find_contacts
 from hopdata.landings.schedules import order_probability, schedule_names, spread
-from hopdata.landings.transitions import Transitions, find_transitions
+from hopdata.landings.transitions import (
+    Transitions,
+    find_low_flights,
+    find_transitions,
+    together,
+)
 from hopdata.landings.velocity_minimum import savitzky_golay_velocity
 from hopdata.recordings.recording import Recording
 
@@ -31,6 +36,7 @@ FloatArray = NDArray[np.float64]
 LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may be missing
 LEAST_DOWN_SHARE = 0.15  # of the distance between the sections
 LEAST_DOWN_SIGMAS = 4.0
+LOW_FLIGHT = "body stayed below the pre section"
 
 
 def touchdown_table(
@@ -67,7 +73,8 @@ def touchdown_table(
     pandas.DataFrame
         One row for each descent through the pre section, in order of time: recording, index,
         t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, schedule, probability,
-        spread_s, excluded, reason. Where the body never descends through it there is no row.
+        spread_s, excluded, reason. A landing from a top below the pre section has a row too, in
+        which t_pre_s is the instant of the top; it is excluded.
 
     Raises
     ------
@@ -82,11 +89,10 @@ def touchdown_table(
             f"{len(recording.names('foot'))}"
         )
     heights = recording.feet[:, :, 2]
-    transitions = find_transitions(
-        recording.time,
-        recording.body_height,
-        pre_height_m=pre_height_m,
-        post_height_m=post_height_m,
+    sections = {"pre_height_m": pre_height_m, "post_height_m": post_height_m}
+    transitions, low = together(
+        find_transitions(recording.time, recording.body_height, **sections),
+        find_low_flights(recording.time, recording.body_height, **sections),
     )
     down = down_height_m or max(
         LEAST_DOWN_SHARE * (pre_height_m - post_height_m), LEAST_DOWN_SIGMAS * height_noise(heights)
@@ -102,7 +108,18 @@ def touchdown_table(
         window_after_s=window_after_s,
         maximum_misfit=maximum_misfit,
     )
-    return _table(recording, transitions, contacts, minimum_probability)
+    table = _table(recording, transitions, contacts, minimum_probability)
+    return _with_low_flights(table, low, landed=(contacts.status == LANDED).any(axis=1))
+
+
+def _with_low_flights(
+    table: pd.DataFrame, low: NDArray[np.bool_], *, landed: NDArray[np.bool_]
+) -> pd.DataFrame:
+    """Exclude landings from below the pre section; a sway on feet that stay down is no landing."""
+    table.loc[low, "reason"] = LOW_FLIGHT
+    table.loc[low, "excluded"] = True
+    table = table[~low | landed].reset_index(drop=True)
+    return table.assign(index=np.arange(len(table)))
 
 
 def _table(

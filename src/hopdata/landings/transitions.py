@@ -96,6 +96,46 @@ def find_transitions(
     )
 
 
+def find_low_flights(
+    time: FloatArray, height: FloatArray, *, pre_height_m: float, post_height_m: float
+) -> Transitions:
+    """Find descents to the post section from tops that are below the pre section.
+
+    A hop may be too low for the section that all others pass. It has no crossing of it, but it is a
+    landing all the same. From half way between the sections on a rise counts as a hop.
+
+    Parameters
+    ----------
+    time, height, pre_height_m, post_height_m
+        As for `find_transitions`.
+
+    Returns
+    -------
+    Transitions
+        `t_pre` is the instant of the top; `gap_pre` is 0.
+    """
+    seen = np.flatnonzero(~np.isnan(height))
+    t, h = time[seen], height[seen]
+    middle = 0.5 * (pre_height_m + post_height_m)
+    falls, rises = _schmitt_edges(h, high=middle, low=post_height_m)
+    falls = falls[falls > rises[0]] if len(rises) else falls[:0]  # of the first the top is unseen
+    if len(falls) == 0:
+        return Transitions(*np.empty((4, 0)))
+    starts = _last_at_or_before(rises, falls)
+    tops = np.array([a + int(np.argmax(h[a:b])) for a, b in zip(starts, falls, strict=True)])
+    low = h[tops] < pre_height_m
+    t_post, gap_post = _crossing(t, h, falls[low] - 1, post_height_m)
+    return Transitions(t[tops[low]], t_post, np.zeros(int(low.sum())), gap_post)
+
+
+def together(first: Transitions, second: Transitions) -> tuple[Transitions, BoolArray]:
+    """Both in order of time, and whether each entry is of the second."""
+    fields = ("t_pre", "t_post", "gap_pre", "gap_post")
+    joined = [np.concatenate([getattr(first, f), getattr(second, f)]) for f in fields]
+    order = np.argsort(joined[0], kind="stable")
+    return Transitions(*(values[order] for values in joined)), order >= len(first)
+
+
 def _schmitt_edges(h: FloatArray, *, high: float, low: float) -> tuple[IntArray, IntArray]:
     """Find where a Schmitt trigger on `h` goes down (h <= low) and where up (h >= high)."""
     level = np.where(h >= high, 1, np.where(h <= low, -1, 0))
