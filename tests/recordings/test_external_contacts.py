@@ -1,0 +1,92 @@
+"""Contact instants from tables and from the events of a recording's file."""
+
+import numpy as np
+import pytest
+from external_blocks import block, columns
+
+from hopdata.errors import RecordingError
+from hopdata.recordings.external_contacts import read_contact_times
+
+FEET = ("left", "right")
+
+
+def written(tmp_path, text, name="contacts.csv"):
+    path = tmp_path / name
+    path.write_text(text)
+    return str(path)
+
+
+def test_one_column_a_foot(tmp_path):
+    file = written(tmp_path, "left,right\n1.5,0.9\n0.5,\n")
+    left, right = read_contact_times(block("contacts", file=file), feet=FEET)
+    assert left.column.feet == ("left",)
+    assert left.source == "contacts"
+    np.testing.assert_array_equal(left.instant, [0.5, 1.5])
+    np.testing.assert_array_equal(right.instant, [0.9])
+    assert left.span_s == (0.5, 1.5)
+
+
+def test_unit_and_offset(tmp_path):
+    file = written(tmp_path, "left,right\n500,900\n")
+    options = block("contacts", file=file, unit="ms", offset_s=-0.2)
+    left, right = read_contact_times(options, feet=FEET)
+    np.testing.assert_allclose([left.instant[0], right.instant[0]], [0.3, 0.7])
+
+
+def test_a_column_of_several_feet(tmp_path):
+    file = written(tmp_path, "switch\n0.5\n")
+    options = block("contacts", file=file, columns=columns(switch=FEET))
+    (both,) = read_contact_times(options, feet=FEET)
+    assert both.column.feet == FEET
+
+
+def test_one_row_a_contact(tmp_path):
+    file = written(tmp_path, "foot;t\nleft;0.5\nright;0.9\nleft;1.5\nhand;2\n")
+    options = block("contacts", file=file, label_column="foot", time_column="t")
+    left, right = read_contact_times(options, feet=FEET)
+    np.testing.assert_array_equal(left.instant, [0.5, 1.5])
+    np.testing.assert_array_equal(right.instant, [0.9])
+
+
+def test_events_of_a_qtm_file(tmp_path):
+    head = (
+        "NO_OF_FRAMES\t2\nNO_OF_CAMERAS\t4\nNO_OF_MARKERS\t1\nFREQUENCY\t100\nNO_OF_ANALOG\t0\n"
+        "ANALOG_FREQUENCY\t0\nDESCRIPTION\t--\nTIME_STAMP\t2021-01-01\nDATA_INCLUDED\t3D\n"
+        "EVENT\tL down\t1\t0.25\nEVENT\tR down\t1\t0.5\nEVENT\tL down\t2\t1.25\nMARKER_NAMES\ta\n"
+    )
+    file = written(tmp_path, head + "1\t2\t3\n4\t5\t6\n", "trial.tsv")
+    both = columns(**{"L down": ["left"], "R down": ["right"]})
+    left, right = read_contact_times(block("contacts", file=file, columns=both), feet=FEET)
+    np.testing.assert_array_equal(left.instant, [0.25, 1.25])
+    np.testing.assert_array_equal(right.instant, [0.5])
+    wrong = block("contacts", file=file, columns=columns(**{"L dwn": ["left"]}))
+    with pytest.raises(RecordingError, match=r"events: label: expected 'L dwn'.*mean 'L down'"):
+        read_contact_times(wrong, feet=FEET)
+
+
+def test_a_tab_separated_table_is_no_recording(tmp_path):
+    file = written(tmp_path, "left\tright\n0.5\t0.9\n", "contacts.tsv")
+    left, _ = read_contact_times(block("contacts", file=file), feet=FEET)
+    np.testing.assert_array_equal(left.instant, [0.5])
+
+
+MISTAKES = {
+    "no such column": ("left,rigth\n1,2\n", {}, ["'right'", "did you mean 'rigth'"]),
+    "empty column": ("left,right\n1,\n", {}, ["'right'", "at least one contact", "found none"]),
+    "label unknown": (
+        "foot,t\nlft,1\nright,2\n",
+        {"label_column": "foot", "time_column": "t"},
+        ["expected 'left' among lft, right", "did you mean 'lft'"],
+    ),
+    "no time column": ("foot,t\nleft,1\n", {"label_column": "foot"}, ["contacts.time_column"]),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistakes_are_told(tmp_path, mistake):
+    text, options, parts = MISTAKES[mistake]
+    file = written(tmp_path, text)
+    with pytest.raises(RecordingError) as caught:
+        read_contact_times(block("contacts", file=file, **options), feet=FEET)
+    for part in (file, "expected", "found", *parts):
+        assert part in str(caught.value)
