@@ -75,7 +75,7 @@ def test_each_contact_stands_with_its_error():
     error = contact_overlay_figure(table, summary(table), example()).axes[0]
     used, left_out = error.containers
     shown = table[~table["excluded"]]
-    np.testing.assert_allclose(used[0].get_ydata(), shown["difference_s"] * 1000)
+    np.testing.assert_allclose(used[0].get_ydata().astype(float), shown["difference_s"] * 1000)
     low, high = used[2][0].get_segments()[0][:, 1]
     assert (high - low) / 2 == pytest.approx(0.8)
     assert left_out[0].get_markerfacecolor() == "white"
@@ -84,13 +84,12 @@ def test_each_contact_stands_with_its_error():
 
 def test_missed_and_invented_contacts_are_counted_in_the_legend():
     labels = [text.get_text() for text in draw(2).legends[0].get_texts()]
-    assert labels == [
-        "missed (2)",
+    assert sorted(labels) == [
         "invented (2)",
+        "missed (2)",
         "plate1",
-        "plate1 (touchdown excluded)",
         "plate2",
-        "plate2 (touchdown excluded)",
+        "touchdown excluded",
     ]
 
 

@@ -106,7 +106,11 @@ def test_contacts_of_excluded_touchdowns_are_matched_but_never_invented(scene, t
     out.loc[[5, 6], "reason"] = "order ambiguous"
     table = compare(scene, out, known(np.delete(scene.contact_times[:, 0], 6)))
     five, six = (table[table["index"] == i].iloc[0] for i in (5, 6))
-    assert (five["status"], five["excluded"], five["reason"]) == ("matched", True, "order ambiguous")
+    assert (five["status"], five["excluded"], five["reason"]) == (
+        "matched",
+        True,
+        "order ambiguous",
+    )
     assert (six["status"], six["reason"]) == ("not compared", "order ambiguous")
 
 

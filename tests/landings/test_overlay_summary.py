@@ -30,9 +30,9 @@ def overlay(difference, *, recording="a", column="Fz", se=0.001):
 
 def test_counts_by_status():
     table = overlay(np.zeros(9))
-    table["status"] = ["matched"] * 3 + ["missed"] * 2 + ["invented", "other foot"] + [
-        "not compared"
-    ] * 2
+    table["status"] = (
+        ["matched"] * 3 + ["missed"] * 2 + ["invented", "other foot"] + ["not compared"] * 2
+    )
     table.loc[1, "excluded"] = True
     (row,) = summarise_overlay(table).to_dict("records")
     counts = {key: row[f"n_{key}"] for key in ("external", "matched", "excluded", "missed")}

@@ -185,3 +185,33 @@ def test_a_recording_without_a_descent_has_a_table_without_rows(scene, table):
     empty = touchdown_table(scene.recording, pre_height_m=9.0, post_height_m=8.0)
     assert len(empty) == 0
     assert list(empty.columns) == list(table.columns)
+
+
+def test_a_landing_from_below_the_pre_section_is_listed(scene, table):
+    """A pre section above the top of some flights; their landings stay in the table."""
+    time, height = scene.recording.time, scene.recording.body_height
+    tops = np.array([height[(time >= t - 0.3) & (time < t)].max() for t in table["t_pre_s"]])
+    sections = {**SECTIONS, "pre_height_m": float(np.quantile(tops, 0.1))}
+    found = touchdown_table(scene.recording, **sections)
+    low = found["reason"] == "body stayed below the pre section"
+    assert 5 <= low.sum() <= 13  # 12 of 120; the first top is not recorded if it is one of them
+    assert found.loc[low, "excluded"].all()
+    assert found["index"].tolist() == list(range(len(found)))
+    contacts = [f"contact_foot{i}_s" for i in (1, 2, 3)]
+    near = table.loc[np.searchsorted(table["t_post_s"], found.loc[low, "t_post_s"] - 0.05)]
+    np.testing.assert_allclose(found.loc[low, contacts], near[contacts], atol=0.002)
+
+
+def test_a_body_that_sways_on_its_feet_does_not_land():
+    scene = simulate(12, seed=4)
+    positions = scene.recording.positions.copy()
+    time = scene.recording.time
+    standing = time > time[-1] * 0.6
+    middle, half = 0.5 * (PRE_HEIGHT_M + POST_HEIGHT_M), 0.5 * (PRE_HEIGHT_M - POST_HEIGHT_M)
+    sway = middle + half * (0.9 * np.sin(20 * time[standing]) - 0.2)
+    body, feet = scene.recording.indices("body"), scene.recording.indices("foot")
+    positions[np.ix_(standing, body, [2])] = sway[:, None, None]
+    positions[np.ix_(standing, feet, [2])] = 0.0
+    swaying = replace(scene.recording, positions=positions)
+    found = touchdown_table(swaying, **SECTIONS)
+    assert (found["t_pre_s"] < time[-1] * 0.62).all()

@@ -5,7 +5,7 @@ import pytest
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.transitions import find_transitions
+from hopdata.landings.transitions import find_low_flights, find_transitions, together
 
 SECTIONS = {"pre_height_m": 0.3, "post_height_m": -0.3}
 
@@ -88,3 +88,32 @@ def test_a_body_that_never_sinks_through_the_section_makes_no_transition():
     time, height = wave()
     assert len(find_transitions(time, height, pre_height_m=-2.0, post_height_m=-3.0)) == 0
     assert len(find_transitions(time, height * np.nan, **SECTIONS)) == 0
+
+
+def hops(tops, rate_hz=200.0):
+    """Parabolas of 0.5 s from -0.6 to each top, with a trough of 0.5 s between them."""
+    local = np.arange(round(rate_hz)) / rate_hz
+    up = local < 0.5
+    pieces = [
+        np.where(up, -0.6 + (top + 0.6) * (1 - (4 * local - 1) ** 2), -0.6 - 0.2 * (local - 0.5))
+        for top in tops
+    ]
+    return np.arange(len(tops) * len(local)) / rate_hz, np.concatenate(pieces)
+
+
+def test_a_hop_that_stays_below_the_pre_section_is_found_at_its_top():
+    time, height = hops([1.0, 0.2, 0.9, -0.1, 1.0])  # below 0, half way, is no hop
+    assert len(find_transitions(time, height, **SECTIONS)) == 3
+    low = find_low_flights(time, height, **SECTIONS)
+    np.testing.assert_allclose(low.t_pre, [1.25])
+    fall = np.sqrt(1 - (-0.3 + 0.6) / (0.2 + 0.6))
+    np.testing.assert_allclose(low.t_post, [1.25 + 0.25 * fall], atol=1e-3)
+    both, is_low = together(find_transitions(time, height, **SECTIONS), low)
+    assert is_low.tolist() == [False, True, False, False]
+    assert (np.diff(both.t_pre) > 0).all()
+
+
+def test_a_top_that_was_not_recorded_is_no_low_flight():
+    time, height = hops([0.2, 1.0])
+    assert len(find_low_flights(time[60:], height[60:], **SECTIONS)) == 0  # begins on the way down
+    assert len(find_low_flights(time, height * np.nan, **SECTIONS)) == 0

@@ -57,22 +57,21 @@ def contact_overlay_figure(
     if not (contacts["status"] == "matched").any():
         return message_figure("No contact could be matched with one known from elsewhere.")
     force = (example["kind"] == "force").any()
-    rows = [["error", "share"], ["height", "height"]] + ([["force", "force"]] if force else [])
     figure = paper_figure(DOUBLE_COLUMN_MM, 118.0 if force else 92.0)
     panels = figure.subplot_mosaic(
-        rows, width_ratios=(2.6, 1), height_ratios=(1.5, 1, 0.8)[: len(rows)]
+        "es;hh;ff" if force else "es;hh",
+        width_ratios=(2.6, 1),
+        height_ratios=(1.5, 1, 0.8) if force else (1.5, 1),
     )
     columns = tuple(dict.fromkeys(contacts["column"].astype(str)))
-    _draw_errors(panels["error"], contacts, columns)
-    _draw_shares(panels["share"], contacts, summary, columns)
-    panels["share"].sharey(panels["error"])
-    panels["share"].tick_params(labelleft=False)
+    _draw_errors(panels["e"], contacts, columns)
+    _draw_shares(panels["s"], contacts, summary, columns)
+    panels["s"].sharey(panels["e"])
+    panels["s"].tick_params(labelleft=False)
     _draw_example(panels, example)
     for text, name in zip("abcd", panels, strict=False):
         letter(panels[name], text)
-    figure.legend(
-        *panels["error"].get_legend_handles_labels(), loc="outside upper center", ncols=6
-    )
+    figure.legend(*panels["e"].get_legend_handles_labels(), loc="outside upper center", ncols=5)
     return figure
 
 
@@ -91,8 +90,10 @@ def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -
                 rows["external_s"], rows["difference_s"] * MS_PER_S, yerr=rows["se_s"] * MS_PER_S,
                 fmt=MARKERS[number % len(MARKERS)], color=foot_colour(number),
                 markerfacecolor=face, ms=3, mew=0.7, elinewidth=0.6, capsize=1.2,
-                label=column + (" (touchdown excluded)" if face == "white" else ""),
+                label=column if face != "white" or left_out.all() else None,
             )  # fmt: skip
+    if contacts.loc[contacts["status"] == "matched", "excluded"].astype(bool).any():
+        axes.plot([], [], "o", color=INK, mfc="white", ms=3, mew=0.7, label="touchdown excluded")
     for status, (marker, label) in UNMATCHED.items():
         rows = contacts[contacts["status"] == status]
         if len(rows):
@@ -128,8 +129,8 @@ def _overall(summary: pd.DataFrame, column: str) -> Mapping[str, float]:
     """Row of all recordings together, or of the only one."""
     rows = summary[summary["column"].astype(str) == column]
     together = rows[rows["recording"] == ALL]
-    chosen: Mapping[str, float] = (together if len(together) else rows).iloc[-1].to_dict()
-    return chosen
+    chosen = (together if len(together) else rows).iloc[-1]
+    return {key: float(chosen[key]) for key in ("bias_s", "bias_low_s", "bias_high_s")}
 
 
 def _draw_bias(axes: Axes, measures: Mapping[str, float], number: int) -> None:
@@ -143,7 +144,7 @@ def _draw_bias(axes: Axes, measures: Mapping[str, float], number: int) -> None:
 
 
 def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
-    height = panels["height"]
+    height = panels["h"]
     feet = list(dict.fromkeys(example.loc[example["kind"] == "height", "name"]))
     for number, foot in enumerate(feet):
         rows = example[(example["kind"] == "height") & (example["name"] == foot)]
@@ -152,7 +153,7 @@ def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
             linestyle=foot_dash(number), marker=".", ms=3, label=str(foot),
         )  # fmt: skip
     height.set_ylabel("foot height (mm)")
-    lowest = panels.get("force", height)
+    lowest = panels.get("f", height)
     lowest.set_xlabel("time after the external contact (ms)")
     shown = [height, *([lowest] if lowest is not height else [])]
     for axes in shown:

@@ -41,7 +41,7 @@ def match_instants(
 def _clusters(
     first: FloatArray, second: FloatArray, window_s: float
 ) -> list[tuple[IntArray, IntArray]]:
-    """Groups of instants that lie further than the window from all others; those of both lists."""
+    """Split into groups further apart than the window, where both lists have an instant."""
     together = np.concatenate([first, second])
     order = np.argsort(together, kind="stable")
     ends = np.flatnonzero(np.diff(together[order]) > window_s) + 1

@@ -97,9 +97,7 @@ def force_onsets(signal: ForceSignal, *, threshold: float) -> FloatArray:
     return instants
 
 
-def _last_unloaded(
-    time: FloatArray, force: FloatArray, threshold: float, load: float
-) -> IntArray:
+def _last_unloaded(time: FloatArray, force: FloatArray, threshold: float, load: float) -> IntArray:
     """Last unloaded sample before each rise to `load`; its neighbour is above the threshold."""
     below = np.concatenate([[False], force < threshold, [False]])
     first, after = np.flatnonzero(np.diff(below.astype(np.int8))).reshape(-1, 2).T

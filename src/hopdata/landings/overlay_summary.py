@@ -54,7 +54,7 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
     rows += [
         {"recording": ALL, **dict(zip(keys, key, strict=True)), **_measures(group)}
         for key, group in table.groupby(keys, sort=False)
-        if group["recording"].nunique() > 1
+        if len(group["recording"].unique()) > 1
     ]
     return pd.DataFrame(rows)
 
@@ -85,7 +85,7 @@ def median_interval(values: FloatArray, *, confidence: float = CONFIDENCE) -> tu
 
 
 def robust_sd(values: FloatArray) -> float:
-    """Standard deviation by the median absolute deviation; NaN for fewer than two values."""
+    """Estimate the sd from the median absolute deviation; NaN for fewer than two values."""
     if len(values) < 2:
         return float("nan")
     return float(MAD_TO_SD * np.median(np.abs(values - np.median(values))))

@@ -73,7 +73,7 @@ class ColumnTable:
         return [_plain(row[place]) if place < len(row) else "" for row in rows]
 
     def place_of(self, name: str) -> int:
-        """Number of a column, from 0.
+        """Find the number of a column, from 0.
 
         Raises
         ------

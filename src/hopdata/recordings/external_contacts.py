@@ -80,9 +80,7 @@ def _labelled(
     return _by_label(f"{path}, column '{label_column}'", columns, labels, times)
 
 
-def _events(
-    path: Path, columns: Sequence[Column], rate_hz: float | None
-) -> dict[str, FloatArray]:
+def _events(path: Path, columns: Sequence[Column], rate_hz: float | None) -> dict[str, FloatArray]:
     """Instants by label, from the events of a file of motion capture."""
     from hopdata.recordings.importing import read_raw
 

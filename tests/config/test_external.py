@@ -1,0 +1,106 @@
+"""Mistakes in the blocks `contacts` and `forces` of a recording."""
+
+import copy
+
+import pytest
+
+from hopdata.config import load_config
+from hopdata.errors import ConfigError
+
+SOUND = {
+    "study": "plate",
+    "recordings": [
+        {
+            "name": "one",
+            "file": "one.tsv",
+            "contacts": {"file": "switches.csv"},
+            "forces": {
+                "file": "plate.txt",
+                "rate_hz": 1000,
+                "columns": [{"name": "Fz", "feet": ["heel", "toe"]}, {"name": "heel"}],
+            },
+        }
+    ],
+    "markers": {"body": ["b1", "b2", "b3"], "feet": ["heel", "toe"]},
+}
+
+
+def edited(block, **given):
+    config = copy.deepcopy(SOUND)
+    config["recordings"][0][block].update(given)
+    return config
+
+
+def test_defaults_are_filled_in():
+    config = load_config(SOUND, check_files=False)
+    (recording,) = config["recordings"]
+    assert recording["contacts"]["unit"] == "s"
+    assert recording["contacts"]["columns"] == []
+    assert recording["forces"]["threshold_share"] == 0.05
+    assert recording["forces"]["columns"][1] == {"name": "heel", "feet": []}
+    assert config["external"] == {"window_s": 0.05}
+    assert load_config(config, check_files=False) == config
+
+
+def test_a_recording_has_neither_by_default():
+    config = copy.deepcopy(SOUND)
+    config["recordings"] = [{"name": "one", "file": "one.tsv"}]
+    (recording,) = load_config(config, check_files=False)["recordings"]
+    assert recording["contacts"]["file"] is None
+    assert recording["forces"]["file"] is None
+
+
+MISTAKES = {
+    "foot unknown": (
+        edited("forces", columns=[{"name": "Fz", "feet": ["hel"]}]),
+        ["recordings[0].forces.columns[0].feet", "(heel, toe)", "'hel'", "did you mean 'heel'"],
+    ),
+    "column is no foot": (
+        edited("contacts", columns=[{"name": "switch"}]),
+        ["recordings[0].contacts.columns[0].feet", "found 'switch'"],
+    ),
+    "column twice": (
+        edited("forces", columns=[{"name": "Fz", "feet": ["heel"]}] * 2),
+        ["recordings[0].forces.columns[1].name", "'Fz' twice"],
+    ),
+    "columns without a file": (
+        edited("forces", file=None),
+        ["recordings[0].forces.file", "beside the columns, found null"],
+    ),
+    "labels without times": (
+        edited("contacts", label_column="foot"),
+        ["recordings[0].contacts.time_column", "beside label_column"],
+    ),
+    "newtons of body weights": (
+        edited("forces", unit="body_weight", threshold_n=20),
+        ["recordings[0].forces.threshold_n", "threshold_share", "found 20 N"],
+    ),
+    "unit": (edited("forces", unit="lbf"), ["recordings[0].forces.unit", "'kN'", "found 'lbf'"]),
+    "rate": (edited("forces", rate_hz=0), ["recordings[0].forces.rate_hz", "above 0", "found 0"]),
+    "misspelt": (
+        edited("forces", treshold_n=20),
+        ["recordings[0].forces.treshold_n", "did you mean 'threshold_n'"],
+    ),
+    "no column name": (
+        edited("forces", columns=[{"feet": ["heel"]}]),
+        ["recordings[0].forces.columns[0].name: expected this key"],
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistakes_are_told(mistake):
+    config, parts = MISTAKES[mistake]
+    with pytest.raises(ConfigError) as caught:
+        load_config(config, check_files=False)
+    assert str(caught.value).count("\n") == 0
+    for part in ("expected", "found", *parts):
+        assert part in str(caught.value)
+
+
+def test_missing_files_are_told(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("one.tsv", "switches.csv", "plates.txt"):
+        (tmp_path / name).touch()
+    with pytest.raises(ConfigError, match=r"recordings\[0\].forces.file: .*mean 'plates.txt'"):
+        load_config(SOUND)
