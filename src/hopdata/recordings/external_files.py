@@ -1,0 +1,53 @@
+"""What the external files of a recording hold, in a few lines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hopdata.recordings.external_contacts import read_contact_times
+from hopdata.recordings.force_signals import read_force_signals
+
+
+def describe_external(
+    recording: Mapping[str, Any], *, feet: Sequence[str], rate_hz: float | None = None
+) -> list[str]:
+    """Read the contacts and forces that a recording names, and say what they are.
+
+    Parameters
+    ----------
+    recording : mapping
+        Entry of ``recordings`` in the configuration.
+    feet : sequence of str
+        ``markers.feet``.
+    rate_hz : float, optional
+        ``input.rate_hz``.
+
+    Returns
+    -------
+    list of str
+        One line a column; none where nothing is known from elsewhere.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read.
+    """
+    lines = []
+    if recording["contacts"]["file"] is not None:
+        for known in read_contact_times(recording["contacts"], feet=feet, rate_hz=rate_hz):
+            first, last = known.span_s
+            lines.append(
+                f"  contacts  {known.column.name}: {len(known.instant)}, {first:.3f} to "
+                f"{last:.3f} s, of {', '.join(known.column.feet)}"
+            )
+    if recording["forces"]["file"] is not None:
+        for signal in read_force_signals(recording["forces"], feet=feet):
+            lines.append(
+                f"  force     {signal.column.name}: {len(signal.time)} samples, "
+                f"{signal.time[0]:.3f} to {signal.time[-1]:.3f} s, up to "
+                f"{np.nanmax(signal.force):.4g} {signal.unit}, of {', '.join(signal.column.feet)}"
+            )
+    return lines
