@@ -63,7 +63,7 @@ def exchanges(positions: FloatArray, missed: Surprises, *, rate_hz: float) -> li
 
 
 def _steps_beside_gaps(positions: FloatArray, is_seen: BoolArray, limit: FloatArray) -> BoolArray:
-    """Steps (N, M) where the three frames that a parabola needs are not seen on one side."""
+    """Find steps (N, M) where the three frames that a parabola needs are not seen on one side."""
     steps = np.zeros_like(is_seen)
     steps[2:] = np.linalg.norm(np.diff(positions, 2, axis=0), axis=2) > 2 * limit
     whole = is_seen.copy()

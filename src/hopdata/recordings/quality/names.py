@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 
-FOOT = frozenset(
-    ["foot", "feet", "toe", "toes", "heel", "mt", "mth", "met", "metatarsal", "metatarsus", "hallux", "paw", "hoof", "claw", "calc", "calcaneus", "tarsus", "tip", "sole", "digit", "finger"]
-)
-BODY = frozenset(
-    ["body", "pelvis", "hip", "hips", "asis", "psis", "asi", "psi", "sacrum", "trunk", "torso", "chassis", "back", "base", "iliac", "crest", "spine", "thorax", "croup", "withers"]
-)
-BOOM = frozenset(["boom", "counterweight", "weight", "tail", "post", "frame", "lab", "fixed"])
+_WORDS = {
+    "foot": """foot feet toe toes heel mt mth met metatarsal metatarsus hallux paw hoof claw calc
+        calcaneus tarsus tip sole digit finger""",
+    "boom": "boom counterweight weight tail post frame lab fixed",
+    "body": """body pelvis hip hips asis psis asi psi sacrum trunk torso chassis back base iliac
+        crest spine thorax croup withers""",
+}
+PARTS = {part: frozenset(words.split()) for part, words in _WORDS.items()}
 
 
 def part_by_name(name: str) -> str:
@@ -20,7 +21,7 @@ def part_by_name(name: str) -> str:
     """
     apart = re.sub(r"([a-z])([A-Z])", r"\1 \2", name)
     words = re.findall(r"[a-z]+", apart.lower())
-    for part, known in (("foot", FOOT), ("boom", BOOM), ("body", BODY)):
+    for part, known in PARTS.items():
         if any(word in known or _without_side(word) in known for word in words):
             return part
     return ""

@@ -66,7 +66,7 @@ def guess_roles(inspection: Inspection) -> Roles:
         reasons["boom"] = _boom_reason([markers.index(name) for name in boom], fixed)
     group = _chosen(groups, markers, positions)
     if len(group) >= LEAST_FEET:
-        reasons["feet"] = _feet_reason(group, rests, inspection)
+        reasons["feet"] = _feet_reason(group, rests)
     else:
         problems.append(_no_feet(group, markers))
     taken = {m for g in groups for m in g} | {markers.index(name) for name in boom}
@@ -76,20 +76,15 @@ def guess_roles(inspection: Inspection) -> Roles:
             "markers.body: expected three markers or more that keep their distances, found none; "
             "name them by hand"
         )
-    named = tuple(tuple(markers[m] for m in sorted(g)) for g in groups if g != group)
-    others = tuple(g for g in named if not set(g) <= {markers[m] for m in group})
+    others = [tuple(markers[m] for m in g) for g in groups if not set(g) & set(group)]
     return Roles(
         tuple(markers[m] for m in sorted(body)),
         tuple(markers[m] for m in sorted(group)),
         boom,
         reasons,
-        tuple(g for g in others if _is_more(g, group, markers)),
+        tuple(others),
         tuple(problems),
     )
-
-
-def _is_more(group: tuple[str, ...], chosen: list[int], markers: tuple[str, ...]) -> bool:
-    return bool(group) and not set(group) & {markers[m] for m in chosen}
 
 
 def _fixed(positions: FloatArray) -> BoolArray:
@@ -135,7 +130,7 @@ def _overlap(one: BoolArray, other: BoolArray) -> bool:
 
 
 def _chosen(groups: list[list[int]], markers: tuple[str, ...], positions: FloatArray) -> list[int]:
-    """The group to analyse: at most six markers of it, named feet and low ones first."""
+    """Choose the group to analyse: at most six markers of it, named feet and low ones first."""
     if not groups:
         return []
     if len(groups[0]) == 1:  # one marker a foot, and no two land together
@@ -146,7 +141,7 @@ def _chosen(groups: list[list[int]], markers: tuple[str, ...], positions: FloatA
 
 
 def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str]:
-    """The body's markers, and why: a rigid cluster, or named markers that hardly bend."""
+    """Return the body's markers, and why: a rigid cluster, or named markers that hardly bend."""
     markers = inspection.markers
     named = [m for m, name in enumerate(markers) if part_by_name(name) == "body" and m not in taken]
     rigid = [[m for m in c.markers if m not in taken] for c in inspection.clusters]
@@ -193,7 +188,7 @@ def _strain(members: list[int], pairs: PairDistances) -> str:
     )
 
 
-def _feet_reason(group: list[int], rests: BoolArray, inspection: Inspection) -> str:
+def _feet_reason(group: list[int], rests: BoolArray) -> str:
     counts = [len(runs(rests[:, m])) for m in group]
     share = 100 * rests[:, group].mean()
     return (
