@@ -34,7 +34,7 @@ def check(options: argparse.Namespace) -> int:
                     entry["file"], name=entry["name"], markers=config["markers"], **config["input"]
                 )
                 progress(f"checking {entry['file']}")
-                check_plausible(recording)
+                check_plausible(recording, **config["quality"])
         except RecordingError as error:
             mistakes.append(str(error))
             continue

@@ -66,7 +66,7 @@ def _plural(kind: str, count: int) -> str:
 
 def _facts(inspection: Inspection) -> list[str]:
     timing = inspection.timing
-    stamps = f"time stamps regular to {1e3 * timing.jitter_s:.2g} ms"
+    stamps = f"time stamps regular to {1e3 * timing.jitter_s:.3f} ms"
     if timing.n_dropped:
         stamps = f"{timing.n_dropped} frames dropped"
     rate = f"{len(inspection.time)} at {inspection.rate_hz:g} Hz, {inspection.duration_s:.1f} s"
@@ -109,7 +109,7 @@ def _gaps(inspection: Inspection) -> list[str]:
         numbers = "no gap"
         if gaps.count:
             numbers = (
-                f"{gaps.count} gap{'s' * (gaps.count > 1)}, longest {gaps.longest} frames "
+                f"{gaps.count} gap{'s' * (gaps.count > 1)}, longest {gaps.longest} frame{'s' * (gaps.longest > 1)} "
                 f"({gaps.longest / inspection.rate_hz:.3g} s), {100 * gaps.share:.2g} % unseen"
             )
         lines.append(f"  {gaps.marker:{width}} {_bar(gaps, n_columns)} {numbers}")

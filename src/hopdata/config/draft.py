@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 WIDTH = 96
-_PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
+_PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./-]*")
 _WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
 
 
@@ -66,7 +66,8 @@ def draft_config(draft: Draft, *, path: str) -> str:
         "",
         "recordings:",
         f"  - name: {draft.recording}",
-        f"    file: {scalar(draft.file)}  # relative to the folder in which the workflow runs",
+        "    # Relative to the folder in which the workflow runs.",
+        f"    file: {scalar(draft.file)}",
         "",
         *_markers(draft),
     ]  # fmt: skip
@@ -117,4 +118,5 @@ def _list(key: str, names: Sequence[str]) -> list[str]:
 
 
 def _comment(text: str, *, indent: str = "") -> list[str]:
+    text = text[:1].upper() + text[1:]
     return [f"{indent}# {line}" for line in textwrap.wrap(text, WIDTH - len(indent) - 2)]

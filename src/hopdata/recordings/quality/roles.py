@@ -191,9 +191,10 @@ def _strain(members: list[int], pairs: PairDistances) -> str:
 def _feet_reason(group: list[int], rests: BoolArray) -> str:
     counts = [len(runs(rests[:, m])) for m in group]
     share = 100 * rests[:, group].mean()
-    return (
-        f"rest near the floor {min(counts)} to {max(counts)} times, {share:.0f} % of the time"
-        + ("" if _land_together(group, rests) else "; not at the same time")
+    low, high = min(counts), max(counts)
+    often = f"{low}" if low == high else f"{low} to {high}"
+    return f"rest near the floor {often} times, {share:.0f} % of the time" + (
+        "" if _land_together(group, rests) else "; not at the same time"
     )
 
 
