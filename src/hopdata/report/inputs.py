@@ -66,6 +66,10 @@ class ReportInputs:
     overlay : mapping
         Tables of the contacts known from elsewhere, by name (``contact_overlay``,
         ``contact_overlay_summary``, ``contact_overlay_thresholds``); empty where none are.
+    quality : sequence of mappings, optional
+        Contents of ``quality.json``: checks with ``what, value, unit, good, poor, status, remark``.
+    faults : DataFrame, optional
+        ``faults.csv``.
     notes : sequence
         What could not be done, each a sentence or a mapping with ``what`` and ``reason``.
     """
@@ -83,6 +87,8 @@ class ReportInputs:
     truth: Mapping[str, Mapping[str, Any]] | None = None
     verdict: Mapping[str, Any] | None = None
     overlay: Mapping[str, pd.DataFrame] = field(default_factory=dict)
+    quality: Sequence[Mapping[str, Any]] | None = None
+    faults: pd.DataFrame | None = None
     notes: Sequence[str | Mapping[str, Any]] = ()
 
 
