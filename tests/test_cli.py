@@ -91,6 +91,24 @@ def test_a_mistake_is_one_line_on_stderr_and_exit_code_1(config, capsys, mistake
     assert sorted(config.parent.rglob("*")) == before
 
 
+def test_forces_and_contacts_are_read_too(config, capsys, tmp_path):
+    plate, switches = tmp_path / "plate.csv", tmp_path / "switches.csv"
+    plate.write_text("Fx,Fz\n" + "0,0\n0,30\n" * 50)
+    switches.write_text("foot1,foot2,foot3\n1,2,3\n4,5,6\n")
+    forces = f"{{file: {plate}, rate_hz: 100, columns: [{{name: Fz, feet: [foot1]}}]}}"
+    known = f"    forces: {forces}\n    contacts: {{file: {switches}}}\n"
+    edited(config, "markers:", known + "markers:")
+    assert main(["check", str(config)]) == 0
+    out, _ = capsys.readouterr()
+    assert "force     Fz: 100 samples, 0.000 to 0.990 s, up to 30 N, of foot1" in out
+    assert "contacts  foot2: 2, 2.000 to 5.000 s, of foot2" in out
+    assert main(["check", edited(config, "name: Fz", "name: Fy")]) == 1
+    out, err = capsys.readouterr()
+    assert err.count("\n") == 1
+    assert "plate.csv, line 1: column: expected 'Fy' once among Fx, Fz, found no 'Fy'" in err
+    assert "is sound" not in out
+
+
 def test_all_unsound_recordings_are_told(config, capsys, sample_path, tmp_path):
     broken = tmp_path / "broken.tsv"
     broken.write_text("hello\n")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 def check(options: argparse.Namespace) -> int:
     """Check a configuration and read all its recordings."""
     from hopdata.config.loading import load_config
+    from hopdata.recordings.external_files import describe_external
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible, notes
 
@@ -35,10 +36,13 @@ def check(options: argparse.Namespace) -> int:
                 )
                 progress(f"checking {entry['file']}")
                 check_plausible(recording, **config["quality"])
+            known = describe_external(
+                entry, feet=config["markers"]["feet"], rate_hz=config["input"]["rate_hz"]
+            )
         except RecordingError as error:
             mistakes.append(str(error))
             continue
-        print(_summary(recording, config))
+        print("\n".join([_summary(recording, config), *known]))
         remarks += notes(recording)
     for remark in remarks:
         print(f"note: {remark}")
