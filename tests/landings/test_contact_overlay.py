@@ -77,6 +77,16 @@ def test_a_contact_that_hopdata_lost_is_missed_with_the_reason(scene, touchdowns
     assert (table["status"] == "matched").sum() == 38
 
 
+def test_a_foot_that_lands_after_the_post_section_belongs_to_that_touchdown(scene, touchdowns):
+    late = touchdowns.copy()
+    late.loc[7, ["contact_foot1_s", "se_foot1_s"]] = np.nan
+    late.loc[7, ["excluded", "reason"]] = [True, "foot 1 not down by the post section"]
+    instants = scene.contact_times[:, 0].copy()
+    instants[7] = late.loc[7, "t_post_s"] + 0.06
+    (row,) = compare(scene, late, known(instants)).query("status == 'missed'").to_dict("records")
+    assert (row["index"], row["reason"]) == (7, "foot 1 not down by the post section")
+
+
 def test_a_contact_that_nobody_else_knows_is_invented(scene, touchdowns):
     instants = np.delete(scene.contact_times[:, 0], 20)
     table = compare(scene, touchdowns, known(instants))

@@ -21,6 +21,7 @@ BoolArray = NDArray[np.bool_]
 
 MATCHED, MISSED, INVENTED = "matched", "missed", "invented"
 OTHER_FOOT, NOT_COMPARED = "other foot", "not compared"
+LATE_S = 0.1  # a foot may land so long after the post section and belong to the same touchdown
 NO_DESCENT = "no descent through the pre section"
 COLUMNS = (
     "recording",
@@ -179,7 +180,7 @@ def _descent_at(touchdowns: pd.DataFrame, instant: float) -> dict[str, Any]:
     before = np.flatnonzero(touchdowns["t_pre_s"].to_numpy() <= instant)
     if len(before):
         row = touchdowns.iloc[before[-1]]
-        if not instant > row["t_post_s"]:  # nor if the post section was never reached
+        if not instant > row["t_post_s"] + LATE_S:  # nor if the post section was never reached
             return {"index": row["index"], "excluded": bool(row["excluded"]),
                     "reason": row["reason"] or "found at another time"}  # fmt: skip
     return {"reason": NO_DESCENT}
