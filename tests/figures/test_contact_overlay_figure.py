@@ -66,7 +66,7 @@ def test_labels_units_and_no_text_over_another(n_columns, n_feet):
     assert share.get_xlabel() == "share of the contacts (%)"
     assert height.get_ylabel() == "foot height (mm)"
     assert force.get_ylabel() == "force (N)"
-    assert force.get_xlabel() == "time after the external contact (ms)"
+    assert force.get_xlabel() == "time after the first external contact (ms)"
     assert text_faults(figure) == []
 
 
@@ -107,7 +107,7 @@ def test_the_shares_end_at_one_and_the_median_is_marked():
 def test_without_forces_there_is_no_panel_of_them():
     figure = draw(force=None)
     assert len(figure.axes) == 3
-    assert figure.axes[2].get_xlabel() == "time after the external contact (ms)"
+    assert figure.axes[2].get_xlabel() == "time after the first external contact (ms)"
     assert text_faults(figure) == []
 
 

@@ -11,6 +11,8 @@ import pandas as pd
 import pytest
 import yaml
 
+from hopdata.recordings.hdf5 import read_truth
+
 ROOT = Path(__file__).parents[2]
 PARTS = ("Snakefile", "workflow", "config", "profiles", "data/sample", "src", "pyproject.toml")
 FIGURES = (
@@ -179,6 +181,26 @@ def test_a_real_recording_runs_to_a_report(sample, external_recording):
     assert verdict["conclusion"] == "cannot tell"
     assert verdict["effect"] is None
     assert verdict["sentence"] in page
+
+
+def test_contacts_known_from_elsewhere_are_laid_over(sample):
+    """The truth as a table of another device, on a clock of its own, without one contact."""
+    truth = read_truth(sample / "data" / "sample" / "hopper.h5")
+    known = pd.DataFrame(truth.contact_times * 1000 - 250, columns=["foot1", "foot2", "foot3"])
+    known.loc[100, "foot2"] = None
+    known.to_csv(sample / "data" / "known.csv", index=False)
+    contacts = {"file": "data/known.csv", "unit": "ms", "offset_s": 0.25}
+    config = edit_config(sample, lambda c: c["recordings"][0].update(contacts=contacts))
+    run = snakemake(sample, "--configfile", config)
+    assert run.returncode == 0, run.stdout + run.stderr
+    results = sample / "results" / "sample"
+    summary = pd.read_csv(results / "tables" / "contact_overlay_summary.csv", index_col="column")
+    assert summary["n_invented"].tolist() == [0, 1, 0]
+    assert (summary["n_matched"] >= 0.99 * summary["n_external"]).all()
+    assert (summary["bias_s"].abs() < 1e-4).all()
+    assert (summary["robust_sd_s"] < 5e-4).all()
+    assert (results / "figures" / "contact_overlay.svg").stat().st_size > 2000
+    assert 'id="overlay"' in (results / "report.html").read_text()
 
 
 @pytest.mark.parametrize("study", ["thesis", "control", "half_spread"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 UNMATCHED = {"missed": ("x", "missed"), "invented": ("1", "invented")}
+INSTANTS = {"external": "external contact", "found": "contact found"}
+MANY = 300  # contacts, from which on their marks are small
 UNITS = {"N": "N", "body_weight": "body weights"}
 ALL = "all"
 
@@ -80,6 +82,12 @@ def _of(contacts: pd.DataFrame, column: str, status: str) -> pd.DataFrame:
 
 
 def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -> None:
+    many = len(contacts) > MANY
+    look: dict[str, Any] = (
+        {"ms": 1.3, "mew": 0.3, "elinewidth": 0.25, "capsize": 0.0, "alpha": 0.6}
+        if many
+        else {"ms": 3.0, "mew": 0.7, "elinewidth": 0.6, "capsize": 1.2}
+    )
     for number, column in enumerate(columns):
         matched = _of(contacts, column, "matched")
         left_out = matched["excluded"].astype(bool)
@@ -89,7 +97,7 @@ def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -
             axes.errorbar(
                 rows["external_s"], rows["difference_s"] * MS_PER_S, yerr=rows["se_s"] * MS_PER_S,
                 fmt=MARKERS[number % len(MARKERS)], color=foot_colour(number),
-                markerfacecolor=face, ms=3, mew=0.7, elinewidth=0.6, capsize=1.2,
+                markerfacecolor=face, **look,
                 label=column if face != "white" or left_out.all() else None,
             )  # fmt: skip
     if contacts.loc[contacts["status"] == "matched", "excluded"].astype(bool).any():
@@ -154,10 +162,10 @@ def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
         )  # fmt: skip
     height.set_ylabel("foot height (mm)")
     lowest = panels.get("f", height)
-    lowest.set_xlabel("time after the external contact (ms)")
+    lowest.set_xlabel("time after the first external contact (ms)")
     shown = [height, *([lowest] if lowest is not height else [])]
     for axes in shown:
-        _draw_instants(axes, example)
+        _draw_instants(axes, example, feet)
     if lowest is not height:
         _draw_force(lowest, example)
         lowest.sharex(height)
@@ -165,21 +173,29 @@ def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
     height.legend(loc="upper right", ncols=2)
 
 
-def _draw_instants(axes: Axes, example: pd.DataFrame) -> None:
-    for kind, dash, colour, label in (
-        ("external", "-", GREY, "external contact"),
-        ("found", (0, (2, 1.2)), INK, "contact found"),
+def _draw_instants(axes: Axes, example: pd.DataFrame, feet: list[str]) -> None:
+    """Draw a line at each instant: in its foot's colour where each foot has a column of its own."""
+    apart = set(example.loc[example["kind"] == "external", "name"]) <= set(feet)
+    for kind, dash, width, shared in (
+        ("external", "-", 1.2, GREY),
+        ("found", (0, (2, 1.2)), 1.0, INK),
     ):
-        for k, instant in enumerate(example.loc[example["kind"] == kind, "time_s"]):
+        for row in example[example["kind"] == kind].to_dict("records"):
+            colour = foot_colour(feet.index(row["name"])) if apart else shared
             axes.axvline(
-                instant * MS_PER_S, color=colour, linestyle=dash, linewidth=1.0, zorder=0,
-                label=label if k == 0 else None,
-            )  # fmt: skip
+                row["time_s"] * MS_PER_S, color=colour, linestyle=dash, linewidth=width, zorder=0
+            )
+        axes.plot([], [], color=shared, linestyle=dash, linewidth=width, label=INSTANTS[kind])
 
 
 def _draw_force(axes: Axes, example: pd.DataFrame) -> None:
     rows = example[example["kind"] == "force"]
-    axes.plot(rows["time_s"] * MS_PER_S, rows["value"], color=INK, marker=".", ms=2.5)
+    for number, (column, samples) in enumerate(rows.groupby("name", sort=False)):
+        colour = INK if len(rows["name"].unique()) == 1 else foot_colour(number)
+        axes.plot(
+            samples["time_s"] * MS_PER_S, samples["value"], color=colour,
+            linestyle=foot_dash(number), marker=".", ms=2.5, label=str(column),
+        )  # fmt: skip
     threshold = float(example.loc[example["kind"] == "threshold", "value"].iloc[0])
     axes.axhline(threshold, color=GREY, linestyle=(0, (1, 1)), linewidth=0.8)
     axes.annotate(

@@ -38,10 +38,11 @@ def example_landing(
     Returns
     -------
     pandas.DataFrame
-        recording, time_s (from the external contact), kind (``height``, ``force``, ``threshold``,
-        ``external`` or ``found``), name (foot or column), value (m, N, body weights; s for
-        instants), unit. The landing is the matched one whose difference is the median. Empty if
-        there is none.
+        recording, time_s (from the first external contact), kind (``height``, ``force``,
+        ``threshold``, ``external`` or ``found``), name (the foot; the column for a force, and for
+        the contact of several feet), value (m, N, body weights; s for instants), unit. The landing
+        is the matched one whose difference is the median, with all columns that know of it. Empty
+        if there is none.
     """
     import pandas as pd
 
@@ -49,14 +50,16 @@ def example_landing(
     if matched.empty:
         return pd.DataFrame(columns=["recording", "time_s", "kind", "name", "value", "unit"])
     row = matched.sort_values("difference_s", kind="stable").iloc[(len(matched) - 1) // 2]
-    origin = float(row["external_s"])
-    pieces = [_instant("external", row["column"], 0.0)]
-    same = overlay[(overlay["index"] == row["index"]) & overlay["found_s"].notna()]
-    for one in same.itertuples():
-        pieces.append(_instant("found", str(one.first_foot), float(one.found_s) - origin))
-    pieces += _heights(recording, str(row["feet"]).split(), origin)
+    same = overlay[(overlay["index"] == row["index"]) & (overlay["status"] == MATCHED)]
+    origin = float(same["external_s"].min())
+    feet = [foot for foot in recording.names("foot") if foot in " ".join(same["feet"]).split()]
+    pieces = _heights(recording, feet, origin)
+    for one in same.to_dict("records"):
+        name = str(one["feet"] if " " not in one["feet"] else one["column"])
+        pieces.append(_instant("external", name, float(one["external_s"]) - origin))
+        pieces.append(_instant("found", str(one["first_foot"]), float(one["found_s"]) - origin))
     for signal in signals:
-        if signal.column.name == row["column"]:
+        if signal.column.name in set(same["column"]):
             pieces += _force(signal, origin)
     return pd.concat(pieces, ignore_index=True).assign(recording=recording.name)[
         ["recording", "time_s", "kind", "name", "value", "unit"]
