@@ -101,7 +101,7 @@ def _add_product(
 ) -> Any:
     """Write base + factor left right into the block `target`; all are (n, n), n is a constant.
 
-    Blocks are named by their first rows. The target may be the base, but neither of the factors.
+    Blocks are named by their first rows. The target is none of the others.
     """
     if not isinstance(n, types.IntegerLiteral):
         return None

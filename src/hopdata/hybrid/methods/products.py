@@ -20,7 +20,7 @@ def multiply_vectors(phi: FloatTable, target: int, left: int, right: int) -> Non
 def add_product_vectors(
     phi: FloatTable, target: int, base: int, left: int, right: int, factor: float
 ) -> None:
-    """Write base + factor left right into the block `target`."""
+    """Write base + factor left right into the block `target`, which is none of them."""
     add_product(phi, target, base, left, right, factor, N)
 
 
@@ -39,7 +39,7 @@ def multiply_numbers(phi: FloatTable, target: int, left: int, right: int) -> Non
 def add_product_numbers(
     phi: FloatTable, target: int, base: int, left: int, right: int, factor: float
 ) -> None:
-    """Write base + factor left right into the block `target`."""
+    """Write base + factor left right into the block `target`, which is none of them."""
     for i in range(N):
         first = phi[left + i, 0]
         for j in range(N):
