@@ -99,7 +99,7 @@ def ours(landings: Landings, **options: Any) -> tuple[FloatArray, FloatArray]:
 def one_fit(landings: Landings, *, known: bool) -> tuple[FloatArray, FloatArray]:
     """Return instants and standard errors by a single kink fit of each foot, as scipy does it."""
     sharp = (-GRAVITY_M_S2, 1e-3) if known else (0.0, 1e4)
-    priors = FlightPriors(*(np.tile([own, 0, 0, 0, 0], (3, 1)) for own in sharp))
+    priors = FlightPriors(*(np.tile([own, 0, 0, 0, 0, 0], (3, 1)) for own in sharp))
     priors.sd[:, 1:] = 1e4
     fits = kink_fits(
         landings.time,
