@@ -11,7 +11,7 @@ from hopdata.errors import require_choice
 from hopdata.landings.approach import LANDED, MISSING, POOR_FIT, approaches, height_noise
 from hopdata.landings.kink import KinkFits
 from hopdata.landings.kink_learning import pooled_noise
-from hopdata.landings.kink_recording import Frames, joint_fits, single_fits
+from hopdata.landings.kink_recording import FootHeights, joint_fits, single_fits
 from hopdata.landings.transitions import Transitions
 from hopdata.landings.velocity_minimum import velocity_minima
 
@@ -107,11 +107,11 @@ def find_contacts(
     if method != "kink":
         return _by_velocity(time, heights, transitions, status, noise_m, method)
     asked = (window_before_s, window_after_s)
-    frames = Frames(time, heights, _windows(time, asked, LONG_WINDOWS_S))
-    fits = joint_fits(frames, near, noise_m=noise_m, gravity=gravity)
+    feet = FootHeights(time, heights, _windows(time, asked, LONG_WINDOWS_S))
+    fits = joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
     if not pooled_noise(fits) <= REFUTED * noise_m:
-        frames = Frames(time, heights, _windows(time, asked, SHORT_WINDOWS_S))
-        fits = single_fits(frames, near, noise_m=noise_m, gravity=gravity)
+        feet = FootHeights(time, heights, _windows(time, asked, SHORT_WINDOWS_S))
+        fits = single_fits(feet, near, noise_m=noise_m, gravity=gravity)
     return _judged(fits, status, pooled_noise(fits), maximum_misfit)
 
 

@@ -155,9 +155,7 @@ def _search(  # type: ignore[no-untyped-def]
                 value_low = grid[node - 1] if node > 0 else np.inf
                 value_high = grid[node + 1] if node < steps else np.inf
             tau = _vertex(end_low, value_low, x, best, end_high, value_high, close)
-        value = _misfit(
-            tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row
-        )
+        value = _misfit(tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row)
         if k <= steps:
             grid[k] = value
             if value < best:

@@ -6,8 +6,6 @@ in each.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +13,7 @@ from hopdata.landings.approach import LEAST_NOISE_M
 from hopdata.landings.kink import FlightPriors, KinkFits
 
 FloatArray = NDArray[np.float64]
+Part = tuple[FloatArray, FloatArray, float, float]  # posteriors of an entry, and its prior
 Distribution = tuple[float, float] | None  # mean and sd; None where too little is known
 
 TELLING, TELLING_ALONE = 0.9, 0.5  # posterior over prior variance from which data say nothing
@@ -80,56 +79,36 @@ def learn(
     for columns in ([0], range(1, last, 2), range(2, last, 2), [last]):  # own, change, jerk, creep
         pushes = 0 < columns[0] < last
         entries = [(i, j) for i in range(len(mean)) for j in columns]
-        found = _mixtures if pushes and not sharpen else _likeliest
-        for (i, j), behind in zip(
-            entries, found(value, variance, prior, entries, wider=pushes), strict=True
-        ):
+        parts = [
+            (value[:, i, j], variance[:, i, j], prior.mean[i, j], prior.sd[i, j])
+            for i, j in entries
+        ]
+        found = _mixtures(parts) if pushes and not sharpen else _likeliest(parts, wider=pushes)
+        for (i, j), behind in zip(entries, found, strict=True):
             if behind:
                 mean[i, j], sd[i, j] = behind[0], max(behind[1], LEAST_SHARE * prior.sd[i, j])
     return FlightPriors(mean, sd)
 
 
-def _mixtures(
-    value: FloatArray,
-    variance: FloatArray,
-    prior: FlightPriors,
-    entries: list[tuple[int, int]],
-    *,
-    wider: bool,
-) -> list[Distribution]:
+def _mixtures(parts: list[Part]) -> list[Distribution]:
     """One step of expectation maximisation for each entry of a kind: mixtures of posteriors."""
-    parts = []
-    for i, j in entries:
-        use = (variance[:, i, j] < TELLING * prior.sd[i, j] ** 2) & np.isfinite(value[:, i, j])
-        parts.append((value[use, i, j], variance[use, i, j]))
-    return _own_or_pooled(_mixture, parts)
+    telling = []
+    for value, variance, _, sd in parts:
+        use = (variance < TELLING * sd**2) & np.isfinite(value)
+        telling.append((value[use], variance[use]))
+    pooled = _mixture(*(np.concatenate(part) for part in zip(*telling, strict=True)))
+    return [_mixture(*part) or pooled for part in telling]
 
 
-def _likeliest(
-    value: FloatArray,
-    variance: FloatArray,
-    prior: FlightPriors,
-    entries: list[tuple[int, int]],
-    *,
-    wider: bool,
-) -> list[Distribution]:
+def _likeliest(parts: list[Part], *, wider: bool) -> list[Distribution]:
     """Distributions behind the entries of a kind, from what the data say without the prior."""
-    parts = []
-    for i, j in entries:
-        prior_variance = prior.sd[i, j] ** 2
-        use = (variance[:, i, j] < TELLING_ALONE * prior_variance) & np.isfinite(value[:, i, j])
-        alone = 1 / (1 / variance[use, i, j] - 1 / prior_variance)
-        ratio = value[use, i, j] / variance[use, i, j] - prior.mean[i, j] / prior_variance
-        parts.append((alone * ratio, alone))
-    return _own_or_pooled(lambda *part: _restricted(*part, wider=wider), parts)
-
-
-def _own_or_pooled(
-    estimate: Callable[[FloatArray, FloatArray], Distribution],
-    parts: list[tuple[FloatArray, FloatArray]],
-) -> list[Distribution]:
-    pooled = estimate(*(np.concatenate(part) for part in zip(*parts, strict=True)))
-    return [estimate(*part) or pooled for part in parts]
+    telling = []
+    for value, variance, mean, sd in parts:
+        use = (variance < TELLING_ALONE * sd**2) & np.isfinite(value)
+        alone = 1 / (1 / variance[use] - 1 / sd**2)
+        telling.append((alone * (value[use] / variance[use] - mean / sd**2), alone))
+    pooled = _restricted(*(np.concatenate(p) for p in zip(*telling, strict=True)), wider=wider)
+    return [_restricted(*part, wider=wider) or pooled for part in telling]
 
 
 def _mixture(value: FloatArray, variance: FloatArray) -> Distribution:

@@ -21,8 +21,9 @@ LEARNING_STEPS = 6
 LEARNING_LANDINGS = 400  # evenly spaced; more would sharpen no prior that matters
 STANCE_LANDINGS = 120
 COMPLIANCES_S = (0.0, 0.002, 0.004, 0.006, 0.009, 0.013)
-FINEST_COMPLIANCE_S = 2.5e-4
-TELLING_GAIN = 20.0  # of the log likelihood, for which a soft or a creeping contact is believed
+# The log likelihood that a further part of the law must gain: to be beyond chance, and for each
+# fit, since what gains less there moves an instant by little of its standard error.
+TELLING_GAIN, TELLING_GAIN_PER_FIT = 20.0, 0.15
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Law:
 
 
 @dataclass(frozen=True)
-class Frames:
+class FootHeights:
     """What is fitted: times (N,), s, heights (N, n), m, and the windows about a contact, s."""
 
     time: FloatArray
@@ -79,12 +80,12 @@ class Frames:
         )  # fmt: skip
 
 
-def joint_fits(frames: Frames, near: FloatArray, *, noise_m: float, gravity: str) -> KinkFits:
+def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> KinkFits:
     """Fit each foot alone, learn the laws on some of the landings, then fit all by them.
 
     Parameters
     ----------
-    frames : Frames
+    feet : FootHeights
         The recording.
     near : (L, n) array
         Rough instants, s; NaN for none.
@@ -93,34 +94,35 @@ def joint_fits(frames: Frames, near: FloatArray, *, noise_m: float, gravity: str
     gravity : {"learned", "free", "known"}
         See `hopdata.landings.contacts.find_contacts`.
     """
-    law = Law(weak_priors(frames.heights.shape[1], gravity), noise_m)
-    alone = frames.first_fits(near, law)
-    law = learned_law(frames, alone.instant, law, own=gravity == "learned")
-    fits = frames.fits(alone.instant, law)
-    return frames.fits(fits.instant, law) if law.pushes else fits
+    law = Law(weak_priors(feet.heights.shape[1], gravity), noise_m)
+    alone = feet.first_fits(near, law)
+    law = learned_law(feet, alone.instant, law, own=gravity == "learned")
+    fits = feet.fits(alone.instant, law)
+    return feet.fits(fits.instant, law) if law.pushes else fits
 
 
-def single_fits(frames: Frames, near: FloatArray, *, noise_m: float, gravity: str) -> KinkFits:
+def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> KinkFits:
     """Fit each foot alone with a free curvature (unless gravity is `known`), windows recentred."""
-    law = Law(weak_priors(frames.heights.shape[1], gravity), noise_m, pushes=False)
-    fits = frames.first_fits(near, law)
+    law = Law(weak_priors(feet.heights.shape[1], gravity), noise_m, pushes=False)
+    fits = feet.first_fits(near, law)
     for _ in range(3):
-        fits = frames.fits(fits.instant, law)
+        fits = feet.fits(fits.instant, law)
     return fits
 
 
-def learned_law(frames: Frames, instant: FloatArray, law: Law, *, own: bool) -> Law:
+def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) -> Law:
     """Learn from the landings with these instants (L, n), s, from weak priors on."""
     instant = some_landings(instant, LEARNING_LANDINGS)
     for step in range(LEARNING_STEPS):
         if step == 2:
-            law = _with_stance(frames, some_landings(instant, STANCE_LANDINGS), law)
-        fits = frames.fits(instant, law)
+            law = _with_stance(feet, some_landings(instant, STANCE_LANDINGS), law)
+        fits = feet.fits(instant, law)
         last = step == LEARNING_STEPS - 1
         instant, law = fits.instant, _one_step(fits, law, own=own, sharpen=last)
     free = replace(law, pushes=False)
     some = some_landings(instant, STANCE_LANDINGS)
-    return law if _gain(frames, some, law, over=free) > TELLING_GAIN else free
+    better = _better(_log_likelihood(feet, some, law), _log_likelihood(feet, some, free))
+    return law if better else free
 
 
 def some_landings(instant: FloatArray, most: int) -> FloatArray:
@@ -137,23 +139,41 @@ def _one_step(fits: KinkFits, law: Law, *, own: bool, sharpen: bool = False) -> 
     return replace(law, priors=priors, noise_m=noise_m)
 
 
-def _with_stance(frames: Frames, instant: FloatArray, law: Law) -> Law:
+def _with_stance(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
     """Give the law a soft contact or creeping feet if the landings (L, n) clearly ask for them."""
-    best = law
+    best, likelihood, known = law, _log_likelihood(feet, instant, law), {}
     for creeps, compliance_s in product((False, True), COMPLIANCES_S):
         trial = replace(law, compliance_s=compliance_s, creeps=creeps)
         if creeps:
-            priors = _one_step(frames.fits(instant, trial), trial, own=False).priors
+            priors = _one_step(feet.fits(instant, trial), trial, own=False).priors
             trial = replace(trial, priors=priors)
-        if _gain(frames, instant, trial, over=best) > TELLING_GAIN:
-            best = trial
-    return best
+        known[creeps, compliance_s] = _log_likelihood(feet, instant, trial)
+        if _better(known[creeps, compliance_s], likelihood):
+            best, likelihood = trial, known[creeps, compliance_s]
+    if best.compliance_s == 0.0:
+        return best
+    curve = [float(np.nansum(known[best.creeps, t])) for t in COMPLIANCES_S]
+    return replace(best, compliance_s=_vertex(np.array(COMPLIANCES_S), np.array(curve)))
 
 
-def _gain(frames: Frames, instant: FloatArray, law: Law, *, over: Law) -> float:
-    """By how much the log likelihood of a law on these landings exceeds that of another."""
-    difference = frames.fits(instant, over).evidence - frames.fits(instant, law).evidence
-    return float(np.nansum(difference)) / (2 * law.noise_m**2)
+def _log_likelihood(feet: FootHeights, instant: FloatArray, law: Law) -> FloatArray:
+    """Log likelihood of each foot of each landing (L, n), but for a constant."""
+    return feet.fits(instant, law).evidence / (-2 * law.noise_m**2)
+
+
+def _better(more: FloatArray, fewer: FloatArray) -> bool:
+    """Whether a law with more parts is clearly likelier than one with fewer."""
+    gain = (more - fewer)[np.isfinite(more - fewer)]
+    return float(gain.sum()) > TELLING_GAIN + TELLING_GAIN_PER_FIT * len(gain)
+
+
+def _vertex(x: FloatArray, y: FloatArray) -> float:
+    """Place of the maximum of a curve, by a parabola through its highest point and two others."""
+    middle = int(np.clip(np.argmax(y), 1, len(x) - 2))
+    near = slice(middle - 1, middle + 2)
+    bend, slope, _ = np.polyfit(x[near] - x[middle], y[near], 2)
+    vertex = x[middle] - slope / (2 * bend) if bend < 0 else x[int(np.argmax(y))]
+    return float(np.clip(vertex, x[middle - 1], x[middle + 1]))
 
 
 def weak_priors(n: int, gravity: str) -> FlightPriors:
