@@ -120,7 +120,7 @@ def fit_kinks(x: Floats, y: Floats, instants: Floats) -> list[KinkFit]:
         rows = np.sort(near[: round(window * len(x))])
         degree = _affordable_degree(len(rows), x.shape[1], instants.shape[1])
         if degree >= 2:
-            fits.append(_fit_window(x, y, instants, rows, window, degree))
+            fits.append(fit_window(x, y, instants, rows, window, degree))
     return fits
 
 
@@ -138,9 +138,22 @@ def _affordable_degree(landings: int, n_inputs: int, n_feet: int) -> int:
     return 1
 
 
-def _fit_window(
+def fit_window(
     x: Floats, y: Floats, instants: Floats, rows: NDArray[np.int64], window: float, degree: int
 ) -> KinkFit:
+    """Fit the kinks in one window.
+
+    Parameters
+    ----------
+    x, y, instants
+        As for `fit_kinks`.
+    rows
+        (n,) numbers of the landings in the window.
+    window
+        Their share.
+    degree
+        Order up to which smooth terms are free.
+    """
     times = instants[rows]
     unit = float(times.std(axis=1).max())
     inputs = x[rows] - x[rows].mean(axis=0)

@@ -14,11 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.maps.verdict.membership import large_classes
 from hopdata.maps.verdict.residuals import Residuals, shuffled
 
 HALVINGS = 4
-#: A half needs this many landings for each input.
-_LANDINGS_PER_INPUT = 3
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
@@ -74,7 +73,7 @@ def compare_subspaces(
     permutations
         Number of shuffled data sets.
     """
-    classes = _classes(weights, residuals.inputs.shape[1])
+    classes = large_classes(weights, residuals.inputs.shape[1])
     if len(classes) < 2:
         return None
     halvings = [_halving(classes, residuals.inputs, generator) for _ in range(HALVINGS)]
@@ -104,13 +103,6 @@ def rank_gap(pairs: Floats) -> int:
     if len(values) < 2:
         return 1
     return int(np.argmax(values[:-1] / values[1:])) + 1
-
-
-def _classes(weights: Floats, n_inputs: int) -> list[Rows]:
-    """Return the landings of every schedule that has enough for two halves."""
-    belongs = np.where(weights.max(axis=1) > 0.5, weights.argmax(axis=1), -1)
-    classes = [np.flatnonzero(belongs == k) for k in range(weights.shape[1])]
-    return [rows for rows in classes if len(rows) >= 2 * _LANDINGS_PER_INPUT * n_inputs]
 
 
 def _halving(

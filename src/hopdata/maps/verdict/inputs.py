@@ -41,6 +41,8 @@ class SectionLandings:
         Schedules to be expected, with weights.
     noise
         (8,) measurement noise of the inputs in units of their spread.
+    instant_noise_s
+        (feet,) scatter of the measured instants about those expected, s.
     """
 
     inputs: Floats
@@ -48,6 +50,7 @@ class SectionLandings:
     expected: Floats
     members: Memberships
     noise: Floats
+    instant_noise_s: Floats
 
 
 def section_landings(x: Floats, y: Floats, instants: Floats, time_unit_s: float) -> SectionLandings:
@@ -84,6 +87,5 @@ def section_landings(x: Floats, y: Floats, instants: Floats, time_unit_s: float)
     miss = instants - instants.mean(axis=1, keepdims=True) - expected
     doubt = 1.4826 * np.median(np.abs(miss), axis=0)
     members = memberships(expected, np.broadcast_to(doubt, expected.shape), LEAST_CLASS)
-    return SectionLandings(
-        inputs, outputs, expected, members, input_noise(before, shape) / deviation
-    )
+    noise = input_noise(before, shape) / deviation
+    return SectionLandings(inputs, outputs, expected, members, noise, doubt)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.draws import named_generator
 from hopdata.maps.verdict.answer import CANNOT_TELL, Verdict, WindowResult, conclude, sentence
+from hopdata.maps.verdict.attenuation import attenuation, calibrated
 from hopdata.maps.verdict.effect import EffectSize, effect_size, squared_size
 from hopdata.maps.verdict.estimate import KinkFit, choose_window, fit_kinks
 from hopdata.maps.verdict.graphs import SubspaceTest, compare_subspaces
@@ -78,15 +79,20 @@ def judge(
 
     def size(one: KinkFit) -> EffectSize:
         own = named_generator(seed, "verdict", "effect", str(one.window))
-        return effect_size(one, form, generator=own, confidence=confidence, power=power)
+        whole = _without_attenuation(one, landings, seed)
+        return effect_size(whole, form, generator=own, confidence=confidence, power=power)
 
-    shown = fits if all_windows else [fit]
-    windows = tuple(_window_result(landings, one, size(one), fit, seed) for one in shown)
+    sizes = {one.window: size(one) for one in (fits if all_windows else [fit])}
+    windows = tuple(
+        _window_result(landings, one, sizes[one.window], fit, seed)
+        for one in fits
+        if one.window in sizes
+    )
     test = flip_signs(fit, generator=named_generator(seed, "verdict", "signs"), flips=flips)
     specialised, subspaces = (
         _other_tests(landings, fit, seed, permutations) if permutations else (None, None)
     )
-    effect = size(fit)
+    effect = sizes[fit.window]
     conclusion = conclude(test, effect, 1.0 - confidence, margin)
     return Verdict(
         conclusion,
@@ -103,6 +109,19 @@ def judge(
         windows,
         notes + _window_notes(fit, fits),
     )
+
+
+def _without_attenuation(fit: KinkFit, landings: SectionLandings, seed: int) -> KinkFit:
+    generator = named_generator(seed, "verdict", "attenuation", str(fit.window))
+    found = attenuation(
+        fit,
+        landings.inputs,
+        landings.expected,
+        landings.noise,
+        landings.instant_noise_s,
+        generator=generator,
+    )
+    return calibrated(fit, found)
 
 
 def _check_enough(landings: SectionLandings, fits: list[KinkFit]) -> None:

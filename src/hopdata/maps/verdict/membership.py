@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from hopdata.maps.verdict.kinks import Feet
 
+#: A half of a schedule's landings needs this many for each input.
+_LANDINGS_PER_INPUT = 3
+
 Floats = NDArray[np.float64]
 
 
@@ -63,6 +66,21 @@ def memberships(instants: Floats, errors: Floats, least: int) -> Memberships:
     weights[~known] = 0.0
     first = [tuple(int(f) for f in order[known][np.argmax(own[known] == code)]) for code in kept]
     return Memberships(tuple(first), weights)
+
+
+def large_classes(weights: Floats, n_inputs: int) -> list[NDArray[np.int64]]:
+    """Return the landings of every schedule that has enough for a linear map of two halves each.
+
+    Parameters
+    ----------
+    weights
+        (n, schedules) membership of each landing; each counts where it weighs most.
+    n_inputs
+        Number of inputs p; a half needs three landings for each.
+    """
+    belongs = np.where(weights.max(axis=1) > 0.5, weights.argmax(axis=1), -1)
+    classes = [np.flatnonzero(belongs == k) for k in range(weights.shape[1])]
+    return [rows for rows in classes if len(rows) >= 2 * _LANDINGS_PER_INPUT * n_inputs]
 
 
 def _codes(order: NDArray[np.int64], feet: int) -> NDArray[np.int64]:

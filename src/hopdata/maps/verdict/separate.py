@@ -13,10 +13,10 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.maps.affine import fit_affine
+from hopdata.maps.linear.affine import fit_affine
+from hopdata.maps.verdict.membership import large_classes
 
 HALVINGS = 10
-_LANDINGS_PER_INPUT = 3
 
 Floats = NDArray[np.float64]
 
@@ -48,9 +48,7 @@ def separate_difference(
     float
         NaN if fewer than two schedules have enough landings; 0 where noise exceeds the difference.
     """
-    belongs = np.where(weights.max(axis=1) > 0.5, weights.argmax(axis=1), -1)
-    classes = [np.flatnonzero(belongs == k) for k in range(weights.shape[1])]
-    classes = [rows for rows in classes if len(rows) >= 2 * _LANDINGS_PER_INPUT * x.shape[1]]
+    classes = large_classes(weights, x.shape[1])
     if len(classes) < 2:
         return float("nan")
     squares = []
