@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
-from hopdata.errors import AnalysisError
+from hopdata.errors import AnalysisError, ConfigError
 from hopdata.landings.touchdowns import example_touchdown, touchdown_table
 
 SECTIONS = {"pre_height_m": PRE_HEIGHT_M, "post_height_m": POST_HEIGHT_M}
@@ -40,6 +40,9 @@ def test_columns(table):
         *(f"se_{foot}_s" for foot in feet),
         "schedule",
         "probability",
+        "class",
+        "runner_up",
+        "runner_up_probability",
         "spread_s",
         "excluded",
         "reason",
@@ -110,11 +113,30 @@ def test_contacts_outside_the_transition_are_left_out(scene):
     assert (said_early == truly_early).mean() > 0.97
 
 
+def test_ambiguous_orders_are_a_class_of_their_own(scene, table):
+    doubtful = table["probability"] < 0.9
+    assert doubtful.any()
+    np.testing.assert_array_equal(table["class"] == "ambiguous", doubtful)
+    assert (table["class"] == table["schedule"])[~doubtful].all()
+    assert (table["runner_up"] != table["schedule"]).all()
+    assert (table["runner_up_probability"] <= table["probability"] + 0.02).all()
+    both = table["probability"] + table["runner_up_probability"]
+    assert both[doubtful].min() > 0.7
+    assert (both < 1 + 1e-9).all()
+
+
 def test_ambiguous_orders_can_be_left_out(scene, table):
-    strict = touchdown_table(scene.recording, **SECTIONS, minimum_probability=0.99)
+    options = {"ambiguous_below": 0.99, "ambiguous": "exclude"}
+    strict = touchdown_table(scene.recording, **SECTIONS, **options)
     ambiguous = strict["reason"] == "order ambiguous"
     np.testing.assert_array_equal(ambiguous, table["probability"] < 0.99)
+    np.testing.assert_array_equal(strict["excluded"], ambiguous)
     assert ambiguous.any()
+
+
+def test_an_unknown_treatment_of_the_ambiguous_is_named(scene):
+    with pytest.raises(ConfigError, match=r"touchdowns.ambiguous.*did you mean 'exclude'"):
+        touchdown_table(scene.recording, **SECTIONS, ambiguous="excluded")
 
 
 def test_the_printed_method_is_selectable(scene):
