@@ -111,6 +111,13 @@ def _descents(
     with np.errstate(invalid="ignore", divide="ignore"):
         fall = (z[rows, first] - z[rows, after]) / (t[rows, after] - t[rows, first])
         near = t[rows, after] + (z[rows, after] - low) / fall
+        gap = t[rows, after] - t[rows, last]
+        before = np.maximum(np.minimum(first, last - 1), 0)
+        fall = (z[rows, before] - z[rows, last]) / (t[rows, last] - t[rows, before])
+        early = t[rows, last] + np.minimum((z[rows, last] - low) / fall, gap)
+    in_gap = gap > 1.5 * np.median(np.diff(t, axis=1), axis=1)  # its far end says nothing
+    in_gap &= (last > 0) & (fall > 0)
+    near = np.where(in_gap, early, near)
     return np.where(status == LANDED, near, np.nan), status
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,9 +67,9 @@ class FootHeights:
         """Search about rough instants (L, n), s, as if no foot acted on another."""
         return self._fits(near, replace(law, pushes=False), self.search_s()[0])
 
-    def fits(self, instant: FloatArray, law: Law) -> KinkFits:
-        """Fit each foot about its last instant (L, n), s."""
-        return self._fits(instant, law, self.search_s()[1])
+    def fits(self, instant: FloatArray, law: Law, *, widely: bool = False) -> KinkFits:
+        """Fit each foot about its last instant (L, n), s, as far as in the first fits or less."""
+        return self._fits(instant, law, self.search_s()[0 if widely else 1])
 
     def _fits(self, near: FloatArray, law: Law, search_s: float) -> KinkFits:
         return kink_fits(
@@ -97,8 +96,8 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
     law = Law(weak_priors(feet.heights.shape[1], gravity), noise_m)
     alone = feet.first_fits(near, law)
     law = learned_law(feet, alone.instant, law, own=gravity == "learned")
-    fits = feet.fits(alone.instant, law)
-    return feet.fits(fits.instant, law) if law.pushes else fits
+    fits = feet.fits(alone.instant, law, widely=True)
+    return feet.fits(fits.instant, law)
 
 
 def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> KinkFits:
@@ -141,19 +140,25 @@ def _one_step(fits: KinkFits, law: Law, *, own: bool, sharpen: bool = False) -> 
 
 def _with_stance(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
     """Give the law a soft contact or creeping feet if the landings (L, n) clearly ask for them."""
-    best, likelihood, known = law, _log_likelihood(feet, instant, law), {}
-    for creeps, compliance_s in product((False, True), COMPLIANCES_S):
-        trial = replace(law, compliance_s=compliance_s, creeps=creeps)
-        if creeps:
-            priors = _one_step(feet.fits(instant, trial), trial, own=False).priors
-            trial = replace(trial, priors=priors)
-        known[creeps, compliance_s] = _log_likelihood(feet, instant, trial)
-        if _better(known[creeps, compliance_s], likelihood):
-            best, likelihood = trial, known[creeps, compliance_s]
-    if best.compliance_s == 0.0:
-        return best
-    curve = [float(np.nansum(known[best.creeps, t])) for t in COMPLIANCES_S]
-    return replace(best, compliance_s=_vertex(np.array(COMPLIANCES_S), np.array(curve)))
+    best, likelihood, totals = law, _log_likelihood(feet, instant, law), [-np.inf]
+    for creeps in (False, True):
+        known = []
+        for compliance_s in COMPLIANCES_S:  # up to the first that is worse than the last
+            trial = _trial(feet, instant, replace(law, compliance_s=compliance_s, creeps=creeps))
+            found = _log_likelihood(feet, instant, trial)
+            known.append(float(np.nansum(found)))
+            if _better(found, likelihood):
+                best, likelihood, totals = trial, found, known  # which still grows
+            if known[-1] < max(known):
+                break
+    return replace(best, compliance_s=_vertex(totals)) if best.compliance_s > 0 else best
+
+
+def _trial(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
+    """Learn the creep of a law that is to be tried on landings (L, n)."""
+    if not law.creeps:
+        return law
+    return replace(law, priors=_one_step(feet.fits(instant, law), law, own=False).priors)
 
 
 def _log_likelihood(feet: FootHeights, instant: FloatArray, law: Law) -> FloatArray:
@@ -167,8 +172,9 @@ def _better(more: FloatArray, fewer: FloatArray) -> bool:
     return float(gain.sum()) > TELLING_GAIN + TELLING_GAIN_PER_FIT * len(gain)
 
 
-def _vertex(x: FloatArray, y: FloatArray) -> float:
-    """Place of the maximum of a curve, by a parabola through its highest point and two others."""
+def _vertex(totals: list[float]) -> float:
+    """Return the compliance of largest likelihood, s, by a parabola through the best trials."""
+    y, x = np.array(totals), np.array(COMPLIANCES_S[: len(totals)])
     middle = int(np.clip(np.argmax(y), 1, len(x) - 2))
     near = slice(middle - 1, middle + 2)
     bend, slope, _ = np.polyfit(x[near] - x[middle], y[near], 2)
