@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -118,8 +119,9 @@ def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) 
         fits = feet.fits(instant, law)
         last = step == LEARNING_STEPS - 1
         instant, law = fits.instant, _one_step(fits, law, own=own, sharpen=last)
-    free = replace(law, pushes=False)
     some = some_landings(instant, STANCE_LANDINGS)
+    law = _refined(feet, some, law)
+    free = replace(law, pushes=False)
     better = _better(_log_likelihood(feet, some, law), _log_likelihood(feet, some, free))
     return law if better else free
 
@@ -151,7 +153,21 @@ def _with_stance(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
                 best, likelihood, totals = trial, found, known  # which still grows
             if known[-1] < max(known):
                 break
-    return replace(best, compliance_s=_vertex(totals)) if best.compliance_s > 0 else best
+    if best.compliance_s == 0.0:
+        return best
+    return replace(best, compliance_s=_vertex(COMPLIANCES_S[: len(totals)], totals))
+
+
+def _refined(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
+    """Adjust the compliance of a soft contact to the law that was learned with it."""
+    if law.compliance_s == 0.0:
+        return law
+    trials = [law.compliance_s * share for share in (0.7, 1.0, 1.4)]
+    totals = [
+        float(np.nansum(_log_likelihood(feet, instant, replace(law, compliance_s=trial))))
+        for trial in trials
+    ]
+    return replace(law, compliance_s=_vertex(trials, totals))
 
 
 def _trial(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
@@ -172,9 +188,9 @@ def _better(more: FloatArray, fewer: FloatArray) -> bool:
     return float(gain.sum()) > TELLING_GAIN + TELLING_GAIN_PER_FIT * len(gain)
 
 
-def _vertex(totals: list[float]) -> float:
-    """Return the compliance of largest likelihood, s, by a parabola through the best trials."""
-    y, x = np.array(totals), np.array(COMPLIANCES_S[: len(totals)])
+def _vertex(trials: Sequence[float], totals: Sequence[float]) -> float:
+    """Return the trial of largest likelihood, by a parabola through the best and its two next."""
+    x, y = np.array(trials), np.array(totals)
     middle = int(np.clip(np.argmax(y), 1, len(x) - 2))
     near = slice(middle - 1, middle + 2)
     bend, slope, _ = np.polyfit(x[near] - x[middle], y[near], 2)
