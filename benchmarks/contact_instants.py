@@ -8,9 +8,10 @@ standard errors (`_se`): `sd_ms` of the instants about their common bias, beside
 bound for the frames that the fit uses; `covered`, the share of instants within one standard error
 after that bias (0.683 if it is right); the share of landings whose order is right, of all that were
 timed and of those whose order is not ambiguous (as probable as `touchdowns.ambiguous_below` asks).
-`times_faster` is the time per foot of the curve_fit loop, run on the first landings only, over that
-of the method, in turn in this process. "One fit" is what scipy does, a single fit of each foot from
-a start near the truth; the other kink rows are the whole of `find_contacts`.
+`seconds` and `us_per_fit` are CPU time, of all landings of a seed and of one foot of one landing;
+`times_faster` is that of the curve_fit loop, run on the first landings only, over that of the
+method, in turn in this process. "One fit" is what scipy does, a single fit of each foot from a
+start near the truth; the other kink rows are the whole of `find_contacts`.
 
 The last rows are of a runner at 2.5 m/s (see the README for the files): the first contact of each
 foot's three markers against the force plate, `sd_ms` by the median absolute deviation.
@@ -238,9 +239,9 @@ def asked(condition: Condition, name: str) -> bool:
 
 def measure(method: Method, landings: Landings) -> dict[str, float]:
     """Measure one method on the landings of one seed."""
-    begin = time.perf_counter()
+    begin = time.process_time()
     instant, se = method.find(landings)
-    seconds = time.perf_counter() - begin
+    seconds = time.process_time() - begin
     whole = np.isfinite(instant).all(axis=1)
     result = {"found": float(whole.mean()), "seconds": seconds}
     if not whole.any():
