@@ -59,7 +59,7 @@ def test_an_order_that_nobody_needs_is_given_no_variance():
     straight, speed = seen(np.zeros((LANDINGS, 3, 3)), seed=4)
     population = learn(straight)
     alone, together = least_squares(straight), drawn(straight, population, least_frames=6)
-    assert (np.sqrt(population.spread[:, 0, 0]) < 0.1 * SPREAD_M).all()
+    assert (np.sqrt(population.spread[:, 0, 0]) < 0.25 * SPREAD_M).all()
     misses = [in_the_world(straight, fit.mean[..., 1]) - speed for fit in (alone, together)]
     assert np.mean(misses[1] ** 2) <= np.mean(misses[0] ** 2)
 

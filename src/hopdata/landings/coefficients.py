@@ -23,7 +23,7 @@ FREE = 2  # place and velocity
 STEPS = 40  # of expectation and maximisation
 LEARN_FROM = 300  # landings, evenly taken from all
 LEAST_NOISE_M = 1e-9
-LEAST_VARIANCE = 1e-3  # to begin with, relative to that of the noise
+LEAST_SPREAD = 0.3  # to begin with, in standard errors of it
 HORIZONTAL, VERTICAL = slice(0, 2), slice(2, 3)
 
 
@@ -100,6 +100,33 @@ def drawn(sums: Moments, population: Population, *, least_frames: int) -> Coeffi
     return _in_powers(sums, enough, mean, covariance, population.variance)
 
 
+def checked(fit: Coefficients, reference: Coefficients) -> Coefficients:
+    """Add to the covariance of place and velocity what the model's misfit adds to their errors.
+
+    An estimate that is best under its model differs from a less biased one by the difference of
+    their variances. What they differ by beyond that, on average over landings and markers, is the
+    square of a bias (the focus of Claeskens and Hjort 2003). It is added where it is larger than
+    twice its standard error.
+
+    Parameters
+    ----------
+    fit : Coefficients
+        From `drawn`.
+    reference : Coefficients
+        From `least_squares`, of the same frames, with more powers.
+    """
+    covariance = fit.covariance.copy()
+    for axes in (HORIZONTAL, VERTICAL):
+        for k in range(FREE):
+            own = covariance[:, :, axes, k, k]
+            gained = reference.covariance[:, :, axes, k, k] - own
+            beyond = (reference.mean[:, :, axes, k] - fit.mean[:, :, axes, k]) ** 2 - gained
+            beyond = beyond[np.isfinite(beyond)]
+            if len(beyond) and beyond.mean() > 2 * beyond.std() / np.sqrt(len(beyond)):
+                own += beyond.mean()
+    return replace(fit, covariance=covariance)
+
+
 def learn(sums: Moments) -> Population:
     """Learn the population by maximum likelihood (expectation-maximisation).
 
@@ -130,16 +157,21 @@ def _first_guess(sums: Moments) -> Population:
     for axes in (HORIZONTAL, VERTICAL):
         one = information[:, :, axes].mean(axis=(0, 1, 2))
         seen = np.einsum("lbcj,lbck->jk", rest[:, :, axes], rest[:, :, axes])
-        spread[axes] = _excess(seen / rest[:, :, axes, 0].size, one)
+        floor = LEAST_SPREAD * float(np.sqrt(2 / rest[:, 0, axes, 0].size))
+        spread[axes] = _excess(seen / rest[:, :, axes, 0].size, one, floor)
     return Population(mean, spread, variance)
 
 
-def _excess(seen: FloatArray, information: FloatArray) -> FloatArray:
-    """Covariance of coefficients whose scores have the second moment `seen`, not below a floor."""
+def _excess(seen: FloatArray, information: FloatArray, floor: float) -> FloatArray:
+    """Covariance of coefficients whose scores have the second moment `seen`.
+
+    No direction gets less than `floor` times its variance in a landing's own fit: from few landings
+    a spread can come out as zero that is not.
+    """
     values, vectors = np.linalg.eigh(information)
     root = vectors / np.sqrt(np.maximum(values, values[-1] * 1e-12))
     ratio, turn = np.linalg.eigh(root.T @ seen @ root)
-    half = root @ turn * np.sqrt(np.maximum(ratio - 1.0, LEAST_VARIANCE))
+    half = root @ turn * np.sqrt(np.maximum(ratio - 1.0, floor))
     spread: FloatArray = half @ half.T
     return spread
 

@@ -88,6 +88,12 @@ class Moments:
         """Number of polynomials, K."""
         return self.gram.shape[-1]
 
+    def lower(self, degree: int) -> Moments:
+        """Return the moments of the polynomials up to a degree."""
+        kept = slice(0, degree + 1)
+        gram, product = self.gram[..., kept, kept], self.product[..., kept]
+        return replace(self, gram=gram, product=product, powers=self.powers[kept, kept])
+
     def some(self, rows: IntArray) -> Moments:
         """Return the moments of some of the windows."""
         return replace(self, **{name: getattr(self, name)[rows] for name in _ARRAYS})

@@ -13,6 +13,7 @@ from hopdata.landings.coefficients import (
     HORIZONTAL,
     VERTICAL,
     Coefficients,
+    checked,
     drawn,
     learn,
     least_squares,
@@ -28,7 +29,8 @@ NO_LARGER = 1.1  # ratio of rms residuals up to which a few flights count as bal
 WINDOWS_S = (0.06, 0.08, 0.1, 0.12, 0.15, 0.18, 0.22)
 FLIGHT_DEGREES, STANCE_DEGREES, ALONE_DEGREE = (2, 3), (3, 5), 3
 LEAST_FRAMES, LEAST_CLOSE, LEAST_LANDINGS = 6, 3, 30
-LARGEST_MISFIT = 0.5  # of the variance that a further coefficient would cost
+LARGEST_MISFIT = 0.25  # in units of the variance that a further coefficient would cost
+FURTHER = 2  # coefficients by which a fit is judged
 LOOK_AT = 300  # landings, when windows are compared
 FILTER_FRAMES, FILTER_DEGREE = 7, 3
 
@@ -138,10 +140,12 @@ def together(tracks: Tracks, window_s: float | None) -> Fit:
 
 
 def _drawn(tracks: Tracks, degree: int, window_s: float) -> Fit | None:
-    sums = tracks.sums(window_s, degree, falling=tracks.flight)
+    more = tracks.sums(window_s, degree + FURTHER, falling=tracks.flight)
+    sums = more.lower(degree)
     if (sums.frames > sums.terms).all(axis=1).sum() < LEAST_LANDINGS:
         return None
-    return sums, drawn(sums, learn(sums), least_frames=LEAST_FRAMES)
+    fit = drawn(sums, learn(sums), least_frames=LEAST_FRAMES)
+    return sums, checked(fit, least_squares(more))
 
 
 def _velocity_variance(fit: Fit) -> float:
@@ -158,51 +162,37 @@ def _choices(tracks: Tracks, window_s: float | None) -> list[tuple[int, float]]:
 def widest(tracks: Tracks, degrees: Sequence[int]) -> list[tuple[int, float]]:
     """Return each degree with the widest window, s, in which such polynomials fit the tracks.
 
-    What they leave may exceed the noise by half of what one further coefficient would cost. From
-    the whole on, bias is the larger error (Mallows 1973); by the half, standard errors, which know
-    of the noise only, stay right. The noise is the least that any of them leaves, given the benefit
-    of twice its standard error. A degree that fits nowhere is left out.
+    As long as a coefficient takes less off the squares than the noise would, the error of leaving
+    it out is smaller than that of estimating it (Mallows 1973). A degree that fits nowhere is left
+    out.
     """
     tracks = tracks.evenly(LOOK_AT)
-    tried = [(degree, _ladder(tracks, degree)) for degree in degrees]
-    bounds = [rung.noise_at_most for _, ladder in tried for rung in ladder]
-    noise = np.min(bounds, axis=0) if bounds else np.zeros(2)
     chosen = []
-    for degree, ladder in tried:
-        fitting = list(takewhile(lambda rung: rung.fits(noise), ladder))
+    for degree in degrees:
+        misfits = ((width, _misfit(tracks, degree, width)) for width in WINDOWS_S)
+        told = ((width, misfit) for width, misfit in misfits if misfit is not None)
+        fitting = list(takewhile(lambda one: one[1] <= LARGEST_MISFIT, told))
         if fitting:
-            chosen.append((degree, fitting[-1].window_s))
+            chosen.append((degree, fitting[-1][0]))
     return chosen
 
 
-@dataclass(frozen=True)
-class _Rung:
-    """What polynomials leave in a window: variances (2,), horizontal and vertical, m^2."""
+def _misfit(tracks: Tracks, degree: int, window_s: float) -> float | None:
+    """Variance that the next coefficients explain beyond noise, in units of the noise's.
 
-    window_s: float
-    variance: FloatArray
-    freedom: float  # of one coordinate
-    coordinates: FloatArray  # how many, (2,)
-
-    @property
-    def noise_at_most(self) -> FloatArray:
-        """Variance plus two standard errors."""
-        error = np.sqrt(2 / (self.freedom * self.coordinates))
-        return np.asarray(self.variance * (1 + 2 * error))
-
-    def fits(self, noise: FloatArray) -> bool:
-        """Whether the misfit is small against the cost of a further coefficient."""
-        return bool(((self.variance / noise - 1) * self.freedom <= LARGEST_MISFIT).all())
-
-
-def _ladder(tracks: Tracks, degree: int) -> list[_Rung]:
-    """Fits in ever wider windows, beginning with the first that can tell noise from misfit."""
-    rungs = []
-    for window_s in WINDOWS_S:
-        sums = tracks.sums(window_s, degree, falling=tracks.flight)
-        freedom = float(np.mean(np.maximum(sums.frames - sums.terms, 0.0)))
-        if freedom >= 1:
-            variance = least_squares(sums).noise_m ** 2
-            left = np.array([variance[:, axes].mean() for axes in (HORIZONTAL, VERTICAL)])
-            rungs.append(_Rung(window_s, left, freedom, np.array([2, 1]) * sums.frames.size))
-    return rungs
+    The larger of the horizontal and the vertical, less twice its standard error; None where too
+    few frames are left to tell.
+    """
+    more = tracks.sums(window_s, degree + FURTHER, falling=tracks.flight)
+    whole = np.flatnonzero((more.frames > more.terms).all(axis=1))
+    if len(whole) < LEAST_LANDINGS:
+        return None
+    more = more.some(whole)
+    noise, left = least_squares(more).noise_m ** 2, least_squares(more.lower(degree)).noise_m ** 2
+    freedom = float(more.frames.mean()) - more.terms
+    found = []
+    for axes in (HORIZONTAL, VERTICAL):
+        ratio = float(left[:, axes].sum() / noise[:, axes].sum())
+        scatter = (2 * FURTHER + 2 * FURTHER**2 / freedom) / (len(whole) * left[:, axes].size)
+        found.append((ratio - 1) * (freedom + FURTHER) - 2 * float(np.sqrt(scatter)))
+    return max(found)
