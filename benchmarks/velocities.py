@@ -32,8 +32,8 @@ from hopdata.landings.crossings import SectionStates, cross
 from hopdata.landings.section_fits import Tracks, alone
 from hopdata.landings.states import section_states
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.maps.matching import match_landings
 from hopdata.maps.rigid import body_shape, rigid_states, split_states
+from hopdata.maps.truth.matching import match_landings
 from hopdata.recordings.recording import Recording
 from hopdata.recordings.truth import Truth
 from hopdata.synthesis.known_scene import known_scene
@@ -215,7 +215,8 @@ def measure(seen: Crossings) -> pd.DataFrame:
 
 def rms(values: FloatArray) -> float:
     """Return the root mean square of what is known."""
-    return float(np.sqrt(np.nanmean(values**2)))
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
 
 
 def within(score: FloatArray) -> float:
@@ -249,7 +250,7 @@ def scenes(hops: int, seed: int) -> Iterator[tuple[dict[str, object], Crossings]
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV to write")
-    parser.add_argument("--hops", type=int, default=700, help="landings of each scene")
+    parser.add_argument("--hops", type=int, default=400, help="landings of each scene")
     parser.add_argument("--seed", type=int, default=20261121)
     arguments = parser.parse_args()
     parts = []
