@@ -11,6 +11,7 @@ BENCHMARK_TABLES = {
     "first_solve": ["first_solve.csv"],
     "first_order": ["first_order.csv"],
     "contact_instants": ["contact_instants.csv"],
+    "velocities": ["velocities.csv"],
     "density": ["density.csv"],
     "maps": ["maps.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
