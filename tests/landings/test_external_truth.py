@@ -55,7 +55,7 @@ def test_truth_as_a_table_with_an_offset_a_loss_and_an_invention(scene, touchdow
     known.loc[30, "foot2"] = np.nan  # so hopdata's is an invention
     extra = pd.DataFrame({"foot3": [1000 * (scene.contact_times[10, 2] + 0.3 - 12.5)]})
     file = tmp_path / "contacts.csv"
-    pd.concat([known, extra]).to_csv(file, index=False, float_format="%.9g")
+    pd.concat([known, extra]).to_csv(file, index=False, float_format="%.12g")
     contacts = block("contacts", file=str(file), unit="ms", offset_s=12.5)
     found = overlay(scene, touchdowns, contacts=contacts)
     summary = found.summary.set_index("column")

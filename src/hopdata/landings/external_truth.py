@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from hopdata.landings.contact_overlay import compare_contacts
-from hopdata.landings.force_onsets import contact_times_of
+from hopdata.landings.force_contacts import contact_times_of
 from hopdata.landings.overlay_example import example_landing, threshold_table
 from hopdata.landings.overlay_summary import summarise_overlay
 from hopdata.recordings.external_contacts import read_contact_times

@@ -9,7 +9,7 @@ import numpy as np
 
 from hopdata.errors import AnalysisError
 from hopdata.landings.contact_overlay import MATCHED, compare_contacts
-from hopdata.landings.force_onsets import contact_times_of, threshold_of
+from hopdata.landings.force_contacts import contact_times_of, threshold_of
 from hopdata.landings.overlay_summary import summarise_overlay
 from hopdata.recordings.external import ForceSignal
 from hopdata.recordings.recording import Recording
