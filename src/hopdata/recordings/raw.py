@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from types import MappingProxyType
 
 import numpy as np
@@ -56,7 +57,15 @@ class RawRecording:
     roles : tuple of str
         Role of each marker, if the format says so.
     events : tuple of Event
-        Events marked in the file.
+        Events marked in the file, on the same clock as `time`.
+    trajectory_types : tuple of str
+        How each marker came about (such as ``"Measured"``), if the format says so.
+    stated_up : str
+        Axis that the file itself says points up; empty if it says nothing.
+    started : datetime, optional
+        When the measurement began, on the clock of the computer that made it.
+    remarks : tuple of str
+        What the file says that does not hold and could be put right, one line each, counted.
     """
 
     markers: tuple[str, ...]
@@ -67,6 +76,10 @@ class RawRecording:
     vertical_axis: str = "z"
     roles: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
+    trajectory_types: tuple[str, ...] = ()
+    stated_up: str = ""
+    started: datetime | None = None
+    remarks: tuple[str, ...] = ()
 
 
 def resolve_rate(place: str, *, stated: float | None, given: float | None) -> float:
