@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from types import MappingProxyType
@@ -115,3 +115,28 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
             f"found input.rate_hz: {given:g}; leave that key out"
         )
     return stated
+
+
+def distinct_names(place: str, names: Sequence[str]) -> tuple[str, ...]:
+    """Return marker names that are all there and all different.
+
+    Parameters
+    ----------
+    place : str
+        File (and line), for the message.
+    names : sequence of str
+        The M names, in the file's order.
+
+    Raises
+    ------
+    RecordingError
+        If a name is empty, or stands twice.
+    """
+    seen: set[str] = set()
+    for i, name in enumerate(names):
+        if not name:
+            raise RecordingError(f"{place}: expected a name for marker {i + 1}, found none")
+        if name in seen:
+            raise RecordingError(f"{place}: expected each marker name once, found '{name}' twice")
+        seen.add(name)
+    return tuple(names)
