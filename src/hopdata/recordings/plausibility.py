@@ -153,14 +153,15 @@ def check_upright(recording: Recording) -> None:
 
 
 def notes(recording: Recording) -> list[str]:
-    """Remarks that do not stop the analysis: markers often unseen, frames dropped.
+    """Remarks that do not stop the analysis: the reader's, markers often unseen, frames dropped.
 
     Returns
     -------
     list of str
         One line each.
     """
-    remarks = [
+    remarks = list(recording.remarks)
+    remarks += [
         f"{_place(recording)}: marker '{name}' is missing in {100 * (1 - fraction):.1f} % of frames"
         for name, fraction in zip(recording.markers, fraction_seen(recording), strict=True)
         if 1 - fraction > MISSING_NOTE_FRACTION

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from hopdata.recordings.qtm_columns import (
     n_empty_columns,
     trajectory_types,
 )
+from hopdata.recordings.qtm_dates import moment
 from hopdata.recordings.qtm_header import KEYS, QtmHeader, read_header
 from hopdata.recordings.raw import FloatArray, RawRecording, resolve_rate
 from hopdata.recordings.text_table import Rows, blank_unseen, require_counters
@@ -65,7 +65,7 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
         unit="mm",
         events=tuple(header.events),
         trajectory_types=types,
-        started=_started(header),
+        started=moment((header.values.get("TIME_STAMP") or [""])[0]),
         remarks=remarks + _event_remarks(header, rate),
     )
 
@@ -130,17 +130,6 @@ def _stated_rate(
             raise RecordingError(f"{header.path}: header: expected the key FREQUENCY{near}")
         return header.number("FREQUENCY")
     return None if stamps is None else rate_of(stamps, number)
-
-
-def _started(header: QtmHeader) -> datetime | None:
-    """Date and time of ``TIME_STAMP``; None if there is none, or in a form of its own."""
-    text = (header.values.get("TIME_STAMP") or [""])[0]
-    for form in ("%Y-%m-%d, %H:%M:%S.%f", "%Y-%m-%d, %H:%M:%S"):
-        try:
-            return datetime.strptime(text, form)
-        except ValueError:
-            continue
-    return None
 
 
 def _event_remarks(header: QtmHeader, rate_hz: float) -> tuple[str, ...]:
