@@ -55,6 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def check(options: argparse.Namespace) -> int:
     """Check a configuration and read all its recordings."""
     from hopdata.config.loading import load_config
+    from hopdata.config.recordings import files_of
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible, notes
 
@@ -68,7 +69,7 @@ def check(options: argparse.Namespace) -> int:
             continue
         try:
             recording, _ = import_recording(
-                entry["file"], name=entry["name"], markers=config["markers"], **config["input"]
+                files_of(entry), name=entry["name"], markers=config["markers"], **config["input"]
             )
             check_plausible(recording)
         except RecordingError as error:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,30 +159,19 @@ def _stated_up(parameters: Parameters) -> str:
 
 def _positions(path: Path, header: C3dHeader, processor: Processor, n_frames: int) -> FloatArray:
     """Positions (N, M, 3) as stated, NaN where unseen."""
-    raw = np.memmap(path, dtype=np.uint8, mode="r", offset=header.data_start) if n_frames else []
-    data = np.asarray(raw)[: n_frames * header.frame_bytes]
-    numbers: NDArray[np.generic]
-    numbers = processor.floats(data) if header.scale < 0 else processor.whole(memoryview(data))
+    stored = np.memmap(path, dtype=np.uint8, mode="r", offset=header.data_start)
+    data = np.asarray(stored)[: n_frames * header.frame_bytes]
+    numbers: NDArray[Any] = processor.floats(data) if header.scale < 0 else processor.whole(data)
     points = numbers.reshape(n_frames, -1)[:, : 4 * header.n_points]
     points = points.reshape(n_frames, header.n_points, 4)
-    positions = points[:, :, :3].astype(np.float64)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
+        positions = points[:, :, :3].astype(np.float64)
         unseen = ~(points[:, :, 3] >= 0) | ~np.any(positions, axis=2)
     if header.scale > 0:
         positions *= header.scale
     unseen |= np.isnan(positions).any(axis=2)
     positions[unseen] = np.nan
-    _check_finite(path, positions)
     return positions
-
-
-def _check_finite(path: Path, positions: FloatArray) -> None:
-    if np.isinf(positions).any():
-        frame, marker, axis = np.argwhere(np.isinf(positions))[0]
-        raise RecordingError(
-            f"{path}: frame {frame + 1}, marker {marker + 1}, {'xyz'[axis]}: expected a finite "
-            "number, found infinity"
-        )
 
 
 def _events(parameters: Parameters) -> tuple[Event, ...]:

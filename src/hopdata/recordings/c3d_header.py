@@ -52,7 +52,8 @@ def parameter_start(path: Path, block: bytes) -> int:
     if len(block) < BLOCK or block[1] != 0x50:
         found = f"{len(block)} bytes" if len(block) < BLOCK else f"{block[1]:#04x}"
         raise RecordingError(
-            f"{path}, byte 1: expected a C3D file (0x50 in a header of {BLOCK} bytes), found {found}"
+            f"{path}, byte 1: expected a C3D file (0x50 in a header of {BLOCK} bytes), "
+            f"found {found}"
         )
     if block[0] < 2:
         raise RecordingError(
@@ -77,7 +78,7 @@ def read_c3d_header(block: bytes, processor: Processor) -> C3dHeader:
 
 
 def first_frame(header: C3dHeader, parameters: Parameters) -> int:
-    """Number of the first frame: a long recording has it in two words of ``TRIAL``."""
+    """Return the number of the first frame: a long recording has it in two words of ``TRIAL``."""
     return _two_words(parameters, "ACTUAL_START_FIELD") or header.first
 
 
@@ -105,15 +106,15 @@ def count_frames(
     Raises
     ------
     RecordingError
-        If no claim fits the file's size.
+        If no claim fits the file's size, or there are no frames.
     """
     claims = _claims(header, parameters)
     most = available // header.frame_bytes
     least = max(0, -(-(available - BLOCK + 1) // header.frame_bytes))
-    fitting = [n for n in claims.values() if least <= n <= most]
+    fitting = [n for n in claims.values() if least <= n <= most and n > 0]
     if fitting:
-        n = fitting[0]
-    elif claims and all(_is_full(c) or c == most % 65536 for c in claims.values()):
+        n = int(fitting[0])
+    elif claims and most and all(_is_full(c) or c == most % 65536 for c in claims.values()):
         n = most
     else:
         raise _wrong_size(header, parameters, claims, (least, most))
@@ -153,7 +154,7 @@ def _is_full(claim: float) -> bool:
     return claim in (MOST_16_BIT, -1)
 
 
-def _is_16_bit(claim: float, n: int) -> bool:
+def _is_16_bit(claim: float, n: float) -> bool:
     return n > MOST_16_BIT and (_is_full(claim) or claim == n % 65536 or claim == n % 65536 - 65536)
 
 

@@ -24,22 +24,27 @@ class Processor:
     name: str
     order: str
 
-    def whole(self, data: bytes | memoryview) -> NDArray[np.int16]:
+    def whole(self, data: bytes | NDArray[np.uint8]) -> NDArray[np.int16]:
         """Decode 16-bit whole numbers with a sign."""
         return np.frombuffer(data, dtype=f"{self.order}i2").astype(np.int16)
 
-    def floats(self, data: bytes | memoryview | NDArray[Any]) -> NDArray[np.float32]:
+    def floats(self, data: bytes | NDArray[np.uint8]) -> NDArray[np.float32]:
         """Decode 32-bit floating-point numbers; a DEC number has its halves exchanged."""
         raw = np.frombuffer(data, dtype=np.uint8)
         if self.name != "DEC":
             return raw.view(f"{self.order}f4")
         swapped = raw.view("<u2").reshape(-1, 2)[:, ::-1].copy().view("<f4").reshape(-1)
-        quarter: NDArray[np.float32] = swapped / np.float32(4)
+        with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
+            quarter: NDArray[np.float32] = (swapped / np.float32(4)).astype(np.float32)
         return quarter
 
     def from_whole(self, values: Any) -> bytes:
         """Encode 16-bit whole numbers; up to 65535 as the same bits without a sign."""
-        return (np.atleast_1d(np.asarray(values, dtype=np.int64)) & 0xFFFF).astype(f"{self.order}u2").tobytes()
+        return (
+            (np.atleast_1d(np.asarray(values, dtype=np.int64)) & 0xFFFF)
+            .astype(f"{self.order}u2")
+            .tobytes()
+        )
 
     def from_floats(self, values: Any) -> bytes:
         """Encode 32-bit floating-point numbers."""

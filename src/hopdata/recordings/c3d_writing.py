@@ -71,7 +71,7 @@ def check_no_origin(path: str | Path, positions: FloatArray) -> None:
     RecordingError
         Naming the first frame and marker.
     """
-    at_origin = np.argwhere(~np.any(positions, axis=2))
+    at_origin = np.argwhere((positions == 0).all(axis=2))
     if len(at_origin):
         frame, marker = at_origin[0]
         raise RecordingError(
@@ -81,7 +81,7 @@ def check_no_origin(path: str | Path, positions: FloatArray) -> None:
 
 
 def _first_frame(path: str | Path, raw: RawRecording) -> int:
-    """Number of the first frame, from 1, of time stamps that lie on the grid."""
+    """Return the number of the first frame, from 1, of time stamps that lie on the grid."""
     if not len(raw.time):
         raise RecordingError(f"{path}: expected at least 1 frame to write, found none")
     first = int(np.round(raw.time[0] * raw.rate_hz)) + 1
@@ -126,7 +126,7 @@ def _groups(raw: RawRecording, first: int, scale: float, start: int) -> dict[str
 
 
 def _lists(name: str, entries: list[str]) -> dict[str, list[str]]:
-    """Lists of at most 255 entries: ``LABELS``, ``LABELS2`` and so on."""
+    """Return lists of at most 255 entries: ``LABELS``, ``LABELS2`` and so on."""
     starts = range(0, max(len(entries), 1), _WIDEST)
     return {
         name + (str(i + 1) if i else ""): entries[start : start + _WIDEST]
@@ -156,7 +156,7 @@ def _header(processor: Processor, raw: RawRecording, first: int, scale: float, s
 
 def _data(processor: Processor, positions: FloatArray, scale: float) -> bytes:
     """Encode positions (N, M, 3) with their residuals, 0 or -1."""
-    unseen = np.isnan(positions).any(axis=2)
+    unseen = np.asarray(np.isnan(positions).any(axis=2))
     points: NDArray[np.float64] = np.zeros((*positions.shape[:2], 4))
     points[:, :, :3] = np.where(unseen[:, :, None], 0.0, positions)
     points[:, :, 3] = np.where(unseen, -1.0, 0.0)

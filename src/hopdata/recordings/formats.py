@@ -6,9 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.frame_times import events_outside, irregular
-from hopdata.recordings.raw import RawRecording, resolve_rate
+from hopdata.recordings.raw import RawRecording, printable, resolve_rate
 
 Reader = Callable[[Path, float | None], RawRecording]
 
@@ -95,10 +97,30 @@ def read_raw(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
         )
     if not path.is_file():
         raise RecordingError(f"{path}: expected a file, found none{_near_files(path)}")
-    raw = _READERS[path.suffix.lower()](path, rate_hz)
+    try:
+        raw = _READERS[path.suffix.lower()](path, rate_hz)
+        _check_finite(path, raw)
+    except RecordingError as error:
+        raise RecordingError(printable(str(error))) from None
     more = irregular(str(path), raw.time, raw.rate_hz)
     more += events_outside(str(path), raw.events, raw.time, raw.rate_hz)
     return replace(raw, remarks=raw.remarks + more)
+
+
+def _check_finite(path: Path, raw: RawRecording) -> None:
+    """Require finite times, and positions that are finite or NaN."""
+    if not np.isfinite(raw.time).all():
+        frame = int(np.argmin(np.isfinite(raw.time)))
+        raise RecordingError(
+            f"{path}: frame {frame + 1}: expected a finite time, found {raw.time[frame]}"
+        )
+    infinite = np.isinf(raw.positions)
+    if infinite.any():
+        frame, marker, axis = np.argwhere(infinite)[0]
+        raise RecordingError(
+            f"{path}: frame {frame + 1}, marker {raw.markers[marker]}, {'xyz'[axis]}: expected a "
+            "finite number, found infinity"
+        )
 
 
 def _near_files(path: Path) -> str:

@@ -43,8 +43,9 @@ def settle(
     if not on_the_grid(stamps, stamps[0] + (number - number[0]) / own, own):
         return stamps, ()
     return grid, (
-        f"{place}: time stamps run evenly at {own:.7g} Hz up to {stamps[-1]:.6g} s, but at the rate "
-        f"of {rate_hz:g} Hz they would end at {grid[-1]:.6g} s; all {len(grid)} taken from the rate",
+        f"{place}: time stamps run evenly at {own:.7g} Hz up to {stamps[-1]:.6g} s, but at the "
+        f"rate of {rate_hz:g} Hz they would end at {grid[-1]:.6g} s; all {len(grid)} are taken "
+        "from the rate",
     )
 
 

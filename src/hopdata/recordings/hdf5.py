@@ -106,16 +106,20 @@ def _open(path: str | Path, fault: str) -> Iterator[h5py.File]:
     import h5py
 
     if not Path(path).is_file():
-        raise RecordingError(f"{path}: no such file")
+        raise RecordingError(f"{path}: no such file: expected a recording, found none")
     try:
         file = h5py.File(path, "r")
     except OSError as error:
-        raise RecordingError(f"{path}: not an HDF5 file: {error}") from error
+        raise RecordingError(
+            f"{path}: not an HDF5 file: expected one that can be opened, found: {error}"
+        ) from error
     try:
         with file:
             yield file
     except Exception as error:  # a damaged file makes h5py raise almost anything
-        raise RecordingError(f"{path}: {fault}: {_in_words(error)}") from error
+        words = _in_words(error)
+        told = words if "expected" in words else f"expected it to be readable, found: {words}"
+        raise RecordingError(f"{path}: {fault}: {told}") from error
 
 
 def _in_words(error: Exception) -> str:

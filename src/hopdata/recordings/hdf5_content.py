@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.recordings.hdf5_limits import whole_array
+from hopdata.recordings.hdf5_limits import checked_attribute, whole_array
 
 if TYPE_CHECKING:
     import h5py
@@ -99,7 +99,7 @@ def stored_texts(group: h5py.Group, name: str) -> tuple[str, ...]:
 
 
 def _attribute(group: h5py.Group, name: str) -> Any:
-    found = group.attrs.get(name)
+    found = checked_attribute(group, name)
     if found is None:
         raise ValueError(f"attribute '{name}': expected a value, found none")
     return found

@@ -1,4 +1,8 @@
-"""Datasets of HDF5 files that somebody else wrote: none may be larger than its bytes can say."""
+"""Datasets and attributes of HDF5 files that may be damaged: none is read before it is looked at.
+
+The library that reads HDF5 believes what a file says of itself: it would make an array of any size,
+and follow a type that is none into memory that is not its own.
+"""
 
 from __future__ import annotations
 
@@ -35,3 +39,27 @@ def whole_array(dataset: h5py.Dataset) -> NDArray[Any]:
         )
     array: NDArray[Any] = np.asarray(dataset[()])
     return array
+
+
+def checked_attribute(item: h5py.Group | h5py.Dataset, name: str) -> Any:
+    """Read an attribute that is numbers or text; None if there is none of this name.
+
+    Raises
+    ------
+    ValueError
+        If it is of another type, or too large.
+    """
+    import h5py
+
+    if name not in item.attrs:
+        return None
+    attribute = h5py.h5a.open(item.id, name.encode())
+    kind = attribute.get_type()
+    sound = isinstance(kind, h5py.h5t.TypeStringID | h5py.h5t.TypeIntegerID | h5py.h5t.TypeFloatID)
+    claimed = attribute.get_space().get_simple_extent_npoints() * kind.get_size()
+    if not sound or max(claimed, kind.get_size()) > _SMALL:
+        raise ValueError(
+            f"attribute '{name}': expected numbers or text, found {type(kind).__name__} of "
+            f"{claimed} bytes"
+        )
+    return item.attrs[name]

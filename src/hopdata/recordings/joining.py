@@ -93,10 +93,8 @@ def _starts(
     )
 
 
-def _starts_by_clock(
-    paths: Sequence[Path], raws: Sequence[RawRecording]
-) -> list[float] | None:
-    """Times of the first frames where every file says when it began, and that can be true.
+def _starts_by_clock(paths: Sequence[Path], raws: Sequence[RawRecording]) -> list[float] | None:
+    """Return times of the first frames where every file says when it began, and that can be true.
 
     Raises
     ------

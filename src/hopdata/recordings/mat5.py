@@ -25,7 +25,7 @@ _DEEPEST = 12
 HEADER_BYTES = 128
 
 
-class MatFault(ValueError):
+class MatError(ValueError):
     """What is wrong in the file, without its name."""
 
 
@@ -45,13 +45,13 @@ def read_mat5(data: bytes) -> dict[str, Any]:
 
     Raises
     ------
-    MatFault
+    MatError
         Naming the byte, what was expected and what was found.
     """
     order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
     if order is None:
-        raise MatFault(f"byte 126: expected 'IM' or 'MI', found {data[126:128]!r}")
-    return dict(_variables(_Bytes(data, order, ""), HEADER_BYTES))
+        raise MatError(f"byte 126: expected 'IM' or 'MI', found {data[126:128]!r}")
+    return dict(_variables(_Bytes(memoryview(data), order, ""), HEADER_BYTES))
 
 
 def _variables(source: _Bytes, at: int) -> list[tuple[str, Any]]:
@@ -59,24 +59,29 @@ def _variables(source: _Bytes, at: int) -> list[tuple[str, Any]]:
     while at < len(source.data):
         kind, piece, at = source.element(at)
         if kind == _COMPRESSED:
-            inner = _Bytes(_inflated(piece, source.where(at)), source.order, " (decompressed)")
+            whole = memoryview(_inflated(piece, source.where(at)))
+            inner = _Bytes(whole, source.order, " (decompressed)")
             found += _variables(inner, 0)
         elif kind == _MATRIX:
             found.append(_matrix(_Bytes(piece, source.order, source.note), 0))
     return found
 
 
-def _inflated(piece: bytes, place: str) -> bytes:
+def _inflated(piece: memoryview, place: str) -> bytes:
+    stream = zlib.decompressobj()
     try:
-        return zlib.decompressobj().decompress(piece)
+        data = stream.decompress(piece)
     except zlib.error as error:
-        raise MatFault(f"{place}: expected compressed data, found: {error}") from None
+        raise MatError(f"{place}: expected compressed data, found: {error}") from None
+    if not stream.eof:
+        raise MatError(f"{place}: expected the end of compressed data, found the end of the file")
+    return data
 
 
 def _matrix(source: _Bytes, depth: int) -> tuple[str, Any]:
     """Name and value of one matrix element."""
     if depth > _DEEPEST:
-        raise MatFault(f"{source.where(0)}: expected at most {_DEEPEST} levels, found more")
+        raise MatError(f"{source.where(0)}: expected at most {_DEEPEST} levels, found more")
     if not source.data:
         return "", np.empty((0, 0))
     flags, at = source.array(0)
@@ -85,15 +90,15 @@ def _matrix(source: _Bytes, depth: int) -> tuple[str, Any]:
     shape = tuple(int(n) for n in shape_array)
     kind = int(flags[0]) & 0xFF if len(flags) else 0
     if any(n < 0 for n in shape) or not shape:
-        raise MatFault(f"{source.where(at)}: expected a size, found {shape}")
-    return name.decode("latin-1"), _content(source, at, kind, shape, depth)
+        raise MatError(f"{source.where(at)}: expected a size, found {shape}")
+    return bytes(name).decode("latin-1"), _content(source, at, kind, shape, depth)
 
 
 def _content(source: _Bytes, at: int, kind: int, shape: tuple[int, ...], depth: int) -> Any:
     if kind in _NUMERIC:
         values, _ = source.array(at)
         if prod(shape) != len(values):
-            raise MatFault(f"{source.where(at)}: expected {shape} numbers, found {len(values)}")
+            raise MatError(f"{source.where(at)}: expected {shape} numbers, found {len(values)}")
         return values.reshape(shape, order="F")
     if kind == _CHAR:
         return source.text(at)
@@ -108,9 +113,9 @@ def _struct(source: _Bytes, at: int, count: int, depth: int) -> Any:
     _, joined, at = source.element(at)
     width = int(width_array[0]) if len(width_array) else 0
     if width < 1:
-        raise MatFault(f"{source.where(at)}: expected the length of field names, found {width}")
+        raise MatError(f"{source.where(at)}: expected the length of field names, found {width}")
     names = [
-        joined[i : i + width].split(b"\0")[0].decode("latin-1")
+        bytes(joined[i : i + width]).split(b"\0")[0].decode("latin-1")
         for i in range(0, len(joined), width)
     ]
     if not names or not count:
@@ -124,12 +129,12 @@ def _struct(source: _Bytes, at: int, count: int, depth: int) -> Any:
 def _elements(source: _Bytes, at: int, count: int, depth: int) -> tuple[list[Any], int]:
     """Decode `count` matrices, one after the other."""
     if count * 8 > len(source.data) - at:
-        raise MatFault(f"{source.where(at)}: expected {count} elements, found the end")
+        raise MatError(f"{source.where(at)}: expected {count} elements, found the end")
     values = []
     for _ in range(count):
         kind, piece, at = source.element(at)
         if kind != _MATRIX:
-            raise MatFault(f"{source.where(at)}: expected an element of type 14, found {kind}")
+            raise MatError(f"{source.where(at)}: expected an element of type 14, found {kind}")
         values.append(_matrix(_Bytes(piece, source.order, source.note), depth + 1)[1])
     return values, at
 
@@ -137,16 +142,16 @@ def _elements(source: _Bytes, at: int, count: int, depth: int) -> tuple[list[Any
 class _Bytes:
     """A stretch of the file, or of what was compressed in it, as tagged elements."""
 
-    def __init__(self, data: bytes, order: str, note: str) -> None:
+    def __init__(self, data: memoryview, order: str, note: str) -> None:
         self.data, self.order, self.note = data, order, note
 
     def where(self, at: int) -> str:
         return f"byte {at}{self.note}"
 
-    def element(self, at: int) -> tuple[int, bytes, int]:
+    def element(self, at: int) -> tuple[int, memoryview, int]:
         """Type, content and end of the element at a byte."""
         if at + 8 > len(self.data):
-            raise MatFault(f"{self.where(at)}: expected an element, found the end")
+            raise MatError(f"{self.where(at)}: expected an element, found the end")
         first, second = (int(x) for x in np.frombuffer(self.data, f"{self.order}u4", 2, at))
         if first >> 16:  # a small element: its size stands before its type
             kind, size, start, end = first & 0xFFFF, first >> 16, at + 4, at + 8
@@ -155,7 +160,7 @@ class _Bytes:
             padding = 0 if kind == _COMPRESSED else -size % 8
             end = start + size + padding
         if start + size > len(self.data) or (start == at + 4 and size > 4):
-            raise MatFault(
+            raise MatError(
                 f"{self.where(at)}: expected an element of {size} bytes, "
                 f"found {len(self.data) - start}"
             )
@@ -165,7 +170,7 @@ class _Bytes:
         """Numbers of the element at a byte, and its end."""
         kind, piece, end = self.element(at)
         if kind not in _DTYPES:
-            raise MatFault(f"{self.where(at)}: expected numbers, found the type {kind}")
+            raise MatError(f"{self.where(at)}: expected numbers, found the type {kind}")
         dtype = np.dtype(self.order + _DTYPES[kind])
         return np.frombuffer(piece[: len(piece) // dtype.itemsize * dtype.itemsize], dtype), end
 
@@ -173,6 +178,6 @@ class _Bytes:
         """Text of the element at a byte."""
         kind, piece, _ = self.element(at)
         if kind not in _TEXTS:
-            raise MatFault(f"{self.where(at)}: expected text, found the type {kind}")
+            raise MatError(f"{self.where(at)}: expected text, found the type {kind}")
         order = "" if _TEXTS[kind] == "utf-8" else {"<": "-le", ">": "-be"}[self.order]
-        return piece.decode(_TEXTS[kind] + order, errors="replace")
+        return bytes(piece).decode(_TEXTS[kind] + order, errors="replace")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopdata.recordings.hdf5_limits import whole_array
+from hopdata.recordings.hdf5_limits import checked_attribute, whole_array
 
 if TYPE_CHECKING:
     import h5py
@@ -52,8 +52,8 @@ class _Reader:
             raise ValueError(
                 f"{item.name}: expected a group or dataset, found {type(item).__name__}"
             )
-        is_text = item.attrs.get("MATLAB_class") in (b"char", "char")
-        if item.attrs.get("MATLAB_empty"):
+        is_text = checked_attribute(item, "MATLAB_class") in (b"char", "char")
+        if checked_attribute(item, "MATLAB_empty") is not None:
             return "" if is_text else np.empty((0, 0))
         array = whole_array(item)
         if array.dtype == h5py.ref_dtype:  # a cell array, or a field of an array of structs

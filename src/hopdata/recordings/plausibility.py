@@ -197,7 +197,8 @@ def extent(positions: FloatArray) -> float:
     if not len(frames):
         return float("nan")
     span = np.nanmax(frames, axis=1) - np.nanmin(frames, axis=1)
-    return float(np.median(np.sqrt((span**2).sum(axis=1))))
+    with np.errstate(over="ignore"):  # an absurd size may be infinite
+        return float(np.median(np.sqrt((span**2).sum(axis=1))))
 
 
 def body_over_feet(recording: Recording) -> FloatArray:

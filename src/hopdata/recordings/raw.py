@@ -117,6 +117,11 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
     return stated
 
 
+def printable(text: str) -> str:
+    """Return a text of a file as it can stand in a message: one line, nothing that steers."""
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
 def distinct_names(place: str, names: Sequence[str]) -> tuple[str, ...]:
     """Return marker names that are all there and all different.
 
@@ -130,12 +135,16 @@ def distinct_names(place: str, names: Sequence[str]) -> tuple[str, ...]:
     Raises
     ------
     RecordingError
-        If a name is empty, or stands twice.
+        If a name is empty, holds control characters, or stands twice.
     """
     seen: set[str] = set()
     for i, name in enumerate(names):
         if not name:
             raise RecordingError(f"{place}: expected a name for marker {i + 1}, found none")
+        if not name.isprintable():
+            raise RecordingError(
+                f"{place}: expected a name of letters and digits for marker {i + 1}, found {name!r}"
+            )
         if name in seen:
             raise RecordingError(f"{place}: expected each marker name once, found '{name}' twice")
         seen.add(name)

@@ -74,7 +74,9 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
     path = Path(path)
     header = _read_header(path)
     unit, remarks = _unit(header)
-    rate = resolve_rate(f"{path}, line 3: DataRate", stated=header.number("DataRate"), given=rate_hz)
+    rate = resolve_rate(
+        f"{path}, line 3: DataRate", stated=header.number("DataRate"), given=rate_hz
+    )
     table = header.rows.numbers()
     n_frames = header.number("NumFrames")
     if n_frames is not None and n_frames != len(table):
