@@ -6,6 +6,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 EXTERNAL = "RBDS001runT25markers.tsv"
+SAME_RUN = ("RBDS001runT35.c3d", "RBDS001runT35_markers.txt")
 EXTERNAL_FOLDERS = (ROOT / "data/external", ROOT.parent / "shared/recordings/treadmill_running")
 
 
@@ -16,6 +17,15 @@ def external_recording():
         if (folder / EXTERNAL).is_file():
             return folder / EXTERNAL
     pytest.skip(f"{EXTERNAL} is in none of {', '.join(map(str, EXTERNAL_FOLDERS))}")
+
+
+@pytest.fixture(scope="session")
+def same_run():
+    """Paths of the C3D and the text file of one run; skipped where nobody has fetched them."""
+    for folder in EXTERNAL_FOLDERS:
+        if all((folder / name).is_file() for name in SAME_RUN):
+            return tuple(folder / name for name in SAME_RUN)
+    pytest.skip(f"{SAME_RUN} are in none of {', '.join(map(str, EXTERNAL_FOLDERS))}")
 
 
 @pytest.fixture(scope="session")

@@ -35,6 +35,8 @@ def qtm_struct(positions, names, *, rate_hz=100.0, events=(), start=1, types=Non
 
 def write_mat5(path, struct, *, name="trial", compressed=False):
     scipy.io.savemat(path, {name: struct}, do_compression=compressed, long_field_names=True)
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 5.0 MAT-file".ljust(116))  # without the date: the same bytes each time
     return path
 
 

@@ -138,7 +138,8 @@ def _claims(header: C3dHeader, parameters: Parameters) -> dict[str, float]:
         stated = parameters.number("POINT", name)
         if stated is not None and math.isfinite(stated):
             claims[f"POINT:{name}"] = unsigned(stated) if stated > -32769 else stated
-    claims["header"] = header.last - header.first + 1
+    if header.last < MOST_16_BIT or not claims:  # a full last frame says nothing beside others
+        claims["header"] = header.last - header.first + 1
     return claims
 
 

@@ -55,7 +55,7 @@ def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
         raise RecordingError(
             f"{inner}.Labels: expected {len(data)} as in Data, found {len(labels)}"
         )
-    positions: FloatArray = np.ascontiguousarray(np.moveaxis(data[:, :3], 2, 0), dtype=np.float64)
+    positions: FloatArray = np.array(np.moveaxis(data[:, :3], 2, 0), np.float64, order="C")
     _check_counts(export, labelled, positions, place)
     unseen = np.isnan(positions).any(axis=2) | ~np.any(positions, axis=2)
     positions[unseen] = np.nan

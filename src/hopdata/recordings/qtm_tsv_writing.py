@@ -82,7 +82,7 @@ def _header(raw: RawRecording) -> list[str]:
         *([("TIME_STAMP", started)] if started else []),
         ("DATA_INCLUDED", "3D"),
         *(
-            ("EVENT", event.label, f"{_frame(raw, event.time_s)}", _TIME % event.time_s)
+            ("EVENT", event.label, f"{_frame(raw, event.time_s)}", repr(float(event.time_s)))
             for event in raw.events
         ),
         ("MARKER_NAMES", *raw.markers),
