@@ -4,10 +4,10 @@
 
 A recording of 182,611 frames of 6 markers, the dissertation's size, is written in every format, TSV
 as QTM writes it (3 decimals). One row a format and reader: `time_s` is the shortest of `--rounds`
-readings, the readers of a format taking turns; `ratio` is that over the peer's time (below 1 ours is
-faster); `memory_mb` is how much the process grew above what it had after one small file, and
-`memory_over_array` that over the array of positions itself (N x M x 3 doubles, 26.3 MB); `frames` is
-what came back, of 182,611. pandas only parses TSV into columns; it checks nothing.
+readings, the readers of a format taking turns; `ratio` is that over the peer's time (below 1 the row
+is faster); `memory_mb` is how much the process grew above what it had after one small file, and
+`memory_over_array` that over the array of positions itself (N x M x 3 doubles, 26.3 MB); `frames`
+is what came back, of 182,611. pandas only parses TSV into columns; it checks nothing.
 
 Beside it `reading_agreement.csv`: the 3.5 m/s run of the treadmill recordings, read from its C3D and
 from its text file: largest differences of positions and time stamps, markers and frames that differ
@@ -113,7 +113,7 @@ def grown_mb(reader: str, small: Path, path: Path) -> float:
 
 
 def most_memory_mb() -> float:
-    """Return the most memory that this process has had, MB; Linux keeps it apart from its parent's."""
+    """Return the most memory that this process has had, MB, apart from its parent's."""
     status = Path("/proc/self/status")
     if status.exists():
         line = next(x for x in status.read_text().splitlines() if x.startswith("VmHWM"))

@@ -1,4 +1,4 @@
-"""C3D: counts that lie, long recordings, absolute events, residuals; another library beside ours."""
+"""C3D: counts that lie, long recordings, absolute events, residuals; another library beside."""
 
 from dataclasses import replace
 

@@ -12,7 +12,8 @@ from hopdata.errors import RecordingError
 from hopdata.jobs import whole_file
 from hopdata.recordings.c3d_header import MOST_16_BIT
 from hopdata.recordings.c3d_numbers import PROCESSORS, Processor
-from hopdata.recordings.c3d_parameters import BLOCK, parameter_bytes
+from hopdata.recordings.c3d_parameter_writing import parameter_bytes
+from hopdata.recordings.c3d_parameters import BLOCK
 from hopdata.recordings.raw import Event, FloatArray, RawRecording
 
 NEAR = 1e-3  # of a frame: C3D has no time stamps, so all must lie on the grid

@@ -127,7 +127,9 @@ def _stated_rate(
     if header.values:
         near = did_you_mean("FREQUENCY", set(header.values) - set(KEYS))
         if near and "FREQUENCY" not in header.values:
-            raise RecordingError(f"{header.path}: header: expected the key FREQUENCY{near}")
+            raise RecordingError(
+                f"{header.path}: header: expected the key FREQUENCY, found none{near}"
+            )
         return header.number("FREQUENCY")
     return None if stamps is None else rate_of(stamps, number)
 
