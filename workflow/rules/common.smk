@@ -1,3 +1,4 @@
+import os
 import re
 import sys
 from pathlib import Path
@@ -32,12 +33,17 @@ FIGURE_NAMES = [
     "fig2_4_prediction",
     "fig2_5_distances",
     "map_matrices",
+    "stability",
+    "worst_landings",
+    "recording_gaps",
     *(["distance_sensitivity"] if STUDY["distances"]["sensitivity"] else []),
     *(["map_errors", "scaling_study"] if SIMULATED else []),
 ]
 FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
 PROGRAMS = Path("benchmarks")
+# Relative, so that a study may be run in another folder (`--directory`) and a checkout may be moved.
+CAPTIONS = os.path.relpath(Path(workflow.basedir) / "workflow" / "captions")
 STRESS_SUITE = Path("tests/hybrid")  # one of the benchmarks runs it
 DAMAGE_SUITE = Path("tests/recordings")  # and another this
 

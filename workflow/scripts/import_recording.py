@@ -12,7 +12,7 @@ with reported(snakemake.log[0]):
         markers=snakemake.params.markers,
         **snakemake.params.options,
     )
-    check_plausible(recording)
+    check_plausible(recording, **snakemake.params.quality)
     for note in notes(recording):
         logger.warning("%s", note)
     write_recording(snakemake.output.recording, recording, truth=truth)
