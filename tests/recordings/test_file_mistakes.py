@@ -102,6 +102,10 @@ MISTAKES = {
         ["line 4: frame rate", "input.rate_hz", "neither"],
     ),
     "6D.tsv": (tsv(qtm_text(header={"DATA_INCLUDED": "6D"})), ["line 9", "'3D'", "'6D'"]),
+    "a number for missing.tsv": (
+        tsv_row(4, 3, "9.99e+37"),
+        ["frame 5, marker hip left, y", "below 1e+09 mm", "found 9.99e+37"],
+    ),
     "time twice.tsv": (tsv_row(9, 1, "0.08000"), ["frame 10", "after 0.08 s", "found 0.08 s"]),
     "rate halved.tsv": (
         tsv(qtm_text(frequency="50")),

@@ -12,6 +12,8 @@ from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.frame_times import events_outside, irregular
 from hopdata.recordings.raw import RawRecording, printable, resolve_rate
 
+LARGEST = 1e9  # mm or m: no camera sees so far
+
 Reader = Callable[[Path, float | None], RawRecording]
 
 
@@ -108,18 +110,18 @@ def read_raw(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
 
 
 def _check_finite(path: Path, raw: RawRecording) -> None:
-    """Require finite times, and positions that are finite or NaN."""
+    """Require finite times, and positions that are NaN or such as can be."""
     if not np.isfinite(raw.time).all():
         frame = int(np.argmin(np.isfinite(raw.time)))
         raise RecordingError(
             f"{path}: frame {frame + 1}: expected a finite time, found {raw.time[frame]}"
         )
-    infinite = np.isinf(raw.positions)
-    if infinite.any():
-        frame, marker, axis = np.argwhere(infinite)[0]
+    absurd = np.abs(raw.positions) > LARGEST
+    if absurd.any():
+        frame, marker, axis = np.argwhere(absurd)[0]
         raise RecordingError(
             f"{path}: frame {frame + 1}, marker {raw.markers[marker]}, {'xyz'[axis]}: expected a "
-            "finite number, found infinity"
+            f"coordinate below {LARGEST:g} {raw.unit}, found {raw.positions[frame, marker, axis]:g}"
         )
 
 
