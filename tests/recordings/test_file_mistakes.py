@@ -106,6 +106,10 @@ MISTAKES = {
         tsv_row(4, 3, "9.99e+37"),
         ["frame 5, marker hip left, y", "below 1e+09 mm", "found 9.99e+37"],
     ),
+    "a count for a rate.tsv": (
+        tsv(qtm_text(frequency="4294967295", counters=False)),
+        ["line 4: frame rate", "at most 100000 Hz", "4.29497e+09 Hz"],
+    ),
     "time twice.tsv": (tsv_row(9, 1, "0.08000"), ["frame 10", "after 0.08 s", "found 0.08 s"]),
     "rate halved.tsv": (
         tsv(qtm_text(frequency="50")),

@@ -17,6 +17,7 @@ FloatArray = NDArray[np.float64]
 
 METRES_PER_UNIT: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
 
+FASTEST_HZ = 1e5  # as in the schema of input.rate_hz
 RATE_TOLERANCE = 1e-3  # relative; files round their rate, but not by more than this
 
 
@@ -97,10 +98,14 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
     Raises
     ------
     RecordingError
-        If neither is known, the rate is not positive, or the two disagree.
+        If neither is known, the rate is not positive or beyond any camera's, or the two disagree.
     """
     if stated is not None and not (math.isfinite(stated) and stated > 0):
         raise RecordingError(f"{place}: frame rate: expected more than 0 Hz, found {stated:g} Hz")
+    if stated is not None and stated > FASTEST_HZ:
+        raise RecordingError(
+            f"{place}: frame rate: expected at most {FASTEST_HZ:g} Hz, found {stated:g} Hz"
+        )
     if given is not None and not (math.isfinite(given) and given > 0):
         raise RecordingError(f"input.rate_hz: expected more than 0 Hz, found {given:g} Hz")
     if stated is None and given is None:
