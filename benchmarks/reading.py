@@ -3,15 +3,16 @@
     python benchmarks/reading.py --out reading.csv
 
 A recording of 182,611 frames of 6 markers, as many as in the dissertation, is written in every
-format, TSV as QTM writes it (3 decimals). One row a format and reader: `time_s` is the shortest of
-`--rounds` readings, the readers of a format taking turns; `ratio` is that over the peer's time (below
-1 the row is faster); `memory_mb` is how much the process grew above what it had after one small file,
-and `memory_over_array` that over the array of positions itself (N x M x 3 doubles, 26.3 MB); `frames`
-is what came back, of 182,611. pandas only parses TSV into columns; it checks nothing.
+format, TSV as QTM writes it (3 decimals). One row a format and reader: `time_s` is the shortest
+of `--rounds` readings, the readers of a format taking turns; `ratio` is that over the peer's time
+(below 1 the row is faster); `memory_mb` is how much the process grew above what it had after one
+small file, and `memory_over_array` that over the array of positions itself (N x M x 3 doubles,
+26.3 MB); `frames` is what came back, of 182,611. pandas only parses TSV into columns; it checks
+nothing.
 
-Beside it `reading_agreement.csv`: the 3.5 m/s run of the treadmill recordings, read from its C3D and
-from its text file: largest differences of positions and time stamps, coordinates that only one has.
-"absent" where the files are not there (see the README of this repository).
+Beside it `reading_agreement.csv`: the 3.5 m/s run of the treadmill recordings, read from its C3D
+and from its text file: largest differences of positions and time stamps, coordinates that only
+one has. "absent" where the files are not there (see the README of this repository).
 """
 
 from __future__ import annotations
