@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 def check(options: argparse.Namespace) -> int:
     """Check a configuration and read all its recordings."""
     from hopdata.config.loading import load_config
+    from hopdata.config.recordings import files_of
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible, notes
 
@@ -24,16 +25,17 @@ def check(options: argparse.Namespace) -> int:
     mistakes: list[str] = []
     remarks: list[str] = []
     for entry in config["recordings"]:
-        if entry["file"] is None:
+        files = files_of(entry)
+        if not files:
             print(f"{entry['name']}: simulated, {config['simulation']['hops']} hops")
             continue
         try:
             with Progress() as progress:
-                progress(f"reading {entry['file']}")
+                progress(f"reading {', '.join(files)}")
                 recording, _ = import_recording(
-                    entry["file"], name=entry["name"], markers=config["markers"], **config["input"]
+                    files, name=entry["name"], markers=config["markers"], **config["input"]
                 )
-                progress(f"checking {entry['file']}")
+                progress(f"checking {', '.join(files)}")
                 check_plausible(recording, **config["quality"])
         except RecordingError as error:
             mistakes.append(str(error))

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hopdata.config.messages import describe, dotted
+from hopdata.config.recordings import files_of
 from hopdata.config.schema import load_schema
 from hopdata.config.yaml_file import read_yaml
 from hopdata.errors import ConfigError, did_you_mean
@@ -201,11 +202,22 @@ def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
 
 def _missing_files(config: dict[str, Any]) -> Iterator[str]:
     for i, recording in enumerate(config["recordings"]):
-        if recording["file"] is None or Path(recording["file"]).is_file():
-            continue
-        file = Path(recording["file"])
-        found = f"the folder '{file}'" if file.is_dir() else f"no '{file}'{_near(file)}"
-        yield f"recordings[{i}].file: expected a file, found {found}"
+        for k, name in enumerate(files_of(recording)):
+            file = Path(name)
+            if file.is_file():
+                continue
+            found = f"the folder '{file}'" if file.is_dir() else f"no '{file}'{_near(file)}"
+            which = f"[{k}]" if isinstance(recording["file"], list) else ""
+            yield f"recordings[{i}].file{which}: expected a file, found {found}"
+
+
+def _repeated_files(config: dict[str, Any]) -> Iterator[str]:
+    """Yield files that one recording names twice: its landings would count twice."""
+    for i, recording in enumerate(config["recordings"]):
+        names = files_of(recording)
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                yield f"recordings[{i}].file[{k}]: expected each file once, found '{name}' twice"
 
 
 def _near(file: Path) -> str:
@@ -228,4 +240,5 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _enough_samples,
     _simulated_markers,
     _simulated_files,
+    _repeated_files,
 ]
