@@ -29,9 +29,9 @@ SHORTEST = 0.0015  # of the duration: a shorter stretch is drawn this long, or n
 # kind: colour, sign, what it means.
 SIGNS = {
     "swap": (VERMILION, "v", "swapped markers"),
-    "spike": (ORANGE, "|", "spike"),
+    "spike": (INK, "x", "spike"),
     "jump": (PURPLE, ">", "jump"),
-    "frozen": (INK, "s", "frozen"),
+    "frozen": (ORANGE, "s", "frozen"),
 }
 
 
@@ -71,8 +71,8 @@ def gap_timeline_figure(
 
 def _draw_gaps(axes: Axes, row: int, gaps: pd.DataFrame, duration_s: float) -> None:
     """Draw the bar of one marker, and its gaps upon it."""
-    label = {"label": "seen"} if row == 0 else {}
-    axes.barh(row, duration_s, height=BAR, color=BLUE, alpha=0.55, linewidth=0, **label)
+    label = "seen" if row == 0 else None
+    axes.barh(row, duration_s, height=BAR, color=BLUE, alpha=0.55, linewidth=0, label=label)
     stretches = [
         (start, max(stop - start, SHORTEST * duration_s))
         for start, stop in zip(gaps["start_s"], gaps["stop_s"], strict=True)
@@ -86,8 +86,8 @@ def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> No
         found = faults[faults["kind"] == kind]
         if len(found):
             rows = [list(markers).index(name) for name in found["marker"]]
-            style = {"color": colour, "marker": sign, "linestyle": "none", "ms": 3.5, "mew": 0.9}
-            axes.plot(found["time_s"], rows, label=meaning, zorder=3, clip_on=False, **style)
+            (line,) = axes.plot(found["time_s"], rows, sign, color=colour, label=meaning)
+            line.set(markersize=3.5, markeredgewidth=0.9, zorder=3, clip_on=False)
     dropped = faults.loc[faults["kind"] == "dropped", "time_s"]
     for i, time in enumerate(dropped):
         axes.axvline(

@@ -29,6 +29,8 @@ from hopdata.recordings.raw import RawRecording
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
 
+STENCIL = 3  # frames on either side by which a position is judged
+
 
 @dataclass(frozen=True)
 class Faults:
@@ -142,18 +144,33 @@ def inspect_recording(
         clusters=clusters,
         rate_hz=raw.rate_hz,
     )
+    frozen, timing = frozen_markers(raw.positions, raw.markers), check_stamps(raw.time)
     explained = explained_frames(swaps, raw.markers, len(positions))
+    explained |= _told_elsewhere(explained.shape, timing, frozen, raw.markers)
     faults = Faults(
         swaps=swaps,
         spikes=find_spikes(missed, raw.markers, explained=explained),
         jumps=find_jumps(missed, raw.markers, explained=explained),
-        frozen=frozen_markers(raw.positions, raw.markers),
+        frozen=frozen,
         never_seen=tuple(g.marker for g in gaps if g.missing == g.n_frames),
     )
     return Inspection(
         raw.markers, raw.time, positions, raw.rate_hz, unit_guess, up_guess, gaps,
-        check_stamps(raw.time), pairs, clusters, noise, faults,
+        timing, pairs, clusters, noise, faults,
     )  # fmt: skip
+
+
+def _told_elsewhere(
+    shape: tuple[int, ...], timing: Timing, frozen: tuple[Frozen, ...], markers: tuple[str, ...]
+) -> NDArray[np.bool_]:
+    """Mask (N, M) of frames whose jumps come from dropped frames, or from a marker that thaws."""
+    mask = np.zeros(shape, dtype=bool)
+    for frame in [*timing.drops[:, 0], *timing.irregular, *timing.backward]:
+        mask[max(0, frame - STENCIL + 1) : frame + STENCIL + 1] = True
+    for stretch in frozen:
+        column = mask[:, markers.index(stretch.marker)]
+        column[max(0, stretch.start - STENCIL) : stretch.stop + STENCIL] = True
+    return mask
 
 
 def upright(positions: FloatArray, up: str) -> FloatArray:

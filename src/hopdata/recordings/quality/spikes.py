@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.recordings.quality.one_sided import Surprises
+from hopdata.recordings.quality.one_sided import LONGEST_SPIKE, Surprises
 from hopdata.recordings.quality.runs import runs
 
 
@@ -64,7 +64,7 @@ def find_spikes(
     explained : (N, M) bool array
         Frames that a swap explains.
     """
-    gross = (missed.spike > missed.limit) & ~explained
+    gross = missed.is_spike & ~explained
     return tuple(
         Spike(name, int(start), int(stop), float(missed.spike[start:stop, m].max()))
         for m, name in enumerate(markers)
@@ -76,10 +76,11 @@ def find_jumps(
     missed: Surprises, markers: tuple[str, ...], *, explained: NDArray[np.bool_]
 ) -> tuple[Jump, ...]:
     """List the jumps that are neither spikes nor explained by a swap; see `find_spikes`."""
-    near_spike = missed.spike > missed.limit
-    near_spike[1:] |= near_spike[:-1].copy()
-    near_spike[1:] |= near_spike[:-1].copy()
-    gross = (missed.step > missed.limit) & ~explained & ~near_spike
+    near_spike = missed.is_spike
+    for _ in range(LONGEST_SPIKE):
+        near_spike[1:] |= near_spike[:-1].copy()
+        near_spike[:-1] |= near_spike[1:].copy()
+    gross = missed.is_step & ~explained & ~near_spike
     return tuple(
         Jump(markers[m], int(frame), float(missed.step[frame, m]))
         for frame, m in np.argwhere(gross)

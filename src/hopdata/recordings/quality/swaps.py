@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hopdata.recordings.quality.exchanged_distances import exchanged_stretches
 from hopdata.recordings.quality.exchanges import Exchange, exchanges
+from hopdata.recordings.quality.gaps import seen
 from hopdata.recordings.quality.one_sided import Surprises
 from hopdata.recordings.quality.rigid import Cluster, PairDistances
 
@@ -68,8 +69,7 @@ def find_swaps(
         Frame rate, Hz.
     """
     by_track = _paired(exchanges(positions, missed, rate_hz=rate_hz), markers)
-    with np.errstate(invalid="ignore"):
-        breaks = ~(missed.step <= missed.limit)
+    breaks = missed.is_step | missed.is_spike | ~seen(positions)
     by_distance = [
         Swap((markers[a], markers[b]), start, stop if stop < len(positions) else None, (DISTANCES,))
         for a, b, start, stop in exchanged_stretches(positions, pairs, clusters, breaks=breaks)
