@@ -20,7 +20,7 @@ unexport PYTHONPATH
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
 	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
-	@echo "make both-sides the study of the dissertation's size, C1 and not, and both in one figure"
+	@echo "make both-sides the study of the dissertation's size: C1, not C1, half the spread, and all side by side"
 	@echo "make benchmarks error and run time beside other libraries, into results/benchmarks"
 	@echo "make lint       ruff, mypy, snakefmt and snakemake --lint"
 	@echo "make format     let ruff and snakefmt rewrite the files"
@@ -38,7 +38,8 @@ test: $(VENV)/.dev
 both-sides: $(VENV)/.run
 	$(BIN)/snakemake --cores $(CORES) --configfile config/thesis.yaml
 	$(BIN)/snakemake --cores $(CORES) --configfile config/control.yaml
-	$(BIN)/snakemake --cores $(CORES) both_sides
+	$(BIN)/snakemake --cores $(CORES) --configfile config/half_spread.yaml
+	$(BIN)/snakemake --cores $(CORES) both_sides prediction_ratios
 
 benchmarks: $(VENV)/.bench
 	$(BIN)/snakemake --cores $(CORES) benchmarks

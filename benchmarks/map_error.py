@@ -6,14 +6,14 @@ One recording of the C1 hopper on a flat floor, as long as the dissertation's fo
 four levels of noise (the same draws, scaled), its sections where the study `thesis` has them.
 States at the sections are fitted piecewise, split at the contacts (`split_fit`, our default), or by
 a cubic over seven frames (`savitzky_golay`), which is noisier. Each estimator of
-`hopdata.maps.map_estimates` is fitted to random landings; the last size is all of them.
+`hopdata.maps.corrected.map_estimates` is fitted to random landings; the last size is all of them.
 
 A second table, `map_error_spread.csv`, has true states whose deviations from the simultaneous
 landing are scaled down: without noise what is left is curvature, which vanishes with the spread.
 
-Errors are relative differences of predictions for the true inputs (`hopdata.maps.exact_map`), with
-velocities weighed by the time unit that the study `thesis` finds, 13.7 ms: medians over the draws,
-with their 5 and 95 % quantiles.
+Errors are relative differences of predictions for the true inputs (`hopdata.maps.truth.exact_map`),
+with velocities weighed by the time unit that the study `thesis` finds, 13.7 ms: medians over the
+draws, with their 5 and 95 % quantiles.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from numpy.typing import NDArray
 
 from hopdata.landings.pairs import assemble_pairs, contact_instants
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.maps.corrected import curved_map, ols_map
-from hopdata.maps.exact_map import exact_map
-from hopdata.maps.map_differences import input_root, relative_difference
-from hopdata.maps.map_estimates import estimate_maps
+from hopdata.maps.corrected.map_estimates import estimate_maps
+from hopdata.maps.corrected.regression import curved_map, ols_map
 from hopdata.maps.rigid import output_weights
+from hopdata.maps.truth.exact_map import exact_map
+from hopdata.maps.truth.map_differences import input_root, relative_difference
 from hopdata.recordings.recording import Recording
 from hopdata.recordings.truth import Truth
 from hopdata.scenes.hopper_control import HopperControl

@@ -359,9 +359,9 @@ STAGES = {
     "touchdowns": ("hopdata.landings.touchdowns", "touchdown_table", set()),
     "states": ("hopdata.landings.pairs", "assemble_pairs", set()),
     "units": ("hopdata.maps.units", "choose_units", set()),
-    "prediction": ("hopdata.maps.prediction", "bootstrap_prediction", set()),
-    "subspaces": ("hopdata.maps.subspaces", "bootstrap_subspaces", set()),
-    "distances": ("hopdata.maps.distances", "measure_distances", {"sensitivity"}),
+    "prediction": ("hopdata.maps.linear.prediction", "bootstrap_prediction", set()),
+    "subspaces": ("hopdata.maps.subspaces.constraint", "bootstrap_subspaces", set()),
+    "distances": ("hopdata.maps.subspaces.distances", "measure_distances", {"sensitivity"}),
     "scaling_study": ("hopdata.synthesis.scaling", "study_landings", set()),
     "figures": ("hopdata.figures.saving", "save_figure", set()),
 }

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from hopdata.errors import AnalysisError
-from hopdata.maps.affine import affine_test_errors
-from hopdata.maps.distances import measure_distances
 from hopdata.maps.draws import distinct_draws, named_generator
-from hopdata.maps.prediction import bootstrap_prediction
-from hopdata.maps.subspaces import bootstrap_subspaces
+from hopdata.maps.linear.affine import affine_test_errors
+from hopdata.maps.linear.prediction import bootstrap_prediction
+from hopdata.maps.subspaces.constraint import bootstrap_subspaces
+from hopdata.maps.subspaces.distances import measure_distances
 
 SCHEDULES = np.array(["1>2>3", "1>3>2", "2>1>3", "2>3>1", "3>1>2", "3>2>1"])
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hopdata.errors import AnalysisError
-from hopdata.maps.scaling import scaling_table
+from hopdata.maps.truth.scaling import scaling_table
 from hopdata.scenes.hopper_control import HopperControl
 from hopdata.synthesis import simulate_recording
 from hopdata.synthesis.known_scene import common_scene, known_scene

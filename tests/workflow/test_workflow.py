@@ -181,7 +181,7 @@ def test_a_real_recording_runs_to_a_report(sample, external_recording):
     assert verdict["sentence"] in page
 
 
-@pytest.mark.parametrize("study", ["thesis", "control"])
+@pytest.mark.parametrize("study", ["thesis", "control", "half_spread"])
 def test_the_dissertation_s_study_simulates_its_recordings_apart(sample, study):
     run = snakemake(sample, "--dry-run", "--configfile", f"config/{study}.yaml")
     assert run.returncode == 0, run.stderr

@@ -19,6 +19,7 @@ BENCHMARK_TABLES = {
 # They take most of an hour, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
 SIMULATED_STUDIES = {
     "verdict_power": ["verdict_power.csv", "verdict_studies.csv"],
+    "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
 }
 STUDY_FIGURES = {
     "verdict_power": ("figure_verdict_power", ["verdict_power.csv"]),
@@ -80,7 +81,7 @@ rule benchmark_page:
     """The figures with their captions on a page."""
     input:
         figures=expand(f"{BENCHMARKS}/figures/{{name}}.{FORMATS[0]}", name=BENCHMARK_FIGURES),
-        captions=expand("workflow/captions/{name}.md", name=BENCHMARK_FIGURES),
+        captions=expand(f"{CAPTIONS}/{{name}}.md", name=BENCHMARK_FIGURES),
     output:
         f"{BENCHMARKS}/figures/README.md",
     log:

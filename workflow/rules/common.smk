@@ -1,3 +1,4 @@
+import os
 import re
 import sys
 from pathlib import Path
@@ -36,6 +37,8 @@ FIGURE_NAMES = [
 FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
 PROGRAMS = Path("benchmarks")
+# Relative, so that a study may be run in another folder (`--directory`) and a checkout may be moved.
+CAPTIONS = os.path.relpath(Path(workflow.basedir) / "workflow" / "captions")
 STRESS_SUITE = Path("tests/hybrid")  # one of the benchmarks runs it
 
 

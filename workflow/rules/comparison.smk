@@ -1,5 +1,7 @@
-# Two studies that are finished, one C1 and one not; `make both-sides` runs them first.
+# Studies that are finished; `make both-sides` runs them first. Two sides, one C1 and one not, and the
+# first with half of the contact spread.
 SIDES = {"thesis": "C1 hopper", "control": "control, not C1"}
+COMPARED = [*SIDES, "half_spread"]
 
 
 rule both_sides:
@@ -18,3 +20,19 @@ rule both_sides:
         code=code("both_sides"),
     script:
         "../scripts/both_sides.py"
+
+
+rule prediction_ratios:
+    """Fig. 2.4 of several studies in a few numbers."""
+    input:
+        summaries=expand("results/{study}/tables/prediction_summary.csv", study=COMPARED),
+        touchdowns=expand("results/{study}/tables/touchdowns.csv", study=COMPARED),
+    output:
+        "results/both_sides/prediction_ratios.csv",
+    log:
+        "results/both_sides/prediction_ratios.log",
+    params:
+        names=COMPARED,
+        code=code("prediction_ratios"),
+    script:
+        "../scripts/prediction_ratios.py"

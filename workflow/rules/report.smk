@@ -201,7 +201,7 @@ rule report:
     """One page with everything, and where it comes from."""
     input:
         figures=FIGURES,
-        captions=expand("workflow/captions/{name}.md", name=FIGURE_NAMES),
+        captions=expand(f"{CAPTIONS}/{{name}}.md", name=FIGURE_NAMES),
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
         sections=rules.sections.output.sections,

@@ -1,8 +1,8 @@
 """Arc lengths between constraint subspaces, and their baselines."""
 
 from hopdata.jobs import reported, write_json, write_table
-from hopdata.maps.distances import measure_distances
-from hopdata.maps.subspaces import read_bases
+from hopdata.maps.subspaces.distances import measure_distances
+from hopdata.maps.subspaces.constraint import read_bases
 
 with reported(snakemake.log[0]):
     bases, shape = read_bases(snakemake.input.subspaces)

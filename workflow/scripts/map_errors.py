@@ -2,8 +2,8 @@
 
 from hopdata.jobs import read_json, read_table, reported, write_table
 from hopdata.landings.pairs import read_pairs
-from hopdata.maps.map_errors import map_error_table
-from hopdata.maps.state_errors import state_errors, true_rows
+from hopdata.maps.truth.map_errors import map_error_table
+from hopdata.maps.truth.state_errors import state_errors, true_rows
 from hopdata.recordings.hdf5 import read_truth
 
 with reported(snakemake.log[0]):

@@ -2,7 +2,7 @@
 
 from hopdata.jobs import read_json, read_table, reported, write_json, write_table
 from hopdata.landings.pairs import contact_instants, read_pairs
-from hopdata.maps.map_estimates import estimate_maps
+from hopdata.maps.corrected.map_estimates import estimate_maps
 
 with reported(snakemake.log[0]):
     pairs = read_pairs(snakemake.input.pairs)

@@ -2,7 +2,7 @@
 
 from hopdata.jobs import reported, write_json, write_table
 from hopdata.landings.pairs import read_pairs
-from hopdata.maps.prediction import bootstrap_prediction
+from hopdata.maps.linear.prediction import bootstrap_prediction
 
 with reported(snakemake.log[0]):
     pairs = read_pairs(snakemake.input.pairs)

@@ -1,7 +1,7 @@
 """Integrate scaled landings again, and fit maps to them."""
 
 from hopdata.jobs import read_json, reported, write_table
-from hopdata.maps.scaling import scaling_table
+from hopdata.maps.truth.scaling import scaling_table
 from hopdata.recordings.hdf5 import read_truth
 from hopdata.synthesis.scaling import study_landings
 

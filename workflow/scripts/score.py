@@ -4,8 +4,8 @@ from pathlib import Path
 
 from hopdata.jobs import read_json, read_table, read_tables, reported, write_json
 from hopdata.landings.surface import FloorModel
-from hopdata.maps.landing_scores import known_recording
-from hopdata.maps.scoring import score
+from hopdata.maps.truth.landing_scores import known_recording
+from hopdata.maps.truth.scoring import score
 from hopdata.recordings.hdf5 import read_truth
 
 with reported(snakemake.log[0]):

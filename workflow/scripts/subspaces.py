@@ -2,7 +2,7 @@
 
 from hopdata.jobs import reported, write_json
 from hopdata.landings.pairs import read_pairs
-from hopdata.maps.subspaces import bootstrap_subspaces, write_subspaces
+from hopdata.maps.subspaces.constraint import bootstrap_subspaces, write_subspaces
 
 with reported(snakemake.log[0]):
     pairs = read_pairs(snakemake.input.pairs)

@@ -48,7 +48,7 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        As `hopdata.maps.scaling.scaling_table` writes it.
+        As `hopdata.maps.truth.scaling.scaling_table` writes it.
 
     Returns
     -------

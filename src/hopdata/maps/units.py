@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError
-from hopdata.maps.affine import leave_one_out_residuals
+from hopdata.maps.linear.affine import leave_one_out_residuals
 
 Floats = NDArray[np.float64]
 

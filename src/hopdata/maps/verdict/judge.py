@@ -82,13 +82,17 @@ def judge(
         whole = _without_attenuation(one, landings, seed)
         return effect_size(whole, form, generator=own, confidence=confidence, power=power)
 
-    shown = fits if all_windows else [fit]
-    windows = tuple(_window_result(landings, one, size(one), fit, seed) for one in shown)
+    sizes = {one.window: size(one) for one in (fits if all_windows else [fit])}
+    windows = tuple(
+        _window_result(landings, one, sizes[one.window], fit, seed)
+        for one in fits
+        if one.window in sizes
+    )
     test = flip_signs(fit, generator=named_generator(seed, "verdict", "signs"), flips=flips)
     specialised, subspaces = (
         _other_tests(landings, fit, seed, permutations) if permutations else (None, None)
     )
-    effect = size(fit)
+    effect = sizes[fit.window]
     conclusion = conclude(test, effect, 1.0 - confidence, margin)
     return Verdict(
         conclusion,

@@ -13,7 +13,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.maps.affine import fit_affine
+from hopdata.maps.linear.affine import fit_affine
 from hopdata.maps.verdict.membership import large_classes
 
 HALVINGS = 10

@@ -1,0 +1,1 @@
+"""Affine maps by least squares, their bootstrap, and the errors of their predictions."""

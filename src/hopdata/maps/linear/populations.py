@@ -1,0 +1,109 @@
+"""Which landings each model of Fig. 2.4 draws from, and how large its splits are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.maps.linear.basis import pooled_basis
+
+#: Landings that a fit must have beyond its number of coefficients per output.
+SPARE_LANDINGS = 2
+
+Floats = NDArray[np.float64]
+Notes = list[dict[str, str]]
+
+
+@dataclass(frozen=True)
+class Population:
+    """Landings that a model draws from: `kind` class, near, all or far; `schedule` of a class."""
+
+    kind: str
+    schedule: str
+    rows: NDArray[np.int64]
+
+    @property
+    def name(self) -> str:
+        """Name in notes, and of the random stream that its splits come from."""
+        return f"schedule {self.schedule}" if self.kind == "class" else self.kind
+
+
+def select_populations(
+    schedule: NDArray[np.str_], spread: Floats, minimum_class: int
+) -> tuple[list[Population], Notes]:
+    """Sort the landings into classes, near, all and far, and note the classes left out.
+
+    Near and far are those below and above the median contact spread of all landings.
+    """
+    notes: Notes = []
+    populations = []
+    for name in sorted({str(item) for item in schedule if item}):
+        rows = np.flatnonzero(schedule == name)
+        if len(rows) >= minimum_class:
+            populations.append(Population("class", name, rows))
+        else:
+            reason = f"{len(rows)} landings, at least {minimum_class} wanted"
+            notes.append({"what": f"specialised models of schedule {name}", "reason": reason})
+    if not populations:
+        reason = f"no mode schedule has {minimum_class} landings"
+        notes.append({"what": "specialised models", "reason": reason})
+    known = np.isfinite(spread)
+    median = np.median(spread[known]) if known.any() else np.nan
+    populations += [
+        Population("near", "", np.flatnonzero(known & (spread < median))),
+        Population("all", "", np.arange(len(schedule))),
+        Population("far", "", np.flatnonzero(known & (spread > median))),
+    ]
+    return populations, notes
+
+
+def split_sizes(population: int, train: int, test: int) -> tuple[int, int]:
+    """Return the sizes of the two parts of a split, scaled down where landings are few.
+
+    >>> split_sizes(2860, 120, 41), split_sizes(80, 120, 41)
+    ((120, 41), (60, 20))
+    """
+    total = min(population, train + test)
+    fitted = min(round(total * train / (train + test)), total - 1)
+    return fitted, total - fitted
+
+
+def needed_training(x: Floats) -> int:
+    """Return the smallest training set that an affine map of these inputs may be fitted to."""
+    rank = pooled_basis(x).shape[1] if len(x) else 1
+    return rank + SPARE_LANDINGS
+
+
+def large_enough(
+    populations: list[Population], train: int, test: int, needed: int
+) -> tuple[list[Population], Notes]:
+    """Drop what is too small for an affine map; keep `all` for its mean while it has a split."""
+    kept, notes = [], []
+    for population in populations:
+        size = len(population.rows)
+        fitted = split_sizes(size, train, test)[0] if size else 0
+        enough = fitted >= needed
+        if not enough:
+            reason = f"{fitted} landings to fit, an affine map of these inputs needs {needed}"
+            what = "affine model of all landings" if population.kind == "all" else population.name
+            notes.append({"what": what, "reason": reason})
+        if enough or (population.kind == "all" and size >= 2):
+            kept.append(population)
+    return kept, notes
+
+
+def common_split(
+    populations: list[Population], train: int, test: int
+) -> tuple[tuple[int, int], Notes]:
+    """Return the split of the smallest population, which all models share."""
+    if not populations:
+        return (train, test), []
+    smallest = min(populations, key=lambda population: len(population.rows))
+    sizes = split_sizes(len(smallest.rows), train, test)
+    if sizes == (train, test):
+        return sizes, []
+    reason = f"{smallest.name} has {len(smallest.rows)} landings"
+    what = f"splits of {sizes[0]}/{sizes[1]} instead of {train}/{test} for all models"
+    return sizes, [{"what": what, "reason": reason}]

@@ -1,0 +1,1 @@
+"""Constraint subspaces of the mode schedules and the Grassmann distances between them."""

@@ -1,0 +1,135 @@
+import numpy as np
+import pytest
+
+from hopdata.errors import AnalysisError
+from hopdata.maps.subspaces.constraint import (
+    bootstrap_subspaces,
+    leading_subspaces,
+    pooled_frame,
+    read_bases,
+    section_normals,
+    write_subspaces,
+)
+from hopdata.maps.subspaces.grassmann import arc_length, principal_angles
+
+
+def planted(rng, n, *, noise=1e-3, markers=3, maps=1):
+    """Pairs on the graph of one (or two) linear maps between two sections."""
+    half = 6 * markers
+    normal = section_normals(markers)[:half, :1]
+    # Orthonormal directions within the section, so that x spans all of it.
+    within = np.linalg.svd(normal.T, full_matrices=True)[2][1:].T
+    slopes = rng.normal(size=(maps, half - 1, half - 1)) / 3
+    label = np.arange(n) % maps
+    inputs = rng.normal(size=(n, half - 1))
+    outputs = np.einsum("np,npq->nq", inputs, slopes[label])
+    outputs += noise * rng.normal(size=outputs.shape)
+    x, y = inputs @ within.T, outputs @ within.T
+    graph = np.vstack([within @ np.eye(half - 1), within @ slopes[0].T])
+    return x + 0.4 * normal.T, y - 0.3 * normal.T, label, np.linalg.qr(graph)[0]
+
+
+@pytest.mark.parametrize("markers", [3, 4])
+def test_a_planted_map_is_found(markers):
+    x, y, _, graph = planted(np.random.default_rng(0), 400, markers=markers)
+    study = bootstrap_subspaces(x, y, ["1>2"] * 400, seed=1, bootstraps=20, samples=60)
+    assert study.bases["1>2"].shape == (20, 12 * markers - 2, 6 * markers - 1)
+    assert np.degrees(study.frame.section_angles_rad).max() < 1e-6
+    in_pairs = study.frame.kept @ study.bases["1>2"]
+    assert arc_length(in_pairs, graph).max() < 0.02
+
+
+def test_bases_are_orthonormal_and_leading():
+    rng = np.random.default_rng(1)
+    pairs = rng.normal(size=(50, 10)) * np.geomspace(1, 0.01, 10)
+    draws = np.array([np.arange(30), np.arange(20, 50)])
+    bases, full = leading_subspaces(pairs, draws, 4)
+    assert full.all()
+    np.testing.assert_allclose(bases.swapaxes(1, 2) @ bases, [np.eye(4)] * 2, atol=1e-14)
+    covariance = np.cov(pairs[draws[1]].T)
+    largest = np.sort(np.linalg.eigvalsh(covariance))[::-1][:4]
+    np.testing.assert_allclose(np.diag(bases[1].T @ covariance @ bases[1]), largest, rtol=1e-12)
+
+
+def test_two_maps_stand_apart_and_one_does_not():
+    x, y, label, _ = planted(np.random.default_rng(2), 600, maps=2)
+    apart = bootstrap_subspaces(x, y, np.array(["a", "b"])[label], seed=1, bootstraps=30)
+    halves = np.where(np.arange(600) < 300, "a", "b")
+    same = bootstrap_subspaces(x[label == 0], y[label == 0], halves[::2], seed=1, bootstraps=30)
+    assert arc_length(apart.bases["a"], apart.bases["b"]).min() > 1.0
+    assert arc_length(same.bases["a"], same.bases["b"]).max() < 0.5
+
+
+def test_section_normals_are_the_mean_heights():
+    normals = section_normals(4)
+    np.testing.assert_allclose(normals.T @ normals, np.eye(2), atol=1e-15)
+    pairs = np.random.default_rng(3).normal(size=48)
+    heights = pairs[2:12:3].mean(), pairs[26:36:3].mean()
+    np.testing.assert_allclose(pairs @ normals / 2, heights)
+
+
+def test_other_constraints_than_the_sections_show_in_the_angles():
+    x, y, _, _ = planted(np.random.default_rng(4), 200)
+    x[:, 0], y = 1.0, y + 0.1 * np.random.default_rng(5).normal(size=y.shape)
+    assert np.degrees(pooled_frame(x, y).section_angles_rad).max() > 45
+
+
+def test_pooled_frame_with_fewer_landings_than_dimensions():
+    x, y, _, _ = planted(np.random.default_rng(6), 9)
+    frame = pooled_frame(x, y)
+    assert frame.kept.shape == (36, 34)
+    whole = np.hstack([frame.kept, frame.dropped])
+    np.testing.assert_allclose(whole.T @ whole, np.eye(36), atol=1e-13)
+    assert (np.diff(frame.standard_deviations) <= 0).all()
+    with pytest.raises(AnalysisError, match="at least 2 usable landings"):
+        pooled_frame(x[:1], y[:1])
+
+
+def test_classes_that_are_too_small_or_flat_are_named():
+    x, y, _, _ = planted(np.random.default_rng(7), 110)
+    x[80:], y[80:] = x[80], y[80]
+    schedule = np.array(["1>2"] * 51 + ["2>1"] * 29 + ["flat"] * 30)
+    study = bootstrap_subspaces(x, y, schedule, seed=1, bootstraps=5)
+    assert list(study.bases) == ["1>2"]
+    assert study.notes == [
+        {
+            "what": "subspaces of schedule 2>1",
+            "reason": "29 landings, 30 distinct ones wanted in each draw",
+        },
+        {
+            "what": "subspaces of schedule flat",
+            "reason": "5 of 5 draws have fewer than 17 components",
+        },
+    ]
+
+
+def test_more_components_than_a_draw_can_have_are_refused_with_the_remedy():
+    x, y, _, _ = planted(np.random.default_rng(8), 100, markers=6)
+    study = bootstrap_subspaces(x, y, ["1>2"] * 100, seed=1, bootstraps=5)
+    assert study.bases == {}
+    assert "span at most 29 of 70 dimensions, 35 wanted" in study.notes[0]["reason"]
+    mended = bootstrap_subspaces(x, y, ["1>2"] * 100, seed=1, bootstraps=5, samples=48)
+    assert mended.bases["1>2"].shape == (5, 70, 35)
+
+
+def test_a_schedule_keeps_its_draws_when_others_come_and_go():
+    x, y, _, _ = planted(np.random.default_rng(9), 200)
+    one = bootstrap_subspaces(x, y, np.array(["a", "b"])[np.arange(200) % 2], seed=1, bootstraps=5)
+    two = bootstrap_subspaces(x, y, np.array(["a", ""])[np.arange(200) % 2], seed=1, bootstraps=5)
+    assert list(two.bases) == ["a"]
+    assert np.array_equal(one.bases["a"], two.bases["a"])
+
+
+def test_written_bases_come_back(tmp_path):
+    x, y, _, _ = planted(np.random.default_rng(10), 60)
+    study = bootstrap_subspaces(x, y, ["2>3>1"] * 60, seed=1, bootstraps=5)
+    write_subspaces(tmp_path / "subspaces.h5", study)
+    first = (tmp_path / "subspaces.h5").read_bytes()
+    write_subspaces(tmp_path / "subspaces.h5", study)
+    assert (tmp_path / "subspaces.h5").read_bytes() == first
+    found, shape = read_bases(tmp_path / "subspaces.h5")
+    assert shape == study.shape == found["2>3>1"].shape[1:]
+    assert list(found) == ["2>3>1"]
+    assert np.array_equal(found["2>3>1"], study.bases["2>3>1"])
+    assert principal_angles(found["2>3>1"][0], study.bases["2>3>1"][0]).max() < 1e-14
+    assert [path.name for path in tmp_path.iterdir()] == ["subspaces.h5"]

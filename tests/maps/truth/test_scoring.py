@@ -1,0 +1,212 @@
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hopdata.landings.schedules import schedule_names
+from hopdata.maps.truth.landing_scores import (
+    KnownRecording,
+    count_touchdowns,
+    score_contacts,
+    score_floor,
+    score_sections,
+)
+from hopdata.maps.truth.scoring import score, score_distances, score_predictions
+
+FEET = ("a", "b", "c")
+
+
+def known(rng, landings=200):
+    contacts = 0.64 * np.arange(landings)[:, None] + 0.02 * rng.normal(size=(landings, 3))
+    frames = 10 * landings
+    height = rng.uniform(0.2, 0.6, frames)
+    # Each foot leaves the floor at its own height between 0.3 and 0.5 m.
+    down = height[:, None] < np.array([0.3, 0.4, 0.5])
+    floor = 0.003 * rng.normal(size=(landings, 3))
+    return KnownRecording(contacts, np.ones(landings, bool), down, height, floor, floor + 0.001)
+
+
+def touchdowns(item, found, name="hopper"):
+    table = pd.DataFrame(found, columns=[f"contact_{foot}_s" for foot in FEET])
+    table.insert(0, "recording", name)
+    table["schedule"] = schedule_names(np.asarray(found))
+    table["excluded"], table["reason"] = False, ""
+    return table
+
+
+def sections(pre, post, *, frames="all", decided="data"):
+    return {
+        "pre_height_m": pre,
+        "post_height_m": post,
+        "tail_fraction": 0.001,
+        "frames": frames,
+        "decided": {"pre_height_m": decided, "post_height_m": decided},
+    }
+
+
+def values(entries):
+    return {name: entry["value"] for name, entry in entries.items()}
+
+
+def test_perfect_labels_with_a_common_bias():
+    item = known(np.random.default_rng(0))
+    table = touchdowns(item, item.contact_times - 0.024)
+    found = values(score_contacts({"hopper": item}, table, feet=FEET, method="printed"))
+    assert found["labels_right_printed"] == 1.0
+    assert found["contact_bias_printed"] == pytest.approx(-24)
+    assert found["contact_rms_printed"] == pytest.approx(0, abs=1e-9)
+    assert found["unmatched_printed"] == 0
+
+
+def test_scatter_and_wrong_labels_are_measured():
+    rng = np.random.default_rng(1)
+    item = known(rng, landings=2000)
+    table = touchdowns(item, item.contact_times + 0.0015 * rng.normal(size=(2000, 3)))
+    table.loc[:499, "schedule"] = "9>9>9"
+    found = values(score_contacts({"hopper": item}, table, feet=FEET, method="kink"))
+    assert found["contact_rms_kink"] == pytest.approx(1.5, rel=0.03)
+    truth = schedule_names(item.contact_times)
+    assert found["labels_right_kink"] == np.mean(table["schedule"] == truth)
+    assert found["labels_right_kink"] < 0.75
+
+
+def test_touchdowns_are_matched_by_time_within_their_recording():
+    first, second = (known(np.random.default_rng(seed)) for seed in (2, 3))
+    late = touchdowns(second, second.contact_times, "late").iloc[::-1]
+    both = pd.concat([late, touchdowns(first, first.contact_times[5:], "early")])
+    entries = score_contacts({"early": first, "late": second}, both, feet=FEET, method="kink")
+    assert values(entries)["labels_right_kink"] == 1.0
+    assert values(entries)["contact_rms_kink"] == 0.0
+    swapped = score_contacts({"early": second, "late": first}, both, feet=FEET, method="kink")
+    assert values(swapped)["labels_right_kink"] < 0.5
+
+
+def test_a_touchdown_without_a_true_landing_is_wrong():
+    item = known(np.random.default_rng(4))
+    item.complete[10] = False
+    item.contact_times[20] = np.nan
+    table = touchdowns(item, np.where(np.isnan(item.contact_times), 12.8, item.contact_times))
+    found = values(score_contacts({"hopper": item}, table, feet=FEET, method="kink"))
+    assert found["unmatched_kink"] == 2
+    assert found["labels_right_kink"] == 198 / 200
+
+
+def test_excluded_touchdowns_are_counted_by_reason_and_not_scored():
+    item = known(np.random.default_rng(5))
+    table = touchdowns(item, item.contact_times)
+    table.loc[:9, ["excluded", "schedule"]] = True, "1>1>1"
+    table["reason"] = ["foot a down before the pre section"] * 7 + [None] * 193
+    assert values(count_touchdowns(table)) == {
+        "touchdowns_usable": 190,
+        "excluded_foot_a_down_before_the_pre_section": 7,
+        "excluded_no_reason_given": 3,
+    }
+    found = values(score_contacts({"hopper": item}, table, feet=FEET, method="kink"))
+    assert found["labels_right_kink"] == 1.0
+    nothing = table.assign(excluded=True, schedule=np.nan, reason=np.nan)
+    assert values(count_touchdowns(nothing))["excluded_no_reason_given"] == 200
+    score_contacts({"hopper": item}, nothing, feet=FEET, method="kink")
+
+
+def test_missed_and_invented_touchdowns_count():
+    item = known(np.random.default_rng(15))
+    table = touchdowns(item, item.contact_times)
+    few = values(score_contacts({"hopper": item}, table[:1], feet=FEET, method="kink"))
+    assert few["labels_right_kink"] == 1.0
+    assert few["labels_right_of_all_kink"] == 1 / 200
+    assert few["landings_not_used_kink"] == 199
+    copies = pd.concat([table[:1]] * 100)
+    many = values(score_contacts({"hopper": item}, copies, feet=FEET, method="kink"))
+    assert many["labels_right_kink"] == 1 / 100
+    assert many["unmatched_kink"] == 99
+
+
+def test_sections_of_a_known_order():
+    item = known(np.random.default_rng(6), landings=20_000)
+    found = values(score_sections({"hopper": item}, sections(0.501, 0.302)))
+    # Frames are uniform: the tail of the 75 % (a foot down below 0.5 m) ends 0.3 mm below it.
+    assert found["section_pre_true"] == pytest.approx(0.4997, abs=5e-5)
+    assert found["section_post_true"] == pytest.approx(0.3003, abs=5e-5)
+    assert found["section_pre_error"] == pytest.approx(1.3, abs=0.05)
+    assert found["section_post_error"] == pytest.approx(1.7, abs=0.05)
+    assert found["body_travel"] == pytest.approx(199)
+
+
+def test_sections_of_landings_alone_and_those_given():
+    # Up on its toes: one foot stays down until 0.5 m on the way up, none below 0.3 m down.
+    phase = np.linspace(0, 40 * np.pi, 40_001)
+    height = 0.4 + 0.2 * np.cos(phase)
+    rising = np.sin(phase) < 0
+    down = np.repeat((height < np.where(rising, 0.5, 0.3))[:, None], 2, axis=1)
+    item = KnownRecording(np.zeros((0, 2)), np.zeros(0, bool), down, height)
+    everywhere = values(score_sections({"hopper": item}, sections(0.3, 0.3)))
+    landing = values(score_sections({"hopper": item}, sections(0.3, 0.3, frames="landings")))
+    assert everywhere["section_pre_true"] == pytest.approx(0.5, abs=1e-3)
+    assert landing["section_pre_true"] == pytest.approx(0.3, abs=1e-3)
+    given = score_sections({"hopper": item}, sections(0.3, 0.3, decided="config"))
+    assert "section_pre_error" not in given
+
+
+def test_floor_residual_ignores_the_mean_of_each_recording():
+    rng = np.random.default_rng(7)
+    item = known(rng, landings=3000)
+    rough = KnownRecording(
+        item.contact_times,
+        item.complete,
+        item.foot_down,
+        item.body_height,
+        item.floor_at_contacts,
+        item.floor_at_contacts + 0.005 + 0.001 * rng.normal(size=(3000, 3)),
+    )
+    rough.floor_at_contacts[4, 1] = np.nan
+    assert values(score_floor({"even": item}))["floor_residual_rms"] == pytest.approx(0, abs=1e-12)
+    both = values(score_floor({"even": item, "rough": rough}))["floor_residual_rms"]
+    assert both == pytest.approx(1 / np.sqrt(2), rel=0.03)
+    assert score_floor({}) == {}
+
+
+@pytest.mark.parametrize(("far", "ordered"), [(4.0, True), (2.9, False)])
+def test_order_and_ratios_of_the_models(far, ordered):
+    models = ["specialised", "near", "all", "far", "specialised_mean", "mean"]
+    table = pd.DataFrame({"model": models, "median": [2.0, 2.1, 3.0, far, 16.0, 30.0]})
+    found = values(score_predictions(table))
+    assert found["near_below_all_below_far"] is ordered
+    assert found["specialised_over_mean"] == 0.125
+    assert found["all_over_specialised"] == 1.5
+    assert "specialised_over_mean" not in values(score_predictions(table[2:4]))
+
+
+def test_clearance_of_the_random_distances():
+    table = pd.DataFrame(
+        {
+            "kind": ["in_class", "cross_class", "random"],
+            "q05": [2.0, 2.1, 3.6],
+            "q95": [3.2, 3.3, 3.9],
+            "auc_against_in_class": [0.5, 0.73, 1.0],
+        }
+    )
+    found = values(score_distances(table))
+    assert found["random_clearance"] == pytest.approx(0.3)
+    assert found["cross_class_auc"] == 0.73
+    assert score_distances(table[2:]) == {}
+
+
+def test_the_whole_score_is_json_with_units():
+    item = known(np.random.default_rng(8))
+    table = touchdowns(item, item.contact_times)
+    none = table.assign(excluded=True, reason="no contact found")
+    entries = score(
+        {"hopper": item},
+        feet=FEET,
+        tables={"kink": table, "printed": none},
+        sections=sections(0.5, 0.3),
+        touchdowns=table,
+        prediction_summary=pd.DataFrame({"model": ["all"], "median": [3.0]}),
+        distance_summary=pd.DataFrame({"kind": [], "q05": [], "q95": []}),
+    )
+    assert json.loads(json.dumps(entries, allow_nan=False)) == entries
+    assert all(set(entry) == {"value", "unit", "what"} for entry in entries.values())
+    assert entries["labels_right_kink"]["value"] == 1.0
+    assert entries["labels_right_printed"]["value"] is None
+    assert entries["touchdowns_usable"]["value"] == 200
