@@ -19,6 +19,29 @@ LONGEST_SPIKE = 3  # frames
 # over 99 % quantile): noise has a light one, hard impacts a heavy one. All in units of quantiles.
 OF_MEDIAN, OF_99, OF_999, TAIL_POWER = 5.0, 10.0, 3.0, 4
 LEAST_M = 0.005
+# The middle of three frames that are off seems twice as far off by itself, so a longer excursion
+# goes before a shorter one within it from this share of its size on.
+OF_SHORTER = 0.4
+
+
+@dataclass(frozen=True)
+class Excursion:
+    """Frames in which a marker is elsewhere.
+
+    Parameters
+    ----------
+    marker : int
+        Its index.
+    start, stop : int
+        First frame and the frame after the last.
+    size : float
+        How far it is off at least, m.
+    """
+
+    marker: int
+    start: int
+    stop: int
+    size: float
 
 
 @dataclass(frozen=True)
@@ -27,8 +50,8 @@ class Surprises:
 
     Parameters
     ----------
-    spike : (N, M) array
-        How far each marker is off in the frames of its spikes, m; 0 elsewhere.
+    spikes : tuple of Excursion
+        Those that no larger one beside them explains.
     step : (N, M) array
         Miss that the step from the frame before makes, seen from both sides, m; 0 where the sides
         do not agree, NaN where one is not seen.
@@ -36,7 +59,7 @@ class Surprises:
         Above this a step is gross for the marker, m.
     """
 
-    spike: FloatArray
+    spikes: tuple[Excursion, ...]
     step: FloatArray
     limit: FloatArray
 
@@ -48,21 +71,39 @@ class Surprises:
     @property
     def is_spike(self) -> BoolArray:
         """Where a marker is in a spike, (N, M)."""
-        return np.asarray(self.spike > 0)
+        mask = np.zeros(self.step.shape, dtype=bool)
+        for spike in self.spikes:
+            mask[spike.start : spike.stop, spike.marker] = True
+        return mask
 
 
 def surprises(positions: FloatArray) -> Surprises:
     """Compare (N, M, 3) positions, m, with parabolas through three frames on either side."""
-    spike = np.zeros(positions.shape[:2])
     limit = np.full(positions.shape[1], np.inf)
-    for length in range(1, LONGEST_SPIKE + 1):
+    found: list[Excursion] = []
+    covered = np.zeros(positions.shape[:2])  # sizes of longer excursions
+    for length in range(LONGEST_SPIKE, 0, -1):
         off = _excursions(positions, length)
-        gross_at = _limits(off)
-        limit = gross_at if length == 1 else limit
-        sizes = np.where(np.nan_to_num(off) > gross_at, off, 0.0)
-        for k in range(length):
-            spike[k : k + len(sizes)] = np.maximum(spike[k : k + len(sizes)], sizes)
-    return Surprises(spike, _steps(positions), limit)
+        limit = _limits(off)
+        for start, m in np.argwhere(np.nan_to_num(off) > limit).tolist():
+            size, stop = float(off[start, m]), start + length
+            if covered[start:stop, m].min() < OF_SHORTER * size:
+                found.append(Excursion(m, start, stop, size))
+        for e in found:
+            column = covered[e.start : e.stop, e.marker]
+            np.maximum(column, e.size, out=column)
+    return Surprises(_separate(found, positions.shape), _steps(positions), limit)
+
+
+def _separate(found: list[Excursion], shape: tuple[int, ...]) -> tuple[Excursion, ...]:
+    """Keep the largest, and those whose three frames on either side are free of larger ones."""
+    taken = np.zeros(shape[:2], dtype=bool)
+    kept = []
+    for spike in sorted(found, key=lambda e: (-e.size, e.marker, e.start)):
+        if not taken[max(0, spike.start - 3) : spike.stop + 3, spike.marker].any():
+            taken[spike.start : spike.stop, spike.marker] = True
+            kept.append(spike)
+    return tuple(sorted(kept, key=lambda e: (e.start, e.marker)))
 
 
 def _excursions(positions: FloatArray, length: int) -> FloatArray:

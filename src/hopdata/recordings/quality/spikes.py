@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.recordings.quality.one_sided import LONGEST_SPIKE, Surprises
-from hopdata.recordings.quality.runs import runs
 
 
 @dataclass(frozen=True)
@@ -22,7 +21,7 @@ class Spike:
     start, stop : int
         First frame and the frame after the last, from 0.
     size : float
-        How far off it is at most, m.
+        How far off it is at least, m.
     """
 
     marker: str
@@ -64,11 +63,10 @@ def find_spikes(
     explained : (N, M) bool array
         Frames that a swap explains.
     """
-    gross = missed.is_spike & ~explained
     return tuple(
-        Spike(name, int(start), int(stop), float(missed.spike[start:stop, m].max()))
-        for m, name in enumerate(markers)
-        for start, stop in runs(gross[:, m])
+        Spike(markers[e.marker], e.start, e.stop, e.size)
+        for e in missed.spikes
+        if not explained[e.start : e.stop, e.marker].any()
     )
 
 
