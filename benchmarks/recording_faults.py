@@ -3,11 +3,12 @@
     python benchmarks/recording_faults.py --out recording_faults.csv
 
 Recordings of the simulated hopper, each with one fault of known markers and frames. One row for
-each camera (rate and noise) and kind of fault. `found` is the share of recordings in which the fault is
-told with its markers and frames (a swap that ends in a gap may end anywhere in it); `named` the share in which
-nothing else is told beside it. In the rows "clean" and "gaps" nothing is wrong, `false_alarms` is the
-number of faults told in all their recordings, `hours` their length, and `guessed` the share of them
-in which unit, vertical axis and the roles of all markers are guessed right.
+each camera (rate and noise) and kind of fault. `found` is the share of recordings in which the
+fault is told with its markers and frames (a swap that ends in a gap may end anywhere in it);
+`named` the share in which nothing else is told beside it. In the rows "clean" and "gaps" nothing is
+wrong, `false_alarms` is the number of faults told in all their recordings, `hours` their length,
+and `guessed` the share of them in which unit, vertical axis and the roles of all markers are
+guessed right.
 """
 
 from __future__ import annotations
