@@ -1,4 +1,4 @@
-"""How surely `hopdata inspect` finds planted faults, and how often it sees some in clean recordings.
+"""How surely `hopdata inspect` finds planted faults, and what it sees in clean recordings.
 
     python benchmarks/recording_faults.py --out recording_faults.csv
 
