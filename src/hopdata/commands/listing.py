@@ -86,10 +86,9 @@ def _unsure(is_sure: bool) -> str:
 
 
 def _rigid(inspection: Inspection) -> list[str]:
-    white = MM_PER_M * float(np.nanmedian(inspection.noise_m))
-    lines = _wrapped(
-        "noise", f"{white:.2f} mm a coordinate from frame to frame (median of the markers)"
-    )
+    white = MM_PER_M * inspection.typical_noise_m
+    noise = f"{white:.2f} mm a coordinate from frame to frame (median of the markers)"
+    lines = _wrapped("noise", noise if np.isfinite(white) else "no five frames in a row")
     for cluster in inspection.clusters:
         names = ", ".join(inspection.markers[m] for m in cluster.markers)
         noise = f"{MM_PER_M * cluster.noise:.2f} mm a coordinate by its distances"

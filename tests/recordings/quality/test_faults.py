@@ -11,7 +11,10 @@ from made_up_hopper import (
     with_swap,
 )
 
+from hopdata.commands.listing import listing
+from hopdata.errors import RecordingError
 from hopdata.recordings.quality.inspection import inspect_recording
+from hopdata.recordings.quality.roles import guess_roles
 from hopdata.recordings.raw import RawRecording
 
 
@@ -164,3 +167,31 @@ def test_a_marker_never_seen_is_told():
 @pytest.mark.parametrize("n_frames", [1, 2, 3, 4, 7])
 def test_a_few_frames_are_measured_without_error(n_frames):
     assert faults(hopping(13, n_frames=200)[1][:n_frames]).swaps == ()
+
+
+@pytest.mark.parametrize("shape", [(0, 7), (5, 0)])
+def test_nothing_to_measure_is_refused(shape):
+    raw = RawRecording(
+        MARKERS[: shape[1]], np.arange(shape[0]) / 100, np.zeros((*shape, 3)), 100.0, "m"
+    )
+    with pytest.raises(RecordingError, match="expected frames and markers"):
+        inspect_recording(raw)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kind", ["unseen", "constant", "infinite", "huge", "sparse", "equal"])
+def test_absurd_positions_are_measured_without_error_or_warning(kind):
+    rng = np.random.default_rng(1)
+    positions = rng.normal(size=(300, 7, 3))
+    absurd = {
+        "unseen": np.full_like(positions, np.nan),
+        "constant": np.ones_like(positions),
+        "infinite": np.where(rng.random(positions.shape) < 0.1, np.inf, positions),
+        "huge": 1e300 * positions,
+        "sparse": np.where(rng.random((300, 7, 1)) < 0.7, np.nan, positions),
+        "equal": np.repeat(positions[:, :1], 7, axis=1),
+    }[kind]
+    raw = RawRecording(MARKERS, np.arange(300) / 100.0, absurd, 100.0, "m")
+    inspection = inspect_recording(raw)
+    guess_roles(inspection)
+    assert "7: hip1" in listing(inspection, "absurd")

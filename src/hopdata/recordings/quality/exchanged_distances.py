@@ -51,7 +51,9 @@ def exchanged_stretches(
                 first, second = (b, a) if b in inside and a not in inside else (a, b)
                 if not away[first].any():
                     continue
-                mask = away[first] & _exchanged(positions, pairs, cluster, first, second)
+                mask = np.zeros(len(positions), dtype=bool)
+                here = np.flatnonzero(away[first])
+                mask[here] = _exchanged(positions[here], pairs, cluster, first, second)
                 for start, stop in _stretches(mask, breaks[:, [a, b]]):
                     yield a, b, start, stop
 
@@ -82,7 +84,7 @@ def _away_from_home(
     away = np.zeros(len(positions), dtype=bool)
     for c in cluster.markers:
         if c != a:
-            distance = np.linalg.norm(positions[:, a] - positions[:, c], axis=1)
+            distance = _distance(positions, a, c)
             with np.errstate(invalid="ignore"):
                 away |= np.abs(distance - pairs.median[a, c]) > OFF * pairs.spread[a, c]
     return away
@@ -103,8 +105,14 @@ def _exchanged(
     for m, other, c in terms:
         scale = max(pairs.spread[m, c], 1e-12)
         for total, marker in ((own, m), (exchanged, other)):
-            distance = np.linalg.norm(positions[:, marker] - positions[:, c], axis=1)
+            distance = _distance(positions, marker, c)
             total += ((distance - pairs.median[m, c]) / scale) ** 2
     with np.errstate(invalid="ignore"):
         fits: BoolArray = (own > OFF**2 * len(terms)) & (exchanged < FITS**2 * len(terms))
     return fits
+
+
+def _distance(positions: FloatArray, a: int, b: int) -> FloatArray:
+    """Distance (N,) between two of the markers."""
+    apart = positions[:, a] - positions[:, b]
+    return np.asarray(np.sqrt(np.einsum("ni,ni->n", apart, apart)))

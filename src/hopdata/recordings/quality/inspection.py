@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.errors import RecordingError
 from hopdata.recordings.importing import rotate_up
 from hopdata.recordings.quality.free_fall import UNITS_IN_M
 from hopdata.recordings.quality.frozen import Frozen, frozen_markers
@@ -98,6 +99,12 @@ class Inspection:
         return float(self.time[-1] - self.time[0]) if len(self.time) else 0.0
 
     @property
+    def typical_noise_m(self) -> float:
+        """Median of the markers' noise from frame to frame, m; NaN if none is known."""
+        known = self.noise_m[np.isfinite(self.noise_m)]
+        return float(np.median(known)) if len(known) else float("nan")
+
+    @property
     def n_problems(self) -> int:
         """Number of faults, those of the time stamps included."""
         timing = self.timing
@@ -125,10 +132,27 @@ def inspect_recording(
         Unit, and the axis that points up, if the user knows them.
     progress : callable
         Told each step, in words, before it begins.
+
+    Raises
+    ------
+    RecordingError
+        If there is no frame or no marker.
     """
+    if not len(raw.time) or not len(raw.markers):
+        raise RecordingError(
+            f"expected frames and markers, found {len(raw.time)} frames, {len(raw.markers)} markers"
+        )
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are for the checks
+        return _inspected(raw, unit, up, progress)
+
+
+def _inspected(
+    raw: RawRecording, unit: str | None, up: str | None, progress: Progress
+) -> Inspection:
     progress("looking for free fall, to find the unit and the vertical axis")
     unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up)
     positions = upright(raw.positions * UNITS_IN_M[unit_guess.value], up_guess.value)
+    positions[np.isinf(positions)] = np.nan
     progress("measuring distances between markers")
     noise = frame_noise(positions)
     pairs = pair_distances(positions)
