@@ -117,3 +117,18 @@ def test_a_marker_that_is_never_seen(tmp_path, capsys):
     positions[:, 4] = np.nan
     assert main(["inspect", str(export(tmp_path, positions))]) == 1
     assert "toe2 is in no frame" in capsys.readouterr().out
+
+
+def test_check_notes_what_inspect_would_list(faulty, clean, tmp_path, capsys):
+    config = tmp_path / "study.yaml"
+    text = (
+        "study: trial\nrecordings:\n  - {{name: one, file: {}}}\n"
+        "markers: {{body: [hip1, hip2, hip3], feet: [toe1, toe2, toe3]}}\n"
+    )
+    config.write_text(text.format(faulty))
+    assert main(["check", str(config)]) == 0
+    note = next(x for x in capsys.readouterr().out.splitlines() if x.startswith("note:"))
+    assert "3 suspects: 1 spike, 1 swap, 1 frozen marker." in note
+    config.write_text(text.format(clean))
+    assert main(["check", str(config)]) == 0
+    assert "note:" not in capsys.readouterr().out

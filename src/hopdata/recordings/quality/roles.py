@@ -152,7 +152,7 @@ def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str]:
     rigid.sort(key=lambda c: -float(np.nanmedian(inspection.positions[:, c, 2])))
     of_named = [c for c in rigid if set(c) & set(named)]
     if of_named:
-        return of_named[0], f"rigid: {_strain(of_named[0], inspection.pairs)}; never on the floor"
+        return of_named[0], f"rigid, {_strain(of_named[0], inspection.pairs)}; never on the floor"
     if len(named) >= LEAST_BODY:
         kept = _stiffest(named, inspection.pairs)
         if kept:
@@ -160,7 +160,7 @@ def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str]:
             dropped = f"; left out, since they bend more: {', '.join(left)}" if left else ""
             return kept, f"by name; {_strain(kept, inspection.pairs)}{dropped}"
     if rigid:
-        return rigid[0], f"the highest rigid cluster: {_strain(rigid[0], inspection.pairs)}"
+        return rigid[0], f"the highest rigid cluster, {_strain(rigid[0], inspection.pairs)}"
     return [], ""
 
 
