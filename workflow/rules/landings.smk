@@ -85,7 +85,7 @@ rule quality:
     output:
         checks=f"{RESULTS}/quality.json",
         markers=f"{RESULTS}/tables/markers.csv",
-        gaps=f"{RESULTS}/tables/gaps.csv",
+        gaps=f"{RESULTS}/tables/gap_times.csv",
         faults=f"{RESULTS}/tables/faults.csv",
         stability=f"{RESULTS}/tables/section_stability.csv",
         drift=f"{RESULTS}/tables/drift.csv",
