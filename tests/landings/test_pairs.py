@@ -45,6 +45,14 @@ def test_shape_order_and_sections():
     assert found.body_markers == ("body1", "body2", "body3", "body4")
 
 
+def test_ambiguous_touchdowns_can_serve_without_a_schedule():
+    doubtful = TABLE.assign(**{"class": TABLE["schedule"].where(TABLE.index % 5 != 0, "ambiguous")})
+    kept, pooled = pairs(table=doubtful), pairs(table=doubtful, ambiguous="pool")
+    np.testing.assert_array_equal(kept.schedule, TABLE["schedule"])
+    np.testing.assert_array_equal(pooled.schedule == "", TABLE.index % 5 == 0)
+    np.testing.assert_array_equal(pooled.x, kept.x)
+
+
 @pytest.mark.parametrize("method", ["split_fit", "savitzky_golay"])
 @settings(max_examples=15, deadline=None)
 @given(angle=st.floats(-7, 7), shift=st.tuples(st.floats(-1, 1), st.floats(-1, 1)))

@@ -10,7 +10,7 @@ BENCHMARK_TABLES = {
     "stress": ["stress.csv"],
     "first_solve": ["first_solve.csv"],
     "first_order": ["first_order.csv"],
-    "labelling": ["labelling.csv"],
+    "contact_instants": ["contact_instants.csv"],
     "density": ["density.csv"],
     "maps": ["maps.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hopdata.errors import AnalysisError, ConfigError, did_you_mean
 from hopdata.jobs import whole_file
 from hopdata.landings.home_frame import home_frames
+from hopdata.landings.schedules import AMBIGUOUS
 from hopdata.landings.states import SectionStates, section_states
 from hopdata.recordings.recording import Recording
 
@@ -102,6 +103,7 @@ def assemble_pairs(
     method: str = "split_fit",
     window_s: float | None = None,
     gravity: str = "auto",
+    ambiguous: str = "keep",
 ) -> Pairs:
     """Collect the pairs of the touchdowns that are used.
 
@@ -117,6 +119,9 @@ def assemble_pairs(
         Body marker on the x axis of the home frame; the first one by default.
     method, window_s, gravity
         See `hopdata.landings.states.section_states`.
+    ambiguous : {"keep", "pool", "exclude"}
+        With ``pool``, touchdowns of the class ``ambiguous`` get no schedule: they serve where the
+        order of the contacts does not matter.
 
     Returns
     -------
@@ -132,6 +137,8 @@ def assemble_pairs(
         If `home_marker` is no body marker.
     """
     recordings, parts = list(recordings), []
+    if ambiguous == "pool":
+        table = table.assign(schedule=table["schedule"].where(table["class"] != AMBIGUOUS, ""))
     for recording in recordings:
         marker = _marker_number(recording, home_marker)
         used = table[(table["recording"] == recording.name) & ~table["excluded"].astype(bool)]
