@@ -41,13 +41,26 @@ def check(options: argparse.Namespace) -> int:
             mistakes.append(str(error))
             continue
         print(_summary(recording, config))
-        remarks += notes(recording)
+        remarks += [*notes(recording), *_suspects(recording)]
     for remark in remarks:
         print(f"note: {remark}")
     if mistakes:
         raise RecordingError("\n".join(mistakes))
     print(f"{options.config} is sound")
     return OK
+
+
+def _suspects(recording: Recording) -> list[str]:
+    """Say in a line what looks wrong with the study's markers, if anything does."""
+    from hopdata.commands.listing import answer
+    from hopdata.recordings.quality.tables import inspect
+
+    with Progress() as progress:
+        progress(f"looking for faults in {recording.source}")
+        found = inspect(recording)
+    if not found.faults.count:
+        return []
+    return [f"{recording.source}: {answer(found)} 'hopdata inspect' lists them"]
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:
