@@ -5,7 +5,9 @@ import pytest
 from external_blocks import block, columns
 
 from hopdata.errors import RecordingError
+from hopdata.recordings.c3d_writing import write_c3d
 from hopdata.recordings.external_contacts import read_contact_times
+from hopdata.recordings.raw import Event, RawRecording
 
 FEET = ("left", "right")
 
@@ -90,3 +92,16 @@ def test_mistakes_are_told(tmp_path, mistake):
         read_contact_times(block("contacts", file=file, **options), feet=FEET)
     for part in (file, "expected", "found", *parts):
         assert part in str(caught.value)
+
+
+def test_events_of_a_c3d_file_are_on_the_clock_of_its_frames(tmp_path):
+    events = tuple(Event(label, t) for label, t in [("R", 2.5), ("L", 2.25), ("L", 3.25)])
+    positions = np.random.default_rng(0).uniform(1, 900, (40, 2, 3))
+    time = 2.0 + np.arange(40) / 10
+    raw = RawRecording(("a", "b"), time, positions, 10.0, "mm", events=events)
+    write_c3d(tmp_path / "trial.c3d", raw)
+    both = columns(L=["left"], R=["right"])
+    options = block("contacts", file=str(tmp_path / "trial.c3d"), columns=both)
+    left, right = read_contact_times(options, feet=FEET)
+    np.testing.assert_allclose(left.instant, [2.25, 3.25], rtol=1e-6)
+    np.testing.assert_allclose(right.instant, [2.5], rtol=1e-6)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
+from itertools import pairwise
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from hopdata.config.external import external_files, external_mistakes
+from hopdata.config.lines import place_of
 from hopdata.config.messages import describe, dotted
+from hopdata.config.recordings import files_of
 from hopdata.config.schema import load_schema
 from hopdata.config.yaml_file import read_yaml
 from hopdata.errors import ConfigError, did_you_mean
@@ -64,9 +67,9 @@ def load_config(
         config: dict[str, Any] = _with_defaults(content, schema)
     except RecursionError:
         raise ConfigError(f"{place}: expected a tree of keys, found one within itself") from None
-    _raise_all(place, _schema_mistakes(config, schema))
+    _raise_all(place, files, _schema_mistakes(config, schema))
     checks = [*CHECKS, _missing_files] if check_files else CHECKS
-    _raise_all(place, [mistake for check in checks for mistake in check(config)])
+    _raise_all(place, files, [mistake for check in checks for mistake in check(config)])
     config["home"]["marker"] = config["home"]["marker"] or config["markers"]["body"][0]
     return config
 
@@ -111,10 +114,11 @@ def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[Any,
         yield path, value
 
 
-def _raise_all(place: str, mistakes: list[str]) -> None:
+def _raise_all(place: str, files: list[str | Path], mistakes: list[str]) -> None:
     if not mistakes:
         return
-    lines = [f"{place}: {mistake}" for mistake in mistakes[:MOST_MISTAKES]]
+    shown = mistakes[:MOST_MISTAKES]
+    lines = [f"{place_of(mistake, files, place)}: {mistake}" for mistake in shown]
     if len(mistakes) > MOST_MISTAKES:
         lines.append(f"{place}: and {len(mistakes) - MOST_MISTAKES} more mistakes")
     raise ConfigError("\n".join(lines))
@@ -172,6 +176,17 @@ def _enough_samples(config: dict[str, Any]) -> Iterator[str]:
         )
 
 
+def _scales_in_order(config: dict[str, Any]) -> Iterator[str]:
+    scales = config["scaling_study"]["scales"]
+    for one, following in pairwise(scales):
+        if not following < one:
+            yield (
+                f"scaling_study.scales: expected the largest first and each smaller than the one "
+                f"before, found {following:g} after {one:g}"
+            )
+            return
+
+
 def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
     """Yield the first marker that the simulation, where there is one, will not make."""
     if all(recording["file"] is not None for recording in config["recordings"]):
@@ -201,13 +216,28 @@ def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
 
 
 def _missing_files(config: dict[str, Any]) -> Iterator[str]:
-    named = [(f"recordings[{i}].file", r["file"]) for i, r in enumerate(config["recordings"])]
-    for key, name in [*named, *external_files(config)]:
-        if name is None or Path(name).is_file():
-            continue
+    for key, name in [*_recording_files(config), *external_files(config)]:
         file = Path(name)
+        if file.is_file():
+            continue
         found = f"the folder '{file}'" if file.is_dir() else f"no '{file}'{_near(file)}"
         yield f"{key}: expected a file, found {found}"
+
+
+def _recording_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    for i, recording in enumerate(config["recordings"]):
+        for k, name in enumerate(files_of(recording)):
+            which = f"[{k}]" if isinstance(recording["file"], list) else ""
+            yield f"recordings[{i}].file{which}", name
+
+
+def _repeated_files(config: dict[str, Any]) -> Iterator[str]:
+    """Yield files that one recording names twice: its landings would count twice."""
+    for i, recording in enumerate(config["recordings"]):
+        names = files_of(recording)
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                yield f"recordings[{i}].file[{k}]: expected each file once, found '{name}' twice"
 
 
 def _near(file: Path) -> str:
@@ -228,7 +258,9 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _home_marker,
     _sections_in_order,
     _enough_samples,
+    _scales_in_order,
     _simulated_markers,
     _simulated_files,
     external_mistakes,
+    _repeated_files,
 ]

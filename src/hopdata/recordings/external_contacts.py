@@ -82,7 +82,7 @@ def _labelled(
 
 def _events(path: Path, columns: Sequence[Column], rate_hz: float | None) -> dict[str, FloatArray]:
     """Instants by label, from the events of a file of motion capture."""
-    from hopdata.recordings.importing import read_raw
+    from hopdata.recordings.formats import read_raw
 
     events = read_raw(path, rate_hz=rate_hz).events
     labels = np.array([event.label for event in events])

@@ -40,10 +40,34 @@ def read_force_signals(options: Mapping[str, Any], *, feet: Sequence[str]) -> li
     """
     path = Path(options["file"])
     columns = columns_of(options["columns"], feet)
+    if path.suffix.lower() == ".c3d":
+        return _analog_signals(path, columns, options)
     table = open_table(path)
     forces = {column.name: table.numbers(column.name) for column in columns}
     time = _times(table, options, len(forces[columns[0].name])) + options["offset_s"]
     return [_signal(path, column, time, forces[column.name], options) for column in columns]
+
+
+def _analog_signals(
+    path: Path, columns: Sequence[Column], options: Mapping[str, Any]
+) -> list[ForceSignal]:
+    """Read forces from analog channels of a C3D file, which has its own clock and units."""
+    from hopdata.recordings.c3d_analogs import read_analogs
+
+    analogs = read_analogs(path)
+    if options["rate_hz"] is not None:
+        _check_times(f"{path}: analog rate", analogs.time, options["rate_hz"])
+    signals = []
+    for column in columns:
+        force, unit = analogs.channel(column.name)
+        if unit in NEWTONS_PER_UNIT and unit != options["unit"]:
+            raise RecordingError(
+                f"{path}: channel '{column.name}': expected forces.unit: {unit} as the file "
+                f"states, found {options['unit']}"
+            )
+        time = analogs.time + options["offset_s"]
+        signals.append(_signal(path, column, time, force, options))
+    return signals
 
 
 def _times(table: ColumnTable, options: Mapping[str, Any], n_samples: int) -> FloatArray:
