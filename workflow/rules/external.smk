@@ -4,7 +4,10 @@ rule contact_overlay:
         recordings=expand(f"{RESULTS}/level/{{recording}}.h5", recording=list(EXTERNAL)),
         touchdowns=rules.pairs.output.touchdowns,
         external=[
-            block["file"] for blocks in EXTERNAL.values() for block in blocks.values() if block["file"]
+            block["file"]
+            for blocks in EXTERNAL.values()
+            for block in blocks.values()
+            if block["file"]
         ],
     output:
         contacts=f"{RESULTS}/tables/contact_overlay.csv",
