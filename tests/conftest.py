@@ -1,8 +1,14 @@
 """Where the tests find recordings: the bundled sample, and a real one that is not in git."""
 
+import os
 from pathlib import Path
 
 import pytest
+
+# One test process a core; with a BLAS thread a core in each they would only wait for one another.
+# Set before anything imports NumPy, and handed down to the processes that tests start.
+for library in ("OPENBLAS", "MKL"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 ROOT = Path(__file__).parents[1]
 EXTERNAL = "RBDS001runT25markers.tsv"

@@ -19,6 +19,7 @@ MAY_USE = {
     "figures": set(),
     "report": set(),
     "config": set(),
+    "commands": {"config", "recordings", "figures", "report"},
 }
 HEAVY = {"pandas", "scipy", "matplotlib", "statsmodels", "sklearn", "h5py", "jsonschema", "jinja2"}
 

@@ -1,7 +1,7 @@
-"""The command ``hopdata``.
+"""The command ``hopdata``: its command line, and one message instead of a traceback.
 
-Each command is a function from its arguments to an exit code. It imports what it needs when it
-runs, so that ``hopdata --help`` is there at once.
+The commands themselves are in `hopdata.commands`, each imported when it runs, so that
+``hopdata --help`` is there at once.
 """
 
 from __future__ import annotations
@@ -9,17 +9,34 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from hopdata import __version__
-from hopdata.errors import HopdataError, RecordingError
+from hopdata.commands.exit_codes import INTERRUPTED, OK, PROBLEM
+from hopdata.errors import HopdataError, did_you_mean
 
-if TYPE_CHECKING:
-    from hopdata.recordings.recording import Recording
+Command = Callable[[argparse.Namespace], int]
 
-EXIT_OK, EXIT_MISTAKE, EXIT_INTERRUPTED = 0, 1, 130
+EXIT_CODES = """\
+exit codes:
+  0    all is well
+  1    a problem in the configuration or the data, told on stderr or in the listing
+  2    a wrong command line
+  130  interrupted
+"""
+OVERVIEW = (
+    """\
+from a file to a report:
+  hopdata inspect monday.tsv                what is in it, and what looks wrong
+  hopdata init monday.tsv                   write config/monday.yaml, roles guessed
+  hopdata check config/monday.yaml          does it all fit?
+  snakemake --cores 2 --configfile config/monday.yaml
+
+"""
+    + EXIT_CODES
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,8 +50,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0, or 1 after a user's mistake, told on stderr; 130 when interrupted. A wrong
-        command line ends in argparse's SystemExit with code 2.
+        Exit code: 0, or 1 after a user's mistake, told on stderr, and where the data have a
+        problem; 130 when interrupted. A wrong command line ends in argparse's SystemExit with
+        code 2.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -43,106 +61,149 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return code
     except HopdataError as error:
         print(f"hopdata: error: {error}", file=sys.stderr)
-        return EXIT_MISTAKE
+        return PROBLEM
     except BrokenPipeError:  # the reader of our output, such as head, has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return EXIT_OK
+        return OK
     except KeyboardInterrupt:
         print("hopdata: interrupted", file=sys.stderr)
-        return EXIT_INTERRUPTED
+        return INTERRUPTED
 
 
-def check(options: argparse.Namespace) -> int:
-    """Check a configuration and read all its recordings."""
-    from hopdata.config.loading import load_config
-    from hopdata.recordings.importing import import_recording
-    from hopdata.recordings.plausibility import check_plausible, notes
+class _Parser(argparse.ArgumentParser):
+    """A parser that names the nearest command for one that is misspelt."""
 
-    config = load_config(options.config)
-    print(f"study {config['study']}")
-    mistakes: list[str] = []
-    remarks: list[str] = []
-    for entry in config["recordings"]:
-        if entry["file"] is None:
-            print(f"{entry['name']}: simulated, {config['simulation']['hops']} hops")
-            continue
-        try:
-            recording, _ = import_recording(
-                entry["file"], name=entry["name"], markers=config["markers"], **config["input"]
+    def _check_value(self, action: argparse.Action, value: object) -> None:
+        choices = [str(choice) for choice in action.choices or ()]
+        if choices and value not in (action.choices or ()):
+            raise argparse.ArgumentError(
+                action,
+                f"expected one of {', '.join(choices)}, found '{value}'"
+                f"{did_you_mean(str(value), choices)}",
             )
-            check_plausible(recording)
-        except RecordingError as error:
-            mistakes.append(str(error))
-            continue
-        print(_summary(recording, config))
-        remarks += notes(recording)
-    for remark in remarks:
-        print(f"note: {remark}")
-    if mistakes:
-        raise RecordingError("\n".join(mistakes))
-    print(f"{options.config} is sound")
-    return EXIT_OK
 
 
-def config_docs(options: argparse.Namespace) -> int:
-    """Write the page on the configuration's keys."""
-    from hopdata.config.documentation import configuration_page
+def _lazily(module: str) -> Command:
+    """Return the command of `hopdata.commands.<module>`, imported when it runs."""
 
-    page = configuration_page()
-    if options.out is None:
-        print(page, end="")
-        return EXIT_OK
-    try:
-        options.out.parent.mkdir(parents=True, exist_ok=True)
-        options.out.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise HopdataError(
-            f"{options.out}: expected a file that can be written, found: {error.strerror}"
-        ) from None
-    return EXIT_OK
+    def run(options: argparse.Namespace) -> int:
+        command: Command = getattr(import_module(f"hopdata.commands.{module}"), module)
+        return command(options)
 
-
-def _summary(recording: Recording, config: dict[str, Any]) -> str:
-    """Say in a few lines what a recording holds."""
-    from hopdata.recordings.plausibility import body_over_feet, fraction_seen
-
-    duration = recording.time[-1] - recording.time[0]
-    seen = 100 * fraction_seen(recording)
-    worst = int(seen.argmin())
-    lines = [
-        f"{recording.name}: {recording.source}",
-        f"  frames  {len(recording.time)} at {recording.rate_hz:g} Hz, {duration:.1f} s",
-        *(f"  {key:6}  {', '.join(names)}" for key, names in config["markers"].items() if names),
-        f"  height  body {body_over_feet(recording)[2]:.3f} m above the feet (median)",
-        f"  seen    {seen.mean():.1f} % of all markers and frames; "
-        f"least {recording.markers[worst]}, {seen[worst]:.1f} %",
-    ]
-    return "\n".join(lines)
+    return run
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="hopdata",
         description="Is landing on several feet one smooth map? From motion capture to figures.",
-        epilog="The analysis itself runs with: snakemake --cores 2 --configfile CONFIG",
+        epilog=OVERVIEW,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"hopdata {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    _add_inspect(commands)
+    _add_init(commands)
+    _add_check(commands)
+    _add_config_docs(commands)
+    return parser
 
+
+def _command(
+    commands: argparse._SubParsersAction[argparse.ArgumentParser],
+    module: str,
+    summary: str,
+    description: str,
+    examples: str,
+) -> argparse.ArgumentParser:
+    """Add a command with its help, examples and exit codes."""
     command = commands.add_parser(
+        module.replace("_", "-"),
+        help=summary,
+        description=description,
+        epilog=f"examples:\n{examples}\n{EXIT_CODES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.set_defaults(run=_lazily(module))
+    return command
+
+
+def _add_inspect(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    command = _command(
+        commands,
+        "inspect",
+        "say what is in a recording, and what looks wrong",
+        "Say what is in a recording: markers, rate, duration, gaps; unit and vertical axis with the\n"
+        "reason for the guess; rigid clusters and noise; and what looks wrong: swapped markers,\n"
+        "spikes, jumps, frozen markers, dropped frames, irregular time stamps. Nothing is written\n"
+        "unless --html asks for it. Exit code 1 if anything looks wrong; gaps alone do not count.",
+        "  hopdata inspect data/sample/hopper.h5\n"
+        "  hopdata inspect monday.tsv --html monday.html\n"
+        "  hopdata inspect monday.tsv --rate 250        a file that does not state its rate\n",
+    )
+    _add_file(command)
+    command.add_argument("--html", type=Path, metavar="PAGE", help="also write a page with figures")
+
+
+def _add_init(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    command = _command(
+        commands,
+        "init",
+        "write a first configuration for a recording",
+        "Write a configuration with comments, the roles of the markers guessed from their motion\n"
+        "and names, each guess with its reason. Exit code 1 if something must be filled in by hand.",
+        "  hopdata init data/sample/hopper.h5           writes config/hopper.yaml\n"
+        "  hopdata init monday.tsv -o config/mine.yaml\n",
+    )
+    _add_file(command)
+    command.add_argument(
+        "-o", "--out", type=Path, metavar="CONFIG", help="file to write; else config/FILE.yaml"
+    )
+    command.add_argument("--force", action="store_true", help="replace CONFIG if it is there")
+
+
+def _add_file(command: argparse.ArgumentParser) -> None:
+    """Add the file, and what the user may know better than the guess."""
+    command.add_argument("file", type=Path, metavar="FILE", help="a recording, such as monday.tsv")
+    command.add_argument("--unit", choices=("mm", "m"), help="unit of the file; else guessed")
+    command.add_argument(
+        "--vertical-axis",
+        choices=("x", "y", "z"),
+        help="axis of the file that points up; else guessed",
+    )
+    command.add_argument(
+        "--rate", type=_positive, metavar="HZ", help="frame rate, if the file does not state it"
+    )
+
+
+def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    command = _command(
+        commands,
         "check",
-        help="check a configuration and its recordings",
-        description="Check a configuration, read its recordings, and say what is in them. "
-        "Exit code 1, and a line on each mistake, if anything is wrong. Nothing is written.",
+        "check a configuration and its recordings",
+        "Check a configuration, read its recordings, and say what is in them. Exit code 1, and a\n"
+        "line on each mistake, if anything is wrong. Nothing is written.",
+        "  hopdata check config/config.yaml\n",
     )
     command.add_argument("config", metavar="CONFIG", help="such as config/config.yaml")
-    command.set_defaults(run=check)
 
-    command = commands.add_parser(
-        "config-docs",
-        help="describe the configuration's keys",
-        description="Write the page on all keys of the configuration, as Markdown.",
+
+def _add_config_docs(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    command = _command(
+        commands,
+        "config_docs",
+        "describe the configuration's keys",
+        "Write the page on all keys of the configuration, as Markdown.",
+        "  hopdata config-docs --out docs/configuration.md\n",
     )
     command.add_argument("--out", type=Path, metavar="FILE", help="file to write; else stdout")
-    command.set_defaults(run=config_docs)
-    return parser
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a number above 0, found '{text}'")
+    return value

@@ -29,6 +29,7 @@ rule import_recording:
     params:
         markers=STUDY["markers"],
         options=STUDY["input"],
+        quality=STUDY["quality"],
         code=code("import_recording"),
     script:
         "../scripts/import_recording.py"

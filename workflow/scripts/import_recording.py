@@ -12,5 +12,5 @@ with reported(snakemake.log[0]):
         markers=snakemake.params.markers,
         **snakemake.params.options,
     )
-    check_plausible(recording)
+    check_plausible(recording, **snakemake.params.quality)
     write_recording(snakemake.output.recording, recording, truth=truth)

@@ -225,7 +225,10 @@ def _draw_tests(axes: Axes, verdict: Mapping[str, Any]) -> None:
 
 def _wrapped(verdict: Mapping[str, Any]) -> str:
     """Break the sentence into lines, but never within ``p = 0.05`` or ``95 %``."""
-    sentence = str(verdict["sentence"]).replace(" = ", "\u00a0=\u00a0").replace(" %", "\u00a0%")
+    sentence = str(verdict["sentence"])
+    for sign in ("=", "<="):
+        sentence = sentence.replace(f" {sign} ", f"\u00a0{sign}\u00a0")
+    sentence = sentence.replace("<=", "\u2264").replace(" %", "\u00a0%")
     return textwrap.fill(sentence, SENTENCE_WIDTH)
 
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from hopdata.errors import RecordingError
+from hopdata.recordings.quality.free_fall import free_fall
+from hopdata.recordings.quality.rigid import frame_noise, pair_distances
 from hopdata.recordings.raw import FloatArray
 from hopdata.recordings.recording import Recording
 
@@ -19,18 +21,37 @@ MISSING_NOTE_FRACTION = 0.1
 TILT_LIMIT = 5.0  # body further from the feet along another axis by this factor: wrong axis
 STEP_TOLERANCE = 0.02  # of a frame
 SAMPLE_FRAMES = 2000
+LARGEST_BODY_STRAIN = 0.05
+NOISE_MARGIN = 2.0  # in a short recording a distance may vary by so much more (squared) by chance
+
+EXPORT = "export in mm or m"
+# Slips with the unit: by what positions would have to be multiplied, and what to do.
+WRONG_UNITS = {
+    "centimetres taken for millimetres": (10.0, EXPORT),
+    "centimetres taken for metres": (0.01, EXPORT),
+    "inches taken for millimetres": (25.4, EXPORT),
+    "inches taken for metres": (0.0254, EXPORT),
+    "millimetres taken for metres": (1e-3, "set input.unit: mm"),
+    "metres taken for millimetres": (1e3, "set input.unit: m"),
+}
+AS_READ = "as read"
+CLEARLY = 5.0  # so many times the free fall must be seen in another unit than the one taken
 
 # Canonical x, y, z as axes of the file, for each axis that pointed up there (cyclic, so proper).
 FILE_AXES = {"x": "yzx", "y": "zxy", "z": "xyz"}
 
 
-def check_plausible(recording: Recording) -> None:
+def check_plausible(
+    recording: Recording, *, largest_body_strain: float = LARGEST_BODY_STRAIN
+) -> None:
     """Run all checks; the first that fails raises.
 
     Parameters
     ----------
     recording : Recording
         In metres, z up, with only the configured markers.
+    largest_body_strain : float
+        ``quality.largest_body_strain`` of the configuration.
 
     Raises
     ------
@@ -40,8 +61,10 @@ def check_plausible(recording: Recording) -> None:
     check_markers(recording)
     check_time(recording)
     check_positions(recording)
+    check_fall(recording)
     check_scale(recording)
     check_upright(recording)
+    check_rigid(recording, largest_strain=largest_body_strain)
 
 
 def check_markers(recording: Recording) -> None:
@@ -149,6 +172,49 @@ def check_upright(recording: Recording) -> None:
     raise RecordingError(
         f"{_place(recording)}: vertical axis {recording.vertical_axis}: "
         f"expected the body above the feet, found the body's mean at {found} from the feet{hint}"
+    )
+
+
+def check_fall(recording: Recording) -> None:
+    """Require that what falls freely falls at 9.81 m/s², if anything does: catches centimetres."""
+    units = {AS_READ: 1.0, **{slip: factor for slip, (factor, _) in WRONG_UNITS.items()}}
+    fall = free_fall(recording.positions, recording.rate_hz, units=units)
+    if fall.unit == AS_READ or fall.up != "z" or not fall.is_clear:
+        return
+    as_read = free_fall(recording.positions, recording.rate_hz, units={AS_READ: 1.0})
+    if fall.share > CLEARLY * as_read.share:
+        raise RecordingError(
+            f"{_place(recording)}: scale: expected what falls to do so at 9.81 m/s², "
+            f"found {9.81 / units[fall.unit]:.3g} m/s² in {100 * fall.share:.0f} % of the frames; "
+            f"the numbers look like {fall.unit}: {WRONG_UNITS[fall.unit][1]}"
+        )
+
+
+def check_rigid(recording: Recording, *, largest_strain: float = LARGEST_BODY_STRAIN) -> None:
+    """Require body markers that keep their distances, but for what their noise makes of them.
+
+    Parameters
+    ----------
+    recording : Recording
+        In metres, z up.
+    largest_strain : float
+        Largest robust standard deviation of a distance, relative to its median.
+    """
+    pairs, noise = pair_distances(recording.body), frame_noise(recording.body)
+    own = np.nan_to_num(noise[:, None] ** 2 + noise[None] ** 2)
+    bend = np.sqrt(np.clip(pairs.spread**2 - NOISE_MARGIN * own, 0, None))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        strain = np.nan_to_num(bend / pairs.median)
+    if strain.max(initial=0.0) <= largest_strain:
+        return
+    i, j = np.unravel_index(int(np.argmax(strain)), strain.shape)
+    names = recording.names("body")
+    odd = names[int(np.argmax(np.median(strain, axis=1)))]
+    raise RecordingError(
+        f"{_place(recording)}: markers.body: expected distances that vary by at most "
+        f"{100 * largest_strain:g} % (quality.largest_body_strain), found '{names[i]}' to "
+        f"'{names[j]}' varying by {1e3 * bend[i, j]:.1f} mm, {100 * strain[i, j]:.1f} % of "
+        f"{1e3 * pairs.median[i, j]:.0f} mm; is '{odd}' on the body?"
     )
 
 

@@ -15,7 +15,7 @@ from hopdata.maps.verdict.kinks import foot_sets, kink_slopes, kinks
 from hopdata.maps.verdict.membership import memberships
 from hopdata.maps.verdict.residuals import shuffled
 from hopdata.maps.verdict.shrinkage import variance_ratios
-from hopdata.maps.verdict.significance import flip_signs
+from hopdata.maps.verdict.significance import KinkTest, flip_signs
 from hopdata.maps.verdict.smooth import free_terms, number_of_free_terms, shrunk_terms
 
 
@@ -178,3 +178,8 @@ def test_false_alarms_are_as_rare_as_said_and_the_statistic_as_large():
     mean = np.mean([test.statistic / test.degrees_of_freedom for test in found])
     assert 0.8 < mean < 1.1  # with few landings, noise that looks like curvature counts twice
     assert sum(t.p_value <= 0.1 for t in found) <= 13  # 6 expected; more in one of a thousand
+
+
+def test_a_p_value_at_its_floor_is_printed_as_a_bound():
+    assert KinkTest(90.0, 44, 1 / 2000, 1999).p_text == "p <= 0.0005"
+    assert KinkTest(60.0, 44, 2 / 2000, 1999).p_text == "p = 0.001"

@@ -120,15 +120,15 @@ def sentence(
     if conclusion == DIFFERENT:
         return (
             f"The maps of different contact orders are different: by {effect.estimate:.2g} of the "
-            f"map ({sure} interval {effect.low:.2g} to {effect.high:.2g}, p = {test.p_value:.2g})."
+            f"map ({sure} interval {effect.low:.2g} to {effect.high:.2g}, {test.p_text})."
         )
     if conclusion == NO_DIFFERENCE:
         return (
             f"No difference between the maps of different contact orders larger than "
-            f"{effect.upper_bound:.2g} of the map, at {sure} confidence (p = {test.p_value:.2g})."
+            f"{effect.upper_bound:.2g} of the map, at {sure} confidence ({test.p_text})."
         )
     return (
-        f"This data cannot tell: no difference was found (p = {test.p_value:.2g}), but one of up "
+        f"This data cannot tell: no difference was found ({test.p_text}), but one of up "
         f"to {effect.upper_bound:.2g} of the map cannot be excluded, and {margin:g} was wanted."
     )
 

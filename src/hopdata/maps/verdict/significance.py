@@ -30,11 +30,20 @@ class KinkTest:
         Number of coefficients: its expectation if there are no kinks.
     p_value
         Share of the sign flips with a statistic as large, the data's own included.
+    flips
+        Number of random sign patterns.
     """
 
     statistic: float
     degrees_of_freedom: int
     p_value: float
+    flips: int
+
+    @property
+    def p_text(self) -> str:
+        """The p-value as printed: a bound where no random sign pattern came as far."""
+        least = self.p_value * (1 + self.flips) < 1.5
+        return f"p {'<=' if least else '='} {self.p_value:.2g}"
 
 
 def flip_signs(fit: KinkFit, *, generator: np.random.Generator, flips: int = 1999) -> KinkTest:
@@ -56,7 +65,7 @@ def flip_signs(fit: KinkFit, *, generator: np.random.Generator, flips: int = 199
     drawn = signs @ scores + _draws(fit.curvature, flips, generator)
     null = np.sum(np.linalg.solve(root, drawn.T) ** 2, axis=0)
     p_value = (1 + int(np.sum(null >= statistic))) / (1 + flips)
-    return KinkTest(statistic, fit.coefficients.size, p_value)
+    return KinkTest(statistic, fit.coefficients.size, p_value, flips)
 
 
 def _draws(covariance: Floats, count: int, generator: np.random.Generator) -> Floats:

@@ -1,0 +1,66 @@
+"""``hopdata check``: a configuration and all its recordings."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from hopdata.commands.exit_codes import OK
+from hopdata.commands.progress import Progress
+from hopdata.errors import RecordingError
+
+if TYPE_CHECKING:
+    from hopdata.recordings.recording import Recording
+
+
+def check(options: argparse.Namespace) -> int:
+    """Check a configuration and read all its recordings."""
+    from hopdata.config.loading import load_config
+    from hopdata.recordings.importing import import_recording
+    from hopdata.recordings.plausibility import check_plausible, notes
+
+    config = load_config(options.config)
+    print(f"study {config['study']}")
+    mistakes: list[str] = []
+    remarks: list[str] = []
+    for entry in config["recordings"]:
+        if entry["file"] is None:
+            print(f"{entry['name']}: simulated, {config['simulation']['hops']} hops")
+            continue
+        try:
+            with Progress() as progress:
+                progress(f"reading {entry['file']}")
+                recording, _ = import_recording(
+                    entry["file"], name=entry["name"], markers=config["markers"], **config["input"]
+                )
+                progress(f"checking {entry['file']}")
+                check_plausible(recording, **config["quality"])
+        except RecordingError as error:
+            mistakes.append(str(error))
+            continue
+        print(_summary(recording, config))
+        remarks += notes(recording)
+    for remark in remarks:
+        print(f"note: {remark}")
+    if mistakes:
+        raise RecordingError("\n".join(mistakes))
+    print(f"{options.config} is sound")
+    return OK
+
+
+def _summary(recording: Recording, config: dict[str, Any]) -> str:
+    """Say in a few lines what a recording holds."""
+    from hopdata.recordings.plausibility import body_over_feet, fraction_seen
+
+    duration = recording.time[-1] - recording.time[0]
+    seen = 100 * fraction_seen(recording)
+    worst = int(seen.argmin())
+    lines = [
+        f"{recording.name}: {recording.source}",
+        f"  frames  {len(recording.time)} at {recording.rate_hz:g} Hz, {duration:.1f} s",
+        *(f"  {key:6}  {', '.join(names)}" for key, names in config["markers"].items() if names),
+        f"  height  body {body_over_feet(recording)[2]:.3f} m above the feet (median)",
+        f"  seen    {seen.mean():.1f} % of all markers and frames; "
+        f"least {recording.markers[worst]}, {seen[worst]:.1f} %",
+    ]
+    return "\n".join(lines)

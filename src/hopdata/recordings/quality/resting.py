@@ -1,0 +1,90 @@
+"""Markers that come to rest at their lowest again and again, as feet do."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.recordings.quality.runs import runs
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+BAND_M = 0.02  # above a marker's own lowest height
+SPEED_M_S = 0.15
+WINDOW_S = 0.04
+LEAST_REST_S = 0.03
+FLAT = 0.05  # of the range of heights: the lowest tenth of the frames of a foot spans less
+CLEARER = 2.0
+
+
+def lowest(heights: FloatArray) -> FloatArray:
+    """Lowest height of each marker but for 1 % of the frames, (M,); NaN if never seen."""
+    return _quantiles(heights, [0.01])[0]
+
+
+def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
+    """Tell when each marker rests near its own lowest height.
+
+    Parameters
+    ----------
+    heights : (N, M) array
+        Height, m; NaN where not seen.
+    rate_hz : float
+        Frame rate, Hz.
+
+    Returns
+    -------
+    (N, M) bool array
+        Rests shorter than `LEAST_REST_S` are left out.
+    """
+    half = max(1, round(WINDOW_S * rate_hz / 2))
+    speed = np.full_like(heights, np.nan)
+    if len(heights) > 2 * half:
+        speed[half:-half] = (heights[2 * half :] - heights[: -2 * half]) * rate_hz / (2 * half)
+    with np.errstate(invalid="ignore"):
+        resting = (heights < lowest(heights) + BAND_M) & (np.abs(speed) < SPEED_M_S)
+    least = max(2, round(LEAST_REST_S * rate_hz))
+    for m in range(heights.shape[1]):
+        for start, stop in runs(resting[:, m]):
+            if stop - start < least:
+                resting[start:stop, m] = False
+    return resting
+
+
+def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
+    """Find the direction at whose lower end at least two markers stay for a while.
+
+    Parameters
+    ----------
+    positions : (N, M, 3) array
+        In any unit.
+
+    Returns
+    -------
+    direction : str
+        ``"z"``, ``"-y"`` and so on: up, if something stands on a floor.
+    flatness, next_flatness : float
+        Range of the lowest tenth of the frames over that of all, of the second flattest marker,
+        for this direction and for the next best.
+    """
+    found: dict[str, float] = {}
+    for axis, name in enumerate("xyz"):
+        for sign in (1, -1):
+            low, tenth, high = _quantiles(sign * positions[:, :, axis], [0.01, 0.1, 0.99])
+            with np.errstate(invalid="ignore", divide="ignore"):
+                flatness = np.sort(((tenth - low) / (high - low))[high > low])
+            direction = name if sign > 0 else f"-{name}"
+            found[direction] = float(flatness[1]) if len(flatness) > 1 else np.inf
+    best, following = sorted(found, key=lambda d: found[d])[:2]
+    return best, found[best], found[following]
+
+
+def _quantiles(values: FloatArray, levels: list[float]) -> FloatArray:
+    """Quantiles of each column of (N, M) values, (len(levels), M); NaN for an empty column."""
+    result = np.full((len(levels), values.shape[1]), np.nan)
+    for m in range(values.shape[1]):
+        known = values[np.isfinite(values[:, m]), m]
+        if len(known):
+            result[:, m] = np.quantile(known, levels)
+    return result

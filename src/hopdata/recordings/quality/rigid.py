@@ -1,0 +1,123 @@
+"""Rigid clusters of markers and the noise of a marker, both from distances between pairs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+SAMPLE_FRAMES = 4000
+STRAIN = 0.025  # spread of a distance, relative, up to which a pair counts as rigid
+SIGMAS = 4.0  # or up to this many times what the markers' own noise makes of it
+LEAST = 3
+MAD_TO_SD = 1.4826
+
+
+@dataclass(frozen=True)
+class PairDistances:
+    """Distances between markers over a recording.
+
+    Parameters
+    ----------
+    median : (M, M) array
+        Median distance; NaN for pairs never seen together.
+    spread : (M, M) array
+        Robust standard deviation (from the median absolute deviation).
+    """
+
+    median: FloatArray
+    spread: FloatArray
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Markers that keep their distances.
+
+    Parameters
+    ----------
+    markers : tuple of int
+        Their indices, at least three.
+    noise : float
+        Standard deviation of a marker's coordinate that the pairs' median spread amounts to, in
+        the unit of the positions; what bends or slips counts as noise.
+    """
+
+    markers: tuple[int, ...]
+    noise: float
+
+
+def pair_distances(positions: FloatArray) -> PairDistances:
+    """Measure all distances over at most `SAMPLE_FRAMES` frames of (N, M, 3) positions."""
+    frames = positions[:: max(1, len(positions) // SAMPLE_FRAMES)]
+    n = frames.shape[1]
+    median, spread = np.full((n, n), np.nan), np.full((n, n), np.nan)
+    np.fill_diagonal(median, 0.0)
+    np.fill_diagonal(spread, 0.0)
+    for i in range(n):
+        for j in range(i):
+            distance = np.linalg.norm(frames[:, i] - frames[:, j], axis=1)
+            distance = distance[np.isfinite(distance)]
+            if len(distance):
+                middle = float(np.median(distance))
+                deviation = MAD_TO_SD * float(np.median(np.abs(distance - middle)))
+                median[i, j] = median[j, i] = middle
+                spread[i, j] = spread[j, i] = deviation
+    return PairDistances(median, spread)
+
+
+def frame_noise(positions: FloatArray) -> FloatArray:
+    """Noise of each marker that changes from frame to frame, (M,), by fourth differences.
+
+    The standard deviation of a coordinate, robust against the frames at which a foot lands; NaN
+    for a marker without five frames in a row. Noise that a camera system has smoothed is missed.
+    """
+    noise = np.full(positions.shape[1], np.nan)
+    for m in range(positions.shape[1]):
+        fourth = np.diff(positions[:, m], 4, axis=0)
+        fourth = fourth[np.isfinite(fourth).all(axis=1)]
+        if len(fourth):
+            noise[m] = MAD_TO_SD * float(np.median(np.abs(fourth))) / np.sqrt(70.0)
+    return noise
+
+
+def rigid_clusters(pairs: PairDistances, noise: FloatArray) -> tuple[Cluster, ...]:
+    """Group markers so that every pair of a group is rigid, the largest groups first.
+
+    Parameters
+    ----------
+    pairs : PairDistances
+        Of all M markers.
+    noise : (M,) array
+        Noise of each marker from frame to frame, in the same unit.
+    """
+    from scipy.cluster.hierarchy import fcluster, linkage
+    from scipy.spatial.distance import squareform
+
+    n = len(pairs.median)
+    if n < LEAST:
+        return ()
+    own = np.sqrt(noise[:, None] ** 2 + noise[None] ** 2)
+    allowed = np.fmax(STRAIN * _local(pairs.median), SIGMAS * np.nan_to_num(own))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        softness = np.where(np.isfinite(pairs.spread), pairs.spread / allowed, np.inf)
+    softness[~np.isfinite(softness)] = 1e6
+    np.fill_diagonal(softness, 0.0)
+    groups = fcluster(linkage(squareform(softness, checks=False), "complete"), 1.0, "distance")
+    members = [tuple(np.flatnonzero(groups == g).tolist()) for g in np.unique(groups)]
+    clusters = [Cluster(m, _noise(pairs.spread, m)) for m in members if len(m) >= LEAST]
+    return tuple(sorted(clusters, key=lambda c: (-len(c.markers), c.markers)))
+
+
+def _local(median: FloatArray) -> FloatArray:
+    """Distances, but at most twice the way to a neighbour: far things seem rigid to all (M, M)."""
+    others = median + np.where(np.eye(len(median)), np.inf, 0.0)
+    nearest = np.nanmin(np.where(np.isnan(others), np.inf, others), axis=1)
+    return np.fmin(median, 2 * np.fmin(nearest[:, None], nearest[None]))
+
+
+def _noise(spread: FloatArray, members: tuple[int, ...]) -> float:
+    inner = spread[np.ix_(members, members)][np.triu_indices(len(members), 1)]
+    return float(np.median(inner) / np.sqrt(2.0))

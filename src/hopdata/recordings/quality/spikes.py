@@ -1,0 +1,86 @@
+"""Spikes: one to three frames in which a marker is elsewhere; and jumps to another place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.recordings.quality.one_sided import Surprises
+from hopdata.recordings.quality.runs import runs
+
+
+@dataclass(frozen=True)
+class Spike:
+    """A marker that is elsewhere for up to three frames.
+
+    Parameters
+    ----------
+    marker : str
+        Its name.
+    start, stop : int
+        First frame and the frame after the last, from 0.
+    size : float
+        How far off it is at most, m.
+    """
+
+    marker: str
+    start: int
+    stop: int
+    size: float
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A marker that moves to another place between two frames, and no other takes its own.
+
+    Parameters
+    ----------
+    marker : str
+        Its name.
+    frame : int
+        First frame at the new place, from 0.
+    size : float
+        Length of the jump, m.
+    """
+
+    marker: str
+    frame: int
+    size: float
+
+
+def find_spikes(
+    missed: Surprises, markers: tuple[str, ...], *, explained: NDArray[np.bool_]
+) -> tuple[Spike, ...]:
+    """List the spikes.
+
+    Parameters
+    ----------
+    missed : Surprises
+        Misses of the one-sided predictions.
+    markers : tuple of str
+        The M names.
+    explained : (N, M) bool array
+        Frames that a swap explains.
+    """
+    gross = (missed.spike > missed.limit) & ~explained
+    return tuple(
+        Spike(name, int(start), int(stop), float(missed.spike[start:stop, m].max()))
+        for m, name in enumerate(markers)
+        for start, stop in runs(gross[:, m])
+    )
+
+
+def find_jumps(
+    missed: Surprises, markers: tuple[str, ...], *, explained: NDArray[np.bool_]
+) -> tuple[Jump, ...]:
+    """List the jumps that are neither spikes nor explained by a swap; see `find_spikes`."""
+    near_spike = missed.spike > missed.limit
+    near_spike[1:] |= near_spike[:-1].copy()
+    near_spike[1:] |= near_spike[:-1].copy()
+    gross = (missed.step > missed.limit) & ~explained & ~near_spike
+    return tuple(
+        Jump(markers[m], int(frame), float(missed.step[frame, m]))
+        for frame, m in np.argwhere(gross)
+    )
