@@ -20,7 +20,7 @@ from hopdata.landings.approach import (
 from hopdata.landings.contacts import Contacts, find_contacts
 from hopdata.landings.schedules import order_probability, schedule_names, spread
 from hopdata.landings.transitions import Transitions, find_transitions
-from hopdata.landings.velocity_minimum import savitzky_golay_velocity
+from hopdata.landings.velocity_minimum import filter_window, savitzky_golay_velocity
 from hopdata.recordings.recording import Recording
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may be missing
+LONGEST_GAP_S = 0.025  # the same, where frames are many: the body moves no further for them
 LEAST_DOWN_SHARE = 0.15  # of the distance between the sections
 LEAST_DOWN_SIGMAS = 4.0
 
@@ -113,7 +114,9 @@ def _table(
     feet = recording.names("foot")
     probability = order_probability(contacts.instant, contacts.se)
     frame_s = float(np.median(np.diff(recording.time)))
-    reasons = exclusion_reasons(transitions, contacts, longest_gap_s=LONGEST_GAP_FRAMES * frame_s)
+    reasons = exclusion_reasons(
+        transitions, contacts, longest_gap_s=max(LONGEST_GAP_FRAMES * frame_s, LONGEST_GAP_S)
+    )
     doubtful = probability < minimum_probability
     reasons = [
         reason or ("order ambiguous" if doubt else "")
@@ -230,7 +233,12 @@ def example_touchdown(
     time = recording.time
     frames = (time >= row["t_pre_s"] - margin_s) & (time <= row["t_post_s"] + margin_s)
     heights = recording.feet[:, :, 2]
-    velocity = savitzky_golay_velocity(heights, 1 / float(np.median(np.diff(time))))
+    rate_hz = 1 / float(np.median(np.diff(time)))
+    reach = filter_window(rate_hz)
+    shown = np.flatnonzero(frames)
+    about = slice(max(shown[0] - reach, 0), shown[-1] + reach + 1)
+    velocity = np.full(heights.shape, np.nan)
+    velocity[about] = savitzky_golay_velocity(heights[about], rate_hz)
     pieces = [
         pd.DataFrame(
             {

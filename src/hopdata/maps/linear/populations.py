@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.maps.linear.basis import pooled_basis
+from hopdata.maps.rare_schedules import Notes, rare_notes
 
 #: Landings that a fit must have beyond its number of coefficients per output.
 SPARE_LANDINGS = 2
 
 Floats = NDArray[np.float64]
-Notes = list[dict[str, str]]
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,15 @@ def select_populations(
 
     Near and far are those below and above the median contact spread of all landings.
     """
-    notes: Notes = []
     populations = []
+    rare: dict[str, int] = {}
     for name in sorted({str(item) for item in schedule if item}):
         rows = np.flatnonzero(schedule == name)
         if len(rows) >= minimum_class:
             populations.append(Population("class", name, rows))
         else:
-            reason = f"{len(rows)} landings, at least {minimum_class} wanted"
-            notes.append({"what": f"specialised models of schedule {name}", "reason": reason})
+            rare[name] = len(rows)
+    notes = rare_notes("specialised models", rare, f"at least {minimum_class} wanted")
     if not populations:
         reason = f"no mode schedule has {minimum_class} landings"
         notes.append({"what": "specialised models", "reason": reason})
