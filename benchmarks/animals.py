@@ -1,17 +1,17 @@
-"""Animals of two to six feet, seen by 3 to 8 body markers at 50 to 2000 Hz: what is found, how fast.
+"""Animals of two to six feet, seen at 50 to 2000 Hz: what is found of their landings, how fast.
 
     python benchmarks/animals.py --out animals.csv [--hops 200]
 
 The body of the three-legged hopper on n legs that together do what three did, simulated and seen
 with 0.6 mm of noise; two point feet cannot balance, so the biped is dropped anew for every landing.
-One row for each number of feet and frame rate, and three more for four, five and eight body markers.
-`landings` truly have all feet down; `used` are not excluded; `order_right` is of those used, and
-`order_right_sure` of those whose order has a probability of 0.9 or more. `contact_rms_ms` is the
-error of the instants about their common bias `contact_bias_ms`, and `within_se` the share of them
-within the stated standard error. `velocity_pre_m_s` and `velocity_post_m_s` are rms errors of one
-component at the sections. Seconds are those of the stages floor, sections, touchdowns and pairs, on
-one thread; `peak_mb` is the most memory in use beyond what there was before them, and
-`recording_mb` the size of the positions.
+One row for each number of feet and frame rate, with three body markers, and three rows more of the
+largest animal with four, five and eight. `landings` truly have all feet down; `used` are not
+excluded; `order_right` is of those used, and `order_right_sure` of those whose order has a
+probability of 0.9 or more. `contact_rms_ms` is the error of the instants about their common bias
+`contact_bias_ms`, and `within_se` the share of them within the stated standard error.
+`velocity_pre_m_s` and `velocity_post_m_s` are rms errors of the vertical one there. Seconds
+are those of the stages floor, sections, touchdowns and pairs, on one thread; `peak_mb` is the most
+memory in use beyond what there was before them, and `recording_mb` the size of the positions.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def stages(recording: Recording) -> tuple[pd.DataFrame, Pairs, Any, dict[str, fl
 
 
 def velocity_errors(truth: Truth, table: pd.DataFrame, pairs: Pairs, sections: Any) -> list[float]:
-    """Rms error of a component of a marker's velocity at the two sections, m/s."""
+    """Rms error of the vertical velocity of a marker at the two sections, m/s."""
     scene = known_scene(truth)
     heights = SectionHeights(sections.pre_height_m, sections.post_height_m, scene.body_points_m)
     true = true_states(truth, scene, heights)
