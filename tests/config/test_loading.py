@@ -291,10 +291,21 @@ def test_a_mapping_is_named_by_its_files_which_are_looked_into(folder):
         load_config(yaml.safe_load(SOUND), files=["study.yaml"])
 
 
-@pytest.mark.parametrize("name", ["config.yaml", "control.yaml", "runner.yaml", "thesis.yaml"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "biped.yaml",
+        "config.yaml",
+        "control.yaml",
+        "half_spread.yaml",
+        "hexapod.yaml",
+        "runner.yaml",
+        "thesis.yaml",
+    ],
+)
 def test_the_configurations_that_come_along_are_sound(name):
     config = load_config(ROOT / "config" / name, check_files=False)
-    assert config["study"] in ("sample", "runner", "thesis", "control")
+    assert config["study"] == {"config.yaml": "sample"}.get(name, Path(name).stem)
 
 
 UNITS = {
