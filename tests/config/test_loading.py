@@ -395,6 +395,7 @@ def test_the_keys_of_a_section_are_the_options_of_its_stage(section):
     [
         ("touchdowns", "method", "hopdata.landings.contacts", "METHODS"),
         ("touchdowns", "gravity", "hopdata.landings.contacts", "GRAVITIES"),
+        ("touchdowns", "ambiguous", "hopdata.landings.touchdowns", "TREATMENTS"),
         ("states", "method", "hopdata.landings.states", "METHODS"),
         ("states", "gravity", "hopdata.landings.states", "GRAVITIES"),
     ],

@@ -141,3 +141,12 @@ def test_what_is_missing_has_no_table():
     assert result_tables.prediction_table(empty) is None
     assert result_tables.distances_table(None) is None
     assert result_tables.truth_table({}) is None
+
+
+def test_ambiguous_touchdowns_are_counted_by_schedule():
+    data = touchdowns()
+    assert {row[2] for row in landing_tables.schedules_table(data).rows} == {"\N{EM DASH}"}
+    data["class"] = data["schedule"].where(data.index % 7 != 0, "ambiguous")
+    table = landing_tables.schedules_table(data)
+    used = data[~data["excluded"]]
+    assert sum(int(row[2]) for row in table.rows) == (used["class"] == "ambiguous").sum()

@@ -70,6 +70,7 @@ rule pairs:
     params:
         home=STUDY["home"],
         states=STUDY["states"],
+        ambiguous=STUDY["touchdowns"]["ambiguous"],
         code=code("pairs"),
     script:
         "../scripts/pairs.py"
