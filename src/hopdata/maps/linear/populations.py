@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.maps.linear.basis import pooled_basis
-from hopdata.maps.rare_schedules import Notes, rare_notes
+from hopdata.maps.rare_schedules import MOST_ONE_BY_ONE, Notes, rare_notes
 
 #: Landings that a fit must have beyond its number of coefficients per output.
 SPARE_LANDINGS = 2
@@ -81,17 +81,31 @@ def large_enough(
 ) -> tuple[list[Population], Notes]:
     """Drop what is too small for an affine map; keep `all` for its mean while it has a split."""
     kept, notes = [], []
+    thin: dict[str, int] = {}
+    wanted = f"an affine map of these inputs needs {needed}"
     for population in populations:
         size = len(population.rows)
         fitted = split_sizes(size, train, test)[0] if size else 0
         enough = fitted >= needed
-        if not enough:
-            reason = f"{fitted} landings to fit, an affine map of these inputs needs {needed}"
+        if not enough and population.kind == "class":
+            thin[population.name] = fitted
+        elif not enough:
             what = "affine model of all landings" if population.kind == "all" else population.name
-            notes.append({"what": what, "reason": reason})
+            notes.append({"what": what, "reason": f"{fitted} landings to fit, {wanted}"})
         if enough or (population.kind == "all" and size >= 2):
             kept.append(population)
-    return kept, notes
+    return kept, _thin_notes(thin, wanted) + notes
+
+
+def _thin_notes(thin: dict[str, int], wanted: str) -> Notes:
+    """Note the schedules without an affine map, together where they are many."""
+    if len(thin) <= MOST_ONE_BY_ONE:
+        return [
+            {"what": name, "reason": f"{fitted} landings to fit, {wanted}"}
+            for name, fitted in thin.items()
+        ]
+    sizes = f"{min(thin.values())} to {max(thin.values())} landings each to fit"
+    return [{"what": f"affine models of {len(thin)} schedules", "reason": f"{sizes}, {wanted}"}]
 
 
 def common_split(
