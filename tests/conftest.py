@@ -13,6 +13,7 @@ for library in ("OPENBLAS", "MKL"):
 ROOT = Path(__file__).parents[1]
 EXTERNAL = "RBDS001runT25markers.tsv"
 EXTERNAL_FORCES = "RBDS001runT25forces.txt"
+SAME_RUN = ("RBDS001runT35.c3d", "RBDS001runT35_markers.txt")
 EXTERNAL_FOLDERS = (ROOT / "data/external", ROOT.parent / "shared/recordings/treadmill_running")
 
 
@@ -34,6 +35,12 @@ def external_recording():
 def external_forces():
     """Forces of the same run."""
     return external(EXTERNAL_FORCES)
+
+
+@pytest.fixture(scope="session")
+def same_run():
+    """Paths of the C3D and the text file of one run."""
+    return tuple(external(name) for name in SAME_RUN)
 
 
 @pytest.fixture(scope="session")

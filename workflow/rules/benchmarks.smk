@@ -17,6 +17,9 @@ BENCHMARK_TABLES = {
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
     "animals": ["animals.csv"],
+    "reading": ["reading.csv", "reading_agreement.csv"],
+    "damaged_files": ["damaged_files.csv"],
+    "recording_faults": ["recording_faults.csv"],
 }
 # They take most of an hour, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
 SIMULATED_STUDIES = {
