@@ -310,11 +310,21 @@ def test_a_mapping_is_named_by_its_files_which_are_looked_into(folder):
 
 
 @pytest.mark.parametrize(
-    "name", ["config.yaml", "control.yaml", "runner.yaml", "runner_forces.yaml", "thesis.yaml"]
+    "name",
+    [
+        "biped.yaml",
+        "config.yaml",
+        "control.yaml",
+        "half_spread.yaml",
+        "hexapod.yaml",
+        "runner.yaml",
+        "runner_forces.yaml",
+        "thesis.yaml",
+    ],
 )
 def test_the_configurations_that_come_along_are_sound(name):
     config = load_config(ROOT / "config" / name, check_files=False)
-    assert config["study"] in ("sample", "runner", "runner_forces", "thesis", "control")
+    assert config["study"] == {"config.yaml": "sample"}.get(name, Path(name).stem)
 
 
 UNITS = {

@@ -6,16 +6,28 @@ from scipy.signal import savgol_filter
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.landings.transitions import find_transitions
-from hopdata.landings.velocity_minimum import savitzky_golay_velocity, velocity_minima
+from hopdata.landings.velocity_minimum import (
+    filter_window,
+    savitzky_golay_velocity,
+    velocity_minima,
+)
 
 
 def test_velocity_agrees_with_scipy():
     values = np.random.default_rng(0).normal(size=(50, 3))
-    ours = savitzky_golay_velocity(values, 200.0)
+    ours = savitzky_golay_velocity(values, 200.0, window=7)
     theirs = savgol_filter(values, 7, 3, deriv=1, delta=1 / 200, axis=0)
     np.testing.assert_allclose(ours[3:-3], theirs[3:-3], atol=1e-10)
     assert np.isnan(ours[:3]).all()
     assert np.isnan(ours[-3:]).all()
+
+
+def test_the_filter_lasts_as_long_at_every_rate():
+    assert filter_window(100.0) == filter_window(1 / 0.010000000001) == 7
+    assert [filter_window(rate) for rate in (50.0, 200.0, 500.0, 2000.0)] == [5, 15, 35, 141]
+    noise = np.random.default_rng(0).normal(0, 6e-4, (4000, 3))
+    errors = [savitzky_golay_velocity(noise, r)[100:-100].std() for r in (100.0, 500.0, 2000.0)]
+    assert errors[2] < errors[1] < errors[0] < 0.04, "m/s"
 
 
 def test_velocity_of_a_cubic_is_exact_and_gaps_stay_gaps():

@@ -25,6 +25,7 @@ from hopdata.synthesis.simultaneous import homed, simultaneous_landing
 
 HOPPER = HopperParameters()
 FOUR = HopperParameters(n_legs=4, stiffness_n_m=67.5, preload_n=16.5, damping_n_s_m=3.6)
+SIX = HopperParameters(n_legs=6, stiffness_n_m=45.0, preload_n=11.0, damping_n_s_m=2.4)
 SECTIONS = SectionHeights(0.5, 0.275, np.array(MarkerOptions().body_m))
 CONTROLS = {
     "hopper": HopperControl(),
@@ -80,10 +81,20 @@ def test_the_six_maps_of_the_hopper_are_one(jacobians):
     assert largest_difference(maps) < 1e-12
 
 
-def test_twenty_four_maps_of_four_legs_are_one():
-    found = section_jacobians(FOUR, CONTROLS["hopper"], apexes(), SECTIONS)
-    assert found.maps.shape == (24, 11, 8)
+@pytest.mark.parametrize("hopper", [FOUR, SIX], ids=["four", "six"])
+def test_many_legs_have_one_map_in_the_orders_that_occur(hopper):
+    found = section_jacobians(hopper, CONTROLS["hopper"], apexes(), SECTIONS)
+    n = hopper.n_legs
+    assert found.maps.shape == (len(found.schedules), 11, 8)
     assert largest_difference(found.maps) < 1e-12
+    assert 2 * n <= len(found.schedules) < 4 * n, "of a rigid body: 2 n, and a few narrow ones"
+    middle = found.landing.apex_state
+    states = middle + 1e-5 * (homed(apexes()) - middle)
+    preloads = np.full((len(states), n), hopper.preload_n)
+    flown = true_landings(
+        hopper, CONTROLS["hopper"], states, preloads, SECTIONS, rtol=1e-12, workers=1
+    )
+    assert set(flown.schedule) == set(found.schedules)
 
 
 def test_the_maps_of_a_control_differ(jacobians):

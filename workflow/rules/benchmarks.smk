@@ -16,6 +16,7 @@ BENCHMARK_TABLES = {
     "maps": ["maps.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
+    "animals": ["animals.csv"],
     "reading": ["reading.csv", "reading_agreement.csv"],
     "damaged_files": ["damaged_files.csv"],
     "recording_faults": ["recording_faults.csv"],

@@ -1,5 +1,5 @@
 rule simulate:
-    """A three-legged hopper as motion capture would see it, with its truth beside it."""
+    """A hopper as motion capture would see it, with its truth beside it."""
     output:
         recording=f"{RESULTS}/simulated/{{recording}}.h5",
     log:

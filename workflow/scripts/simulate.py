@@ -1,4 +1,4 @@
-"""Simulate one recording of the three-legged hopper."""
+"""Simulate one recording of the hopper."""
 
 from hopdata.jobs import reported
 from hopdata.recordings.hdf5 import write_recording

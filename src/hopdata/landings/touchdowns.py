@@ -33,7 +33,7 @@ from hopdata.landings.transitions import (
     find_transitions,
     together,
 )
-from hopdata.landings.velocity_minimum import savitzky_golay_velocity
+from hopdata.landings.velocity_minimum import filter_window, savitzky_golay_velocity
 from hopdata.recordings.recording import Recording
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ FloatArray = NDArray[np.float64]
 
 TREATMENTS = ("keep", "pool", "exclude")  # of ambiguous orders
 LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may be missing
+LONGEST_GAP_S = 0.025  # the same, where frames are many: the body moves no further for them
 LEAST_DOWN_SHARE = 0.15  # of the distance between the sections
 LEAST_DOWN_SIGMAS = 4.0
 LOW_FLIGHT = "body stayed below the pre section"
@@ -152,7 +153,9 @@ def _table(
     classes = schedule_classes(names, probability, ambiguous_below=ambiguous_below)
     second, second_probability = runner_up(contacts.instant, contacts.se)
     frame_s = float(np.median(np.diff(recording.time)))
-    reasons = exclusion_reasons(transitions, contacts, longest_gap_s=LONGEST_GAP_FRAMES * frame_s)
+    reasons = exclusion_reasons(
+        transitions, contacts, longest_gap_s=max(LONGEST_GAP_FRAMES * frame_s, LONGEST_GAP_S)
+    )
     left_out = {AMBIGUOUS: "order ambiguous"} if ambiguous == "exclude" else {}
     reasons = [r or left_out.get(name, "") for r, name in zip(reasons, classes, strict=True)]
     columns = {
@@ -271,7 +274,12 @@ def example_touchdown(
     time = recording.time
     frames = (time >= row["t_pre_s"] - margin_s) & (time <= row["t_post_s"] + margin_s)
     heights = recording.feet[:, :, 2]
-    velocity = savitzky_golay_velocity(heights, 1 / float(np.median(np.diff(time))))
+    rate_hz = 1 / float(np.median(np.diff(time)))
+    reach = filter_window(rate_hz)
+    shown = np.flatnonzero(frames)
+    about = slice(max(shown[0] - reach, 0), shown[-1] + reach + 1)
+    velocity = np.full(heights.shape, np.nan)
+    velocity[about] = savitzky_golay_velocity(heights[about], rate_hz)
     pieces = [
         pd.DataFrame(
             {

@@ -10,8 +10,23 @@ from hopdata.landings.transitions import Transitions
 FloatArray = NDArray[np.float64]
 
 
+FILTER_S = 0.07  # seven frames at the dissertation's 100 Hz
+LEAST_FILTER_FRAMES = 5
+
+
+def filter_window(rate_hz: float) -> int:
+    """Return the odd number of frames nearest to the dissertation's window of 0.07 s.
+
+    Seven frames are that only at 100 Hz: at 2000 Hz they would be all noise.
+
+    >>> [filter_window(rate) for rate in (50.0, 100.0, 120.0, 500.0)]
+    [5, 7, 9, 35]
+    """
+    return max(2 * int(rate_hz * FILTER_S / 2) + 1, LEAST_FILTER_FRAMES)
+
+
 def savitzky_golay_velocity(
-    values: FloatArray, rate_hz: float, *, window: int = 7, degree: int = 3
+    values: FloatArray, rate_hz: float, *, window: int | None = None, degree: int = 3
 ) -> FloatArray:
     """First derivative by a polynomial fitted to a moving window.
 
@@ -22,13 +37,15 @@ def savitzky_golay_velocity(
     rate_hz : float
         Frame rate, Hz.
     window, degree : int
-        Odd number of frames in the window, and degree of the polynomial.
+        Odd number of frames in the window (`filter_window` by default), and degree of the
+        polynomial.
 
     Returns
     -------
     (N, n) array
         Derivative in units of `values` per second; NaN where the window is not complete.
     """
+    window = window or filter_window(rate_hz)
     half = window // 2
     weights = derivative_weights(window, degree)
     out = np.full(values.shape, np.nan)
@@ -51,7 +68,7 @@ def velocity_minima(
     *,
     noise_m: float,
     parabola: bool,
-    window: int = 7,
+    window: int | None = None,
     degree: int = 3,
 ) -> tuple[FloatArray, FloatArray]:
     """Find the instant of least vertical velocity of each foot between the two sections.
@@ -73,7 +90,7 @@ def velocity_minima(
         Take the vertex of the parabola through the least frame and its two neighbours instead of
         the frame itself.
     window, degree : int
-        Of the Savitzky-Golay filter.
+        Of the Savitzky-Golay filter; by default 0.07 s, and cubic.
 
     Returns
     -------
@@ -83,6 +100,7 @@ def velocity_minima(
         noise of the heights makes of the vertex.
     """
     frame_s = float(np.median(np.diff(time)))
+    window = window or filter_window(1 / frame_s)
     velocity = savitzky_golay_velocity(heights, 1 / frame_s, window=window, degree=degree)
     shape = (len(transitions), heights.shape[1])
     instant, se = np.full(shape, np.nan), np.full(shape, np.nan)

@@ -122,8 +122,11 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> Table | None:
         for schedule, group in groups[:MOST_SCHEDULES]
     ]
     head = ("order of contacts", "touchdowns", "of them ambiguous", "share (%)")
-    left = len(groups) - len(rows)
-    note = f"{left} rarer orders are not listed." if left > 0 else ""
+    rarer = [len(group) for _, group in groups[MOST_SCHEDULES:]]
+    note = ""
+    if rarer:
+        note = f"{len(rarer)} rarer orders are not listed: {sum(rarer)} touchdowns, "
+        note += f"at most {max(rarer)} each."
     medians = ("median spread of contacts (ms)", "mean probability of the order")
     return Table("Used touchdowns by mode schedule", (*head, *medians), tuple(rows), note=note)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -92,27 +93,28 @@ def build_report(inputs: ReportInputs) -> str:
 
 def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[str, str, str]]:
     """Name, value and remark of each key number; the value is a dash where it is not known."""
-    prediction = inputs.prediction
     frames = f"{count(facts['n_frames'])} frames" if facts["n_frames"] else ""
     found = f"of {count(facts['n_touchdowns'])} descents, {count(facts['n_excluded'])} excluded"
     between = f"pre section {facts['pre']}, post section {facts['post']}"
-    orders = f"median spread of contacts {facts['spread']}" if facts["spread"] else ""
+    feet = max((item.get("n_feet") or 0 for item in inputs.recordings), default=0)
+    of_all = [f"of {count(math.factorial(feet))} possible"] if feet > 1 else []
+    apart = [f"median spread of contacts {facts['spread']}"] if facts["spread"] else []
     cards = [
         ("Difference of the maps", facts["verdict"]["difference"], facts["verdict"]["remark"]),
         ("Quality of the data", *quality.summary(inputs.quality)),
         ("Recordings", count(facts["n_recordings"]), frames),
         ("Touchdowns used", count(facts["n_used"]), found if facts["n_touchdowns"] else ""),
-        ("Contact orders seen", count(facts["n_schedules"]), orders),
+        ("Contact orders seen", count(facts["n_schedules"]), "; ".join(of_all + apart)),
         ("Travel through the touchdown", facts["travel"], between if facts["travel"] else ""),
         (
             "Units of length and time",
             facts["units"],
             "position and velocity errors weigh alike" if facts["units"] else "",
         ),
-        ("Affine model over mean", *_gain(prediction)),
+        ("Affine model over mean", *_gain(inputs.prediction)),
     ]
-    if prediction is not None:
-        cards.append(("One model over one per order", *_price_of_one(prediction)))
+    if inputs.prediction is not None:
+        cards.append(("One model over one per order", *_price_of_one(inputs.prediction)))
     for method, (share, of_all) in facts["labels_right"].items():
         missed = f"; {of_all} of all true landings" if of_all else ""
         cards.append(("Orders right", share, f"of those used, {method} method{missed}"))

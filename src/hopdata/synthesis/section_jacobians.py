@@ -3,6 +3,9 @@
 At the trajectory on which all feet touch at once the map through a landing has one derivative for
 each order in which its neighbours touch: flow to the contacts, a product of saltation matrices,
 flow to the post section, projected on the sections. They are equal if the map is C1 there.
+
+Feet on one rigid body do not touch in any order: of six, a dozen or so of the 720 orders border on
+the simultaneous contact. The others have a product of matrices too, but no landing obeys it.
 """
 
 from __future__ import annotations
@@ -36,15 +39,18 @@ from hopdata.synthesis.simultaneous import (
     RTOL,
     SimultaneousLanding,
     flying_system,
+    homed,
     simultaneous_landing,
 )
 
 FloatArray = NDArray[np.float64]
 
+ALL_ORDERS_UP_TO = 3  # feet that can touch in any order
+
 
 @dataclass(frozen=True)
 class SectionJacobians:
-    """Derivatives of a landing at its simultaneous contact, for each of the S = n! schedules.
+    """Derivatives of a landing at its simultaneous contact, for each of S schedules.
 
     Parameters
     ----------
@@ -84,7 +90,8 @@ def section_jacobians(
         What lands, its preloads all alike. If its boom swings, it has to rest before the pre
         section: else the map depends on the time of the apex, which is no coordinate.
     apex_states : (L, 12) array
-        States of the landings at their apexes, at least ten.
+        States of the landings at their apexes, at least ten. Of more than three feet only the
+        orders have a map in which these landings touch when they are drawn together.
     sections : SectionHeights
         The sections.
 
@@ -112,7 +119,7 @@ def section_jacobians(
     system, feet = control_system(hopper.n_legs), range(hopper.n_legs)
     tree = CrossingTree(system, start, feet, np.ones(N_STATES))
     before = np.asarray(flight.jacobian) @ section_tangents(pre, centre)
-    orders = tuple(permutations(feet))
+    orders = _orders(tree, landing, apex_states, vector)
     maps, outcomes = [], []
     for order in orders:
         node = tree.node(order)
@@ -128,6 +135,25 @@ def section_jacobians(
         input_coordinates(pre, centre),
         np.array(outcomes),
     )
+
+
+def _orders(
+    tree: CrossingTree, landing: SimultaneousLanding, apex_states: FloatArray, vector: FloatArray
+) -> tuple[tuple[int, ...], ...]:
+    """Return the orders, sorted: all of up to three feet, and of more those that occur.
+
+    These are the orders in which the landings touch if they are drawn together about the
+    simultaneous one.
+    """
+    n = len(tree.guards)
+    if n <= ALL_ORDERS_UP_TO:
+        return tuple(permutations(tree.guards))
+    flight = solve(
+        flying_system(n), (0.0, landing.contact_time_s), landing.apex_state,
+        params=vector, mode=[-1] * n, rtol=RTOL, atol=ATOL, jacobian=True,
+    )  # fmt: skip
+    apart = (homed(apex_states) - landing.apex_state) @ np.asarray(flight.jacobian).T
+    return tuple(sorted({tree.order(deviation) for deviation in apart}))
 
 
 def _to_post_section(

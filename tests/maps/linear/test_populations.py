@@ -67,3 +67,17 @@ def test_what_is_too_small_does_not_shrink_the_others():
     assert [item.name for item in kept] == ["schedule 2>1", "all"]
     assert [note["what"] for note in notes] == ["schedule 1>2", "near", "far"]
     assert common_split(kept, 120, 41)[0] == split_sizes(29, 120, 41)
+
+
+def test_many_thin_classes_are_counted_together():
+    schedule = np.repeat([f"{k}" for k in range(9)], np.arange(20, 29))
+    populations, notes = select_populations(schedule, np.arange(len(schedule)) * 1.0, 15)
+    assert notes == []
+    kept, notes = large_enough(populations, 120, 41, 26)
+    assert [item.name for item in kept] == ["near", "all", "far"]
+    assert notes == [
+        {
+            "what": "affine models of 9 schedules",
+            "reason": "15 to 21 landings each to fit, an affine map of these inputs needs 26",
+        }
+    ]

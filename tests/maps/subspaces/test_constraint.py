@@ -93,23 +93,47 @@ def test_classes_that_are_too_small_or_flat_are_named():
     assert list(study.bases) == ["1>2"]
     assert study.notes == [
         {
-            "what": "subspaces of schedule 2>1",
-            "reason": "29 landings, 30 distinct ones wanted in each draw",
-        },
-        {
             "what": "subspaces of schedule flat",
             "reason": "5 of 5 draws have fewer than 17 components",
         },
+        {
+            "what": "subspaces of schedule 2>1",
+            "reason": "29 landings, 30 distinct ones wanted in each draw",
+        },
+    ]
+
+
+def test_many_rare_schedules_are_counted_together():
+    x, y, _, _ = planted(np.random.default_rng(7), 100)
+    schedule = ["1>2"] * 60 + [str(k % 12) for k in range(40)]
+    study = bootstrap_subspaces(x, y, schedule, seed=1, bootstraps=5)
+    assert list(study.bases) == ["1>2"]
+    assert study.notes == [
+        {
+            "what": "subspaces of 12 schedules",
+            "reason": "3 to 4 landings each, 40 in all, 30 distinct ones wanted in each draw",
+        }
     ]
 
 
 def test_more_components_than_a_draw_can_have_are_refused_with_the_remedy():
     x, y, _, _ = planted(np.random.default_rng(8), 100, markers=6)
-    study = bootstrap_subspaces(x, y, ["1>2"] * 100, seed=1, bootstraps=5)
+    study = bootstrap_subspaces(x, y, ["1>2"] * 100, seed=1, bootstraps=5, components=35)
     assert study.bases == {}
     assert "span at most 29 of 70 dimensions, 35 wanted" in study.notes[0]["reason"]
     mended = bootstrap_subspaces(x, y, ["1>2"] * 100, seed=1, bootstraps=5, samples=48)
     assert mended.bases["1>2"].shape == (5, 70, 35)
+    assert mended.notes == []
+
+
+@pytest.mark.parametrize(("markers", "components"), [(4, 23), (5, 29), (6, 29), (8, 29)])
+def test_many_body_markers_take_as_many_components_as_a_draw_spans(markers, components):
+    x, y, _, _ = planted(np.random.default_rng(8), 100, markers=markers)
+    study = bootstrap_subspaces(x, y, ["1>2"] * 100, seed=1, bootstraps=5)
+    assert study.bases["1>2"].shape == (5, 12 * markers - 2, components)
+    said = [note["what"] for note in study.notes]
+    printed = 6 * markers - 1
+    assert said == ([f"29 components instead of {printed}"] if printed > 29 else [])
 
 
 def test_a_schedule_keeps_its_draws_when_others_come_and_go():

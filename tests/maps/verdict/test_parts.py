@@ -183,3 +183,23 @@ def test_false_alarms_are_as_rare_as_said_and_the_statistic_as_large():
 def test_a_p_value_at_its_floor_is_printed_as_a_bound():
     assert KinkTest(90.0, 44, 1 / 2000, 1999).p_text == "p <= 0.0005"
     assert KinkTest(60.0, 44, 2 / 2000, 1999).p_text == "p = 0.001"
+
+
+def test_parallel_pairs_of_six_feet_on_a_rigid_body_share_their_kinks():
+    rng = np.random.default_rng(3)
+    angle = np.pi / 3 * np.arange(6)
+    x = rng.normal(size=(900, 8))
+    tilts = np.column_stack([np.cos(angle), np.sin(angle)])
+    instants = 0.005 * (x[:, :2] @ tilts.T + 0.01 * x[:, 2:4] ** 2 @ rng.normal(size=(2, 6)))
+    y = rng.normal(size=(900, 2))
+    fits = fit_kinks(x, y, instants)
+    assert fits[0].seen.shape == (15, 6)
+    independent = 0.005 * x[:, :4] @ rng.normal(size=(4, 4))
+    assert fit_kinks(x, y, independent)[0].seen.shape == (6, 6), "no pair is like another"
+
+
+def test_a_verdict_on_other_than_three_feet_says_what_was_not_measured():
+    from hopdata.maps.verdict.judge import _feet_notes
+
+    assert _feet_notes(3) == []
+    assert "6 feet" in _feet_notes(6)[0]["what"]

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.maps.linear.basis import pooled_basis
+from hopdata.maps.rare_schedules import MOST_ONE_BY_ONE, Notes, rare_notes
 
 #: Landings that a fit must have beyond its number of coefficients per output.
 SPARE_LANDINGS = 2
 
 Floats = NDArray[np.float64]
-Notes = list[dict[str, str]]
 
 
 @dataclass(frozen=True)
@@ -37,15 +37,15 @@ def select_populations(
 
     Near and far are those below and above the median contact spread of all landings.
     """
-    notes: Notes = []
     populations = []
+    rare: dict[str, int] = {}
     for name in sorted({str(item) for item in schedule if item}):
         rows = np.flatnonzero(schedule == name)
         if len(rows) >= minimum_class:
             populations.append(Population("class", name, rows))
         else:
-            reason = f"{len(rows)} landings, at least {minimum_class} wanted"
-            notes.append({"what": f"specialised models of schedule {name}", "reason": reason})
+            rare[name] = len(rows)
+    notes = rare_notes("specialised models", rare, f"at least {minimum_class} wanted")
     if not populations:
         reason = f"no mode schedule has {minimum_class} landings"
         notes.append({"what": "specialised models", "reason": reason})
@@ -81,17 +81,31 @@ def large_enough(
 ) -> tuple[list[Population], Notes]:
     """Drop what is too small for an affine map; keep `all` for its mean while it has a split."""
     kept, notes = [], []
+    thin: dict[str, int] = {}
+    wanted = f"an affine map of these inputs needs {needed}"
     for population in populations:
         size = len(population.rows)
         fitted = split_sizes(size, train, test)[0] if size else 0
         enough = fitted >= needed
-        if not enough:
-            reason = f"{fitted} landings to fit, an affine map of these inputs needs {needed}"
+        if not enough and population.kind == "class":
+            thin[population.name] = fitted
+        elif not enough:
             what = "affine model of all landings" if population.kind == "all" else population.name
-            notes.append({"what": what, "reason": reason})
+            notes.append({"what": what, "reason": f"{fitted} landings to fit, {wanted}"})
         if enough or (population.kind == "all" and size >= 2):
             kept.append(population)
-    return kept, notes
+    return kept, _thin_notes(thin, wanted) + notes
+
+
+def _thin_notes(thin: dict[str, int], wanted: str) -> Notes:
+    """Note the schedules without an affine map, together where they are many."""
+    if len(thin) <= MOST_ONE_BY_ONE:
+        return [
+            {"what": name, "reason": f"{fitted} landings to fit, {wanted}"}
+            for name, fitted in thin.items()
+        ]
+    sizes = f"{min(thin.values())} to {max(thin.values())} landings each to fit"
+    return [{"what": f"affine models of {len(thin)} schedules", "reason": f"{sizes}, {wanted}"}]
 
 
 def common_split(

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from hopdata.errors import AnalysisError
 from hopdata.jobs import whole_file
 from hopdata.maps.draws import distinct_draws, named_generator
+from hopdata.maps.rare_schedules import Notes, rare_notes
 from hopdata.maps.subspaces.grassmann import principal_angles
 
 #: Principal components taken for the two Poincaré sections.
@@ -145,7 +146,7 @@ def bootstrap_subspaces(
     samples
         Distinct landings per draw, centred on their own mean. Smaller classes are left out.
     components
-        Dimension k of the subspaces, by default 6B - 1.
+        Dimension k of the subspaces, by default 6B - 1 and less than `samples`.
 
     Raises
     ------
@@ -155,13 +156,16 @@ def bootstrap_subspaces(
     x, y = np.asarray(x, float), np.asarray(y, float)
     names = np.asarray(schedule, str)
     frame = pooled_frame(x, y)
-    k = components or x.shape[1] - 1
+    k = components or min(x.shape[1] - 1, samples - 1)
     pairs = np.hstack([x, y]) @ frame.kept
     bases: dict[str, Floats] = {}
-    notes = []
+    notes, rare = _fewer_components(k, x.shape[1] - 1, components, samples), {}
     for name in sorted(set(names.tolist()) - {""}):
         rows = np.flatnonzero(names == name)
-        reason = _problem(len(rows), samples, k, pairs.shape[1])
+        if len(rows) < samples:
+            rare[name] = len(rows)
+            continue
+        reason = _problem(samples, k, pairs.shape[1])
         if not reason:
             generator = named_generator(seed, "subspaces", name)
             (draws,) = distinct_draws(generator, len(rows), (samples,), bootstraps)
@@ -172,6 +176,7 @@ def bootstrap_subspaces(
                 reason = f"{np.sum(~full)} of {bootstraps} draws have fewer than {k} components"
         if reason:
             notes.append({"what": f"subspaces of schedule {name}", "reason": reason})
+    notes += rare_notes("subspaces", rare, f"{samples} distinct ones wanted in each draw")
     return SubspaceStudy(bases, frame, (pairs.shape[1], k), samples, notes)
 
 
@@ -231,10 +236,16 @@ def read_bases(path: str | Path) -> tuple[dict[str, Floats], tuple[int, int]]:
         return {name: np.asarray(data) for name, data in file["bases"].items()}, (dimension, k)
 
 
-def _problem(size: int, samples: int, k: int, dimension: int) -> str:
-    """Return why a class cannot have subspaces, or an empty string."""
-    if size < samples:
-        return f"{size} landings, {samples} distinct ones wanted in each draw"
+def _fewer_components(k: int, printed: int, components: int | None, samples: int) -> Notes:
+    """Note that many body markers ask for more components than a draw's landings span."""
+    if components or k == printed:
+        return []
+    reason = f"{samples} landings span no more: set subspaces.samples"
+    return [{"what": f"{k} components instead of {printed}", "reason": reason}]
+
+
+def _problem(samples: int, k: int, dimension: int) -> str:
+    """Return why no class can have subspaces, or an empty string."""
     if k >= samples or k > dimension:
         return (
             f"{samples} landings span at most {samples - 1} of {dimension} dimensions, {k} "

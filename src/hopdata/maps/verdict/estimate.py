@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.maps.verdict.kinks import kinks
+from hopdata.maps.verdict.kinks import ALL_SETS_UP_TO, kinks
 from hopdata.maps.verdict.shrinkage import variance_ratios
 from hopdata.maps.verdict.smooth import (
     free_terms,
@@ -31,6 +31,8 @@ CURVATURE_SHARE = 0.02
 LANDINGS_PER_TERM = 2.5
 #: Kinks of which less than this share is left beside the smooth terms are not seen by the data.
 _LEAST_KINK = 1e-3
+#: The same beside the kink that is seen best, where there are kinks of pairs of feet only.
+_LEAST_OF_PAIRS = 0.25
 _OUTLYING = 5.0
 
 Floats = NDArray[np.float64]
@@ -162,7 +164,8 @@ def fit_window(
     basis: Floats = np.linalg.qr(free)[0]
     bends, outputs = _without(basis, kinks(times / unit)), _without(basis, y[rows])
     others = _without(basis, shrunk_terms(inputs / scale, times / unit, degree))
-    seen = _seen_directions(bends, kinks(times / unit))
+    least = _LEAST_OF_PAIRS if times.shape[1] > ALL_SETS_UP_TO else 0.0
+    seen = _seen_directions(bends, kinks(times / unit), least)
     bends = np.matmul(bends, seen)
     bend_basis: Floats = np.linalg.qr(bends)[0]
     used = basis.shape[1] + bends.shape[1]
@@ -192,10 +195,16 @@ def fit_window(
     )
 
 
-def _seen_directions(bends: Floats, whole: Floats) -> Floats:
-    """Return the combinations of kinks, (all, K), that smooth terms do not explain."""
+def _seen_directions(bends: Floats, whole: Floats, least: float) -> Floats:
+    """Return the combinations of kinks, (all, K), that smooth terms do not explain.
+
+    Where a rigid body has many feet its tilt alone decides their order, and the kinks of parallel
+    pairs of feet are nearly one: of 15 pairs of six feet, 6 can be told apart. What is left of
+    the others is noise, and with it the test would have no power.
+    """
     _, values, right = np.linalg.svd(bends, full_matrices=False)
-    return right[values > _LEAST_KINK * np.linalg.norm(whole, 2)].T
+    limit = max(_LEAST_KINK * np.linalg.norm(whole, 2), least * values[0])
+    return right[values > limit].T
 
 
 def _one_output(

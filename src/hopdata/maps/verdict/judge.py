@@ -26,6 +26,8 @@ from hopdata.maps.verdict.specialised import SpecialisedTest, compare_specialise
 Floats = NDArray[np.float64]
 Notes = list[dict[str, str]]
 
+MEASURED_FEET = 3  # of the studies on which the verdict's power was measured
+
 
 def judge(
     x: ArrayLike,
@@ -107,7 +109,7 @@ def judge(
         specialised,
         subspaces,
         windows,
-        notes + _window_notes(fit, fits),
+        notes + _window_notes(fit, fits) + _feet_notes(times.shape[1]),
     )
 
 
@@ -199,6 +201,16 @@ def _unknown_notes(known: NDArray[np.bool_]) -> Notes:
         return []
     reason = f"{int((~known).sum())} of {len(known)} landings lack the contact instant of a foot"
     return [{"what": "landings left out of the verdict", "reason": reason}]
+
+
+def _feet_notes(feet: int) -> Notes:
+    if feet == MEASURED_FEET:
+        return []
+    reason = (
+        "the detectable difference and the interval were checked for three feet; with two, four or "
+        "six the test finds less than they say"
+    )
+    return [{"what": f"verdict on {feet} feet", "reason": reason}]
 
 
 def _window_notes(fit: KinkFit, fits: list[KinkFit]) -> Notes:
