@@ -37,6 +37,8 @@ class Recording:
         Digest of that file.
     vertical_axis : str
         Axis of the source file that pointed up (``"x"``, ``"y"`` or ``"z"``).
+    filled : (N, M) bool array, optional
+        Positions that were not seen but filled in; None if no gaps were filled.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Recording:
     source: str = ""
     source_sha256: str = ""
     vertical_axis: str = "z"
+    filled: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         n_frames, n_markers = len(self.time), len(self.markers)
@@ -60,6 +63,10 @@ class Recording:
             )
         if len(self.roles) != n_markers:
             raise ValueError(f"roles: expected {n_markers} entries, found {len(self.roles)}")
+        if self.filled is not None and self.filled.shape != (n_frames, n_markers):
+            raise ValueError(
+                f"filled: expected shape {(n_frames, n_markers)}, found {self.filled.shape}"
+            )
 
     def indices(self, role: str) -> list[int]:
         """Return indices of the markers with this role, in order."""
