@@ -33,6 +33,7 @@ from hopdata.landings.pairs import Pairs, assemble_pairs, exclude_stateless
 from hopdata.landings.sections import select_sections
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.truth.state_errors import state_errors, true_rows
+from hopdata.recordings.quality.gaps import marker_gaps
 from hopdata.recordings.recording import Recording
 from hopdata.recordings.truth import Truth
 from hopdata.synthesis.known_scene import known_scene
@@ -89,7 +90,7 @@ def make_case(hops: int, n_body: int, seed: int) -> Case:
 def splined(recording: Recording, *, longest_s: float) -> Recording:
     """Fill the gaps of each body marker by scipy's spline through all that was seen of it."""
     positions, filled = recording.positions.copy(), np.zeros(recording.positions.shape[:2], bool)
-    short = fill_gaps_mask(recording, longest_s)
+    short = short_gaps(recording, longest_s)
     for m in recording.indices("body"):
         is_seen = np.isfinite(positions[:, m, 0])
         spline = CubicSpline(recording.time[is_seen], positions[is_seen, m], extrapolate=False)
@@ -98,10 +99,8 @@ def splined(recording: Recording, *, longest_s: float) -> Recording:
     return replace(recording, positions=positions, filled=filled)
 
 
-def fill_gaps_mask(recording: Recording, longest_s: float) -> NDArray[np.bool_]:
+def short_gaps(recording: Recording, longest_s: float) -> NDArray[np.bool_]:
     """Mark the gaps that are no longer than `longest_s`, (N, M)."""
-    from hopdata.recordings.quality.gaps import marker_gaps
-
     mask = np.zeros(recording.positions.shape[:2], bool)
     for m, gaps in enumerate(marker_gaps(recording.positions, recording.markers)):
         for start, stop in gaps.stretches:

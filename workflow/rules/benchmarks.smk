@@ -15,6 +15,7 @@ BENCHMARK_TABLES = {
     "maps": ["maps.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
+    "filling": ["filling.csv"],
 }
 # They take most of an hour, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
 SIMULATED_STUDIES = {

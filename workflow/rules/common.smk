@@ -23,6 +23,12 @@ SCORED_METHODS = METHODS if MAY_HAVE_TRUTH else [METHOD]
 SIMULATIONS = {entry["name"]: simulation_of(STUDY, entry["name"]) for entry in STUDY["recordings"]}
 # The scenes of a study that is simulated as a whole are known, and can be integrated again.
 SIMULATED = not any(SOURCES.values())
+# Three markers cannot be placed by three others.
+FILLS = STUDY["filling"]["longest_s"] > 0 and (
+    STUDY["filling"]["method"] != "rigid" or len(STUDY["markers"]["body"]) > 3
+)
+# Levelled recordings, with their short gaps filled where that is asked for.
+READY = f"{RESULTS}/{'filled' if FILLS else 'level'}/{{recording}}.h5"
 FORMATS = STUDY["figures"]["formats"]
 FIGURE_NAMES = [
     "verdict",

@@ -16,10 +16,48 @@ rule level:
         "../scripts/level.py"
 
 
+if FILLS:
+
+    rule fill:
+        """Fill short gaps of the body markers, and mark what was filled."""
+        input:
+            recording=rules.level.output.recording,
+        output:
+            recording=READY,
+        log:
+            f"{RESULTS}/logs/fill_{{recording}}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/fill_{{recording}}.tsv"
+        params:
+            longest_s=STUDY["filling"]["longest_s"],
+            method=STUDY["filling"]["method"],
+            code=code("fill"),
+        script:
+            "../scripts/fill.py"
+
+
+rule gaps:
+    """Gaps of every marker, what was filled of them, and names that seem exchanged."""
+    input:
+        recordings=each_recording(READY),
+        measured=[f"{RESULTS}/recordings/{name}.h5" for name in RECORDINGS if SOURCES[name]],
+    output:
+        gaps=f"{RESULTS}/tables/gaps.csv",
+        notes=f"{RESULTS}/landings/gaps_notes.json",
+    log:
+        f"{RESULTS}/logs/gaps.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/gaps.tsv"
+    params:
+        code=code("gaps"),
+    script:
+        "../scripts/gaps.py"
+
+
 rule sections:
     """Choose the Poincare sections before and after touchdown from all recordings."""
     input:
-        recordings=each_recording(f"{RESULTS}/level/{{recording}}.h5"),
+        recordings=each_recording(READY),
     output:
         sections=f"{RESULTS}/landings/sections.json",
         densities=f"{RESULTS}/tables/section_densities.csv",
@@ -38,7 +76,7 @@ rule sections:
 rule touchdowns:
     """Contact instants, mode schedules and exclusions of one recording."""
     input:
-        recording=f"{RESULTS}/level/{{recording}}.h5",
+        recording=READY,
         sections=rules.sections.output.sections,
     output:
         touchdowns=f"{RESULTS}/landings/{{method}}/{{recording}}.csv",
@@ -48,6 +86,7 @@ rule touchdowns:
         f"{RESULTS}/benchmarks/touchdowns_{{method}}_{{recording}}.tsv"
     params:
         options=STUDY["touchdowns"],
+        largest_share=STUDY["filling"]["largest_share"],
         code=code("touchdowns"),
     script:
         "../scripts/touchdowns.py"
@@ -56,7 +95,7 @@ rule touchdowns:
 rule pairs:
     """States at the two sections in each touchdown's home frame, and the table of touchdowns."""
     input:
-        recordings=each_recording(f"{RESULTS}/level/{{recording}}.h5"),
+        recordings=each_recording(READY),
         touchdowns=each_recording(f"{RESULTS}/landings/{METHOD}/{{recording}}.csv"),
         sections=rules.sections.output.sections,
     output:

@@ -18,6 +18,7 @@ def check(options: argparse.Namespace) -> int:
     from hopdata.config.loading import load_config
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible, notes
+    from hopdata.recordings.quality.swap_notes import swap_notes
 
     config = load_config(options.config)
     print(f"study {config['study']}")
@@ -35,11 +36,12 @@ def check(options: argparse.Namespace) -> int:
                 )
                 progress(f"checking {entry['file']}")
                 check_plausible(recording, **config["quality"])
+                progress(f"looking for exchanged names in {entry['file']}")
+                remarks += [*notes(recording), *swap_notes(recording)]
         except RecordingError as error:
             mistakes.append(str(error))
             continue
         print(_summary(recording, config))
-        remarks += notes(recording)
     for remark in remarks:
         print(f"note: {remark}")
     if mistakes:

@@ -1,8 +1,7 @@
-"""Gaps of the body markers: filled where that is safe, marked, and counted."""
+"""Gaps of the body markers: filled where that is safe, and marked."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -27,7 +26,7 @@ BEFORE_S, AFTER_S = 0.1, 0.06  # about the sections: frames that states are fitt
 TOO_MUCH_FILLED = "too much of the body filled in"
 
 
-def fill_gaps(recording: Recording, *, longest_s: float, method: str = "rigid") -> Recording:
+def fill_gaps(recording: Recording, *, longest_s: float = 0.1, method: str = "rigid") -> Recording:
     """Fill short gaps of the body markers.
 
     Feet are never filled: a contact is to be seen, not made.
@@ -69,48 +68,6 @@ def fill_gaps(recording: Recording, *, longest_s: float, method: str = "rigid") 
     positions[:, bodies] = body
     filled[:, bodies] = seen(body) & ~seen(recording.body)
     return replace(recording, positions=positions, filled=filled)
-
-
-def gap_table(recordings: Iterable[Recording]) -> pd.DataFrame:
-    """Count the gaps of every marker, and what was filled of them.
-
-    Parameters
-    ----------
-    recordings : iterable of Recording
-        With filled gaps, or without.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a marker of each recording: recording, marker, role, frames, gaps, longest_s,
-        missing, filled, left. Gaps are those of the cameras, filled or not; the last three count
-        frames, and missing = filled + left.
-    """
-    import pandas as pd
-
-    return pd.DataFrame([row for recording in recordings for row in _gap_rows(recording)])
-
-
-def _gap_rows(recording: Recording) -> list[dict[str, object]]:
-    unseen = ~seen(recording.positions)
-    filled = np.zeros_like(unseen) if recording.filled is None else recording.filled
-    rows: list[dict[str, object]] = []
-    for m, (marker, role) in enumerate(zip(recording.markers, recording.roles, strict=True)):
-        lengths = np.diff(runs(unseen[:, m] | filled[:, m]), axis=1)
-        rows.append(
-            {
-                "recording": recording.name,
-                "marker": marker,
-                "role": role,
-                "frames": len(unseen),
-                "gaps": len(lengths),
-                "longest_s": float(lengths.max(initial=0)) / recording.rate_hz,
-                "missing": int(lengths.sum()),
-                "filled": int(filled[:, m].sum()),
-                "left": int(unseen[:, m].sum()),
-            }
-        )
-    return rows
 
 
 def mark_filled(

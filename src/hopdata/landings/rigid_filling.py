@@ -111,7 +111,7 @@ def rigid_places(body: FloatArray, wanted: BoolArray, shape: BodyShape) -> Float
 
 
 def noise_gain(points: FloatArray, target: FloatArray) -> float:
-    """Standard deviation of a placed marker in its worst direction, per unit of the others' noise.
+    """Return the worst standard deviation of a placed marker, per unit of the others' noise.
 
     From the six small motions that `points` (m, 3) fix, carried to `target` (3,); infinite if the
     points lie on a line.

@@ -219,6 +219,8 @@ def _read_hdf5(path: Path, *, rate_hz: float | None) -> RawRecording:
 
     own = read_recording(path)
     rate = resolve_rate(str(path), stated=own.rate_hz, given=rate_hz)
+    if own.filled is not None:  # what was filled in was not seen
+        own.positions[own.filled] = np.nan
     return RawRecording(
         own.markers,
         own.time,

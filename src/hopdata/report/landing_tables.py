@@ -33,6 +33,7 @@ DETAIL_NAMES = {
 }
 MOST_SCHEDULES = 24
 MOST_RECORDINGS = 6
+MOST_GAPPY = 24
 
 
 def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> Table | None:
@@ -52,6 +53,32 @@ def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> Table | None:
     )
     head = ("recording", "source", "frames", "duration (s)", "rate (Hz)", "feet", "body markers")
     return Table("Recordings", (*head, "seen (%)"), rows, text_columns=2) if rows else None
+
+
+def gaps_table(gaps: pd.DataFrame | None) -> Table | None:
+    """One row a marker with gaps, those most often unseen first; None if there are no gaps."""
+    if gaps is None or gaps.empty or not (gaps["gaps"] > 0).any():
+        return None
+    gappy = gaps[gaps["gaps"] > 0].sort_values("missing", ascending=False, kind="stable")
+    rows = tuple(
+        (
+            str(row["recording"]),
+            str(row["marker"]),
+            str(row["role"]),
+            count(row["gaps"]),
+            fixed(row["longest_s"], 2),
+            count(row["missing"]),
+            fixed(100 * row["missing"] / row["frames"], 2),
+            count(row["filled"]),
+            count(row["left"]),
+        )
+        for row in gappy[:MOST_GAPPY].to_dict("records")
+    )
+    total = f"Of {count(gappy['missing'].sum())} missing places {count(gappy['filled'].sum())} were"
+    shown = "" if len(gappy) <= MOST_GAPPY else f"; {len(gappy) - MOST_GAPPY} more in gaps.csv"
+    head = ("recording", "marker", "part", "gaps", "longest (s)", "frames missing", "missing (%)")
+    note = f"{total} filled in{shown}."
+    return Table("Gaps", (*head, "filled in", "left"), rows, text_columns=3, note=note)
 
 
 def floor_table(floors: Mapping[str, Mapping[str, Any]]) -> Table | None:

@@ -172,6 +172,7 @@ def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
         "tests": verdict.table_of_tests(inputs.verdict),
         "windows": verdict.windows_table(inputs.verdict),
         "recordings": landing_tables.recordings_table(inputs.recordings),
+        "gaps": landing_tables.gaps_table(inputs.gaps),
         "floor": landing_tables.floor_table(inputs.floors),
         "sections": landing_tables.sections_table(inputs.sections),
         "schedules": landing_tables.schedules_table(inputs.touchdowns),
