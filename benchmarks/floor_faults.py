@@ -3,17 +3,18 @@
     python benchmarks/floor_faults.py --out floor_faults.csv
 
 The hopper is simulated with the default curved floor, and its feet are then moved as each fault
-says. One row for each fault, height and estimator: `ours` is `hopdata.landings.floor.fit_floor`,
-`tukey`, `huber` and `least squares` are one regression of the same rest points by statsmodels
-(RLM, RLM, OLS) with the same polynomial and mount heights. `floor_mm` is the rms error of the
-fitted floor at the true contacts, less its mean; `mounts_mm` the largest error of a foot's mount
-height against the other feet; `level_mm` the mean error of floor and mount together, over
-the feet: what is left under a foot that stands on the true floor. `efficiency`, of the clean recordings
-only, is the mean square of the error of least squares over that of the row, at the contacts.
+says. One row for each fault, height and estimator: `ours` is `hopdata.landings.floor.fit_floor`;
+`tukey`, `huber` and `least squares` are one regression of the same rest points by statsmodels (RLM,
+RLM, OLS), with the same polynomial and mount heights. Errors at the true contacts, root mean square
+over the seeds: `floor_mm` of the floor, less its mean; `mounts_mm` of the worst foot's mount height
+against the other feet; `level_mm` the mean of floor and mount together, over the feet, and `rms_mm`
+their root mean square: how far from zero a foot on the floor is afterwards. `efficiency`, of the
+clean recordings only: the square of `floor_mm` of least squares over that of the row.
 
 Faults: `hangs`, one foot's rests are too high by that height in the given share of the run;
 `drags`, the foot slides in flight at that height with slow waves of half of it, in the given share;
-`obstacle`, all feet rest that much higher within a disc that holds about the given share of the steps.
+`obstacle`, all feet rest that much higher within a disc that holds the given share of the steps,
+about.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ def spoilt(
         positions[moved, feet[0], 2] = (floor + wave + noise)[moved]
     elif fault == "obstacle":
         stands = np.concatenate([positions[down[:, k], f, :2] for k, f in enumerate(feet)])
-        centre = np.median(stands, axis=0) + [0.2, 0.1]
+        centre = np.median(stands, axis=0) + np.array([0.2, 0.1])
         radius = np.quantile(np.hypot(*(stands - centre).T), share)
         for k, foot in enumerate(feet):
             inside = np.hypot(*(positions[:, foot, :2] - centre).T) < radius

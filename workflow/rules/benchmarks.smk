@@ -16,6 +16,7 @@ BENCHMARK_TABLES = {
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
     "filling": ["filling.csv"],
+    "floor_faults": ["floor_faults.csv"],
 }
 # They take most of an hour, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
 SIMULATED_STUDIES = {

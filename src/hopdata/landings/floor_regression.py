@@ -97,7 +97,7 @@ def regress_floor(
 
 
 def floor_columns(rest: RestPoints, scaled: FloatArray, terms: Terms) -> FloatArray:
-    """Terms of the polynomial at places (P, 2) and contrasts of the mount heights, (P, T + n - 1)."""
+    """Terms of the polynomial at places (P, 2), and contrasts of the mounts, (P, T + n - 1)."""
     return np.hstack([design(scaled, terms), _sum_to_zero(len(rest.start_m))[rest.foot]])
 
 
