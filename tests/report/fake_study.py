@@ -12,7 +12,8 @@ from hopdata.report.inputs import ReportFigure, ReportInputs
 
 CAPTIONS = Path(__file__).parents[2] / "workflow" / "captions"
 NUMBERED = ("fig2_2_sections", "fig2_3_schedule", "fig2_4_prediction", "fig2_5_distances")
-NAMES = ("verdict", *NUMBERED, "map_matrices", "map_errors", "scaling_study")
+QUALITY = ("stability", "worst_landings", "recording_gaps")
+NAMES = ("verdict", *QUALITY, *NUMBERED, "map_matrices", "map_errors", "scaling_study")
 SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="240.9pt" height="99pt"></svg>'
 
 
@@ -170,6 +171,30 @@ def no_answer() -> dict[str, object]:
     )
 
 
+def quality() -> list[dict[str, object]]:
+    seen = {"what": "frames seen, worst marker", "value": 97.2, "unit": "%", "good": 99.0}
+    noise = {"what": "noise of a coordinate over expected", "value": None, "unit": "", "good": 1.5}
+    return [
+        seen | {"poor": 95.0, "status": "look", "remark": "foot2 in hopper; longest gap 0.4 s"},
+        noise | {"poor": 3.0, "status": "not known", "remark": "0.6 mm found; none configured"},
+        noise | {"what": "drift, in spreads", "value": 0.1, "poor": 3.0, "status": "good",
+                 "remark": "nothing beyond three standard errors"},
+    ]  # fmt: skip
+
+
+def faults(n: int = 2) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "recording": "hopper",
+            "kind": ["spike", *["dropped"] * (n - 1)],
+            "marker": ["body1", *[np.nan] * (n - 1)],
+            "start_s": 1.25,
+            "stop_s": 1.26,
+            "remark": ["61.0 mm", *["2 frames"] * (n - 1)],
+        }
+    )
+
+
 def provenance() -> dict[str, object]:
     return {
         "study": "sample",
@@ -208,6 +233,8 @@ def full_study(**changes: object) -> ReportInputs:
         "distances": distances(),
         "truth": truth(),
         "verdict": verdict(),
+        "quality": quality(),
+        "faults": faults(),
         "notes": [{"what": "splits of 52/18 instead of 120/41", "reason": "class 1>2>3 has 70"}],
     }
     return ReportInputs(**(parts | changes))  # type: ignore[arg-type]

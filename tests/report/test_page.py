@@ -3,7 +3,17 @@ import re
 from html.parser import HTMLParser
 
 import pytest
-from fake_study import NAMES, SVG, captions, figures, floors, full_study, prediction, touchdowns
+from fake_study import (
+    NAMES,
+    SVG,
+    captions,
+    faults,
+    figures,
+    floors,
+    full_study,
+    prediction,
+    touchdowns,
+)
 
 from hopdata.errors import ConfigError
 from hopdata.report.inputs import ReportFigure, ReportInputs, read_figures
@@ -93,6 +103,9 @@ def test_every_table_is_there(full):
     assert full.captions == [
         "Tests of one map for all contact orders",
         "The difference in windows of contact spread",
+        "Can these data be trusted?",
+        "Faults of the recordings",
+        "Every touchdown that was left out",
         "Recordings",
         "Floor",
         "Thresholds and sections",
@@ -106,6 +119,19 @@ def test_every_table_is_there(full):
         "Versions",
         "Time per job",
     ]
+
+
+def test_the_quality_is_seen_at_a_glance(full):
+    text = full.text.replace("\u202f", " ").replace("\u00a0", " ")
+    assert "1 of 3 good" in text
+    assert "look: frames seen, worst marker" in text
+    for words in ("◐ look", "97.2 %", "≥ 99 %", "< 95 %", "● good", "– not known", "61.0 mm"):
+        assert words in text
+
+
+def test_long_lists_of_faults_and_exclusions_end_with_how_many_more():
+    text = Page(build_report(full_study(faults=faults(50)))).text
+    assert "20 more in tables/faults.csv" in text
 
 
 def test_the_figures_are_inside_and_described(full):

@@ -37,6 +37,9 @@ FIGURE_NAMES = [
     "fig2_4_prediction",
     "fig2_5_distances",
     "map_matrices",
+    "stability",
+    "worst_landings",
+    "recording_gaps",
     *(["distance_sensitivity"] if STUDY["distances"]["sensitivity"] else []),
     *(["map_errors", "scaling_study"] if SIMULATED else []),
 ]

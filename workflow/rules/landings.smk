@@ -112,3 +112,36 @@ rule pairs:
         code=code("pairs"),
     script:
         "../scripts/pairs.py"
+
+
+rule quality:
+    """Whether the recordings and their landings are to be trusted."""
+    input:
+        recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
+        levelled=each_recording(f"{RESULTS}/level/{{recording}}.h5"),
+        sections=rules.sections.output.sections,
+        touchdowns=rules.pairs.output.touchdowns,
+    output:
+        checks=f"{RESULTS}/quality.json",
+        markers=f"{RESULTS}/tables/markers.csv",
+        gaps=f"{RESULTS}/tables/gaps.csv",
+        faults=f"{RESULTS}/tables/faults.csv",
+        stability=f"{RESULTS}/tables/section_stability.csv",
+        drift=f"{RESULTS}/tables/drift.csv",
+        landings=f"{RESULTS}/tables/worst_landings.csv",
+        samples=f"{RESULTS}/tables/worst_landing_samples.csv",
+    log:
+        f"{RESULTS}/logs/quality.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/quality.tsv"
+    params:
+        sections=STUDY["sections"],
+        number=STUDY["report"]["worst_landings"],
+        noise_m=(
+            STUDY["motion_capture"]["noise_m"]
+            if SIMULATED
+            else STUDY["report"]["expected_noise_m"]
+        ),
+        code=code("quality"),
+    script:
+        "../scripts/quality.py"

@@ -16,6 +16,31 @@ rule figure_verdict:
         "../scripts/figure_verdict.py"
 
 
+rule figure_quality:
+    """Stability of the sections, drift, the landings to look at, and the gaps."""
+    input:
+        markers=rules.quality.output.markers,
+        gaps=rules.quality.output.gaps,
+        faults=rules.quality.output.faults,
+        stability=rules.quality.output.stability,
+        drift=rules.quality.output.drift,
+        landings=rules.quality.output.landings,
+        samples=rules.quality.output.samples,
+    output:
+        stability=figure("stability"),
+        worst_landings=figure("worst_landings"),
+        recording_gaps=figure("recording_gaps"),
+    log:
+        f"{RESULTS}/logs/figure_quality.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figure_quality.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_quality"),
+    script:
+        "../scripts/figure_quality.py"
+
+
 rule figure_sections:
     """Fig. 2.2: foot height against body height, and the sections chosen from it."""
     input:
@@ -170,6 +195,8 @@ STAGES = [
     rules.sections,
     rules.touchdowns,
     rules.pairs,
+    rules.quality,
+    rules.figure_quality,
     rules.units,
     rules.prediction,
     rules.subspaces,
@@ -213,6 +240,8 @@ rule report:
         prediction=rules.prediction.output.summary,
         distances=rules.distances.output.summary,
         verdict=rules.verdict.output.verdict,
+        quality=rules.quality.output.checks,
+        faults=rules.quality.output.faults,
         notes=[
             rules.gaps.output.notes,
             rules.prediction.output.notes,

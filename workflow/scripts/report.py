@@ -30,6 +30,8 @@ with reported(snakemake.log[0]):
             distances=read_table(source.distances),
             truth=read_json(source.truth),
             verdict=read_json(source.verdict),
+            quality=read_json(source.quality),
+            faults=read_table(source.faults),
             notes=[note for path in source.notes for note in read_json(path)],
         )
     )

@@ -25,13 +25,14 @@ if TYPE_CHECKING:
 
 ROW_MM, MARGIN_MM = 4.2, 20.0
 BAR = 0.62
+TIME = "time after the first frame (s)"
 SHORTEST = 0.0015  # of the duration: a shorter stretch is drawn this long, or nobody would see it
 # kind: colour, sign, what it means.
 SIGNS = {
     "swap": (VERMILION, "v", "swapped markers"),
-    "spike": (ORANGE, "|", "spike"),
+    "spike": (INK, "x", "spike"),
     "jump": (PURPLE, ">", "jump"),
-    "frozen": (INK, "s", "frozen"),
+    "frozen": (ORANGE, "s", "frozen"),
 }
 
 
@@ -56,23 +57,35 @@ def gap_timeline_figure(
         return message_figure("No marker, or no time, to show.")
     figure = paper_figure(DOUBLE_COLUMN_MM, MARGIN_MM + ROW_MM * len(markers))
     axes = figure.subplots()
+    draw_timeline(axes, gaps, faults, markers=markers, duration_s=duration_s)
+    axes.set_xlabel(TIME)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=6)
+    return figure
+
+
+def draw_timeline(
+    axes: Axes,
+    gaps: pd.DataFrame,
+    faults: pd.DataFrame,
+    *,
+    markers: Sequence[str],
+    duration_s: float,
+) -> None:
+    """Draw the bars of one recording; arguments as for `gap_timeline_figure`."""
     for row, marker in enumerate(markers):
         _draw_gaps(axes, row, gaps[gaps["marker"] == marker], duration_s)
     _draw_faults(axes, faults, markers)
     axes.set_yticks(range(len(markers)), list(markers))
     axes.set_ylim(len(markers) - 0.4, -0.6)
     axes.set_xlim(0.0, duration_s)
-    axes.set_xlabel("time after the first frame (s)")
     axes.spines["left"].set_visible(False)
     axes.tick_params(axis="y", length=0)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=6)
-    return figure
 
 
 def _draw_gaps(axes: Axes, row: int, gaps: pd.DataFrame, duration_s: float) -> None:
     """Draw the bar of one marker, and its gaps upon it."""
-    label = {"label": "seen"} if row == 0 else {}
-    axes.barh(row, duration_s, height=BAR, color=BLUE, alpha=0.55, linewidth=0, **label)
+    label = "seen" if row == 0 else None
+    axes.barh(row, duration_s, height=BAR, color=BLUE, alpha=0.55, linewidth=0, label=label)
     stretches = [
         (start, max(stop - start, SHORTEST * duration_s))
         for start, stop in zip(gaps["start_s"], gaps["stop_s"], strict=True)
@@ -86,8 +99,8 @@ def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> No
         found = faults[faults["kind"] == kind]
         if len(found):
             rows = [list(markers).index(name) for name in found["marker"]]
-            style = {"color": colour, "marker": sign, "linestyle": "none", "ms": 3.5, "mew": 0.9}
-            axes.plot(found["time_s"], rows, label=meaning, zorder=3, clip_on=False, **style)
+            (line,) = axes.plot(found["time_s"], rows, sign, color=colour, label=meaning)
+            line.set(markersize=3.5, markeredgewidth=0.9, zorder=3, clip_on=False)
     dropped = faults.loc[faults["kind"] == "dropped", "time_s"]
     for i, time in enumerate(dropped):
         axes.axvline(

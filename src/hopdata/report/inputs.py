@@ -65,6 +65,10 @@ class ReportInputs:
         Contents of ``truth.json``: name to ``value, unit, what``; empty for a real recording.
     verdict : mapping, optional
         Contents of ``verdict.json``.
+    quality : sequence of mappings, optional
+        Contents of ``quality.json``: checks with ``what, value, unit, good, poor, status, remark``.
+    faults : DataFrame, optional
+        ``faults.csv``.
     notes : sequence
         What could not be done, each a sentence or a mapping with ``what`` and ``reason``.
     """
@@ -82,6 +86,8 @@ class ReportInputs:
     distances: pd.DataFrame | None = None
     truth: Mapping[str, Mapping[str, Any]] | None = None
     verdict: Mapping[str, Any] | None = None
+    quality: Sequence[Mapping[str, Any]] | None = None
+    faults: pd.DataFrame | None = None
     notes: Sequence[str | Mapping[str, Any]] = ()
 
 

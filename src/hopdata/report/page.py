@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hopdata.report import landing_tables, result_tables, verdict
+from hopdata.report import landing_tables, quality, result_tables, verdict
 from hopdata.report.captions import Caption, render_caption
 from hopdata.report.facts import study_facts
 from hopdata.report.formatting import MISSING, count, significant
@@ -28,6 +28,9 @@ PLACES = {
     "fig2_4_prediction": "prediction",
     "fig2_5_distances": "distances",
     "map_matrices": "prediction",
+    "stability": "quality",
+    "worst_landings": "quality",
+    "recording_gaps": "quality",
     "map_errors": "truth",
     "scaling_study": "truth",
 }
@@ -75,7 +78,7 @@ def build_report(inputs: ReportInputs) -> str:
     return environment.get_template("report.html.j2").render(
         study=inputs.study,
         facts=facts,
-        highlights=_highlights(facts, inputs.prediction),
+        highlights=_highlights(facts, inputs),
         style=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
         pictures=_pictures(inputs.figures, facts),
         tables=_tables(inputs),
@@ -86,16 +89,16 @@ def build_report(inputs: ReportInputs) -> str:
     )
 
 
-def _highlights(
-    facts: Mapping[str, Any], prediction: pd.DataFrame | None
-) -> list[tuple[str, str, str]]:
+def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[str, str, str]]:
     """Name, value and remark of each key number; the value is a dash where it is not known."""
+    prediction = inputs.prediction
     frames = f"{count(facts['n_frames'])} frames" if facts["n_frames"] else ""
     found = f"of {count(facts['n_touchdowns'])} descents, {count(facts['n_excluded'])} excluded"
     between = f"pre section {facts['pre']}, post section {facts['post']}"
     orders = f"median spread of contacts {facts['spread']}" if facts["spread"] else ""
     cards = [
         ("Difference of the maps", facts["verdict"]["difference"], facts["verdict"]["remark"]),
+        ("Quality of the data", *quality.summary(inputs.quality)),
         ("Recordings", count(facts["n_recordings"]), frames),
         ("Touchdowns used", count(facts["n_used"]), found if facts["n_touchdowns"] else ""),
         ("Contact orders seen", count(facts["n_schedules"]), orders),
@@ -171,6 +174,9 @@ def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
     return {
         "tests": verdict.table_of_tests(inputs.verdict),
         "windows": verdict.windows_table(inputs.verdict),
+        "quality": quality.quality_table(inputs.quality),
+        "faults": quality.faults_table(inputs.faults),
+        "excluded": quality.excluded_table(inputs.touchdowns),
         "recordings": landing_tables.recordings_table(inputs.recordings),
         "gaps": landing_tables.gaps_table(inputs.gaps),
         "floor": landing_tables.floor_table(inputs.floors),

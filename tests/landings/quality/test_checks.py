@@ -1,0 +1,134 @@
+"""The checks are good on good data, and each fails on data with its own fault."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hopdata.landings.quality.checks import GOOD, LOOK, POOR, UNKNOWN, check_study
+
+WHAT = {
+    "seen": "frames seen, worst marker",
+    "faults": "swaps, spikes, jumps, frozen, time",
+    "noise": "noise of a coordinate over expected",
+    "used": "descents used",
+    "error": "error of a contact over the spread",
+    "order": "orders less sure than 0.9",
+    "sections": "sections move, over their distance",
+    "drift": "drift, in spreads",
+}
+
+
+@pytest.fixture
+def tables():
+    markers = pd.DataFrame(
+        {
+            "recording": "r",
+            "marker": ["b1", "f1", "boom"],
+            "role": ["body", "foot", "boom"],
+            "frames": 1000,
+            "missing": [0, 2, 900],
+            "longest_s": [0.0, 0.02, 9.0],
+            "noise_m": [6e-4, 6.1e-4, 6e-4],
+        }
+    )
+    faults = pd.DataFrame({"kind": []}, dtype=object)
+    touchdowns = pd.DataFrame(
+        {
+            "se_f1_s": [3e-4] * 10,
+            "se_f2_s": [3e-4] * 10,
+            "spread_s": [0.01] * 10,
+            "probability": [1.0] * 10,
+            "excluded": [False] * 9 + [True],
+            "reason": [""] * 9 + ["late"],
+        }
+    )
+    stability = pd.DataFrame(
+        {
+            "variant": ["all data", "half"],
+            "pre_height_m": [0.5, 0.502],
+            "post_height_m": [0.3, 0.299],
+            "note": ["", ""],
+        }
+    )
+    drift = pd.DataFrame(
+        {
+            "quantity": "contact spread",
+            "part": ["a", "b"],
+            "median": [1.0, 1.1],
+            "typical": 1.05,
+            "se": 0.1,
+            "deviation": [-0.05, 0.05],
+        }
+    )
+    return {
+        "markers": markers,
+        "faults": faults,
+        "touchdowns": touchdowns,
+        "stability": stability,
+        "drift": drift,
+    }
+
+
+def judged(tables, noise_m=6e-4):
+    return {c.what: c for c in check_study(**tables, expected_noise_m=noise_m)}
+
+
+def test_good_data_are_good(tables):
+    found = judged(tables)
+    assert list(found) == list(WHAT.values())
+    assert {c.status for c in found.values()} == {GOOD}
+    assert found[WHAT["seen"]].value == pytest.approx(99.8)  # the boom does not count
+    assert found[WHAT["sections"]].value == pytest.approx(1.0)
+    assert "late (1)" in found[WHAT["used"]].remark
+
+
+@pytest.mark.parametrize(
+    ("name", "table", "column", "value", "status"),
+    [
+        ("seen", "markers", "missing", 30, LOOK),
+        ("seen", "markers", "missing", 200, POOR),
+        ("noise", "markers", "noise_m", 1.2e-3, LOOK),
+        ("noise", "markers", "noise_m", 2.4e-3, POOR),
+        ("noise", "markers", "noise_m", np.nan, UNKNOWN),
+        ("used", "touchdowns", "excluded", True, POOR),
+        ("error", "touchdowns", "se_f1_s", 0.005, LOOK),
+        ("order", "touchdowns", "probability", 0.8, POOR),
+        ("sections", "stability", "post_height_m", [0.3, 0.32], LOOK),
+        ("sections", "stability", "pre_height_m", [0.5, 0.6], POOR),
+        ("drift", "drift", "deviation", [0.9, 0.1], GOOD),  # not beyond its errors
+    ],
+)
+def test_each_fault_is_seen_by_its_own_check(tables, name, table, column, value, status):
+    tables[table][column] = value
+    if name == "error":
+        tables[table]["se_f2_s"] = 0.0
+    found = judged(tables)
+    assert found[WHAT[name]].status == status
+
+
+def test_drift_beyond_its_errors_is_named(tables):
+    tables["drift"] = tables["drift"].assign(median=[1.0, 2.0], deviation=[-0.05, 0.9])
+    found = judged(tables)[WHAT["drift"]]
+    assert (found.status, found.value) == (LOOK, 0.9)
+    assert found.remark == "contact spread in b"
+
+
+def test_faults_are_counted_by_kind(tables):
+    tables["faults"] = pd.DataFrame({"kind": ["swap", "swap", "spike"]})
+    found = judged(tables)[WHAT["faults"]]
+    assert (found.status, found.value) == (LOOK, 3.0)
+    assert found.remark == "2 swap, 1 spike"
+
+
+def test_without_an_expected_noise_the_found_one_is_shown(tables):
+    found = judged(tables, noise_m=None)[WHAT["noise"]]
+    assert found.status == UNKNOWN
+    assert "0.6 mm found" in found.remark
+
+
+def test_a_study_without_touchdowns_has_no_good_landings(tables):
+    tables["touchdowns"] = tables["touchdowns"].head(0)
+    tables["drift"] = tables["drift"].head(0)
+    found = judged(tables)
+    for name in ("used", "error", "order", "drift"):
+        assert found[WHAT[name]].status == UNKNOWN

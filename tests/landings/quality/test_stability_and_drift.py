@@ -1,0 +1,98 @@
+"""Sections from parts of the data, and drift: nothing where there is none, found where there is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from section_fakes import hopper
+
+from hopdata.landings.quality.drift import LEAST, QUANTITIES, drift_table
+from hopdata.landings.quality.stability import BANDWIDTH_FACTORS, section_stability
+from hopdata.landings.sections import select_sections
+from hopdata.landings.touchdowns import touchdown_table
+
+
+def trial(name, seed, **options):
+    made = hopper(np.random.default_rng(seed), hops=150, **options).recording
+    return replace(made, name=name)
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    return [trial("a", 1), trial("b", 2)]
+
+
+@pytest.fixture(scope="module")
+def sections(recordings):
+    return select_sections(recordings)
+
+
+def tables_of(recordings, sections):
+    heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
+    return pd.concat([touchdown_table(one, **heights) for one in recordings], ignore_index=True)
+
+
+def test_the_chosen_sections_stand_first_and_every_variant_once(recordings, sections):
+    table = section_stability(recordings, sections, {})
+    assert table["pre_height_m"][0] == sections.pre_height_m
+    assert list(table["kind"].value_counts(sort=False)) == [1, len(BANDWIDTH_FACTORS), 2, 2]
+    assert table["pre_height_m"].notna().all()
+    moved = (table["pre_height_m"] - sections.pre_height_m).abs()
+    assert moved.max() < 0.03
+    assert moved[table["kind"] == "recording"].max() > 0.0
+
+
+def test_a_single_recording_has_no_variants_by_recording(recordings, sections):
+    table = section_stability(recordings[:1], sections, {})
+    assert "recording" not in set(table["kind"])
+
+
+def test_heights_from_the_configuration_stay(recordings):
+    options = {"pre_height_m": 0.45, "post_height_m": 0.3}
+    table = section_stability(recordings, select_sections(recordings, **options), options)
+    assert (table["pre_height_m"] == 0.45).all()
+    assert (table["post_height_m"] == 0.3).all()
+
+
+def test_a_part_that_gives_no_sections_says_why(recordings, sections):
+    still = recordings[0].positions.copy()
+    half = len(still) // 2
+    still[half:] = still[half]
+    resting = replace(recordings[0], positions=still)
+    table = section_stability([resting], sections, {})
+    second = table[table["variant"] == "second half"].iloc[0]
+    assert np.isnan(second["pre_height_m"])
+    assert second["note"]
+
+
+def test_recordings_of_one_kind_do_not_drift(recordings, sections):
+    drift = drift_table(recordings, tables_of(recordings, sections))
+    assert set(drift["quantity"]) == set(QUANTITIES)
+    assert set(drift["part"]) == {"a", "b"}
+    off = ((drift["median"] - drift["typical"]) / drift["se"]).abs()
+    assert off.max() < 4.0
+
+
+def test_a_moved_marker_is_drift_of_the_body_alone(recordings, sections):
+    marker = recordings[1].positions.copy()
+    marker[:, recordings[1].indices("body")[0], 0] += 0.004
+    moved = [recordings[0], replace(recordings[1], positions=marker)]
+    drift = drift_table(moved, tables_of(moved, sections))
+    off = ((drift["median"] - drift["typical"]) / drift["se"]).abs()
+    largest = off.groupby(drift["quantity"]).max()
+    assert largest["distance between body markers"] > 5.0
+    assert largest.drop("distance between body markers").max() < 4.0
+
+
+def test_a_single_recording_is_compared_by_quarters(recordings, sections):
+    drift = drift_table(recordings[:1], tables_of(recordings[:1], sections))
+    assert list(dict.fromkeys(drift["part"])) == [f"part {k} of 4" for k in (1, 2, 3, 4)]
+    sizes = drift[drift["quantity"] == "contact spread"]["touchdowns"]
+    assert sizes.max() - sizes.min() <= 1
+
+
+def test_too_few_touchdowns_give_an_empty_table(recordings, sections):
+    few = tables_of(recordings[:1], sections).head(LEAST - 1)
+    assert drift_table(recordings[:1], few).empty
+    assert drift_table(recordings[:1], few.head(0)).empty
