@@ -6,8 +6,8 @@ import pytest
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.errors import ConfigError
+from hopdata.landings.filled_table import filled_table
 from hopdata.landings.filling import TOO_MUCH_FILLED, fill_gaps, mark_filled
-from hopdata.landings.gap_table import gap_table
 from hopdata.landings.pairs import assemble_pairs
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.recordings.hdf5 import read_recording, write_recording
@@ -76,8 +76,8 @@ def test_an_unknown_method_is_refused(gappy):
 
 
 def test_every_missing_place_is_counted(gappy):
-    before = gap_table([gappy]).set_index("marker")
-    after = gap_table([fill_gaps(gappy, longest_s=0.2)]).set_index("marker")
+    before = filled_table([gappy]).set_index("marker")
+    after = filled_table([fill_gaps(gappy, longest_s=0.2)]).set_index("marker")
     unseen = np.isnan(gappy.positions).any(axis=2)
     np.testing.assert_array_equal(before["missing"], unseen.sum(axis=0))
     for column in ("gaps", "longest_s", "missing"):

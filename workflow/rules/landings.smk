@@ -35,23 +35,20 @@ if FILLS:
         script:
             "../scripts/fill.py"
 
-
-rule gaps:
-    """Gaps of every marker, what was filled of them, and names that seem exchanged."""
-    input:
-        recordings=each_recording(READY),
-        measured=[f"{RESULTS}/recordings/{name}.h5" for name in RECORDINGS if SOURCES[name]],
-    output:
-        gaps=f"{RESULTS}/tables/gaps.csv",
-        notes=f"{RESULTS}/landings/gaps_notes.json",
-    log:
-        f"{RESULTS}/logs/gaps.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/gaps.tsv"
-    params:
-        code=code("gaps"),
-    script:
-        "../scripts/gaps.py"
+    rule filled:
+        """Gaps of every marker, and what was filled of them."""
+        input:
+            recordings=each_recording(READY),
+        output:
+            filled=f"{RESULTS}/tables/filled.csv",
+        log:
+            f"{RESULTS}/logs/filled.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/filled.tsv"
+        params:
+            code=code("filled"),
+        script:
+            "../scripts/filled.py"
 
 
 rule sections:
@@ -118,7 +115,7 @@ rule quality:
     """Whether the recordings and their landings are to be trusted."""
     input:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
-        levelled=each_recording(f"{RESULTS}/level/{{recording}}.h5"),
+        levelled=each_recording(READY),
         sections=rules.sections.output.sections,
         touchdowns=rules.pairs.output.touchdowns,
     output:

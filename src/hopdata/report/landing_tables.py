@@ -55,11 +55,11 @@ def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> Table | None:
     return Table("Recordings", (*head, "seen (%)"), rows, text_columns=2) if rows else None
 
 
-def gaps_table(gaps: pd.DataFrame | None) -> Table | None:
+def filled_table(filled: pd.DataFrame | None) -> Table | None:
     """One row a marker with gaps, those most often unseen first; None if there are no gaps."""
-    if gaps is None or gaps.empty or not (gaps["gaps"] > 0).any():
+    if filled is None or filled.empty or not (filled["gaps"] > 0).any():
         return None
-    gappy = gaps[gaps["gaps"] > 0].sort_values("missing", ascending=False, kind="stable")
+    gappy = filled[filled["gaps"] > 0].sort_values("missing", ascending=False, kind="stable")
     rows = tuple(
         (
             str(row["recording"]),
@@ -75,10 +75,18 @@ def gaps_table(gaps: pd.DataFrame | None) -> Table | None:
         for row in gappy[:MOST_GAPPY].to_dict("records")
     )
     total = f"Of {count(gappy['missing'].sum())} missing places {count(gappy['filled'].sum())} were"
-    shown = "" if len(gappy) <= MOST_GAPPY else f"; {len(gappy) - MOST_GAPPY} more in gaps.csv"
+    shown = (
+        "" if len(gappy) <= MOST_GAPPY else f"; {len(gappy) - MOST_GAPPY} more in tables/filled.csv"
+    )
     head = ("recording", "marker", "part", "gaps", "longest (s)", "frames missing", "missing (%)")
     note = f"{total} filled in{shown}."
-    return Table("Gaps", (*head, "filled in", "left"), rows, text_columns=3, note=note)
+    return Table(
+        "Gaps and what was filled of them",
+        (*head, "filled in", "left"),
+        rows,
+        text_columns=3,
+        note=note,
+    )
 
 
 def floor_table(floors: Mapping[str, Mapping[str, Any]]) -> Table | None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def gap_table(recordings: Iterable[Recording]) -> pd.DataFrame:
+def filled_table(recordings: Iterable[Recording]) -> pd.DataFrame:
     """Count the gaps of every marker, and what was filled of them.
 
     Parameters
