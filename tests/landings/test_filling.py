@@ -120,6 +120,15 @@ def test_touchdowns_that_rest_on_filled_places_are_told_and_may_be_left_out(gapp
     pd.testing.assert_frame_equal(strict[~out], told[~out])
 
 
+def test_a_part_of_a_recording_keeps_its_marks(gappy):
+    done = fill_gaps(gappy, longest_s=0.2)
+    half = done.part(slice(1000, None))
+    np.testing.assert_array_equal(half.filled, done.filled[1000:])
+    np.testing.assert_array_equal(half.positions, done.positions[1000:])
+    assert half.time[0] == done.time[1000]
+    assert gappy.part(slice(10)).filled is None
+
+
 def test_without_filling_the_table_stays_as_it_is(gappy):
     table = touchdown_table(gappy, **HEIGHTS)
     assert mark_filled(gappy, table) is table

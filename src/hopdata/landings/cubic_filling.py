@@ -48,7 +48,7 @@ def cubic_places(
         m; NaN where not placed.
     """
     places = np.full(body.shape, np.nan)
-    seen = np.isfinite(body).all(axis=2)
+    seen = np.asarray(np.isfinite(body).all(axis=2))
     noise_m = height_noise(feet)
     for marker in range(body.shape[1]):
         largest_m = LARGEST_MISFIT * height_noise(body[:, marker])

@@ -97,8 +97,8 @@ def rigid_places(body: FloatArray, wanted: BoolArray, shape: BodyShape) -> Float
         to tell the place, and where they do not fit the shape.
     """
     places = np.full(body.shape, np.nan)
-    seen = np.isfinite(body).all(axis=2)
-    for frames, present in _patterns(seen, wanted.any(axis=1)):
+    seen = np.asarray(np.isfinite(body).all(axis=2))
+    for frames, present in _patterns(seen, np.asarray(wanted.any(axis=1))):
         points = shape.points[present]
         rotation, at = align(points, body[frames][:, present])
         fits = _misfits(points, body[frames][:, present]) <= LARGEST_MISFIT * shape.misfit_m

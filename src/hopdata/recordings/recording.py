@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -75,6 +75,13 @@ class Recording:
     def names(self, role: str) -> tuple[str, ...]:
         """Return names of the markers with this role, in order."""
         return tuple(self.markers[i] for i in self.indices(role))
+
+    def part(self, frames: slice) -> Recording:
+        """Return the recording of these frames alone."""
+        filled = None if self.filled is None else self.filled[frames]
+        return replace(
+            self, time=self.time[frames], positions=self.positions[frames], filled=filled
+        )
 
     @cached_property
     def body(self) -> FloatArray:
