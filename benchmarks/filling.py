@@ -11,8 +11,8 @@ seen of each marker, which knows neither contacts nor bodies. All fill gaps of u
 99 % quantile, and `seen_mm` the same rms of the places that were seen, which is their noise.
 Touchdowns that are used are counted beside those of the same recording without any gap; `won` are
 those more than with `none`. Errors of the states at the sections are against the integrated
-landings: of the touchdowns that rest on filled places (from 0.1 s before the pre section to 0.06 s
-after the post section) and of those that do not.
+landings: of the touchdowns that rest on filled places (from 0.22 s before the pre section to
+0.22 s after the post section) and of those that do not.
 """
 
 from __future__ import annotations

@@ -12,16 +12,35 @@ for library in ("OPENBLAS", "MKL"):
 
 ROOT = Path(__file__).parents[1]
 EXTERNAL = "RBDS001runT25markers.tsv"
+EXTERNAL_FORCES = "RBDS001runT25forces.txt"
+SAME_RUN = ("RBDS001runT35.c3d", "RBDS001runT35_markers.txt")
 EXTERNAL_FOLDERS = (ROOT / "data/external", ROOT.parent / "shared/recordings/treadmill_running")
+
+
+def external(name):
+    """Path of a file of the treadmill recording; tests are skipped where nobody has fetched it."""
+    for folder in EXTERNAL_FOLDERS:
+        if (folder / name).is_file():
+            return folder / name
+    return pytest.skip(f"{name} is in none of {', '.join(map(str, EXTERNAL_FOLDERS))}")
 
 
 @pytest.fixture(scope="session")
 def external_recording():
-    """Path of the treadmill recording; tests are skipped where nobody has fetched it."""
-    for folder in EXTERNAL_FOLDERS:
-        if (folder / EXTERNAL).is_file():
-            return folder / EXTERNAL
-    pytest.skip(f"{EXTERNAL} is in none of {', '.join(map(str, EXTERNAL_FOLDERS))}")
+    """Markers of the runner at 2.5 m/s."""
+    return external(EXTERNAL)
+
+
+@pytest.fixture(scope="session")
+def external_forces():
+    """Forces of the same run."""
+    return external(EXTERNAL_FORCES)
+
+
+@pytest.fixture(scope="session")
+def same_run():
+    """Paths of the C3D and the text file of one run."""
+    return tuple(external(name) for name in SAME_RUN)
 
 
 @pytest.fixture(scope="session")

@@ -94,7 +94,7 @@ def _lazily(module: str) -> Command:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser: argparse.ArgumentParser = _Parser(
         prog="hopdata",
         description="Is landing on several feet one smooth map? From motion capture to figures.",
         epilog=OVERVIEW,
@@ -133,10 +133,11 @@ def _add_inspect(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
         commands,
         "inspect",
         "say what is in a recording, and what looks wrong",
-        "Say what is in a recording: markers, rate, duration, gaps; unit and vertical axis with the\n"
-        "reason for the guess; rigid clusters and noise; and what looks wrong: swapped markers,\n"
-        "spikes, jumps, frozen markers, dropped frames, irregular time stamps. Nothing is written\n"
-        "unless --html asks for it. Exit code 1 if anything looks wrong; gaps alone do not count.",
+        "Say what is in a recording: markers, rate, duration, gaps; unit and vertical axis with\n"
+        "the reason for the guess; rigid clusters and noise; and what looks wrong: swapped\n"
+        "markers, spikes, jumps, frozen markers, dropped frames, irregular time stamps.\n"
+        "Nothing is written unless --html asks for it. Exit code 1 if anything looks wrong;\n"
+        "gaps alone do not count.",
         "  hopdata inspect data/sample/hopper.h5\n"
         "  hopdata inspect monday.tsv --html monday.html\n"
         "  hopdata inspect monday.tsv --rate 250        a file that does not state its rate\n",
@@ -150,8 +151,9 @@ def _add_init(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         commands,
         "init",
         "write a first configuration for a recording",
-        "Write a configuration with comments, the roles of the markers guessed from their motion\n"
-        "and names, each guess with its reason. Exit code 1 if something must be filled in by hand.",
+        "Write a configuration with comments, the roles of the markers guessed from their\n"
+        "motion and names, each guess with its reason. Exit code 1 if something must be filled\n"
+        "in by hand.",
         "  hopdata init data/sample/hopper.h5           writes config/hopper.yaml\n"
         "  hopdata init monday.tsv -o config/mine.yaml\n",
     )

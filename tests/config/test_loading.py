@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hopdata.config import load_config, simulation_of
+from hopdata.config import files_of, load_config, simulation_of
 from hopdata.config.schema import in_words, load_schema
 from hopdata.errors import ConfigError
 
@@ -50,6 +50,11 @@ def plain_leaves(value):
             yield from plain_leaves(child)
         else:
             yield child
+
+
+def test_a_recording_has_no_file_one_or_several():
+    entries = [{"file": None}, {"file": "a.tsv"}, {"file": ["a.tsv", "b.c3d"]}, {}]
+    assert [files_of(e) for e in entries] == [[], ["a.tsv"], ["a.tsv", "b.c3d"], []]
 
 
 def test_what_is_given_stays_and_the_rest_is_filled_in(folder):
@@ -211,6 +216,17 @@ MISTAKES = {
         "onne.tsv",
         ["recordings[0].file: expected a file", "no 'onne.tsv'", "did you mean 'one.tsv'"],
     ),
+    "one of two files missing": (
+        "one.tsv",
+        "[one.tsv, onne.tsv]",
+        ["recordings[0].file[1]: expected a file", "no 'onne.tsv'", "did you mean 'one.tsv'"],
+    ),
+    "a file twice": (
+        "one.tsv",
+        "[one.tsv, one.tsv]",
+        ["recordings[0].file[1]: expected each file once", "found 'one.tsv' twice"],
+    ),
+    "an empty list of files": ("one.tsv", "[]", ["recordings[0].file", "found none"]),
     "missing folder": ("one.tsv", "data/one.tsv", ["recordings[0].file", "there is no folder"]),
     "recordings of one name": (
         "markers:",
@@ -386,6 +402,7 @@ def test_the_keys_of_a_section_are_the_options_of_its_stage(section):
         ("touchdowns", "method", "hopdata.landings.contacts", "METHODS"),
         ("touchdowns", "gravity", "hopdata.landings.contacts", "GRAVITIES"),
         ("filling", "method", "hopdata.landings.filling", "METHODS"),
+        ("touchdowns", "ambiguous", "hopdata.landings.touchdowns", "TREATMENTS"),
         ("states", "method", "hopdata.landings.states", "METHODS"),
         ("states", "gravity", "hopdata.landings.states", "GRAVITIES"),
     ],

@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 
 from hopdata.landings.approach import LEAST_NOISE_M
-from hopdata.landings.kink import FlightPriors, kink_fits, learn, pooled_noise
+from hopdata.landings.kink import FlightPriors, kink_fits
+from hopdata.landings.kink_learning import learn, pooled_noise
 
 RATE, SPEED, GRAVITY, NOISE = 100.0, 1.0, 9.81, 6e-4
 WINDOWS = (0.08, 0.05)
 
 
 def prior(n, own_mean=0.0, own_sd=1e4, change=(0.0, 30.0), jerk=(0.0, 500.0)):
-    mean = np.tile([own_mean] + [change[0], jerk[0]] * (n - 1), (n, 1))
-    sd = np.tile([own_sd] + [change[1], jerk[1]] * (n - 1), (n, 1))
+    mean = np.tile([own_mean] + [change[0], jerk[0]] * (n - 1) + [0.0], (n, 1))
+    sd = np.tile([own_sd] + [change[1], jerk[1]] * (n - 1) + [0.1], (n, 1))
     return FlightPriors(mean, sd)
 
 

@@ -45,6 +45,14 @@ def test_shape_order_and_sections():
     assert found.body_markers == ("body1", "body2", "body3", "body4")
 
 
+def test_ambiguous_touchdowns_can_serve_without_a_schedule():
+    doubtful = TABLE.assign(**{"class": TABLE["schedule"].where(TABLE.index % 5 != 0, "ambiguous")})
+    kept, pooled = pairs(table=doubtful), pairs(table=doubtful, ambiguous="pool")
+    np.testing.assert_array_equal(kept.schedule, TABLE["schedule"])
+    np.testing.assert_array_equal(pooled.schedule == "", TABLE.index % 5 == 0)
+    np.testing.assert_array_equal(pooled.x, kept.x)
+
+
 @pytest.mark.parametrize("method", ["split_fit", "savitzky_golay"])
 @settings(max_examples=15, deadline=None)
 @given(angle=st.floats(-7, 7), shift=st.tuples(st.floats(-1, 1), st.floats(-1, 1)))
@@ -104,11 +112,45 @@ def test_file_round_trip(tmp_path):
     path = tmp_path / "maps" / "pairs.h5"
     write_pairs(path, ours)
     theirs = read_pairs(path)
-    for name in ("x", "y", "schedule", "spread_s", "recording", "index"):
+    for name in ("x", "y", "schedule", "spread_s", "recording", "index", "x_se", "y_se"):
         np.testing.assert_array_equal(getattr(theirs, name), getattr(ours, name))
+    import h5py
+
+    with h5py.File(path) as file:
+        assert all(file[name].attrs["description"] for name in file)
     assert theirs.body_markers == ours.body_markers
     assert (theirs.length_unit_m, theirs.time_unit_s) == (0.03, 0.02)
     assert [p.name for p in path.parent.iterdir()] == ["pairs.h5"]
+
+
+def test_a_file_may_have_no_standard_errors(tmp_path):
+    write_pairs(tmp_path / "pairs.h5", replace(pairs(), x_se=None, y_se=None))
+    theirs = read_pairs(tmp_path / "pairs.h5")
+    assert theirs.x_se is theirs.y_se is None
+    assert theirs.in_units(2.0, 3.0).x_se is None
+
+
+def test_standard_errors_are_those_of_the_states():
+    scene = simulate(150, seed=13)
+    table = touchdown_table(scene.recording, **SECTIONS)
+    noisy, quiet = (pairs(one, table) for one in (scene.recording, scene.clean))
+    for name in ("x", "y"):
+        error = getattr(noisy, name) - getattr(quiet, name)
+        score = error[:, 12:] / getattr(noisy, f"{name}_se")[:, 12:]  # the home frame shifts places
+        assert np.mean(score**2) == pytest.approx(1.0, abs=0.25)
+        assert 0.63 < np.mean(np.abs(score) < 1) < 0.76
+
+
+@pytest.mark.parametrize("angle", [0.7, 2.0])
+def test_standard_errors_turn_with_the_home_frame(angle):
+    theirs = pairs(moved(SCENE.recording, angle, (0.3, -0.2)))
+    np.testing.assert_allclose(theirs.x_se, pairs().x_se, rtol=1e-9)
+    np.testing.assert_allclose(theirs.y_se, pairs().y_se, rtol=1e-9)
+
+
+def test_standard_errors_change_units_with_the_states():
+    raw, other = pairs(), pairs().in_units(0.02, 0.01)
+    np.testing.assert_allclose(other.x_se / raw.x_se, other.x / raw.x)
 
 
 def test_mistakes_are_named(tmp_path):

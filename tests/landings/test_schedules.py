@@ -1,12 +1,19 @@
 """Order of contacts, its probability, its spread."""
 
+from itertools import permutations
 from math import factorial
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from hopdata.landings.schedules import order_probability, schedule_names, spread
+from hopdata.landings.schedules import (
+    order_probability,
+    runner_up,
+    schedule_classes,
+    schedule_names,
+    spread,
+)
 
 
 def test_names_follow_the_order_and_skip_what_is_unknown():
@@ -72,3 +79,36 @@ def test_chunks_do_not_matter():
     mean, sd = rng.normal(size=(1203, 3)), np.full((1203, 3), 0.5)
     each = [order_probability(mean[i : i + 1], sd[i : i + 1])[0] for i in (0, 499, 500, 1202)]
     np.testing.assert_allclose(order_probability(mean, sd)[[0, 499, 500, 1202]], each)
+
+
+def test_the_probabilities_of_all_orders_add_up_to_one():
+    rng = np.random.default_rng(2)
+    mean, sd = rng.normal(0, 0.003, (50, 4)), rng.uniform(2e-4, 9e-4, (50, 4))
+    each = np.stack([order_probability(mean, sd, np.array(o)) for o in permutations(range(4))])
+    np.testing.assert_allclose(each.sum(axis=0), 1.0, atol=1e-9)
+    own, ranked = order_probability(mean, sd), np.sort(each, axis=0)
+    sure = ranked[-1] > 0.5  # then it is the order of each two of the estimates
+    assert sure.sum() > 20
+    np.testing.assert_array_equal(own[sure], ranked[-1][sure])
+    order, second = runner_up(mean, sd)
+    np.testing.assert_allclose(order_probability(mean, sd, order), second)
+    assert np.abs(ranked[-2] - second)[sure].max() < 0.02
+
+
+def test_two_feet_have_two_orders():
+    mean, sd = np.array([[0.0, 1e-3]]), np.full((1, 2), 1e-3)
+    order, second = runner_up(mean, sd)
+    assert order.tolist() == [[1, 0]]
+    assert second + order_probability(mean, sd) == pytest.approx(1.0)
+
+
+def test_an_order_names_every_foot_once():
+    with pytest.raises(ValueError, match="each of 2 feet once"):
+        order_probability(np.zeros((1, 2)), np.ones((1, 2)), np.array([0, 0]))
+
+
+def test_classes_are_schedules_or_ambiguous():
+    names, probability = ["1>2", "2>1", "", "1>2"], np.array([0.95, 0.6, np.nan, 0.9])
+    found = schedule_classes(names, probability, ambiguous_below=0.9)
+    assert found == ["1>2", "ambiguous", "", "1>2"]
+    assert schedule_classes(names, probability, ambiguous_below=0.0) == names

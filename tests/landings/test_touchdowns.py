@@ -7,8 +7,10 @@ import pandas as pd
 import pytest
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
-from hopdata.errors import AnalysisError
+from hopdata.errors import AnalysisError, ConfigError
+from hopdata.landings.force_onsets import force_onsets
 from hopdata.landings.touchdowns import example_touchdown, touchdown_table
+from hopdata.recordings.recording import Recording
 
 SECTIONS = {"pre_height_m": PRE_HEIGHT_M, "post_height_m": POST_HEIGHT_M}
 
@@ -40,6 +42,9 @@ def test_columns(table):
         *(f"se_{foot}_s" for foot in feet),
         "schedule",
         "probability",
+        "class",
+        "runner_up",
+        "runner_up_probability",
         "spread_s",
         "excluded",
         "reason",
@@ -110,11 +115,30 @@ def test_contacts_outside_the_transition_are_left_out(scene):
     assert (said_early == truly_early).mean() > 0.97
 
 
+def test_ambiguous_orders_are_a_class_of_their_own(scene, table):
+    doubtful = table["probability"] < 0.9
+    assert doubtful.any()
+    np.testing.assert_array_equal(table["class"] == "ambiguous", doubtful)
+    assert (table["class"] == table["schedule"])[~doubtful].all()
+    assert (table["runner_up"] != table["schedule"]).all()
+    assert (table["runner_up_probability"] <= table["probability"] + 0.02).all()
+    both = table["probability"] + table["runner_up_probability"]
+    assert both[doubtful].min() > 0.7
+    assert (both < 1 + 1e-9).all()
+
+
 def test_ambiguous_orders_can_be_left_out(scene, table):
-    strict = touchdown_table(scene.recording, **SECTIONS, minimum_probability=0.99)
+    options = {"ambiguous_below": 0.99, "ambiguous": "exclude"}
+    strict = touchdown_table(scene.recording, **SECTIONS, **options)
     ambiguous = strict["reason"] == "order ambiguous"
     np.testing.assert_array_equal(ambiguous, table["probability"] < 0.99)
+    np.testing.assert_array_equal(strict["excluded"], ambiguous)
     assert ambiguous.any()
+
+
+def test_an_unknown_treatment_of_the_ambiguous_is_named(scene):
+    with pytest.raises(ConfigError, match=r"touchdowns.ambiguous.*did you mean 'exclude'"):
+        touchdown_table(scene.recording, **SECTIONS, ambiguous="excluded")
 
 
 def test_the_printed_method_is_selectable(scene):
@@ -154,23 +178,21 @@ def test_nothing_to_work_on_is_said(scene, table):
         touchdown_table(lone, **SECTIONS)
 
 
-def test_a_runner(external_recording):
-    frame = pd.read_csv(external_recording, sep="\t", skiprows=11)
-    from hopdata.recordings.recording import Recording
-
-    names = ("body1", "body2", "body3", "R_heel", "R_mt1", "R_mt5")
+def runner_table(path, side, **options):
+    """Touchdowns of one foot of the runner: heel, first and fifth metatarsal."""
+    frame = pd.read_csv(path, sep="\t", skiprows=11)
+    names = ("body1", "body2", "body3", f"{side}_heel", f"{side}_mt1", f"{side}_mt5")
     columns = [[f"{name} {axis}" for axis in "XYZ"] for name in names]
     positions = np.stack([frame[c].to_numpy() / 1000 for c in columns], axis=1)
     positions[:, 3:, 2] -= [0.034, 0.045, 0.050]
-    recording = Recording(
-        "runner",
-        np.arange(len(frame)) / 150,
-        positions,
-        names,
-        ("body",) * 3 + ("foot",) * 3,
-        150.0,
-    )
-    table = touchdown_table(recording, pre_height_m=1.07, post_height_m=1.02)
+    time = np.arange(len(frame)) / 150
+    roles = ("body",) * 3 + ("foot",) * 3
+    recording = Recording("runner", time, positions, names, roles, 150.0)
+    return touchdown_table(recording, pre_height_m=1.07, post_height_m=1.02, **options)
+
+
+def test_a_runner(external_recording):
+    table = runner_table(external_recording, "R")
     landed = table["reason"] != "no foot landed"
     assert landed.sum() == 39
     assert (~table["excluded"]).sum() >= 30
@@ -179,6 +201,21 @@ def test_a_runner(external_recording):
     gaps = used[["contact_R_heel_s", "contact_R_mt5_s"]].sub(used["contact_R_mt1_s"], axis=0)
     assert (gaps.median() > 0.01).all()
     assert (gaps.std() < 0.006).all()
+
+
+@pytest.mark.parametrize(("side", "turn"), [("L", 0), ("R", 1)])
+def test_a_runner_against_the_force_plate(external_recording, external_forces, side, turn):
+    table = runner_table(external_recording, side)
+    contacts = table[[name for name in table if name.startswith("contact_")]]
+    first = contacts.min(axis=1).dropna().to_numpy()
+    force = pd.read_csv(external_forces, sep="\t")["Fy"].to_numpy()
+    onsets = force_onsets(np.arange(len(force)) / 300, force)[turn::2]
+    assert len(first) == len(onsets) == 39  # none missed, none invented
+    late_ms = (first - onsets) * 1e3
+    middle = np.median(late_ms)
+    assert abs(middle) < 5
+    assert 1.4826 * np.median(np.abs(late_ms - middle)) < 1.5
+    assert np.abs(late_ms - middle).max() < 10
 
 
 def test_a_recording_without_a_descent_has_a_table_without_rows(scene, table):

@@ -161,7 +161,11 @@ MISTAKES = {
         ["trail.tsv", "expected a file", "did you mean 'trial.tsv'"],
     ),
     "no such folder": lambda f: (f / "sub/trial.tsv", {}, ["a file", "there is no folder"]),
-    "other format": lambda f: (f / "trial.xlsx", {}, [".tsv, .h5", "found '.xlsx'"]),
+    "other format": lambda f: (
+        f / "trial.xlsx",
+        {},
+        [".tsv, .txt, .mat, .c3d, .trc, .h5", "found '.xlsx'"],
+    ),
     "mm taken for m": lambda f: (
         good(f),
         {"unit": "m"},

@@ -153,3 +153,12 @@ def test_filled_gaps_with_the_marker_most_often_unseen_first():
     assert "28" in table.note
     assert landing_tables.filled_table(None) is None
     assert landing_tables.filled_table(filled().iloc[2:]) is None
+
+
+def test_ambiguous_touchdowns_are_counted_by_schedule():
+    data = touchdowns()
+    assert {row[2] for row in landing_tables.schedules_table(data).rows} == {"\N{EM DASH}"}
+    data["class"] = data["schedule"].where(data.index % 7 != 0, "ambiguous")
+    table = landing_tables.schedules_table(data)
+    used = data[~data["excluded"]]
+    assert sum(int(row[2]) for row in table.rows) == (used["class"] == "ambiguous").sum()

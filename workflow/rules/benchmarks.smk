@@ -10,13 +10,17 @@ BENCHMARK_TABLES = {
     "stress": ["stress.csv"],
     "first_solve": ["first_solve.csv"],
     "first_order": ["first_order.csv"],
-    "labelling": ["labelling.csv"],
+    "contact_instants": ["contact_instants.csv"],
+    "velocities": ["velocities.csv"],
     "density": ["density.csv"],
     "maps": ["maps.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
     "filling": ["filling.csv"],
     "floor_faults": ["floor_faults.csv"],
+    "reading": ["reading.csv", "reading_agreement.csv"],
+    "damaged_files": ["damaged_files.csv"],
+    "recording_faults": ["recording_faults.csv"],
 }
 # They take most of an hour, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
 SIMULATED_STUDIES = {

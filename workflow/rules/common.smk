@@ -3,7 +3,7 @@ import re
 import sys
 from pathlib import Path
 
-from hopdata.config import load_config, simulation_of
+from hopdata.config import files_of, load_config, simulation_of
 from hopdata.errors import HopdataError
 from hopdata.provenance import code_digest
 
@@ -13,12 +13,14 @@ except HopdataError as error:
     sys.exit(f"hopdata: error: {error}")
 
 RESULTS = f"results/{STUDY['study']}"
-SOURCES = {entry["name"]: entry.get("file") for entry in STUDY["recordings"]}
+SOURCES = {entry["name"]: files_of(entry) for entry in STUDY["recordings"]}
 RECORDINGS = list(SOURCES)
 METHOD = STUDY["touchdowns"]["method"]
 METHODS = ["kink", "velocity_minimum", "velocity_minimum_parabola"]
 # Only a simulation, or a file of ours, can carry the truth that all methods are scored against.
-MAY_HAVE_TRUTH = any(not file or file.endswith((".h5", ".hdf5")) for file in SOURCES.values())
+MAY_HAVE_TRUTH = any(
+    not files or files[0].endswith((".h5", ".hdf5")) for files in SOURCES.values() if len(files) < 2
+)
 SCORED_METHODS = METHODS if MAY_HAVE_TRUTH else [METHOD]
 SIMULATIONS = {entry["name"]: simulation_of(STUDY, entry["name"]) for entry in STUDY["recordings"]}
 # The scenes of a study that is simulated as a whole are known, and can be integrated again.
@@ -49,6 +51,7 @@ PROGRAMS = Path("benchmarks")
 # Relative, so that a study may be run in another folder (`--directory`) and a checkout may be moved.
 CAPTIONS = os.path.relpath(Path(workflow.basedir) / "workflow" / "captions")
 STRESS_SUITE = Path("tests/hybrid")  # one of the benchmarks runs it
+DAMAGE_SUITE = Path("tests/recordings")  # and another this
 
 
 wildcard_constraints:
@@ -71,7 +74,7 @@ def figure(name):
     return expand(f"{RESULTS}/figures/{name}.{{format}}", format=FORMATS)
 
 
-def sources(name, folders=(PROGRAMS, STRESS_SUITE, STRESS_SUITE / "stress")):
+def sources(name, folders=(PROGRAMS, STRESS_SUITE, STRESS_SUITE / "stress", DAMAGE_SUITE)):
     """A program and all that it imports from beside it, directly or not; a package as a whole."""
     found, waiting = set(), [PROGRAMS / f"{name}.py"]
     while waiting:

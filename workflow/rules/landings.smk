@@ -106,6 +106,7 @@ rule pairs:
     params:
         home=STUDY["home"],
         states=STUDY["states"],
+        ambiguous=STUDY["touchdowns"]["ambiguous"],
         code=code("pairs"),
     script:
         "../scripts/pairs.py"
@@ -121,7 +122,7 @@ rule quality:
     output:
         checks=f"{RESULTS}/quality.json",
         markers=f"{RESULTS}/tables/markers.csv",
-        gaps=f"{RESULTS}/tables/gaps.csv",
+        gaps=f"{RESULTS}/tables/gap_times.csv",
         faults=f"{RESULTS}/tables/faults.csv",
         stability=f"{RESULTS}/tables/section_stability.csv",
         drift=f"{RESULTS}/tables/drift.csv",

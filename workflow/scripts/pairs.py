@@ -15,6 +15,7 @@ with reported(snakemake.log[0]):
         pre_height_m=sections["pre_height_m"],
         post_height_m=sections["post_height_m"],
         home_marker=snakemake.params.home["marker"],
+        ambiguous=snakemake.params.ambiguous,
         **snakemake.params.states,
     )
     write_pairs(snakemake.output.pairs, pairs)

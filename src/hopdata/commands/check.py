@@ -16,38 +16,51 @@ if TYPE_CHECKING:
 def check(options: argparse.Namespace) -> int:
     """Check a configuration and read all its recordings."""
     from hopdata.config.loading import load_config
+    from hopdata.config.recordings import files_of
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible, notes
-    from hopdata.recordings.quality.swap_notes import swap_notes
 
     config = load_config(options.config)
     print(f"study {config['study']}")
     mistakes: list[str] = []
     remarks: list[str] = []
     for entry in config["recordings"]:
-        if entry["file"] is None:
+        files = files_of(entry)
+        if not files:
             print(f"{entry['name']}: simulated, {config['simulation']['hops']} hops")
             continue
         try:
             with Progress() as progress:
-                progress(f"reading {entry['file']}")
+                progress(f"reading {', '.join(files)}")
                 recording, _ = import_recording(
-                    entry["file"], name=entry["name"], markers=config["markers"], **config["input"]
+                    files, name=entry["name"], markers=config["markers"], **config["input"]
                 )
-                progress(f"checking {entry['file']}")
+                progress(f"checking {', '.join(files)}")
                 check_plausible(recording, **config["quality"])
-                progress(f"looking for exchanged names in {entry['file']}")
-                remarks += [*notes(recording), *swap_notes(recording)]
         except RecordingError as error:
             mistakes.append(str(error))
             continue
         print(_summary(recording, config))
+        remarks += [*notes(recording), *_suspects(recording)]
     for remark in remarks:
         print(f"note: {remark}")
     if mistakes:
         raise RecordingError("\n".join(mistakes))
     print(f"{options.config} is sound")
     return OK
+
+
+def _suspects(recording: Recording) -> list[str]:
+    """Say in a line what looks wrong with the study's markers, if anything does."""
+    from hopdata.commands.listing import answer
+    from hopdata.recordings.quality.tables import inspect
+
+    with Progress() as progress:
+        progress(f"looking for faults in {recording.source}")
+        found = inspect(recording)
+    if not found.faults.count:
+        return []
+    return [f"{recording.source}: {answer(found)} 'hopdata inspect' lists them"]
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:

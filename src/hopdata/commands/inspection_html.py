@@ -47,7 +47,7 @@ def inspection_html(inspection: Inspection, file: str) -> str:
 def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
     timing = inspection.timing
     unit, up = inspection.unit, inspection.up
-    noise = f"{MM_PER_M * float(np.nanmedian(inspection.noise_m)):.2f} mm"
+    noise = f"{MM_PER_M * inspection.typical_noise_m:.2f} mm"
     return [
         ("Frames", f"{len(inspection.time)}", f"{inspection.duration_s:.1f} s"),
         ("Rate", f"{inspection.rate_hz:g} Hz", f"{timing.n_dropped} frames dropped"),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hopdata.commands.suspects import suspects
+from hopdata.commands.words import counted
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.gaps import MarkerGaps
@@ -51,7 +52,7 @@ def answer(inspection: Inspection) -> str:
     for suspect in suspects(inspection):
         kinds[suspect.kind] = kinds.get(suspect.kind, 0) + 1
     parts = ", ".join(f"{count} {_plural(kind, count)}" for kind, count in kinds.items())
-    return f"{n} suspect{'s' * (n > 1)}: {parts}."
+    return f"{counted(n, 'suspect')}: {parts}."
 
 
 def _plural(kind: str, count: int) -> str:
@@ -85,10 +86,9 @@ def _unsure(is_sure: bool) -> str:
 
 
 def _rigid(inspection: Inspection) -> list[str]:
-    white = MM_PER_M * float(np.nanmedian(inspection.noise_m))
-    lines = _wrapped(
-        "noise", f"{white:.2f} mm a coordinate from frame to frame (median of the markers)"
-    )
+    white = MM_PER_M * inspection.typical_noise_m
+    noise = f"{white:.2f} mm a coordinate from frame to frame (median of the markers)"
+    lines = _wrapped("noise", noise if np.isfinite(white) else "no five frames in a row")
     for cluster in inspection.clusters:
         names = ", ".join(inspection.markers[m] for m in cluster.markers)
         noise = f"{MM_PER_M * cluster.noise:.2f} mm a coordinate by its distances"
@@ -108,10 +108,11 @@ def _gaps(inspection: Inspection) -> list[str]:
     for gaps in inspection.gaps:
         numbers = "no gap"
         if gaps.count:
-            numbers = (
-                f"{gaps.count} gap{'s' * (gaps.count > 1)}, longest {gaps.longest} frame{'s' * (gaps.longest > 1)} "
-                f"({gaps.longest / inspection.rate_hz:.3g} s), {100 * gaps.share:.2g} % unseen"
+            longest = (
+                f"{counted(gaps.longest, 'frame')} ({gaps.longest / inspection.rate_hz:.3g} s)"
             )
+            share = f"{100 * gaps.share:.2g} % unseen"
+            numbers = f"{counted(gaps.count, 'gap')}, longest {longest}, {share}"
         lines.append(f"  {gaps.marker:{width}} {_bar(gaps, n_columns)} {numbers}")
     return lines
 

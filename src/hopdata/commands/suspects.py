@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hopdata.commands.words import counted
+
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
 
@@ -55,8 +57,8 @@ def _all(inspection: Inspection) -> Iterator[Suspect]:
         text = f"{names} exchanged {until} (by {' and '.join(swap.found_by)})"
         yield suspect("swap", swap.markers, swap.start, text)
     for spike in faults.spikes:
-        n = spike.stop - spike.start
-        text = f"{spike.marker} is {_mm(spike.size)} off for {n} frame{'s' * (n > 1)}"
+        length = counted(spike.stop - spike.start, "frame")
+        text = f"{spike.marker} is {_mm(spike.size)} off for {length}"
         yield suspect("spike", (spike.marker,), spike.start, text)
     for jump in faults.jumps:
         text = f"{jump.marker} jumps by {_mm(jump.size)}"
@@ -66,8 +68,8 @@ def _all(inspection: Inspection) -> Iterator[Suspect]:
         yield suspect("frozen", (frozen.marker,), frozen.start, text)
     for name in faults.never_seen:
         yield suspect("unseen", (name,), 0, f"{name} is in no frame")
-    for frame, missing in timing.drops:
-        text = f"{missing} frame{'s' * (missing > 1)} dropped after this one"
+    for frame, missing in timing.drops.tolist():
+        text = f"{counted(missing, 'frame')} dropped after this one"
         yield suspect("dropped", (), int(frame), text)
     for frame in timing.irregular:
         yield suspect("time", (), int(frame), "irregular step of the time stamps after this one")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 WIDTH = 96
 _PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./-]*")
-_WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
+_WORDS = {"true", "false", "yes", "no", "on", "off", "null"}
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
+from itertools import pairwise
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from hopdata.config.lines import place_of
 from hopdata.config.messages import describe, dotted
+from hopdata.config.recordings import files_of
 from hopdata.config.schema import load_schema
 from hopdata.config.yaml_file import read_yaml
 from hopdata.errors import ConfigError, did_you_mean
@@ -63,9 +66,9 @@ def load_config(
         config: dict[str, Any] = _with_defaults(content, schema)
     except RecursionError:
         raise ConfigError(f"{place}: expected a tree of keys, found one within itself") from None
-    _raise_all(place, _schema_mistakes(config, schema))
+    _raise_all(place, files, _schema_mistakes(config, schema))
     checks = [*CHECKS, _missing_files] if check_files else CHECKS
-    _raise_all(place, [mistake for check in checks for mistake in check(config)])
+    _raise_all(place, files, [mistake for check in checks for mistake in check(config)])
     config["home"]["marker"] = config["home"]["marker"] or config["markers"]["body"][0]
     return config
 
@@ -110,10 +113,11 @@ def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[Any,
         yield path, value
 
 
-def _raise_all(place: str, mistakes: list[str]) -> None:
+def _raise_all(place: str, files: list[str | Path], mistakes: list[str]) -> None:
     if not mistakes:
         return
-    lines = [f"{place}: {mistake}" for mistake in mistakes[:MOST_MISTAKES]]
+    shown = mistakes[:MOST_MISTAKES]
+    lines = [f"{place_of(mistake, files, place)}: {mistake}" for mistake in shown]
     if len(mistakes) > MOST_MISTAKES:
         lines.append(f"{place}: and {len(mistakes) - MOST_MISTAKES} more mistakes")
     raise ConfigError("\n".join(lines))
@@ -171,6 +175,17 @@ def _enough_samples(config: dict[str, Any]) -> Iterator[str]:
         )
 
 
+def _scales_in_order(config: dict[str, Any]) -> Iterator[str]:
+    scales = config["scaling_study"]["scales"]
+    for one, following in pairwise(scales):
+        if not following < one:
+            yield (
+                f"scaling_study.scales: expected the largest first and each smaller than the one "
+                f"before, found {following:g} after {one:g}"
+            )
+            return
+
+
 def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
     """Yield the first marker that the simulation, where there is one, will not make."""
     if all(recording["file"] is not None for recording in config["recordings"]):
@@ -201,11 +216,22 @@ def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
 
 def _missing_files(config: dict[str, Any]) -> Iterator[str]:
     for i, recording in enumerate(config["recordings"]):
-        if recording["file"] is None or Path(recording["file"]).is_file():
-            continue
-        file = Path(recording["file"])
-        found = f"the folder '{file}'" if file.is_dir() else f"no '{file}'{_near(file)}"
-        yield f"recordings[{i}].file: expected a file, found {found}"
+        for k, name in enumerate(files_of(recording)):
+            file = Path(name)
+            if file.is_file():
+                continue
+            found = f"the folder '{file}'" if file.is_dir() else f"no '{file}'{_near(file)}"
+            which = f"[{k}]" if isinstance(recording["file"], list) else ""
+            yield f"recordings[{i}].file{which}: expected a file, found {found}"
+
+
+def _repeated_files(config: dict[str, Any]) -> Iterator[str]:
+    """Yield files that one recording names twice: its landings would count twice."""
+    for i, recording in enumerate(config["recordings"]):
+        names = files_of(recording)
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                yield f"recordings[{i}].file[{k}]: expected each file once, found '{name}' twice"
 
 
 def _near(file: Path) -> str:
@@ -226,6 +252,8 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _home_marker,
     _sections_in_order,
     _enough_samples,
+    _scales_in_order,
     _simulated_markers,
     _simulated_files,
+    _repeated_files,
 ]

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, cast
 
+from hopdata.config.hints import hint
 from hopdata.config.schema import in_words
 from hopdata.errors import did_you_mean
 
@@ -52,7 +53,10 @@ def describe(errors: Iterable[ValidationError], schema: dict[str, Any]) -> list[
 def _lines(error: ValidationError, schema: dict[str, Any]) -> list[str]:
     place, local = dotted(error.absolute_path), cast("dict[str, Any]", error.schema)
     if error.validator in _OF_VALUE:
-        return [f"{place}: expected {in_words(local)}, found {found(error.instance)}"]
+        told = f"{place}: expected {in_words(local)}, found {found(error.instance)}"
+        return [told + hint(error.instance, local)]
+    if error.validator == "uniqueItems":
+        return [f"{place}: expected each entry once, found {found(error.instance)}"]
     if error.validator not in ("additionalProperties", "required"):
         return [f"{place}: {error.message}"]
     known = list(local["properties"])
@@ -84,12 +88,22 @@ def found(value: Any) -> str:
 
 
 def _unknown_key(key: str, place: str, known: Sequence[str], schema: dict[str, Any]) -> str:
-    hint = did_you_mean(key, known)
+    near = did_you_mean(key, known)
     if not get_close_matches(key, known, n=1, cutoff=SURE):
-        elsewhere = [dotted(path) for path in _paths(schema) if path[-1] == key]
-        hint = f"; did you mean '{elsewhere[0]}'?" if elsewhere else hint
-    hint = hint or f"; the keys here are {', '.join(known)}"
-    return f"{_join(place, key)}: expected a known key, found '{key}'{hint}"
+        elsewhere = _elsewhere(key, place, schema)
+        near = f"; did you mean '{elsewhere}'?" if elsewhere else near
+    section, _, inner = key.partition(".")
+    if inner and section in known:
+        near = f"; write '{section}:' and, indented in the next line, '{inner}:'"
+    near = near or f"; the keys here are {', '.join(known)}"
+    return f"{_join(place, key)}: expected a known key, found '{key}'{near}"
+
+
+def _elsewhere(key: str, place: str, schema: dict[str, Any]) -> str:
+    """Find the key in another section, preferably below `place`."""
+    paths = [dotted(path) for path in _paths(schema) if path[-1] == key]
+    below = [path for path in paths if place and path.startswith(f"{place}.")]
+    return next(iter([*below, *paths]), "")
 
 
 def _paths(schema: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:

@@ -65,8 +65,8 @@ def _items_in_words(schema: dict[str, Any]) -> str:
     number = f"{least} to {most}" if most else f"at least {least}"
     words = " of " + (f"{least} " if least == most else f"{number} " if least or most else "")
     items = schema.get("items", {})
-    kind = "names" if items.get("type") == "string" else "entries"
-    if items.get("type") == "number":
-        kind = "numbers"
+    kind = {"string": "names", "number": "numbers"}.get(str(items.get("type")), "entries")
+    if number == "at least 1" and kind == "entries":
+        kind = "entry"
     choices = f", each {in_words(items)}" if "enum" in items else ""
     return words + kind + choices

@@ -70,34 +70,58 @@ def approaches(
     """
     shape = (len(transitions), heights.shape[1])
     near, status = np.full(shape, np.nan), np.full(shape, NOT_LANDED, dtype=np.int64)
-    starts = np.searchsorted(time, transitions.t_pre - lead_s)
-    stops = np.searchsorted(time, transitions.t_post + trail_s)
-    for row in np.flatnonzero(transitions.complete):
-        frames = slice(starts[row], stops[row])
+    rows = np.flatnonzero(transitions.complete)
+    if len(rows):
+        start = np.searchsorted(time, transitions.t_pre[rows] - lead_s)
+        stop = np.searchsorted(time, transitions.t_post[rows] + trail_s)
+        frames = start[:, None] + np.arange(int(np.max(stop - start, initial=1)))
+        inside = frames < stop[:, None]
+        frames = np.minimum(frames, len(time) - 1)
         for foot in range(shape[1]):
-            near[row, foot], status[row, foot] = _descent(
-                time[frames], heights[frames, foot], noise_m, down_height_m
+            z = np.where(inside, heights[frames, foot], np.nan)
+            near[rows, foot], status[rows, foot] = _descents(
+                time[frames], z, noise_m, down_height_m
             )
     return near, status
 
 
-def _descent(
+def _descents(
     t: FloatArray, z: FloatArray, noise_m: float, down_height_m: float
-) -> tuple[float, int]:
-    """Rough instant at which one foot came down within one window, and its status."""
-    seen = ~np.isnan(z)
-    t, z = t[seen], z[seen]
-    if len(z) < LEAST_FRAMES:
-        return np.nan, MISSING
-    bottom = int(np.argmin(z))
-    low, depth = z[bottom], z.max() - z[bottom]
-    if low > down_height_m:
-        return np.nan, NOT_LANDED
-    above = np.flatnonzero(z[:bottom] > low + max(5 * noise_m, NEAR_FLOOR * depth))
-    if len(above) == 0:
-        return np.nan, ALREADY_DOWN
-    last = int(above[-1])
-    higher = np.flatnonzero(z[: last + 1] > low + ON_ITS_WAY * depth)
-    first = int(higher[-1]) if len(higher) else last
-    fall = (z[first] - z[last + 1]) / (t[last + 1] - t[first])
-    return float(t[last + 1] + (z[last + 1] - low) / fall), LANDED
+) -> tuple[FloatArray, IntArray]:
+    """Rough instants (R,) at which a foot came down within each window (R, W), and its status."""
+    count = (~np.isnan(z)).sum(axis=1)
+    order = np.argsort(np.isnan(z), axis=1, kind="stable")  # the frames that are seen come first
+    t, z = np.take_along_axis(t, order, axis=1), np.take_along_axis(z, order, axis=1)
+    rows, place = np.arange(len(z)), np.arange(z.shape[1])
+    low_first = np.where(np.isnan(z), np.inf, z)
+    bottom = np.argmin(low_first, axis=1)
+    low = low_first[rows, bottom]
+    depth = np.where(np.isnan(z), -np.inf, z).max(axis=1, initial=-np.inf) - low
+    falling = place < bottom[:, None]
+    nearly = np.maximum(5 * noise_m, NEAR_FLOOR * depth)
+    last = _last(falling & (z > (low + nearly)[:, None]))
+    with np.errstate(invalid="ignore"):  # where nothing is seen, depth is not finite
+        on_its_way = z > (low + ON_ITS_WAY * depth)[:, None]
+    first = _last((place <= last[:, None]) & on_its_way)
+    first = np.where(first < 0, last, first)
+    status = np.where(last < 0, ALREADY_DOWN, LANDED)
+    status = np.where(low > down_height_m, NOT_LANDED, status)
+    status = np.where(count < LEAST_FRAMES, MISSING, status)
+    after = np.minimum(last + 1, z.shape[1] - 1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fall = (z[rows, first] - z[rows, after]) / (t[rows, after] - t[rows, first])
+        near = t[rows, after] + (z[rows, after] - low) / fall
+        gap = t[rows, after] - t[rows, last]
+        before = np.maximum(np.minimum(first, last - 1), 0)
+        fall = (z[rows, before] - z[rows, last]) / (t[rows, last] - t[rows, before])
+        early = t[rows, last] + np.minimum((z[rows, last] - low) / fall, gap)
+    in_gap = gap > 1.5 * np.median(np.diff(t, axis=1), axis=1)  # its far end says nothing
+    in_gap &= (last > 0) & (fall > 0)
+    near = np.where(in_gap, early, near)
+    return np.where(status == LANDED, near, np.nan), status
+
+
+def _last(marked: NDArray[np.bool_]) -> IntArray:
+    """Place of the last mark in each row (R, W), -1 where there is none."""
+    last = marked.shape[1] - 1 - np.argmax(marked[:, ::-1], axis=1)
+    return np.where(marked.any(axis=1), last, -1)

@@ -9,13 +9,9 @@ from numpy.typing import NDArray
 
 from hopdata.errors import require_choice
 from hopdata.landings.approach import LANDED, MISSING, POOR_FIT, approaches, height_noise
-from hopdata.landings.kink import (
-    FlightPriors,
-    KinkFits,
-    kink_fits,
-    learn,
-    pooled_noise,
-)
+from hopdata.landings.kink import KinkFits
+from hopdata.landings.kink_learning import pooled_noise
+from hopdata.landings.kink_recording import FootHeights, joint_fits, single_fits
 from hopdata.landings.transitions import Transitions
 from hopdata.landings.velocity_minimum import velocity_minima
 
@@ -24,13 +20,9 @@ IntArray = NDArray[np.int64]
 
 METHODS = ("kink", "velocity_minimum", "velocity_minimum_parabola")
 GRAVITIES = ("learned", "free", "known")
-GRAVITY_M_S2 = 9.80665
-FLAT_SD, SHARP_SD = 1e4, 1e-3  # m/s^2: as good as no prior, and as good as known
-WEAK_CHANGE_SD, WEAK_JERK_SD = 30.0, 500.0  # m/s^2, m/s^3: pushes not yet learned
 LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight law holds
 SHORT_WINDOWS_S = (0.04, 0.027)  # where it does not
 REFUTED = 2.0  # rms residual over measurement noise from which the flight law does not hold
-LEARNING_STEPS = 8
 FRAMES_BEFORE, FRAMES_AFTER = 3, 2  # the least that determine a kink
 
 
@@ -115,13 +107,11 @@ def find_contacts(
     if method != "kink":
         return _by_velocity(time, heights, transitions, status, noise_m, method)
     asked = (window_before_s, window_after_s)
-    fits = _joint_fits(
-        time, heights, near, noise_m, gravity, windows=_windows(time, asked, LONG_WINDOWS_S)
-    )
+    feet = FootHeights(time, heights, _windows(time, asked, LONG_WINDOWS_S))
+    fits = joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
     if not pooled_noise(fits) <= REFUTED * noise_m:
-        fits = _single_fits(
-            time, heights, near, noise_m, gravity, windows=_windows(time, asked, SHORT_WINDOWS_S)
-        )
+        feet = FootHeights(time, heights, _windows(time, asked, SHORT_WINDOWS_S))
+        fits = single_fits(feet, near, noise_m=noise_m, gravity=gravity)
     return _judged(fits, status, pooled_noise(fits), maximum_misfit)
 
 
@@ -148,74 +138,6 @@ def _windows(
     frame_s = float(np.median(np.diff(time)))
     before, after = (d if a is None else a for a, d in zip(asked, default, strict=True))
     return max(before, 5 * frame_s), max(after, 3 * frame_s)
-
-
-def _joint_fits(
-    time: FloatArray,
-    heights: FloatArray,
-    near: FloatArray,
-    noise_m: float,
-    gravity: str,
-    *,
-    windows: tuple[float, float],
-) -> KinkFits:
-    """Fit each foot alone, then with the pushes of the feet that touched before it.
-
-    Priors are weak at first and learned from the recording between the fits. A search in the fits
-    about the last instants follows contacts that the learning moves.
-    """
-    priors = weak_priors(heights.shape[1], gravity)
-    coarse, fine = _searches(time)
-    fits = kink_fits(
-        time, heights, near, priors=priors, noise_m=noise_m, windows_s=windows, search_s=coarse
-    )
-    for _ in range(LEARNING_STEPS):
-        fits = kink_fits(
-            time, heights, fits.instant, priors=priors, noise_m=noise_m, windows_s=windows,
-            search_s=fine, earlier=fits.instant,
-        )  # fmt: skip
-        noise_m = pooled_noise(fits)
-        priors = learn(fits, noise_m=noise_m, prior=priors, own=gravity == "learned")
-    return kink_fits(
-        time, heights, fits.instant, priors=priors, noise_m=noise_m, windows_s=windows,
-        search_s=fine, earlier=fits.instant,
-    )  # fmt: skip
-
-
-def _single_fits(
-    time: FloatArray,
-    heights: FloatArray,
-    near: FloatArray,
-    noise_m: float,
-    gravity: str,
-    *,
-    windows: tuple[float, float],
-) -> KinkFits:
-    """Fit each foot alone with a free curvature (unless gravity is `known`), windows recentred."""
-    priors = weak_priors(heights.shape[1], gravity)
-    instant = near
-    for search_s in (*_searches(time), *_searches(time)[1:] * 2):
-        fits = kink_fits(
-            time, heights, instant, priors=priors, noise_m=noise_m, windows_s=windows,
-            search_s=search_s,
-        )  # fmt: skip
-        instant = fits.instant
-    return fits
-
-
-def _searches(time: FloatArray) -> tuple[float, float]:
-    """Half widths of the first and of the later searches for an instant, s."""
-    frame_s = float(np.median(np.diff(time)))
-    return max(0.015, 2.5 * frame_s), max(0.008, 1.5 * frame_s)
-
-
-def weak_priors(n: int, gravity: str) -> FlightPriors:
-    """Priors of n feet before the recording has been asked: see `find_contacts` for `gravity`."""
-    mean = np.zeros((n, 2 * n - 1))
-    sd = np.tile([FLAT_SD] + [WEAK_CHANGE_SD, WEAK_JERK_SD] * (n - 1), (n, 1))
-    if gravity == "known":
-        mean[:, 0], sd[:, 0] = -GRAVITY_M_S2, SHARP_SD
-    return FlightPriors(mean, sd)
 
 
 def _judged(fits: KinkFits, status: IntArray, noise_m: float, maximum_misfit: float) -> Contacts:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hopdata.errors import require_choice
 from hopdata.landings.cubic_filling import cubic_places
 from hopdata.landings.rigid_filling import learn_shape, rigid_places
+from hopdata.landings.section_fits import WINDOWS_S
 from hopdata.recordings.quality.gaps import seen
 from hopdata.recordings.quality.runs import runs
 from hopdata.recordings.recording import Recording
@@ -22,7 +23,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 METHODS = ("rigid", "cubic", "rigid_or_cubic")
-BEFORE_S, AFTER_S = 0.1, 0.06  # about the sections: frames that states are fitted to
+REACH_S = max(WINDOWS_S)  # about the sections: frames that states may be fitted to
 TOO_MUCH_FILLED = "too much of the body filled in"
 
 
@@ -87,17 +88,17 @@ def mark_filled(
     Returns
     -------
     pandas.DataFrame
-        With a column filled_share: filled places over all places of the body markers, from 0.1 s
-        before the pre section to 0.06 s after the post section (or the pre section, where the post
+        With a column filled_share: filled places over all places of the body markers, from 0.22 s
+        before the pre section to 0.22 s after the post section (or the pre section, where the post
         section was not reached).
     """
     if recording.filled is None:
         return table
     t_pre = table["t_pre_s"].to_numpy(float)
-    t_end = np.fmax(table["t_post_s"].to_numpy(float), t_pre) + AFTER_S
+    t_end = np.fmax(table["t_post_s"].to_numpy(float), t_pre) + REACH_S
     body = recording.filled[:, recording.indices("body")]
     total = np.append(0, body.sum(axis=1).cumsum())
-    start, stop = (np.searchsorted(recording.time, at) for at in (t_pre - BEFORE_S, t_end))
+    start, stop = (np.searchsorted(recording.time, at) for at in (t_pre - REACH_S, t_end))
     share = (total[stop] - total[start]) / np.maximum((stop - start) * body.shape[1], 1)
     excluded = table["excluded"].to_numpy(bool)
     too_much = (share > largest_share) & ~excluded

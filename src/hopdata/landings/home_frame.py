@@ -43,6 +43,14 @@ class HomeFrames:
         x, y = vectors[:, :, 0], vectors[:, :, 1]
         return np.stack([c * x + s * y, c * y - s * x, vectors[:, :, 2]], axis=2)
 
+    def standard_errors(self, covariance: FloatArray) -> FloatArray:
+        """Return standard errors (L, B, 3) along the axes; covariances are (L, B, 3, 3)."""
+        c, s = self.direction[:, :1], self.direction[:, 1:]
+        xx, yy, zz = (covariance[:, :, k, k] for k in range(3))
+        xy = 2 * c * s * covariance[:, :, 0, 1]
+        along, across = c**2 * xx + xy + s**2 * yy, s**2 * xx - xy + c**2 * yy
+        return np.sqrt(np.stack([along, across, zz], axis=2))
+
 
 def home_frames(
     time: FloatArray,

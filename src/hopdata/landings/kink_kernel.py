@@ -1,36 +1,44 @@
 """Compiled core of the kink fit: the contact instant of largest marginal likelihood.
 
-A problem is n frames (t, z) with times in units of the window, the instants of m other feet's
-contacts, and a prior (mean, weight) of each coefficient but the first two. The code is plain loops
-with one call site for each function, since Numba compiles it on a user's first run.
+A problem is n frames (t, z) in order of time, with times in units of the window, the instants of m
+other feet's contacts, and a prior (mean, weight) of each coefficient but the first two. The
+coefficients are floor, velocity, own acceleration, change of acceleration and of jerk at each other
+contact, and the creep of the foot that stands. The code is plain loops with one call site for each
+function, since Numba compiles it on a user's first run.
 """
 
 from __future__ import annotations
 
-from math import isnan, log, sqrt
+from math import exp, isnan, log, sqrt
 
 import numpy as np
 from numba import njit
 
-GOLDEN = 0.6180339887498949
-GOLDEN_STEPS = 15  # half a frame to 0.1 % of a frame
+GOLDEN = 0.3819660112501051
+REFINEMENTS = 10  # at most, after the grid
+CLOSE = 0.004  # of the grid's step: where the refinement ends
 LEAST_FRAMES = 4
 
 
 @njit(cache=True)
-def _design_row(tau, t, m, others, row):  # type: ignore[no-untyped-def]
-    """Fill `row` with the derivatives of the height at `t` by the coefficients."""
-    s = t - tau
+def _design_row(s, tau, t, m, others, soft, size, row):  # type: ignore[no-untyped-def]
+    """Fill `row` with the derivatives of the height at `t` = tau + s by the coefficients."""
     row[0] = 1.0
+    if s >= 0.0:
+        for a in range(1, size):
+            row[a] = 0.0
+        row[1] = soft * (1.0 - exp(-s / soft)) if soft > 0.0 else 0.0
+        if size > 3 + 2 * m:
+            row[3 + 2 * m] = s
+        return
     row[1] = s
     row[2] = 0.5 * s * s
     for j in range(m):
         top, now = max(tau - others[j], 0.0), max(t - others[j], 0.0)
-        row[3 + 2 * j] = (now * now - top * top) / 2
-        row[4 + 2 * j] = (now * now * now - top * top * top) / 6
-    if s >= 0.0:
-        for a in range(1, 3 + 2 * m):
-            row[a] = 0.0
+        row[3 + 2 * j] = (now * now - top * top) / 2 - s * top
+        row[4 + 2 * j] = (now * now * now - top * top * top) / 6 - s * top * top / 2
+    if size > 3 + 2 * m:
+        row[3 + 2 * m] = 0.0
 
 
 @njit(cache=True)
@@ -66,14 +74,13 @@ def _solve(size, factor, right):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _misfit(tau, n, t, z, m, others, mean, weight, noise2, gram, right, row):  # type: ignore[no-untyped-def]
+def _misfit(tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row):  # type: ignore[no-untyped-def]
     """Return -2 noise2 times the log marginal likelihood of `tau`, but for a constant.
 
     The least penalised sum of squares, and the volume that its coefficients could have had: without
     it a late instant would pay, with the pushes of other feet in the place of the floor. Leaves the
     factor and the coefficients in gram and right.
     """
-    size = 3 + 2 * m
     total = 0.0
     for a in range(size):
         right[a] = 0.0
@@ -82,10 +89,16 @@ def _misfit(tau, n, t, z, m, others, mean, weight, noise2, gram, right, row):  #
         if a >= 2:
             gram[a, a] = weight[a - 2]
             right[a] = weight[a - 2] * mean[a - 2]
-            total += right[a] * mean[a - 2]
+            total += right[a] * mean[a - 2] - noise2 * log(weight[a - 2])
+    hard = soft <= 0.0 and size == 3 + 2 * m
     for i in range(n):
-        _design_row(tau, t[i], m, others, row)
+        s = t[i] - tau
         total += z[i] * z[i]
+        if hard and s >= 0.0:
+            right[0] += z[i]
+            gram[0, 0] += 1.0
+            continue
+        _design_row(s, tau, t[i], m, others, soft, size, row)
         for a in range(size):
             right[a] += row[a] * z[i]
             for b in range(a + 1):
@@ -98,65 +111,93 @@ def _misfit(tau, n, t, z, m, others, mean, weight, noise2, gram, right, row):  #
 
 
 @njit(cache=True)
-def _search(low, high, steps, n, t, z, m, others, mean, weight, noise2, gram, right, row):  # type: ignore[no-untyped-def]
-    """Grid, then golden section about its best node; NaN if none fits.
-
-    Leaves the fit at the instant that it returns in gram and right. Where the section ends at an
-    instant that cannot be fitted, as a gap in the frames can make it, that is the node.
-    """
-    width = (high - low) / steps
-    best, node, tau, value = np.inf, np.nan, np.nan, np.inf
-    a, b, value_c, value_d = 0.0, 0.0, np.inf, np.inf
-    lower = False
-    for k in range(steps + GOLDEN_STEPS + 5):
-        golden = k - steps - 1  # 0 and 1 are the first two inner points, then one a step
-        last = golden == GOLDEN_STEPS + 3
-        if last and value < np.inf:
-            return tau
-        if golden == 0:
-            if isnan(node):
-                return np.nan
-            a, b, lower = max(node - width, low), min(node + width, high), True
-        elif golden == 1:
-            lower = False
-        elif golden >= 2:
-            lower = value_c < value_d
-            if lower:
-                b, value_d = a + GOLDEN * (b - a), value_c
-            else:
-                a, value_c = b - GOLDEN * (b - a), value_d
-        tau = low + k * width if golden < 0 else a + (1 - GOLDEN if lower else GOLDEN) * (b - a)
-        tau = node if last else tau
-        value = _misfit(tau, n, t, z, m, others, mean, weight, noise2, gram, right, row)
-        if golden < 0 and value < best:
-            best, node = value, tau
-        elif lower:
-            value_c = value
-        else:
-            value_d = value
-    return tau
+def _vertex(left, value_left, x, value, right, value_right, close):  # type: ignore[no-untyped-def]
+    """Next point of the search in (left, right) about x: the vertex of a parabola, or golden."""
+    low, high = x - left, right - x
+    golden = x + GOLDEN * high if high > low else x - GOLDEN * low
+    rise_left, rise_right = value_left - value, value_right - value
+    if not (rise_left < np.inf and rise_right < np.inf) or min(low, high) < 0.02 * max(low, high):
+        return golden
+    bend = rise_left * high + rise_right * low
+    if bend <= 0.0:
+        return golden
+    u = x + (rise_left * high * high - rise_right * low * low) / (2.0 * bend)
+    if abs(u - x) < close:  # a step to the longer side also moves the far end in
+        u = x + close if high > low else x - close
+    return min(max(u, left + 0.05 * low), right - 0.05 * high)
 
 
 @njit(cache=True)
-def _summary(tau, n, t, z, m, others, weight, factor, right, row, cross, unit, variance):  # type: ignore[no-untyped-def]
+def _search(  # type: ignore[no-untyped-def]
+    low, high, steps, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row, grid
+):
+    """Grid, then parabolas about its best node; (NaN, inf) if none fits.
+
+    Leaves the fit at the instant that it returns in gram and right.
+    """
+    width = (high - low) / steps
+    close = CLOSE * width
+    node, best, tau = -1, np.inf, np.nan
+    x, end_low, end_high, value_low, value_high = 0.0, 0.0, 0.0, np.inf, np.inf
+    for k in range(steps + REFINEMENTS + 2):
+        if k <= steps:
+            tau = low + k * width
+        elif k == steps + REFINEMENTS + 1 or (k > steps + 1 and end_high - end_low < 4 * close):
+            if tau == x:
+                return tau, best
+            tau = x
+        else:
+            if k == steps + 1:
+                if node < 0:
+                    return np.nan, np.inf
+                x = low + node * width
+                end_low, end_high = max(x - width, low), min(x + width, high)
+                value_low = grid[node - 1] if node > 0 else np.inf
+                value_high = grid[node + 1] if node < steps else np.inf
+            tau = _vertex(end_low, value_low, x, best, end_high, value_high, close)
+        value = _misfit(tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row)
+        if k <= steps:
+            grid[k] = value
+            if value < best:
+                best, node = value, k
+        elif tau == x:
+            return tau, value
+        elif value < best:
+            if tau > x:
+                end_low, value_low = x, best
+            else:
+                end_high, value_high = x, best
+            x, best = tau, value
+        elif tau > x:
+            end_high, value_high = tau, value
+        else:
+            end_low, value_low = tau, value
+    return np.nan, np.inf
+
+
+@njit(cache=True)
+def _summary(  # type: ignore[no-untyped-def]
+    tau, n, t, z, m, others, soft, size, weight, factor, right, row, cross, unit, variance
+):
     """Fill the variances of the coefficients, per unit of noise variance.
 
     Gauss-Newton with the instant as one more parameter, eliminated by its Schur complement. Returns
     the variance of the instant, the sum of squared residuals, and the effective number of
     parameters, the instant included. Variances are infinite where the frames do not fix it.
     """
-    size = 3 + 2 * m
     own, misfit = 0.0, 0.0
+    push = right[2]  # acceleration just before the contact
     for a in range(size):
         cross[a] = 0.0
+    for j in range(m):
+        push += right[3 + 2 * j] + right[4 + 2 * j] * max(tau - others[j], 0.0)
+    creep = right[3 + 2 * m] if size > 3 + 2 * m else 0.0
     for i in range(n):
-        _design_row(tau, t[i], m, others, row)
-        slope = -(right[1] + right[2] * (t[i] - tau))
-        for j in range(m):
-            top = max(tau - others[j], 0.0)
-            slope -= right[3 + 2 * j] * top + right[4 + 2 * j] * top * top / 2
-        if t[i] >= tau:
-            slope = 0.0
+        s = t[i] - tau
+        _design_row(s, tau, t[i], m, others, soft, size, row)
+        slope = -right[1] - s * push
+        if s >= 0.0:
+            slope = -creep - (right[1] * exp(-s / soft) if soft > 0.0 else 0.0)
         residual = z[i]
         for a in range(size):
             cross[a] += row[a] * slope
@@ -180,7 +221,9 @@ def _summary(tau, n, t, z, m, others, weight, factor, right, row, cross, unit, v
 
 
 @njit(cache=True)
-def fit_all(times, heights, low, high, steps, contacts, others, mean, weight, noise2, out):  # type: ignore[no-untyped-def]
+def fit_all(  # type: ignore[no-untyped-def]
+    times, heights, low, high, steps, contacts, others, soft, creeps, mean, weight, noise2, out
+):
     """Fit P problems of at most W frames, with F coefficients each.
 
     Parameters
@@ -192,21 +235,27 @@ def fit_all(times, heights, low, high, steps, contacts, others, mean, weight, no
     steps : int
         Steps of the grid.
     contacts : (P,) int array
-        How many of `others` (P, (F - 3) / 2), the instants of other contacts, to take.
+        How many of `others` (P, (F - 4) / 2), the instants of other contacts, to take.
+    soft : float
+        Time in which a contact takes up the foot's velocity; 0 for a hard one.
+    creeps : bool
+        Whether a foot that stands may creep.
     mean, weight : (P, F - 2) array
         Priors: means and inverse variances per unit of inverse noise variance.
     noise2 : float
         Variance of a height.
-    out : (P, 6 + 2 F) array
+    out : (P, 7 + 2 F) array
         Filled with the instant, its variance per unit of noise variance, the sum of squared
-        residuals, the degrees of freedom, the frames before and after, then the coefficients
-        (floor, velocity, acceleration, then the changes of acceleration and jerk at each other
-        contact) and their variances. Rows without a fit are left as they are.
+        residuals, the degrees of freedom, the frames before and after, -2 noise2 times the log
+        marginal likelihood, then the coefficients (floor, velocity, acceleration, the changes of
+        acceleration and jerk at each other contact, creep) and their variances. Rows without a fit
+        are left as they are.
     """
     full = 2 + mean.shape[1]
     gram, right, row = np.zeros((full, full)), np.zeros(full), np.zeros(full)
     cross, unit, variance = np.zeros(full), np.zeros(full), np.zeros(full)
-    t, z = np.zeros(times.shape[1]), np.zeros(times.shape[1])
+    priors, weights = np.zeros(full), np.zeros(full)
+    t, z, grid = np.zeros(times.shape[1]), np.zeros(times.shape[1]), np.zeros(steps + 1)
     for p in range(times.shape[0]):
         n = 0
         for i in range(times.shape[1]):
@@ -215,19 +264,29 @@ def fit_all(times, heights, low, high, steps, contacts, others, mean, weight, no
                 n += 1
         if n < LEAST_FRAMES:
             continue
-        m, other, priors, weights = contacts[p], others[p], mean[p], weight[p]
-        tau = _search(
-            low[p], high[p], steps, n, t, z, m, other, priors, weights, noise2, gram, right, row
-        )
+        m, other = contacts[p], others[p]
+        flight = 1 + 2 * m
+        size = 2 + flight + (1 if creeps else 0)
+        for a in range(flight + 1):  # the creep is the last, whatever the number of contacts
+            last = full - 3 if a == flight else a
+            priors[a], weights[a] = mean[p, last], weight[p, last]
+        tau, value = _search(
+            low[p], high[p], steps, n, t, z, m, other, soft, size, priors, weights, noise2,
+            gram, right, row, grid,
+        )  # fmt: skip
         if isnan(tau):
             continue
         out[p, 1], out[p, 2], parameters = _summary(
-            tau, n, t, z, m, other, weights, gram, right, row, cross, unit, variance
+            tau, n, t, z, m, other, soft, size, weights, gram, right, row, cross, unit, variance
         )
         out[p, 0], out[p, 3], out[p, 4], out[p, 5] = tau, n - parameters, 0.0, 0.0
+        out[p, 6] = value
         for i in range(n):
             out[p, 4 if t[i] < tau else 5] += 1.0
         for a in range(full):
-            used = a < 3 + 2 * m
-            out[p, 6 + a] = right[a] if used else priors[a - 2]
-            out[p, 6 + full + a] = variance[a] if used else 1 / weights[a - 2]
+            used = a < 2 + flight
+            k = a
+            if a == full - 1 and creeps:
+                used, k = True, size - 1
+            out[p, 7 + a] = right[k] if used else mean[p, a - 2]
+            out[p, 7 + full + a] = variance[k] if used else 1 / weight[p, a - 2]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hopdata.errors import AnalysisError, ConfigError, did_you_mean
 from hopdata.jobs import whole_file
 from hopdata.landings.home_frame import home_frames
+from hopdata.landings.schedules import AMBIGUOUS
 from hopdata.landings.states import SectionStates, section_states
 from hopdata.recordings.recording import Recording
 
@@ -25,6 +26,22 @@ FloatArray = NDArray[np.float64]
 logger = logging.getLogger(__name__)
 
 STATELESS = "too few frames of the body markers"
+TEXTS = ("schedule", "recording")
+_COLUMNS = (
+    "columns: x, y, z of each body marker, then their velocities; home frame of the touchdown; "
+    "positions in length_unit_m, velocities in length_unit_m / time_unit_s"
+)
+_ERRORS = "; from the noise of the frames that were fitted, with the error of the instant"
+DESCRIPTIONS = {
+    "x": f"states at the pre section; {_COLUMNS}",
+    "y": f"states at the post section; {_COLUMNS}",
+    "x_se": f"standard errors of x, in its units{_ERRORS}",
+    "y_se": f"standard errors of y, in its units{_ERRORS}",
+    "schedule": "order in which the feet touched, by their numbers in the recording's order",
+    "spread_s": "standard deviation of the contact instants of the touchdown, s",
+    "recording": "name of the recording",
+    "index": "number of the touchdown in its recording's table",
+}
 
 
 @dataclass(frozen=True)
@@ -49,6 +66,10 @@ class Pairs:
         Names of the body markers.
     length_unit_m, time_unit_s : float
         Units; 1 for raw SI.
+    x_se, y_se : (n, 6B) array, optional
+        Standard errors of `x` and `y`, each in the units of its column, in the home frame as it was
+        found (its own error is common to both sections). Unknown for states that were not
+        measured.
     """
 
     x: FloatArray
@@ -60,12 +81,15 @@ class Pairs:
     body_markers: tuple[str, ...]
     length_unit_m: float = 1.0
     time_unit_s: float = 1.0
+    x_se: FloatArray | None = None
+    y_se: FloatArray | None = None
 
     def __post_init__(self) -> None:
         shape = (len(self.schedule), 6 * len(self.body_markers))
-        for name in ("x", "y"):
-            if getattr(self, name).shape != shape:
-                raise ValueError(f"{name}: expected {shape}, found {getattr(self, name).shape}")
+        for name in ("x", "y", "x_se", "y_se"):
+            states = getattr(self, name)
+            if states is not None and states.shape != shape:
+                raise ValueError(f"{name}: expected {shape}, found {states.shape}")
 
     def __len__(self) -> int:
         return len(self.schedule)
@@ -89,6 +113,8 @@ class Pairs:
             y=self.y * factor,
             length_unit_m=length_m,
             time_unit_s=time_s,
+            x_se=None if self.x_se is None else self.x_se * factor,
+            y_se=None if self.y_se is None else self.y_se * factor,
         )
 
 
@@ -102,6 +128,7 @@ def assemble_pairs(
     method: str = "split_fit",
     window_s: float | None = None,
     gravity: str = "auto",
+    ambiguous: str = "keep",
 ) -> Pairs:
     """Collect the pairs of the touchdowns that are used.
 
@@ -117,6 +144,9 @@ def assemble_pairs(
         Body marker on the x axis of the home frame; the first one by default.
     method, window_s, gravity
         See `hopdata.landings.states.section_states`.
+    ambiguous : {"keep", "pool", "exclude"}
+        With ``pool``, touchdowns of the class ``ambiguous`` get no schedule: they serve where the
+        order of the contacts does not matter.
 
     Returns
     -------
@@ -132,6 +162,8 @@ def assemble_pairs(
         If `home_marker` is no body marker.
     """
     recordings, parts = list(recordings), []
+    if ambiguous == "pool":
+        table = table.assign(schedule=table["schedule"].where(table["class"] != AMBIGUOUS, ""))
     for recording in recordings:
         marker = _marker_number(recording, home_marker)
         used = table[(table["recording"] == recording.name) & ~table["excluded"].astype(bool)]
@@ -245,10 +277,9 @@ def _pairs_of(
     """Bring states to the home frames of their touchdowns; leave out those not determined."""
     t_pre, t_post = used["t_pre_s"].to_numpy(), used["t_post_s"].to_numpy()
     home = home_frames(recording.time, recording.body, t_pre, t_post, marker=marker)
-    x, y = (
-        np.concatenate([home.points(s.position), home.vectors(s.velocity)], axis=1).reshape(
-            len(used), -1
-        )
+    x, y = (_rows(home.points(s.position), home.vectors(s.velocity)) for s in states)
+    x_se, y_se = (
+        _rows(*(home.standard_errors(c) for c in (s.position_covariance, s.velocity_covariance)))
         for s in states
     )
     whole = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
@@ -264,7 +295,14 @@ def _pairs_of(
         kept["recording"].to_numpy(dtype=str),
         kept["index"].to_numpy(dtype=np.int64),
         recording.names("body"),
+        x_se=x_se[whole],
+        y_se=y_se[whole],
     )
+
+
+def _rows(positions: FloatArray, velocities: FloatArray) -> FloatArray:
+    """Set positions and velocities (L, B, 3) side by side, (L, 6B)."""
+    return np.concatenate([positions, velocities], axis=1).reshape(len(positions), -1)
 
 
 def _joined(parts: Sequence[Pairs]) -> Pairs:
@@ -277,7 +315,7 @@ def _joined(parts: Sequence[Pairs]) -> Pairs:
             )
     arrays: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("x", "y", "schedule", "spread_s", "recording", "index")
+        for name in ("x", "y", "schedule", "spread_s", "recording", "index", "x_se", "y_se")
     }
     return replace(first, **arrays)
 
@@ -285,17 +323,22 @@ def _joined(parts: Sequence[Pairs]) -> Pairs:
 def write_pairs(path: str | Path, pairs: Pairs) -> None:
     """Write pairs to an HDF5 file, which appears under its name only once it is whole.
 
-    Datasets x, y, schedule, spread_s, recording, index; attributes body_markers, length_unit_m,
-    time_unit_s.
+    Datasets x, y, schedule, spread_s, recording, index, and x_se, y_se where they are known, each
+    with an attribute `description`; attributes body_markers, length_unit_m, time_unit_s.
     """
     import h5py
 
     text = h5py.string_dtype()
     with whole_file(path) as partial, h5py.File(partial, "w") as file:
-        for name in ("x", "y", "spread_s", "index"):
-            file.create_dataset(name, data=getattr(pairs, name))
-        for name in ("schedule", "recording"):
-            file.create_dataset(name, data=getattr(pairs, name).astype(object), dtype=text)
+        for name, description in DESCRIPTIONS.items():
+            values = getattr(pairs, name)
+            if values is None:
+                continue
+            if name in TEXTS:
+                file.create_dataset(name, data=values.astype(object), dtype=text)
+            else:
+                file.create_dataset(name, data=values)
+            file[name].attrs["description"] = description
         file.attrs["body_markers"] = np.array(pairs.body_markers, dtype=object)
         file.attrs["length_unit_m"] = pairs.length_unit_m
         file.attrs["time_unit_s"] = pairs.time_unit_s
@@ -315,7 +358,7 @@ def read_pairs(path: str | Path) -> Pairs:
         raise AnalysisError(f"{path}: no such file")
     try:
         with h5py.File(path, "r") as file:
-            text = {name: file[name].asstr()[:].astype(str) for name in ("schedule", "recording")}
+            text = {name: file[name].asstr()[:].astype(str) for name in TEXTS}
             return Pairs(
                 file["x"][:],
                 file["y"][:],
@@ -326,6 +369,7 @@ def read_pairs(path: str | Path) -> Pairs:
                 tuple(str(name) for name in file.attrs["body_markers"]),
                 float(file.attrs["length_unit_m"]),
                 float(file.attrs["time_unit_s"]),
+                *(file[name][:] if name in file else None for name in ("x_se", "y_se")),
             )
     except (KeyError, OSError, ValueError) as error:
         raise AnalysisError(f"{path}: not a file of pairs: {error}") from error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import sqrt
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+AMBIGUOUS = "ambiguous"
 REACH = 8.5  # standard deviations beyond which a normal is nothing
 CELL_NODES = 8
 CHUNK = 500  # landings integrated together
@@ -34,8 +36,13 @@ def schedule_names(instants: FloatArray) -> list[str]:
         Contact instants, s.
     """
     whole = np.asarray(np.isfinite(instants).all(axis=1))
-    names = [">".join(str(foot + 1) for foot in row) for row in contact_order(instants)]
+    names = order_names(contact_order(instants))
     return [name if whole[row] else "" for row, name in enumerate(names)]
+
+
+def order_names(order: NDArray[np.int64]) -> list[str]:
+    """Name orders (L, n) of feet counted from 0."""
+    return [">".join(str(foot + 1) for foot in row) for row in order]
 
 
 def spread(instants: FloatArray) -> FloatArray:
@@ -43,8 +50,12 @@ def spread(instants: FloatArray) -> FloatArray:
     return instants.std(axis=1)
 
 
-def order_probability(instants: FloatArray, se: FloatArray) -> FloatArray:
-    """Probability that the true order is that of the estimates.
+def order_probability(
+    instants: FloatArray, se: FloatArray, order: NDArray[np.int64] | None = None
+) -> FloatArray:
+    """Probability of an order of the true instants, by default that of the estimates.
+
+    An order that is more probable than a half is that of the estimates.
 
     The true instants are taken as independent normals about the estimates. The nested integral
     P(T_1 < T_2 < ... < T_n) is done by recursion, F_k(t) = int_{-inf}^t p_k(s) F_{k-1}(s) ds, with
@@ -54,6 +65,8 @@ def order_probability(instants: FloatArray, se: FloatArray) -> FloatArray:
     ----------
     instants, se : (L, n) array
         Estimates and their standard errors, s; any time scale.
+    order : (n,) or (L, n) int array, optional
+        Feet, counted from 0, in the order asked about.
 
     Returns
     -------
@@ -63,22 +76,75 @@ def order_probability(instants: FloatArray, se: FloatArray) -> FloatArray:
     Raises
     ------
     ValueError
-        If a standard error is negative or zero.
+        If a standard error is negative or zero, or an order does not name every foot once.
     """
     if (se <= 0).any():
         raise ValueError("standard errors: expected positive values, found one <= 0")
+    order = contact_order(instants) if order is None else np.broadcast_to(order, instants.shape)
+    if (np.sort(order, axis=1) != np.arange(instants.shape[1])).any():
+        raise ValueError(f"order: expected each of {instants.shape[1]} feet once, found otherwise")
+    mean, sd = np.take_along_axis(instants, order, axis=1), np.take_along_axis(se, order, axis=1)
     out = np.full(len(instants), np.nan)
     rows = np.flatnonzero(~(np.isnan(instants) | np.isnan(se)).any(axis=1))
     for chunk in np.split(rows, range(CHUNK, len(rows), CHUNK)) if len(rows) else ():
-        out[chunk] = _nested(instants[chunk], se[chunk])
+        out[chunk] = _nested(mean[chunk], sd[chunk])
     return out
 
 
-def _nested(instants: FloatArray, se: FloatArray) -> FloatArray:
-    """P(T_1 < ... < T_n) for normals sorted by their means, (L,)."""
-    order = contact_order(instants)
-    mean = np.take_along_axis(instants, order, axis=1)
-    sd = np.take_along_axis(se, order, axis=1)
+def runner_up(instants: FloatArray, se: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
+    """Return the most probable order but that of the estimates, and its probability.
+
+    Sought among the orders in which two contacts that follow each other are exchanged; any other is
+    less probable where the standard errors are alike.
+
+    Parameters
+    ----------
+    instants, se : (L, n) array
+        Estimates and their standard errors, s; n is at least 2.
+
+    Returns
+    -------
+    order : (L, n) int array
+        Feet, counted from 0.
+    probability : (L,) array
+        NaN where an instant or an error is NaN.
+    """
+    best = contact_order(instants)
+    probability = np.full(len(instants), np.nan)
+    for place in range(instants.shape[1] - 1):
+        order = contact_order(instants)
+        order[:, [place, place + 1]] = order[:, [place + 1, place]]
+        found = order_probability(instants, se, order)
+        better = np.isnan(probability) | (found > probability)
+        best, probability = (
+            np.where(better[:, None], order, best),
+            np.where(better, found, probability),
+        )
+    return best, probability
+
+
+def schedule_classes(
+    names: Sequence[str], probability: FloatArray, *, ambiguous_below: float
+) -> list[str]:
+    """Class of each landing: its schedule, or `AMBIGUOUS` where that is not probable enough.
+
+    Parameters
+    ----------
+    names : sequence of str
+        The schedules of L landings, empty for none.
+    probability : (L,) array
+        How probable each is; NaN where unknown.
+    ambiguous_below : float
+        The least probability of a class that is sure.
+    """
+    doubtful = probability < ambiguous_below
+    return [
+        AMBIGUOUS if name and doubt else name for name, doubt in zip(names, doubtful, strict=True)
+    ]
+
+
+def _nested(mean: FloatArray, sd: FloatArray) -> FloatArray:
+    """P(T_1 < ... < T_n) for normals in any order of their means, (L,)."""
     nodes, lengths, cumulative, whole = _cells(mean, sd)
     below = np.ones_like(nodes)  # F_{k-1} at the nodes
     for k in range(mean.shape[1]):

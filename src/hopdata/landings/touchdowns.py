@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.errors import AnalysisError
+from hopdata.errors import AnalysisError, require_choice
 from hopdata.landings.approach import (
     ALREADY_DOWN,
     LANDED,
@@ -18,7 +18,15 @@ from hopdata.landings.approach import (
     height_noise,
 )
 from hopdata.landings.contacts import Contacts, find_contacts
-from hopdata.landings.schedules import order_probability, schedule_names, spread
+from hopdata.landings.schedules import (
+    AMBIGUOUS,
+    order_names,
+    order_probability,
+    runner_up,
+    schedule_classes,
+    schedule_names,
+    spread,
+)
 from hopdata.landings.transitions import Transitions, find_transitions
 from hopdata.landings.velocity_minimum import savitzky_golay_velocity
 from hopdata.recordings.recording import Recording
@@ -28,6 +36,7 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
+TREATMENTS = ("keep", "pool", "exclude")  # of ambiguous orders
 LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may be missing
 LEAST_DOWN_SHARE = 0.15  # of the distance between the sections
 LEAST_DOWN_SIGMAS = 4.0
@@ -44,7 +53,8 @@ def touchdown_table(
     window_after_s: float | None = None,
     down_height_m: float | None = None,
     maximum_misfit: float = 5.0,
-    minimum_probability: float = 0.0,
+    ambiguous_below: float = 0.9,
+    ambiguous: str = "keep",
 ) -> pd.DataFrame:
     """Tabulate the touchdowns of a levelled recording (Sec. 2.2.2 and 2.2.3 of the dissertation).
 
@@ -59,23 +69,29 @@ def touchdown_table(
     down_height_m : float, optional
         A foot that never sinks below this height has not landed, m. By default 15 % of the distance
         between the sections, and at least four times the noise.
-    minimum_probability : float
-        Touchdowns whose schedule is less probable are left out as ambiguous.
+    ambiguous_below : float
+        Touchdowns whose schedule is less probable are of the class ``ambiguous``.
+    ambiguous : {"keep", "pool", "exclude"}
+        What becomes of these: they are used by their most probable order, or only where the order
+        does not matter (see `hopdata.landings.pairs`), or left out.
 
     Returns
     -------
     pandas.DataFrame
         One row for each descent through the pre section, in order of time: recording, index,
-        t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, schedule, probability,
-        spread_s, excluded, reason. Where the body never descends through it there is no row.
+        t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, schedule (the most
+        probable one), probability, class (the schedule or ``ambiguous``), runner_up and its
+        runner_up_probability, spread_s, excluded, reason. Where the body never descends through it
+        there is no row.
 
     Raises
     ------
     AnalysisError
         If the sections are out of order, or there are fewer than two feet.
     ConfigError
-        If `method` or `gravity` is unknown.
+        If `method`, `gravity` or `ambiguous` is unknown.
     """
+    require_choice("touchdowns.ambiguous", ambiguous, TREATMENTS)
     if len(recording.names("foot")) < 2:
         raise AnalysisError(
             f"{recording.name}: expected at least 2 foot markers, found "
@@ -102,23 +118,27 @@ def touchdown_table(
         window_after_s=window_after_s,
         maximum_misfit=maximum_misfit,
     )
-    return _table(recording, transitions, contacts, minimum_probability)
+    return _table(recording, transitions, contacts, ambiguous_below, ambiguous)
 
 
 def _table(
-    recording: Recording, transitions: Transitions, contacts: Contacts, minimum_probability: float
+    recording: Recording,
+    transitions: Transitions,
+    contacts: Contacts,
+    ambiguous_below: float,
+    ambiguous: str,
 ) -> pd.DataFrame:
     import pandas as pd
 
     feet = recording.names("foot")
+    names = schedule_names(contacts.instant)
     probability = order_probability(contacts.instant, contacts.se)
+    classes = schedule_classes(names, probability, ambiguous_below=ambiguous_below)
+    second, second_probability = runner_up(contacts.instant, contacts.se)
     frame_s = float(np.median(np.diff(recording.time)))
     reasons = exclusion_reasons(transitions, contacts, longest_gap_s=LONGEST_GAP_FRAMES * frame_s)
-    doubtful = probability < minimum_probability
-    reasons = [
-        reason or ("order ambiguous" if doubt else "")
-        for reason, doubt in zip(reasons, doubtful, strict=True)
-    ]
+    left_out = {AMBIGUOUS: "order ambiguous"} if ambiguous == "exclude" else {}
+    reasons = [r or left_out.get(name, "") for r, name in zip(reasons, classes, strict=True)]
     columns = {
         "recording": recording.name,
         "index": np.arange(len(transitions)),
@@ -126,8 +146,13 @@ def _table(
         "t_post_s": transitions.t_post,
         **{f"contact_{foot}_s": contacts.instant[:, i] for i, foot in enumerate(feet)},
         **{f"se_{foot}_s": contacts.se[:, i] for i, foot in enumerate(feet)},
-        "schedule": schedule_names(contacts.instant),
+        "schedule": names,
         "probability": probability,
+        "class": classes,
+        "runner_up": [
+            name if first else "" for first, name in zip(names, order_names(second), strict=True)
+        ],
+        "runner_up_probability": second_probability,
         "spread_s": spread(contacts.instant),
         "excluded": [bool(reason) for reason in reasons],
         "reason": reasons,

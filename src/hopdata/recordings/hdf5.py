@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from hopdata import __version__
 from hopdata.errors import RecordingError
 from hopdata.jobs import whole_file
-from hopdata.recordings.hdf5_content import number, numbers, text, texts
+from hopdata.recordings.hdf5_content import number, numbers, stored_texts, text, texts
+from hopdata.recordings.raw import Event
 from hopdata.recordings.recording import ROLES, Recording
 from hopdata.recordings.truth import Truth, check_sizes
 
@@ -66,6 +67,8 @@ def read_recording(path: str | Path) -> Recording:
             roles=texts(file, "roles"),
             rate_hz=number(file, "rate_hz"),
             **{key: text(file, key) for key in _TEXT_ATTRIBUTES},
+            events=_read_events(file),
+            remarks=stored_texts(file, "remarks") if "remarks" in file else (),
             filled=numbers(file, "filled").astype(bool) if "filled" in file else None,
         )
         for key, values, choices in (
@@ -104,16 +107,20 @@ def _open(path: str | Path, fault: str) -> Iterator[h5py.File]:
     import h5py
 
     if not Path(path).is_file():
-        raise RecordingError(f"{path}: no such file")
+        raise RecordingError(f"{path}: no such file: expected a recording, found none")
     try:
         file = h5py.File(path, "r")
     except OSError as error:
-        raise RecordingError(f"{path}: not an HDF5 file: {error}") from error
+        raise RecordingError(
+            f"{path}: not an HDF5 file: expected one that can be opened, found: {error}"
+        ) from error
     try:
         with file:
             yield file
     except Exception as error:  # a damaged file makes h5py raise almost anything
-        raise RecordingError(f"{path}: {fault}: {_in_words(error)}") from error
+        words = _in_words(error)
+        told = words if "expected" in words else f"expected it to be readable, found: {words}"
+        raise RecordingError(f"{path}: {fault}: {told}") from error
 
 
 def _in_words(error: Exception) -> str:
@@ -131,6 +138,26 @@ def _write_content(file: h5py.File, recording: Recording) -> None:
     for key in _TEXT_ATTRIBUTES:
         file.attrs[key] = getattr(recording, key)
     file.attrs["hopdata_version"] = __version__
+    if recording.events:
+        _dataset(file, "events/time", np.asarray([event.time_s for event in recording.events]))
+        _texts_dataset(file, "events/label", [event.label for event in recording.events])
+    if recording.remarks:
+        _texts_dataset(file, "remarks", recording.remarks)
+
+
+def _texts_dataset(group: h5py.Group, name: str, entries: Sequence[str]) -> None:
+    import h5py
+
+    group.create_dataset(name, data=list(entries), dtype=h5py.string_dtype(), track_times=False)
+
+
+def _read_events(file: h5py.File) -> tuple[Event, ...]:
+    if "events" not in file:
+        return ()
+    times, labels = numbers(file, "events/time"), stored_texts(file, "events/label")
+    if times.shape != (len(labels),) or not np.isfinite(times).all():
+        raise ValueError(f"events: expected {len(labels)} finite times, found {times.shape}")
+    return tuple(Event(label, float(t)) for label, t in zip(labels, times, strict=True))
 
 
 def _write_truth(group: h5py.Group, truth: Truth) -> None:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.recordings.hdf5_limits import checked_attribute, whole_array
+
 if TYPE_CHECKING:
     import h5py
 
@@ -29,7 +31,7 @@ def numbers(group: h5py.Group, name: str) -> NDArray[Any]:
         raise ValueError(
             f"dataset '{name}': expected an array of numbers, found {dtype} of shape {shape}"
         )
-    array: NDArray[Any] = found[:]
+    array = whole_array(found)
     with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
         return array if array.dtype == np.bool_ else array.astype(float)
 
@@ -77,8 +79,27 @@ def texts(group: h5py.Group, name: str) -> tuple[str, ...]:
     return tuple(entries)
 
 
+def stored_texts(group: h5py.Group, name: str) -> tuple[str, ...]:
+    """Read a dataset that is a list of texts.
+
+    Raises
+    ------
+    ValueError
+        If there is no such dataset, or it holds something else.
+    """
+    import h5py
+
+    found = group.get(name)
+    if not isinstance(found, h5py.Dataset) or h5py.check_string_dtype(found.dtype) is None:
+        raise ValueError(f"dataset '{name}': expected a list of texts, found {found}")
+    entries = whole_array(found)
+    if entries.ndim != 1:
+        raise ValueError(f"dataset '{name}': expected a list of texts, found {entries.shape}")
+    return tuple(entry.decode("utf-8", "replace") for entry in entries)
+
+
 def _attribute(group: h5py.Group, name: str) -> Any:
-    found = group.attrs.get(name)
+    found = checked_attribute(group, name)
     if found is None:
         raise ValueError(f"attribute '{name}': expected a value, found none")
     return found

@@ -4,31 +4,33 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from hopdata.errors import RecordingError, did_you_mean
+from hopdata.recordings.formats import read_raw, suffixes
+from hopdata.recordings.joining import join
 from hopdata.recordings.plausibility import (
     FILE_AXES,
     PLAUSIBLE_EXTENT_M,
     extent,
 )
-from hopdata.recordings.raw import METRES_PER_UNIT, FloatArray, RawRecording, resolve_rate
+from hopdata.recordings.raw import METRES_PER_UNIT, FloatArray, RawRecording
 from hopdata.recordings.recording import Recording
 from hopdata.recordings.truth import Truth
+
+__all__ = ["choose_unit", "import_recording", "read_raw", "rotate_up", "sha256", "suffixes"]
 
 ROLE_OF_KEY = {"body": "body", "feet": "foot", "boom": "boom"}
 
 PER_FOOT = ("contact_times", "foot_down", "contact_points", "floor_at_contacts", "preloads_n")
 
-Reader = Callable[..., RawRecording]
-
 
 def import_recording(
-    path: str | Path,
+    path: str | Path | Sequence[str | Path],
     *,
     name: str,
     markers: Mapping[str, Sequence[str]],
@@ -36,14 +38,14 @@ def import_recording(
     vertical_axis: str = "z",
     rate_hz: float | None = None,
 ) -> tuple[Recording, Truth | None]:
-    """Read a file of any known format into the canonical recording.
+    """Read a file of any known format, or several in the order of time, into one recording.
 
     Whether the result makes sense is for `plausibility.check_plausible` to say.
 
     Parameters
     ----------
-    path : path
-        A file whose suffix is one of `suffixes`.
+    path : path or sequence of path
+        A file whose suffix is one of `suffixes`, or several that are joined (see `joining.join`).
     name : str
         Name of the recording in the study.
     markers : mapping
@@ -59,58 +61,40 @@ def import_recording(
     Returns
     -------
     recording : Recording
-        Positions in m, z up, with the file's sha256.
+        Positions in m, z up, with the file's sha256 (the files' names and digests, by commas).
     truth : Truth or None
-        That of a synthetic recording, as long as body, feet and axes are those it was made for.
+        That of a synthetic recording, as long as body, feet and axes are those it was made for;
+        none of several files.
 
     Raises
     ------
     RecordingError
         If the file cannot be read or lacks a marker.
     """
-    path = Path(path)
-    raw = read_raw(path, rate_hz=rate_hz)
-    chosen, roles = _select(path, raw.markers, markers)
-    positions = raw.positions[:, [raw.markers.index(m) for m in chosen]]
+    paths = [Path(p) for p in ([path] if isinstance(path, str | Path) else path)]
+    if not paths:
+        raise RecordingError(f"recording '{name}': expected at least one file, found none")
+    files = [read_raw(p, rate_hz=rate_hz) for p in paths]
+    pieces = [_chosen(p, file, markers) for p, file in zip(paths, files, strict=True)]
+    raw = pieces[0] if len(pieces) == 1 else join(paths, pieces)
+    positions = raw.positions
     positions *= METRES_PER_UNIT[choose_unit(positions, unit=unit, nominal=raw.unit)]
     recording = Recording(
         name=name,
         time=raw.time,
         positions=rotate_up(positions, vertical_axis),
-        markers=chosen,
-        roles=roles,
+        markers=raw.markers,
+        roles=_roles(markers),
         rate_hz=raw.rate_hz,
-        source=os.fsencode(path.as_posix()).decode(errors="replace"),  # a name need not be UTF-8
-        source_sha256=sha256(path),
+        source=", ".join(os.fsencode(p.as_posix()).decode(errors="replace") for p in paths),
+        source_sha256=", ".join(sha256(p) for p in paths),
         vertical_axis=vertical_axis if vertical_axis != "z" else raw.vertical_axis,
+        events=raw.events,
+        remarks=raw.remarks,
     )
-    turned = vertical_axis != "z"
-    return recording, None if turned else _truth(path, raw, recording)
-
-
-def suffixes() -> tuple[str, ...]:
-    """File suffixes that can be read."""
-    return tuple(_READERS)
-
-
-def read_raw(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
-    """Read all markers of a file, by the reader that its suffix calls for.
-
-    Raises
-    ------
-    RecordingError
-        If there is no such file or no reader for it, or if the reader finds a fault.
-    """
-    path = Path(path)
-    reader = _READERS.get(path.suffix.lower())
-    if reader is None:
-        raise RecordingError(
-            f"{path}: format: expected a file ending in {', '.join(_READERS)}, "
-            f"found '{path.suffix}'"
-        )
-    if not path.is_file():
-        raise RecordingError(f"{path}: expected a file, found none{_near_files(path)}")
-    return reader(path, rate_hz=rate_hz)
+    if len(paths) > 1 or vertical_axis != "z":
+        return recording, None
+    return recording, _truth(paths[0], files[0], recording)
 
 
 def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
@@ -149,26 +133,34 @@ def sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _select(
-    path: Path, present: tuple[str, ...], wanted: Mapping[str, Sequence[str]]
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and roles of the configured markers, body first, then feet, then boom."""
+def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) -> RawRecording:
+    """Only the configured markers, body first, then feet, then boom."""
     chosen: list[str] = []
-    roles: list[str] = []
-    for key, role in ROLE_OF_KEY.items():
+    for key in ROLE_OF_KEY:
         for marker in wanted.get(key) or ():
-            if marker not in present:
+            if marker not in raw.markers:
                 raise RecordingError(
                     f"{path}: markers.{key}: expected a marker of the file "
-                    f"({_listed(present)}), found '{marker}'{did_you_mean(marker, present)}"
+                    f"({_listed(raw.markers)}), found '{marker}'{did_you_mean(marker, raw.markers)}"
                 )
             if marker in chosen:
                 raise RecordingError(
                     f"markers.{key}: expected each marker once, found '{marker}' twice"
                 )
             chosen.append(marker)
-            roles.append(role)
-    return tuple(chosen), tuple(roles)
+    order = [raw.markers.index(marker) for marker in chosen]
+    return replace(
+        raw,
+        markers=tuple(chosen),
+        positions=raw.positions[:, order],
+        roles=(),
+        trajectory_types=tuple(raw.trajectory_types[i] for i in order if raw.trajectory_types),
+    )
+
+
+def _roles(wanted: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    """Role of each configured marker, in the order of `_chosen`."""
+    return tuple(role for key, role in ROLE_OF_KEY.items() for _ in wanted.get(key) or ())
 
 
 def _truth(path: Path, raw: RawRecording, recording: Recording) -> Truth | None:
@@ -199,37 +191,3 @@ def _truth(path: Path, raw: RawRecording, recording: Recording) -> Truth | None:
 def _listed(names: Sequence[str], *, most: int = 12) -> str:
     more = f", ... {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
-
-
-def _near_files(path: Path) -> str:
-    """Hint at a file of a similar name in the same folder."""
-    if not path.parent.is_dir():
-        return f"; there is no folder {path.parent}"
-    return did_you_mean(path.name, [p.name for p in path.parent.iterdir()])
-
-
-def _read_tsv(path: Path, *, rate_hz: float | None) -> RawRecording:
-    from hopdata.recordings.qtm_tsv import read_qtm_tsv
-
-    return read_qtm_tsv(path, rate_hz=rate_hz)
-
-
-def _read_hdf5(path: Path, *, rate_hz: float | None) -> RawRecording:
-    from hopdata.recordings.hdf5 import read_recording
-
-    own = read_recording(path)
-    rate = resolve_rate(str(path), stated=own.rate_hz, given=rate_hz)
-    if own.filled is not None:  # what was filled in was not seen
-        own.positions[own.filled] = np.nan
-    return RawRecording(
-        own.markers,
-        own.time,
-        own.positions,
-        rate,
-        unit="m",
-        vertical_axis=own.vertical_axis,
-        roles=own.roles,
-    )
-
-
-_READERS: dict[str, Reader] = {".tsv": _read_tsv, ".h5": _read_hdf5, ".hdf5": _read_hdf5}

@@ -219,14 +219,15 @@ def check_rigid(recording: Recording, *, largest_strain: float = LARGEST_BODY_ST
 
 
 def notes(recording: Recording) -> list[str]:
-    """Remarks that do not stop the analysis: markers often unseen, frames dropped.
+    """Remarks that do not stop the analysis: the reader's, markers often unseen, frames dropped.
 
     Returns
     -------
     list of str
         One line each.
     """
-    remarks = [
+    remarks = list(recording.remarks)
+    remarks += [
         f"{_place(recording)}: marker '{name}' is missing in {100 * (1 - fraction):.1f} % of frames"
         for name, fraction in zip(recording.markers, fraction_seen(recording), strict=True)
         if 1 - fraction > MISSING_NOTE_FRACTION
@@ -262,7 +263,8 @@ def extent(positions: FloatArray) -> float:
     if not len(frames):
         return float("nan")
     span = np.nanmax(frames, axis=1) - np.nanmin(frames, axis=1)
-    return float(np.median(np.sqrt((span**2).sum(axis=1))))
+    with np.errstate(over="ignore"):  # an absurd size may be infinite
+        return float(np.median(np.sqrt((span**2).sum(axis=1))))
 
 
 def body_over_feet(recording: Recording) -> FloatArray:

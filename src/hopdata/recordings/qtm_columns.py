@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from hopdata.errors import RecordingError, did_you_mean
-from hopdata.recordings.qtm_header import COUNTERS, KEYS, QtmHeader, trimmed
+from hopdata.recordings.qtm_header import COUNTERS, KEYS, QtmHeader, coordinate_stems
+from hopdata.recordings.raw import distinct_names
+from hopdata.recordings.text_table import trimmed
 
 
 def marker_names(header: QtmHeader) -> tuple[str, ...]:
     """Marker names from ``MARKER_NAMES``, or else from the column row.
+
+    A file of nothing but numbers has ``marker1``, ``marker2`` and so on.
 
     Raises
     ------
@@ -16,25 +20,42 @@ def marker_names(header: QtmHeader) -> tuple[str, ...]:
     """
     if "MARKER_NAMES" in header.values:
         place, names = header.place("MARKER_NAMES"), trimmed(header.values["MARKER_NAMES"])
-    else:
+    elif header.columns:
         place = f"{header.path}, line {header.n_lines}"
-        names = [c[:-2] for c in header.columns if c.endswith(" X")]
+        names = _names_of_columns(header, place)
+    elif not header.values:
+        place, names = f"{header.path}, line 1", _numbered_names(header)
+    else:
+        names = []
     if not names:
         hint = did_you_mean("MARKER_NAMES", set(header.values) - set(KEYS))
         raise RecordingError(
             f"{header.path}: expected MARKER_NAMES or a column row, found neither{hint}"
         )
-    for i, name in enumerate(names):
-        if not name:
-            raise RecordingError(f"{place}: expected a name for marker {i + 1}, found none")
-        if name in names[:i]:
-            raise RecordingError(f"{place}: expected each marker name once, found '{name}' twice")
+    markers = distinct_names(place, names)
     stated = header.number("NO_OF_MARKERS")
     if stated is not None and stated != len(names):
         raise RecordingError(
             f"{place}: expected {stated:g} marker names (NO_OF_MARKERS), found {len(names)}"
         )
-    return tuple(names)
+    return markers
+
+
+def trajectory_types(header: QtmHeader, n_markers: int) -> tuple[str, ...]:
+    """Entries of ``TRAJECTORY_TYPES``, one a marker; none if the file has no such row.
+
+    Raises
+    ------
+    RecordingError
+        If their number is not that of the markers.
+    """
+    types = trimmed(header.values.get("TRAJECTORY_TYPES", []))
+    if types and len(types) != n_markers:
+        raise RecordingError(
+            f"{header.place('TRAJECTORY_TYPES')}: TRAJECTORY_TYPES: expected {n_markers} entries, "
+            f"one a marker, found {len(types)}"
+        )
+    return tuple(types)
 
 
 def counter_columns(header: QtmHeader, markers: tuple[str, ...]) -> list[str]:
@@ -54,8 +75,8 @@ def counter_columns(header: QtmHeader, markers: tuple[str, ...]) -> list[str]:
     """
     coordinates = [f"{name} {axis}" for name in markers for axis in "XYZ"]
     if header.columns:
-        counters = [c for c in header.columns if c in COUNTERS]
-        if header.columns != counters + coordinates:
+        counters = _counters(header)
+        if coordinate_stems(header.columns[len(counters) :]) != list(markers):
             _raise_for_columns(header, counters + coordinates)
         return counters
     n_columns = len(header.first_row)
@@ -77,6 +98,44 @@ def n_empty_columns(header: QtmHeader, markers: tuple[str, ...]) -> int:
     if header.columns:
         return int(n_columns == len(header.columns) + 1)
     return (n_columns - 3 * len(markers)) % 2
+
+
+def _counters(header: QtmHeader) -> list[str]:
+    """Columns of the column row before the coordinates, in the file's order."""
+    return [c for c in header.columns[: len(COUNTERS)] if c in COUNTERS]
+
+
+def _names_of_columns(header: QtmHeader, place: str) -> list[str]:
+    """Marker names from the column row.
+
+    Raises
+    ------
+    RecordingError
+        If its columns do not come in threes.
+    """
+    columns = header.columns[len(_counters(header)) :]
+    stems = coordinate_stems(columns)
+    if stems is None:
+        start = 1 + len(_counters(header))
+        odd = next(
+            (i for i in range(0, len(columns), 3) if not coordinate_stems(columns[i : i + 3])), 0
+        )
+        raise RecordingError(
+            f"{place}, column {start + odd}: expected the columns X, Y, Z of a marker, "
+            f"found {', '.join(repr(c) for c in columns[odd : odd + 3]) or 'none'}"
+        )
+    return stems
+
+
+def _numbered_names(header: QtmHeader) -> list[str]:
+    """Names of the markers of a file that has neither header nor column row."""
+    n_columns = len(header.first_row)
+    if n_columns % 3 == 0 and not header.first_row[-1] and all(header.first_row[:2]):
+        raise RecordingError(
+            f"{header.path}, line 1: expected a column row, since {n_columns} columns of which the "
+            "last is empty can be read in two ways, found none; export with the column row"
+        )
+    return [f"marker{i + 1}" for i in range(n_columns // 3)]
 
 
 def _raise_for_columns(header: QtmHeader, expected: list[str]) -> None:

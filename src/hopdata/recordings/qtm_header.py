@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.raw import Event
+from hopdata.recordings.text_table import MISSING, is_number, split_line, trimmed
 
 KEYS = (
     "FILE_VERSION",
@@ -29,7 +31,6 @@ KEYS = (
     "MARKER_NAMES",
     "TRAJECTORY_TYPES",
 )
-MISSING = ("", "NULL", "NaN", "nan", "NAN", "Null", "null")
 COUNTERS = ("Frame", "Time")  # columns that may stand before the coordinates
 
 _KEY = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
@@ -48,6 +49,7 @@ class QtmHeader:
     values: dict[str, list[str]] = field(default_factory=dict)
     lines: dict[str, int] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list)
+    event_frames: list[float] = field(default_factory=list)
     columns: list[str] = field(default_factory=list)
     first_row: list[str] = field(default_factory=list)
     n_lines: int = 0
@@ -89,7 +91,7 @@ def read_header(path: Path) -> QtmHeader:
     try:
         with path.open("rb") as file:
             for line in file:
-                fields = _fields(path, line)
+                fields = split_line(path, line)
                 if _starts_the_numbers(header, fields):
                     header.first_row = fields
                     return header
@@ -105,20 +107,12 @@ def read_header(path: Path) -> QtmHeader:
     raise RecordingError(f"{path}: expected rows of numbers after the header, found none")
 
 
-def trimmed(fields: list[str]) -> list[str]:
-    """Without the empty fields that some exports leave at a line's end."""
-    n = len(fields)
-    while n and not fields[n - 1]:
-        n -= 1
-    return fields[:n]
-
-
 def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     """Tell whether this row is the first of the numbers."""
     if fields == [""]:
         return False
     first = next((f for f in fields if f not in MISSING), None)
-    if first is None or _is_number(first):
+    if first is None or is_number(first):
         return first is not None or len(fields) > 1
     is_key = _KEY.fullmatch(fields[0]) and fields[0] not in MISSING
     if is_key or _is_column_row(fields):
@@ -135,42 +129,50 @@ def _take(header: QtmHeader, fields: list[str]) -> None:
     if _is_column_row(fields):
         header.columns = trimmed(fields)
     elif key == "EVENT":
-        header.events.append(_event(header, fields[1:]))
+        event, frame = _event(header, fields[1:])
+        header.events.append(event)
+        header.event_frames.append(frame)
+    elif key in header.values and header.values[key] != fields[1:]:
+        raise RecordingError(
+            f"{header.path}, line {header.n_lines}: expected {key} once, "
+            f"found it with another value in line {header.lines[key]}"
+        )
     elif key:
         header.values[key] = fields[1:]
         header.lines[key] = header.n_lines
 
 
-def _event(header: QtmHeader, fields: list[str]) -> Event:
+def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
     """Read the rest of an ``EVENT`` row: label, frame, time."""
     place = f"{header.path}, line {header.n_lines}"
     try:
-        label, _, seconds = trimmed(fields)
-        return Event(label, float(seconds))
+        label, frame, seconds = trimmed(fields)
+        event, number = Event(label, float(seconds)), float(frame)
+        if not isfinite(event.time_s + number):
+            raise ValueError
     except ValueError:
         raise RecordingError(
             f"{place}: EVENT: expected a label, a frame and a time, found {fields}"
         ) from None
-
-
-def _fields(path: Path, line: bytes) -> list[str]:
-    """Fields of one line; older exports are not in UTF-8."""
-    if b"\0" in line:
-        raise RecordingError(f"{path}: expected tab-separated text, found binary data or UTF-16")
-    try:
-        text = line.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = line.decode("latin-1")
-    return [f.strip() for f in text.split("\t")]
+    return event, number
 
 
 def _is_column_row(fields: list[str]) -> bool:
-    return fields[0] in COUNTERS or fields[0].endswith(" X")
+    return fields[0] in COUNTERS or coordinate_stems(fields[:3]) is not None
 
 
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+def coordinate_stems(columns: list[str]) -> list[str] | None:
+    """Marker names of columns that come in threes of ``<name> X``, ``Y``, ``Z``, else None.
+
+    Between name and axis may stand a space, a point, an underscore or nothing.
+    """
+    stems = []
+    for i in range(0, len(columns) - 2, 3):
+        x, y, z = columns[i : i + 3]
+        if (x[-1:], y[-1:], z[-1:]) != ("X", "Y", "Z") or not x[:-1] == y[:-1] == z[:-1]:
+            return None
+        stems.append(x[:-1])
+    if not stems or len(columns) % 3:
+        return None
+    ends = {stem[-1:] for stem in stems}
+    return [stem[:-1] for stem in stems] if len(ends) == 1 and ends <= set(" ._") else stems

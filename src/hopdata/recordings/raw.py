@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from types import MappingProxyType
 
 import numpy as np
@@ -16,6 +17,7 @@ FloatArray = NDArray[np.float64]
 
 METRES_PER_UNIT: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
 
+FASTEST_HZ = 1e5  # as in the schema of input.rate_hz
 RATE_TOLERANCE = 1e-3  # relative; files round their rate, but not by more than this
 
 
@@ -56,7 +58,15 @@ class RawRecording:
     roles : tuple of str
         Role of each marker, if the format says so.
     events : tuple of Event
-        Events marked in the file.
+        Events marked in the file, on the same clock as `time`.
+    trajectory_types : tuple of str
+        How each marker came about (such as ``"Measured"``), if the format says so.
+    stated_up : str
+        Axis that the file itself says points up; empty if it says nothing.
+    started : datetime, optional
+        When the measurement began, on the clock of the computer that made it.
+    remarks : tuple of str
+        What the file says that does not hold and could be put right, one line each, counted.
     """
 
     markers: tuple[str, ...]
@@ -67,6 +77,10 @@ class RawRecording:
     vertical_axis: str = "z"
     roles: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
+    trajectory_types: tuple[str, ...] = ()
+    stated_up: str = ""
+    started: datetime | None = None
+    remarks: tuple[str, ...] = ()
 
 
 def resolve_rate(place: str, *, stated: float | None, given: float | None) -> float:
@@ -84,10 +98,14 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
     Raises
     ------
     RecordingError
-        If neither is known, the rate is not positive, or the two disagree.
+        If neither is known, the rate is not positive or beyond any camera's, or the two disagree.
     """
     if stated is not None and not (math.isfinite(stated) and stated > 0):
         raise RecordingError(f"{place}: frame rate: expected more than 0 Hz, found {stated:g} Hz")
+    if stated is not None and stated > FASTEST_HZ:
+        raise RecordingError(
+            f"{place}: frame rate: expected at most {FASTEST_HZ:g} Hz, found {stated:g} Hz"
+        )
     if given is not None and not (math.isfinite(given) and given > 0):
         raise RecordingError(f"input.rate_hz: expected more than 0 Hz, found {given:g} Hz")
     if stated is None and given is None:
@@ -102,3 +120,37 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
             f"found input.rate_hz: {given:g}; leave that key out"
         )
     return stated
+
+
+def printable(text: str) -> str:
+    """Return a text of a file as it can stand in a message: one line, nothing that steers."""
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def distinct_names(place: str, names: Sequence[str]) -> tuple[str, ...]:
+    """Return marker names that are all there and all different.
+
+    Parameters
+    ----------
+    place : str
+        File (and line), for the message.
+    names : sequence of str
+        The M names, in the file's order.
+
+    Raises
+    ------
+    RecordingError
+        If a name is empty, holds control characters, or stands twice.
+    """
+    seen: set[str] = set()
+    for i, name in enumerate(names):
+        if not name:
+            raise RecordingError(f"{place}: expected a name for marker {i + 1}, found none")
+        if not name.isprintable():
+            raise RecordingError(
+                f"{place}: expected a name of letters and digits for marker {i + 1}, found {name!r}"
+            )
+        if name in seen:
+            raise RecordingError(f"{place}: expected each marker name once, found '{name}' twice")
+        seen.add(name)
+    return tuple(names)

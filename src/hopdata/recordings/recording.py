@@ -8,6 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.recordings.raw import Event
+
 FloatArray = NDArray[np.float64]
 
 ROLES = ("body", "foot", "boom", "other")
@@ -37,6 +39,10 @@ class Recording:
         Digest of that file.
     vertical_axis : str
         Axis of the source file that pointed up (``"x"``, ``"y"`` or ``"z"``).
+    events : tuple of Event
+        Events marked in the file, on the same clock as `time`.
+    remarks : tuple of str
+        What the file said that did not hold and was put right, one line each.
     filled : (N, M) bool array, optional
         Positions that were not seen but filled in; None if no gaps were filled.
     """
@@ -50,6 +56,8 @@ class Recording:
     source: str = ""
     source_sha256: str = ""
     vertical_axis: str = "z"
+    events: tuple[Event, ...] = ()
+    remarks: tuple[str, ...] = ()
     filled: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:

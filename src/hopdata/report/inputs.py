@@ -129,7 +129,7 @@ def describe_recording(recording: Described) -> dict[str, Any]:
     time = recording.time
     return {
         "name": recording.name,
-        "source": Path(recording.source).name,
+        "source": ", ".join(Path(part).name for part in recording.source.split(", ")),
         "n_frames": len(time),
         "duration_s": float(time[-1] - time[0]) if len(time) else 0.0,
         "rate_hz": recording.rate_hz,

@@ -149,13 +149,14 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> Table | None:
         (
             str(schedule).replace(">", " → "),
             count(len(group)),
+            count((group["class"] == "ambiguous").sum()) if "class" in group else MISSING,
             fixed(100 * len(group) / len(used), 1),
             fixed(scaled(_median(group, "spread_s"), 1e3), 2),
             fixed(_mean(group, "probability"), 3),
         )
         for schedule, group in groups[:MOST_SCHEDULES]
     ]
-    head = ("order of contacts", "touchdowns", "share (%)")
+    head = ("order of contacts", "touchdowns", "of them ambiguous", "share (%)")
     left = len(groups) - len(rows)
     note = f"{left} rarer orders are not listed." if left > 0 else ""
     medians = ("median spread of contacts (ms)", "mean probability of the order")

@@ -56,6 +56,12 @@ def test_root(rng):
         assert cubic_root(*ends(polynomial), 0.0, 1.0) == pytest.approx(a, rel=1e-6)
 
 
+def test_root_past_a_top_that_the_search_begins_before():
+    polynomial = np.polynomial.Polynomial.fromroots([0.0, 0.0, 0.9]) * -1.0
+    assert polynomial.deriv()(0.5) > 0
+    assert cubic_root(*ends(polynomial), 0.0, 1.0) == pytest.approx(0.9, rel=1e-6)
+
+
 def test_a_guard_that_stays_clear_is_not_suspect(rng):
     """Against the cubic on a grid: nothing that comes near the surface is passed over."""
     kinds = {PASS: 0, CROSSING: 0, DIP: 0}

@@ -54,7 +54,7 @@ def cubic_root(g0: float, d0: float, g1: float, d1: float, low: float, high: flo
             low = x
         else:
             high = x
-        new = x - value / slope if slope < 0.0 else low
+        new = x - value / slope if slope < 0.0 else NOWHERE  # a rise leads away from the root
         if abs(new - x) <= ACCURACY * x:
             return x
         x = new if low < new < high else 0.5 * (low + high)

@@ -28,6 +28,7 @@ from hopdata.hybrid.driver.layout import (
     Memory,
     T,
 )
+from hopdata.hybrid.driver.linear import has_short_tangent
 from hopdata.hybrid.driver.localisation import CROSSING, DIP, PASS, first_cut
 from hopdata.hybrid.driver.near import gather_reached
 from hopdata.hybrid.driver.problem import Problem, eval_field, guards_at_end
@@ -104,7 +105,9 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
     t, whole = m.clock[T], m.clock[SPAN]
     last, theta = FARTHEST * span, span / whole
     error = p.methods[m.counts[METHOD], INTERPOLANT_ERROR] * m.clock[ERROR]
-    on_interpolant = not p.first_order and error * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED
+    on_interpolant = error * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED and (
+        not p.first_order or has_short_tangent(p, m, span)
+    )
     take_part(p, m, t, span, on_interpolant)
     look_at_end(p, m, t + span, resolution)
     for _ in range(MAX_POLISH):

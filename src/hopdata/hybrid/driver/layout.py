@@ -30,8 +30,10 @@ W1 = P1 + LARGEST_DEGREE
 
 # Rows of the tangent's table, which are as long as the state: the flow's Jacobian (n rows), two
 # blocks of n rows for the method, these single rows, and what the method has of its own.
-PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN = index_numbers(6)
-PHI_ROWS = 6
+# PHI_MOTION begins with the fastest motion squared, by which the method has judged its error.
+PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN, PHI_MOTION = index_numbers(7)
+PHI_ROWS = 7
+GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # of a step, for its short tangent
 
 # Rows of `guards`: event functions and their rates at the start, at the end and inside of a step,
 # the largest |h| over the step, which is the scale of its rounding error, second derivatives, and
@@ -56,7 +58,8 @@ DIRECTION, TERMINAL = index_numbers(2)
 # and its interpolant take, the interpolant's error in units of the estimated one of the step,
 # whether it is in powers of theta, the order by which the step is controlled; the methods to change
 # to where events are sparser or denser, where the field is stiff and where it is not (-1: none);
-# the row of the last stage's slope, the limit of stability, and evaluations that a tangent takes.
+# the row of the last stage's slope, the limit of stability, evaluations that a tangent takes; the
+# address of the tangent for short steps (0: none), and evaluations that it takes.
 (
     STEP,
     INTERPOLANT,
@@ -74,14 +77,16 @@ DIRECTION, TERMINAL = index_numbers(2)
     LAST_SLOPE,
     STIFF_TENTHS,
     TANGENT_EVALUATIONS,
-) = index_numbers(16)
-METHOD_SLOTS = 16
+    SHORT_TANGENT,
+    SHORT_TANGENT_EVALUATIONS,
+) = index_numbers(18)
+METHOD_SLOTS = 18
 
 # Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
 # none, ERROR that step's error in units of the tolerance, SEGMENT the start of the smooth piece of
 # the trajectory, GAP the length of the one before it, TRAVEL what no event function can have
 # changed by more than since the start, and SPEED the bound of their rates now. STIFF_SCORE counts
-# steps that stability limits.
+# steps that stability limits. MOTION is the fastest motion squared in the last step's Jacobian.
 (
     T,
     NEXT_DT,
@@ -96,8 +101,9 @@ METHOD_SLOTS = 16
     SPEED,
     STIFF_SCORE,
     GAP,
-) = index_numbers(13)
-CLOCK_SLOTS = 13
+    MOTION,
+) = index_numbers(14)
+CLOCK_SLOTS = 14
 
 # Slots of `counts`. DEGREE is that of the interpolant, if there is one.
 (

@@ -135,12 +135,23 @@ def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
 
 
 @kernel
+def just_left(p: Problem, m: Memory, dt: float, k: int) -> bool:
+    """Tell whether guard k is at its surface since its last flip, for all that rounding can tell.
+
+    At the start of such a step the sign of h says nothing: to go by it is to flip the guard back.
+    """
+    margin, rate = p.mode[k] * m.guards[H0, k], p.mode[k] * m.guards[RATE0, k]
+    noise = blur(m.guards[SIZE, k], rate, time_resolution(m.clock[T], dt))
+    return margin <= 0.0 or (margin <= noise and rate > 0.0)
+
+
+@kernel
 def crossing(
     p: Problem, m: Memory, dt: float, k: int, guess: float, low: float, high: float
 ) -> float:
     """Return where guard k falls through zero on the interpolant: bracketed Newton."""
     lock = p.mode[k]
-    if lock * m.guards[H0, k] <= 0.0:  # on the surface since its last flip
+    if just_left(p, m, dt, k):
         low = leave(p, m, dt, k, low if low > 0.0 else 0.5 * high)
         if low == 0.0:
             return 0.0

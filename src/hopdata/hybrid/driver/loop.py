@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from hopdata.hybrid.compiled.calls import call_tangent
 from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.compiled.views import IntVector
 from hopdata.hybrid.driver.choice import choose_after_event, choose_after_step, first_method
@@ -35,10 +34,9 @@ from hopdata.hybrid.driver.layout import (
     LAST_FLIP,
     LAST_LOG_ERROR,
     METHOD,
+    MOTION,
     N_AWAKE,
     NEXT_DT,
-    NFEV,
-    ORDER,
     RATE0,
     REJECTED,
     RESUMED,
@@ -47,12 +45,11 @@ from hopdata.hybrid.driver.layout import (
     SIZE,
     STEP,
     STEPS,
-    TANGENT,
-    TANGENT_EVALUATIONS,
     Memory,
     T,
     Y,
 )
+from hopdata.hybrid.driver.linear import carry_jacobian
 from hopdata.hybrid.driver.near import gather_reached
 from hopdata.hybrid.driver.output import Output, rewrite_row, sample_start, sample_step, write_row
 from hopdata.hybrid.driver.prediction import carry_guards
@@ -61,8 +58,6 @@ from hopdata.hybrid.driver.sleep import travel_on
 from hopdata.hybrid.driver.start import settle_locks
 from hopdata.hybrid.driver.stepping import (
     LOG_ERROR_FLOOR,
-    SAFETY,
-    SHRINK_MOST,
     accepted_step,
     first_step,
 )
@@ -105,28 +100,6 @@ def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
     return status
 
 
-@kernel
-def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
-    """Multiply the flow's Jacobian by that of the step that ends at END.
-
-    Returns the part of the step by which it must be taken again, as the Jacobian errs by too much;
-    1 if it does not, NaN if it is not finite.
-    """
-    method, phi, n = m.counts[METHOD], p.tangent, m.states.width
-    m.counts[NFEV] += p.methods[method, TANGENT_EVALUATIONS]
-    error = call_tangent(
-        p.methods[method, TANGENT], m.clock[T], dt, p.rtol, m.states, p.mode, p.params, p.atol, phi
-    )
-    if error > 1.0:
-        return max(SHRINK_MOST, SAFETY / error ** (1.0 / p.methods[method, ORDER]))
-    for i in range(n):
-        for j in range(n):
-            if not np.isfinite(phi[n + i, j]):
-                return np.nan
-            phi[i, j] = phi[n + i, j]
-    return 1.0
-
-
 @kernel_in_loop
 def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Take one step, to its end or to the first flip in it, and let the flips happen."""
@@ -162,6 +135,7 @@ def clear(m: Memory, t: float, step: float) -> bool:
     for slot in range(CLOCK_SLOTS):
         m.clock[slot] = 0.0
     m.clock[T], m.clock[SEGMENT], m.clock[INSTANT] = t, t, -np.inf
+    m.clock[MOTION] = np.inf
     m.clock[NEXT_DT], m.clock[LAST_LOG_ERROR] = step, LOG_ERROR_FLOOR
     return first_not_finite(m.states, Y) < 0
 

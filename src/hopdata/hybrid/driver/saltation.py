@@ -20,6 +20,7 @@ from hopdata.hybrid.driver.layout import (
     N_DUE,
     NFEV,
     RATE,
+    RATE0,
     H,
     Memory,
     T,
@@ -47,11 +48,10 @@ def rate_along(p: Problem, m: Memory, k: int, row: int) -> float:
 
 
 @kernel
-def project(p: Problem, m: Memory, k: int) -> None:
-    """Write Dh Phi / (Dh f- + dh/dt) of guard k into the row ALONG."""
+def project(p: Problem, m: Memory, k: int, rate: float) -> None:
+    """Write Dh Phi / rate of guard k into the row ALONG, for its rate Dh f- + dh/dt."""
     phi, n = p.tangent, m.states.width
     along, column = single_row(m, ALONG), single_row(m, COLUMN)
-    rate = rate_along(p, m, k, single_row(m, F_BEFORE))
     for i in range(n):
         phi[column, i] = 0.0
     by_time = rate_along(p, m, k, column)
@@ -75,18 +75,26 @@ def add_jump(p: Problem, m: Memory) -> None:
 
 @kernel
 def saltate(p: Problem, m: Memory) -> None:
-    """Pass all guards that are due, one after the other, by their locks alone."""
+    """Pass all guards that are due, one after the other, by their locks alone.
+
+    A single one is only projected: `saltate_handlers` adds its jump, with what handlers make of it.
+    """
     phi, before, after = p.tangent, single_row(m, F_BEFORE), single_row(m, F_AFTER)
     for i in range(m.states.width):
         phi[before, i] = m.states[K1, i]
     k = next_due(m, -1)
+    rate = m.guards[RATE0, k]
+    if m.counts[N_DUE] == 1:
+        project(p, m, k, rate)
+        return
     while k >= 0:
-        project(p, m, k)
+        project(p, m, k, rate)
         p.mode[k] = -p.mode[k]
         m.counts[NFEV] += 1
         call_field(p.field, m.clock[T], m.states, Y, p.mode, p.params, phi, after)
         add_jump(p, m)
         k = next_due(m, k)
+        rate = rate_along(p, m, k, before) if k >= 0 else 0.0
     for a in range(m.counts[N_DUE]):  # they flip in earnest afterwards
         k = m.lists[DUE, a]
         p.mode[k] = -p.mode[k]
@@ -94,7 +102,7 @@ def saltate(p: Problem, m: Memory) -> None:
 
 @kernel
 def saltate_handlers(p: Problem, m: Memory) -> bool:
-    """Add what the handlers have changed in the field, as part of the last guard's flip.
+    """Add how the field has changed since, as part of the last guard's flip.
 
     Tells whether that is right: not if several guards have flipped, whose shares are unknown.
     """

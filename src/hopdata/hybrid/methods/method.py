@@ -62,6 +62,10 @@ class Method:
         Field evaluations that this takes.
     tangent_rows : int
         Rows of phi that the tangent needs.
+    short_tangent : callable, optional
+        The same for a short step, along its interpolant (see `methods.short_tangent`).
+    short_tangent_evaluations : int
+        Field evaluations that this takes.
     refresh : callable, optional
         ``refresh(s, mode, params)`` is called whenever the mode may have changed; returns by how
         much what the method knows of the field differs from it, relatively.
@@ -80,6 +84,8 @@ class Method:
     tangent: Function | None = None
     tangent_evaluations: int = 0
     tangent_rows: int = 0
+    short_tangent: Function | None = None
+    short_tangent_evaluations: int = 0
     refresh: Function | None = None
     last_slope_row: int = 0
 
@@ -166,12 +172,9 @@ def compiled_interpolant(method: Method, n_states: int, *, cache: bool) -> Any:
     )
 
 
-def compiled_tangent(method: Method, n_states: int, *, cache: bool) -> Any:
-    """Return the machine code of a method's tangent."""
-    assert method.tangent is not None
-    return compiled_entry(
-        _enter_tangent, TANGENT_NATIVE, method.tangent, cache=cache, n_states=n_states
-    )
+def compiled_tangent(tangent: Function, n_states: int, *, cache: bool) -> Any:
+    """Return the machine code of a tangent."""
+    return compiled_entry(_enter_tangent, TANGENT_NATIVE, tangent, cache=cache, n_states=n_states)
 
 
 def compiled_refresh(method: Method, n_states: int, *, cache: bool) -> Any:

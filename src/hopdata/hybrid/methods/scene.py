@@ -13,7 +13,7 @@ from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.views import row, square
 from hopdata.hybrid.driver.layout import PHI_ROWS
-from hopdata.hybrid.methods import differences, rosenbrock, tangent, taylor
+from hopdata.hybrid.methods import differences, rosenbrock, short_tangent, tangent, taylor
 from hopdata.hybrid.methods.explicit import (
     TINY,
     Tableau,
@@ -22,6 +22,7 @@ from hopdata.hybrid.methods.explicit import (
     step_code,
 )
 from hopdata.hybrid.methods.method import Method
+from hopdata.hybrid.methods.products import product_templates
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,8 @@ def explicit(tableau: Tableau, scene: Scene) -> Method:
         tangent=tangent.tangent_template(tableau, known | _tangent_names(scene)),
         tangent_rows=3 * n + PHI_ROWS + n * len(tableau.weights),
         tangent_evaluations=0 if scene.jacobian else 4 * n * len(tableau.weights),
+        short_tangent=_short_tangent(tableau, scene),
+        short_tangent_evaluations=0 if scene.jacobian else 8 * n,
         last_slope_row=tableau.slope_rows[len(tableau.weights) - 1],
     )
 
@@ -92,7 +95,14 @@ def _tangent_names(scene: Scene) -> dict[str, Any]:
     else:
         by_differences = {"FIELD": scene.field.dispatcher, "N": n}
         fill = put_in(tangent.jacobian_by_differences, **names, **by_differences)
-    return {"STAGE_JACOBIAN": fill, "TIMES_JACOBIAN": put_in(tangent.times_jacobian, N=n)}
+    products = {name: put_in(one, N=n) for name, one in product_templates(n).items()}
+    return {"STAGE_JACOBIAN": fill, **products}
+
+
+def _short_tangent(tableau: Tableau, scene: Scene) -> Any:
+    if tableau.order > short_tangent.HIGHEST_ORDER:
+        return None
+    return with_digest(short_tangent.short_tangent, N=scene.n_states, **_tangent_names(scene))
 
 
 def taylor_method(scene: Scene) -> Method:

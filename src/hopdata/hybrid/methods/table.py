@@ -130,6 +130,7 @@ class MethodTable:
         row[layout.STIFF_TENTHS] = round(10 * STIFF_LIMITS.get(name, 0.0))
         self.tangent_rows = max(self.tangent_rows, method.tangent_rows)
         row[layout.TANGENT_EVALUATIONS] = method.tangent_evaluations
+        row[layout.SHORT_TANGENT_EVALUATIONS] = method.short_tangent_evaluations
         if len(self._names) > 1:
             self._chain(number, row)
 
@@ -175,6 +176,13 @@ class MethodTable:
         row = self.rows[number]
         row[layout.INTERPOLANT], row[layout.STEP] = interpolant.address, step.address
 
+    def _compile_tangent(self, number: int, slot: int, tangent: Any) -> None:
+        if tangent is not None:
+            scene = self._scene
+            compiled = compiled_tangent(tangent, scene.n_states, cache=scene.cacheable)
+            self._kept_alive.append(compiled)
+            self.rows[number][slot] = compiled.address
+
     def compile(self, number: int) -> None:
         """Make the machine code of a method for the scene."""
         method, row = self._methods[number], self.rows[number]
@@ -184,9 +192,8 @@ class MethodTable:
             self._kept_alive.append(refresh)
             row[layout.REFRESH] = refresh.address
         if self._jacobian:
-            tangent = compiled_tangent(method, n_states, cache=cache)
-            self._kept_alive.append(tangent)
-            row[layout.TANGENT] = tangent.address
+            self._compile_tangent(number, layout.TANGENT, method.tangent)
+            self._compile_tangent(number, layout.SHORT_TANGENT, method.short_tangent)
         step = compiled_step(method, n_states, cache=cache)
         self._enter(number, step, compiled_interpolant(method, n_states, cache=cache))
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.hybrid.compiled.views import FloatTable, row, square
-from hopdata.hybrid.driver.layout import K1, PHI_ROWS, SCRATCH, Y
+from hopdata.hybrid.driver.layout import K1, PHI_MOTION, PHI_ROWS, SCRATCH, Y
 from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination, compose
 
 Function = Callable[..., Any]
@@ -72,34 +72,19 @@ def jacobian_by_differences(
             phi[N + i, j] /= 12.0 * step
 
 
-def times_jacobian(phi: FloatTable, target: int) -> None:
-    """Write Df M into the block that begins at row `target`."""
-    for i in range(N):
-        first = phi[N + i, 0]
-        for j in range(N):
-            phi[target + i, j] = first * phi[2 * N, j]
-        for k in range(1, N):
-            factor = phi[N + i, k]
-            for j in range(N):
-                phi[target + i, j] += factor * phi[2 * N + k, j]
-
-
 def _block(stage: int) -> str:
-    return f"(3 * N + {PHI_ROWS} + {stage} * N + i)"
+    return f"3 * N + {PHI_ROWS} + {stage} * N"
 
 
 def _sum(weights: Sequence[float], rows: Sequence[Any], table: str) -> str:
     return combination(weights, rows).replace("s[", f"{table}[")
 
 
-def _each(line: str) -> list[str]:
-    return ["for i in range(N):", INDENT + "for j in range(N):", 2 * INDENT + line]
-
-
 def _matrices(target: str, weights: Sequence[float]) -> list[str]:
+    """Return code for a whole block at a time, entry by entry, which makes vector instructions."""
     blocks = [_block(stage) for stage in range(len(weights))]
-    terms = _sum(weights, blocks, "phi").replace(", i]", ", j]")
-    return _each(f"phi[{target} + i, j] = phi[i, j] + dt * ({terms})")
+    terms = _sum(weights, blocks, "phi").replace(", i]", ", e]")
+    return ["for e in range(N * N):", INDENT + f"phi[{target}, e] = phi[0, e] + dt * ({terms})"]
 
 
 def error_constant(tableau: Tableau) -> float:
@@ -126,6 +111,7 @@ def _error(tableau: Tableau) -> list[str]:
         INDENT + "for j in range(i + 1):",
         2 * INDENT + "fastest = max(fastest, abs(phi[N + i, j] * phi[N + j, i]))",
         *_matrices("N", tableau.weights),
+        f"phi[3 * N + {PHI_MOTION}, 0] = fastest",
         f"error = {error_constant(tableau)!r} * (dt * dt * fastest) ** {power!r}",
         f"return error / ({LOOSER!r} * rtol)",
     ]
@@ -142,7 +128,7 @@ def tangent_code(tableau: Tableau) -> list[str]:
         code += ["for i in range(N):", INDENT + state, *_matrices("2 * N", weights)]
         code += [
             f"STAGE_JACOBIAN(t + {node!r} * dt, dt, rtol, s, mode, params, atol, phi)",
-            f"TIMES_JACOBIAN(phi, 3 * N + {PHI_ROWS} + {k} * N)",
+            f"MULTIPLY(phi, 3 * N + {PHI_ROWS} + {k} * N, N, 2 * N)",
         ]
     return [*code, *_error(tableau)]
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.landings.contact_frames import landing_frames
-from hopdata.landings.schedules import schedule_names
+from hopdata.landings.schedules import AMBIGUOUS, schedule_names
 from hopdata.maps.truth.entries import Entries, entry, mean, quantile
 from hopdata.maps.truth.matching import match_landings
 
@@ -104,6 +104,7 @@ def score_contacts(
     true = _true_contacts(known, usable["recording"].to_numpy(str), found)
     labels = usable["schedule"].astype("string").fillna("").to_numpy(str)
     right = (labels == np.array(schedule_names(true), dtype=str)) & (labels != "")
+    sure = ~_ambiguous(usable)
     n_landings = sum(int(_landed(item).sum()) for item in known.values())
     matched = int(np.isfinite(true).any(axis=1).sum())
     errors = found - true
@@ -115,6 +116,9 @@ def score_contacts(
     return {
         f"labels_right_{method}": entry(
             mean(right), "1", f"Share of right mode schedules among usable touchdowns, {who}"
+        ),
+        f"labels_right_unambiguous_{method}": entry(
+            mean(right[sure]), "1", f"The same share among those not ambiguous, {who}"
         ),
         f"labels_right_of_all_{method}": entry(
             float(of_all), "1", f"Right mode schedules over all true landings, {who}"
@@ -139,11 +143,23 @@ def count_touchdowns(table: pd.DataFrame) -> Entries:
     excluded = table["excluded"].astype(bool)
     usable = int((~excluded).sum())
     entries = {"touchdowns_usable": entry(usable, "touchdowns", "Touchdowns used in the study")}
+    if "class" in table:
+        ambiguous = int((~excluded & _ambiguous(table)).sum())
+        what = "Used touchdowns whose order is ambiguous"
+        entries["touchdowns_ambiguous"] = entry(ambiguous, "touchdowns", what)
     reasons = table.loc[excluded, "reason"].astype("string").fillna("no reason given")
     for reason, count in sorted(reasons.value_counts().items()):
         name = "excluded_" + str(reason).replace(" ", "_")
         entries[name] = entry(int(count), "touchdowns", f"Touchdowns excluded: {reason}")
     return entries
+
+
+def _ambiguous(table: pd.DataFrame) -> Bools:
+    """Mark the touchdowns of the class ambiguous, (n,); none in a table without classes."""
+    classes = table.get("class")
+    if classes is None:
+        return np.zeros(len(table), dtype=bool)
+    return np.asarray(classes == AMBIGUOUS, dtype=bool)
 
 
 def score_sections(known: Mapping[str, KnownRecording], sections: Mapping[str, Any]) -> Entries:

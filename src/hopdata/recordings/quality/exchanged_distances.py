@@ -37,34 +37,37 @@ def exchanged_stretches(
     pairs : PairDistances
         Of all M markers.
     clusters : tuple of Cluster
-        A marker of a cluster may have been exchanged with another of it, or with any other marker.
+        A marker of a cluster may have been exchanged with another of it or with any other; two
+        markers outside of it are told apart by where they usually are beside it.
     breaks : (N, M) bool array
         Frames in which a marker jumps or is not seen.
     """
+    n_markers = positions.shape[1]
     for cluster in clusters:
-        for a in cluster.markers:
-            if not (suspicious := _away_from_home(positions, pairs, cluster, a)).any():
-                continue
-            for b in range(positions.shape[1]):
-                if b == a or (b in cluster.markers and b < a):
+        inside = set(cluster.markers)
+        away = [_away_from_home(positions, pairs, cluster, m) for m in range(n_markers)]
+        for a in range(n_markers):
+            for b in range(a + 1, n_markers):
+                first, second = (b, a) if b in inside and a not in inside else (a, b)
+                if not away[first].any():
                     continue
-                mask = suspicious & _exchanged(positions, pairs, cluster, a, b)
-                for start, stop in runs(mask | (_unknown(mask, breaks[:, a] | breaks[:, b]))):
-                    start, stop = _trimmed(mask, int(start), int(stop))
-                    is_long = mask[start:stop].sum() >= LEAST_FRAMES
-                    if is_long and all(_broken(breaks[:, [a, b]], end) for end in (start, stop)):
-                        yield a, b, start, stop
+                mask = np.zeros(len(positions), dtype=bool)
+                here = np.flatnonzero(away[first])
+                mask[here] = _exchanged(positions[here], pairs, cluster, first, second)
+                for start, stop in _stretches(mask, breaks[:, [a, b]]):
+                    yield a, b, start, stop
 
 
-def _unknown(mask: BoolArray, broken: BoolArray) -> BoolArray:
-    """Frames (N,) that break a track, if there is anything in `mask` that they could split."""
-    return broken if mask.any() else np.zeros_like(mask)
-
-
-def _trimmed(mask: BoolArray, start: int, stop: int) -> tuple[int, int]:
-    """Cut a stretch down to the first and the last frame of `mask` in it."""
-    inside = np.flatnonzero(mask[start:stop])
-    return (start + int(inside[0]), start + int(inside[-1]) + 1) if len(inside) else (start, start)
+def _stretches(mask: BoolArray, breaks: BoolArray) -> Iterator[tuple[int, int]]:
+    """Yield the stretches of a mask (N,) between breaks of both tracks (N, 2)."""
+    if not mask.any():
+        return
+    for start, stop in runs(mask | breaks.any(axis=1)):
+        inside = start + np.flatnonzero(mask[start:stop])
+        if len(inside) >= LEAST_FRAMES:
+            ends = int(inside[0]), int(inside[-1]) + 1
+            if all(_broken(breaks, end) for end in ends):
+                yield ends
 
 
 def _broken(breaks: BoolArray, end: int) -> bool:
@@ -81,7 +84,7 @@ def _away_from_home(
     away = np.zeros(len(positions), dtype=bool)
     for c in cluster.markers:
         if c != a:
-            distance = np.linalg.norm(positions[:, a] - positions[:, c], axis=1)
+            distance = _distance(positions, a, c)
             with np.errstate(invalid="ignore"):
                 away |= np.abs(distance - pairs.median[a, c]) > OFF * pairs.spread[a, c]
     return away
@@ -91,17 +94,25 @@ def _exchanged(
     positions: FloatArray, pairs: PairDistances, cluster: Cluster, a: int, b: int
 ) -> BoolArray:
     """Frames (N,) in which the exchanged names fit the cluster's distances, the own do not."""
+    inside = set(cluster.markers)
     others = [c for c in cluster.markers if c not in (a, b)]
-    both = b in cluster.markers
-    if len(others) < (1 if both else 2):
+    if len(others) < (1 if {a, b} <= inside else 2 if a in inside else 3):
         return np.zeros(len(positions), dtype=bool)
-    terms = [(a, b, c) for c in others] + ([(b, a, c) for c in others] if both else [])
+    terms = [(a, b, c) for c in others]
+    if (a in inside) == (b in inside):  # else nothing is known of where `b` should be
+        terms += [(b, a, c) for c in others]
     own, exchanged = np.zeros(len(positions)), np.zeros(len(positions))
     for m, other, c in terms:
         scale = max(pairs.spread[m, c], 1e-12)
         for total, marker in ((own, m), (exchanged, other)):
-            distance = np.linalg.norm(positions[:, marker] - positions[:, c], axis=1)
+            distance = _distance(positions, marker, c)
             total += ((distance - pairs.median[m, c]) / scale) ** 2
     with np.errstate(invalid="ignore"):
         fits: BoolArray = (own > OFF**2 * len(terms)) & (exchanged < FITS**2 * len(terms))
     return fits
+
+
+def _distance(positions: FloatArray, a: int, b: int) -> FloatArray:
+    """Distance (N,) between two of the markers."""
+    apart = positions[:, a] - positions[:, b]
+    return np.asarray(np.sqrt(np.einsum("ni,ni->n", apart, apart)))

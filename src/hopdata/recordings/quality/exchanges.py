@@ -50,8 +50,9 @@ def exchanges(positions: FloatArray, missed: Surprises, *, rate_hz: float) -> li
     is_seen = seen(positions)
     back = np.zeros_like(is_seen)
     back[1:] = is_seen[1:] & ~is_seen[:-1]
+    moved = back | missed.is_step
+    moved[1:] |= missed.is_spike[1:] != missed.is_spike[:-1]
     with np.errstate(invalid="ignore"):
-        moved = back | (missed.step > missed.limit)
         moved |= _steps_beside_gaps(positions, is_seen, missed.limit)
     last = _last_seen(is_seen)
     longest = max(1, round(LONGEST_GAP_S * rate_hz))

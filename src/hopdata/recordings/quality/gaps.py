@@ -53,7 +53,7 @@ class MarkerGaps:
 
 def seen(positions: FloatArray) -> NDArray[np.bool_]:
     """Tell in which frames each marker of (N, M, 3) positions was seen, (N, M)."""
-    return np.isfinite(positions).all(axis=2)
+    return np.asarray(np.isfinite(positions).all(axis=2))
 
 
 def marker_gaps(positions: FloatArray, markers: tuple[str, ...]) -> tuple[MarkerGaps, ...]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.errors import RecordingError
 from hopdata.recordings.importing import rotate_up
 from hopdata.recordings.quality.free_fall import UNITS_IN_M
 from hopdata.recordings.quality.frozen import Frozen, frozen_markers
@@ -28,6 +29,8 @@ from hopdata.recordings.raw import RawRecording
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
+
+STENCIL = 3  # frames on either side by which a position is judged
 
 
 @dataclass(frozen=True)
@@ -96,6 +99,12 @@ class Inspection:
         return float(self.time[-1] - self.time[0]) if len(self.time) else 0.0
 
     @property
+    def typical_noise_m(self) -> float:
+        """Median of the markers' noise from frame to frame, m; NaN if none is known."""
+        known = self.noise_m[np.isfinite(self.noise_m)]
+        return float(np.median(known)) if len(known) else float("nan")
+
+    @property
     def n_problems(self) -> int:
         """Number of faults, those of the time stamps included."""
         timing = self.timing
@@ -123,10 +132,27 @@ def inspect_recording(
         Unit, and the axis that points up, if the user knows them.
     progress : callable
         Told each step, in words, before it begins.
+
+    Raises
+    ------
+    RecordingError
+        If there is no frame or no marker.
     """
+    if not len(raw.time) or not len(raw.markers):
+        raise RecordingError(
+            f"expected frames and markers, found {len(raw.time)} frames, {len(raw.markers)} markers"
+        )
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are for the checks
+        return _inspected(raw, unit, up, progress)
+
+
+def _inspected(
+    raw: RawRecording, unit: str | None, up: str | None, progress: Progress
+) -> Inspection:
     progress("looking for free fall, to find the unit and the vertical axis")
     unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up)
     positions = upright(raw.positions * UNITS_IN_M[unit_guess.value], up_guess.value)
+    positions[np.isinf(positions)] = np.nan
     progress("measuring distances between markers")
     noise = frame_noise(positions)
     pairs = pair_distances(positions)
@@ -142,18 +168,33 @@ def inspect_recording(
         clusters=clusters,
         rate_hz=raw.rate_hz,
     )
+    frozen, timing = frozen_markers(raw.positions, raw.markers), check_stamps(raw.time)
     explained = explained_frames(swaps, raw.markers, len(positions))
+    explained |= _told_elsewhere(explained.shape, timing, frozen, raw.markers)
     faults = Faults(
         swaps=swaps,
         spikes=find_spikes(missed, raw.markers, explained=explained),
         jumps=find_jumps(missed, raw.markers, explained=explained),
-        frozen=frozen_markers(raw.positions, raw.markers),
+        frozen=frozen,
         never_seen=tuple(g.marker for g in gaps if g.missing == g.n_frames),
     )
     return Inspection(
         raw.markers, raw.time, positions, raw.rate_hz, unit_guess, up_guess, gaps,
-        check_stamps(raw.time), pairs, clusters, noise, faults,
+        timing, pairs, clusters, noise, faults,
     )  # fmt: skip
+
+
+def _told_elsewhere(
+    shape: tuple[int, ...], timing: Timing, frozen: tuple[Frozen, ...], markers: tuple[str, ...]
+) -> NDArray[np.bool_]:
+    """Mask (N, M) of frames whose jumps come from dropped frames, or from a marker that thaws."""
+    mask = np.zeros(shape, dtype=bool)
+    for frame in [*timing.drops[:, 0], *timing.irregular, *timing.backward]:
+        mask[max(0, frame - STENCIL + 1) : frame + STENCIL + 1] = True
+    for stretch in frozen:
+        column = mask[:, markers.index(stretch.marker)]
+        column[max(0, stretch.start - STENCIL) : stretch.stop + STENCIL] = True
+    return mask
 
 
 def upright(positions: FloatArray, up: str) -> FloatArray:

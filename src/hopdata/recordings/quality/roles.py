@@ -102,12 +102,15 @@ def _resting(inspection: Inspection, rests: BoolArray) -> list[int]:
     """Markers that rest near the floor, again and again but not always."""
     heights = inspection.positions[:, :, 2]
     low = lowest(heights)
-    top = np.nanmax(np.nanmedian(heights, axis=0)) if np.isfinite(heights).any() else np.nan
-    floor = np.nanmin(low) if np.isfinite(low).any() else np.nan
-    share = rests.mean(axis=0)
+    known = np.flatnonzero(np.isfinite(low))
+    if not len(known):
+        return []
+    floor = low[known].min()
+    top = max(float(np.nanmedian(heights[:, m])) for m in known)
+    share = rests.sum(axis=0) / max(len(rests), 1)
     return [
         m
-        for m in range(len(low))
+        for m in known.tolist()
         if low[m] - floor < NEAR_FLOOR * (top - floor)
         and RESTS_SHARE[0] < share[m] < RESTS_SHARE[1]
         and len(runs(rests[:, m])) >= LEAST_RESTS
@@ -149,7 +152,7 @@ def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str]:
     rigid.sort(key=lambda c: -float(np.nanmedian(inspection.positions[:, c, 2])))
     of_named = [c for c in rigid if set(c) & set(named)]
     if of_named:
-        return of_named[0], f"rigid: {_strain(of_named[0], inspection.pairs)}; never on the floor"
+        return of_named[0], f"rigid, {_strain(of_named[0], inspection.pairs)}; never on the floor"
     if len(named) >= LEAST_BODY:
         kept = _stiffest(named, inspection.pairs)
         if kept:
@@ -157,7 +160,7 @@ def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str]:
             dropped = f"; left out, since they bend more: {', '.join(left)}" if left else ""
             return kept, f"by name; {_strain(kept, inspection.pairs)}{dropped}"
     if rigid:
-        return rigid[0], f"the highest rigid cluster: {_strain(rigid[0], inspection.pairs)}"
+        return rigid[0], f"the highest rigid cluster, {_strain(rigid[0], inspection.pairs)}"
     return [], ""
 
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.recordings.quality.one_sided import Surprises
-from hopdata.recordings.quality.runs import runs
+from hopdata.recordings.quality.one_sided import LONGEST_SPIKE, Surprises
 
 
 @dataclass(frozen=True)
@@ -22,7 +21,7 @@ class Spike:
     start, stop : int
         First frame and the frame after the last, from 0.
     size : float
-        How far off it is at most, m.
+        How far off it is at least, m.
     """
 
     marker: str
@@ -64,11 +63,10 @@ def find_spikes(
     explained : (N, M) bool array
         Frames that a swap explains.
     """
-    gross = (missed.spike > missed.limit) & ~explained
     return tuple(
-        Spike(name, int(start), int(stop), float(missed.spike[start:stop, m].max()))
-        for m, name in enumerate(markers)
-        for start, stop in runs(gross[:, m])
+        Spike(markers[e.marker], e.start, e.stop, e.size)
+        for e in missed.spikes
+        if not explained[e.start : e.stop, e.marker].any()
     )
 
 
@@ -76,10 +74,11 @@ def find_jumps(
     missed: Surprises, markers: tuple[str, ...], *, explained: NDArray[np.bool_]
 ) -> tuple[Jump, ...]:
     """List the jumps that are neither spikes nor explained by a swap; see `find_spikes`."""
-    near_spike = missed.spike > missed.limit
-    near_spike[1:] |= near_spike[:-1].copy()
-    near_spike[1:] |= near_spike[:-1].copy()
-    gross = (missed.step > missed.limit) & ~explained & ~near_spike
+    near_spike = missed.is_spike
+    for _ in range(LONGEST_SPIKE):
+        near_spike[1:] |= near_spike[:-1].copy()
+        near_spike[:-1] |= near_spike[1:].copy()
+    gross = missed.is_step & ~explained & ~near_spike
     return tuple(
         Jump(markers[m], int(frame), float(missed.step[frame, m]))
         for frame, m in np.argwhere(gross)

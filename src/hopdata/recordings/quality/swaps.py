@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.recordings.quality.exchanged_distances import exchanged_stretches
-from hopdata.recordings.quality.exchanges import Exchange, exchanges
+from hopdata.recordings.quality.exchanges import LONGEST_GAP_S, Exchange, exchanges
+from hopdata.recordings.quality.gaps import seen
 from hopdata.recordings.quality.one_sided import Surprises
 from hopdata.recordings.quality.rigid import Cluster, PairDistances
 
@@ -68,13 +69,15 @@ def find_swaps(
         Frame rate, Hz.
     """
     by_track = _paired(exchanges(positions, missed, rate_hz=rate_hz), markers)
-    with np.errstate(invalid="ignore"):
-        breaks = ~(missed.step <= missed.limit)
+    breaks = missed.is_step | missed.is_spike | ~seen(positions)
     by_distance = [
         Swap((markers[a], markers[b]), start, stop if stop < len(positions) else None, (DISTANCES,))
         for a, b, start, stop in exchanged_stretches(positions, pairs, clusters, breaks=breaks)
     ]
-    return tuple(sorted(_merged(by_track, by_distance), key=lambda s: (s.start, s.markers)))
+    longest = max(1, round(LONGEST_GAP_S * rate_hz))
+    return tuple(
+        sorted(_merged(by_track, by_distance, longest), key=lambda s: (s.start, s.markers))
+    )
 
 
 def explained_frames(swaps: Iterable[Swap], markers: tuple[str, ...], n_frames: int) -> BoolArray:
@@ -107,12 +110,21 @@ def _paired(found: Iterable[Exchange], markers: tuple[str, ...]) -> list[Swap]:
     return swaps
 
 
-def _merged(by_track: list[Swap], by_distance: list[Swap]) -> list[Swap]:
-    """Say of each swap who found it; both where they agree on the markers and overlap."""
+def _merged(by_track: list[Swap], by_distance: list[Swap], longest: int) -> list[Swap]:
+    """Say of each swap who found it; both where they agree on the markers and overlap.
+
+    An exchange that nothing undoes may itself undo one that only the distances show, and that ends
+    in the gap (of `longest` frames at most) before it.
+    """
     merged = list(by_track)
     for late in by_distance:
         for i, swap in enumerate(merged):
-            if set(swap.markers) == set(late.markers) and _overlap(swap, late):
+            same = set(swap.markers) == set(late.markers)
+            if same and _undoes(swap, late, longest):
+                both = late.found_by + swap.found_by
+                merged[i] = replace(late, stop=swap.start, found_by=both)
+                break
+            if same and _overlap(swap, late):
                 both = tuple(dict.fromkeys(swap.found_by + late.found_by))
                 stop = swap.stop if swap.stop is not None else late.stop
                 merged[i] = replace(swap, stop=stop, found_by=both)
@@ -122,6 +134,12 @@ def _merged(by_track: list[Swap], by_distance: list[Swap]) -> list[Swap]:
         else:
             merged.append(late)
     return merged
+
+
+def _undoes(swap: Swap, late: Swap, longest: int) -> bool:
+    if swap.stop is not None or late.stop is None:
+        return False
+    return late.start < swap.start <= late.stop + longest
 
 
 def _overlap(one: Swap, other: Swap) -> bool:

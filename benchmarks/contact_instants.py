@@ -1,0 +1,328 @@
+"""Contact instants and orders: the printed method, loops of scipy fits, and our kink fit.
+
+    python benchmarks/contact_instants.py --out contact_instants.csv [--seeds 5] [--landings 2860]
+
+Three feet fall freely at 1 m/s onto a floor and are seen at 100 Hz with 0.6 mm of noise, at any
+phase between frames. One row for each condition and method, over several seeds, with Monte-Carlo
+standard errors (`_se`): `sd_ms` of the instants about their common bias, beside the Cramer-Rao
+bound for the frames that the fit uses; `covered`, the share of instants within one standard error
+after that bias (0.683 if it is right); the share of landings whose order is right, of all that were
+timed and of those whose order is not ambiguous (as probable as `touchdowns.ambiguous_below` asks).
+`seconds` and `us_per_fit` are CPU time, of all landings of a seed and of one foot of one landing;
+`times_faster` is that of the curve_fit loop, run on the first landings only, over that of the
+method, in turn in this process. "One fit" is what scipy does, a single fit of each foot from a
+start near the truth; the other kink rows are the whole of `find_contacts`.
+
+The last rows are of a runner at 2.5 m/s (see the README for the files): the first contact of each
+foot's three markers against the force plate, `sd_ms` by the median absolute deviation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from runner_forces import runner_rows
+from scipy.interpolate import CubicSpline
+from scipy.optimize import curve_fit, least_squares
+
+from hopdata.landings.approach import LANDED
+from hopdata.landings.contacts import LONG_WINDOWS_S, find_contacts
+from hopdata.landings.kink import FlightPriors, kink_fits
+from hopdata.landings.kink_bound import mean_kink_bound
+from hopdata.landings.schedules import order_probability
+from hopdata.landings.transitions import Transitions
+
+FloatArray = NDArray[np.float64]
+Found = tuple[FloatArray, FloatArray]  # instants and standard errors, s
+
+RATE_HZ, NOISE_M, SPEED_M_S, GRAVITY_M_S2 = 100.0, 6e-4, 1.0, 9.80665
+PERIOD_S, NEAR_S, SPREAD_S = 0.5, 0.002, 0.01
+BEFORE_S, AFTER_S = LONG_WINDOWS_S
+AMBIGUOUS_BELOW = 0.9  # the default of touchdowns.ambiguous_below
+
+
+@dataclass(frozen=True)
+class Condition:
+    """How feet land: contacts 5 ms apart or not, missing frames, soft or creeping contacts."""
+
+    apart: bool = False
+    missing_frames: int = 0
+    compliance_s: float = 0.0
+    creep_m_s: float = 0.0
+
+    def height(self, s: FloatArray) -> FloatArray:
+        """Height of a foot `s` seconds after its contact, m."""
+        fall = -SPEED_M_S * s - 0.5 * GRAVITY_M_S2 * s**2
+        after = np.maximum(s, 0.0)
+        sunk = self.creep_m_s * after
+        if self.compliance_s:
+            sunk -= SPEED_M_S * self.compliance_s * (1 - np.exp(-after / self.compliance_s))
+        return np.where(s < 0, fall, sunk)
+
+    def bound_s(self, *, known: bool) -> float:
+        """Cramer-Rao bound of an instant in our window, s."""
+        return mean_kink_bound(
+            rate_hz=RATE_HZ,
+            windows_s=LONG_WINDOWS_S,
+            noise_m=NOISE_M,
+            velocity_m_s=-SPEED_M_S,
+            known_gravity=known,
+            missing_frames=self.missing_frames,
+            compliance_s=self.compliance_s,
+            creep_m_s=self.creep_m_s,
+        )
+
+
+CONDITIONS = {
+    "hard, 5 ms apart": Condition(apart=True),
+    "hard, N(0, 10 ms)": Condition(),
+    "three frames missing at each contact": Condition(missing_frames=3),
+    "soft, 5 ms": Condition(compliance_s=0.005),
+    "creep of 20 mm/s": Condition(creep_m_s=-0.02),
+    "soft and creep": Condition(compliance_s=0.005, creep_m_s=-0.02),
+}
+
+
+@dataclass(frozen=True)
+class Landings:
+    """Frames (N,), heights (N, 3), true contacts (L, 3) and the transitions about them."""
+
+    time: FloatArray
+    heights: FloatArray
+    contacts: FloatArray
+    transitions: Transitions
+
+    def first(self, count: int) -> Landings:
+        """Return the first `count` landings."""
+        t = self.transitions
+        kept = Transitions(*(x[:count] for x in (t.t_pre, t.t_post, t.gap_pre, t.gap_post)))
+        return Landings(self.time, self.heights, self.contacts[:count], kept)
+
+    def filled(self) -> Landings:
+        """Fill missing frames by a cubic spline, as motion-capture software does."""
+        heights = self.heights.copy()
+        for z in heights.T:
+            seen = np.isfinite(z)
+            z[~seen] = CubicSpline(self.time[seen], z[seen])(self.time[~seen])
+        return replace(self, heights=heights)
+
+
+def make(count: int, condition: Condition, rng: np.random.Generator) -> Landings:
+    """Simulate landings with contacts 5 ms apart in random order, or from N(0, 10 ms)."""
+    frames = int(PERIOD_S * RATE_HZ)
+    seconds = np.arange(count * frames) / RATE_HZ
+    offsets = rng.normal(0, SPREAD_S, (count, 3))
+    if condition.apart:
+        offsets = rng.permuted(np.tile([-0.005, 0.0, 0.005], (count, 1)), axis=1)
+    middle = 0.3 + PERIOD_S * np.arange(count) + rng.uniform(0, 1 / RATE_HZ, count)
+    contacts = middle[:, None] + offsets
+    s = seconds.reshape(count, frames, 1) - contacts[:, None, :]
+    heights = condition.height(s) + rng.normal(0, NOISE_M, s.shape)
+    if condition.missing_frames:
+        nearest = np.abs(s).argmin(axis=1)[:, None]
+        distance = np.abs(np.arange(frames)[:, None] - nearest)
+        heights[distance <= condition.missing_frames // 2] = np.nan
+    gap = np.full(count, 1 / RATE_HZ)
+    ends = contacts.min(axis=1) - 0.05, contacts.max(axis=1) + 0.02
+    return Landings(seconds, heights.reshape(-1, 3), contacts, Transitions(*ends, gap, gap))
+
+
+def ours(landings: Landings, **options: Any) -> Found:
+    """Return instants and standard errors by `find_contacts`; NaN for fits that it rejects."""
+    found = find_contacts(
+        landings.time, landings.heights, landings.transitions, down_height_m=0.015, **options
+    )
+    return np.where(found.status == LANDED, found.instant, np.nan), found.se
+
+
+def filled(landings: Landings, **options: Any) -> Found:
+    """Return those of `find_contacts` after gaps are filled."""
+    return ours(landings.filled(), **options)
+
+
+def one_fit(landings: Landings, *, known: bool) -> Found:
+    """Return instants and standard errors by a single kink fit of each foot, as scipy does it."""
+    own = (-GRAVITY_M_S2, 1e-3) if known else (0.0, 1e4)
+    mean, sd = ([own[0], 0, 0, 0, 0, 0], [own[1], 1e4, 1e4, 1e4, 1e4, 1e4])
+    fits = kink_fits(
+        landings.time,
+        landings.heights,
+        landings.contacts + NEAR_S,
+        priors=FlightPriors(np.tile(mean, (3, 1)).astype(float), np.tile(sd, (3, 1))),
+        noise_m=NOISE_M,
+        windows_s=LONG_WINDOWS_S,
+        search_s=0.015,
+    )
+    return fits.instant, NOISE_M * fits.unit_se
+
+
+def model(s: FloatArray, tau: float, c: float, b: float, a: float) -> FloatArray:
+    """Height of a foot with a hard contact at `tau`."""
+    u = np.minimum(s - tau, 0.0)
+    return c + b * u + 0.5 * a * u**2
+
+
+def by_curve_fit(s: FloatArray, z: FloatArray) -> tuple[float, float]:
+    """Return the instant of one foot and its standard error."""
+    best, covariance = curve_fit(model, s, z, p0=(0.0, 0.0, -1.0, -9.0))
+    return best[0], np.sqrt(covariance[0, 0] / np.mean((z - model(s, *best)) ** 2))
+
+
+def by_least_squares(s: FloatArray, z: FloatArray) -> tuple[float, float]:
+    """Return the same by `least_squares`."""
+    fit = least_squares(lambda p: z - model(s, *p), (0.0, 0.0, -1.0, -9.0))
+    return fit.x[0], np.sqrt(np.linalg.pinv(fit.jac.T @ fit.jac)[0, 0])
+
+
+def scipy_loop(
+    landings: Landings, *, fit: Callable[[FloatArray, FloatArray], tuple[float, float]]
+) -> Found:
+    """Return instants and standard errors by one scipy fit for each foot of each landing."""
+    instant, se = np.full_like(landings.contacts, np.nan), np.full_like(landings.contacts, np.nan)
+    for row, foot in np.ndindex(landings.contacts.shape):
+        near = landings.contacts[row, foot] + NEAR_S
+        start, stop = np.searchsorted(landings.time, [near - BEFORE_S, near + AFTER_S])
+        s, z = landings.time[start:stop] - near, landings.heights[start:stop, foot]
+        seen = np.isfinite(z)
+        try:
+            found = fit(s[seen], z[seen])
+        except (RuntimeError, TypeError):  # no convergence, too few frames
+            continue
+        instant[row, foot], se[row, foot] = near + found[0], NOISE_M * found[1]
+    return instant, se
+
+
+@dataclass(frozen=True)
+class Method:
+    """How to find instants; whether gravity is known to it (None: no bound applies)."""
+
+    find: Callable[[Landings], Found]
+    known: bool | None = None
+    only_hard: bool = False
+    slow: bool = False
+
+
+METHODS = {
+    "velocity minimum, whole frame": Method(partial(ours, method="velocity_minimum")),
+    "velocity minimum, parabola": Method(partial(ours, method="velocity_minimum_parabola")),
+    "velocity minimum, parabola, gaps filled": Method(
+        partial(filled, method="velocity_minimum_parabola")
+    ),
+    "scipy curve_fit loop, free": Method(partial(scipy_loop, fit=by_curve_fit), False, slow=True),
+    "scipy least_squares loop, free": Method(
+        partial(scipy_loop, fit=by_least_squares), False, True, True
+    ),
+    "kink, one fit, free": Method(partial(one_fit, known=False), False, True),
+    "kink, one fit, known": Method(partial(one_fit, known=True), True, True),
+    "kink, free": Method(partial(ours, gravity="free"), False),
+    "kink, learned": Method(partial(ours, gravity="learned"), True),
+    "kink, known": Method(partial(ours, gravity="known"), True),
+}
+
+
+def asked(condition: Condition, name: str) -> bool:
+    """Whether a method is tried in a condition."""
+    hard = condition in (CONDITIONS["hard, 5 ms apart"], CONDITIONS["hard, N(0, 10 ms)"])
+    if "filled" in name:
+        return condition.missing_frames > 0
+    return hard or not METHODS[name].only_hard
+
+
+def measure(method: Method, landings: Landings) -> dict[str, float]:
+    """Measure one method on the landings of one seed."""
+    begin = time.process_time()
+    instant, se = method.find(landings)
+    seconds = time.process_time() - begin
+    whole = np.isfinite(instant).all(axis=1)
+    result = {"found": float(whole.mean()), "seconds": seconds}
+    if not whole.any():
+        return result
+    error = (instant - landings.contacts)[whole]
+    order, truth = (np.argsort(x[whole], axis=1) for x in (instant, landings.contacts))
+    right = (order == truth).all(axis=1)
+    sure = order_probability(instant[whole], se[whole]) >= AMBIGUOUS_BELOW
+    return result | {
+        "bias_ms": 1e3 * float(error.mean()),
+        "sd_ms": 1e3 * float(error.std()),
+        "covered": float(np.mean(np.abs(error - error.mean()) < se[whole])),
+        "order_right": float(right.mean()),
+        "unambiguous": float(sure.mean()),
+        "right_of_unambiguous": float(right[sure].mean()) if sure.any() else float("nan"),
+    }
+
+
+def summary(runs: list[dict[str, float]], feet: int) -> dict[str, float]:
+    """Means over the seeds with their standard errors; the least time of one run."""
+    table = pd.DataFrame(runs)
+    seconds = table.pop("seconds").min()
+    row: dict[str, float] = {}
+    for name in table:
+        row[str(name)] = float(table[name].mean())
+        if name not in ("found", "bias_ms", "unambiguous"):
+            row[f"{name}_se"] = float(table[name].std() / np.sqrt(len(table)))
+    return row | {"seconds": seconds, "us_per_fit": 1e6 * seconds / feet}
+
+
+def rows_of(name: str, arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """Measure every method in one condition, seed by seed in turn."""
+    condition = CONDITIONS[name]
+    runs: dict[str, list[dict[str, float]]] = {key: [] for key in METHODS if asked(condition, key)}
+    seeds = np.random.SeedSequence([arguments.seed, list(CONDITIONS).index(name)])
+    for seed in seeds.spawn(arguments.seeds):
+        landings = make(arguments.landings, condition, np.random.default_rng(seed))
+        few = landings.first(arguments.peer_landings)
+        for key, results in runs.items():
+            results.append(measure(METHODS[key], few if METHODS[key].slow else landings))
+    rows = []
+    for key, results in runs.items():
+        method = METHODS[key]
+        count = arguments.peer_landings if method.slow else arguments.landings
+        row = {"condition": name, "method": key, "seeds": arguments.seeds, "landings": count}
+        found = summary(results, 3 * count)
+        if method.known is not None:
+            bound_ms = 1e3 * condition.bound_s(known=method.known)
+            ratio = found.get("sd_ms", float("nan")) / bound_ms
+            found |= {"bound_ms": bound_ms, "sd_over_bound": ratio}
+        rows.append(row | found)
+    return rows
+
+
+COLUMNS = (
+    *("condition", "method", "seeds", "landings", "found", "bias_ms", "sd_ms", "sd_ms_se"),
+    *("bound_ms", "sd_over_bound", "covered", "covered_se", "order_right", "order_right_se"),
+    *("unambiguous", "right_of_unambiguous", "right_of_unambiguous_se", "seconds", "us_per_fit"),
+    *("times_faster", "missed", "invented"),
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    parser.add_argument("--seeds", type=int, default=5, help="simulated recordings (default 5)")
+    parser.add_argument("--landings", type=int, default=2860, help="landings of each")
+    parser.add_argument("--peer-landings", type=int, default=200, help="for scipy (default 200)")
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    warm = make(60, Condition(compliance_s=0.005), np.random.default_rng(0))
+    ours(warm)  # compile before the clock runs
+    table = pd.DataFrame([row for name in CONDITIONS for row in rows_of(name, arguments)])
+    loop = table[table["method"] == "scipy curve_fit loop, free"].set_index("condition")
+    table["times_faster"] = table["condition"].map(loop["us_per_fit"]) / table["us_per_fit"]
+    table = pd.concat([table, pd.DataFrame(runner_rows())], ignore_index=True)
+    table = table.reindex(columns=COLUMNS)
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(arguments.out, index=False, float_format="%.6g")
+    print(table.round(3).to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,268 @@
+"""Velocities and positions at the sections against truth: the split fit and the filter.
+
+    python benchmarks/velocities.py --out velocities.csv
+
+Scenes: the hopper (its true states by integration; contacts as `touchdown_table` finds them) at
+three frame rates and three levels of noise, with a gap of three frames of one marker at each
+crossing, and with sections near the contacts; and a body that tumbles in free flight, by 2, 4 and
+8 rad/s about random axes, with its centre of mass 50 mm off the middle of the markers.
+
+Each row is one side of one scene by one method, in the world: `split_fit` as the default has it;
+with gravity `known` or `free`; `alone` (each landing for itself, which few landings get);
+`rigid`, the default's states made those of a rigid body; and `savitzky_golay`. `contact_ms` is the
+median time between crossing and contact. `chi_square` is the mean square of velocity errors over
+their standard errors, `within_se` the share of errors below these (0.683 if normal), and
+`times_below_filter` the filter's rms error over that of the row. `lost` is the share of crossings
+without a state.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from hopdata.landings.crossings import SectionStates, cross
+from hopdata.landings.section_fits import Tracks, alone
+from hopdata.landings.states import section_states
+from hopdata.landings.touchdowns import touchdown_table
+from hopdata.maps.rigid import body_shape, rigid_states, split_states
+from hopdata.maps.truth.matching import match_landings
+from hopdata.recordings.recording import Recording
+from hopdata.recordings.truth import Truth
+from hopdata.synthesis.known_scene import known_scene
+from hopdata.synthesis.landings import SectionHeights
+from hopdata.synthesis.simulate import simulate_recording
+from hopdata.synthesis.true_sections import true_states
+
+FloatArray = NDArray[np.float64]
+
+PRE_M, POST_M = 0.502, 0.2815  # where the study `thesis` has its sections
+NEAR_PRE_M, LATE_POST_M = 0.42, 0.265
+FLAT = {"bowl_depth_m": 0.0, "wave_amplitude_m": 0.0}
+GRAVITY_M_S2 = 9.80665
+BODY_M = np.array([[0.1, 0.0, 0.0], [-0.05, 0.09, 0.0], [-0.05, -0.09, 0.0]])
+OFF_CENTRE_M = np.array([0.03, 0.0, 0.04])
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """L crossings of a section as seen, and true positions and velocities (L, B, 3) there."""
+
+    time: FloatArray
+    body: FloatArray
+    near: FloatArray
+    contact: FloatArray
+    height_m: float
+    side: str
+    position: FloatArray
+    velocity: FloatArray
+
+
+def by_section_states(seen: Crossings, **options: str) -> SectionStates:
+    """Return the states by a method of the library."""
+    return section_states(
+        seen.time, seen.body, seen.near,
+        height_m=seen.height_m, side=seen.side, contact=seen.contact, **options,
+    )  # fmt: skip
+
+
+def each_alone(seen: Crossings) -> SectionStates:
+    """Return the states with each landing fitted for itself."""
+    tracks = Tracks(seen.time, seen.body, seen.near, seen.contact, seen.side == "before")
+    sums, fit = alone(tracks, None)
+    return cross(sums, fit, seen.near, seen.height_m)
+
+
+def made_rigid(seen: Crossings) -> SectionStates:
+    """Return the default's states after a rigid body is laid through them, without errors."""
+    found = by_section_states(seen)
+    known = np.isfinite(found.velocity).all(axis=(1, 2))
+    flat = np.concatenate([found.position, found.velocity], axis=1)[known].reshape(known.sum(), -1)
+    shape = body_shape(split_states(flat)[0])
+    rigid = rigid_states(flat, shape)
+    arms = np.einsum("nij,bj->nbi", rigid.rotation, shape)
+    turning = np.einsum("nij,nj->ni", rigid.rotation, rigid.spin)
+    position, velocity = np.full_like(found.position, np.nan), np.full_like(found.velocity, np.nan)
+    position[known] = rigid.centre[:, None] + arms
+    velocity[known] = rigid.velocity[:, None] + np.cross(turning[:, None], arms)
+    unknown = np.full_like(found.position_covariance, np.nan)
+    return SectionStates(found.time, position, velocity, unknown, unknown)
+
+
+METHODS: dict[str, Callable[[Crossings], SectionStates]] = {
+    "savitzky_golay": partial(by_section_states, method="savitzky_golay"),
+    "split_fit": by_section_states,
+    "split_fit, known": partial(by_section_states, gravity="known"),
+    "split_fit, free": partial(by_section_states, gravity="free"),
+    "alone": each_alone,
+    "rigid": made_rigid,
+}
+
+
+def hopper(
+    recording: Recording, truth: Truth, pre_m: float = PRE_M, post_m: float = POST_M
+) -> Iterator[Crossings]:
+    """Yield the crossings of both sections that are used and known."""
+    scene = known_scene(truth)
+    true = true_states(truth, scene, SectionHeights(pre_m, post_m, scene.body_points_m))
+    table = touchdown_table(recording, pre_height_m=pre_m, post_height_m=post_m)
+    used = table[~table["excluded"].astype(bool)]
+    contacts = used[[f"contact_{foot}_s" for foot in recording.names("foot")]].to_numpy(float)
+    landing = match_landings(contacts, truth.contact_times)
+    place = {int(number): row for row, number in enumerate(true.index)}
+    row = np.array([place.get(int(number), -1) for number in landing])
+    known = row >= 0
+    for side, column, height_m, contact, states in (
+        ("before", "t_pre_s", pre_m, contacts.min(axis=1), true.x),
+        ("after", "t_post_s", post_m, contacts.max(axis=1), true.y),
+    ):
+        position, velocity = split_states(states[row[known]])
+        yield Crossings(
+            recording.time, recording.body, used[column].to_numpy()[known], contact[known],
+            height_m, side, position, velocity,
+        )  # fmt: skip
+
+
+def simulated(hops: int, rate_hz: float, seed: int) -> tuple[Recording, Truth]:
+    """Simulate the hopper without noise on a flat floor."""
+    camera = {"noise_m": 0.0, "resolution_m": 0.0, "floor": FLAT, "rate_hz": rate_hz}
+    return simulate_recording({"hops": hops}, camera, seed=seed)
+
+
+def noisy(recording: Recording, noise_mm: float, seed: int) -> Recording:
+    """Return the recording with noise on every coordinate."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(1,)))
+    noise = 1e-3 * noise_mm * rng.standard_normal(recording.positions.shape)
+    return replace(recording, positions=recording.positions + noise)
+
+
+def with_gaps(seen: Crossings) -> Crossings:
+    """Return the crossings with the second marker unseen in the three frames about each."""
+    body = seen.body.copy()
+    middle = np.searchsorted(seen.time, seen.near)
+    for shift in (-1, 0, 1):
+        body[middle + shift, 1] = np.nan
+    return replace(seen, body=body)
+
+
+def tumbling(
+    falls: int, rate_hz: float, noise_mm: float, spin_rad_s: float, seed: int
+) -> Crossings:
+    """Drop a round body that spins about random axes; a contact ends each fall."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
+    tau = np.arange(-0.2, 0.06, 1 / rate_hz) + rng.uniform(0, 1 / rate_hz, (falls, 1))
+    axis = rng.standard_normal((falls, 3))
+    spin = spin_rad_s * axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    start = rng.normal(0, 0.3, (falls, 3)) * [1, 1, 0] + [0, 0, -1.5]
+    arms = BODY_M - OFF_CENTRE_M
+    turned = _turned(spin[:, None] * tau[..., None], arms)  # (L, W, B, 3)
+    fall = start[:, None] * tau[..., None] + [0, 0, -0.5 * GRAVITY_M_S2] * tau[..., None] ** 2
+    tracks = 1.0 + fall[:, :, None] + turned
+    tracks += 1e-3 * noise_mm * rng.standard_normal(tracks.shape)
+    now = np.broadcast_to(arms, (falls, *arms.shape))
+    begin = np.arange(falls, dtype=float)
+    return Crossings(
+        time=(begin[:, None] + tau).ravel(),
+        body=tracks.reshape(-1, *arms.shape),
+        near=begin,
+        contact=begin + rng.uniform(0.02, 0.06, falls),
+        height_m=float(1.0 + arms[:, 2].mean()),
+        side="before",
+        position=1.0 + now,
+        velocity=start[:, None] + np.cross(spin[:, None], now),
+    )
+
+
+def _turned(vectors: FloatArray, arms: FloatArray) -> FloatArray:
+    """Turn arms (B, 3) by rotation vectors (..., 3), by Rodrigues' formula."""
+    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
+    axis = vectors[..., None, :] / np.where(angle > 0, angle, 1.0)
+    across = np.cross(axis, arms)
+    return arms + np.sin(angle) * across + (1 - np.cos(angle)) * np.cross(axis, across)
+
+
+def measure(seen: Crossings) -> pd.DataFrame:
+    """Return a row for each method."""
+    rows = []
+    for name, method in METHODS.items():
+        if seen.side == "after" and "," in name:
+            continue
+        found = method(seen)
+        error = found.velocity - seen.velocity
+        score = error / np.sqrt(np.einsum("lbkk->lbk", found.velocity_covariance))
+        known = bool(np.isfinite(score).any())
+        rows.append({
+            "method": name,
+            "landings": len(error),
+            "contact_ms": 1e3 * float(np.median(np.abs(seen.contact - seen.near))),
+            "velocity_rms_mm_s": 1e3 * rms(error),
+            "position_rms_mm": 1e3 * rms(found.position - seen.position),
+            "chi_square": rms(score) ** 2 if known else np.nan,
+            "within_se": within(score) if known else np.nan,
+            "lost": float(np.mean(~np.isfinite(error).all(axis=(1, 2)))),
+        })  # fmt: skip
+    table = pd.DataFrame(rows)
+    filtered = table.loc[table["method"] == "savitzky_golay", "velocity_rms_mm_s"].iloc[0]
+    return table.assign(times_below_filter=filtered / table["velocity_rms_mm_s"])
+
+
+def rms(values: FloatArray) -> float:
+    """Return the root mean square of what is known."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+def within(score: FloatArray) -> float:
+    """Return the share of known scores between -1 and 1."""
+    return float(np.mean(np.abs(score[np.isfinite(score)]) < 1))
+
+
+def scenes(hops: int, seed: int) -> Iterator[tuple[dict[str, object], Crossings]]:
+    """Yield every scene with its name, frame rate and noise."""
+    for rate_hz, noises_mm in ((100.0, (0.2, 0.6, 1.2)), (250.0, (0.6,)), (500.0, (0.6,))):
+        clean, truth = simulated(hops, rate_hz, seed)
+        for noise_mm in noises_mm:
+            seen = noisy(clean, noise_mm, seed)
+            setting = {"rate_hz": rate_hz, "noise_mm": noise_mm}
+            for one in hopper(seen, truth):
+                yield {"scene": "hopper", **setting}, one
+                if (rate_hz, noise_mm) == (100.0, 0.6):
+                    yield {"scene": "hopper, gaps", **setting}, with_gaps(one)
+            if noise_mm == 0.6:
+                for one in hopper(seen, truth, NEAR_PRE_M, LATE_POST_M):
+                    yield {"scene": "hopper, other sections", **setting}, one
+    for rate_hz in (100.0, 250.0):
+        for spin in (2.0, 4.0, 8.0):
+            name = f"tumbling, {spin:g} rad/s"
+            yield (
+                {"scene": name, "rate_hz": rate_hz, "noise_mm": 0.6},
+                tumbling(hops, rate_hz, 0.6, spin, seed),
+            )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True, help="CSV to write")
+    parser.add_argument("--hops", type=int, default=400, help="landings of each scene")
+    parser.add_argument("--seed", type=int, default=20261121)
+    arguments = parser.parse_args()
+    parts = []
+    for setting, seen in scenes(arguments.hops, arguments.seed):
+        table = measure(seen)
+        for place, (name, value) in enumerate([*setting.items(), ("side", seen.side)]):
+            table.insert(place, name, value)
+        print(table.round(3).to_string(index=False), flush=True)
+        parts.append(table)
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    pd.concat(parts).to_csv(arguments.out, index=False, float_format="%.6g")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,217 @@
+"""Coefficients of polynomials fitted to marker tracks, with their covariance.
+
+Two ways: each landing for itself, by least squares; or all landings together, in which place and
+velocity of every marker are free but the coefficients from the acceleration on are drawn from a
+population that is learned (random coefficients, Laird and Ware 1982). What the landings have in
+common is then known well, what they do not is fitted, and an order that nobody needs gets no
+variance: so the order of the polynomials is chosen by evidence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.landings.marker_tracks import Moments
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+FREE = 2  # place and velocity
+STEPS = 40  # of expectation and maximisation
+LEARN_FROM = 300  # landings, evenly taken from all
+LEAST_NOISE_M = 1e-9
+LEAST_SPREAD = 0.3  # to begin with, in standard errors of it
+HORIZONTAL, VERTICAL = slice(0, 2), slice(2, 3)
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """Coefficients of the powers of u.
+
+    Parameters
+    ----------
+    mean : (L, B, 3, K) array
+        Estimates, m; NaN where there are too few frames.
+    covariance : (L, B, 3, K, K) array
+        Of their errors, m^2.
+    noise_m : (B, 3) array
+        Standard deviation of the noise.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    noise_m: FloatArray
+
+    def where(self, known: BoolArray) -> Coefficients:
+        """Return the same with tracks (L, B) unknown that are not."""
+        mean = np.where(known[..., None, None], self.mean, np.nan)
+        covariance = np.where(known[..., None, None, None], self.covariance, np.nan)
+        return Coefficients(mean, covariance, self.noise_m)
+
+
+@dataclass(frozen=True)
+class Population:
+    """From where the coefficients of the polynomials from u^2 on are drawn, and the noise.
+
+    Parameters
+    ----------
+    mean : (B, 3, Q) array
+        For each marker and direction, m.
+    spread : (3, Q, Q) array
+        Covariance over landings for each direction, m^2.
+    variance : (B, 3) array
+        Of the noise, m^2.
+    """
+
+    mean: FloatArray
+    spread: FloatArray
+    variance: FloatArray
+
+
+def least_squares(sums: Moments) -> Coefficients:
+    """Fit each marker in each landing for itself, where it has more frames than coefficients."""
+    enough = sums.frames > sums.terms
+    gram = np.where(enough[..., None, None], sums.gram, np.eye(sums.terms))
+    inverse = np.asarray(np.linalg.inv(gram)[:, :, None], float)
+    mean = np.asarray(np.linalg.solve(gram[:, :, None], sums.product[..., None])[..., 0], float)
+    left = np.where(enough[..., None], sums.square - (mean * sums.product).sum(axis=3), 0.0)
+    freedom = np.where(enough, sums.frames - sums.terms, 0.0).sum(axis=0)[:, None]
+    variance = np.maximum(left.sum(axis=0) / np.maximum(freedom, 1.0), LEAST_NOISE_M**2)
+    return _in_powers(sums, enough, mean, variance[..., None, None] * inverse, variance)
+
+
+def drawn(sums: Moments, population: Population, *, least_frames: int) -> Coefficients:
+    """Fit landings whose accelerations are drawn from a population.
+
+    Parameters
+    ----------
+    sums : Moments
+    population : Population
+        See `learn`.
+    least_frames : int
+        With fewer frames than this there is no fit.
+    """
+    enough = sums.frames >= max(least_frames, FREE + 1)
+    gram = np.where(enough[..., None, None], sums.gram, np.eye(sums.terms))
+    mean, covariance = _posterior(replace(sums, gram=gram), population)
+    return _in_powers(sums, enough, mean, covariance, population.variance)
+
+
+def checked(fit: Coefficients, reference: Coefficients) -> Coefficients:
+    """Add to the covariance of place and velocity what the model's misfit adds to their errors.
+
+    An estimate that is best under its model differs from a less biased one by the difference of
+    their variances. What they differ by beyond that, on average over landings and markers, is the
+    square of a bias (the focus of Claeskens and Hjort 2003). It is added where it is larger than
+    twice its standard error.
+
+    Parameters
+    ----------
+    fit : Coefficients
+        From `drawn`.
+    reference : Coefficients
+        From `least_squares`, of the same frames, with more powers.
+    """
+    covariance = fit.covariance.copy()
+    for axes in (HORIZONTAL, VERTICAL):
+        for k in range(FREE):
+            own = covariance[:, :, axes, k, k]
+            gained = reference.covariance[:, :, axes, k, k] - own
+            beyond = (reference.mean[:, :, axes, k] - fit.mean[:, :, axes, k]) ** 2 - gained
+            beyond = beyond[np.isfinite(beyond)]
+            if len(beyond) and beyond.mean() > 2 * beyond.std() / np.sqrt(len(beyond)):
+                own += beyond.mean()
+    return replace(fit, covariance=covariance)
+
+
+def learn(sums: Moments) -> Population:
+    """Learn the population by maximum likelihood (expectation-maximisation).
+
+    Place and velocity have flat priors, so that the likelihood is the restricted one. Only
+    landings in which each marker has more frames than coefficients teach.
+    """
+    rows = np.unique(np.linspace(0, len(sums.frames) - 1, LEARN_FROM).round().astype(int))
+    rows = rows[(sums.frames[rows] > sums.terms).all(axis=1)]
+    sums = sums.some(rows)
+    population = _first_guess(sums)
+    for _ in range(STEPS):
+        population = _improved(sums, population)
+    return population
+
+
+def _first_guess(sums: Moments) -> Population:
+    """Moments of the landings' own fits, less those of the noise."""
+    variance = least_squares(sums).noise_m ** 2
+    hat = np.linalg.solve(sums.gram[..., :FREE, :FREE], sums.gram[..., :FREE, FREE:])
+    across = np.swapaxes(sums.gram[..., :FREE, FREE:], 2, 3) @ hat
+    information = (sums.gram[..., FREE:, FREE:] - across)[:, :, None] / variance[..., None, None]
+    score = sums.product[..., FREE:] - np.einsum("lbfq,lbcf->lbcq", hat, sums.product[..., :FREE])
+    score = score / variance[..., None]
+    total = information.sum(axis=0)
+    mean = np.linalg.solve(total, score.sum(axis=0)[..., None])[..., 0]
+    rest = score - np.einsum("lbcjk,bck->lbcj", information, mean)
+    spread = np.empty((3, *total.shape[-2:]))
+    for axes in (HORIZONTAL, VERTICAL):
+        one = information[:, :, axes].mean(axis=(0, 1, 2))
+        seen = np.einsum("lbcj,lbck->jk", rest[:, :, axes], rest[:, :, axes])
+        floor = LEAST_SPREAD * float(np.sqrt(2 / rest[:, 0, axes, 0].size))
+        spread[axes] = _excess(seen / rest[:, :, axes, 0].size, one, floor)
+    return Population(mean, spread, variance)
+
+
+def _excess(seen: FloatArray, information: FloatArray, floor: float) -> FloatArray:
+    """Covariance of coefficients whose scores have the second moment `seen`.
+
+    No direction gets less than `floor` times its variance in a landing's own fit: from few landings
+    a spread can come out as zero that is not.
+    """
+    values, vectors = np.linalg.eigh(information)
+    root = vectors / np.sqrt(np.maximum(values, values[-1] * 1e-12))
+    ratio, turn = np.linalg.eigh(root.T @ seen @ root)
+    half = root @ turn * np.sqrt(np.maximum(ratio - 1.0, floor))
+    spread: FloatArray = half @ half.T
+    return spread
+
+
+def _posterior(sums: Moments, population: Population) -> tuple[FloatArray, FloatArray]:
+    """Means (L, B, 3, K) and covariances (L, B, 3, K, K) of the coefficients, given the frames."""
+    inverse = np.linalg.inv(population.spread)
+    precision = sums.gram[:, :, None] / population.variance[..., None, None]
+    precision[..., FREE:, FREE:] += inverse
+    pull = sums.product / population.variance[..., None]
+    pull[..., FREE:] += np.einsum("cjk,bck->bcj", inverse, population.mean)
+    covariance = np.asarray(np.linalg.inv(precision), float)
+    return (covariance @ pull[..., None])[..., 0], covariance
+
+
+def _improved(sums: Moments, population: Population) -> Population:
+    """One step of expectation and maximisation."""
+    fitted, covariance = _posterior(sums, population)
+    mean = fitted[..., FREE:].mean(axis=0)
+    away = fitted[..., FREE:] - mean
+    spread = np.empty_like(population.spread)
+    for axes in (HORIZONTAL, VERTICAL):
+        own = np.einsum("lbcj,lbck->jk", away[:, :, axes], away[:, :, axes])
+        own += covariance[:, :, axes, FREE:, FREE:].sum(axis=(0, 1, 2))
+        spread[axes] = own / away[:, :, axes, 0].size
+    gram = sums.gram[:, :, None]
+    squares = sums.square - 2 * (fitted * sums.product).sum(axis=3)
+    squares += (fitted * (gram @ fitted[..., None])[..., 0]).sum(axis=3)
+    squares += (gram * covariance).sum(axis=(3, 4))
+    variance = squares.sum(axis=0) / sums.frames.sum(axis=0)[:, None]
+    return Population(mean, spread, np.maximum(variance, LEAST_NOISE_M**2))
+
+
+def _in_powers(
+    sums: Moments,
+    enough: BoolArray,
+    mean: FloatArray,
+    covariance: FloatArray,
+    variance: FloatArray,
+) -> Coefficients:
+    powers = sums.powers
+    known = Coefficients(mean @ powers.T, powers @ covariance @ powers.T, np.sqrt(variance))
+    return known.where(enough)

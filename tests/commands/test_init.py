@@ -1,0 +1,120 @@
+import re
+
+import numpy as np
+import pytest
+import yaml
+from made_up_files import export
+from made_up_hopper import hopping
+
+from hopdata.cli import main
+from hopdata.config import load_config
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_sample_gets_the_roles_of_its_own_configuration(sample_path, folder, capsys):
+    root = sample_path.parents[2]
+    assert main(["init", str(sample_path)]) == 0
+    drafted = load_config("config/hopper.yaml")
+    bundled = load_config(root / "config/config.yaml", check_files=False)
+    assert drafted["markers"] == bundled["markers"]
+    assert drafted["home"] == bundled["home"]
+    changed = {key for key in bundled if drafted[key] != bundled[key]}
+    assert changed == {"study", "recordings", "input"}
+    assert drafted["input"] == {**bundled["input"], "unit": "m"}
+    assert main(["check", "config/hopper.yaml"]) == 0
+    assert "is sound" in capsys.readouterr().out
+
+
+def test_a_file_in_mm_with_y_up_becomes_a_sound_study(folder, capsys):
+    positions = hopping(1)[1][..., [1, 2, 0]]  # z of the world is the file's y
+    export(folder, positions)
+    assert main(["init", "monday.tsv", "-o", "config/mine.yaml"]) == 0
+    out = capsys.readouterr().out
+    assert "config/mine.yaml: written" in out
+    assert "snakemake --cores 2 --configfile config/mine.yaml" in out
+    config = load_config("config/mine.yaml")
+    assert config["study"] == "mine"
+    assert config["recordings"][0]["name"] == "monday"
+    assert config["recordings"][0]["file"] == "monday.tsv"
+    assert config["input"] == {"unit": "mm", "vertical_axis": "y", "rate_hz": None}
+    assert config["markers"] == {
+        "body": ["hip1", "hip2", "hip3"],
+        "feet": ["toe1", "toe2", "toe3"],
+        "boom": ["post"],
+    }
+    assert main(["check", "config/mine.yaml"]) == 0
+
+
+def test_every_guess_has_its_reason_above_it(folder):
+    export(folder)
+    main(["init", "monday.tsv"])
+    lines = (folder / "config/monday.yaml").read_text().splitlines()
+    for key in ("body:", "feet:", "boom:", "unit:"):
+        at = next(i for i, line in enumerate(lines) if line.strip().startswith(key))
+        assert lines[at - 1].strip().startswith("#")
+    assert all(len(line) <= 100 for line in lines)
+
+
+def test_a_runner_gets_one_foot_and_landings_only(external_recording, folder):
+    assert main(["init", str(external_recording)]) == 0
+    config = load_config("config/RBDS001runT25markers.yaml")
+    assert config["markers"]["feet"] == ["R_heel", "R_mt1", "R_mt5"]
+    assert config["markers"]["body"] == ["body1", "body2", "body3"]
+    assert config["sections"]["frames"] == "landings"
+    assert main(["check", "config/RBDS001runT25markers.yaml"]) == 0
+
+
+def test_nothing_is_replaced_unless_asked(folder, capsys):
+    export(folder)
+    assert main(["init", "monday.tsv"]) == 0
+    before = (folder / "config/monday.yaml").read_text()
+    (folder / "config/monday.yaml").write_text("mine: 1\n")
+    assert main(["init", "monday.tsv"]) == 1
+    assert "expected no such file yet" in capsys.readouterr().err
+    assert (folder / "config/monday.yaml").read_text() == "mine: 1\n"
+    assert main(["init", "monday.tsv", "--force"]) == 0
+    assert (folder / "config/monday.yaml").read_text() == before
+
+
+def test_what_cannot_be_guessed_is_said_and_left_to_fill_in(folder, capsys):
+    drift = np.cumsum(np.random.default_rng(2).normal(0, 1e-3, (3000, 4, 3)), axis=0)
+    export(folder, drift + np.arange(4)[:, None] * 0.1, names=("a", "b", "c", "d"))
+    assert main(["init", "monday.tsv"]) == 1
+    out = capsys.readouterr().out
+    assert "note: markers.feet: expected two markers or more" in out
+    assert "note: input.vertical_axis: z is not sure" in out
+    text = (folder / "config/monday.yaml").read_text()
+    assert "# TO DO: markers.feet" in text
+    assert "# Not used: " in text
+    assert len(yaml.safe_load(text)["markers"]["feet"]) < 2
+    assert main(["check", "config/monday.yaml"]) == 1
+    assert "markers.feet: expected a list of 2 to 6 names, found" in capsys.readouterr().err
+
+
+def test_centimetres_are_told(folder, capsys):
+    export(folder, scale=100.0)
+    assert main(["init", "monday.tsv"]) == 0
+    assert "the numbers look like cm" in capsys.readouterr().out
+    assert main(["check", "config/monday.yaml"]) == 1
+    assert "centimetres taken for millimetres: export in mm or m" in capsys.readouterr().err
+
+
+def test_names_that_yaml_would_misread(folder):
+    names = ("on", "hip: 2", "3", "toe1", "toe2", "toe3", "no # 1")
+    export(folder, names=names)
+    assert main(["init", "monday.tsv"]) == 0
+    markers = load_config("config/monday.yaml")["markers"]
+    assert [name for role in markers.values() for name in role] == list(names)
+
+
+def test_odd_file_names_become_names_of_studies(folder):
+    export(folder, name="day 1 (run).tsv")
+    assert main(["init", "day 1 (run).tsv"]) == 0
+    config = load_config("config/day-1-run.yaml")
+    assert config["study"] == config["recordings"][0]["name"] == "day-1-run"
+    assert re.fullmatch(r"day 1 \(run\).tsv", config["recordings"][0]["file"])

@@ -1,0 +1,134 @@
+import re
+
+import numpy as np
+import pytest
+from made_up_files import export
+from made_up_hopper import hopping, with_frozen, with_gap, with_spike, with_swap
+
+from hopdata.cli import main
+from hopdata.commands.listing import listing
+
+
+@pytest.fixture
+def clean(tmp_path):
+    return export(tmp_path)
+
+
+@pytest.fixture
+def faulty(tmp_path):
+    positions = with_swap(hopping(3)[1], "toe1", "toe2", 700, 900)
+    positions = with_spike(positions, "hip2", 400, 0.06)
+    positions = with_gap(with_gap(positions, "toe3", 1200, 1300), "hip1", 100, 103)
+    return export(tmp_path, with_frozen(positions, "hip3", 1500, 1530), name="faulty.tsv")
+
+
+def test_a_clean_file_is_summed_up(clean, capsys):
+    assert main(["inspect", str(clean)]) == 0
+    out, err = capsys.readouterr()
+    for part in (
+        "2000 at 100 Hz, 20.0 s",
+        "7: hip1, hip2, hip3, toe1, toe2, toe3, post",
+        "mm: in 32 % of the frames the markers fall at 9.81 m/s²",
+        "z: the markers fall along it",
+        "hip1, hip2, hip3; 0.62 mm a coordinate by its distances",
+        "No swapped or frozen markers",
+    ):
+        assert part in re.sub(r"\s+", " ", out)
+    assert out.count("no gap") == 7
+    assert err == ""
+
+
+def test_faults_are_listed_by_frame_and_exit_code(faulty, capsys):
+    assert main(["inspect", str(faulty)]) == 1
+    lines = [re.sub(r"\s+", " ", line) for line in capsys.readouterr().out.splitlines()]
+    for part in (
+        "3 suspects: 1 spike, 1 swap, 1 frozen marker.",
+        "spike frame 401 (4.000 s) hip2 is 62.0 mm off for 1 frame",
+        "swap frame 701 (7.000 s) toe1 and toe2 exchanged to frame 900",
+        "frozen frame 1501 (15.000 s) hip3 repeats one position in 30 frames",
+        "1 gap, longest 100 frames (1 s), 5 % unseen",
+    ):
+        assert any(part in line for line in lines), part
+
+
+def test_the_picture_shows_a_gap_where_it_is(faulty, capsys):
+    main(["inspect", str(faulty)])
+    out = capsys.readouterr().out
+    bars = dict(re.findall(r"^  (\w+) +([█▒·]{50}) ", out, flags=re.MULTILINE))
+    assert bars["toe1"] == "█" * 50
+    assert bars["toe3"] == "█" * 30 + "··▒" + "█" * 17
+    assert bars["hip1"] == "█" * 2 + "▒" + "█" * 47
+
+
+def test_a_terminal_without_these_signs_gets_ascii(faulty):
+    from hopdata.recordings.importing import read_raw
+    from hopdata.recordings.quality.inspection import inspect_recording
+
+    text = listing(inspect_recording(read_raw(faulty)), "faulty.tsv", encoding="ascii")
+    assert text.isascii()
+    assert "#####" in text
+
+
+def test_the_page_is_one_file_with_picture_and_tables(faulty, tmp_path, capsys):
+    page = tmp_path / "pages/faulty.html"
+    assert main(["inspect", str(faulty), "--html", str(page)]) == 1
+    text = page.read_text(encoding="utf-8")
+    assert "data:image/svg+xml;base64," in text
+    assert not re.search(r'(src|href)="(?!data:|#)', text)
+    for part in ("toe1 and toe2 exchanged", "Rigid clusters", "What looks wrong", "faulty.tsv"):
+        assert part in text
+    again = tmp_path / "again.html"
+    main(["inspect", str(faulty), "--html", str(again)])
+    assert again.read_bytes() == page.read_bytes()
+
+
+def test_a_page_that_cannot_be_written(clean, tmp_path, capsys):
+    assert main(["inspect", str(clean), "--html", str(tmp_path)]) == 1
+    assert "expected a file that can be written" in capsys.readouterr().err
+
+
+def test_what_the_user_knows_is_taken(clean, capsys):
+    assert main(["inspect", str(clean), "--unit", "m", "--vertical-axis", "x"]) in (0, 1)
+    out = capsys.readouterr().out
+    assert "m: as given" in out
+    assert "x: as given" in out
+
+
+def test_a_rate_that_the_file_does_not_state(tmp_path, capsys):
+    file = export(tmp_path, frequency="EXT", counters=False)
+    assert main(["inspect", str(file)]) == 1
+    assert "frame rate: expected a number" in capsys.readouterr().err
+    assert main(["inspect", str(file), "--rate", "100"]) == 0
+
+
+def test_mistakes_with_the_file(tmp_path, clean, capsys):
+    for name, parts in {
+        "munday.tsv": ["expected a file, found none", "did you mean 'monday.tsv'"],
+        "monday.xyz": ["expected a file ending in"],
+    }.items():
+        assert main(["inspect", str(tmp_path / name)]) == 1
+        err = capsys.readouterr().err
+        assert err.count("\n") == 1
+        assert all(part in err for part in parts)
+
+
+def test_a_marker_that_is_never_seen(tmp_path, capsys):
+    positions = hopping(2)[1]
+    positions[:, 4] = np.nan
+    assert main(["inspect", str(export(tmp_path, positions))]) == 1
+    assert "toe2 is in no frame" in capsys.readouterr().out
+
+
+def test_check_notes_what_inspect_would_list(faulty, clean, tmp_path, capsys):
+    config = tmp_path / "study.yaml"
+    text = (
+        "study: trial\nrecordings:\n  - {{name: one, file: {}}}\n"
+        "markers: {{body: [hip1, hip2, hip3], feet: [toe1, toe2, toe3]}}\n"
+    )
+    config.write_text(text.format(faulty))
+    assert main(["check", str(config)]) == 0
+    note = next(x for x in capsys.readouterr().out.splitlines() if x.startswith("note:"))
+    assert "3 suspects: 1 spike, 1 swap, 1 frozen marker." in note
+    config.write_text(text.format(clean))
+    assert main(["check", str(config)]) == 0
+    assert "note:" not in capsys.readouterr().out

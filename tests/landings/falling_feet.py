@@ -1,0 +1,60 @@
+"""Three feet that fall freely onto a floor, each on its own: landings with exact contacts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.landings.transitions import Transitions
+
+FloatArray = NDArray[np.float64]
+
+RATE_HZ, NOISE_M, SPEED_M_S, GRAVITY_M_S2 = 100.0, 6e-4, 1.0, 9.80665
+FRAMES = 50
+
+
+@dataclass(frozen=True)
+class Falls:
+    """Frames (N,), heights (N, 3), true contacts (L, 3) and the transitions about them."""
+
+    time: FloatArray
+    heights: FloatArray
+    contacts: FloatArray
+    transitions: Transitions
+
+
+def falls(
+    landings: int,
+    *,
+    seed: int,
+    apart_s: float | None = None,
+    missing: int = 0,
+    compliance_s: float = 0.0,
+    creep_m_s: float = 0.0,
+) -> Falls:
+    """Simulate landings with contacts from N(0, 10 ms), or so far apart, in random order.
+
+    `missing` frames about each contact are not seen.
+    """
+    rng = np.random.default_rng(seed)
+    time = np.arange(landings * FRAMES) / RATE_HZ
+    offsets = rng.normal(0, 0.01, (landings, 3))
+    if apart_s is not None:
+        offsets = rng.permuted(np.tile([-apart_s, 0.0, apart_s], (landings, 1)), axis=1)
+    middle = 0.3 + FRAMES / RATE_HZ * np.arange(landings) + rng.uniform(0, 1 / RATE_HZ, landings)
+    contacts = middle[:, None] + offsets
+    s = time.reshape(landings, FRAMES, 1) - contacts[:, None, :]
+    after = np.maximum(s, 0.0)
+    sunk = creep_m_s * after
+    if compliance_s > 0:
+        sunk -= SPEED_M_S * compliance_s * (1 - np.exp(-after / compliance_s))
+    height = np.where(s < 0, -SPEED_M_S * s - GRAVITY_M_S2 * s**2 / 2, sunk)
+    height += rng.normal(0, NOISE_M, height.shape)
+    if missing:
+        nearest = np.abs(s).argmin(axis=1)[:, None]
+        height[np.abs(np.arange(FRAMES)[:, None] - nearest) <= missing // 2] = np.nan
+    gap = np.full(landings, 1 / RATE_HZ)
+    ends = contacts.min(axis=1) - 0.05, contacts.max(axis=1) + 0.02
+    return Falls(time, height.reshape(-1, 3), contacts, Transitions(*ends, gap, gap))

@@ -1,0 +1,189 @@
+"""Small sound files of every format, and seeded ways to damage them."""
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from mat_files import qtm_struct, write_mat5, write_mat73
+from qtm_files import NAMES, columns, data_rows, qtm_text, standing
+from trc_files import trc_text
+
+from hopdata.errors import RecordingError
+from hopdata.recordings.c3d_writing import write_c3d
+from hopdata.recordings.hdf5 import write_recording
+from hopdata.recordings.importing import import_recording
+from hopdata.recordings.plausibility import check_plausible
+from hopdata.recordings.raw import Event, RawRecording
+from hopdata.recordings.recording import Recording
+
+N_FRAMES = 24
+EVENTS = (("strike", 0.05), ("toe off", 0.12))
+MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
+# Numbers that files lie with.
+WORDS = (
+    *("", "NULL", "NaN", "inf", "-1", "0", "1e300", "-1e-320", "99999999999999999999", "1,5"),
+    *("4294967295", "65536", "2147483648", "0x10", "1_000", "\u0663", "True", '"', "EXT", "\0"),
+)
+NUMBERS = (
+    0,
+    1,
+    2,
+    127,
+    128,
+    255,
+    32767,
+    32768,
+    65535,
+    2**31 - 1,
+    2**31,
+    2**32 - 1,
+    2**63,
+    2**64 - 1,
+)
+
+
+def corpus():
+    """Sound files: the key is a name with the format's suffix, the value the bytes."""
+    with TemporaryDirectory() as folder:
+        return {**_texts(), **_binaries(Path(folder))}
+
+
+def _texts():
+    positions = standing(N_FRAMES)
+    positions[3:5, 1] = 0.0
+    event = {"EVENT": "strike\t6\t0.05000\r\nEVENT\ttoe off\t13\t0.12000"}
+    bare = ["\t".join(["Time", *(c[:-2] + c[-1] for c in columns())])]
+    bare += [row.split("\t", 1)[1] for row in data_rows(positions)]
+    texts = {
+        "whole.tsv": qtm_text(positions, header=event),
+        "no_columns.tsv": qtm_text(positions, column_row=False, line_end="\n"),
+        "no_counters.tsv": qtm_text(positions, counters=False),
+        "external.tsv": qtm_text(positions, frequency="EXT"),
+        "bare.txt": "\n".join(bare) + "\n",
+        "mm.trc": trc_text(positions, NAMES),
+        "m.trc": trc_text(positions / 1000, NAMES, unit="m", blank=False, tab="\t"),
+    }
+    return {name: text.encode() for name, text in texts.items()}
+
+
+def _binaries(folder):
+    positions = standing(N_FRAMES)
+    positions[3:5, 1] = np.nan
+    time = np.arange(N_FRAMES) / 100
+    events = tuple(Event(*event) for event in EVENTS)
+    raw = RawRecording(NAMES, time, positions, 100.0, "mm", events=events, stated_up="z")
+    for processor in ("Intel", "DEC", "MIPS"):
+        write_c3d(folder / f"{processor.lower()}.c3d", raw, processor=processor)
+    write_c3d(folder / "whole_numbers.c3d", raw, whole_numbers=True)
+    struct = qtm_struct(positions, NAMES, events=EVENTS)
+    write_mat5(folder / "plain.mat", struct)
+    write_mat5(folder / "compressed.mat", struct, compressed=True)
+    write_mat73(folder / "hdf5.mat", struct)
+    roles = ("body",) * 3 + ("foot",) * 2
+    own = Recording("trial", time, positions / 1000, NAMES, roles, 100.0, events=events)
+    write_recording(folder / "own.h5", own)
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def damaged(data, rng, *, text):
+    """One to three seeded damages, one after the other."""
+    kinds = ANYWHERE + (IN_TEXT if text else IN_NUMBERS)
+    for _ in range(rng.integers(1, 4)):
+        data = kinds[rng.integers(len(kinds))](data, rng)
+    return data
+
+
+def _place(data, rng):
+    """A byte: half of the time among the first 2,000, where headers stand."""
+    most = len(data) if rng.random() < 0.5 else min(len(data), 2000)
+    return int(rng.integers(most)) if most else 0
+
+
+def flip(data, rng):
+    changed = bytearray(data)
+    for _ in range(rng.integers(1, 9)):
+        if changed:
+            changed[_place(data, rng)] = rng.integers(256)
+    return bytes(changed)
+
+
+def truncate(data, rng):
+    return data[: _place(data, rng)]
+
+
+def extend(data, rng):
+    more = rng.bytes(int(rng.integers(1, 600)))
+    return data + (more if rng.random() < 0.5 else b"\0" * len(more))
+
+
+def delete(data, rng):
+    at = _place(data, rng)
+    return data[:at] + data[at + int(rng.integers(1, 64)) :]
+
+
+def repeat(data, rng):
+    at, length = _place(data, rng), int(rng.integers(1, 64))
+    return data[: at + length] + data[at:]
+
+
+def lie(data, rng):
+    """A whole number or float of any width at any place."""
+    at, width = _place(data, rng), int(rng.choice([1, 2, 4, 8]))
+    order = "little" if rng.random() < 0.7 else "big"
+    number = (NUMBERS[rng.integers(len(NUMBERS))] % 256**width).to_bytes(width, order)
+    if rng.random() < 0.3:
+        special = rng.choice([np.nan, np.inf, -1.0, 1e38, 0.0])
+        number = np.float32(special).tobytes() if width < 8 else np.float64(special).tobytes()
+    return data[:at] + number + data[at + len(number) :]
+
+
+def lie_in_words(data, rng):
+    """One field of one line replaced by a word."""
+    lines = data.split(b"\n")
+    i = int(rng.integers(min(len(lines), 14) if rng.random() < 0.6 else len(lines)))
+    fields = lines[i].split(b"\t")
+    fields[rng.integers(len(fields))] = WORDS[rng.integers(len(WORDS))].encode()
+    return b"\n".join([*lines[:i], b"\t".join(fields), *lines[i + 1 :]])
+
+
+def move_line(data, rng):
+    lines = data.split(b"\n")
+    line = lines.pop(int(rng.integers(len(lines))))
+    for _ in range(rng.integers(3)):  # gone, moved, or there twice
+        lines.insert(int(rng.integers(len(lines) + 1)), line)
+    return b"\n".join(lines)
+
+
+ANYWHERE = (flip, truncate, extend, delete, repeat)
+IN_TEXT = (lie_in_words, lie_in_words, lie_in_words, move_line, move_line)
+IN_NUMBERS = (lie, lie, lie, lie)
+
+
+def read(path):
+    """What a user sees: the recording, checked, or the message of the error.
+
+    Whatever else is raised goes through; a recording that cannot be one is an AssertionError.
+    """
+    rate_hz = 100.0 if "EXT" in path.read_text("latin-1")[:400] else None
+    try:
+        recording, _ = import_recording(path, name="trial", markers=MARKERS, rate_hz=rate_hz)
+        check_plausible(recording)
+    except RecordingError as error:
+        message = str(error)
+        assert message.startswith(str(path)), f"no file named: {message}"
+        assert "\n" not in message, f"more than one line: {message}"
+        assert "expected" in message, f"nothing expected: {message}"
+        assert "found" in message, f"nothing found: {message}"
+        return message
+    assert recording.positions.shape == (len(recording.time), len(recording.markers), 3)
+    assert np.isfinite(recording.time).all()
+    assert not np.isinf(recording.positions).any()
+    assert recording.rate_hz > 0
+    return recording
+
+
+def case(sound, names, seed, number):
+    """Name and bytes of damaged file `number`: the corpus in turn, each with its own seed."""
+    name = names[number % len(names)]
+    rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, number])))
+    return name, damaged(sound[name], rng, text=Path(name).suffix in (".tsv", ".txt", ".trc"))

@@ -1,0 +1,197 @@
+"""Planted faults are found with their frame, and clean recordings show none."""
+
+import numpy as np
+import pytest
+from made_up_hopper import (
+    MARKERS,
+    hopping,
+    with_frozen,
+    with_gap,
+    with_spike,
+    with_swap,
+)
+
+from hopdata.commands.listing import listing
+from hopdata.errors import RecordingError
+from hopdata.recordings.quality.inspection import inspect_recording
+from hopdata.recordings.quality.roles import guess_roles
+from hopdata.recordings.raw import RawRecording
+
+
+def faults(positions, rate_hz=100.0):
+    time = np.arange(len(positions)) / rate_hz
+    return inspect_recording(RawRecording(MARKERS, time, positions, rate_hz, "m")).faults
+
+
+def gappy(positions, seed, *, each=5, longest=40):
+    rng = np.random.default_rng(seed)
+    for marker in MARKERS:
+        for start in rng.integers(0, len(positions) - longest, each):
+            positions = with_gap(positions, marker, start, start + rng.integers(1, longest))
+    return positions
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("rate_hz", "noise_m"), [(50, 1e-3), (100, 6e-4), (300, 3e-4)])
+def test_a_clean_recording_shows_none_with_gaps_or_without(seed, rate_hz, noise_m):
+    _, positions = hopping(seed, rate_hz=rate_hz, noise_m=noise_m)
+    assert faults(positions, rate_hz).count == 0
+    assert faults(gappy(positions, seed), rate_hz).count == 0
+
+
+def test_the_sample_shows_none(sample_path):
+    from hopdata.recordings.importing import read_raw
+
+    assert inspect_recording(read_raw(sample_path)).n_problems == 0
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("length", [1, 2, 3, 10, 200])
+def test_a_swap_is_found_with_markers_and_frames(seed, length):
+    rng = np.random.default_rng(seed)
+    one, other = rng.choice(MARKERS[:6], 2, replace=False)
+    start = int(rng.integers(100, 1500))
+    found = faults(with_swap(hopping(10 + seed)[1], one, other, start, start + length))
+    assert found.count == 1
+    (swap,) = found.swaps
+    assert set(swap.markers) == {one, other}
+    assert (swap.start, swap.stop) == (start, start + length)
+    assert "continuity" in swap.found_by
+
+
+@pytest.mark.parametrize(
+    ("pair", "gap"),
+    [
+        (("hip1", "hip2"), 5),
+        (("hip1", "hip2"), 70),
+        (("hip1", "toe1"), 5),
+        (("hip1", "toe1"), 70),
+        (("toe2", "toe3"), 5),
+    ],
+)
+def test_a_swap_that_begins_and_ends_in_gaps(pair, gap):
+    """After a long gap only the distances of a rigid cluster can tell."""
+    start, stop = 700, 1000
+    positions = with_swap(hopping(3)[1], *pair, start, stop)
+    for end in (start, stop):
+        for marker in pair:
+            positions = with_gap(positions, marker, end - gap, end)
+    found = faults(positions)
+    assert found.count == 1
+    (swap,) = found.swaps
+    assert set(swap.markers) == set(pair)
+    assert swap.start == start
+    assert stop - gap <= swap.stop <= stop
+    assert ("continuity" in swap.found_by) == (gap == 5)
+
+
+def test_a_swap_inside_a_rigid_cluster_is_seen_by_both_tests():
+    (swap,) = faults(with_swap(hopping(3)[1], "hip1", "hip2", 500, 600)).swaps
+    assert swap.found_by == ("continuity", "pair distances")
+
+
+def test_names_that_never_come_back():
+    found = faults(with_swap(hopping(4)[1], "toe1", "toe2", 1500, 2000))
+    (swap,) = found.swaps
+    assert (swap.start, swap.stop) == (1500, None)
+    assert found.count == 1
+
+
+def test_three_names_that_go_round():
+    positions = hopping(5)[1]
+    feet = [MARKERS.index(f"toe{i}") for i in (1, 2, 3)]
+    turned = positions.copy()
+    turned[800:900, feet] = positions[800:900][:, [feet[1], feet[2], feet[0]]]
+    found = faults(turned)
+    (swap,) = found.swaps
+    assert set(swap.markers) == {"toe1", "toe2", "toe3"}
+    assert (swap.start, swap.stop) == (800, 900)
+    assert found.count == 1
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 3])
+@pytest.mark.parametrize("marker", ["hip2", "toe1", "post"])
+def test_a_spike_is_found_and_nothing_else(marker, n_frames):
+    found = faults(with_spike(hopping(6)[1], marker, 777, 0.05, n_frames=n_frames))
+    (spike,) = found.spikes
+    assert (spike.marker, spike.start, spike.stop) == (marker, 777, 777 + n_frames)
+    assert spike.size == pytest.approx(0.05, rel=0.4 if n_frames == 1 else 1.4)
+    assert found.count == 1
+
+
+def test_a_jump_is_no_spike():
+    positions = hopping(7)[1]
+    positions[900:, MARKERS.index("hip3")] += [0.04, 0.0, 0.03]
+    found = faults(positions)
+    (jump,) = found.jumps
+    assert (jump.marker, jump.frame) == ("hip3", 900)
+    assert jump.size == pytest.approx(0.05, rel=0.3)
+    assert found.count == 1
+
+
+@pytest.mark.parametrize("marker", ["hip1", "toe3", "post"])
+def test_a_frozen_marker_is_found_with_its_frames(marker):
+    found = faults(with_frozen(hopping(8)[1], marker, 1200, 1215))
+    (frozen,) = found.frozen
+    assert (frozen.marker, frozen.start, frozen.stop) == (marker, 1200, 1215)
+    assert found.count == 1
+
+
+def test_repeats_by_rounding_are_no_frozen_marker():
+    """In a file of whole millimetres a resting foot repeats its place again and again."""
+    positions = np.round(hopping(9, noise_m=2e-4)[1], 3)
+    repeats = np.all(np.diff(positions[:, MARKERS.index("toe1")], axis=0) == 0, axis=1)
+    assert repeats.sum() > 200
+    assert faults(positions).frozen == ()
+    coarse = with_frozen(positions, "hip1", 500, 530)
+    assert [f.marker for f in faults(coarse).frozen] == ["hip1"]
+
+
+def test_dropped_frames_are_no_jumps():
+    time, positions = hopping(11)
+    kept = np.delete(np.arange(len(time)), slice(1000, 1010))
+    raw = RawRecording(MARKERS, time[kept], positions[kept], 100.0, "m")
+    inspection = inspect_recording(raw)
+    assert inspection.faults.count == 0
+    assert inspection.timing.n_dropped == 10
+    assert inspection.n_problems == 1
+
+
+def test_a_marker_never_seen_is_told():
+    positions = with_gap(hopping(12)[1], "toe2", 0, 2000)
+    found = faults(positions)
+    assert found.never_seen == ("toe2",)
+    assert found.count == 1
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 3, 4, 7])
+def test_a_few_frames_are_measured_without_error(n_frames):
+    assert faults(hopping(13, n_frames=200)[1][:n_frames]).swaps == ()
+
+
+@pytest.mark.parametrize("shape", [(0, 7), (5, 0)])
+def test_nothing_to_measure_is_refused(shape):
+    raw = RawRecording(
+        MARKERS[: shape[1]], np.arange(shape[0]) / 100, np.zeros((*shape, 3)), 100.0, "m"
+    )
+    with pytest.raises(RecordingError, match="expected frames and markers"):
+        inspect_recording(raw)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kind", ["unseen", "constant", "infinite", "huge", "sparse", "equal"])
+def test_absurd_positions_are_measured_without_error_or_warning(kind):
+    rng = np.random.default_rng(1)
+    positions = rng.normal(size=(300, 7, 3))
+    absurd = {
+        "unseen": np.full_like(positions, np.nan),
+        "constant": np.ones_like(positions),
+        "infinite": np.where(rng.random(positions.shape) < 0.1, np.inf, positions),
+        "huge": 1e300 * positions,
+        "sparse": np.where(rng.random((300, 7, 1)) < 0.7, np.nan, positions),
+        "equal": np.repeat(positions[:, :1], 7, axis=1),
+    }[kind]
+    raw = RawRecording(MARKERS, np.arange(300) / 100.0, absurd, 100.0, "m")
+    inspection = inspect_recording(raw)
+    guess_roles(inspection)
+    assert "7: hip1" in listing(inspection, "absurd")

@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+from made_up_hopper import MARKERS, hopping
+
+from hopdata.recordings.quality.inspection import inspect_recording
+from hopdata.recordings.quality.names import part_by_name
+from hopdata.recordings.quality.roles import guess_roles
+from hopdata.recordings.raw import RawRecording
+
+
+def roles(positions, markers=MARKERS, rate_hz=100.0):
+    raw = RawRecording(markers, np.arange(len(positions)) / rate_hz, positions, rate_hz, "m")
+    return guess_roles(inspect_recording(raw))
+
+
+@pytest.mark.parametrize(
+    ("name", "part"),
+    [
+        ("R_mt1", "foot"),
+        ("L.Heel.Top", "foot"),
+        ("FOOT3", "foot"),
+        ("RToe", "foot"),
+        ("hip left", "body"),
+        ("R.ASIS", "body"),
+        ("body1", "body"),
+        ("LPSI", "body"),
+        ("boom", "boom"),
+        ("R.Shank.Top.Medial", ""),
+        ("Marker 7", ""),
+        ("", ""),
+    ],
+)
+def test_part_by_name(name, part):
+    assert part_by_name(name) == part
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_roles_by_motion_alone(seed):
+    order = np.random.default_rng(seed).permutation(7)
+    names = tuple(f"Marker {i}" for i in range(7))
+    found = roles(hopping(seed)[1][:, order], names)
+    part = {MARKERS[m]: names[i] for i, m in enumerate(order)}
+    assert set(found.body) == {part[f"hip{i}"] for i in (1, 2, 3)}
+    assert set(found.feet) == {part[f"toe{i}"] for i in (1, 2, 3)}
+    assert found.boom == (part["post"],)
+    assert "fixed in the world" in found.reasons["boom"]
+    assert "rest near the floor" in found.reasons["feet"]
+    assert found.problems == ()
+
+
+def test_the_file_s_order_is_kept():
+    found = roles(hopping(1)[1])
+    assert found.body == ("hip1", "hip2", "hip3")
+    assert found.feet == ("toe1", "toe2", "toe3")
+    assert found.other_feet == ()
+
+
+def test_the_sample_s_roles_are_those_of_its_configuration(sample_path):
+    from hopdata.config import load_config
+    from hopdata.recordings.importing import read_raw
+
+    config = load_config(sample_path.parents[2] / "config/config.yaml", check_files=False)
+    found = guess_roles(inspect_recording(read_raw(sample_path)))
+    assert {k: list(getattr(found, k)) for k in ("body", "feet", "boom")} == config["markers"]
+
+
+def test_a_runner_s_right_foot_and_pelvis(external_recording):
+    from hopdata.recordings.importing import read_raw
+
+    found = guess_roles(inspect_recording(read_raw(external_recording)))
+    assert found.body == ("body1", "body2", "body3")
+    assert found.feet == ("R_heel", "R_mt1", "R_mt5")
+    assert found.other_feet == (("L_heel", "L_mt1", "L_mt5"),)
+
+
+def test_without_feet_it_says_what_is_missing():
+    found = roles(hopping(2)[1][:, [0, 1, 2, 6]], ("hip1", "hip2", "hip3", "post"))
+    assert found.feet == ()
+    assert found.body == ("hip1", "hip2", "hip3")
+    (problem,) = found.problems
+    assert problem.startswith("markers.feet: expected two markers or more")
+
+
+def test_without_a_body_it_says_what_is_missing():
+    found = roles(hopping(3)[1][:, 3:6], MARKERS[3:6])
+    assert found.body == ()
+    assert any(problem.startswith("markers.body: expected") for problem in found.problems)

@@ -1,0 +1,42 @@
+"""Damaged files of all formats: a slice of what benchmarks/damaged_files.py reads."""
+
+import warnings
+
+import pytest
+from damage import case, corpus, read
+
+SEED, N_FILES = 5, 1050
+
+
+@pytest.fixture(scope="module")
+def sound():
+    return corpus()
+
+
+def test_the_files_are_sound_before_they_are_damaged(sound, tmp_path):
+    assert len(sound) == 15
+    for name, data in sound.items():
+        (tmp_path / name).write_bytes(data)
+        recording = read(tmp_path / name)
+        assert not isinstance(recording, str), f"{name}: {recording}"
+        assert len(recording.time) == 24
+
+
+@pytest.mark.parametrize("part", range(5))
+def test_a_damaged_file_gives_a_recording_or_a_message(sound, tmp_path, part):
+    names, refused = list(sound), 0
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # nor a warning of another library
+        for number in range(part, N_FILES, 5):
+            name, data = case(sound, names, SEED, number)
+            path = tmp_path / name
+            path.write_bytes(data)
+            refused += isinstance(read(path), str)  # any other error fails the test
+    assert 0 < refused < N_FILES / 5
+
+
+def test_the_same_seed_gives_the_same_damage(sound):
+    names = list(sound)
+    assert corpus() == sound
+    assert case(sound, names, SEED, 7) == case(corpus(), names, SEED, 7)
+    assert case(sound, names, SEED, 7) != case(sound, names, SEED + 1, 7)
