@@ -151,6 +151,11 @@ def test_filled_gaps_with_the_marker_most_often_unseen_first():
     assert table.rows[0][3:] == ("3", "0.50", "70", "7.00", "20", "50")
     assert "78" in table.note
     assert "28" in table.note
+    resting = touchdowns().assign(filled_share=0.0)
+    resting.loc[~resting["excluded"], "filled_share"] = 0.1
+    used = int((~resting["excluded"]).sum())
+    assert f"{used} of {used} touchdowns" in landing_tables.filled_table(filled(), resting).note
+    assert landing_tables.filled_table(filled(), touchdowns()).note == table.note
     assert landing_tables.filled_table(None) is None
     assert landing_tables.filled_table(filled().iloc[2:]) is None
 

@@ -55,7 +55,9 @@ def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> Table | None:
     return Table("Recordings", (*head, "seen (%)"), rows, text_columns=2) if rows else None
 
 
-def filled_table(filled: pd.DataFrame | None) -> Table | None:
+def filled_table(
+    filled: pd.DataFrame | None, touchdowns: pd.DataFrame | None = None
+) -> Table | None:
     """One row a marker with gaps, those most often unseen first; None if there are no gaps."""
     if filled is None or filled.empty or not (filled["gaps"] > 0).any():
         return None
@@ -79,7 +81,7 @@ def filled_table(filled: pd.DataFrame | None) -> Table | None:
         "" if len(gappy) <= MOST_GAPPY else f"; {len(gappy) - MOST_GAPPY} more in tables/filled.csv"
     )
     head = ("recording", "marker", "part", "gaps", "longest (s)", "frames missing", "missing (%)")
-    note = f"{total} filled in{shown}."
+    note = f"{total} filled in{_resting(touchdowns)}{shown}."
     return Table(
         "Gaps and what was filled of them",
         (*head, "filled in", "left"),
@@ -87,6 +89,15 @@ def filled_table(filled: pd.DataFrame | None) -> Table | None:
         text_columns=3,
         note=note,
     )
+
+
+def _resting(touchdowns: pd.DataFrame | None) -> str:
+    """Say how many of the touchdowns used rest on places that were filled in."""
+    if touchdowns is None or "filled_share" not in touchdowns:
+        return ""
+    used = touchdowns[~excluded(touchdowns)]
+    resting = count((used["filled_share"] > 0).sum())
+    return f"; {resting} of {count(len(used))} touchdowns used rest on some of these"
 
 
 def floor_table(floors: Mapping[str, Mapping[str, Any]]) -> Table | None:
