@@ -155,9 +155,13 @@ REPLACED = {
         "2: recordings: expected a list of at least 1 entry, found 'one.tsv'; "
         "write each entry in a line of its own, such as '- name: ...'",
     ),
-    "recordings: two files in one": (
+    "recordings: a number for a file": (
+        ("file: one.tsv", "file: 12"),
+        "4: recordings[0].file: expected text or a list, or null, found 12",
+    ),
+    "recordings: a second file that is not there": (
         ("file: one.tsv", "file: [one.tsv, two.tsv]"),
-        "4: recordings[0].file: expected text, or null, found 2 (one.tsv, two.tsv)",
+        "4: recordings[0].file[1]: expected a file, found no 'two.tsv'; did you mean 'one.tsv'?",
     ),
     "recordings: another key": (
         ("file: one.tsv", "path: one.tsv"),

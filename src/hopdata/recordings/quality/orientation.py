@@ -80,6 +80,8 @@ def _up(raw: RawRecording, fall: FreeFall) -> Guess:
     direction, flatness, following = flattest_direction(raw.positions)
     if flatness < FLAT and CLEARER * flatness < following:
         return Guess(direction, "markers come to rest at their lowest along it, as on a floor")
+    if raw.stated_up:
+        return Guess(raw.stated_up, "the file says so; nothing falls freely that would show it")
     return Guess(
         "z", "nothing falls freely and nothing rests at a lowest place: only usual", is_sure=False
     )
