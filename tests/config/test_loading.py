@@ -385,6 +385,7 @@ def listed(value):
 STAGES = {
     "input": ("hopdata.recordings.importing", "import_recording", set()),
     "floor": ("hopdata.landings.floor", "fit_floor", set()),
+    "filling": ("hopdata.landings.filling", "fill_gaps", {"largest_share"}),
     "sections": ("hopdata.landings.sections", "select_sections", {"grid_nodes"}),
     "touchdowns": ("hopdata.landings.touchdowns", "touchdown_table", set()),
     "states": ("hopdata.landings.pairs", "assemble_pairs", set()),
@@ -414,6 +415,7 @@ def test_the_keys_of_a_section_are_the_options_of_its_stage(section):
     [
         ("touchdowns", "method", "hopdata.landings.contacts", "METHODS"),
         ("touchdowns", "gravity", "hopdata.landings.contacts", "GRAVITIES"),
+        ("filling", "method", "hopdata.landings.filling", "METHODS"),
         ("touchdowns", "ambiguous", "hopdata.landings.touchdowns", "TREATMENTS"),
         ("states", "method", "hopdata.landings.states", "METHODS"),
         ("states", "gravity", "hopdata.landings.states", "GRAVITIES"),

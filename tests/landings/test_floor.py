@@ -256,3 +256,15 @@ def test_a_perfect_fit_is_silent():
     rounded = flat.positions.round(4)
     floor = fit_floor(replace(flat, positions=rounded))
     assert np.abs(floor.height(*rounded[::50, 3, :2].T)).max() < 1e-4
+
+
+@pytest.mark.parametrize("height_m", [0.008, 0.015])
+def test_a_foot_that_hangs_low_for_half_of_the_run_does_no_harm(bent, height_m):
+    positions = bent.positions.copy()
+    low = positions[:, 3, 2] - curved(*positions[:, 3, :2].T) - MOUNTS[0] < 0.003
+    positions[low & (bent.time > 0.5 * bent.time[-1]), 3, 2] += height_m
+    floor = fit_floor(replace(bent, positions=positions))
+    assert floor_error(floor).std() < 2e-4
+    np.testing.assert_allclose(floor.foot_offsets_m, MOUNTS - MOUNTS.mean(), atol=2e-4)
+    assert "f1 rests above the floor" in floor.note
+    assert floor.n_outliers > 0.1 * floor.n_points

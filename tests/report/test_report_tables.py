@@ -143,6 +143,27 @@ def test_what_is_missing_has_no_table():
     assert result_tables.truth_table({}) is None
 
 
+def filled():
+    columns = ["marker", "gaps", "longest_s", "missing", "filled", "left"]
+    rows = [("b1", 2, 0.05, 8, 8, 0), ("b2", 3, 0.5, 70, 20, 50), ("b3", 0, 0.0, 0, 0, 0)]
+    return pd.DataFrame(rows, columns=columns).assign(recording="hopper", role="body", frames=1000)
+
+
+def test_filled_gaps_with_the_marker_most_often_unseen_first():
+    table = landing_tables.filled_table(filled())
+    assert [row[1] for row in table.rows] == ["b2", "b1"]
+    assert table.rows[0][3:] == ("3", "0.50", "70", "7.00", "20", "50")
+    assert "78" in table.note
+    assert "28" in table.note
+    resting = touchdowns().assign(filled_share=0.0)
+    resting.loc[~resting["excluded"], "filled_share"] = 0.1
+    used = int((~resting["excluded"]).sum())
+    assert f"{used} of {used} touchdowns" in landing_tables.filled_table(filled(), resting).note
+    assert landing_tables.filled_table(filled(), touchdowns()).note == table.note
+    assert landing_tables.filled_table(None) is None
+    assert landing_tables.filled_table(filled().iloc[2:]) is None
+
+
 def test_ambiguous_touchdowns_are_counted_by_schedule():
     data = touchdowns()
     assert {row[2] for row in landing_tables.schedules_table(data).rows} == {"\N{EM DASH}"}

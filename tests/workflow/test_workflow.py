@@ -211,6 +211,25 @@ def test_the_dissertation_s_study_simulates_its_recordings_apart(sample, study):
     assert len(jobs) == 4
 
 
+@pytest.mark.parametrize(
+    ("body", "filling", "fills"),
+    [(3, {}, False), (4, {}, True), (4, {"longest_s": 0}, False), (3, {"method": "cubic"}, True)],
+)
+def test_gaps_are_filled_only_where_they_can_be(tmp_path, body, filling, fills):
+    folder = copy_checkout(tmp_path)
+
+    def simulate(config):
+        config["recordings"] = [{"name": "hopper"}]
+        config["markers"]["body"] = [f"body{i + 1}" for i in range(body)]
+        places = [[0.13, 0.03, 0.05], [-0.08, 0.11, 0.075], [-0.07, -0.14, 0.055], [0.0, 0.0, 0.1]]
+        config["motion_capture"] = {"markers": {"body_m": places[:body]}}
+        config["filling"] = filling
+
+    planned = planned_rules(folder, "--configfile", edit_config(folder, simulate))
+    assert ("fill" in planned) == fills
+    assert ("filled" in planned) == fills
+
+
 def test_a_small_study_of_a_control_runs_to_a_report(sample):
     def shorten(config):
         config["study"] = "small"

@@ -17,6 +17,8 @@ BENCHMARK_TABLES = {
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
     "animals": ["animals.csv"],
+    "filling": ["filling.csv"],
+    "floor_faults": ["floor_faults.csv"],
     "reading": ["reading.csv", "reading_agreement.csv"],
     "damaged_files": ["damaged_files.csv"],
     "recording_faults": ["recording_faults.csv"],

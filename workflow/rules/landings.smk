@@ -16,10 +16,45 @@ rule level:
         "../scripts/level.py"
 
 
+if FILLS:
+
+    rule fill:
+        """Fill short gaps of the body markers, and mark what was filled."""
+        input:
+            recording=rules.level.output.recording,
+        output:
+            recording=READY,
+        log:
+            f"{RESULTS}/logs/fill_{{recording}}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/fill_{{recording}}.tsv"
+        params:
+            longest_s=STUDY["filling"]["longest_s"],
+            method=STUDY["filling"]["method"],
+            code=code("fill"),
+        script:
+            "../scripts/fill.py"
+
+    rule filled:
+        """Gaps of every marker, and what was filled of them."""
+        input:
+            recordings=each_recording(READY),
+        output:
+            filled=f"{RESULTS}/tables/filled.csv",
+        log:
+            f"{RESULTS}/logs/filled.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/filled.tsv"
+        params:
+            code=code("filled"),
+        script:
+            "../scripts/filled.py"
+
+
 rule sections:
     """Choose the Poincare sections before and after touchdown from all recordings."""
     input:
-        recordings=each_recording(f"{RESULTS}/level/{{recording}}.h5"),
+        recordings=each_recording(READY),
     output:
         sections=f"{RESULTS}/landings/sections.json",
         densities=f"{RESULTS}/tables/section_densities.csv",
@@ -38,7 +73,7 @@ rule sections:
 rule touchdowns:
     """Contact instants, mode schedules and exclusions of one recording."""
     input:
-        recording=f"{RESULTS}/level/{{recording}}.h5",
+        recording=READY,
         sections=rules.sections.output.sections,
     output:
         touchdowns=f"{RESULTS}/landings/{{method}}/{{recording}}.csv",
@@ -48,6 +83,7 @@ rule touchdowns:
         f"{RESULTS}/benchmarks/touchdowns_{{method}}_{{recording}}.tsv"
     params:
         options=STUDY["touchdowns"],
+        largest_share=STUDY["filling"]["largest_share"],
         code=code("touchdowns"),
     script:
         "../scripts/touchdowns.py"
@@ -56,7 +92,7 @@ rule touchdowns:
 rule pairs:
     """States at the two sections in each touchdown's home frame, and the table of touchdowns."""
     input:
-        recordings=each_recording(f"{RESULTS}/level/{{recording}}.h5"),
+        recordings=each_recording(READY),
         touchdowns=each_recording(f"{RESULTS}/landings/{METHOD}/{{recording}}.csv"),
         sections=rules.sections.output.sections,
     output:
@@ -80,7 +116,7 @@ rule quality:
     """Whether the recordings and their landings are to be trusted."""
     input:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
-        levelled=each_recording(f"{RESULTS}/level/{{recording}}.h5"),
+        levelled=each_recording(READY),
         sections=rules.sections.output.sections,
         touchdowns=rules.pairs.output.touchdowns,
     output:

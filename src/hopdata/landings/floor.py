@@ -10,12 +10,19 @@ that each keep to a place of their own, since a slope is then the same as a moun
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.floor_regression import RIM_DIRECTIONS, regress_floor, robust_rms
+from hopdata.landings.floor_regression import (
+    RIM_DIRECTIONS,
+    floor_columns,
+    regress_floor,
+    robust_rms,
+)
+from hopdata.landings.raised import raised_rests
 from hopdata.landings.rest import RestPoints, rest_points, thinned
 from hopdata.landings.surface import FloorModel, polynomial_terms, rim_of
 from hopdata.recordings.recording import Recording
@@ -24,6 +31,7 @@ __all__ = ["FloorModel", "fit_floor", "level"]
 
 FloatArray = NDArray[np.float64]
 
+NOTED_SHARE = 0.05  # of a foot's rests, above the floor, from which that is told
 _OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
 
 
@@ -73,8 +81,9 @@ def fit_floor(
 
     Notes
     -----
-    Dissertation Sec. 2.2.1 (compensation of the slight curvature of the floor). Robust
-    regression by iteratively reweighted least squares: `statsmodels.api.RLM`.
+    Dissertation Sec. 2.2.1 (compensation of the slight curvature of the floor). Rests
+    above the floor are left out (`hopdata.landings.raised`), then robust regression by iteratively
+    reweighted least squares: `statsmodels.api.RLM`.
     """
     if not 0 <= degree <= 8:
         raise ValueError(f"degree: expected 0 to 8, found {degree}")
@@ -87,18 +96,21 @@ def fit_floor(
     rest = thinned(rest, max_points)
     centre, scale = _centre_and_scale(rest.points[:, :2])
     scaled = (rest.points[:, :2] - centre) / scale
-    near = np.full(len(rest.foot), True)
-    for _ in range(2):  # the second time near the floor that the first has found
-        fit = regress_floor(
-            rest,
-            scaled,
-            near,
-            degree=degree,
-            norm=norm,
-            largest_error_m=largest_error_m,
-            independent_share=min(1.0, n_steps / len(rest.foot)),
-        )
-        used, near = near, np.abs(fit.residuals) <= rest_band_m
+    regress = partial(
+        regress_floor,
+        rest,
+        scaled,
+        degree=degree,
+        norm=norm,
+        largest_error_m=largest_error_m,
+        independent_share=min(1.0, n_steps / len(rest.foot)),
+    )
+    first = regress(np.full(len(rest.foot), True))
+    columns = floor_columns(rest, scaled, first.terms)
+    raised = raised_rests(rest.points[:, 2], columns, band_m=rest_band_m)
+    used = (np.abs(first.residuals) <= rest_band_m) & ~raised
+    fit = regress(used)
+    raised &= np.abs(fit.residuals) <= rest_band_m
     rms = robust_rms(fit.residuals[used])
     inlier = used & (np.abs(fit.residuals) <= _OUTLIER_SIGMAS * rms)
     return FloorModel(
@@ -110,13 +122,14 @@ def fit_floor(
         feet=recording.names("foot"),
         foot_offsets_m=fit.offsets_m,
         residual_rms_m=rms,
-        n_points=int(used.sum()),
-        n_outliers=int(used.sum() - inlier.sum()),
+        n_points=int((used | raised).sum()),
+        n_outliers=int((used | raised).sum() - inlier.sum()),
         degree=fit.degree,
         degree_wanted=degree,
-        note=""
-        if fit.degree == degree
-        else f"the feet at rest do not fix a floor of degree {degree} to {largest_error_m:g} m",
+        note="; ".join(
+            _raised_notes(recording, rest, raised)
+            + _degree_notes(fit.degree, degree, largest_error_m)
+        ),
     )
 
 
@@ -148,6 +161,24 @@ def _centre_and_scale(places: FloatArray) -> tuple[FloatArray, float]:
     """Middle of the ground stepped on, (2,), and half of its longer side, m."""
     low, high = np.quantile(places, [0.005, 0.995], axis=0)
     return 0.5 * (low + high), max(0.5 * float(np.max(high - low)), 1e-3)
+
+
+def _raised_notes(recording: Recording, rest: RestPoints, raised: NDArray[np.bool_]) -> list[str]:
+    """Say which feet often rest above the floor."""
+    names = recording.names("foot")
+    shares = [float(raised[rest.foot == foot].mean()) for foot in range(len(names))]
+    return [
+        f"{name} rests above the floor in {100 * share:.0f} % of its frames at rest, left out"
+        for name, share in zip(names, shares, strict=True)
+        if share >= NOTED_SHARE
+    ]
+
+
+def _degree_notes(found: int, wanted: int, largest_error_m: float) -> list[str]:
+    """Say why the degree is lower than asked for."""
+    if found == wanted:
+        return []
+    return [f"the feet at rest do not fix a floor of degree {wanted} to {largest_error_m:g} m"]
 
 
 def _require_rest(recording: Recording, rest: RestPoints, speed_m_s: float) -> None:

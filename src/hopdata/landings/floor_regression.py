@@ -82,7 +82,7 @@ def regress_floor(
     rim = within_rim(far, rim_of(scaled[near], RIM_DIRECTIONS))
     for tried in range(degree, -1, -1):
         terms = polynomial_terms(tried)
-        columns = np.hstack([design(scaled, terms), contrasts[rest.foot]])
+        columns = floor_columns(rest, scaled, terms)
         spread = _floor_spread(columns[near], design(rim, terms))
         if tried > 0 and not np.isfinite(spread):
             continue
@@ -94,6 +94,11 @@ def regress_floor(
     n_terms = len(terms)
     offsets = contrasts @ estimate[n_terms:]
     return FloorRegression(terms, estimate[:n_terms], offsets, residuals, tried)
+
+
+def floor_columns(rest: RestPoints, scaled: FloatArray, terms: Terms) -> FloatArray:
+    """Terms of the polynomial at places (P, 2), and contrasts of the mounts, (P, T + n - 1)."""
+    return np.hstack([design(scaled, terms), _sum_to_zero(len(rest.start_m))[rest.foot]])
 
 
 def robust_rms(residuals: FloatArray) -> float:

@@ -39,12 +39,13 @@ class FloorModel:
     residual_rms_m : float
         Robust deviation of the rest points from the model (1.4826 median |residual|), m.
     n_points, n_outliers : int
-        Rest points fitted, and those among them that the fit gave up.
+        Rest points near the floor, and those among them that the fit gave up, raised ones included.
     degree, degree_wanted : int
         Degree of the polynomial, and the one asked for: lower where the feet at rest do not
         cover enough ground.
     note : str
-        Why the degree is lower, or that no floor was asked for; else empty.
+        Which feet often rest above the floor, why the degree is lower, or that no floor was asked
+        for; else empty.
     """
 
     terms: Terms

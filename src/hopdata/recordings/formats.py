@@ -45,6 +45,8 @@ def _hdf5(path: Path, rate_hz: float | None) -> RawRecording:
     from hopdata.recordings.hdf5 import read_recording
 
     own = read_recording(path)
+    if own.filled is not None:  # what was filled in was not seen
+        own.positions[own.filled] = np.nan
     return RawRecording(
         own.markers,
         own.time,

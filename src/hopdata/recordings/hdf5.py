@@ -69,6 +69,7 @@ def read_recording(path: str | Path) -> Recording:
             **{key: text(file, key) for key in _TEXT_ATTRIBUTES},
             events=_read_events(file),
             remarks=stored_texts(file, "remarks") if "remarks" in file else (),
+            filled=numbers(file, "filled").astype(bool) if "filled" in file else None,
         )
         for key, values, choices in (
             ("roles", recording.roles, ROLES),
@@ -129,6 +130,8 @@ def _in_words(error: Exception) -> str:
 def _write_content(file: h5py.File, recording: Recording) -> None:
     _dataset(file, "time", recording.time)
     _dataset(file, "positions", recording.positions.astype(np.float32))
+    if recording.filled is not None:
+        _dataset(file, "filled", recording.filled)
     file.attrs["markers"] = list(recording.markers)
     file.attrs["roles"] = list(recording.roles)
     file.attrs["rate_hz"] = recording.rate_hz

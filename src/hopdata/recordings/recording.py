@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +43,8 @@ class Recording:
         Events marked in the file, on the same clock as `time`.
     remarks : tuple of str
         What the file said that did not hold and was put right, one line each.
+    filled : (N, M) bool array, optional
+        Positions that were not seen but filled in; None if no gaps were filled.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Recording:
     vertical_axis: str = "z"
     events: tuple[Event, ...] = ()
     remarks: tuple[str, ...] = ()
+    filled: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         n_frames, n_markers = len(self.time), len(self.markers)
@@ -68,6 +71,10 @@ class Recording:
             )
         if len(self.roles) != n_markers:
             raise ValueError(f"roles: expected {n_markers} entries, found {len(self.roles)}")
+        if self.filled is not None and self.filled.shape != (n_frames, n_markers):
+            raise ValueError(
+                f"filled: expected shape {(n_frames, n_markers)}, found {self.filled.shape}"
+            )
 
     def indices(self, role: str) -> list[int]:
         """Return indices of the markers with this role, in order."""
@@ -76,6 +83,13 @@ class Recording:
     def names(self, role: str) -> tuple[str, ...]:
         """Return names of the markers with this role, in order."""
         return tuple(self.markers[i] for i in self.indices(role))
+
+    def part(self, frames: slice) -> Recording:
+        """Return the recording of these frames alone."""
+        filled = None if self.filled is None else self.filled[frames]
+        return replace(
+            self, time=self.time[frames], positions=self.positions[frames], filled=filled
+        )
 
     @cached_property
     def body(self) -> FloatArray:

@@ -53,6 +53,8 @@ class ReportInputs:
         n_body, seen`` (share of the marker positions that were seen).
     touchdowns : DataFrame, optional
         The touchdown table of the study, excluded ones included.
+    filled : DataFrame, optional
+        ``filled.csv``, where gaps were filled: gaps of every marker, and what was filled of them.
     sections, units, provenance : mapping, optional
         Contents of ``sections.json``, ``units.json``, ``provenance.json``.
     floors : mapping
@@ -78,6 +80,7 @@ class ReportInputs:
     figures: Sequence[ReportFigure] = ()
     recordings: Sequence[Mapping[str, Any]] = ()
     touchdowns: pd.DataFrame | None = None
+    filled: pd.DataFrame | None = None
     sections: Mapping[str, Any] | None = None
     units: Mapping[str, Any] | None = None
     provenance: Mapping[str, Any] | None = None

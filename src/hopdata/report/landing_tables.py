@@ -33,6 +33,7 @@ DETAIL_NAMES = {
 }
 MOST_SCHEDULES = 24
 MOST_RECORDINGS = 6
+MOST_GAPPY = 24
 
 
 def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> Table | None:
@@ -52,6 +53,51 @@ def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> Table | None:
     )
     head = ("recording", "source", "frames", "duration (s)", "rate (Hz)", "feet", "body markers")
     return Table("Recordings", (*head, "seen (%)"), rows, text_columns=2) if rows else None
+
+
+def filled_table(
+    filled: pd.DataFrame | None, touchdowns: pd.DataFrame | None = None
+) -> Table | None:
+    """One row a marker with gaps, those most often unseen first; None if there are no gaps."""
+    if filled is None or filled.empty or not (filled["gaps"] > 0).any():
+        return None
+    gappy = filled[filled["gaps"] > 0].sort_values("missing", ascending=False, kind="stable")
+    rows = tuple(
+        (
+            str(row["recording"]),
+            str(row["marker"]),
+            str(row["role"]),
+            count(row["gaps"]),
+            fixed(row["longest_s"], 2),
+            count(row["missing"]),
+            fixed(100 * row["missing"] / row["frames"], 2),
+            count(row["filled"]),
+            count(row["left"]),
+        )
+        for row in gappy[:MOST_GAPPY].to_dict("records")
+    )
+    total = f"Of {count(gappy['missing'].sum())} missing places {count(gappy['filled'].sum())} were"
+    shown = (
+        "" if len(gappy) <= MOST_GAPPY else f"; {len(gappy) - MOST_GAPPY} more in tables/filled.csv"
+    )
+    head = ("recording", "marker", "part", "gaps", "longest (s)", "frames missing", "missing (%)")
+    note = f"{total} filled in{_resting(touchdowns)}{shown}."
+    return Table(
+        "Gaps and what was filled of them",
+        (*head, "filled in", "left"),
+        rows,
+        text_columns=3,
+        note=note,
+    )
+
+
+def _resting(touchdowns: pd.DataFrame | None) -> str:
+    """Say how many of the touchdowns used rest on places that were filled in."""
+    if touchdowns is None or "filled_share" not in touchdowns:
+        return ""
+    used = touchdowns[~excluded(touchdowns)]
+    resting = count((used["filled_share"] > 0).sum())
+    return f"; {resting} of {count(len(used))} touchdowns used rest on some of these"
 
 
 def floor_table(floors: Mapping[str, Mapping[str, Any]]) -> Table | None:

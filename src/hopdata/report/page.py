@@ -181,6 +181,7 @@ def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
         "faults": quality.faults_table(inputs.faults),
         "excluded": quality.excluded_table(inputs.touchdowns),
         "recordings": landing_tables.recordings_table(inputs.recordings),
+        "filled": landing_tables.filled_table(inputs.filled, inputs.touchdowns),
         "floor": landing_tables.floor_table(inputs.floors),
         "sections": landing_tables.sections_table(inputs.sections),
         "schedules": landing_tables.schedules_table(inputs.touchdowns),

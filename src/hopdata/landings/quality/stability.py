@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from hopdata.errors import AnalysisError
@@ -72,7 +71,7 @@ def _variants(
 def _half(recording: Recording, which: int) -> Recording:
     middle = len(recording.time) // 2
     part = slice(middle, None) if which else slice(middle)
-    return replace(recording, time=recording.time[part], positions=recording.positions[part])
+    return recording.part(part)
 
 
 def _row(kind: str, variant: str, found: Sections) -> tuple[str, str, float, float, float, str]:
