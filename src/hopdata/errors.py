@@ -24,7 +24,9 @@ class AnalysisError(HopdataError):
 
 def did_you_mean(name: str, choices: Iterable[str]) -> str:
     """Return ``"; did you mean 'x'?"`` for the nearest of `choices`, or an empty string."""
-    near = difflib.get_close_matches(name, list(choices), n=1, cutoff=0.5)
+    choices = list(choices)
+    near = [choice for choice in choices if choice.casefold() == name.casefold()]
+    near = near or difflib.get_close_matches(name, choices, n=1, cutoff=0.5)
     return f"; did you mean '{near[0]}'?" if near else ""
 
 

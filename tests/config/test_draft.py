@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import pytest
 import yaml
 
@@ -49,7 +51,21 @@ def test_every_value_is_read_back_as_it_was(value):
 
 @pytest.mark.parametrize(
     ("text", "name"),
-    [("monday", "monday"), ("day 1 (run)", "day-1-run"), ("..", "study"), ("_x_", "x")],
-)
+    [("monday", "monday"), ("day 1 (run)", "day-1-run"), ("..", "study"), ("_x_", "x"),
+     ("Läufer müde", "Laufer-mude"), ("跑", "study")],
+)  # fmt: skip
 def test_study_names_fit_the_schema(text, name):
     assert study_name(text) == name
+
+
+@pytest.mark.parametrize("name", ["2021-11-05", "0012", "no", "1e5", "null"])
+def test_names_that_yaml_takes_for_something_else_stay_names(name):
+    draft = replace(DRAFT, study=name, recording=name)
+    config = load_config(yaml.safe_load(draft_config(draft, path="x.yaml")), check_files=False)
+    assert config["study"] == config["recordings"][0]["name"] == name
+
+
+def test_the_commands_of_a_draft_can_be_pasted():
+    text = draft_config(DRAFT, path="my studies/x.yaml")
+    assert "hopdata check 'my studies/x.yaml'" in text
+    assert "--configfile 'my studies/x.yaml'" in text

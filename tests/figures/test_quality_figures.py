@@ -39,6 +39,13 @@ def test_sections_and_drift_are_drawn(recordings):
     assert text_faults(figure) == []
 
 
+@pytest.mark.parametrize("parts", [2, 4, 6])
+def test_long_names_of_parts_leave_the_letters_free(parts):
+    table = drift(parts)
+    table["part"] = [f"part {int(name[5:]) + 1} of {parts}" for name in table["part"]]
+    assert text_faults(stability_figure(stability(), table)) == []
+
+
 def test_a_variant_without_sections_says_none():
     left = stability_figure(stability(missing=True), drift()).axes[0]
     assert "none" in [text.get_text() for text in left.texts]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,10 +44,11 @@ def init(options: argparse.Namespace) -> int:
             print(f"  {key:5} {names}" + (f" ({reason})" if reason else ""))
     for remark in remarks:
         print(f"note: {remark}")
+    quoted = shlex.quote(str(out))
     if roles.problems:
-        print(f"next: fill in what is missing in {out}, then hopdata check {out}")
+        print(f"next: fill in what is missing in {out}, then hopdata check {quoted}")
         return PROBLEM
-    print(f"next: hopdata check {out}\n      snakemake --cores 2 --configfile {out}")
+    print(f"next: hopdata check {quoted}\n      snakemake --cores 2 --configfile {quoted}")
     return OK
 
 

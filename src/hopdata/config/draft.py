@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import textwrap
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -58,14 +60,14 @@ def draft_config(draft: Draft, *, path: str) -> str:
         *_comment(f"Study of {draft.file}, drafted by hopdata init from what is in the file."),
         *_comment("Every value with a reason is a guess: check it. All other keys keep their "
                   "defaults; docs/configuration.md lists them."),
-        *_comment(f"Check: hopdata check {path}"),
-        *_comment(f"Run:   snakemake --cores 2 --configfile {path}"),
+        *_comment(f"Check: hopdata check {shlex.quote(path)}"),
+        *_comment(f"Run:   snakemake --cores 2 --configfile {shlex.quote(path)}"),
         *(line for remark in draft.remarks for line in _comment(f"TO DO: {remark}")),
         "",
-        f"study: {draft.study}  # results go to results/{draft.study}",
+        f"study: {scalar(draft.study)}  # results go to results/{draft.study}",
         "",
         "recordings:",
-        f"  - name: {draft.recording}",
+        f"  - name: {scalar(draft.recording)}",
         "    # Relative to the folder in which the workflow runs.",
         f"    file: {scalar(draft.file)}",
         "",
@@ -83,8 +85,12 @@ def draft_config(draft: Draft, *, path: str) -> str:
 
 
 def study_name(text: str) -> str:
-    """Turn any text into the name of a study or a recording: letters, digits, ``_`` and ``-``."""
-    name = re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_")
+    """Turn any text into the name of a study or a recording: letters, digits, ``_`` and ``-``.
+
+    Accents go, so that ``müde`` becomes ``mude``.
+    """
+    plain = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
+    name = re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")
     return name or "study"
 
 

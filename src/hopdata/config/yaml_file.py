@@ -33,19 +33,18 @@ def read_yaml(path: str | Path) -> Any:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         where = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise ConfigError(
-            f"{path}{where}: expected YAML, found: {error.problem}{_hint(error.problem)}"
-        ) from None
+        hint = _hint(error.problem, text[mark.index : mark.index + 1] if mark else "")
+        raise ConfigError(f"{path}{where}: expected YAML, found: {error.problem}{hint}") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: expected YAML, found: {error}") from None
 
 
-def _hint(problem: str | None) -> str:
-    """Say what usually is behind a message of the YAML parser."""
+def _hint(problem: str | None, character: str) -> str:
+    """Say what usually is behind a message of the YAML parser about this character."""
     problem = problem or ""
     if "':'" in problem or "mapping values" in problem:
         return "; is there a space behind each colon, also in the line above?"
-    if "\\t" in problem or "\t" in problem:
+    if "\\t" in problem or "\t" in problem or character == "\t":
         return "; indent with spaces, not with tabs"
     return ""
 

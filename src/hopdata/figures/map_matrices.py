@@ -93,6 +93,8 @@ def _draw_all(maps: Mapping[str, Any], differences: Mapping[str, Any]) -> Figure
         )
     panels[0].set_yticks(range(len(OUTPUTS)), list(OUTPUTS.values()))
     panels[0].set_ylabel("state after the landing")
+    for one in panels:
+        one.set_xlabel("state before")
     for name, one in zip("abcde", panels, strict=False):
         letter(one, name)
     return figure
