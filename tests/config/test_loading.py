@@ -263,7 +263,11 @@ MISTAKES = {
     "key twice": ("seed: 7", "seed: 7\nseed: 8", ["line 3, column 1", "the key 'seed' twice"]),
     "within itself": ("home:\n", "floor: &f {degree: *f}\nhome:\n", ["one within itself"]),
     "not YAML": ("[heel, toe]", "[heel, toe", ["line 9", "expected YAML"]),
-    "tabs": ("  marker: b1", "\tmarker: b1", ["line 10, column 1", "expected YAML", "not with tabs"]),
+    "tabs": (
+        "  marker: b1",
+        "\tmarker: b1",
+        ["line 10, column 1", "expected YAML", "not with tabs"],
+    ),
     "a list": (SOUND, "- study: trial\n", ["expected keys with values", "found list"]),
     "empty": (SOUND, "", ["expected keys with values", "found nothing"]),
 }

@@ -8,8 +8,11 @@ import pytest
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.errors import AnalysisError, ConfigError
+from hopdata.landings.approach import LANDED
+from hopdata.landings.contacts import Contacts
 from hopdata.landings.force_onsets import force_onsets
-from hopdata.landings.touchdowns import example_touchdown, touchdown_table
+from hopdata.landings.touchdowns import example_touchdown, exclusion_reasons, touchdown_table
+from hopdata.landings.transitions import Transitions
 from hopdata.recordings.recording import Recording
 
 SECTIONS = {"pre_height_m": PRE_HEIGHT_M, "post_height_m": POST_HEIGHT_M}
@@ -252,3 +255,15 @@ def test_a_body_that_sways_on_its_feet_does_not_land():
     swaying = replace(scene.recording, positions=positions)
     found = touchdown_table(swaying, **SECTIONS)
     assert (found["t_pre_s"] < time[-1] * 0.62).all()
+
+
+def test_a_contact_known_no_better_than_the_transition_is_left_out():
+    gap = np.full(3, 0.01)
+    descents = Transitions(np.zeros(3), np.full(3, 0.1), gap, gap)
+    se = np.array([[0.001, 0.099], [0.001, 0.101], [20.0, 0.001]])
+    contacts = Contacts(np.full((3, 2), 0.05), se, np.full((3, 2), LANDED), 0.0006)
+    assert exclusion_reasons(descents, contacts, longest_gap_s=0.025) == [
+        "",
+        "contact of foot 2 not determined",
+        "contact of foot 1 not determined",
+    ]

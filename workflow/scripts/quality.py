@@ -24,7 +24,12 @@ with reported(snakemake.log[0]):
         "stability": section_stability(levelled, sections, options),
         "drift": drift_table(levelled, touchdowns),
     }
-    checks = check_study(touchdowns=touchdowns, expected_noise_m=params.noise_m, **tables)
+    checks = check_study(
+        touchdowns=touchdowns,
+        expected_noise_m=params.noise_m,
+        other_feet=options["frames"] == "landings",
+        **tables,
+    )
     others = {
         "gaps": gap_table(inspections),
         "landings": worst,

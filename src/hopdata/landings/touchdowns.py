@@ -46,6 +46,7 @@ LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may
 LONGEST_GAP_S = 0.025  # the same, where frames are many: the body moves no further for them
 LEAST_DOWN_SHARE = 0.15  # of the distance between the sections
 LEAST_DOWN_SIGMAS = 4.0
+NO_FOOT_LANDED = "no foot landed"
 LOW_FLIGHT = "body stayed below the pre section"
 
 
@@ -198,6 +199,7 @@ def exclusion_reasons(
         or _contact_reason(
             contacts.status[row],
             contacts.instant[row],
+            contacts.se[row],
             float(transitions.t_pre[row]),
             float(transitions.t_post[row]),
         )
@@ -216,10 +218,10 @@ def _transition_reason(transitions: Transitions, row: int, longest_gap_s: float)
 
 
 def _contact_reason(
-    status: NDArray[np.int64], instant: FloatArray, t_pre: float, t_post: float
+    status: NDArray[np.int64], instant: FloatArray, se: FloatArray, t_pre: float, t_post: float
 ) -> str:
     if (status == NOT_LANDED).all():
-        return "no foot landed"
+        return NO_FOOT_LANDED
     timed = status == LANDED
     failures = (
         (status == MISSING, "frames missing at the contact of foot {}"),
@@ -229,6 +231,8 @@ def _contact_reason(
         (timed & np.isnan(instant), "no contact found for foot {}"),
         (timed & (instant < t_pre), "foot {} down before the pre section"),
         (timed & (instant > t_post), "foot {} not down by the post section"),
+        # Known no better than that it is somewhere in the transition, or beyond: no kink was seen.
+        (timed & (se > t_post - t_pre), "contact of foot {} not determined"),
     )
     for failed, text in failures:
         if failed.any():

@@ -69,8 +69,8 @@ def tables():
     }
 
 
-def judged(tables, noise_m=6e-4):
-    return {c.what: c for c in check_study(**tables, expected_noise_m=noise_m)}
+def judged(tables, noise_m=6e-4, **options):
+    return {c.what: c for c in check_study(**tables, expected_noise_m=noise_m, **options)}
 
 
 def test_good_data_are_good(tables):
@@ -132,3 +132,21 @@ def test_a_study_without_touchdowns_has_no_good_landings(tables):
     found = judged(tables)
     for name in ("used", "error", "order", "drift"):
         assert found[WHAT[name]].status == UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("other_feet", "value", "status"), [(False, 40.0, POOR), (True, 80.0, GOOD)]
+)
+def test_landings_of_feet_that_are_not_followed_do_not_count(tables, other_feet, value, status):
+    landed = ["", "", "", "", "late"]
+    tables["touchdowns"]["reason"] = landed + ["no foot landed"] * 5
+    tables["touchdowns"]["excluded"] = tables["touchdowns"]["reason"] != ""
+    found = judged(tables, other_feet=other_feet)[WHAT["used"]]
+    assert (found.value, found.status) == (value, status)
+    assert ("5 of other feet" in found.remark) == other_feet
+
+
+def test_no_landing_of_any_followed_foot_is_poor(tables):
+    tables["touchdowns"] = tables["touchdowns"].assign(excluded=True, reason="no foot landed")
+    found = judged(tables, other_feet=True)[WHAT["used"]]
+    assert (found.value, found.status) == (0.0, POOR)

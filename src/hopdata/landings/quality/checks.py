@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopdata.landings.touchdowns import NO_FOOT_LANDED
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -56,6 +58,7 @@ def check_study(
     drift: pd.DataFrame,
     *,
     expected_noise_m: float | None = None,
+    other_feet: bool = False,
 ) -> list[Check]:
     """Judge a study by its tables.
 
@@ -69,12 +72,15 @@ def check_study(
         As from `.stability.section_stability` and `.drift.drift_table`.
     expected_noise_m : float, optional
         Noise of a marker's coordinate that the recording system is known to have, m.
+    other_feet : bool
+        Whether feet land that the study does not follow: descents in which none of its own landed
+        are then theirs, and do not count against it.
     """
     return [
         _seen(markers),
         _faults(faults),
         _noise(markers, expected_noise_m),
-        _used(touchdowns),
+        _used(touchdowns, other_feet),
         *_orders(touchdowns),
         _sections(stability),
         _drift(drift),
@@ -125,15 +131,21 @@ def _noise(markers: pd.DataFrame, expected_m: float | None) -> Check:
     return _check(what, found / expected_m if expected_m else np.nan, "", (1.5, 3.0), remark)
 
 
-def _used(touchdowns: pd.DataFrame) -> Check:
+def _used(touchdowns: pd.DataFrame, other_feet: bool) -> Check:
     what = "descents used"
     if touchdowns.empty:
         return _check(what, None, "%", (80.0, 50.0), "no descent found")
+    theirs = other_feet & (touchdowns["reason"] == NO_FOOT_LANDED)
+    if theirs.all():
+        return _check(what, 0.0, "%", (80.0, 50.0), f"{NO_FOOT_LANDED} in any of {len(theirs)}")
+    touchdowns = touchdowns[~theirs]
     out = touchdowns["excluded"].astype(bool)
     reasons = touchdowns.loc[out, "reason"].value_counts()
     remark = f"{int((~out).sum())} of {len(out)}"
     if len(reasons):
         remark += f"; most often: {reasons.index[0]} ({int(reasons.iloc[0])})"
+    if theirs.any():
+        remark += f"; not counted: {int(theirs.sum())} of other feet"
     return _check(what, 100.0 * float((~out).mean()), "%", (80.0, 50.0), remark)
 
 
