@@ -46,7 +46,7 @@ def test_noise_that_hides_the_kinks_leaves_the_data_unable_to_tell():
     assert "cannot tell" in answer.sentence
 
 
-@pytest.mark.parametrize("n", [10, 100])
+@pytest.mark.parametrize("n", [1, 2, 4, 9, 10, 11, 12, 15, 100])
 def test_too_few_landings_are_said_to_be_too_few(n):
     answer = verdict(landings(n=n))
     assert answer.conclusion == "cannot tell"

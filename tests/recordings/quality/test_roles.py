@@ -48,6 +48,13 @@ def test_roles_by_motion_alone(seed):
     assert found.problems == ()
 
 
+def test_feet_on_one_shoe_at_different_heights_are_told_apart():
+    positions = hopping(1)[1]
+    assert "one rigid part" not in roles(positions).reasons["feet"]
+    positions[:, 3, 2] += 0.03
+    assert "one rigid part, and 30 mm apart in height" in roles(positions).reasons["feet"]
+
+
 def test_the_file_s_order_is_kept():
     found = roles(hopping(1)[1])
     assert found.body == ("hip1", "hip2", "hip3")

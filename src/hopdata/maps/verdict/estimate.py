@@ -96,6 +96,8 @@ def expected_contacts(x: Floats, instants: Floats) -> Floats:
         miss = np.abs(t - fitted).max(axis=1)
         good = miss <= _OUTLYING * 1.4826 * np.median(miss)
         design = np.column_stack([np.ones(len(x)), monomials(x, tuple(range(1, degree + 1)))])
+        if good.sum() <= design.shape[1]:  # of so few landings none can be told to lie off
+            good = np.ones(len(x), dtype=bool)
         basis, root = np.linalg.qr(design[good])
         fitted = design @ np.linalg.solve(root, basis.T @ t[good])
         slack = np.maximum(1.0 - np.sum(basis**2, axis=1), 1e-3)

@@ -79,6 +79,11 @@ def section_landings(x: Floats, y: Floats, instants: Floats, time_unit_s: float)
     before = rigid_states(x, shape)
     inputs, outputs = section_coordinates(before, rigid_states(y, shape))
     deviation = inputs.std(axis=0)
+    least = inputs.shape[1] + 2  # an affine fit of the contact instants, with one landing to spare
+    if len(x) < least:
+        raise AnalysisError(
+            f"landings with known contact instants: expected at least {least}, found {len(x)}"
+        )
     if not (deviation > 0).all():
         raise AnalysisError("the states before the landing do not vary")
     inputs = (inputs - inputs.mean(axis=0)) / deviation

@@ -22,6 +22,7 @@ RESTS_SHARE = (0.03, 0.95)  # of the frames
 NEAR_FLOOR = 0.08  # of the height of the highest marker: how high a foot marker may rest
 TOGETHER = 0.5  # share of the shorter rests in which both rest: feet that land together
 STILL_M = 0.003  # a marker that stays within this is fixed in the world
+UNEVEN_M = 0.01  # markers of one part that rest further apart in height are not all on its sole
 BEND = 0.04  # relative spread of a distance up to which named body markers are taken as a body
 
 
@@ -66,7 +67,7 @@ def guess_roles(inspection: Inspection) -> Roles:
         reasons["boom"] = _boom_reason([markers.index(name) for name in boom], fixed)
     group = _chosen(groups, markers, positions)
     if len(group) >= LEAST_FEET:
-        reasons["feet"] = _feet_reason(group, rests)
+        reasons["feet"] = _feet_reason(group, rests) + _one_part(group, inspection)
     else:
         problems.append(_no_feet(group, markers))
     taken = {m for g in groups for m in g} | {markers.index(name) for name in boom}
@@ -198,6 +199,19 @@ def _feet_reason(group: list[int], rests: BoolArray) -> str:
     often = f"{low}" if low == high else f"{low} to {high}"
     return f"rest near the floor {often} times, {share:.0f} % of the time" + (
         "" if _land_together(group, rests) else "; not at the same time"
+    )
+
+
+def _one_part(group: list[int], inspection: Inspection) -> str:
+    """Say if the feet are one rigid part, such as a shoe, and not all of them on its sole."""
+    if not any(set(group) <= set(cluster.markers) for cluster in inspection.clusters):
+        return ""
+    apart = float(np.ptp(lowest(inspection.positions[:, group, 2])))
+    if apart < UNEVEN_M:
+        return ""
+    return (
+        f"; all on one rigid part, and {1e3 * apart:.0f} mm apart in height: keep those where it "
+        "touches the ground"
     )
 
 
