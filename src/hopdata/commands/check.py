@@ -39,7 +39,10 @@ def check(options: argparse.Namespace) -> int:
                 progress(f"checking {', '.join(files)}")
                 check_plausible(recording, **config["quality"])
             known = describe_external(
-                entry, feet=config["markers"]["feet"], rate_hz=config["input"]["rate_hz"]
+                entry,
+                feet=config["markers"]["feet"],
+                span_s=(float(recording.time[0]), float(recording.time[-1])),
+                rate_hz=config["input"]["rate_hz"],
             )
         except RecordingError as error:
             mistakes.append(str(error))

@@ -10,9 +10,15 @@ import numpy as np
 from hopdata.recordings.external_contacts import read_contact_times
 from hopdata.recordings.force_signals import read_force_signals
 
+LEAST_OVERLAP = 0.75  # of the recording and of the signal, below which their clocks are in doubt
+
 
 def describe_external(
-    recording: Mapping[str, Any], *, feet: Sequence[str], rate_hz: float | None = None
+    recording: Mapping[str, Any],
+    *,
+    feet: Sequence[str],
+    span_s: tuple[float, float],
+    rate_hz: float | None = None,
 ) -> list[str]:
     """Read the contacts and forces that a recording names, and say what they are.
 
@@ -22,6 +28,8 @@ def describe_external(
         Entry of ``recordings`` in the configuration.
     feet : sequence of str
         ``markers.feet``.
+    span_s : tuple of float
+        First and last time of the recording's frames, s.
     rate_hz : float, optional
         ``input.rate_hz``.
 
@@ -49,5 +57,19 @@ def describe_external(
                 f"  force     {signal.column.name}: {len(signal.time)} samples, "
                 f"{signal.time[0]:.3f} to {signal.time[-1]:.3f} s, up to "
                 f"{np.nanmax(signal.force):.4g} {signal.unit}, of {', '.join(signal.column.feet)}"
+                + _misplaced((float(signal.time[0]), float(signal.time[-1])), span_s)
             )
     return lines
+
+
+def _misplaced(span_s: tuple[float, float], recording_s: tuple[float, float]) -> str:
+    """Say if a signal leaves much of the recording out, or is much outside it: a wrong clock."""
+    overlap = max(0.0, min(span_s[1], recording_s[1]) - max(span_s[0], recording_s[0]))
+    covered = overlap / max(recording_s[1] - recording_s[0], 1e-9)
+    inside = overlap / max(span_s[1] - span_s[0], 1e-9)
+    if min(covered, inside) >= LEAST_OVERLAP:
+        return ""
+    return (
+        f" (covers {100 * covered:.0f} % of the recording, {100 * (1 - inside):.0f} % of it lies "
+        "outside: are rate_hz and offset_s right?)"
+    )
