@@ -101,7 +101,7 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
     axes.set_xlim(-reach, reach)
     axes.set_xlabel("median of a part from that of all\n(in spreads between touchdowns)")
     if 0 < len(parts) <= MOST_IN_LEGEND:
-        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=min(len(parts), 4))
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(parts), 2))
 
 
 def _wrapped(words: str) -> str:
