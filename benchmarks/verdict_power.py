@@ -46,7 +46,7 @@ POOL_STUDIES, TRIALS = 20, 8
 NOISE_M, INSTANT_NOISE_S = 0.0006, 0.0006
 TIME_UNIT_S = 0.03
 LEVEL = 0.05
-BESIDE = 24  # studies of a condition on which the slower statistics are worked out too
+BESIDE = 24  # studies of a condition on which the slower statistics are worked out too, by default
 
 
 @dataclass(frozen=True)
@@ -124,9 +124,9 @@ def true_size(condition: Condition, states: np.ndarray, landings: TrueLandings) 
     return float(np.sqrt(change / np.sum(scaled.mean(axis=0) ** 2)))
 
 
-def one_study(task: tuple[Condition, TrueLandings, int, list[int]]) -> dict[str, float]:
+def one_study(task: tuple[Condition, TrueLandings, int, bool, list[int]]) -> dict[str, float]:
     """Draw, observe and judge the landings of one study."""
-    condition, landings, hops, key = task
+    condition, landings, hops, beside, key = task
     rng = np.random.default_rng(np.random.SeedSequence(key))
     chosen = np.sort(rng.choice(len(landings), min(hops, len(landings)), replace=False))
     whole = chosen[landings.whole[chosen]]
@@ -135,7 +135,6 @@ def one_study(task: tuple[Condition, TrueLandings, int, list[int]]) -> dict[str,
         noise_m=condition.noise_m, instant_noise_s=INSTANT_NOISE_S, rng=rng,
     )  # fmt: skip
     start = time.perf_counter()
-    beside = key[-1] < BESIDE
     answer = judge(
         seen.before, seen.after, seen.instants, seed=key[-1], time_unit_s=TIME_UNIT_S,
         flips=999, permutations=39 if beside else 0, all_windows=False,
@@ -191,7 +190,7 @@ def studies(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
             )
             size = true_size(condition, states, _rows(landings, np.flatnonzero(landings.whole)))
             tasks = [
-                (condition, landings, args.hops, [args.seed, number, k])
+                (condition, landings, args.hops, k < args.beside, [args.seed, number, k])
                 for k in range(args.studies)
             ]
             table = pd.DataFrame(list(pool.map(one_study, tasks, chunksize=4)))
@@ -258,6 +257,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
     parser.add_argument("--studies", type=int, default=200, help="studies a condition")
     parser.add_argument("--hops", type=int, default=2860, help="hops a study")
+    parser.add_argument(
+        "--beside", type=int, default=BESIDE, help="studies with all statistics, the slow ones too"
+    )
     parser.add_argument("--only", default="", help="conditions whose label holds this text")
     parser.add_argument("--seed", type=int, default=20261121)
     parser.add_argument("--workers", type=int, default=os.cpu_count())

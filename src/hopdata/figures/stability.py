@@ -101,8 +101,7 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
     axes.set_xlim(-reach, reach)
     axes.set_xlabel("median of a part from that of all\n(in spreads between touchdowns)")
     if 0 < len(parts) <= MOST_IN_LEGEND:
-        # From the left edge on, so that even long names of parts leave the panel's letter free.
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(parts), 2))
 
 
 def _wrapped(words: str) -> str:
