@@ -18,6 +18,7 @@ from fake_study import (
 from hopdata.errors import ConfigError
 from hopdata.report.inputs import ReportFigure, ReportInputs, read_figures
 from hopdata.report.page import build_report
+from hopdata.report.quality import summary as quality_summary
 
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 LOADING = {"src", "href", "srcset", "action", "data", "poster"}
@@ -127,6 +128,14 @@ def test_the_quality_is_seen_at_a_glance(full):
     assert "look: frames seen, worst marker" in text
     for words in ("◐ look", "97.2 %", "≥ 99 %", "< 95 %", "● good", "– not known", "61.0 mm"):
         assert words in text
+
+
+def test_the_worst_checks_are_named_first():
+    statuses = ("not known", "look", "good", "poor")
+    checks = [{"what": w, "status": s} for w, s in zip("abcd", statuses, strict=True)]
+    value, remark = quality_summary(checks)
+    assert value == "1 of 4 good, 1 poor"
+    assert remark == "poor: d; look: b; not known: a"
 
 
 def test_long_lists_of_faults_and_exclusions_end_with_how_many_more():

@@ -21,14 +21,18 @@ MOST_EXCLUDED = 500
 
 
 def summary(checks: Checks | None) -> tuple[str | None, str]:
-    """Say how many checks are good, and name those that are not."""
+    """Say how many checks are good and poor, and name those that are not good, the worst first."""
     if not checks:
         return None, ""
     counts = Counter(str(check["status"]) for check in checks)
+    poor = f", {counts['poor']} poor" if counts["poor"] else ""
     others = [
-        f"{check['status']}: {check['what']}" for check in checks if check["status"] != "good"
+        f"{status}: {check['what']}"
+        for status in ("poor", "look", "not known")
+        for check in checks
+        if check["status"] == status
     ]
-    return f"{counts['good']} of {len(checks)} good", "; ".join(others)
+    return f"{counts['good']} of {len(checks)} good{poor}", "; ".join(others)
 
 
 def quality_table(checks: Checks | None) -> Table | None:
