@@ -199,7 +199,11 @@ MISTAKES = {
     ),
     "section is a word": ("home:\n  marker: b1", "home: b1", ["home: expected keys", "'b1'"]),
     "rate 0": ("home:", "input: {rate_hz: 0}\nhome:", ["input.rate_hz", "above 0", "found 0"]),
-    "unknown unit": ("home:", "input: {unit: cm}\nhome:", ["input.unit", "'mm'", "found 'cm'"]),
+    "unknown unit": (
+        "home:",
+        "input: {unit: cm}\nhome:",
+        ["input.unit", "'mm'", "found 'cm'; export in mm or m"],
+    ),
     "one foot": ("[heel, toe]", "[heel]", ["markers.feet: expected a list of 2 to 6 names"]),
     "two body markers": ("b1, b2, b3", "b1, b2", ["markers.body", "at least 3", "found 2 (b1"]),
     "marker in two roles": (

@@ -362,6 +362,21 @@ MISTAKES = {
 }
 
 
+def test_a_python_that_snakemake_cannot_start_is_told_at_once(tmp_path):
+    (tmp_path / "my tools").mkdir()
+    python = tmp_path / "my tools" / "python"
+    python.symlink_to(sys.executable)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), *sys.path])}
+    run = subprocess.run(
+        [python, "-m", "snakemake", "--cores", "1", "--dry-run", "--snakefile", ROOT / "Snakefile",
+         "--configfile", ROOT / "config/config.yaml"],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+    assert run.returncode == 1
+    assert "hopdata: error: Python: expected a path without spaces" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_one_clear_message_and_nothing_half_written(sample, name):
     edit, words = MISTAKES[name]

@@ -7,6 +7,14 @@ from hopdata.config import files_of, load_config, simulation_of
 from hopdata.errors import HopdataError
 from hopdata.provenance import code_digest
 
+# Snakemake writes Python's path into the shell command of each script, and does not quote it.
+if re.search(r"[\s'\"()&;]", sys.executable):
+    sys.exit(
+        "hopdata: error: Python: expected a path without spaces, quotes and brackets, which "
+        f"Snakemake cannot start, found '{sys.executable}'; keep the environment elsewhere, "
+        "as by: make figures VENV=$HOME/.hopdata"
+    )
+
 try:
     STUDY = load_config(config, files=workflow.overwrite_configfiles or workflow.configfiles)
 except HopdataError as error:

@@ -8,6 +8,7 @@ from typing import Any
 from hopdata.errors import did_you_mean
 
 _WITH_UNIT = re.compile(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\d\s].*)")
+_OTHER_LENGTHS = {"cm", "dm", "km", "um", "in", "inch", "ft"}
 _COMMA = re.compile(r"[-+]?\d+,\d+")
 
 
@@ -37,6 +38,8 @@ def _of_choice(value: Any, choices: list[str]) -> str:
         return "; yes, no, on and off are true and false unless they are in quotes"
     if not isinstance(value, str):
         return ""
+    if {"mm", "m"} <= set(choices) and value.lower() in _OTHER_LENGTHS:
+        return "; export in mm or m"
     return did_you_mean(value.lower(), choices)
 
 
