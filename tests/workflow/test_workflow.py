@@ -21,6 +21,8 @@ FIGURES = (
     "fig2_3_schedule",
     "fig2_4_prediction",
     "fig2_5_distances",
+    "stability",
+    "worst_landings",
 )
 
 pytestmark = pytest.mark.workflow
