@@ -1,65 +1,16 @@
 """The whole workflow, run as a user runs it, in a copy of the checkout."""
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
 import pytest
-import yaml
+from checkouts import FIGURES, copy_checkout, edit_config, planned_rules, snakemake
 
 from hopdata.recordings.hdf5 import read_truth
 
-ROOT = Path(__file__).parents[2]
-PARTS = ("Snakefile", "workflow", "config", "profiles", "data/sample", "src", "pyproject.toml")
-FIGURES = (
-    "verdict",
-    "fig2_2_sections",
-    "fig2_3_schedule",
-    "fig2_4_prediction",
-    "fig2_5_distances",
-)
-
 pytestmark = pytest.mark.workflow
-
-
-def copy_checkout(target):
-    for part in PARTS:
-        source, copy = ROOT / part, target / part
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        if source.is_dir():
-            shutil.copytree(source, copy, ignore=shutil.ignore_patterns("__pycache__"))
-        else:
-            shutil.copy(source, copy)
-    return target
-
-
-def snakemake(folder, *arguments, cores=2):
-    environment = {**os.environ, "PYTHONPATH": str(folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
-    return subprocess.run(
-        [sys.executable, "-m", "snakemake", "--cores", str(cores), *arguments],
-        cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=600,
-    )  # fmt: skip
-
-
-def edit_config(folder, edit, *, source="config/config.yaml"):
-    """Write a changed copy of a config and return its path."""
-    config = yaml.safe_load((folder / source).read_text())
-    edit(config)
-    path = folder / "config" / "edited.yaml"
-    path.write_text(yaml.safe_dump(config, sort_keys=False))
-    return str(path)
-
-
-def planned_rules(folder, *arguments):
-    """Names of the rules that a dry run would execute."""
-    run = snakemake(folder, "--dry-run", *arguments)
-    assert run.returncode == 0, run.stderr
-    lines = (run.stdout + run.stderr).splitlines()
-    return {x.split()[1].rstrip(":") for x in lines if x.startswith(("rule ", "localrule "))}
 
 
 @pytest.fixture(scope="module")
@@ -203,14 +154,6 @@ def test_contacts_known_from_elsewhere_are_laid_over(sample):
     assert 'id="overlay"' in (results / "report.html").read_text()
 
 
-@pytest.mark.parametrize("study", ["thesis", "control", "half_spread"])
-def test_the_dissertation_s_study_simulates_its_recordings_apart(sample, study):
-    run = snakemake(sample, "--dry-run", "--configfile", f"config/{study}.yaml")
-    assert run.returncode == 0, run.stderr
-    jobs = [x for x in (run.stdout + run.stderr).splitlines() if x.startswith("rule simulate")]
-    assert len(jobs) == 4
-
-
 @pytest.mark.parametrize(
     ("body", "filling", "fills"),
     [(3, {}, False), (4, {}, True), (4, {"longest_s": 0}, False), (3, {"method": "cubic"}, True)],
@@ -228,114 +171,6 @@ def test_gaps_are_filled_only_where_they_can_be(tmp_path, body, filling, fills):
     planned = planned_rules(folder, "--configfile", edit_config(folder, simulate))
     assert ("fill" in planned) == fills
     assert ("filled" in planned) == fills
-
-
-def test_a_small_study_of_a_control_runs_to_a_report(sample):
-    def shorten(config):
-        config["study"] = "small"
-        for recording, seconds in zip(config["recordings"], (50, 50, 50, 40.5), strict=True):
-            recording["simulation"]["duration_s"] = seconds
-        config["sections"] = {"pre_height_m": 0.52, "post_height_m": 0.275}
-
-    edited = edit_config(sample, shorten, source="config/control.yaml")
-    run = snakemake(sample, "--configfile", edited)
-    assert run.returncode == 0, run.stdout + run.stderr
-    results = sample / "results" / "small"
-    truth = json.loads((results / "truth.json").read_text())
-    assert truth["touchdowns_usable"]["value"] > 250
-    assert truth["labels_right_of_all_kink"]["value"] > 0.9
-    assert truth["exact_map_difference_hopper"]["value"] < 1e-12
-    assert truth["exact_map_difference_coupling"]["value"] > 1
-    assert abs(truth["scaling_slope_hopper"]["value"] - 2) < 0.15
-    assert truth["scaling_slope_coupling"]["value"] < 1.4
-    assert 0 < truth["velocity_rms_pre"]["value"] < truth["velocity_rms_post"]["value"] < 100
-    assert 0 < truth["map_error_noise_free_pooled_all"]["value"] < 2
-    assert (results / "figures" / "scaling_study.svg").exists()
-    assert (results / "figures" / "map_matrices.svg").exists()
-    assert 0 < truth["map_estimate_error_corrected_curved"]["value"] < 2
-    for name in FIGURES:
-        assert (results / "figures" / f"{name}.svg").exists()
-    table = pd.read_csv(results / "tables" / "touchdowns.csv")
-    assert table["recording"].nunique() == 4
-
-
-def small(config, hops):
-    """Cut a study of an animal down to what a test needs."""
-    config["recordings"] = config["recordings"][:1]
-    config["recordings"][0]["simulation"] = {"hops": hops}
-    config["prediction"] = {"bootstraps": 40, "train": 30, "test": 10, "minimum_class": 15}
-    config["subspaces"] = {"bootstraps": 40}
-    config["distances"] = {"pairs": 40}
-    config["verdict"] = {"flips": 99, "permutations": 19}
-    config["scaling_study"] = {"landings": 100, "scales": [1.0, 0.25]}
-
-
-def test_a_small_study_of_a_hexapod_runs_to_a_report(sample):
-    edited = edit_config(sample, lambda c: small(c, 400), source="config/hexapod.yaml")
-    run = snakemake(sample, "--configfile", edited)
-    assert run.returncode == 0, run.stdout + run.stderr
-    results = sample / "results" / "hexapod"
-    truth = json.loads((results / "truth.json").read_text())
-    assert truth["touchdowns_usable"]["value"] >= 330
-    assert truth["unmatched_kink"]["value"] == 0
-    assert truth["contact_rms_kink"]["value"] < 0.6, "ms"
-    assert truth["labels_right_kink"]["value"] > 0.8
-    maps = json.loads((results / "maps" / "exact_maps.json").read_text())
-    assert 12 <= len(maps["schedules"]) < 40, "of 720, those that occur"
-    assert truth["exact_map_difference_hopper"]["value"] < 1e-12
-    table = pd.read_csv(results / "tables" / "touchdowns.csv")
-    used = table[~table["excluded"]]
-    assert used["schedule"].str.count(">").eq(5).all()
-    notes = json.loads((results / "maps" / "prediction_notes.json").read_text())
-    assert len(notes) < 10, "rare schedules are counted, not listed"
-    page = (results / "report.html").read_text()
-    assert "rarer orders are not listed" in page
-    for name in FIGURES:
-        assert (results / "figures" / f"{name}.svg").exists()
-
-
-def test_a_small_study_of_a_biped_whose_file_has_y_up_runs_to_a_report(sample):
-    from dataclasses import replace
-
-    import numpy as np
-
-    from hopdata.recordings.hdf5 import read_recording, read_truth, write_recording
-
-    edited = edit_config(sample, lambda c: small(c, 160), source="config/biped.yaml")
-    run = snakemake(sample, "--configfile", edited, "--", "results/biped/simulated/trial1.h5")
-    assert run.returncode == 0, run.stdout + run.stderr
-    made = sample / "results" / "biped" / "simulated" / "trial1.h5"
-    recording, truth = read_recording(made), read_truth(made)
-    y_up = np.ascontiguousarray(recording.positions[..., [1, 2, 0]])
-    target = sample / "data" / "external" / "biped.h5"
-    target.parent.mkdir(parents=True, exist_ok=True)
-    write_recording(target, replace(recording, positions=y_up), None)
-
-    def from_file(config):
-        small(config, 160)
-        config["study"] = "biped_y"
-        config["recordings"] = [{"name": "trial1", "file": "data/external/biped.h5"}]
-        config["input"] = {"vertical_axis": "y"}
-        del config["simulation"]
-
-    edited = edit_config(sample, from_file, source="config/biped.yaml")
-    run = snakemake(sample, "--configfile", edited)
-    assert run.returncode == 0, run.stdout + run.stderr
-    results = sample / "results" / "biped_y"
-    table = pd.read_csv(results / "tables" / "touchdowns.csv")
-    used = table[~table["excluded"]]
-    assert len(used) >= 150
-    assert set(used["schedule"]) == {"1>2", "2>1"}
-    found = used[["contact_foot1_s", "contact_foot2_s"]].to_numpy()
-    nearest = np.abs(found.mean(axis=1)[:, None] - truth.contact_times.mean(axis=1)).argmin(axis=1)
-    error = found - truth.contact_times[nearest]
-    assert 1e3 * error.std() < 0.5, "ms"
-    axis = read_recording(results / "recordings" / "trial1.h5").vertical_axis
-    assert axis == "y"
-    verdict = json.loads((results / "verdict.json").read_text())
-    assert verdict["sentence"] in (results / "report.html").read_text()
-    for name in FIGURES:
-        assert (results / "figures" / f"{name}.svg").exists()
 
 
 def swap_body_and_feet(config):
