@@ -1,12 +1,15 @@
 """The whole workflow, run as a user runs it, in a copy of the checkout."""
 
 import json
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from checkouts import FIGURES, copy_checkout, edit_config, planned_rules, snakemake
+from checkouts import FIGURES, ROOT, copy_checkout, edit_config, planned_rules, snakemake
 
 from hopdata.recordings.hdf5 import read_truth
 
