@@ -100,10 +100,15 @@ def test_good_data_are_good(tables):
 )
 def test_each_fault_is_seen_by_its_own_check(tables, name, table, column, value, status):
     tables[table][column] = value
-    if name == "error":
-        tables[table]["se_f2_s"] = 0.0
     found = judged(tables)
     assert found[WHAT[name]].status == status
+
+
+def test_the_worst_foot_is_not_hidden_by_the_others(tables):
+    tables["touchdowns"] = tables["touchdowns"].assign(se_f3_s=2.0)
+    found = judged(tables)[WHAT["error"]]
+    assert found.status == POOR
+    assert found.remark.endswith("worst foot f3")
 
 
 def test_drift_beyond_its_errors_is_named(tables):

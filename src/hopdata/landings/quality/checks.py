@@ -151,21 +151,20 @@ def _used(touchdowns: pd.DataFrame, other_feet: bool) -> Check:
 
 def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
     used = touchdowns[~touchdowns["excluded"].astype(bool)]
-    errors = used[[c for c in used.columns if c.startswith("se_")]].to_numpy(float)
-    error, spread = (
-        float(np.nanmedian(v)) if len(used) else np.nan for v in (errors, _spread(used))
-    )
-    remark = f"{1e3 * error:.2g} ms of {1e3 * spread:.2g} ms"
-    share = error / spread if spread > 0 else np.nan
-    yield _check("error of a contact over the spread", share, "", (0.1, 0.3), remark)
+    errors = used[[c for c in used.columns if c.startswith("se_")]].median()
+    what, limits = "error of a contact over the spread", (0.1, 0.3)
+    if errors.notna().any():
+        worst = int(np.nanargmax(errors.to_numpy(float)))
+        error, spread = float(errors.iloc[worst]), float(used["spread_s"].median())
+        foot = str(errors.index[worst]).removeprefix("se_").removesuffix("_s")
+        remark = f"{1e3 * error:.2g} ms of {1e3 * spread:.2g} ms; worst foot {foot}"
+        yield _check(what, error / spread if spread > 0 else np.nan, "", limits, remark)
+    else:
+        yield _check(what, None, "", limits, "no contact")
     doubtful = 100.0 * float((used["probability"] < SURE).mean()) if len(used) else np.nan
     yield _check(
         f"orders less sure than {SURE:g}", doubtful, "%", (10.0, 30.0), "of the touchdowns used"
     )
-
-
-def _spread(used: pd.DataFrame) -> Any:
-    return used["spread_s"].to_numpy(float)
 
 
 def _sections(stability: pd.DataFrame) -> Check:
