@@ -91,7 +91,7 @@ def test_good_data_are_good(tables):
         ("noise", "markers", "noise_m", 2.4e-3, POOR),
         ("noise", "markers", "noise_m", np.nan, UNKNOWN),
         ("used", "touchdowns", "excluded", True, POOR),
-        ("error", "touchdowns", "se_f1_s", 0.005, LOOK),
+        ("error", "touchdowns", "se_f1_s", 0.002, LOOK),
         ("order", "touchdowns", "probability", 0.8, POOR),
         ("sections", "stability", "post_height_m", [0.3, 0.32], LOOK),
         ("sections", "stability", "pre_height_m", [0.5, 0.6], POOR),
