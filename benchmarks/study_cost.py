@@ -31,6 +31,7 @@ def scaled_config(factor: float, base: float = 1.0) -> dict[str, Any]:
     for recording in config["recordings"]:
         simulation = recording["simulation"]
         simulation["duration_s"] = round(base * factor * simulation["duration_s"], 2)
+        simulation["hops"] = round(1000 * base * factor)
     return config
 
 
