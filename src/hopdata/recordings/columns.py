@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import RecordingError, did_you_mean
+from hopdata.recordings.text_table import is_number
 
 FloatArray = NDArray[np.float64]
 
@@ -127,7 +128,7 @@ def open_table(path: str | Path) -> ColumnTable:
     first = next(iter(_lines(path)), "")
     delimiter = next((mark for mark in DELIMITERS if mark in first), "\t")
     names = tuple(_plain(cell) for cell in first.split(delimiter))
-    if not any(name and not _is_number(name) for name in names):
+    if not any(name and not is_number(name) for name in names):
         raise RecordingError(
             f"{path}, line 1: expected names of columns, found '{first[:40]}'; "
             "write a row of names above the numbers"
@@ -151,14 +152,6 @@ def _lines(path: Path) -> list[str]:
 
 def _plain(cell: str) -> str:
     return cell.strip().strip('"').strip()
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _names_in(folder: Path) -> list[str]:

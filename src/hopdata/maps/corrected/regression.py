@@ -23,6 +23,7 @@ from hopdata.maps.corrected.curvature import (
     simultaneous_point,
 )
 from hopdata.maps.corrected.marker_noise import InputErrors
+from hopdata.maps.linear.affine import checked
 
 Floats = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ def ols_map(x: Floats, y: Floats) -> LinearMap:
     x, y
         (n, p) inputs and (n, q) outputs.
     """
-    x, y = _checked(x, y)
+    x, y = _enough(x, y)
     return LinearMap(*_regress(x - x.mean(axis=0), y))
 
 
@@ -76,7 +77,7 @@ def corrected_map(x: Floats, y: Floats, errors: InputErrors) -> LinearMap:
     errors
         Their errors.
     """
-    x, y = _checked(x, y)
+    x, y = _enough(x, y)
     known = calibration(x, errors)
     centred = x - x.mean(axis=0)
     inputs, drift = centred @ known.slopes, centred @ known.drift
@@ -109,7 +110,7 @@ def curved_map(
         (q,) units in which errors of the outputs count alike, by which the order of the terms is
         chosen; by default their standard deviations.
     """
-    x, y = _checked(x, y)
+    x, y = _enough(x, y)
     if len(instants) != len(x) or not np.isfinite(instants).all():
         raise ValueError(f"instants: expected finite ones for {len(x)} landings")
     if not np.ptp(instants - instants.mean(axis=1, keepdims=True), axis=0).any():
@@ -192,12 +193,8 @@ def _regress(
     return slopes, np.sqrt(np.maximum(square, 0.0))
 
 
-def _checked(x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    x, y = np.asarray(x, float), np.asarray(y, float)
-    if x.ndim != 2 or y.ndim != 2 or len(x) != len(y):
-        raise ValueError(f"expected (n, p) and (n, q) arrays, found {x.shape} and {y.shape}")
-    if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        raise ValueError("inputs and outputs must be finite")
+def _enough(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    x, y = checked(x, y)
     if len(x) < x.shape[1] + 2:
         raise AnalysisError(f"map: {len(x)} landings do not suffice for {x.shape[1]} inputs")
     return x, y

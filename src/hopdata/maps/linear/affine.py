@@ -72,7 +72,7 @@ def fit_affine(x: Floats, y: Floats, *, rank_tolerance: float = RANK_TOLERANCE) 
     ValueError
         If the arrays do not match or hold values that are not finite.
     """
-    x, y = _checked(x, y)
+    x, y = checked(x, y)
     scale = column_scales(x)
     left, values, right = truncated_svd((x - x.mean(0)) / scale, rank_tolerance)
     scaled = right.T @ ((left.T @ (y - y.mean(0))) / values[:, None])
@@ -96,7 +96,7 @@ def leave_one_out_residuals(
     AnalysisError
         If some row alone decides a direction of the fit, so that the others cannot predict it.
     """
-    x, y = _checked(x, y)
+    x, y = checked(x, y)
     design = pooled_basis(x, rank_tolerance=rank_tolerance) / np.sqrt(len(x))
     slack = 1.0 - np.sum(design**2, axis=1)
     if slack.min() < 1e-10:
@@ -139,7 +139,7 @@ def affine_test_errors(
     IndexError
         If a row number is not one of the population.
     """
-    x, y = _checked(x, y)
+    x, y = checked(x, y)
     design = pooled_basis(x, rank_tolerance=rank_tolerance, compiled=True)
     # What the pooled fit explains is exact in every replicate; fit only what it leaves.
     centred = y - y.mean(0)
@@ -201,7 +201,14 @@ def _chunks(count: int, floats_each: int) -> list[slice]:
     return [slice(start, min(start + step, count)) for start in range(0, count, step)]
 
 
-def _checked(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+def checked(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return inputs (n, p) and outputs (n, q) as arrays of floats, if they are such.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, or a number is not finite.
+    """
     x, y = np.asarray(x, float), np.asarray(y, float)
     if x.ndim != 2 or y.ndim != 2 or len(x) != len(y):
         raise ValueError(f"expected (n, p) and (n, q) arrays, found {x.shape} and {y.shape}")
