@@ -133,9 +133,12 @@ def test_a_missing_file_a_text_file_and_a_foreign_file_are_refused_by_name(tmp_p
     (tmp_path / "text.h5").write_text("Frame\tTime\n")
     with h5py.File(tmp_path / "foreign.h5", "w") as file:
         file["data"] = np.zeros(3)
+    whole = (tmp_path / "foreign.h5").read_bytes()
+    (tmp_path / "short.h5").write_bytes(whole[: len(whole) // 2])
     for name, what in (
         ("missing.h5", "no such file"),
         ("text.h5", "not an HDF5 file"),
+        ("short.h5", "cut short or damaged"),
         ("foreign.h5", "not a recording"),
     ):
         with pytest.raises(RecordingError, match=f"{name}: {what}"):

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import h5py
 
 CHUNK_FRAMES = 16384
+SIGNATURE = b"\x89HDF\r\n\x1a\n"  # with which HDF5 files begin
 _TRUTH_ATTRIBUTES = ("noise_m", "parameters_json")
 _TRUTH_DATASETS = tuple(f.name for f in fields(Truth) if f.name not in _TRUTH_ATTRIBUTES)
 _TEXT_ATTRIBUTES = ("name", "source", "source_sha256", "vertical_axis")
@@ -101,6 +102,12 @@ def read_truth(path: str | Path) -> Truth | None:
         return truth
 
 
+def _signed(path: str | Path) -> bool:
+    """Tell whether a file begins as HDF5 files do."""
+    with open(path, "rb") as file:
+        return file.read(len(SIGNATURE)) == SIGNATURE
+
+
 @contextmanager
 def _open(path: str | Path, fault: str) -> Iterator[h5py.File]:
     """Open a file; what is wrong in it, or with it, becomes a RecordingError that names it."""
@@ -111,8 +118,9 @@ def _open(path: str | Path, fault: str) -> Iterator[h5py.File]:
     try:
         file = h5py.File(path, "r")
     except OSError as error:
+        what = "cut short or damaged" if _signed(path) else "not an HDF5 file"
         raise RecordingError(
-            f"{path}: not an HDF5 file: expected one that can be opened, found: {error}"
+            f"{path}: {what}: expected one that can be opened, found: {error}"
         ) from error
     try:
         with file:
