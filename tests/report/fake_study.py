@@ -108,6 +108,7 @@ def distances() -> pd.DataFrame:
 def truth() -> dict[str, dict[str, object]]:
     return {
         "labels_right_of_all_kink": _entry(0.951, "1", "Right over all true landings, kink method"),
+        "labels_right_unambiguous_kink": _entry(0.9989, "1", "Right where sure, kink method"),
         "labels_right_kink": _entry(0.9791, "1", "Share of right mode schedules, kink method"),
         "labels_right_velocity_minimum": _entry(
             0.949, "1", "Share of right mode schedules, printed"

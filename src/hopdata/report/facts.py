@@ -110,10 +110,11 @@ def _medians(
 def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str, str | None]]:
     """Right mode schedules by method, in per cent: of the usable touchdowns, of all landings."""
     prefix, of_all = "labels_right_", "labels_right_of_all_"
+    others = (of_all, "labels_right_unambiguous_")
     methods = [
         name.removeprefix(prefix)
         for name in truth
-        if name.startswith(prefix) and not name.startswith(of_all)
+        if name.startswith(prefix) and not name.startswith(others)
     ]
     return {
         method.replace("_", " "): (share, _percent(truth.get(of_all + method)))

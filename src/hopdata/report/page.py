@@ -117,7 +117,7 @@ def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[st
         cards.append(("One model over one per order", *_price_of_one(inputs.prediction)))
     for method, (share, of_all) in facts["labels_right"].items():
         missed = f"; {of_all} of all true landings" if of_all else ""
-        cards.append(("Orders right", share, f"of those used, {method} method{missed}"))
+        cards.append((f"Orders right, {method}", share, f"of those used{missed}"))
     return [(name, _known(value), remark) for name, value, remark in cards]
 
 
