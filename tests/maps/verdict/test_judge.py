@@ -39,6 +39,26 @@ def test_size_of_the_effect_grows_in_proportion_to_the_kinks():
     assert sizes[1] / sizes[0] == pytest.approx(2.0, rel=0.1)
 
 
+def test_every_window_finds_the_same_size():
+    """Each sees the kinks in combinations of its own; the size does not depend on these."""
+    answer = verdict(landings(n=3000, strength=0.3, noise=1e-3), permutations=0)
+    found = [window.kinks for window in answer.windows]
+    assert len(found) == 5
+    assert np.allclose(found, answer.effect.estimate, rtol=0.1)
+
+
+@pytest.mark.parametrize("apart_s", [0.0, 2e-5])
+def test_two_feet_that_always_land_together_are_no_error(apart_s):
+    data = landings(strength=0.3)
+    instants = data.instants.copy()
+    rng = np.random.default_rng(4)
+    instants[:, 1] = instants[:, 0] + apart_s * rng.standard_normal(len(instants))
+    answer = verdict(replace(data, instants=instants))
+    assert answer.sentence
+    if answer.effect is not None:
+        assert answer.effect.low <= answer.effect.estimate <= answer.effect.high
+
+
 def test_noise_that_hides_the_kinks_leaves_the_data_unable_to_tell():
     answer = verdict(landings(n=450, noise=3.0))
     assert answer.conclusion == "cannot tell"

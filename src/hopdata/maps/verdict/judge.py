@@ -7,6 +7,8 @@ question in the dissertation's ways (`specialised`, `graphs`).
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -77,9 +79,12 @@ def judge(
     except AnalysisError as error:
         return _no_answer(str(error), *limits)
     fit = choose_window(fits)
-    form = squared_size(fit, landings.inputs, landings.expected, list(landings.members.schedules))
+    schedules = list(landings.members.schedules)
 
     def size(one: KinkFit) -> EffectSize:
+        # Each window sees kinks of its own; all are measured against the same linear map.
+        alike = replace(one, linear=fit.linear)
+        form = squared_size(alike, landings.inputs, landings.expected, schedules)
         own = named_generator(seed, "verdict", "effect", str(one.window))
         whole = _without_attenuation(one, landings, seed)
         return effect_size(whole, form, generator=own, confidence=confidence, power=power)
