@@ -16,6 +16,8 @@ MAY_USE = {
     "synthesis": {"hybrid", "scenes", "recordings"},
     "landings": {"recordings"},
     "maps": {"landings"},
+    # The simulated hopper is what the controller drives where there is no robot.
+    "steering": {"recordings", "scenes", "synthesis"},
     "figures": set(),
     "report": set(),
     "config": set(),

@@ -1,0 +1,1 @@
+"""Steering: from recorded hops to a model of the frame change, and a controller that uses it."""
