@@ -57,6 +57,46 @@ ADDED = {
         "verdict:\n  - margin: 0.1",
         "8: verdict: expected keys with values, found 1 ({'margin': 0.1})",
     ),
+    "steering: a key misspelt": (
+        "steering: {recording: [one]}",
+        "8: steering.recording: expected a known key, found 'recording'; "
+        "did you mean 'recordings'?",
+    ),
+    "steering: no such recording, no boom": (
+        "steering:\n  recordings: [onne]",
+        "9: steering.recordings[0]: expected one of the recordings (one), found 'onne'; did you "
+        "mean 'one'?\n"
+        "study.yaml, line 9: steering.recordings: expected one marker on the boom (markers.boom), "
+        "on whose angle the frame changes depend, found none",
+    ),
+    "steering: swings beyond the limit": (
+        "steering:\n  excitation: {n_steps: 4}",
+        "9: steering.excitation.n_steps: expected swings within steering.robot.swing_limit_rad "
+        "(1.178 rad), found 4 steps of 0.3927 rad",
+    ),
+    "steering: nothing left to test with": (
+        "steering:\n  excitation: {repeats: 1}\n  model: {training_hops: 112}",
+        "10: steering.model.training_hops: expected fewer than the 112 hops of the excitation, so "
+        "that some are left to test with, found 112",
+    ),
+    "steering: to stay nearer than it came": (
+        "steering:\n  experiments: {stay_m: 0.1}",
+        "9: steering.experiments.stay_m: expected at least arrived_m (0.15 m), found 0.1 m",
+    ),
+    "steering: there from the start": (
+        "steering:\n  experiments: {distance_m: 0.2}",
+        "9: steering.experiments.distance_m: expected more than printed_arrived_m (0.2 m), "
+        "found 0.2 m",
+    ),
+    "steering: a leg too many": (
+        "steering:\n  robot:\n    preload_shares: [1, 1, 1, 1]",
+        "10: steering.robot.preload_shares: expected a list of 3 numbers, found 4 (1, 1, 1, 1)",
+    ),
+    "steering: degrees": (
+        "steering:\n  robot:\n    swing_limit_rad: 67.5 deg",
+        "10: steering.robot.swing_limit_rad: expected a number above 0 and at most 3.14159265359, "
+        "found '67.5 deg'; write the number alone, in rad",
+    ),
     "distances: too few": (
         "distances: {pairs: -1}",
         "8: distances.pairs: expected a whole number at least 2 and at most 1000000, found -1",

@@ -15,6 +15,7 @@ from hopdata.config.lines import place_of
 from hopdata.config.messages import describe, dotted
 from hopdata.config.recordings import files_of
 from hopdata.config.schema import load_schema
+from hopdata.config.steering import steering_mistakes
 from hopdata.config.yaml_file import read_yaml
 from hopdata.errors import ConfigError, did_you_mean
 
@@ -263,4 +264,5 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _simulated_files,
     external_mistakes,
     _repeated_files,
+    steering_mistakes,
 ]
