@@ -89,7 +89,7 @@ class Excitation:
     @property
     def swings(self) -> FloatArray:
         """Swing in the flight after each stance but the last, (n,), rad."""
-        return self.steps * self.grid.step_rad
+        return np.asarray(self.steps * self.grid.step_rad, dtype=float)
 
     @property
     def counts(self) -> IntArray:
