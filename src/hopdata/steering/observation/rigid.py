@@ -72,9 +72,9 @@ def rigid_fit(
     moment = np.einsum("nb,nbi,nbj->nij", weight, points, arms)
     left, spread, right = np.linalg.svd(moment)
     determined = (count >= 3) & (spread[:, 1] > LEAST_WIDTH**2 * spread[:, 0])
-    leaned = np.zeros(len(markers), dtype=bool)
+    leaned: BoolArray = np.zeros(len(markers), dtype=bool)
     if earlier is not None and not determined.all():
-        leaned = ~determined & (count >= 2) & np.isfinite(earlier).all(axis=(1, 2))
+        leaned = np.asarray(~determined & (count >= 2) & np.isfinite(earlier).all(axis=(1, 2)))
         helped = PRIOR_WEIGHT * spread[leaned, :1, None] * earlier[leaned]
         left[leaned], _, right[leaned] = np.linalg.svd(moment[leaned] + helped)
     left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
