@@ -1,0 +1,165 @@
+"""The simulated hopper as a controller knows it: through motion capture, frame by frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hopdata.steering.observation.geometry import HopperGeometry
+from hopdata.steering.observation.live_stances import StanceDetector
+from hopdata.steering.observation.tracking import HopperTracker, Observation
+from hopdata.steering.plant.obstacle import Board
+from hopdata.steering.plant.robot import Apex, SteeredHop, SteeredHopper, released, steer_hop
+from hopdata.synthesis.capture import observe
+from hopdata.synthesis.floor import CurvedFloor
+from hopdata.synthesis.gaps import draw_gaps
+from hopdata.synthesis.simulate import MotionCapture
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+NEAR_S = 0.05  # a pose so far from the lowest point is that of the stance
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How the hopper is seen in all runs of an experiment.
+
+    Parameters
+    ----------
+    camera : MotionCapture
+        Rate, noise, resolution and gaps.
+    geometry : HopperGeometry
+        What calibration has found out about the markers.
+    floor : CurvedFloor
+        The floor as the cameras see it.
+    """
+
+    camera: MotionCapture
+    geometry: HopperGeometry
+    floor: CurvedFloor
+
+
+@dataclass(frozen=True)
+class WatchedStance:
+    """One stance, as it was and as it was seen.
+
+    Parameters
+    ----------
+    hop : SteeredHop
+        The hop that ended in it, with its true stance.
+    seen : Observation or None
+        What the frame nearest to the lowest point told, or the nearest with a pose; None if no
+        stance was recognised or no frame near it had a pose.
+    time_s : float
+        Instant of the stance as it was recognised; NaN if it was not.
+    board : Board or None
+        The board as the hop left it.
+    """
+
+    hop: SteeredHop
+    seen: Observation | None
+    time_s: float
+    board: Board | None
+
+    @property
+    def fell(self) -> bool:
+        """Whether the hopper fell."""
+        return self.hop.stance.fell
+
+
+class WatchedHopper:
+    """A hopper that is released, told its swings, and watched.
+
+    Parameters
+    ----------
+    robot : SteeredHopper
+    sight : Sight
+    start : (3,) array
+        Pose at the release, m, m, rad.
+    most_hops : int
+        Gaps are drawn for so many hops.
+    kicks, noise, gaps : numpy Generator
+        Streams of chance of their own.
+    board : Board, optional
+        What stands in the way.
+    """
+
+    def __init__(
+        self,
+        robot: SteeredHopper,
+        sight: Sight,
+        start: ArrayLike,
+        *,
+        most_hops: int,
+        kicks: np.random.Generator,
+        noise: np.random.Generator,
+        gaps: np.random.Generator,
+        board: Board | None = None,
+    ) -> None:
+        self.robot, self.sight, self.board = robot, sight, board
+        self._kicks, self._noise = kicks, noise
+        self._apex: Apex = released(robot, start, robot.hopper.boom_angle_rad)
+        camera, body = sight.camera, robot.markers.body_m
+        markers = [f"body{i + 1}" for i in range(len(body))] + ["boom"]
+        self._hidden: BoolArray = draw_gaps(
+            camera.gaps,
+            frames=round(most_hops * robot.hop_limit_s * camera.rate_hz),
+            markers=len(markers),
+            rate_hz=camera.rate_hz,
+            rng=gaps,
+        )
+        self._tracker = HopperTracker(sight.geometry, markers)
+        self._detector = StanceDetector.of(sight.geometry, rate_hz=camera.rate_hz)
+
+    def hop(self, swing_rad: float) -> WatchedStance:
+        """Make one hop with this swing of the boom, rad, and watch it."""
+        rate, apex = self.sight.camera.rate_hz, self._apex
+        first = int(np.ceil(apex.time_s * rate - 1e-9))
+        frames = np.arange(first, first + int(self.robot.hop_limit_s * rate))
+        hop = steer_hop(
+            self.robot,
+            apex,
+            swing_rad,
+            rng=self._kicks,
+            frame_times_s=frames / rate,
+            variant=None if self.board is None else self.board.met(apex),
+        )
+        self._apex = hop.end
+        if self.board is not None:
+            self.board = self.board.pushed(hop)
+        time_s, seen = self._watched(hop)
+        return WatchedStance(hop, seen, time_s, self.board)
+
+    def _watched(self, hop: SteeredHop) -> tuple[float, Observation | None]:
+        """Return the time of the stance, and the frame with a pose that was nearest to it then."""
+        known: list[tuple[float, Observation]] = []
+        found: tuple[float, Observation | None] = (np.nan, None)
+        for now, markers in zip(hop.frame_time_s.tolist(), self._seen(hop), strict=True):
+            frame = self._tracker.feed(now, markers)
+            stance = self._detector.feed(now, frame.height_m)
+            if frame.known:
+                known.append((now, frame))
+            if stance is not None:
+                found = (stance.time_s, _nearest(known, stance.time_s))
+        return found
+
+    def _seen(self, hop: SteeredHop) -> FloatArray:
+        """Markers (K, M, 3) as the cameras report them."""
+        camera = self.sight.camera
+        index = np.round(hop.frame_time_s * camera.rate_hz).astype(int) % len(self._hidden)
+        return observe(
+            hop.markers,
+            floor=self.sight.floor,
+            noise_m=camera.noise_m,
+            resolution_m=camera.resolution_m,
+            hidden=self._hidden[index],
+            rng=self._noise,
+        )
+
+
+def _nearest(known: list[tuple[float, Observation]], time_s: float) -> Observation | None:
+    near = [(abs(now - time_s), frame) for now, frame in known if abs(now - time_s) <= NEAR_S]
+    return min(near, key=lambda pair: pair[0])[1] if near else None
