@@ -63,7 +63,7 @@ def rigid_fit(
     earlier : (N, 3, 3) array, optional
         Attitude shortly before or after each frame; NaN where there is none.
     """
-    seen = np.isfinite(markers).all(axis=2)
+    seen = np.asarray(np.isfinite(markers).all(axis=2))
     weight, count = seen.astype(float), seen.sum(axis=1)
     share = weight / np.maximum(count, 1)[:, None]
     here = np.where(seen[:, :, None], markers, 0.0)
@@ -71,8 +71,9 @@ def rigid_fit(
     arms, points = reference - home[:, None], here - middle[:, None]
     moment = np.einsum("nb,nbi,nbj->nij", weight, points, arms)
     left, spread, right = np.linalg.svd(moment)
-    determined = (count >= 3) & (spread[:, 1] > LEAST_WIDTH**2 * spread[:, 0])
-    leaned: BoolArray = np.zeros(len(markers), dtype=bool)
+    wide = np.asarray(spread[:, 1] > LEAST_WIDTH**2 * spread[:, 0])
+    determined = np.asarray((count >= 3) & wide)
+    leaned = np.zeros(len(markers), dtype=bool)
     if earlier is not None and not determined.all():
         leaned = np.asarray(~determined & (count >= 2) & np.isfinite(earlier).all(axis=(1, 2)))
         helped = PRIOR_WEIGHT * spread[leaned, :1, None] * earlier[leaned]
