@@ -1,0 +1,60 @@
+"""Who steers: the printed controller, the one that is recommended, and one that knows the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeAlias
+
+from hopdata.steering.control.globalised import GlobalisedController
+from hopdata.steering.control.objectives import Horizon, Objective
+from hopdata.steering.control.plan import Controller
+from hopdata.steering.control.printed import PrintedController
+from hopdata.steering.control.spline import spline_of_grid
+from hopdata.steering.experiments.tasks import ANY, FACING, ORIGIN
+from hopdata.steering.models.interface import FrameChangeMap
+from hopdata.steering.plant.true_map import TrueFrameChanges
+
+Policy: TypeAlias = Callable[[Objective], Controller]
+
+PRINTED, PLANNER, GLOBALISED, CEILING = "printed", "planner", "globalised", "ceiling"
+
+
+def policies(
+    options: Mapping[str, Any],
+    manoeuvre: str,
+    *,
+    model: FrameChangeMap,
+    truth: TrueFrameChanges,
+    swing_limit_rad: float,
+) -> dict[tuple[str, str], Policy]:
+    """Return what makes a controller for a goal, by start and name of the controller.
+
+    Parameters
+    ----------
+    options : mapping
+        The config's ``steering.control``.
+    manoeuvre : {"origin", "turn"}
+    model : FrameChangeMap
+        What was learned.
+    truth : TrueFrameChanges
+        What the ceiling knows: the true frame change, averaged over the swing before.
+    swing_limit_rad : float
+    """
+    horizon = Horizon(hops=options["horizon"], swing_limit_rad=swing_limit_rad)
+    true_map = spline_of_grid(truth.average(), swing_limit_rad)
+    chosen = options["controller"]
+
+    def printed(goal: Objective) -> Controller:
+        return PrintedController(model=model, objective=goal, horizon=horizon)
+
+    starts = {(FACING, PRINTED): printed} if manoeuvre == ORIGIN else {}
+    return starts | {
+        (ANY, PRINTED): printed,
+        (ANY, chosen): _recommended(chosen, model, horizon),
+        (ANY, CEILING): _recommended(chosen, true_map, horizon),
+    }
+
+
+def _recommended(name: str, model: FrameChangeMap, horizon: Horizon) -> Policy:
+    controller = GlobalisedController(model=model, horizon=horizon)
+    return controller.towards

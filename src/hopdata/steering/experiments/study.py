@@ -1,0 +1,185 @@
+"""One experiment: all controllers from all starts, and a typical run to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.steering.experiments.policies import Policy
+from hopdata.steering.experiments.pure_simulation import simulated
+from hopdata.steering.experiments.run import Run, run_task
+from hopdata.steering.experiments.starts import Start, draw_starts
+from hopdata.steering.experiments.tasks import (
+    ANY,
+    BOARD,
+    EXPERIMENTS,
+    board_for,
+    goal_of,
+    tasks_of,
+)
+from hopdata.steering.experiments.watched import Sight
+from hopdata.steering.plant.robot import SteeredHopper
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+POSE = ("x_m", "y_m", "heading_rad")
+
+
+@dataclass(frozen=True)
+class ExperimentTables:
+    """Runs and stances of an experiment, and one typical run with what the model says of it.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        One row a run: ``experiment, start, controller, run, success, hops`` (-1 if it never
+        arrived), ``reason, stances, blind``.
+    stances : DataFrame
+        One row a stance: the run, ``stance, time_s``, the true pose, the measured pose (columns
+        ``measured_...``), ``boom_angle_rad, swing_rad``, the pose foretold from the stance before
+        (``predicted_...``) and ``board_m``.
+    example : DataFrame
+        Three curves of one run: ``curve`` is "measured", "response" (foretold from each measured
+        stance) or "pure" (controller and model alone); ``stance, time_s`` and the pose; the
+        board's direction and place in the rows of "measured".
+    """
+
+    runs: pd.DataFrame
+    stances: pd.DataFrame
+    example: pd.DataFrame
+
+
+def run_experiment(
+    experiment: str,
+    options: Mapping[str, Any],
+    policies: Mapping[tuple[str, str], Policy],
+    *,
+    shown: str,
+    robot: SteeredHopper,
+    sight: Sight,
+    seed: int,
+) -> ExperimentTables:
+    """Run an experiment.
+
+    Parameters
+    ----------
+    experiment : str
+        A name of `EXPERIMENTS`.
+    options : mapping
+        The config's ``steering.experiments``.
+    policies : mapping
+        Start ("facing", "any") and name of each controller to what makes it for a goal.
+    shown : str
+        The controller whose run of median hops is the example.
+    robot : SteeredHopper
+    sight : Sight
+    seed : int
+        The study's.
+    """
+    import pandas as pd
+
+    manoeuvre, way = EXPERIMENTS[experiment]
+    runs, stances, of_shown = [], [], []
+    for (heading, name), policy in policies.items():
+        task = tasks_of(options)[manoeuvre, heading]
+        key = {"experiment": experiment, "start": heading, "controller": name}
+        for start in _starts(experiment, heading, options, seed):
+            board = _board(manoeuvre, way, start, options)
+            controller = policy(goal_of(manoeuvre, start.pose))
+            run = run_task(robot, sight, controller, task, start, board=board)
+            runs.append(key | {"run": start.number} | _summary(run))
+            stances.append(_stances(run).assign(**key, run=start.number))
+            if (heading, name) == (ANY, shown):
+                of_shown.append((start, run))
+    start, run = typical(of_shown)
+    alone = simulated(
+        policies[ANY, shown](goal_of(manoeuvre, start.pose)),
+        tasks_of(options)[manoeuvre, ANY],
+        start.pose,
+        run,
+    )
+    board = _board(manoeuvre, way, start, options)
+    way_in = (np.nan, np.nan) if board is None else board.direction
+    example = pd.concat([_curves(run), alone], ignore_index=True).assign(
+        experiment=experiment, controller=shown, run=start.number, board_x=way_in[0],
+        board_y=way_in[1], reach_m=np.nan if board is None else board.reach_m,
+        goal_heading_rad=float(start.pose[2]) + np.pi,
+    )  # fmt: skip
+    key_first = ["experiment", "start", "controller", "run"]
+    table = pd.concat(stances, ignore_index=True)
+    columns = [*key_first, *(c for c in table.columns if c not in key_first)]
+    return ExperimentTables(pd.DataFrame(runs), table[columns], example)
+
+
+def typical(runs: list[tuple[Start, Run]]) -> tuple[Start, Run]:
+    """Return the run of median hops among those that succeeded; the first if none did."""
+    good = sorted(
+        (pair for pair in runs if pair[1].outcome.success), key=lambda p: p[1].outcome.hops
+    )
+    return good[(len(good) - 1) // 2] if good else runs[0]
+
+
+def _starts(
+    experiment: str, heading: str, options: Mapping[str, Any], seed: int
+) -> list[Start]:
+    return draw_starts(
+        experiment, heading, options["starts"], distance_m=options["distance_m"], seed=seed
+    )
+
+
+def _board(manoeuvre: str, way: str, start: Start, options: Mapping[str, Any]) -> Any:
+    if way != BOARD:
+        return None
+    return board_for(
+        manoeuvre, start.pose, drag_n=options["drag_n"], ahead_m=options["board_ahead_m"]
+    )
+
+
+def _summary(run: Run) -> dict[str, Any]:
+    return {
+        "success": run.outcome.success,
+        "hops": run.outcome.hops,
+        "reason": run.outcome.reason,
+        "stances": len(run.time_s),
+        "blind": run.blind,
+    }
+
+
+def _stances(run: Run) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame(
+        {
+            "stance": np.arange(len(run.time_s)),
+            "time_s": run.time_s,
+            **dict(zip(POSE, run.pose.T, strict=True)),
+            **{f"measured_{n}": v for n, v in zip(POSE, run.measured.T, strict=True)},
+            "boom_angle_rad": run.boom_angle_rad,
+            "swing_rad": run.swing_rad,
+            **{f"predicted_{n}": v for n, v in zip(POSE, run.predicted.T, strict=True)},
+            "board_m": run.board_m,
+        }
+    )
+
+
+def _curves(run: Run) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.concat(
+        [
+            pd.DataFrame(
+                {
+                    "curve": name,
+                    "stance": np.arange(len(run.time_s)),
+                    "time_s": run.time_s - run.time_s[0],
+                    **dict(zip(POSE, poses.T, strict=True)),
+                    "board_m": run.board_m if name == "measured" else np.nan,
+                }
+            )
+            for name, poses in (("measured", run.measured), ("response", run.predicted))
+        ]
+    )
