@@ -13,11 +13,12 @@ from hopdata.steering.models.options import ProcessOptions
 
 FloatArray = NDArray[np.float64]
 
-# Bounds of the search, for standardised outputs.
+# Bounds of the search, for standardised inputs and outputs. What is finer than a third of the
+# spread of an input, about a step of the printed grid of boom angles, 100 hops cannot show.
 VARIANCES = (1e-4, 1e4)
 NOISES = (1e-6, 1e2)
-LENGTHS = (1e-2, 1e3)
-UNSCALED = (1e-5, 1e5)  # of all where outputs are not standardised: scikit-learn's own
+LENGTHS = (0.3, 1e3)
+UNSCALED = (1e-5, 1e5)  # of all where units are not standardised: scikit-learn's own
 FIRST_NOISE = 0.1
 
 
@@ -29,7 +30,7 @@ def fitted_regressor(
     Parameters
     ----------
     inputs : (m, d) array
-        Boom angle, swing and history.
+        Boom angle, swing and history, in the units of the length scales.
     target : (m,) array
         The output as modelled.
     options : ProcessOptions
@@ -42,7 +43,7 @@ def fitted_regressor(
     from sklearn.gaussian_process import GaussianProcessRegressor
 
     regressor = GaussianProcessRegressor(
-        _kernel(options, _first_lengths(inputs, options)),
+        _kernel(options, inputs.shape[1]),
         alpha=0.0,
         n_restarts_optimizer=options.restarts,
         random_state=seed,
@@ -60,18 +61,7 @@ def hyper_parameters(regressor: Any, n_inputs: int) -> tuple[float, FloatArray, 
     return float(product.k1.constant_value), lengths.astype(float), float(white.noise_level)
 
 
-def _first_lengths(inputs: FloatArray, options: ProcessOptions) -> float | FloatArray:
-    """Where the search begins: 1 for one scale, else the spread of each input."""
-    if options.length_scale is not None:
-        return options.length_scale
-    if not options.own_scales:
-        return 1.0
-    spread = inputs.std(axis=0)
-    spread[0] = 1.0
-    return np.asarray(np.clip(spread, *LENGTHS))
-
-
-def _kernel(options: ProcessOptions, lengths: float | FloatArray) -> Any:
+def _kernel(options: ProcessOptions, n_inputs: int) -> Any:
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 
     def bounds(value: float | None, free: tuple[float, float]) -> Any:
@@ -79,6 +69,8 @@ def _kernel(options: ProcessOptions, lengths: float | FloatArray) -> Any:
             return "fixed"
         return free if options.standardised else UNSCALED
 
+    length = options.length_scale or 1.0
+    lengths = np.full(n_inputs, length) if options.own_scales else length
     matern = _embedded_matern() if options.periodic else Matern
     variance = ConstantKernel(options.variance or 1.0, bounds(options.variance, VARIANCES))
     shape = matern(lengths, bounds(options.length_scale, LENGTHS), nu=options.smoothness)

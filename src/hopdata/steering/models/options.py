@@ -31,8 +31,9 @@ class ProcessOptions:
     history : {"none", "swing", "change", "swing and change"}
         What of the hop before are inputs beside boom angle and swing.
     standardised : bool
-        Centre each component of the frame change and divide it by its standard deviation.
-        Otherwise they are modelled in mm and rad, about zero.
+        Centre each component of the frame change and divide it by its standard deviation, and
+        divide the inputs but the boom angle by theirs. Otherwise frame changes are modelled in mm
+        and rad, about zero.
     own_scales : bool
         A length scale for each input. Otherwise one for all.
     variance : float, optional
@@ -40,7 +41,7 @@ class ProcessOptions:
     noise : float, optional
         Variance of the white noise, likewise.
     length_scale : float, optional
-        Length scale of all inputs, rad; fitted if not given.
+        Length scale of all inputs, in rad or, if standardised, their units; fitted if not given.
     restarts : int
         Further random starts of the search for hyper-parameters.
     """
@@ -65,7 +66,8 @@ class ProcessOptions:
 
 
 RECOMMENDED = ProcessOptions()
-WITH_HISTORY = ProcessOptions(history="swing")
+WITH_PREVIOUS_SWING = ProcessOptions(history="swing")
+WITH_PREVIOUS_CHANGE = ProcessOptions(history="change")
 
 # The formula of Section 3.4.2 has no variance and no length scale, so both are 1; motion capture
 # gives mm.

@@ -62,7 +62,8 @@ class FrameChangeProcess:
     def __post_init__(self) -> None:
         m, d = self.inputs.shape
         shapes: dict[str, tuple[int, ...]] = {"outputs": (m, 3), "length_scales": (3, d)}
-        shapes |= {name: (3,) for name in ("offset", "unit", "variance", "noise")}
+        for name in ("offset", "unit", "variance", "noise"):
+            shapes[name] = (3,)
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name}: expected {shape}, found {getattr(self, name).shape}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,12 +47,12 @@ def trained_process(
     """
     inputs, outputs = training_set(changes, options.history)
     offset, unit = _modelled(outputs, options)
+    scale = _input_units(inputs, options)
     if not options.periodic:
         inputs, outputs = _copies(inputs), np.tile(outputs, (3, 1))
-    found = [
-        hyper_parameters(regressor, inputs.shape[1])
-        for regressor in _regressors(inputs, (outputs - offset) / unit, options, seed)
-    ]
+    targets = (outputs - offset) / unit
+    regressors = [fitted_regressor(inputs / scale, y, options, seed) for y in targets.T]
+    found = [hyper_parameters(regressor, inputs.shape[1]) for regressor in regressors]
     variance, lengths, noise = zip(*found, strict=True)
     return FrameChangeProcess(
         smoothness=options.smoothness,
@@ -64,7 +63,7 @@ def trained_process(
         unit=unit,
         variance=np.array(variance),
         noise=np.array(noise),
-        length_scales=np.array(lengths),
+        length_scales=np.array(lengths) * scale,
     )
 
 
@@ -92,14 +91,16 @@ def _modelled(outputs: FloatArray, options: ProcessOptions) -> tuple[FloatArray,
     return outputs.mean(axis=0), np.where(unit > 0, unit, 1.0)
 
 
+def _input_units(inputs: FloatArray, options: ProcessOptions) -> FloatArray:
+    """Units of the inputs, (d,): 1 rad for the boom angle, the standard deviation of the others."""
+    units = np.ones(inputs.shape[1])
+    if options.standardised:
+        units[1:] = inputs[:, 1:].std(axis=0)
+    return np.where(units > 0, units, 1.0)
+
+
 def _copies(inputs: FloatArray) -> FloatArray:
     """Return the inputs a turn before, where they are, and a turn after (Sec. 3.4.2)."""
     shift = np.zeros(inputs.shape[1])
     shift[0] = TURN
     return np.concatenate([inputs - shift, inputs, inputs + shift])
-
-
-def _regressors(
-    inputs: FloatArray, targets: FloatArray, options: ProcessOptions, seed: int
-) -> list[Any]:
-    return [fitted_regressor(inputs, targets[:, j], options, seed) for j in range(3)]
