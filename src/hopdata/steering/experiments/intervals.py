@@ -21,7 +21,9 @@ def rate_interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[
 
     tail = (1 - confidence) / 2
     low = 0.0 if successes == 0 else float(betaincinv(successes, runs - successes + 1, tail))
-    high = 1.0 if successes == runs else float(betaincinv(successes + 1, runs - successes, 1 - tail))
+    high = (
+        1.0 if successes == runs else float(betaincinv(successes + 1, runs - successes, 1 - tail))
+    )
     return low, high
 
 

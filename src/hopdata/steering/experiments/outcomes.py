@@ -90,9 +90,7 @@ def _row(
     return row | asked | {"met": _met(row, asked)}
 
 
-def _ratio(
-    group: pd.DataFrame, best: pd.DataFrame, seed: int, confidence: float
-) -> dict[str, Any]:
+def _ratio(group: pd.DataFrame, best: pd.DataFrame, seed: int, confidence: float) -> dict[str, Any]:
     pairs = group.merge(best, on="run", suffixes=("", "_best"))
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
     ratio, low, high = ratio_interval(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 from hopdata.steering.control.globalised import GlobalisedController
-from hopdata.steering.control.objectives import Horizon, Objective
+from hopdata.steering.control.objectives import Horizon, Objective, ToHeading, ToPoint
 from hopdata.steering.control.plan import Controller
+from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.spline import spline_of_grid
 from hopdata.steering.experiments.tasks import ANY, FACING, ORIGIN
@@ -42,7 +44,6 @@ def policies(
     """
     horizon = Horizon(hops=options["horizon"], swing_limit_rad=swing_limit_rad)
     true_map = spline_of_grid(truth.average(), swing_limit_rad)
-    chosen = options["controller"]
 
     def printed(goal: Objective) -> Controller:
         return PrintedController(model=model, objective=goal, horizon=horizon)
@@ -50,11 +51,19 @@ def policies(
     starts = {(FACING, PRINTED): printed} if manoeuvre == ORIGIN else {}
     return starts | {
         (ANY, PRINTED): printed,
-        (ANY, chosen): _recommended(chosen, model, horizon),
-        (ANY, CEILING): _recommended(chosen, true_map, horizon),
+        (ANY, options["controller"]): _recommended(options, manoeuvre, model, horizon),
+        (ANY, CEILING): _recommended(options, manoeuvre, true_map, horizon),
     }
 
 
-def _recommended(name: str, model: FrameChangeMap, horizon: Horizon) -> Policy:
-    controller = GlobalisedController(model=model, horizon=horizon)
-    return controller.towards
+def _recommended(
+    options: Mapping[str, Any], manoeuvre: str, model: FrameChangeMap, horizon: Horizon
+) -> Policy:
+    """Return what makes the recommended controller; what takes long is computed here, once."""
+    if options["controller"] == GLOBALISED:
+        return GlobalisedController(model=model, horizon=horizon).towards
+    return planner(
+        model,
+        ToPoint() if manoeuvre == ORIGIN else ToHeading(),
+        horizon=replace(horizon, hops=options["planner_horizon"]),
+    ).towards

@@ -123,9 +123,7 @@ def _decide(
     return _Decision(plan.swing_rad, plan.poses[1], boom, False)
 
 
-def _collected(
-    stances: list[WatchedStance], decisions: list[_Decision], outcome: Outcome
-) -> Run:
+def _collected(stances: list[WatchedStance], decisions: list[_Decision], outcome: Outcome) -> Run:
     unseen = np.full(3, np.nan)
     measured = [unseen if s.seen is None else s.seen.pose for s in stances]
     foretold = [unseen, *(d.predicted for d in decisions[:-1])][: len(stances)]

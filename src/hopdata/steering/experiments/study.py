@@ -16,12 +16,15 @@ from hopdata.steering.experiments.tasks import (
     ANY,
     BOARD,
     EXPERIMENTS,
+    TURN,
     board_for,
     goal_of,
     tasks_of,
 )
 from hopdata.steering.experiments.watched import Sight
+from hopdata.steering.plant.obstacle import Board
 from hopdata.steering.plant.robot import SteeredHopper
+from hopdata.steering.se2 import composed, inverse
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,8 +47,9 @@ class ExperimentTables:
         (``predicted_...``) and ``board_m``.
     example : DataFrame
         Three curves of one run: ``curve`` is "measured", "response" (foretold from each measured
-        stance) or "pure" (controller and model alone); ``stance, time_s`` and the pose; the
-        board's direction and place in the rows of "measured".
+        stance) or "pure" (controller and model alone); ``stance, time_s`` and the pose, a turn's in
+        the frame of its start; ``near`` (when the goal counts as reached, m or rad) and of the
+        board ``board_x, board_y`` (direction), ``board_first_m`` and ``board_m`` (where it was).
     """
 
     runs: pd.DataFrame
@@ -95,24 +99,11 @@ def run_experiment(
             stances.append(_stances(run).assign(**key, run=start.number))
             if (heading, name) == (ANY, shown):
                 of_shown.append((start, run))
-    start, run = typical(of_shown)
-    alone = simulated(
-        policies[ANY, shown](goal_of(manoeuvre, start.pose)),
-        tasks_of(options)[manoeuvre, ANY],
-        start.pose,
-        run,
-    )
-    board = _board(manoeuvre, way, start, options)
-    way_in = (np.nan, np.nan) if board is None else board.direction
-    example = pd.concat([_curves(run), alone], ignore_index=True).assign(
-        experiment=experiment, controller=shown, run=start.number, board_x=way_in[0],
-        board_y=way_in[1], reach_m=np.nan if board is None else board.reach_m,
-        goal_heading_rad=float(start.pose[2]) + np.pi,
-    )  # fmt: skip
+    example = example_of(experiment, options, policies[ANY, shown], *typical(of_shown))
     key_first = ["experiment", "start", "controller", "run"]
     table = pd.concat(stances, ignore_index=True)
     columns = [*key_first, *(c for c in table.columns if c not in key_first)]
-    return ExperimentTables(pd.DataFrame(runs), table[columns], example)
+    return ExperimentTables(pd.DataFrame(runs), table[columns], example.assign(controller=shown))
 
 
 def typical(runs: list[tuple[Start, Run]]) -> tuple[Start, Run]:
@@ -123,15 +114,38 @@ def typical(runs: list[tuple[Start, Run]]) -> tuple[Start, Run]:
     return good[(len(good) - 1) // 2] if good else runs[0]
 
 
-def _starts(
-    experiment: str, heading: str, options: Mapping[str, Any], seed: int
-) -> list[Start]:
+def example_of(
+    experiment: str, options: Mapping[str, Any], policy: Policy, start: Start, run: Run
+) -> pd.DataFrame:
+    """Return the three curves of a run; a turn is given in the frame of its start."""
+    import pandas as pd
+
+    manoeuvre, way = EXPERIMENTS[experiment]
+    task = tasks_of(options)[manoeuvre, ANY]
+    alone = simulated(policy(goal_of(manoeuvre, start.pose)), task, start.pose, run)
+    table = pd.concat([_curves(run), alone], ignore_index=True)
+    board = _board(manoeuvre, way, start, options)
+    into = (np.nan, np.nan) if board is None else board.direction
+    if manoeuvre == TURN:  # it begins at the origin, and the board stands across its heading
+        table[list(POSE)] = composed(inverse(start.pose), table[list(POSE)].to_numpy())
+        into = into if board is None else (1.0, 0.0)
+    return table.assign(
+        experiment=experiment,
+        run=start.number,
+        near=task.near,
+        board_first_m=np.nan if board is None else board.place_m,
+        board_x=into[0],
+        board_y=into[1],
+    )
+
+
+def _starts(experiment: str, heading: str, options: Mapping[str, Any], seed: int) -> list[Start]:
     return draw_starts(
         experiment, heading, options["starts"], distance_m=options["distance_m"], seed=seed
     )
 
 
-def _board(manoeuvre: str, way: str, start: Start, options: Mapping[str, Any]) -> Any:
+def _board(manoeuvre: str, way: str, start: Start, options: Mapping[str, Any]) -> Board | None:
     if way != BOARD:
         return None
     return board_for(

@@ -60,7 +60,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended: whether it succeeded, after how many hops it arrived (-1: never), and why."""
+    """How a run ended: whether well, after how many hops it arrived (-1: never), and why."""
 
     success: bool
     hops: int
@@ -93,7 +93,7 @@ def tasks_of(experiments: Mapping[str, Any]) -> dict[tuple[str, str], Task]:
 
 
 def goal_of(manoeuvre: str, start: ArrayLike) -> Objective:
-    """Return what a controller is told: the origin, or the heading opposite to that of the start."""
+    """Return what a controller is told: the origin, or the heading opposite to the first."""
     if manoeuvre == ORIGIN:
         return ToPoint(point_m=(0.0, 0.0))
     return ToHeading(heading_rad=float(wrapped(float(np.asarray(start)[2]) + np.pi)))
