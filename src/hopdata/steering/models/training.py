@@ -11,7 +11,6 @@ from hopdata.errors import AnalysisError
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models.hyperparameters import fitted_regressor, hyper_parameters
 from hopdata.steering.models.options import (
-    MM_AND_RAD,
     RECOMMENDED,
     ProcessOptions,
     process_inputs,
@@ -86,7 +85,7 @@ def training_set(changes: FrameChanges, history: str = "none") -> tuple[FloatArr
 def _modelled(outputs: FloatArray, options: ProcessOptions) -> tuple[FloatArray, FloatArray]:
     """Offset and unit of the modelled outputs."""
     if not options.standardised:
-        return np.zeros(3), np.array(MM_AND_RAD)
+        return np.zeros(3), np.array([options.length_unit_m, options.length_unit_m, 1.0])
     unit = outputs.std(axis=0)
     return outputs.mean(axis=0), np.where(unit > 0, unit, 1.0)
 
