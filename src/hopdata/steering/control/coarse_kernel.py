@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from hopdata.steering.control.rollout_kernel import penalty
-from hopdata.steering.control.spline_kernel import frame_change
+from hopdata.steering.models.compiled_spline import spline_change
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -20,11 +20,11 @@ def changes_of_grid(coefficients, limit, boom, n, horizon):  # type: ignore[no-u
     """Frame changes (horizon (n - 1) + 1, n, 3): of boom angles a step apart, by the swings."""
     step = 2.0 * limit / (n - 1)
     half = (horizon - 1) * (n - 1) // 2
-    out = np.empty((2 * half + 1, n, 3))
+    out, unused = np.empty((2 * half + 1, n, 3)), np.empty((3, 2))
     for a in range(2 * half + 1):
         for j in range(n):
             angle = boom + (a - half) * step
-            out[a, j] = frame_change(coefficients, limit, angle, -limit + j * step)
+            spline_change(coefficients, limit, angle, -limit + j * step, out[a, j], unused)
     return out
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hopdata.errors import AnalysisError, ConfigError
 from hopdata.steering.control.heading_value_kernel import improve_heading
 from hopdata.steering.control.point_value_kernel import distances_of, improve_point
-from hopdata.steering.control.spline import SplineMap
+from hopdata.steering.models.tabulated import TabulatedMap, turn_nodes
 
 FloatArray = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ class CostToGo:
         return self.values if self.values.ndim == 3 else self.values[None]
 
 
-def to_a_point(model: SplineMap, stage: StageCost, grid: PointGrid | None = None) -> CostToGo:
+def to_a_point(model: TabulatedMap, stage: StageCost, grid: PointGrid | None = None) -> CostToGo:
     """Cost-to-go to a point: (D, B, A)."""
     grid = grid or PointGrid()
     changes, swings = _changes(model, grid.boom_angles, grid.swings)
@@ -145,7 +145,7 @@ def to_a_point(model: SplineMap, stage: StageCost, grid: PointGrid | None = None
     return _iterated(improve, shape, stage, grid.farthest_m)
 
 
-def to_a_heading(model: SplineMap, stage: StageCost, grid: HeadingGrid | None = None) -> CostToGo:
+def to_a_heading(model: TabulatedMap, stage: StageCost, grid: HeadingGrid | None = None) -> CostToGo:
     """Cost-to-go to a heading: (E, A)."""
     grid = grid or HeadingGrid()
     changes, swings = _changes(model, grid.boom_angles, grid.swings)
@@ -161,12 +161,11 @@ def to_a_heading(model: SplineMap, stage: StageCost, grid: HeadingGrid | None = 
     return _iterated(improve, (grid.errors, grid.boom_angles), stage, np.nan)
 
 
-def _changes(model: SplineMap, boom_angles: int, swings: int) -> tuple[FloatArray, FloatArray]:
+def _changes(model: TabulatedMap, boom_angles: int, swings: int) -> tuple[FloatArray, FloatArray]:
     """Frame changes (A, U, 3) at the nodes, and the swings (U,)."""
-    boom = 2 * np.pi * np.arange(boom_angles) / boom_angles
     limit = model.swing_limit_rad
     swing = np.linspace(-limit, limit, swings)
-    grid = [axis.ravel() for axis in np.meshgrid(boom, swing, indexing="ij")]
+    grid = [axis.ravel() for axis in np.meshgrid(turn_nodes(boom_angles), swing, indexing="ij")]
     return model.change(*grid).reshape(boom_angles, swings, 3), swing
 
 

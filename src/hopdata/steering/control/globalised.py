@@ -17,8 +17,9 @@ from hopdata.steering.control.objectives import Horizon, Objective, ToPoint
 from hopdata.steering.control.plan import Plan, checked_state
 from hopdata.steering.control.polish_kernel import polish
 from hopdata.steering.control.rollout_kernel import target_of
-from hopdata.steering.control.spline import SplineMap, tabulated
+from hopdata.steering.control.tables import table_of
 from hopdata.steering.models.interface import FrameChangeMap
+from hopdata.steering.models.tabulated import TabulatedMap
 
 FloatArray = NDArray[np.float64]
 
@@ -56,7 +57,7 @@ class GlobalisedController:
     Parameters
     ----------
     model : FrameChangeMap
-        Frame changes; tabulated unless it is a `SplineMap`.
+        Frame changes; tabulated unless it is a `TabulatedMap`.
     objective : ToPoint or ToHeading
     horizon : Horizon
     search : Search
@@ -68,7 +69,7 @@ class GlobalisedController:
     search: Search = field(default_factory=Search)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "model", tabulated(self.model, self.horizon.swing_limit_rad))
+        object.__setattr__(self, "model", table_of(self.model, self.horizon.swing_limit_rad))
 
     def towards(self, objective: Objective) -> GlobalisedController:
         """Return the same controller with another objective."""
@@ -80,7 +81,7 @@ class GlobalisedController:
         """Plan from a pose and a boom angle; the previous swing is not used."""
         del previous_swing_rad
         start, boom = checked_state(pose, boom_angle_rad)
-        assert isinstance(self.model, SplineMap)
+        assert isinstance(self.model, TabulatedMap)
         hops = self.horizon.hops
         swings, poses = np.empty(hops), np.empty((hops + 1, 3))
         value = best_swings(

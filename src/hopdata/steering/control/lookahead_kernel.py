@@ -10,13 +10,13 @@ from numba import njit
 from hopdata.steering.control.heading_value_kernel import heading_value
 from hopdata.steering.control.point_value_kernel import point_value, stage_cost
 from hopdata.steering.control.rollout_kernel import wrap
-from hopdata.steering.control.spline_kernel import frame_change
+from hopdata.steering.models.compiled_spline import spline_change
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _hop(coefficients, limit, error, boom, swing, is_heading, after):  # type: ignore[no-untyped-def]
+def _hop(error, change, is_heading, after):  # type: ignore[no-untyped-def]
     """Fill `after` (3,): what is left of the way to the goal, in the body frame, after a hop."""
-    dx, dy, turn = frame_change(coefficients, limit, boom, swing)
+    dx, dy, turn = change
     if is_heading:
         after[0], after[1], after[2] = 0.0, 0.0, wrap(error[2] - turn)
         return
@@ -42,8 +42,10 @@ def cost_of(coefficients, limit, values, farthest, width, discount, is_heading, 
     """Cost of swings (H,) and of all that comes after; `errors` (H + 1, 3) is filled."""
     errors[0] = error
     total, weight = 0.0, 1.0
+    change, gradient = np.empty(3), np.empty((3, 2))
     for k in range(swings.size):
-        _hop(coefficients, limit, errors[k], boom, swings[k], is_heading, errors[k + 1])
+        spline_change(coefficients, limit, boom, swings[k], change, gradient)
+        _hop(errors[k], change, is_heading, errors[k + 1])
         boom += swings[k]
         total += weight * _stage(errors[k + 1], width)
         weight *= discount

@@ -24,8 +24,9 @@ from hopdata.steering.control.lookahead_kernel import best_ahead
 from hopdata.steering.control.objectives import Horizon, Objective, ToHeading, ToPoint
 from hopdata.steering.control.plan import Plan, checked_state
 from hopdata.steering.control.printed import predicted_poses
-from hopdata.steering.control.spline import SplineMap, tabulated
+from hopdata.steering.control.tables import table_of
 from hopdata.steering.models.interface import FrameChangeMap
+from hopdata.steering.models.tabulated import TabulatedMap
 from hopdata.steering.se2 import wrapped
 
 FloatArray = NDArray[np.float64]
@@ -50,7 +51,7 @@ class Planner:
 
     Parameters
     ----------
-    model : SplineMap
+    model : TabulatedMap
     objective : ToPoint or ToHeading
         Penalty and stances of it are not used: the cost is that of the cost-to-go.
     horizon : Horizon
@@ -59,7 +60,7 @@ class Planner:
         Of the kind of the objective; the same for all points, and for all headings.
     """
 
-    model: SplineMap
+    model: TabulatedMap
     objective: Objective
     horizon: Horizon
     options: PlannerOptions
@@ -106,7 +107,7 @@ def planner(
     options = options or PlannerOptions()
     if horizon.hops not in SWINGS_TRIED:
         raise ConfigError(f"hops: expected one of {sorted(SWINGS_TRIED)}, found {horizon.hops}")
-    spline = tabulated(model, horizon.swing_limit_rad)
+    spline = table_of(model, horizon.swing_limit_rad)
     if isinstance(objective, ToHeading):
         cost = to_a_heading(spline, options.heading, options.heading_grid)
     else:

@@ -22,25 +22,26 @@ _STILL = 1e-10  # what a step must gain
 def polish(coefficients, limit, pose, boom, swings, target, smoothings, poses):  # type: ignore[no-untyped-def]
     """Improve `swings` (H,) in place; fills `poses` (H + 1, 3); the objective without smoothing."""
     horizon = swings.size
-    hops, slopes = np.empty((horizon, 9)), np.empty(horizon)
+    changes, gradients = np.empty((horizon, 3)), np.empty((horizon, 3, 2))
+    slopes = np.empty(horizon)
     for smooth in smoothings:
-        _descend(coefficients, limit, pose, boom, swings, target, smooth, poses, hops, slopes)
-    return rollout(coefficients, limit, pose, boom, swings, target, 0.0, poses, hops, slopes)
+        _descend(coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes)
+    return rollout(coefficients, limit, pose, boom, swings, target, 0.0, poses, changes, gradients, slopes)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _descend(coefficients, limit, pose, boom, swings, target, smooth, poses, hops, slopes):  # type: ignore[no-untyped-def]
+def _descend(coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes):  # type: ignore[no-untyped-def]
     horizon = swings.size
     hessian, moved = np.empty((horizon, horizon)), np.empty(horizon)
     beside, step, trial = np.empty(horizon), np.empty(horizon), np.empty(horizon)
     damping = 1e-6
-    value = rollout(coefficients, limit, pose, boom, swings, target, smooth, poses, hops, slopes)
+    value = rollout(coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes)
     for _ in range(_MOST_STEPS):
         for k in range(horizon):
             moved[:] = swings
             h = -_DIFFERENCE if swings[k] > 0 else _DIFFERENCE
             moved[k] += h
-            rollout(coefficients, limit, pose, boom, moved, target, smooth, poses, hops, beside)
+            rollout(coefficients, limit, pose, boom, moved, target, smooth, poses, changes, gradients, beside)
             hessian[:, k] = (beside - slopes) / h
         gained = False
         for _ in range(12):
@@ -48,7 +49,7 @@ def _descend(coefficients, limit, pose, boom, swings, target, smooth, poses, hop
             for k in range(horizon):
                 trial[k] = min(max(swings[k] + step[k], -limit), limit)
             after = rollout(
-                coefficients, limit, pose, boom, trial, target, smooth, poses, hops, beside
+                coefficients, limit, pose, boom, trial, target, smooth, poses, changes, gradients, beside
             )
             if after < value - _STILL:
                 gained = True

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hopdata.steering.control.objectives import Objective, ToHeading
-from hopdata.steering.control.spline_kernel import frame_change_and_gradient
+from hopdata.steering.models.compiled_spline import spline_change
 
 FloatArray = NDArray[np.float64]
 
@@ -64,17 +64,17 @@ def penalty_slopes(target, smooth, x, y, heading):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def rollout(coefficients, limit, pose, boom, swings, target, smooth, poses, hops, slopes):  # type: ignore[no-untyped-def]
+def rollout(coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes):  # type: ignore[no-untyped-def]
     """Objective of swings (H,); fills `slopes` (H,) and, on the way, `poses` (H + 1, 3).
 
-    `hops` (H, 9) keeps the frame changes and their derivatives.
+    `changes` (H, 3) and `gradients` (H, 3, 2) keep the frame changes and their derivatives.
     """
     horizon = swings.size
     poses[0] = pose
     total = 0.0
     for k in range(horizon):
-        change = hops[k]
-        frame_change_and_gradient(coefficients, limit, boom, swings[k], change)
+        change = changes[k]
+        spline_change(coefficients, limit, boom, swings[k], change, gradients[k])
         c, s = cos(poses[k, 2]), sin(poses[k, 2])
         poses[k + 1, 0] = poses[k, 0] + c * change[0] - s * change[1]
         poses[k + 1, 1] = poses[k, 1] + s * change[0] + c * change[1]
@@ -83,12 +83,12 @@ def rollout(coefficients, limit, pose, boom, swings, target, smooth, poses, hops
         if target[5] == 0.0 or k == horizon - 1:
             x, y, heading = poses[k + 1]
             total += penalty(target, smooth, x, y, heading)
-    _backwards(target, smooth, poses, hops, slopes)
+    _backwards(target, smooth, poses, changes, gradients, slopes)
     return total
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _backwards(target, smooth, poses, hops, slopes):  # type: ignore[no-untyped-def]
+def _backwards(target, smooth, poses, changes, gradients, slopes):  # type: ignore[no-untyped-def]
     """Derivatives of the objective by the swings, from the last hop to the first."""
     horizon = slopes.size
     by_x = by_y = by_heading = by_boom = 0.0
@@ -97,9 +97,15 @@ def _backwards(target, smooth, poses, hops, slopes):  # type: ignore[no-untyped-
             x, y, heading = poses[k + 1]
             px, py, ph = penalty_slopes(target, smooth, x, y, heading)
             by_x, by_y, by_heading = by_x + px, by_y + py, by_heading + ph
-        change = hops[k]
+        change, gradient = changes[k], gradients[k]
         c, s = cos(poses[k, 2]), sin(poses[k, 2])
         by_dx, by_dy = c * by_x + s * by_y, c * by_y - s * by_x
-        slopes[k] = by_boom + by_dx * change[6] + by_dy * change[7] + by_heading * change[8]
-        by_boom += by_dx * change[3] + by_dy * change[4] + by_heading * change[5]
+        slopes[k] = by_boom + _along(gradient, 1, by_dx, by_dy, by_heading)
+        by_boom += _along(gradient, 0, by_dx, by_dy, by_heading)
         by_heading += by_dy * change[0] - by_dx * change[1]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _along(gradient, axis, by_dx, by_dy, by_heading):  # type: ignore[no-untyped-def]
+    """Derivative by boom angle (axis 0) or swing (1), from those by the frame change."""
+    return by_dx * gradient[0, axis] + by_dy * gradient[1, axis] + by_heading * gradient[2, axis]
