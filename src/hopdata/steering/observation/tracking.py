@@ -19,7 +19,7 @@ STATUSES = (SEEN, LEANED, MISFIT, UNSEEN)
 
 MISFIT_NOISES = 8.0  # residuals beyond so many times the noise are no noise: markers mixed up
 BOOM_MISS_M = 0.02
-HOLD_S = 0.1
+HOLD_S = 0.5
 
 
 @dataclass(frozen=True)
