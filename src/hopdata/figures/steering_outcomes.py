@@ -33,10 +33,10 @@ LOOKS = {
 TASKS = {
     ("origin", "facing"): "to the origin,\nfacing it",
     ("origin", "any"): "to the origin,\nany heading",
-    ("origin_board", "facing"): "the same, facing,\nwith the board",
-    ("origin_board", "any"): "the same, any heading,\nwith the board",
+    ("origin_board", "facing"): "facing it,\nboard in the way",
+    ("origin_board", "any"): "any heading,\nboard in the way",
     ("turn", "any"): "half turn",
-    ("turn_board", "any"): "half turn,\nwith the board",
+    ("turn_board", "any"): "half turn,\nboard in the way",
 }
 APART = 0.22  # between controllers of one task
 
@@ -126,7 +126,7 @@ def _finish(rates: Axes, hops: Axes, tasks: list[tuple[str, str]]) -> None:
     rates.set_xlim(-3, 103)
     rates.set_xlabel("runs that succeeded (%)")
     hops.set_xlabel("hops to the goal")
-    hops.set_xlim(left=0)
+    hops.set_xlim(0, 1.05 * hops.dataLim.x1 if np.isfinite(hops.dataLim.x1) else 1)
     for axes in (rates, hops):
         axes.tick_params(axis="y", length=0)
         for between in range(1, len(tasks)):

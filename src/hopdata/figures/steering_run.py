@@ -31,8 +31,7 @@ CURVES: dict[str, tuple[str, str, Any, str]] = {
     "measured": ("measured motion", INK, "-", "o"),
 }
 TICK_M = 0.07  # length of the line that shows a heading
-BOARD_M = 0.5  # width at which the board is drawn
-LEAST_M = 0.25  # margin around the path
+BESIDE_M = 0.12  # how far the board is drawn beyond the path on both sides
 
 
 @styled
@@ -63,7 +62,6 @@ def steering_run_figure(curves: pd.DataFrame) -> Figure:
     ):
         _draw_over_time(panels[panel], curves, column, factor)
         panels[panel].set_ylabel(label)
-        panels[panel].label_outer()
     _draw_goals(panels, curves, turn)
     panels["h"].set_xlabel("time (s)")
     for above in "xy":
@@ -126,35 +124,48 @@ def _draw_arena(axes: Axes, curves: pd.DataFrame, turn: bool) -> None:
 def _draw_headings(axes: Axes, measured: pd.DataFrame) -> None:
     x, y, heading = (measured[name].to_numpy() for name in ("x_m", "y_m", "heading_rad"))
     dx, dy = TICK_M * np.cos(heading), TICK_M * np.sin(heading)
-    axes.plot(
-        np.stack([x, x + dx]), np.stack([y, y + dy]), color=INK, linewidth=0.5, zorder=1
-    )
+    axes.plot(np.stack([x, x + dx]), np.stack([y, y + dy]), color=INK, linewidth=0.5, zorder=1)
 
 
 def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
-    """Draw the board across its direction: pale where it stood, dark where it was pushed to."""
+    """Draw the board, as wide as the path: pale where it stood, dark where it was pushed to."""
     first, last = measured["board_first_m"].iloc[0], measured["board_m"].dropna()
     if np.isnan(first) or last.empty:
         return
     way = measured[["board_x", "board_y"]].iloc[0].to_numpy(dtype=float)
-    across = np.array([-way[1], way[0]]) * BOARD_M / 2
-    for place, colour, text in (
-        (float(first), "#d8c9a8", "board"),
-        (float(last.iloc[-1]), "#8a6d2f", "pushed to here"),
+    across = np.array([-way[1], way[0]])
+    sideways = measured[["x_m", "y_m"]].dropna().to_numpy() @ across
+    sides = (sideways.min() - BESIDE_M, sideways.max() + BESIDE_M)
+    for place, colour, text, end in (
+        (float(first), "#d8c9a8", "board", 0),
+        (float(last.iloc[-1]), "#8a6d2f", "pushed to here", 1),
     ):
-        ends = np.stack([place * way - across, place * way + across])
-        axes.plot(ends[:, 0], ends[:, 1], color=colour, linewidth=3, solid_capstyle="butt", zorder=0)
-        side = ends[np.argmax(ends[:, 1])]
+        ends = np.stack([place * way + side * across for side in sides])
+        axes.plot(
+            ends[:, 0], ends[:, 1], color=colour, linewidth=3, solid_capstyle="butt", zorder=0
+        )
+        outward = across if end else -across
         axes.annotate(
-            text, side, xytext=(0, 3), textcoords="offset points", ha="center", va="bottom",
-            fontsize=6, color=INK, bbox=ON_WHITE,
+            text, ends[end], xytext=tuple(4 * outward), textcoords="offset points", fontsize=6,
+            ha=_aligned(outward[0], "left", "right"), va=_aligned(outward[1], "bottom", "top"),
+            color=INK, bbox=ON_WHITE, zorder=0,
         )  # fmt: skip
 
 
+def _aligned(direction: float, forward: str, backward: str) -> Any:
+    """Side of a text that faces its place, if it stands in this direction from there."""
+    return "center" if abs(direction) < 0.3 else forward if direction > 0 else backward
+
+
 def _label_start(axes: Axes, measured: pd.DataFrame) -> None:
-    start = measured.dropna(subset=["x_m"]).iloc[0]
+    """Mark the first stance, and name it on the side that the path does not go to."""
+    seen = measured.dropna(subset=["x_m"])
+    start = seen.iloc[0]
+    away = start[["x_m", "y_m"]].to_numpy(dtype=float) - seen[["x_m", "y_m"]].mean().to_numpy()
+    away = away / max(np.hypot(*away), 1e-9)
     axes.plot(start["x_m"], start["y_m"], "o", color="white", mec=INK, ms=5, mew=0.9, zorder=4)
     axes.annotate(
-        "start", (start["x_m"], start["y_m"]), xytext=(5, -5), textcoords="offset points",
-        ha="left", va="top", fontsize=6.5, color=INK, bbox=ON_WHITE,
+        "start", (start["x_m"], start["y_m"]), xytext=tuple(7 * away), textcoords="offset points",
+        ha=_aligned(away[0], "left", "right"), va=_aligned(away[1], "bottom", "top"),
+        fontsize=6.5, color=INK,
     )  # fmt: skip

@@ -11,9 +11,9 @@ from hopdata.steering.control.objectives import Horizon, Objective, ToHeading, T
 from hopdata.steering.control.plan import Controller
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import PrintedController
-from hopdata.steering.control.spline import spline_of_grid
 from hopdata.steering.experiments.tasks import ANY, FACING, ORIGIN
 from hopdata.steering.models.interface import FrameChangeMap
+from hopdata.steering.models.tabulated import TabulatedMap
 from hopdata.steering.plant.true_map import TrueFrameChanges
 
 Policy: TypeAlias = Callable[[Objective], Controller]
@@ -43,7 +43,7 @@ def policies(
     swing_limit_rad : float
     """
     horizon = Horizon(hops=options["horizon"], swing_limit_rad=swing_limit_rad)
-    true_map = spline_of_grid(truth.average(), swing_limit_rad)
+    true_map = TabulatedMap(truth.average(), swing_limit_rad)
 
     def printed(goal: Objective) -> Controller:
         return PrintedController(model=model, objective=goal, horizon=horizon)

@@ -1,0 +1,73 @@
+"""From the table of frame changes to a model, and how well it predicts the other hops."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.errors import AnalysisError
+from hopdata.steering.frame_changes import FrameChanges
+from hopdata.steering.models.learning import prediction_score, random_split, score_rows
+from hopdata.steering.models.options import process_inputs
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.training import trained_process
+from hopdata.steering.stages.options import process_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TRAINING = 12  # a stream of chance
+
+
+def learn(
+    changes: FrameChanges, options: Mapping[str, Any], *, seed: int
+) -> tuple[FrameChangeProcess, pd.DataFrame, pd.DataFrame]:
+    """Learn from as many random hops as the block ``steering.model`` says.
+
+    Parameters
+    ----------
+    changes : FrameChanges
+    options : mapping
+    seed : int
+        The study's.
+
+    Returns
+    -------
+    process : FrameChangeProcess
+    scores : DataFrame
+        On the hops that were not learned from: ``component, unit, r2, rmse, coverage``, and
+        ``training_hops, test_hops``.
+    hops : DataFrame
+        The hops that were learned from: ``boom_angle_rad, swing_rad, dx_m, dy_m, dtheta_rad``.
+
+    Raises
+    ------
+    AnalysisError
+        If there are too few hops.
+    """
+    import pandas as pd
+
+    hops, wanted = changes.used(), options["training_hops"]
+    if len(hops) < wanted + 2:
+        raise AnalysisError(
+            f"steering.model.training_hops: expected at most {max(0, len(hops) - 2)}, two fewer "
+            f"than the hops with known pose and boom angle, found {wanted} "
+            f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
+        )
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(TRAINING,)))
+    train, rest = random_split(len(hops), wanted, rng)
+    setup = process_of(options)
+    process = trained_process(hops.rows(train), setup, seed=seed)
+    test = hops.rows(rest)
+    score = prediction_score(process, process_inputs(test, setup.history), test.change)
+    sizes = {"training_hops": wanted, "test_hops": len(rest)}
+    learned = hops.rows(train)
+    columns = [learned.boom_angle_rad, learned.swing_rad, *learned.change.T]
+    names = ["boom_angle_rad", "swing_rad", "dx_m", "dy_m", "dtheta_rad"]
+    return (
+        process,
+        pd.DataFrame(score_rows(score, {})).assign(**sizes),
+        pd.DataFrame(dict(zip(names, columns, strict=True))),
+    )
