@@ -116,7 +116,7 @@ def _draw_arena(axes: Axes, curves: pd.DataFrame, turn: bool) -> None:
         axes.plot(near * np.cos(angle), near * np.sin(angle), color=GREY, linewidth=0.6, zorder=0)
     _label_start(axes, measured)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(0.1)
+    axes.margins(0.14)
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
 

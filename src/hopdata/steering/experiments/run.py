@@ -68,6 +68,7 @@ def run_task(
     start: Start,
     *,
     board: Board | None = None,
+    frames: list[tuple[float, FloatArray]] | None = None,
 ) -> Run:
     """Let a controller steer from a start until the run is decided or the hopper falls.
 
@@ -83,11 +84,13 @@ def run_task(
     start : Start
     board : Board, optional
         What stands in the way.
+    frames : list, optional
+        Takes time, s, and markers (M, 3), m, of each frame as the cameras saw it.
     """
     kicks, noise, gaps = start.streams()
     hopper = WatchedHopper(
         robot, sight, start.pose, most_hops=task.most_hops + 2, kicks=kicks, noise=noise,
-        gaps=gaps, board=board,
+        gaps=gaps, board=board, frames=frames,
     )  # fmt: skip
     stances: list[WatchedStance] = []
     decisions: list[_Decision] = []

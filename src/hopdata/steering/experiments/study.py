@@ -29,6 +29,7 @@ from hopdata.steering.se2 import composed, inverse
 if TYPE_CHECKING:
     import pandas as pd
 
+FILM_HZ = 20.0
 POSE = ("x_m", "y_m", "heading_rad")
 
 
@@ -45,6 +46,8 @@ class ExperimentTables:
         One row a stance: the run, ``stance, time_s``, the true pose, the measured pose (columns
         ``measured_...``), ``boom_angle_rad, swing_rad``, the pose foretold from the stance before
         (``predicted_...``) and ``board_m``.
+    film : DataFrame
+        The markers of that run at `FILM_HZ`: ``time_s, marker, x_m, y_m, z_m``.
     example : DataFrame
         Three curves of one run: ``curve`` is "measured", "response" (foretold from each measured
         stance) or "pure" (controller and model alone); ``stance, time_s`` and the pose, a turn's in
@@ -55,6 +58,7 @@ class ExperimentTables:
     runs: pd.DataFrame
     stances: pd.DataFrame
     example: pd.DataFrame
+    film: pd.DataFrame
 
 
 def run_experiment(
@@ -99,7 +103,10 @@ def run_experiment(
             stances.append(_stances(run).assign(**key, run=start.number))
             if (heading, name) == (ANY, shown):
                 of_shown.append((start, run))
-    example = example_of(experiment, options, policies[ANY, shown], *typical(of_shown))
+    start, run = typical(of_shown)
+    policy = policies[ANY, shown]
+    example = example_of(experiment, options, policy, start, run)
+    film = _film(experiment, options, policy, start, robot, sight)
     key_first = ["experiment", "start", "controller", "run"]
     table = pd.concat(stances, ignore_index=True)
     columns = [*key_first, *(c for c in table.columns if c not in key_first)]
@@ -137,6 +144,32 @@ def example_of(
         board_x=into[0],
         board_y=into[1],
     )
+
+
+def _film(
+    experiment: str,
+    options: Mapping[str, Any],
+    policy: Policy,
+    start: Start,
+    robot: SteeredHopper,
+    sight: Sight,
+) -> pd.DataFrame:
+    """Make a run again, which the same chance makes the same, and keep some of its frames."""
+    import pandas as pd
+
+    manoeuvre, way = EXPERIMENTS[experiment]
+    frames: list[tuple[float, Any]] = []
+    run_task(
+        robot, sight, policy(goal_of(manoeuvre, start.pose)), tasks_of(options)[manoeuvre, ANY],
+        start, board=_board(manoeuvre, way, start, options), frames=frames,
+    )  # fmt: skip
+    kept = frames[:: max(1, round(sight.camera.rate_hz / FILM_HZ))]
+    places = np.array([markers for _, markers in kept])
+    names = [f"body{i + 1}" for i in range(places.shape[1] - 1)] + ["boom"]
+    table = pd.DataFrame(places.reshape(-1, 3), columns=["x_m", "y_m", "z_m"])
+    table.insert(0, "marker", np.tile(names, len(kept)))
+    table.insert(0, "time_s", np.repeat([time for time, _ in kept], len(names)))
+    return table
 
 
 def _starts(experiment: str, heading: str, options: Mapping[str, Any], seed: int) -> list[Start]:

@@ -85,6 +85,8 @@ class WatchedHopper:
         Streams of chance of their own.
     board : Board, optional
         What stands in the way.
+    frames : list, optional
+        Takes time, s, and markers (M, 3), m, of each frame as the cameras saw it.
     """
 
     def __init__(
@@ -98,9 +100,10 @@ class WatchedHopper:
         noise: np.random.Generator,
         gaps: np.random.Generator,
         board: Board | None = None,
+        frames: list[tuple[float, FloatArray]] | None = None,
     ) -> None:
         self.robot, self.sight, self.board = robot, sight, board
-        self._kicks, self._noise = kicks, noise
+        self._kicks, self._noise, self._frames = kicks, noise, frames
         self._apex: Apex = released(robot, start, robot.hopper.boom_angle_rad)
         camera, body = sight.camera, robot.markers.body_m
         markers = [f"body{i + 1}" for i in range(len(body))] + ["boom"]
@@ -138,6 +141,8 @@ class WatchedHopper:
         known: list[tuple[float, Observation]] = []
         found: tuple[float, Observation | None] = (np.nan, None)
         for now, markers in zip(hop.frame_time_s.tolist(), self._seen(hop), strict=True):
+            if self._frames is not None:
+                self._frames.append((now, markers))
             frame = self._tracker.feed(now, markers)
             stance = self._detector.feed(now, frame.height_m)
             if frame.known:

@@ -1,0 +1,13 @@
+"""Simulate the trial that the model of steering is learned from."""
+
+from hopdata.jobs import reported, write_table
+from hopdata.recordings.hdf5 import write_recording
+from hopdata.steering.stages.excite import simulate_excitation
+
+with reported(snakemake.log[0]):
+    recording, stances, motion = simulate_excitation(
+        snakemake.params.steering, snakemake.params.motion_capture, seed=snakemake.params.seed
+    )
+    write_recording(snakemake.output.recording, recording)
+    write_table(snakemake.output.stances, stances)
+    write_table(snakemake.output.motion, motion)

@@ -1,0 +1,20 @@
+"""Run one experiment for all controllers from all starts."""
+
+from hopdata.jobs import read_table, reported, write_table
+from hopdata.steering.models.saving import load_process
+from hopdata.steering.observation.geometry import load_geometry
+from hopdata.steering.stages.experiment import experiment_of
+from hopdata.steering.stages.true_map_table import true_map_of
+
+with reported(snakemake.log[0]):
+    tables = experiment_of(
+        snakemake.wildcards.experiment,
+        snakemake.params.steering,
+        snakemake.params.motion_capture,
+        model=load_process(snakemake.input.model),
+        truth=true_map_of(read_table(snakemake.input.true_map)),
+        geometry=load_geometry(snakemake.input.geometry),
+        seed=snakemake.params.seed,
+    )
+    for name in ("runs", "stances", "example", "film"):
+        write_table(getattr(snakemake.output, name), getattr(tables, name))
