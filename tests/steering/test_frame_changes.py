@@ -7,15 +7,15 @@ from steered_hops import chained_hops
 from hopdata.errors import RecordingError
 from hopdata.jobs import read_table, write_table
 from hopdata.steering.frame_change_errors import frame_change_errors
+from hopdata.steering.frame_change_tables import from_table, to_table
 from hopdata.steering.frame_changes import (
     FAR_SWING,
     NO_BOOM,
     NO_POSE,
     frame_changes,
-    from_table,
+    frame_changes_at_frames,
     joined,
     stance_boom_angles,
-    to_table,
 )
 from hopdata.steering.plant.robot import SteeredHopper
 from hopdata.steering.plant.trial import record_trial
@@ -39,7 +39,9 @@ def motion(first_boom=6.0):
 
 
 def collected(poses, booms, pairs=PAIRS, **options):
-    return frame_changes(pairs, poses, booms, rate_hz=RATE, swing_limit_rad=1.2, **options)
+    return frame_changes_at_frames(
+        pairs, poses, booms, rate_hz=RATE, swing_limit_rad=1.2, **options
+    )
 
 
 def test_swings_and_changes_are_those_that_were_made():
@@ -51,6 +53,20 @@ def test_swings_and_changes_are_those_that_were_made():
     assert found.time_s.tolist() == [0.1, 0.7, 1.3, 1.9]
     assert set(found.recording) == {"a"}
     assert found.excluded() == {}
+
+
+def test_stances_alone_give_the_same_as_their_frames():
+    poses, booms = motion()
+    numbers = np.column_stack([np.arange(4), np.arange(1, 5)])
+    found = frame_changes(
+        STANCES / RATE, poses[STANCES], booms[STANCES], numbers, swing_limit_rad=1.2, recording="a"
+    )
+    same = collected(poses, booms, recording="a")
+    np.testing.assert_allclose(found.previous_change, same.previous_change, atol=1e-12)
+    np.testing.assert_allclose(found.boom_angle_rad, same.boom_angle_rad, atol=1e-12)
+    np.testing.assert_allclose(found.time_s, same.time_s, atol=1e-12)
+    with pytest.raises(ValueError, match="expected stances 0 to 4, found 0 to 5"):
+        frame_changes(STANCES, poses[STANCES], booms[STANCES], [[0, 5]], swing_limit_rad=1.2)
 
 
 def test_wrapped_boom_angles_are_the_same():
@@ -87,7 +103,7 @@ def test_what_is_not_used_is_counted_by_reason_and_is_nobody_s_history():
 
 
 def test_a_swing_beyond_the_limit_is_not_used():
-    found = frame_changes(PAIRS, *motion(), rate_hz=RATE, swing_limit_rad=0.9)
+    found = frame_changes_at_frames(PAIRS, *motion(), rate_hz=RATE, swing_limit_rad=0.9)
     assert found.excluded() == {FAR_SWING: 1}
     assert found.reason[2] == FAR_SWING
 
@@ -135,11 +151,13 @@ def test_measured_frame_changes_of_the_plant_are_scored_against_the_true_ones():
     trial = record_trial(SteeredHopper(), swings, seed=3)
     options = {"rate_hz": trial.recording.rate_hz, "swing_limit_rad": 1.2}
     pairs = trial.stances.pairs()
-    true = frame_changes(pairs, trial.poses, trial.boom_angle_rad, **options)
+    true = frame_changes_at_frames(pairs, trial.poses, trial.boom_angle_rad, **options)
     told = swings[np.flatnonzero(trial.stances.follows)]
     np.testing.assert_allclose(true.swing_rad, told, atol=1e-9)
     noise = np.random.default_rng(4).normal(0, 1e-3, trial.poses.shape)
-    seen = frame_changes(pairs[2:] + 1, trial.poses + noise, trial.boom_angle_rad, **options)
+    seen = frame_changes_at_frames(
+        pairs[2:] + 1, trial.poses + noise, trial.boom_angle_rad, **options
+    )
     errors = frame_change_errors(seen, true)
     assert (errors.missed, errors.invented) == (2, 0)
     rms = errors.rms()

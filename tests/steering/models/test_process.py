@@ -7,7 +7,11 @@ import pytest
 from steered_hops import LIMIT, chained_hops, smooth_change
 
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
-from hopdata.steering.models.hyperparameters import fitted_regressor
+from hopdata.steering.models.hyperparameters import (
+    fitted_regressor,
+    hyper_parameters,
+    regressor_of,
+)
 from hopdata.steering.models.kernels import (
     SMOOTHNESSES,
     correlation,
@@ -24,7 +28,7 @@ from hopdata.steering.models.options import (
     process_inputs,
 )
 from hopdata.steering.models.saving import load_process, save_process
-from hopdata.steering.models.training import trained_process, training_set
+from hopdata.steering.models.training import input_units, trained_process, training_set
 
 NOISE = np.array([2e-3, 2e-3, 1e-2])
 HOPS = chained_hops(60, noise=NOISE, memory=0.01)
@@ -50,36 +54,27 @@ def trained(request):
 
 
 def test_mean_sd_and_likelihood_are_those_of_scikit_learn(trained):
-    options, process, points = trained
-    targets = ((process.outputs - process.offset) / process.unit).T
+    _, process, points = trained
     mean, sd = process.change(*points.T), process.sd(*points.T, observed=True)
-    for j, target in enumerate(targets):
-        same = replace(
-            options,
-            variance=process.variance[j],
-            noise=process.noise[j],
-            length_scale=1.0,
-        )
-        scaled = process.inputs / process.length_scales[j]
-        if options.periodic:  # the first length is that of the chord, so it is set, not scaled
-            scaled[:, 0] = process.inputs[:, 0]
-        peer = fitted_regressor(scaled, target, same, 0)
-        if options.periodic:
-            lengths = np.ones(process.n_inputs)
-            lengths[0] = process.length_scales[j, 0]
-            kernel = peer.kernel_
-            kernel.k1.k2.length_scale = lengths
-            peer.set_params(kernel=kernel, optimizer=None).fit(peer.X_train_, target)
-        asked = points / process.length_scales[j]
-        if options.periodic:
-            asked[:, 0] = points[:, 0]
-        found, spread = peer.predict(embedded(asked, options.periodic), return_std=True)
-        np.testing.assert_allclose(
-            found * process.unit[j] + process.offset[j], mean[:, j], atol=1e-10
-        )
+    asked = embedded(points, process.periodic)
+    for j in range(3):
+        peer = regressor_of(process, j)
+        found, spread = peer.predict(asked, return_std=True)
+        found = found * process.unit[j] + process.offset[j]
+        np.testing.assert_allclose(found, mean[:, j], atol=1e-10)
         np.testing.assert_allclose(spread * process.unit[j], sd[:, j], atol=1e-10)
         likelihood = process.log_marginal_likelihood[j]
         assert peer.log_marginal_likelihood_value_ == pytest.approx(likelihood, rel=1e-8)
+
+
+def test_hyper_parameters_are_those_that_scikit_learn_found(trained):
+    options, process, _ = trained
+    targets = (process.outputs - process.offset) / process.unit
+    scale = input_units(process.inputs, options)
+    peer = fitted_regressor(process.inputs / scale, targets[:, 1], options, 0)
+    likelihood = process.log_marginal_likelihood[1]
+    assert peer.log_marginal_likelihood_value_ == pytest.approx(likelihood, rel=1e-8)
+    assert hyper_parameters(peer, process.n_inputs)[2] == process.noise[1]
 
 
 def test_gradients_are_those_of_differences(trained):

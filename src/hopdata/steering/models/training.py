@@ -46,7 +46,7 @@ def trained_process(
     """
     inputs, outputs = training_set(changes, options.history)
     offset, unit = _modelled(outputs, options)
-    scale = _input_units(inputs, options)
+    scale = input_units(inputs, options)
     if not options.periodic:
         inputs, outputs = _copies(inputs), np.tile(outputs, (3, 1))
     targets = (outputs - offset) / unit
@@ -90,7 +90,7 @@ def _modelled(outputs: FloatArray, options: ProcessOptions) -> tuple[FloatArray,
     return outputs.mean(axis=0), np.where(unit > 0, unit, 1.0)
 
 
-def _input_units(inputs: FloatArray, options: ProcessOptions) -> FloatArray:
+def input_units(inputs: FloatArray, options: ProcessOptions) -> FloatArray:
     """Units of the inputs, (d,): 1 rad for the boom angle, the standard deviation of the others."""
     units = np.ones(inputs.shape[1])
     if options.standardised:
