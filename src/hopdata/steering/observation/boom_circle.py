@@ -11,7 +11,7 @@ from hopdata.steering.observation.geometry import BoomCircle
 
 FloatArray = NDArray[np.float64]
 
-MOST_POINTS = 4000
+MOST_POINTS = 20000
 LEAST_POINTS = 30
 LEAST_ARC_RAD = np.deg2rad(30.0)
 LEAST_TRAVEL_NOISES = 10.0
