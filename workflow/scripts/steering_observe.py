@@ -2,7 +2,7 @@
 
 from hopdata.jobs import reported, write_json, write_table
 from hopdata.recordings.hdf5 import read_recording
-from hopdata.steering.frame_changes import to_table
+from hopdata.steering.frame_change_tables import to_table
 from hopdata.steering.stages.observe import observe_recordings
 
 with reported(snakemake.log[0]):

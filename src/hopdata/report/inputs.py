@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import pandas as pd
 
-MEDIA_TYPES = {".svg": "image/svg+xml", ".png": "image/png"}
+MEDIA_TYPES = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif"}
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,9 @@ class ReportFigure:
     name : str
         Name of its file without suffix, such as ``fig2_2_sections``.
     image : bytes
-        SVG or PNG; empty if the figure was made in neither format.
+        SVG, PNG or GIF; empty if the figure was made in neither format.
     media_type : str
-        ``image/svg+xml`` or ``image/png``.
+        ``image/svg+xml``, ``image/png`` or ``image/gif``.
     caption : str
         Template of the caption, as in ``workflow/captions``.
     """
@@ -36,6 +36,39 @@ class ReportFigure:
     image: bytes
     media_type: str
     caption: str = ""
+
+
+@dataclass(frozen=True)
+class SteeringInputs:
+    """What the page of the steering shows. Only `study` must be there; what is missing is said.
+
+    Parameters
+    ----------
+    study : str
+    figures : sequence of ReportFigure
+        In the order in which they are shown; an animation is a figure of media type ``image/gif``.
+    outcomes : DataFrame, optional
+        ``outcomes.csv``.
+    counts : sequence of mappings, optional
+        ``observed.json``: by recording the frames, stances and hops, and what was left out.
+    scores : DataFrame, optional
+        ``model_scores.csv``.
+    truth : mapping, optional
+        ``truth.json``; None for recordings of a real robot.
+    provenance : mapping, optional
+        As from `hopdata.provenance.provenance`.
+    notes : sequence of str
+        What could not be done.
+    """
+
+    study: str
+    figures: Sequence[ReportFigure] = ()
+    outcomes: pd.DataFrame | None = None
+    counts: Sequence[Mapping[str, Any]] | None = None
+    scores: pd.DataFrame | None = None
+    truth: Mapping[str, Mapping[str, Any]] | None = None
+    provenance: Mapping[str, Any] | None = None
+    notes: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -74,6 +107,8 @@ class ReportInputs:
         ``faults.csv``.
     notes : sequence
         What could not be done, each a sentence or a mapping with ``what`` and ``reason``.
+    steering : SteeringInputs, optional
+        What the page shows of the steering; no such sections without it.
     """
 
     study: str
@@ -93,6 +128,7 @@ class ReportInputs:
     quality: Sequence[Mapping[str, Any]] | None = None
     faults: pd.DataFrame | None = None
     notes: Sequence[str | Mapping[str, Any]] = ()
+    steering: SteeringInputs | None = None
 
 
 class Described(Protocol):

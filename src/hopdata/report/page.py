@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import base64
 import math
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hopdata.report import landing_tables, overlay_tables, quality, result_tables, verdict
-from hopdata.report.captions import Caption, render_caption
 from hopdata.report.facts import study_facts
 from hopdata.report.formatting import MISSING, count, significant
 from hopdata.report.inputs import ReportFigure, ReportInputs
+from hopdata.report.pictures import Picture, picture_of
+from hopdata.report.rendering import TEMPLATES, as_yaml, environment
+from hopdata.report.steering import steering_content
 from hopdata.report.table import Table, mapping_table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-TEMPLATES = Path(__file__).with_name("templates")
 # The figures that have a section of their own; any other stands at the end.
 PLACES = {
     "verdict": "verdict",
@@ -37,16 +34,6 @@ PLACES = {
     "scaling_study": "truth",
 }
 SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
-DOUBLE_COLUMN_PT = 496.0
-
-
-@dataclass(frozen=True)
-class _Picture:
-    """A figure as the template needs it; `width_pt` is its size on paper."""
-
-    source: str
-    width_pt: float
-    caption: Caption
 
 
 def build_report(inputs: ReportInputs) -> str:
@@ -67,27 +54,23 @@ def build_report(inputs: ReportInputs) -> str:
     ConfigError
         If a caption names a fact that does not exist.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        undefined=StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     facts = study_facts(inputs)
-    return environment.get_template("report.html.j2").render(
-        study=inputs.study,
-        facts=facts,
-        highlights=_highlights(facts, inputs),
-        style=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
-        pictures=_pictures(inputs.figures, facts),
-        tables=_tables(inputs),
-        notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
-        verdict_notes=[_note(note) for note in verdict.notes(inputs.verdict)],
-        config=_as_yaml((inputs.provenance or {}).get("config")),
-        count=count,
+    return (
+        environment()
+        .get_template("report.html.j2")
+        .render(
+            study=inputs.study,
+            facts=facts,
+            highlights=_highlights(facts, inputs),
+            style=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
+            pictures=_pictures(inputs.figures, facts),
+            tables=_tables(inputs),
+            notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
+            verdict_notes=[_note(note) for note in verdict.notes(inputs.verdict)],
+            config=as_yaml((inputs.provenance or {}).get("config")),
+            count=count,
+            steering=None if inputs.steering is None else steering_content(inputs.steering),
+        )
     )
 
 
@@ -150,24 +133,12 @@ def _gain(prediction: pd.DataFrame | None) -> tuple[str | None, str]:
 
 def _pictures(
     figures: Sequence[ReportFigure], facts: Mapping[str, Any]
-) -> dict[str, list[_Picture]]:
+) -> dict[str, list[Picture]]:
     """Pictures by the section that they stand in."""
-    placed: dict[str, list[_Picture]] = {place: [] for place in (*PLACES.values(), "others")}
+    placed: dict[str, list[Picture]] = {place: [] for place in (*PLACES.values(), "others")}
     for figure in figures:
-        caption = render_caption(figure.caption, facts, name=figure.name)
-        source = ""
-        if figure.image:
-            encoded = base64.b64encode(figure.image).decode("ascii")
-            source = f"data:{figure.media_type};base64,{encoded}"
-        picture = _Picture(source, _width_pt(figure), caption)
-        placed[PLACES.get(figure.name, "others")].append(picture)
+        placed[PLACES.get(figure.name, "others")].append(picture_of(figure, facts))
     return placed
-
-
-def _width_pt(figure: ReportFigure) -> float:
-    """Width on paper that an SVG asks for; a full text width for anything else."""
-    found = re.search(rb'<svg[^>]*?\swidth="([0-9.]+)pt"', figure.image[:4000])
-    return float(found.group(1)) if found else DOUBLE_COLUMN_PT
 
 
 def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
@@ -214,9 +185,3 @@ def _note(note: str | Mapping[str, Any]) -> str:
         return note
     what, reason = str(note.get("what", "")), str(note.get("reason", ""))
     return f"{what}: {reason}" if what and reason else what or reason
-
-
-def _as_yaml(config: Any) -> str:
-    import yaml
-
-    return yaml.safe_dump(config, sort_keys=False, allow_unicode=True) if config else ""

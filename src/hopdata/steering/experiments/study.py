@@ -29,7 +29,7 @@ from hopdata.steering.se2 import composed, inverse
 if TYPE_CHECKING:
     import pandas as pd
 
-FILM_HZ = 20.0
+FILM_HZ = 10.0
 POSE = ("x_m", "y_m", "heading_rad")
 
 
@@ -47,7 +47,8 @@ class ExperimentTables:
         ``measured_...``), ``boom_angle_rad, swing_rad``, the pose foretold from the stance before
         (``predicted_...``) and ``board_m``.
     film : DataFrame
-        The markers of that run at `FILM_HZ`: ``time_s, marker, x_m, y_m, z_m``.
+        The markers of that run at `FILM_HZ`: ``time_s`` (0 at the first stance), ``marker, x_m,
+        y_m, z_m``.
     example : DataFrame
         Three curves of one run: ``curve`` is "measured", "response" (foretold from each measured
         stance) or "pure" (controller and model alone); ``stance, time_s`` and the pose, a turn's in
@@ -107,6 +108,7 @@ def run_experiment(
     policy = policies[ANY, shown]
     example = example_of(experiment, options, policy, start, run)
     film = _film(experiment, options, policy, start, robot, sight)
+    film["time_s"] -= run.time_s[0]
     key_first = ["experiment", "start", "controller", "run"]
     table = pd.concat(stances, ignore_index=True)
     columns = [*key_first, *(c for c in table.columns if c not in key_first)]

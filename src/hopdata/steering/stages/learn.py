@@ -23,7 +23,7 @@ TRAINING = 12  # a stream of chance
 
 def learn(
     changes: FrameChanges, options: Mapping[str, Any], *, seed: int
-) -> tuple[FrameChangeProcess, pd.DataFrame, pd.DataFrame]:
+) -> tuple[FrameChangeProcess, pd.DataFrame]:
     """Learn from as many random hops as the block ``steering.model`` says.
 
     Parameters
@@ -39,8 +39,6 @@ def learn(
     scores : DataFrame
         On the hops that were not learned from: ``component, unit, r2, rmse, coverage``, and
         ``training_hops, test_hops``.
-    hops : DataFrame
-        The hops that were learned from: ``boom_angle_rad, swing_rad, dx_m, dy_m, dtheta_rad``.
 
     Raises
     ------
@@ -63,11 +61,4 @@ def learn(
     test = hops.rows(rest)
     score = prediction_score(process, process_inputs(test, setup.history), test.change)
     sizes = {"training_hops": wanted, "test_hops": len(rest)}
-    learned = hops.rows(train)
-    columns = [learned.boom_angle_rad, learned.swing_rad, *learned.change.T]
-    names = ["boom_angle_rad", "swing_rad", "dx_m", "dy_m", "dtheta_rad"]
-    return (
-        process,
-        pd.DataFrame(score_rows(score, {})).assign(**sizes),
-        pd.DataFrame(dict(zip(names, columns, strict=True))),
-    )
+    return process, pd.DataFrame(score_rows(score, {})).assign(**sizes)

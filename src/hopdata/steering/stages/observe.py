@@ -82,13 +82,11 @@ def _observed(recording: Recording, swing_limit_rad: float) -> Observed:
     band = (geometry.stance_below_m, geometry.flight_above_m)
     stances = find_stances(motion.time, motion.height, band)
     states = stance_states(motion, stances)
-    poses = motion.pose.copy()
-    poses[stances.frame] = states.pose  # by a parabola through the frames near it
     changes = frame_changes(
-        stances.frame[stances.pairs],
-        poses,
-        motion.boom_angle,
-        rate_hz=recording.rate_hz,
+        states.time_s,
+        states.pose,
+        states.boom_angle,
+        states.pairs,
         swing_limit_rad=swing_limit_rad,
         recording=recording.name,
     )

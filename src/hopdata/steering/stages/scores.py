@@ -67,7 +67,7 @@ def _pose_scores(motion: pd.DataFrame, true: pd.DataFrame) -> Mapping[str, Any]:
         ),
         "heading_offset": _entry(1e3 * offset, "mrad", "heading, mean error"),
         "boom_angle_rms": _entry(1e3 * _rms(boom), "mrad", "boom angle, rms error"),
-        "tilt_rms": _entry(1e3 * _rms(true["tilt_rad"].to_numpy()), "mrad", "tilt of the body, rms"),
+        "tilt_rms": _entry(1e3 * _rms(true["tilt_rad"].to_numpy()), "mrad", "tilt, rms"),
         "frames_without_pose": _entry(
             float(motion["x_m"].isna().sum()), "1", "frames without a pose"
         ),
@@ -78,7 +78,7 @@ def _stance_scores(stances: pd.DataFrame, true: pd.DataFrame) -> Mapping[str, An
     """Pairs of stances that were missed, and that were invented."""
     found = _pair_times(stances)
     real = _pair_times(true)
-    apart = np.abs(found[:, None] - real).max(axis=2, initial=0.0) if len(found) else np.empty((0, 0))
+    apart = np.abs(found[:, None] - real).max(axis=2, initial=0.0)
     same = apart <= SAME_STANCE_S
     return {
         "true_pairs": _entry(float(len(real)), "1", "consecutive stances, true pairs"),

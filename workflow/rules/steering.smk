@@ -1,0 +1,198 @@
+# Chapter III: `snakemake --cores 2 steering`. Without recordings in which the boom moves, the robot is
+# simulated; experiments are made with the simulated robot alone.
+STEERING = f"{RESULTS}/steering"
+STEERED = STUDY["steering"]["recordings"]
+STEERING_TABLES = f"{STEERING}/tables"
+EXPERIMENTS = ["origin", "turn", "origin_board", "turn_board"]
+# Figures of the dissertation, and the experiment of which each shows a typical run.
+RUN_FIGURES = {
+    "fig3_5_origin": "origin",
+    "fig3_6_turn": "turn",
+    "fig3_8_origin_board": "origin_board",
+    "fig3_9_turn_board": "turn_board",
+}
+
+
+wildcard_constraints:
+    experiment="|".join(EXPERIMENTS),
+
+
+def steering_figure(name):
+    """The files of one figure of the steering, one a format."""
+    return expand(f"{STEERING}/figures/{name}.{{format}}", format=FORMATS)
+
+
+rule steering_excite:
+    """The simulated robot executes an excitation, seen by motion capture; with its truth."""
+    output:
+        recording=f"{STEERING}/recordings/excitation.h5",
+        stances=f"{STEERING_TABLES}/true_stances.csv",
+        motion=f"{STEERING_TABLES}/true_motion.csv",
+    log:
+        f"{STEERING}/logs/steering_excite.log",
+    benchmark:
+        f"{STEERING}/benchmarks/steering_excite.tsv"
+    params:
+        steering={key: STUDY["steering"][key] for key in ("excitation", "robot")},
+        motion_capture=STUDY["motion_capture"],
+        seed=STUDY["seed"],
+        code=code("steering_excite"),
+    script:
+        "../scripts/steering_excite.py"
+
+
+rule steering_observe:
+    """Pose, boom angle and stances, and the frame change of each hop."""
+    input:
+        recordings=(
+            expand(f"{RESULTS}/recordings/{{recording}}.h5", recording=STEERED)
+            or [rules.steering_excite.output.recording]
+        ),
+    output:
+        changes=f"{STEERING_TABLES}/frame_changes.csv",
+        stances=f"{STEERING_TABLES}/stances.csv",
+        motion=f"{STEERING_TABLES}/motion.csv",
+        counts=f"{STEERING_TABLES}/observed.json",
+        geometry=f"{STEERING}/geometry.json",
+    log:
+        f"{STEERING}/logs/steering_observe.log",
+    benchmark:
+        f"{STEERING}/benchmarks/steering_observe.tsv"
+    params:
+        swing_limit_rad=STUDY["steering"]["robot"]["swing_limit_rad"],
+        code=code("steering_observe"),
+    script:
+        "../scripts/steering_observe.py"
+
+
+rule steering_true_map:
+    """The frame changes of the simulated robot that nothing disturbs."""
+    output:
+        table=f"{STEERING_TABLES}/true_map.csv",
+    log:
+        f"{STEERING}/logs/steering_true_map.log",
+    benchmark:
+        f"{STEERING}/benchmarks/steering_true_map.tsv"
+    params:
+        robot=STUDY["steering"]["robot"],
+        motion_capture=STUDY["motion_capture"],
+        code=code("steering_true_map"),
+    script:
+        "../scripts/steering_true_map.py"
+
+
+rule steering_model:
+    """Gaussian processes of the frame change, learned from some of the hops."""
+    input:
+        changes=rules.steering_observe.output.changes,
+    output:
+        model=f"{STEERING}/model.npz",
+        scores=f"{STEERING_TABLES}/model_scores.csv",
+        map=f"{STEERING_TABLES}/model_map.csv",
+        training=f"{STEERING_TABLES}/training_hops.csv",
+    log:
+        f"{STEERING}/logs/steering_model.log",
+    benchmark:
+        f"{STEERING}/benchmarks/steering_model.tsv"
+    params:
+        model=STUDY["steering"]["model"],
+        swing_limit_rad=STUDY["steering"]["robot"]["swing_limit_rad"],
+        seed=STUDY["seed"],
+        code=code("steering_model"),
+    script:
+        "../scripts/steering_model.py"
+
+
+rule steering_experiment:
+    """One experiment: all controllers from all starts."""
+    input:
+        model=rules.steering_model.output.model,
+        true_map=rules.steering_true_map.output.table,
+        geometry=rules.steering_observe.output.geometry,
+    output:
+        runs=f"{STEERING}/experiments/{{experiment}}/runs.csv",
+        stances=f"{STEERING}/experiments/{{experiment}}/stances.csv",
+        example=f"{STEERING}/experiments/{{experiment}}/example.csv",
+        film=f"{STEERING}/experiments/{{experiment}}/film.csv",
+    log:
+        f"{STEERING}/logs/steering_experiment_{{experiment}}.log",
+    benchmark:
+        f"{STEERING}/benchmarks/steering_experiment_{{experiment}}.tsv"
+    params:
+        steering={key: STUDY["steering"][key] for key in ("robot", "control", "experiments")},
+        motion_capture=STUDY["motion_capture"],
+        seed=STUDY["seed"],
+        code=code("steering_experiment"),
+    script:
+        "../scripts/steering_experiment.py"
+
+
+rule steering_outcomes:
+    """Success rates and hops to the goal, with intervals; all trajectories."""
+    input:
+        runs=expand(rules.steering_experiment.output.runs, experiment=EXPERIMENTS),
+        stances=expand(rules.steering_experiment.output.stances, experiment=EXPERIMENTS),
+        examples=expand(rules.steering_experiment.output.example, experiment=EXPERIMENTS),
+    output:
+        outcomes=f"{STEERING_TABLES}/outcomes.csv",
+        runs=f"{STEERING_TABLES}/runs.csv",
+        trajectories=f"{STEERING_TABLES}/trajectories.csv",
+        examples=f"{STEERING_TABLES}/examples.csv",
+    log:
+        f"{STEERING}/logs/steering_outcomes.log",
+    benchmark:
+        f"{STEERING}/benchmarks/steering_outcomes.tsv"
+    params:
+        seed=STUDY["seed"],
+        confidence=STUDY["steering"]["experiments"]["confidence"],
+        code=code("steering_outcomes"),
+    script:
+        "../scripts/steering_outcomes.py"
+
+
+rule steering_score:
+    """Pose, boom angle, stances and model against the truth of the simulation."""
+    input:
+        motion=rules.steering_observe.output.motion,
+        stances=rules.steering_observe.output.stances,
+        true_motion=rules.steering_excite.output.motion,
+        true_stances=rules.steering_excite.output.stances,
+        model=rules.steering_model.output.model,
+        true_map=rules.steering_true_map.output.table,
+    output:
+        truth=f"{STEERING}/truth.json",
+    log:
+        f"{STEERING}/logs/steering_score.log",
+    benchmark:
+        f"{STEERING}/benchmarks/steering_score.tsv"
+    params:
+        code=code("steering_score"),
+    script:
+        "../scripts/steering_score.py"
+
+
+rule figure_steering_runs:
+    """Figs. 3.5, 3.6, 3.8 and 3.9, and the outcomes of all controllers."""
+    input:
+        outcomes=rules.steering_outcomes.output.outcomes,
+        runs=rules.steering_outcomes.output.runs,
+        examples=rules.steering_outcomes.output.examples,
+    output:
+        [steering_figure(name) for name in [*RUN_FIGURES, "steering_outcomes"]],
+    log:
+        f"{STEERING}/logs/figure_steering_runs.log",
+    benchmark:
+        f"{STEERING}/benchmarks/figure_steering_runs.tsv"
+    params:
+        shows=RUN_FIGURES,
+        options=STUDY["figures"],
+        code=code("figure_steering_runs"),
+    script:
+        "../scripts/figure_steering_runs.py"
+
+
+rule steering:
+    """Everything of chapter III: `snakemake --cores 2 steering`."""
+    input:
+        rules.figure_steering_runs.output,
+        rules.steering_score.output,

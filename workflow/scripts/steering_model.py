@@ -1,0 +1,18 @@
+"""Learn the frame change from some of the hops, and test it on the others."""
+
+from hopdata.jobs import read_table, reported, write_table
+from hopdata.steering.frame_change_tables import from_table
+from hopdata.steering.models.map_tables import map_table, training_table
+from hopdata.steering.models.saving import save_process
+from hopdata.steering.stages.learn import learn
+
+with reported(snakemake.log[0]):
+    process, scores = learn(
+        from_table(read_table(snakemake.input.changes)),
+        snakemake.params.model,
+        seed=snakemake.params.seed,
+    )
+    save_process(snakemake.output.model, process)
+    write_table(snakemake.output.scores, scores)
+    write_table(snakemake.output.map, map_table(process, snakemake.params.swing_limit_rad))
+    write_table(snakemake.output.training, training_table(process))
