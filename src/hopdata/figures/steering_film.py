@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.artist import Artist
     from matplotlib.figure import Figure
-    from PIL.Image import Image
+    from PIL import Image as Images
 
 WIDTH_MM, HEIGHT_MM, DPI = 90.0, 112.0, 110.0
 SPEED = 2.0  # how much faster than it was
@@ -56,7 +56,7 @@ def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> Non
         )  # fmt: skip
 
 
-def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Image]:
+def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Images.Image]:
     """Draw all frames: what stands still once, what moves on top of it."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
@@ -67,7 +67,7 @@ def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Ima
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
     still = canvas.copy_from_bbox(figure.bbox)  # type: ignore[attr-defined]
-    palette: Image | None = None
+    palette: Images.Image | None = None
     pictures = []
     for time, markers in zip(times, places, strict=True):
         canvas.restore_region(still)  # type: ignore[attr-defined]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,8 @@ from hopdata.synthesis.simulate import MotionCapture
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+
+_Frame: TypeAlias = tuple[float, FloatArray, Observation | None]
 
 NEAR_S = 0.05  # a pose so far from the lowest point is that of the stance
 
@@ -115,6 +118,7 @@ class WatchedHopper:
             rng=gaps,
         )
         self._tracker = HopperTracker(sight.geometry, markers)
+        self._body = sight.geometry.body_places(markers)
         self._detector = StanceDetector.of(sight.geometry, rate_hz=camera.rate_hz)
 
     def hop(self, swing_rad: float) -> WatchedStance:
@@ -138,18 +142,41 @@ class WatchedHopper:
 
     def _watched(self, hop: SteeredHop) -> tuple[float, Observation | None]:
         """Return the time of the stance, and the frame with a pose that was nearest to it then."""
-        known: list[tuple[float, Observation]] = []
+        past: list[_Frame] = []
         found: tuple[float, Observation | None] = (np.nan, None)
         for now, markers in zip(hop.frame_time_s.tolist(), self._seen(hop), strict=True):
             if self._frames is not None:
                 self._frames.append((now, markers))
-            frame = self._tracker.feed(now, markers)
-            stance = self._detector.feed(now, frame.height_m)
-            if frame.known:
-                known.append((now, frame))
+            height, told = self._height(now, markers, past)
+            past.append((now, markers, told))
+            stance = self._detector.feed(now, height)
             if stance is not None:
-                found = (stance.time_s, _nearest(known, stance.time_s))
+                found = (stance.time_s, self._nearest(past, stance.time_s))
         return found
+
+    def _height(
+        self, now: float, markers: FloatArray, past: list[_Frame]
+    ) -> tuple[float, Observation | None]:
+        """Height of the body, m; what the tracker said, if it had to be asked.
+
+        Where all body markers are seen their mean is the height, whatever the attitude.
+        """
+        if np.isfinite(markers[self._body]).all():
+            return float(markers[self._body, 2].mean()), None
+        if past and past[-1][2] is None:  # to lean on
+            self._tracker.feed(*past[-1][:2])
+        told = self._tracker.feed(now, markers)
+        return told.height_m, told
+
+    def _nearest(self, past: list[_Frame], time_s: float) -> Observation | None:
+        """Return the nearest frame with a pose, if one is near."""
+        for now, markers, told in sorted(past, key=lambda frame: abs(frame[0] - time_s)):
+            if abs(now - time_s) > NEAR_S:
+                return None
+            frame = told or self._tracker.feed(now, markers)
+            if frame.known:
+                return frame
+        return None
 
     def _seen(self, hop: SteeredHop) -> FloatArray:
         """Markers (K, M, 3) as the cameras report them."""
@@ -163,8 +190,3 @@ class WatchedHopper:
             hidden=self._hidden[index],
             rng=self._noise,
         )
-
-
-def _nearest(known: list[tuple[float, Observation]], time_s: float) -> Observation | None:
-    near = [(abs(now - time_s), frame) for now, frame in known if abs(now - time_s) <= NEAR_S]
-    return min(near, key=lambda pair: pair[0])[1] if near else None

@@ -103,7 +103,7 @@ def _model_scores(model: FrameChangeMap, true_map: TrueFrameChanges) -> Mapping[
     errors = model.change(angle.ravel(), swing.ravel()) - true
     scores = {}
     for j, (name, unit, factor) in enumerate(COMPONENTS):
-        explained = 1 - np.mean(errors[:, j] ** 2) / np.var(true[:, j])
+        explained = float(1 - np.mean(errors[:, j] ** 2) / np.var(true[:, j]))
         scores[f"model_{name}_rms"] = _entry(
             factor * _rms(errors[:, j]), unit, f"frame change in {name}, rms error of the model"
         )
