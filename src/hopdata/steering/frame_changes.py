@@ -5,16 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.errors import RecordingError
 from hopdata.steering.se2 import relative, wrapped
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -27,17 +22,6 @@ FAR_SWING = "swing beyond the limit"
 
 BOOM_WINDOW_S = 0.11  # after the stance (printed: 11 frames at 100 Hz)
 SWING_MARGIN_RAD = 0.05  # ten times the error of a boom angle
-
-_COLUMNS = {
-    "recording": ("recording",),
-    "time_s": ("time_s",),
-    "boom_angle_rad": ("boom_angle_rad",),
-    "swing_rad": ("swing_rad",),
-    "change": ("dx_m", "dy_m", "dtheta_rad"),
-    "previous_swing_rad": ("previous_swing_rad",),
-    "previous_change": ("previous_dx_m", "previous_dy_m", "previous_dtheta_rad"),
-    "reason": ("reason",),
-}
 
 
 @dataclass(frozen=True)
@@ -97,26 +81,26 @@ class FrameChanges:
 
 
 def frame_changes(
-    pairs: ArrayLike,
+    time_s: ArrayLike,
     poses: ArrayLike,
     boom_angles_rad: ArrayLike,
+    pairs: ArrayLike,
     *,
-    rate_hz: float,
     swing_limit_rad: float,
     recording: str = "",
 ) -> FrameChanges:
-    """Collect the frame changes of a recording.
+    """Collect the frame changes between K stances.
 
     Parameters
     ----------
+    time_s : (K,) array
+        Time of each stance.
+    poses : (K, 3) array
+        Pose at each stance, m, m, rad; NaN where it is not known.
+    boom_angles_rad : (K,) array
+        Boom angle at each stance, wrapped or not; NaN where it is not known.
     pairs : (P, 2) array of int
-        Frames of consecutive stances, in order.
-    poses : (N, 3) array
-        Pose at each frame, m, m, rad; NaN where it is not known.
-    boom_angles_rad : (N,) array
-        Boom angle at each frame, wrapped or not; NaN where it is not known.
-    rate_hz : float
-        Frames per second.
+        Numbers of stances that are a hop apart.
     swing_limit_rad : float
         Largest swing that was commanded, below pi. A swing that seems larger by more than
         `SWING_MARGIN_RAD` is taken for a mistake of the boom angle, and its hop is not used.
@@ -131,32 +115,62 @@ def frame_changes(
     Raises
     ------
     ValueError
-        If a pair names frames that do not exist.
+        If a pair names stances that do not exist.
     """
-    frames = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
+    first, second = _checked_pairs(pairs, len(np.asarray(poses)), "stances")
     poses, booms = np.asarray(poses, dtype=float), np.asarray(boom_angles_rad, dtype=float)
-    if frames.size and not 0 <= frames.min() <= frames.max() < len(poses):
-        raise ValueError(
-            f"pairs: expected frames 0 to {len(poses) - 1}, found {frames.min()} to {frames.max()}"
-        )
-    window = max(1, round(BOOM_WINDOW_S * rate_hz))
-    boom = stance_boom_angles(booms, frames.ravel(), window).reshape(-1, 2)
-    swing = np.asarray(wrapped(boom[:, 1] - boom[:, 0]))
-    change = relative(poses[frames[:, 0]], poses[frames[:, 1]])
-    reason = np.full(len(frames), USED, dtype="<U32")
+    swing = np.asarray(wrapped(booms[second] - booms[first]))
+    change = relative(poses[first], poses[second])
+    reason = np.full(len(first), USED, dtype="<U32")
     reason[np.abs(swing) > swing_limit_rad + SWING_MARGIN_RAD] = FAR_SWING
     reason[np.isnan(swing)] = NO_BOOM
     reason[np.isnan(change).any(axis=1)] = NO_POSE
-    before = _hop_before(frames, reason == USED)
+    before = _hop_before(first, second, reason == USED)
     return FrameChanges(
-        recording=np.full(len(frames), recording),
-        time_s=frames[:, 0] / rate_hz,
-        boom_angle_rad=boom[:, 0] % (2 * np.pi),
+        recording=np.full(len(first), recording),
+        time_s=np.asarray(time_s, dtype=float)[first],
+        boom_angle_rad=booms[first] % (2 * np.pi),
         swing_rad=swing,
         change=change,
         previous_swing_rad=_taken(swing, before),
         previous_change=_taken(change, before),
         reason=reason,
+    )
+
+
+def frame_changes_at_frames(
+    pairs: ArrayLike,
+    poses: ArrayLike,
+    boom_angles_rad: ArrayLike,
+    *,
+    rate_hz: float,
+    swing_limit_rad: float,
+    recording: str = "",
+) -> FrameChanges:
+    """Collect frame changes as printed: poses of single frames, boom angles of the 11 that follow.
+
+    Parameters
+    ----------
+    pairs : (P, 2) array of int
+        Frames of stances that are a hop apart.
+    poses, boom_angles_rad : (N, 3) and (N,) arrays
+        Pose and boom angle of every frame, as for `frame_changes`.
+    rate_hz : float
+        Frames per second.
+    swing_limit_rad, recording
+        See `frame_changes`.
+    """
+    every = np.asarray(poses, dtype=float)
+    both = np.stack(_checked_pairs(pairs, len(every), "frames"), axis=1)
+    frames, stances = np.unique(both, return_inverse=True)
+    window = max(1, round(BOOM_WINDOW_S * rate_hz))
+    return frame_changes(
+        frames / rate_hz,
+        every[frames],
+        stance_boom_angles(boom_angles_rad, frames, window),
+        stances.reshape(-1, 2),
+        swing_limit_rad=swing_limit_rad,
+        recording=recording,
     )
 
 
@@ -184,48 +198,19 @@ def joined(parts: Iterable[FrameChanges]) -> FrameChanges:
     return FrameChanges(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
 
 
-def to_table(changes: FrameChanges) -> pd.DataFrame:
-    """Return the hops as a table with a unit in each column's name."""
-    import pandas as pd
-
-    columns: dict[str, Any] = {}
-    for name, names in _COLUMNS.items():
-        values = getattr(changes, name)
-        columns.update(
-            zip(names, values.T, strict=True) if values.ndim > 1 else [(names[0], values)]
+def _checked_pairs(pairs: ArrayLike, number: int, what: str) -> tuple[IntArray, IntArray]:
+    both = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
+    if both.size and not 0 <= both.min() <= both.max() < number:
+        raise ValueError(
+            f"pairs: expected {what} 0 to {number - 1}, found {both.min()} to {both.max()}"
         )
-    return pd.DataFrame(columns)
+    return both[:, 0], both[:, 1]
 
 
-def from_table(table: pd.DataFrame) -> FrameChanges:
-    """Return the hops of a table that `to_table` made.
-
-    Raises
-    ------
-    RecordingError
-        If a column is missing.
-    """
-    wanted = [name for names in _COLUMNS.values() for name in names]
-    missing = [name for name in wanted if name not in table]
-    if missing:
-        raise RecordingError(
-            f"frame changes: expected the columns {', '.join(wanted)}, missing {', '.join(missing)}"
-        )
-    return FrameChanges(**{name: _values(table, names) for name, names in _COLUMNS.items()})
-
-
-def _values(table: pd.DataFrame, names: tuple[str, ...]) -> Any:
-    """Values of a field, text or numbers, from its columns."""
-    if names[0] in ("recording", "reason"):
-        return table[names[0]].to_numpy(dtype=str)
-    values = table[list(names)].to_numpy(dtype=float)
-    return values if len(names) > 1 else values[:, 0]
-
-
-def _hop_before(frames: IntArray, used: NDArray[np.bool_]) -> IntArray:
+def _hop_before(first: IntArray, second: IntArray, used: NDArray[np.bool_]) -> IntArray:
     """Row of the used hop that ends where each begins, (P,); -1 if there is none."""
-    ends = {int(end): row for row, (_, end) in enumerate(frames) if used[row]}
-    return np.array([ends.get(int(start), -1) for start, _ in frames], dtype=np.int64)
+    ends = {int(end): row for row, end in enumerate(second) if used[row]}
+    return np.array([ends.get(int(start), -1) for start in first], dtype=np.int64)
 
 
 def _taken(values: FloatArray, rows: IntArray) -> FloatArray:

@@ -14,7 +14,6 @@ from hopdata.steering.models.kernels import kernel_code
 FloatArray = NDArray[np.float64]
 
 HISTORIES = ("none", "swing", "change", "swing and change")
-MM_AND_RAD = (1e-3, 1e-3, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,8 +31,10 @@ class ProcessOptions:
         What of the hop before are inputs beside boom angle and swing.
     standardised : bool
         Centre each component of the frame change and divide it by its standard deviation, and
-        divide the inputs but the boom angle by theirs. Otherwise frame changes are modelled in mm
-        and rad, about zero.
+        divide the inputs but the boom angle by theirs. Otherwise frame changes are modelled as they
+        are, about zero.
+    length_unit_m : float
+        Unit of length in which they are modelled if not standardised, m; turns are in rad.
     own_scales : bool
         A length scale for each input. Otherwise one for all.
     variance : float, optional
@@ -50,6 +51,7 @@ class ProcessOptions:
     periodic: bool = True
     history: str = "none"
     standardised: bool = True
+    length_unit_m: float = 1e-3
     own_scales: bool = True
     variance: float | None = None
     noise: float | None = None
@@ -59,7 +61,7 @@ class ProcessOptions:
     def __post_init__(self) -> None:
         kernel_code(self.smoothness)
         require_choice("history", self.history, HISTORIES)
-        for name in ("variance", "noise", "length_scale"):
+        for name in ("variance", "noise", "length_scale", "length_unit_m"):
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise ConfigError(f"{name}: expected more than 0, found {value}")

@@ -11,7 +11,6 @@ from hopdata.errors import AnalysisError
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models.hyperparameters import fitted_regressor, hyper_parameters
 from hopdata.steering.models.options import (
-    MM_AND_RAD,
     RECOMMENDED,
     ProcessOptions,
     process_inputs,
@@ -47,7 +46,7 @@ def trained_process(
     """
     inputs, outputs = training_set(changes, options.history)
     offset, unit = _modelled(outputs, options)
-    scale = _input_units(inputs, options)
+    scale = input_units(inputs, options)
     if not options.periodic:
         inputs, outputs = _copies(inputs), np.tile(outputs, (3, 1))
     targets = (outputs - offset) / unit
@@ -86,12 +85,12 @@ def training_set(changes: FrameChanges, history: str = "none") -> tuple[FloatArr
 def _modelled(outputs: FloatArray, options: ProcessOptions) -> tuple[FloatArray, FloatArray]:
     """Offset and unit of the modelled outputs."""
     if not options.standardised:
-        return np.zeros(3), np.array(MM_AND_RAD)
+        return np.zeros(3), np.array([options.length_unit_m, options.length_unit_m, 1.0])
     unit = outputs.std(axis=0)
     return outputs.mean(axis=0), np.where(unit > 0, unit, 1.0)
 
 
-def _input_units(inputs: FloatArray, options: ProcessOptions) -> FloatArray:
+def input_units(inputs: FloatArray, options: ProcessOptions) -> FloatArray:
     """Units of the inputs, (d,): 1 rad for the boom angle, the standard deviation of the others."""
     units = np.ones(inputs.shape[1])
     if options.standardised:
