@@ -7,13 +7,7 @@ import pytest
 from control_models import LIMIT, ClosedForm, random_states, table
 
 from hopdata.errors import ConfigError
-from hopdata.steering.control.cost_to_go import (
-    HeadingGrid,
-    PointGrid,
-    StageCost,
-    to_a_heading,
-    to_a_point,
-)
+from hopdata.steering.control.cost_to_go import HeadingGrid, PointGrid, StageCost
 from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, WayPoints, errors_left
 from hopdata.steering.control.plan import PlanningError
 from hopdata.steering.control.planner import PlannerOptions, planner
@@ -123,18 +117,6 @@ def test_the_plan_predicts_where_it_leads(to_point):
     assert plan.swing_rad == plan.swings_rad[0]
 
 
-def test_uncertain_hops_cost_more():
-    stage = StageCost(width=0.2, discount=0.9, tolerance=1e-2)
-    grid = PointGrid(distances=12, bearings=12, boom_angles=8, swings=5)
-    sure = to_a_point(TABLE, stage, grid)
-    unsure = to_a_point(TABLE, replace(stage, spread=(0.05, 0.05, 0.1)), grid)
-    assert unsure.values[0].mean() > sure.values[0].mean()
-    turns = HeadingGrid(errors=24, boom_angles=8, swings=5)
-    sure = to_a_heading(TABLE, stage, turns)
-    unsure = to_a_heading(TABLE, replace(stage, spread=(0.0, 0.0, 0.2)), turns)
-    assert unsure.values.min() > sure.values.min()
-
-
 def test_an_objective_of_the_other_kind_gets_a_cost_to_go_of_its_own(to_heading):
     other = to_heading.towards(ToPoint())
     assert other.cost_to_go.values.shape == (24, 24, 16)
@@ -165,7 +147,6 @@ def test_a_state_that_is_none_is_refused(to_point):
     [
         (lambda: StageCost(width=0.0), "width: expected more than 0"),
         (lambda: StageCost(width=0.1, discount=1.0), "discount: expected between 0 and 1"),
-        (lambda: StageCost(width=0.1, spread=(0.1, -1.0, 0.0)), "spread: expected three numbers"),
         (lambda: PointGrid(bearings=2), "bearings: expected 4 at least, found 2"),
         (lambda: PointGrid(farthest_m=0.0), "farthest_m: expected more than 0"),
         (lambda: HeadingGrid(errors=3), "errors: expected 4 at least"),
