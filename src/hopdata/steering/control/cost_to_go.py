@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError, ConfigError
 from hopdata.steering.control.heading_value_kernel import improve_heading
-from hopdata.steering.control.point_value_kernel import distances_of, improve_point
+from hopdata.steering.control.point_value_kernel import distances_of, improve_point, point_hops
 from hopdata.steering.models.tabulated import TabulatedMap, turn_nodes
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 MOST_SWEEPS = 200
 SWEEPS_BETWEEN = 8  # under the policy chosen last
@@ -78,16 +79,12 @@ class StageCost:
         Error at which it is one half, m or rad.
     discount : float
         What the next stance counts beside this one.
-    spread : tuple of float
-        Standard deviations of a frame change that the model does not tell; m, m, rad. Above 0, the
-        expected cost is minimised.
     tolerance : float
         Largest change of the cost-to-go in the last sweep.
     """
 
     width: float
     discount: float = 0.98
-    spread: tuple[float, float, float] = (0.0, 0.0, 0.0)
     tolerance: float = 1e-3
 
     def __post_init__(self) -> None:
@@ -95,8 +92,6 @@ class StageCost:
             raise ConfigError(f"width: expected more than 0, found {self.width}")
         if not 0 < self.discount < 1:
             raise ConfigError(f"discount: expected between 0 and 1, found {self.discount}")
-        if len(self.spread) != 3 or min(self.spread) < 0:
-            raise ConfigError(f"spread: expected three numbers from 0 on, found {self.spread}")
 
 
 @dataclass(frozen=True)
@@ -130,17 +125,19 @@ def to_a_point(model: TabulatedMap, stage: StageCost, grid: PointGrid | None = N
     """Cost-to-go to a point: (D, B, A)."""
     grid = grid or PointGrid()
     changes, swings = _changes(model, grid.boom_angles, grid.swings)
-    distances = distances_of(grid.distances, grid.farthest_m)
     shape = (grid.distances, grid.bearings, grid.boom_angles)
+    cells = np.empty((*shape, grid.swings, 2), dtype=np.int32)
+    places = np.empty((*shape, grid.swings, 3), dtype=np.float32)
+    distances = distances_of(grid.distances, grid.farthest_m)
+    point_hops(distances, grid.bearings, changes, stage.width, stage.discount, cells, places)
+    boom_cells, boom_places = _boom_hops(grid.boom_angles, swings)
 
-    def improve(values: FloatArray, policy: NDArray[np.int64], choose: bool) -> float:
-        spread = np.array(stage.spread)
+    def improve(values: FloatArray, policy: IntArray, choose: bool) -> float:
         return float(
             improve_point(
-                values, policy, choose, distances, grid.farthest_m, changes, swings,
-                stage.width, stage.discount, spread,
+                values, policy, choose, cells, places, boom_cells, boom_places, stage.discount
             )
-        )  # fmt: skip
+        )
 
     return _iterated(improve, shape, stage, grid.farthest_m)
 
@@ -150,13 +147,12 @@ def to_a_heading(model: TabulatedMap, stage: StageCost, grid: HeadingGrid | None
     grid = grid or HeadingGrid()
     changes, swings = _changes(model, grid.boom_angles, grid.swings)
 
-    def improve(values: FloatArray, policy: NDArray[np.int64], choose: bool) -> float:
+    def improve(values: FloatArray, policy: IntArray, choose: bool) -> float:
         return float(
             improve_heading(
-                values, policy, choose, changes[..., 2], swings, stage.width, stage.discount,
-                stage.spread[2],
+                values, policy, choose, changes[..., 2], swings, stage.width, stage.discount
             )
-        )  # fmt: skip
+        )
 
     return _iterated(improve, (grid.errors, grid.boom_angles), stage, np.nan)
 
@@ -169,7 +165,15 @@ def _changes(model: TabulatedMap, boom_angles: int, swings: int) -> tuple[FloatA
     return model.change(*grid).reshape(boom_angles, swings, 3), swing
 
 
-Improve = Callable[[FloatArray, NDArray[np.int64], bool], float]
+def _boom_hops(boom_angles: int, swings: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Cells (A, U) of the boom angles that swings lead to, and the places in them."""
+    after = turn_nodes(boom_angles)[:, None] + swings
+    places = after * (boom_angles / (2 * np.pi))
+    cells = np.floor(places)
+    return cells.astype(np.int64) % boom_angles, places - cells
+
+
+Improve = Callable[[FloatArray, IntArray, bool], float]
 
 
 def _iterated(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import floor, pi
+from math import pi
 
 import numpy as np
 from numba import njit
 
-from hopdata.steering.control.point_value_kernel import stage_cost
+from hopdata.steering.control.point_value_kernel import boom_place, stage_cost
 from hopdata.steering.control.rollout_kernel import wrap
 
 
@@ -18,10 +18,7 @@ def heading_value(values, error, boom):  # type: ignore[no-untyped-def]
     e = (error + pi) * (errors / (2.0 * pi))
     i = min(int(e), errors - 1)
     e -= i
-    a = boom * (angles / (2.0 * pi))
-    cell = floor(a)
-    a -= cell
-    k = int(cell) % angles
+    k, a = boom_place(angles, boom)
     i1 = i + 1 if i + 1 < errors else 0
     k1 = k + 1 if k + 1 < angles else 0
     return (1.0 - e) * ((1.0 - a) * values[i, k] + a * values[i, k1]) + e * (
@@ -30,20 +27,7 @@ def heading_value(values, error, boom):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _expected(values, error, boom, width, discount, spread):  # type: ignore[no-untyped-def]
-    """Cost of the next stance and all after it; the mean of two errors if there is a spread."""
-    total = 0.0
-    for side in (-1.0, 1.0):
-        e = wrap(error + side * spread)
-        cost = stage_cost(e * e, width) + discount * heading_value(values, e, boom)
-        if spread == 0.0:
-            return cost
-        total += cost
-    return total / 2.0
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def improve_heading(values, policy, choose, turns, swings, width, discount, spread):  # type: ignore[no-untyped-def]
+def improve_heading(values, policy, choose, turns, swings, width, discount):  # type: ignore[no-untyped-def]
     """Sweep once over `values` (E, A) in place; the largest change.
 
     The error is the heading wanted less the heading. `choose` the best swing at each node into
@@ -59,9 +43,9 @@ def improve_heading(values, policy, choose, turns, swings, width, discount, spre
             last = swings.size if choose else first + 1
             best = np.inf
             for u in range(first, last):
-                value = _expected(
-                    values, error - turns[k, u], boom + swings[u], width, discount, spread
-                )
+                left = wrap(error - turns[k, u])
+                ahead = heading_value(values, left, boom + swings[u])
+                value = stage_cost(left * left, width) + discount * ahead
                 if value < best:
                     best = value
                     policy[i, k] = u

@@ -34,13 +34,19 @@ class LocalFit:
         return np.asarray(np.polynomial.polynomial.polyval(time_s - self.middle_s, found))
 
     def lowest(self) -> float | None:
-        """Instant of the minimum nearest to the middle, within the frames, s; None without one."""
-        slope = np.polynomial.Polynomial(self.coefficients).deriv()
-        roots = slope.roots()
-        real = roots.real[np.abs(roots.imag) < 1e-12]
-        low = real[slope.deriv()(real) > 0] + self.middle_s
-        low = low[(low >= self.first_s) & (low <= self.last_s)]
-        return float(low[np.argmin(np.abs(low - self.middle_s))]) if low.size else None
+        """Instant of the minimum of a parabola or cubic, s; None unless it is within the frames."""
+        c, b, a = np.polynomial.polynomial.polyder(np.append(self.coefficients, [0.0, 0.0])[:4])
+        square = b * b - 4 * a * c  # of the curvature at the extrema
+        if square <= 0:
+            return None
+        bend = np.sqrt(square)
+        if b + bend > 0:
+            instant = self.middle_s - 2 * c / (b + bend)
+        elif a != 0:
+            instant = self.middle_s + (bend - b) / (2 * a)
+        else:
+            return None
+        return float(instant) if self.first_s <= instant <= self.last_s else None
 
 
 def local_fit(
