@@ -17,7 +17,7 @@ FloatArray = NDArray[np.float64]
 SEEN, LEANED, MISFIT, UNSEEN = "seen", "leaned on an earlier frame", "misfit", "unseen"
 STATUSES = (SEEN, LEANED, MISFIT, UNSEEN)
 
-MISFIT_NOISES = 8.0  # residuals beyond so many times the noise are no noise: markers mixed up
+MISFIT_NOISES = 5.0  # residuals beyond so many times the noise are no noise: markers mixed up
 BOOM_MISS_M = 0.02
 HOLD_S = 0.5
 
