@@ -226,6 +226,10 @@ STAGES = [
 ]
 
 
+# Whether the study's page has the sections of the steering.
+IN_REPORT = STUDY["steering"]["in_report"]
+
+
 rule report:
     """One page with everything, and where it comes from."""
     input:
@@ -258,6 +262,7 @@ rule report:
             if EXTERNAL
             else []
         ),
+        **({f"steering_{name}": files for name, files in STEERING_PAGE.items()} if IN_REPORT else {}),
     output:
         report=f"{RESULTS}/report.html",
         provenance=f"{RESULTS}/provenance.json",
@@ -268,9 +273,10 @@ rule report:
         stage_times=sorted(
             set(
                 expand(
-                    [stage.benchmark for stage in STAGES],
+                    [stage.benchmark for stage in STAGES + (STEERING_STAGES if IN_REPORT else [])],
                     recording=RECORDINGS,
                     method=SCORED_METHODS,
+                    experiment=EXPERIMENTS,
                 )
             )
         ),

@@ -5,6 +5,8 @@ STEERED = STUDY["steering"]["recordings"]
 STEERING_TABLES = f"{STEERING}/tables"
 EXPERIMENTS = ["origin", "turn", "origin_board", "turn_board"]
 # Figures of the dissertation, and the experiment of which each shows a typical run.
+MODEL_FIGURES = ["steering_map", "steering_learning", "steering_kernels"]
+FILMED = "origin"
 RUN_FIGURES = {
     "fig3_5_origin": "origin",
     "fig3_6_turn": "turn",
@@ -191,8 +193,125 @@ rule figure_steering_runs:
         "../scripts/figure_steering_runs.py"
 
 
+rule steering_learning:
+    """How many hops it takes to learn the frame change, and whether the kernel matters."""
+    input:
+        changes=rules.steering_observe.output.changes,
+    output:
+        curve=f"{STEERING_TABLES}/learning_curve.csv",
+        kernels=f"{STEERING_TABLES}/kernels.csv",
+    log:
+        f"{STEERING}/logs/steering_learning.log",
+    benchmark:
+        f"{STEERING}/benchmarks/steering_learning.tsv"
+    params:
+        model=STUDY["steering"]["model"],
+        seed=STUDY["seed"],
+        code=code("steering_learning"),
+    script:
+        "../scripts/steering_learning.py"
+
+
+rule figure_steering_model:
+    """Fig. 3.3, the learning curve and the comparison of kernels."""
+    input:
+        map=rules.steering_model.output.map,
+        training=rules.steering_model.output.training,
+        curve=rules.steering_learning.output.curve,
+        kernels=rules.steering_learning.output.kernels,
+    output:
+        [steering_figure(name) for name in MODEL_FIGURES],
+    log:
+        f"{STEERING}/logs/figure_steering_model.log",
+    benchmark:
+        f"{STEERING}/benchmarks/figure_steering_model.tsv"
+    params:
+        options=STUDY["figures"],
+        code=code("figure_steering_model"),
+    script:
+        "../scripts/figure_steering_model.py"
+
+
+rule steering_film:
+    """A typical run to the origin as an animated GIF."""
+    input:
+        film=f"{STEERING}/experiments/{FILMED}/film.csv",
+        example=f"{STEERING}/experiments/{FILMED}/example.csv",
+    output:
+        film=f"{STEERING}/figures/steering_film.gif",
+    log:
+        f"{STEERING}/logs/steering_film.log",
+    benchmark:
+        f"{STEERING}/benchmarks/steering_film.tsv"
+    params:
+        code=code("steering_film"),
+    script:
+        "../scripts/steering_film.py"
+
+
+# What the page shows; of a recorded robot neither experiments nor truth.
+STEERING_PAGE = {
+    "figures": [
+        *([] if STEERED else [*rules.figure_steering_runs.output, *rules.steering_film.output]),
+        *rules.figure_steering_model.output,
+    ],
+    "captions": expand(
+        f"{CAPTIONS}/{{name}}.md",
+        name=[*MODEL_FIGURES, *([] if STEERED else [*RUN_FIGURES, "steering_outcomes", "steering_film"])],
+    ),
+    "recordings": list(rules.steering_observe.input.recordings),
+    "counts": rules.steering_observe.output.counts,
+    "scores": rules.steering_model.output.scores,
+    **(
+        {}
+        if STEERED
+        else {
+            "outcomes": rules.steering_outcomes.output.outcomes,
+            "truth": rules.steering_score.output.truth,
+        }
+    ),
+}
+STEERING_STAGES = [
+    rules.steering_observe,
+    rules.steering_model,
+    rules.steering_learning,
+    rules.figure_steering_model,
+    *(
+        []
+        if STEERED
+        else [
+            rules.steering_excite,
+            rules.steering_true_map,
+            rules.steering_experiment,
+            rules.steering_outcomes,
+            rules.steering_score,
+            rules.figure_steering_runs,
+            rules.steering_film,
+        ]
+    ),
+]
+
+
+rule steering_report:
+    """A page with everything on the steering, and where it comes from."""
+    input:
+        **STEERING_PAGE,
+    output:
+        report=f"{STEERING}/report.html",
+        provenance=f"{STEERING}/provenance.json",
+    log:
+        f"{STEERING}/logs/steering_report.log",
+    params:
+        study=STUDY,
+        stage_times=sorted(
+            set(expand([one.benchmark for one in STEERING_STAGES], experiment=EXPERIMENTS))
+        ),
+        code=code("steering_report"),
+    script:
+        "../scripts/steering_report.py"
+
+
 rule steering:
     """Everything of chapter III: `snakemake --cores 2 steering`."""
     input:
-        rules.figure_steering_runs.output,
-        rules.steering_score.output,
+        rules.steering_report.output,

@@ -7,6 +7,7 @@ from hopdata.provenance import provenance
 from hopdata.recordings.hdf5 import read_recording
 from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
 from hopdata.report.page import build_report
+from hopdata.report.steering import read_sections
 
 with reported(snakemake.log[0]):
     source = snakemake.input
@@ -34,6 +35,7 @@ with reported(snakemake.log[0]):
             quality=read_json(source.quality),
             faults=read_table(source.faults),
             notes=[note for path in source.notes for note in read_json(path)],
+            steering=read_sections(snakemake.params.study, dict(source.items())),
         )
     )
     write_json(snakemake.output.provenance, record)

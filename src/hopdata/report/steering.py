@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from hopdata.jobs import read_json, read_table
 from hopdata.report import result_tables, steering_tables
 from hopdata.report.formatting import MISSING, count, fixed, is_missing, with_unit
-from hopdata.report.inputs import SteeringInputs
+from hopdata.report.inputs import SteeringInputs, read_figures
 from hopdata.report.pictures import Picture, picture_of
 from hopdata.report.rendering import TEMPLATES, as_yaml, environment
 from hopdata.report.table import Table, mapping_table
@@ -91,6 +92,49 @@ def build_steering_report(inputs: SteeringInputs) -> str:
             config=as_yaml(record.get("config")),
         )
     )
+
+
+def read_steering(
+    study: str, files: Mapping[str, Any], *, provenance: Mapping[str, Any] | None = None
+) -> SteeringInputs:
+    """Read what the page shows.
+
+    Parameters
+    ----------
+    study : str
+    files : mapping
+        Paths: ``figures`` and ``captions`` (several), ``counts``, ``scores``, and of a simulated
+        robot ``outcomes``, ``truth``.
+    provenance : mapping, optional
+    """
+    notes = []
+    if not files.get("outcomes"):
+        notes.append(
+            "No experiment was made: the frame changes are those of a recorded robot, and there is "
+            "no simulation of it to steer."
+        )
+    return SteeringInputs(
+        study=study,
+        figures=read_figures(files["figures"], files["captions"]),
+        outcomes=read_table(files["outcomes"]) if files.get("outcomes") else None,
+        counts=read_json(files["counts"]),
+        scores=read_table(files["scores"]),
+        truth=read_json(files["truth"]) if files.get("truth") else None,
+        provenance=provenance,
+        notes=notes,
+    )
+
+
+def read_sections(config: Mapping[str, Any], files: Mapping[str, Any]) -> SteeringInputs | None:
+    """Read the same for the study's page, from files whose names begin with ``steering_``.
+
+    None if the configuration does not want them there.
+    """
+    if not config["steering"]["in_report"]:
+        return None
+    prefix = "steering_"
+    own = {name.removeprefix(prefix): path for name, path in files.items() if prefix in name}
+    return read_steering(config["study"], own)
 
 
 def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
