@@ -4,8 +4,8 @@
 
 In `steering_control.csv` each row is 30 random starts with one controller and one map: "true" is
 the plant's own, averaged over the swing before, which the ceiling knows; "learned" are the Gaussian
-processes from the first 100 hops of a printed excitation, seen by motion capture. Poses are measured
-with noise. Success, by task:
+processes from 100 hops of a printed excitation, seen by motion capture. Poses are
+measured with noise. Success, by task:
 
 - "facing", "90 degrees left", "90 degrees right", "away": from 1 m, heading so far off the origin,
   within 0.2 m of it in at most 16 hops (facing) or 40;
@@ -165,9 +165,7 @@ def control_table(found: Maps, starts: int, seed: int) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def short_rows(
-    task: str, goal: Any, found: Maps, starts: int, seed: int
-) -> list[dict[str, Any]]:
+def short_rows(task: str, goal: Any, found: Maps, starts: int, seed: int) -> list[dict[str, Any]]:
     """Rows of the controllers without a cost-to-go."""
     printed = PrintedController(model=found.true, objective=goal, gradient="closed form")
     rows = [control_row(task, "printed", "true", printed, starts, seed)[0]]
@@ -259,7 +257,7 @@ def replanning_rows(
 
 
 def planner_row(steering: Planner, poses: FloatArray, booms: FloatArray) -> dict[str, Any]:
-    """Times of the planner, whose objective is another."""
+    """Return times of the planner, whose objective is another."""
     steering.plan(poses[0], booms[0])
     times = np.array(
         [timed(lambda p=p, b=b: steering.plan(p, b))[0] for p, b in zip(poses, booms, strict=True)]

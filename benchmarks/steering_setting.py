@@ -51,7 +51,7 @@ class SklearnMap:
 
 @dataclass(frozen=True)
 class Maps:
-    """The map learned from noisy hops, as a table, with copies, and by scikit-learn; the true one."""
+    """The map from noisy hops, as a table, with copies, and by scikit-learn; the true one."""
 
     learned: TabulatedMap
     copies: FrameChangeProcess

@@ -8,7 +8,7 @@ LIMIT = 3 * np.pi / 8
 
 
 class ClosedForm:
-    """A hopper like the plant: it goes forward, turns with the swing, and slows near a boom of pi."""
+    """Like the plant: it goes forward, turns with the swing, and slows near a boom of pi."""
 
     def change(self, boom_angle, swing):
         return self.change_and_gradient(boom_angle, swing)[0]

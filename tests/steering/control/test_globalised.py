@@ -43,9 +43,7 @@ def test_the_compiled_rollout_is_the_plain_one(objective):
 def test_the_table_holds_the_objective_of_each_sequence(hops):
     pose, boom, objective = np.array([0.4, -0.1, 2.0]), 5.0, ToPoint(point_m=(0.1, 0.0))
     values = np.empty(5**hops)
-    coarse_table(
-        TABLE.coefficients, LIMIT, pose, boom, 5, hops, target_of(objective), values
-    )
+    coarse_table(TABLE.coefficients, LIMIT, pose, boom, 5, hops, target_of(objective), values)
     grid = np.linspace(-LIMIT, LIMIT, 5)
     rng = np.random.default_rng(np.random.SeedSequence(4))
     for place in rng.integers(5**hops, size=20):

@@ -30,7 +30,7 @@ def changes_of_grid(coefficients, limit, boom, n, horizon):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def coarse_table(coefficients, limit, pose, boom, n, horizon, target, values):  # type: ignore[no-untyped-def]
-    """Fill `values` (n^horizon,): the objective of each sequence, the first swing slowest; n odd."""
+    """Fill `values` (n^horizon,): objectives, the first swing slowest; n odd."""
     changes = changes_of_grid(coefficients, limit, boom, n, horizon)
     half, middle = (horizon - 1) * (n - 1) // 2, (n - 1) // 2
     poses = np.empty((horizon + 1, 3))

@@ -142,7 +142,9 @@ def to_a_point(model: TabulatedMap, stage: StageCost, grid: PointGrid | None = N
     return _iterated(improve, shape, stage, grid.farthest_m)
 
 
-def to_a_heading(model: TabulatedMap, stage: StageCost, grid: HeadingGrid | None = None) -> CostToGo:
+def to_a_heading(
+    model: TabulatedMap, stage: StageCost, grid: HeadingGrid | None = None
+) -> CostToGo:
     """Cost-to-go to a heading: (E, A)."""
     grid = grid or HeadingGrid()
     changes, swings = _changes(model, grid.boom_angles, grid.swings)

@@ -38,7 +38,9 @@ def _stage(error, width):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def cost_of(coefficients, limit, values, farthest, width, discount, is_heading, error, boom, swings, errors):  # type: ignore[no-untyped-def]
+def cost_of(  # type: ignore[no-untyped-def]
+    coefficients, limit, values, farthest, width, discount, is_heading, error, boom, swings, errors
+):
     """Cost of swings (H,) and of all that comes after; `errors` (H + 1, 3) is filled."""
     errors[0] = error
     total, weight = 0.0, 1.0
@@ -53,7 +55,9 @@ def cost_of(coefficients, limit, values, farthest, width, discount, is_heading, 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def best_ahead(coefficients, limit, values, farthest, width, discount, is_heading, error, boom, n, swings):  # type: ignore[no-untyped-def]
+def best_ahead(  # type: ignore[no-untyped-def]
+    coefficients, limit, values, farthest, width, discount, is_heading, error, boom, n, swings
+):
     """Fill `swings` (H,) with the best of all sequences of `n` swings a hop, then refined."""
     horizon = swings.size
     trial, errors = np.empty(horizon), np.empty((horizon + 1, 3))

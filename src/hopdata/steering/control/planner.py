@@ -116,7 +116,7 @@ def planner(
 
 
 def _left(objective: Objective, pose: FloatArray) -> FloatArray:
-    """What is left of the way, in the body frame: the point (m, m), or the turn (rad)."""
+    """Return what is left of the way, in the body frame: the point (m, m), or the turn (rad)."""
     if isinstance(objective, ToHeading):
         return np.array([0.0, 0.0, wrapped(objective.heading_rad - pose[2])])
     away = np.array(objective.point_m) - pose[:2]

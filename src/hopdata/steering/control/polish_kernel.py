@@ -25,23 +25,53 @@ def polish(coefficients, limit, pose, boom, swings, target, smoothings, poses): 
     changes, gradients = np.empty((horizon, 3)), np.empty((horizon, 3, 2))
     slopes = np.empty(horizon)
     for smooth in smoothings:
-        _descend(coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes)
-    return rollout(coefficients, limit, pose, boom, swings, target, 0.0, poses, changes, gradients, slopes)
+        _descend(
+            coefficients,
+            limit,
+            pose,
+            boom,
+            swings,
+            target,
+            smooth,
+            poses,
+            changes,
+            gradients,
+            slopes,
+        )
+    return rollout(
+        coefficients, limit, pose, boom, swings, target, 0.0, poses, changes, gradients, slopes
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _descend(coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes):  # type: ignore[no-untyped-def]
+def _descend(  # type: ignore[no-untyped-def]
+    coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes
+):
     horizon = swings.size
     hessian, moved = np.empty((horizon, horizon)), np.empty(horizon)
     beside, step, trial = np.empty(horizon), np.empty(horizon), np.empty(horizon)
     damping = 1e-6
-    value = rollout(coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes)
+    value = rollout(
+        coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes
+    )
     for _ in range(_MOST_STEPS):
         for k in range(horizon):
             moved[:] = swings
             h = -_DIFFERENCE if swings[k] > 0 else _DIFFERENCE
             moved[k] += h
-            rollout(coefficients, limit, pose, boom, moved, target, smooth, poses, changes, gradients, beside)
+            rollout(
+                coefficients,
+                limit,
+                pose,
+                boom,
+                moved,
+                target,
+                smooth,
+                poses,
+                changes,
+                gradients,
+                beside,
+            )
             hessian[:, k] = (beside - slopes) / h
         gained = False
         for _ in range(12):
@@ -49,7 +79,17 @@ def _descend(coefficients, limit, pose, boom, swings, target, smooth, poses, cha
             for k in range(horizon):
                 trial[k] = min(max(swings[k] + step[k], -limit), limit)
             after = rollout(
-                coefficients, limit, pose, boom, trial, target, smooth, poses, changes, gradients, beside
+                coefficients,
+                limit,
+                pose,
+                boom,
+                trial,
+                target,
+                smooth,
+                poses,
+                changes,
+                gradients,
+                beside,
             )
             if after < value - _STILL:
                 gained = True
@@ -93,10 +133,7 @@ def _factored(hessian, free, damping, factor):  # type: ignore[no-untyped-def]
     n = free.size
     for i in range(n):
         for j in range(i + 1):
-            if free[i] and free[j]:
-                total = 0.5 * (hessian[i, j] + hessian[j, i])
-            else:
-                total = 0.0
+            total = 0.5 * (hessian[i, j] + hessian[j, i]) if free[i] and free[j] else 0.0
             if i == j:
                 total += damping if free[i] else 1.0
             for k in range(j):

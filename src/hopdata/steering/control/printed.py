@@ -128,7 +128,7 @@ def objective_and_gradient(
 def _composed_slopes(
     pose: FloatArray, slopes: FloatArray, change: FloatArray, by_swings: FloatArray
 ) -> FloatArray:
-    """Derivatives (3, H) of a pose after a frame change."""
+    """Return the derivatives (3, H) of a pose after a frame change."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     by_heading = np.array([-s * change[0] - c * change[1], c * change[0] - s * change[1], 0.0])
@@ -136,7 +136,7 @@ def _composed_slopes(
 
 
 def _penalty_slopes(objective: Objective, poses: FloatArray) -> FloatArray:
-    """Derivatives (H, 3) of the objective by the poses (H, 3) that it counts."""
+    """Return the derivatives (H, 3) of the objective by the poses (H, 3) that it counts."""
     away = np.zeros_like(poses)
     if isinstance(objective, ToHeading):
         away[:, 2] = wrapped(poses[:, 2] - objective.heading_rad)

@@ -2,8 +2,8 @@
 
 A target is six numbers, see `target_of`: whether it is a heading, the point or the heading,
 whether errors are squared, whether the last stance alone counts. The size of an error has a kink
-where it vanishes; with `smooth` above 0 it is sqrt(error^2 + smooth^2) - smooth, which is smaller by
-at most `smooth` and has none.
+where it vanishes; with `smooth` above 0 it is sqrt(error^2 + smooth^2) - smooth, which has none and
+is smaller by at most `smooth`.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def penalty(target, smooth, x, y, heading):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def penalty_slopes(target, smooth, x, y, heading):  # type: ignore[no-untyped-def]
-    """Derivatives of the penalty by x, y and heading."""
+    """Return the derivatives of the penalty by x, y and heading."""
     ex = ey = eh = 0.0
     if target[0] == 1.0:
         eh = wrap(heading - target[3])
@@ -64,7 +64,9 @@ def penalty_slopes(target, smooth, x, y, heading):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def rollout(coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes):  # type: ignore[no-untyped-def]
+def rollout(  # type: ignore[no-untyped-def]
+    coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes
+):
     """Objective of swings (H,); fills `slopes` (H,) and, on the way, `poses` (H + 1, 3).
 
     `changes` (H, 3) and `gradients` (H, 3, 2) keep the frame changes and their derivatives.
@@ -89,7 +91,7 @@ def rollout(coefficients, limit, pose, boom, swings, target, smooth, poses, chan
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _backwards(target, smooth, poses, changes, gradients, slopes):  # type: ignore[no-untyped-def]
-    """Derivatives of the objective by the swings, from the last hop to the first."""
+    """Fill the derivatives of the objective by the swings, from the last hop to the first."""
     horizon = slopes.size
     by_x = by_y = by_heading = by_boom = 0.0
     for k in range(horizon - 1, -1, -1):
@@ -107,5 +109,5 @@ def _backwards(target, smooth, poses, changes, gradients, slopes):  # type: igno
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _along(gradient, axis, by_dx, by_dy, by_heading):  # type: ignore[no-untyped-def]
-    """Derivative by boom angle (axis 0) or swing (1), from those by the frame change."""
+    """Return the derivative by boom angle (axis 0) or swing (1), from those by the frame change."""
     return by_dx * gradient[0, axis] + by_dy * gradient[1, axis] + by_heading * gradient[2, axis]

@@ -163,9 +163,7 @@ def closed_loop(
 class _Flight:
     """The hopper and the board that it pushes along."""
 
-    def __init__(
-        self, robot: SteeredHopper, rng: np.random.Generator, board: Board | None
-    ) -> None:
+    def __init__(self, robot: SteeredHopper, rng: np.random.Generator, board: Board | None) -> None:
         self._robot, self._rng, self._board = robot, rng, board
         self.pushed = False
 
