@@ -30,6 +30,7 @@ BENCHMARK_TABLES = {
     "reading": ["reading.csv", "reading_agreement.csv"],
     "damaged_files": ["damaged_files.csv"],
     "recording_faults": ["recording_faults.csv"],
+    "pose": ["pose.csv", "pose_stances.csv", "pose_live.csv", "pose_time.csv"],
 }
 # They take most of an hour, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
 SIMULATED_STUDIES = {

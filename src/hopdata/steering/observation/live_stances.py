@@ -16,7 +16,7 @@ WINDOW_S = 0.055  # of frames through which a parabola is laid,
 WINDOW_FRAMES = 3.5  # but at least so many
 HOLE_S = 0.25  # longest hole in the frames across which a stance is still told
 LEAST_BEND_M_S2 = 5.0  # half of g: a floor throws back harder than a hand lifts
-FASTEST_M_S = 4.0
+FASTEST_M_S, HARDEST_M_S2 = 4.0, 60.0  # beyond these a height has jumped
 SIGMAS = 4.0
 
 
@@ -85,7 +85,7 @@ class StanceDetector:
         self._stray: tuple[float, float] | None = None
         self._armed, self._turned = False, False
         self._falling: tuple[float, float] | None = None
-        self._lowest_m = np.inf
+        self._lowest_m, self._speed = np.inf, 0.0
 
     @classmethod
     def of(cls, geometry: HopperGeometry, *, rate_hz: float = 100.0) -> StanceDetector:
@@ -111,10 +111,11 @@ class StanceDetector:
             self.n_left_out += 1
             return None
         slope, bend, noise = self._parabola(time_s)
+        self._speed = slope
         if height_m > self.flight_above_m and (slope < 0 or not self._armed):
             self._armed, self._lowest_m = True, np.inf
         self._lowest_m = min(self._lowest_m, height_m)
-        if slope < 0:
+        if slope < 0 and self._armed:
             self._falling, self._turned = (time_s, slope), False
         if not self._armed or slope <= SIGMAS * noise or self._falling is None:
             return None
@@ -140,14 +141,19 @@ class StanceDetector:
         return True
 
     def _far(self, one: tuple[float, float], other: tuple[float, float]) -> bool:
-        reach = FASTEST_M_S * (other[0] - one[0]) + 2 * SIGMAS * self.noise_m
-        return abs(other[1] - one[1]) > reach
+        """Whether a height cannot be reached from another, or from where it is heading."""
+        wait = other[0] - one[0]
+        rise, reach = other[1] - one[1], FASTEST_M_S * wait
+        if len(self._frames) > 2 and one == self._frames[-1]:
+            rise -= self._speed * wait
+            reach = min(reach, 0.5 * HARDEST_M_S2 * wait**2)
+        return abs(rise) > reach + 4 * SIGMAS * self.noise_m
 
     def _begin_anew(self, frame: tuple[float, float]) -> None:
-        """Forget the motion before a jump."""
+        """Forget the heights before a jump, but not that the hopper was falling."""
         self._frames.clear()
         self._frames.append(frame)
-        self._falling, self._turned, self._armed = None, False, False
+        self._turned = False
 
     def _parabola(self, time_s: float) -> tuple[float, float, float]:
         """Speed, m/s, and acceleration, m/s^2, at the last frame, and the error of the speed."""
