@@ -77,7 +77,7 @@ def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Ima
                 panel.draw_artist(artist)
         picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
         if palette is None:
-            palette = picture.quantize(COLOURS)
+            palette = picture.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE)
         pictures.append(picture.quantize(palette=palette, dither=Image.Dither.NONE))
     return pictures
 

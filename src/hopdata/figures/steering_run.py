@@ -11,7 +11,6 @@ from hopdata.figures.style import (
     DOUBLE_COLUMN_MM,
     GREY,
     INK,
-    ON_WHITE,
     VERMILION,
     letter,
     message_figure,
@@ -71,7 +70,10 @@ def steering_run_figure(curves: pd.DataFrame) -> Figure:
     for text, name in zip("abcd", "axyh", strict=True):
         letter(panels[name], text)
     handles, labels = panels["x"].get_legend_handles_labels()
-    figure.legend(handles[::-1], labels[::-1], loc="outside upper center", ncols=3)
+    places, names = panels["a"].get_legend_handles_labels()
+    figure.legend(
+        [*handles[::-1], *places], [*labels[::-1], *names], loc="outside upper center", ncols=7
+    )
     return figure
 
 
@@ -110,13 +112,13 @@ def _draw_arena(axes: Axes, curves: pd.DataFrame, turn: bool) -> None:
     _draw_headings(axes, measured)
     _draw_board(axes, measured)
     if not turn:
-        axes.plot(0, 0, marker="*", color=VERMILION, mec="white", mew=0.5, ms=10, zorder=5)
+        axes.plot(0, 0, "*", color=VERMILION, mec="white", mew=0.5, ms=10, zorder=5, label="goal")
         angle = np.linspace(0, 2 * np.pi, 73)
         near = float(curves["near"].iloc[0])
         axes.plot(near * np.cos(angle), near * np.sin(angle), color=GREY, linewidth=0.6, zorder=0)
-    _label_start(axes, measured)
+    _draw_start(axes, measured)
     axes.set_aspect("equal", adjustable="datalim")
-    axes.margins(0.14)
+    axes.margins(0.08)
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
 
@@ -136,36 +138,20 @@ def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
     across = np.array([-way[1], way[0]])
     sideways = measured[["x_m", "y_m"]].dropna().to_numpy() @ across
     sides = (sideways.min() - BESIDE_M, sideways.max() + BESIDE_M)
-    for place, colour, text, end in (
-        (float(first), "#d8c9a8", "board", 0),
-        (float(last.iloc[-1]), "#8a6d2f", "pushed to here", 1),
+    for place, colour, label in (
+        (float(first), "#d8c9a8", "board at first"),
+        (float(last.iloc[-1]), "#8a6d2f", "board in the end"),
     ):
         ends = np.stack([place * way + side * across for side in sides])
         axes.plot(
-            ends[:, 0], ends[:, 1], color=colour, linewidth=3, solid_capstyle="butt", zorder=0
-        )
-        outward = across if end else -across
-        axes.annotate(
-            text, ends[end], xytext=tuple(4 * outward), textcoords="offset points", fontsize=6,
-            ha=_aligned(outward[0], "left", "right"), va=_aligned(outward[1], "bottom", "top"),
-            color=INK, bbox=ON_WHITE, zorder=0,
+            ends[:, 0], ends[:, 1], color=colour, linewidth=3, solid_capstyle="butt", zorder=0,
+            label=label,
         )  # fmt: skip
 
 
-def _aligned(direction: float, forward: str, backward: str) -> Any:
-    """Side of a text that faces its place, if it stands in this direction from there."""
-    return "center" if abs(direction) < 0.3 else forward if direction > 0 else backward
-
-
-def _label_start(axes: Axes, measured: pd.DataFrame) -> None:
-    """Mark the first stance, and name it on the side that the path does not go to."""
-    seen = measured.dropna(subset=["x_m"])
-    start = seen.iloc[0]
-    away = start[["x_m", "y_m"]].to_numpy(dtype=float) - seen[["x_m", "y_m"]].mean().to_numpy()
-    away = away / max(np.hypot(*away), 1e-9)
-    axes.plot(start["x_m"], start["y_m"], "o", color="white", mec=INK, ms=5, mew=0.9, zorder=4)
-    axes.annotate(
-        "start", (start["x_m"], start["y_m"]), xytext=tuple(7 * away), textcoords="offset points",
-        ha=_aligned(away[0], "left", "right"), va=_aligned(away[1], "bottom", "top"),
-        fontsize=6.5, color=INK,
+def _draw_start(axes: Axes, measured: pd.DataFrame) -> None:
+    start = measured.dropna(subset=["x_m"]).iloc[0]
+    axes.plot(
+        start["x_m"], start["y_m"], "o", color="white", mec=INK, ms=5, mew=0.9, zorder=4,
+        label="start",
     )  # fmt: skip

@@ -1,0 +1,91 @@
+"""Made-up runs and outcomes of the steering experiments."""
+
+import numpy as np
+import pandas as pd
+
+
+def curves(experiment="origin", *, board=False, stances=20, unseen=(4,)):
+    """Three curves of one run, as the experiments write them."""
+    k = np.arange(stances)
+    if experiment.startswith("turn"):
+        heading = np.pi * k / (stances - 1)
+        x, y = 0.55 * np.sin(heading), 0.55 * (1 - np.cos(heading))
+    else:
+        heading = np.full(stances, np.pi + 0.1)
+        x, y = 1 - k / (stances - 1), 0.1 * np.sin(k / 3)
+    parts = []
+    for name, shift in (("measured", 0.0), ("response", 0.01), ("pure", 0.08)):
+        part = pd.DataFrame(
+            {"curve": name, "stance": k, "time_s": 0.62 * k, "x_m": x + shift * k / stances,
+             "y_m": y + shift, "heading_rad": heading + shift}
+        )  # fmt: skip
+        if name == "measured":
+            part.loc[list(unseen), ["x_m", "y_m", "heading_rad"]] = np.nan
+        if name == "response":
+            part.loc[0, ["x_m", "y_m", "heading_rad"]] = np.nan
+        part["board_m"] = (
+            np.linspace(-0.5, 0.4, stances) if board and name == "measured" else np.nan
+        )
+        parts.append(part)
+    return pd.concat(parts, ignore_index=True).assign(
+        experiment=experiment, run=0, controller="planner", near=0.15,
+        board_first_m=-0.5 if board else np.nan, board_x=-1.0 if board else np.nan,
+        board_y=0.0 if board else np.nan,
+    )  # fmt: skip
+
+
+def film(frames=12):
+    """Markers of a run in evenly spaced frames."""
+    body = np.array([[0.13, 0.03, 0.3], [-0.08, 0.11, 0.32], [-0.07, -0.14, 0.3]])
+    boom = np.array([[-0.2, 0.0, 0.2]])
+    rows = []
+    for k in range(frames):
+        centre = [1 - k / frames, 0.1, 0.1 * (k % 4)]
+        for name, place in zip(
+            ("body1", "body2", "body3", "boom"), np.concatenate([body, boom]) + centre, strict=True
+        ):
+            rows.append((0.1 * k - 0.2, name, *place))
+    return pd.DataFrame(rows, columns=["time_s", "marker", "x_m", "y_m", "z_m"])
+
+
+def runs(starts=10):
+    rows = []
+    rng = np.random.default_rng(np.random.SeedSequence(2))
+    for experiment, start, controller, rate in CONDITIONS:
+        for k in range(starts):
+            success = rng.random() < rate
+            hops = int(rng.integers(20, 40)) if success else -1
+            rows.append((experiment, start, controller, k, success, hops))
+    return pd.DataFrame(rows, columns=["experiment", "start", "controller", "run", "success",
+                                       "hops"])  # fmt: skip
+
+
+CONDITIONS = [
+    ("origin", "facing", "printed", 0.9),
+    *(
+        (experiment, "any", controller, rate)
+        for experiment in ("origin", "turn", "origin_board", "turn_board")
+        for controller, rate in (("printed", 0.0), ("planner", 0.9), ("ceiling", 1.0))
+    ),
+]
+
+
+def outcomes(table):
+    rows = []
+    for key, group in table.groupby(["experiment", "start", "controller"], sort=False):
+        share = group["success"].mean()
+        hops = group.loc[group["success"], "hops"]
+        rows.append(
+            {
+                "experiment": key[0], "start": key[1], "controller": key[2], "runs": len(group),
+                "succeeded": int(group["success"].sum()), "rate": share,
+                "rate_low": max(0, share - 0.3), "rate_high": min(1, share + 0.2),
+                "hops": hops.median(), "hops_low": hops.median() - 3,
+                "hops_high": hops.median() + 4, "late": 0, "left": 0, "fell": 0, "stances": 300,
+                "blind": 0, "paired_starts": 8, "hops_ratio": 1.1, "ratio_low": 0.9,
+                "ratio_high": 1.2,
+                "asked_rate": 0.9 if key[2] == "planner" and key[0] == "origin" else np.nan,
+                "asked_ratio": np.nan, "met": "",
+            }
+        )  # fmt: skip
+    return pd.DataFrame(rows)

@@ -1,0 +1,110 @@
+"""A run through motion capture: what the controller is told, and what is kept of it."""
+
+import numpy as np
+import pytest
+from seen_hopper import ROBOT, Swings, gaps, sight, start
+
+from hopdata.steering.control.plan import PlanningError
+from hopdata.steering.experiments.pure_simulation import simulated
+from hopdata.steering.experiments.run import run_task
+from hopdata.steering.experiments.tasks import FELL, Task, board_for
+from hopdata.steering.se2 import wrapped
+
+TASK = Task(manoeuvre="origin", near=0.01, hops=8)
+
+
+def run(controller, seen=None, task=TASK, **options):
+    return run_task(ROBOT, seen or sight(), controller, task, start(), **options)
+
+
+@pytest.fixture(scope="module")
+def swinging():
+    controller = Swings(0.4, -0.7, 0.2)
+    return controller, run(controller)
+
+
+def test_one_plan_a_stance_and_one_stance_a_hop(swinging):
+    controller, made = swinging
+    assert len(made.time_s) == TASK.hops + 1 == len(controller.told)
+    assert made.blind == 0
+    assert 0.5 < np.diff(made.time_s).min() < np.diff(made.time_s).max() < 0.75
+
+
+def test_the_pose_that_is_seen_is_the_true_one_but_for_noise(swinging):
+    _, made = swinging
+    assert 0 < np.abs(made.measured - made.pose)[:, :2].max() < 3e-3
+    assert 0 < np.abs(wrapped(made.measured[:, 2] - made.pose[:, 2])).max() < 0.02
+
+
+def test_the_boom_goes_by_the_swings_that_were_planned(swinging):
+    controller, made = swinging
+    turned = wrapped(np.diff(made.boom_angle_rad) - made.swing_rad[:-1])
+    assert np.abs(turned).max() < 0.03
+    assert [told[2] for told in controller.told[:3]] == [None, 0.4, -0.7]
+
+
+def test_a_prediction_stands_with_the_stance_that_it_foretells(swinging):
+    _, made = swinging
+    assert np.isnan(made.predicted[0]).all()
+    np.testing.assert_allclose(made.predicted[1:], made.measured[:-1] + [0.05, 0, 0])
+
+
+def test_the_same_start_meets_the_same_chance(swinging):
+    _, made = swinging
+    again = run(Swings(0.4, -0.7, 0.2))
+    np.testing.assert_array_equal(made.pose, again.pose)
+    np.testing.assert_array_equal(made.measured, again.measured)
+
+
+def test_hidden_markers_blind_the_controller_for_a_while_and_it_holds_the_boom():
+    made = run(Swings(0.5), sight(gaps=gaps(60.0, 0.4)))
+    unseen = np.isnan(made.measured[:, 0])
+    assert len(made.time_s) == TASK.hops + 1
+    assert made.blind == unseen.sum() > 0
+    assert (made.swing_rad[unseen] == 0).all()
+    assert (made.swing_rad[~unseen] == 0.5).all()
+    assert np.isfinite(made.pose).all()
+
+
+def test_a_controller_without_a_plan_holds_the_boom():
+    class Helpless:
+        def plan(self, pose, boom, previous=None):
+            raise PlanningError("plan: none")
+
+    made = run(Helpless())
+    assert made.blind == TASK.hops + 1
+    assert (made.swing_rad == 0).all()
+
+
+def test_a_board_is_pushed_and_its_place_is_kept():
+    board = board_for("origin", [1.0, 0.0, np.pi], drag_n=4.0, ahead_m=0.0)
+    made = run(Swings(0.0), board=board)
+    assert made.board_m[-1] > board.place_m - 1e-12
+    assert (np.diff(made.board_m) >= 0).all()
+
+
+def test_a_fall_ends_the_run_and_is_told(monkeypatch):
+    from dataclasses import replace
+
+    unsteady = replace(ROBOT, hop_limit_s=0.5)  # no apex in this time: taken for a fall
+    made = run_task(unsteady, sight(), Swings(0.0), TASK, start())
+    assert made.outcome.reason == FELL
+    assert len(made.time_s) == 0
+
+
+def test_frames_are_kept_when_asked_for():
+    frames = []
+    made = run(Swings(0.3), frames=frames)
+    times = np.array([time for time, _ in frames])
+    np.testing.assert_allclose(np.diff(times), 0.01, atol=1e-9)
+    assert times[-1] > made.time_s[-1]
+    assert frames[0][1].shape == (4, 3)
+
+
+def test_the_pure_simulation_follows_the_controller_s_own_predictions(swinging):
+    _, made = swinging
+    table = simulated(Swings(0.1), TASK, [1.0, 0.0, np.pi], made)
+    assert (table["curve"] == "pure").all()
+    np.testing.assert_allclose(np.diff(table["x_m"]), 0.05)
+    np.testing.assert_allclose(table[["x_m", "y_m"]].iloc[0], made.measured[0, :2])
+    assert len(table) == TASK.hops + 1
