@@ -67,7 +67,7 @@ def test_outcomes_are_drawn_without_overlap_and_counted():
     shown = [text.get_text() for text in rates.texts if "/" in text.get_text()]
     assert len(shown) == 13
     assert shown[0] == f"{made['success'][:10].sum()}/10"
-    assert [tick.get_text() for tick in rates.get_yticklabels()][0] == "to the origin,\nfacing it"
+    assert rates.get_yticklabels()[0].get_text() == "to the origin,\nfacing it"
     asked = [line for line in rates.lines if line.get_marker() == "|" and len(line.get_xdata())]
     assert any(line.get_xdata()[0] == 90.0 for line in asked)
     assert hops.get_xlim()[1] > made["hops"].max()

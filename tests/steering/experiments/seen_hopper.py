@@ -52,5 +52,5 @@ class Swings:
     def plan(self, pose, boom_angle_rad, previous_swing_rad=None):
         self.told.append((np.array(pose), boom_angle_rad, previous_swing_rad))
         swing = self.swings[(len(self.told) - 1) % len(self.swings)]
-        ahead = np.array(pose) + [0.05, 0.0, 0.0]
+        ahead = np.array(pose) + np.array([0.05, 0.0, 0.0])
         return Plan(np.array([swing]), np.stack([pose, ahead]), 0.0)

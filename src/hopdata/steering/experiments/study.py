@@ -112,7 +112,8 @@ def run_experiment(
     key_first = ["experiment", "start", "controller", "run"]
     table = pd.concat(stances, ignore_index=True)
     columns = [*key_first, *(c for c in table.columns if c not in key_first)]
-    return ExperimentTables(pd.DataFrame(runs), table[columns], example.assign(controller=shown), film)
+    example = example.assign(controller=shown)
+    return ExperimentTables(pd.DataFrame(runs), table[columns], example, film)
 
 
 def typical(runs: list[tuple[Start, Run]]) -> tuple[Start, Run]:
