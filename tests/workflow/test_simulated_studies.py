@@ -1,16 +1,28 @@
 """Small simulated studies, from their configuration to a report, in a copy of the checkout."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
-from checkouts import FIGURES, copy_checkout, edit_config, snakemake
+from checkouts import FIGURES, copy_checkout, edit_config, planned_rules, snakemake
 
 from hopdata.recordings.hdf5 import read_recording, read_truth, write_recording
 
 pytestmark = pytest.mark.workflow
+
+STEERING_FIGURES = (
+    "fig3_5_origin",
+    "fig3_6_turn",
+    "fig3_8_origin_board",
+    "fig3_9_turn_board",
+    "steering_outcomes",
+    "steering_map",
+    "steering_learning",
+    "steering_kernels",
+)
 
 
 @pytest.fixture(scope="module")
@@ -127,3 +139,102 @@ def test_a_small_study_of_a_biped_whose_file_has_y_up_runs_to_a_report(checkout)
     assert verdict["sentence"] in (results / "report.html").read_text()
     for name in FIGURES:
         assert (results / "figures" / f"{name}.svg").exists()
+
+
+@pytest.fixture(scope="module")
+def steered(checkout):
+    """A small steering study: two starts, few hops."""
+
+    def shorten(config):
+        config["study"] = "steered"
+        config["steering"] = {
+            "excitation": {"repeats": 1},
+            "model": {"training_hops": 60, "draws": 2},
+            "experiments": {"starts": 2, "hops": 8, "stay_hops": 2, "turn_hops": 6},
+        }
+
+    edited = edit_config(checkout, shorten)
+    run = snakemake(checkout, "steering", "--configfile", edited)
+    assert run.returncode == 0, run.stdout + run.stderr
+    return checkout, edited
+
+
+def test_a_steering_study_runs_to_a_page(steered):
+    results = steered[0] / "results" / "steered" / "steering"
+    outcomes = pd.read_csv(results / "tables" / "outcomes.csv")
+    assert len(outcomes) == 14
+    assert (outcomes["runs"] == 2).all()
+    assert set(outcomes["controller"]) == {"printed", "planner", "ceiling"}
+    trajectories = pd.read_csv(results / "tables" / "trajectories.csv")
+    assert trajectories.groupby(["experiment", "start", "controller", "run"]).ngroups == 28
+    truth = json.loads((results / "truth.json").read_text())
+    assert truth["missed_pairs"]["value"] == truth["invented_pairs"]["value"] == 0
+    assert truth["heading_rms"]["value"] < 3, "mrad"
+    assert truth["boom_angle_rms"]["value"] < 5, "mrad"
+    for name in STEERING_FIGURES:
+        assert (results / "figures" / f"{name}.svg").stat().st_size > 2000
+    assert 1e4 < (results / "figures" / "steering_film.gif").stat().st_size < 2e6
+    page = (results / "report.html").read_text()
+    assert page.count("<figure") == len(STEERING_FIGURES) + 1
+    record = json.loads((results / "provenance.json").read_text())
+    assert len(record["stage_seconds"]) == 14
+    assert not (steered[0] / "results" / "steered" / "report.html").exists()
+
+
+def test_a_key_of_the_experiments_leaves_the_model_alone(steered):
+    folder, edited = steered
+    config = (folder / edited).read_text()
+    (folder / "config" / "drag.yaml").write_text(config.replace("starts: 2", "starts: 3"))
+    planned = planned_rules(folder, "steering", "--configfile", "config/drag.yaml")
+    assert {"steering_experiment", "steering_outcomes", "steering_report"} <= planned
+    assert not {"steering_excite", "steering_observe", "steering_model"} & planned
+
+
+def test_the_study_s_page_waits_for_the_steering_if_it_shall_show_it(steered):
+    folder, edited = steered
+    config = (folder / edited).read_text()
+    without = planned_rules(folder, "--configfile", edited)
+    assert "report" in without
+    assert not any("steering" in rule for rule in without)
+    (folder / "config" / "both.yaml").write_text(
+        config.replace("steering:\n", "steering:\n  in_report: true\n") + "seed: 4\n"
+    )
+    both = planned_rules(folder, "--configfile", "config/both.yaml")
+    assert {"report", "steering_experiment", "figure_steering_model"} <= both
+    assert "steering_report" not in both
+
+
+def test_a_recorded_boom_takes_the_place_of_the_simulated_trial(steered):
+    """The excitation as a user's own recording: a model and a page, but no experiments."""
+    folder, _ = steered
+    recorded = folder / "results" / "steered" / "steering" / "recordings" / "excitation.h5"
+    shutil.copy(recorded, folder / "data" / "mine.h5")
+
+    def use(config):
+        config["study"] = "mine"
+        config["recordings"] = [{"name": "monday", "file": "data/mine.h5"}]
+        config["steering"] = {
+            "recordings": ["monday"],
+            "model": {"training_hops": 60, "draws": 2},
+        }
+
+    run = snakemake(folder, "steering", "--configfile", edit_config(folder, use))
+    assert run.returncode == 0, run.stdout + run.stderr
+    results = folder / "results" / "mine" / "steering"
+    assert "no simulation of it to steer" in (results / "report.html").read_text()
+    hops = pd.read_csv(results / "tables" / "frame_changes.csv")
+    assert (hops["recording"] == "monday").all()
+    assert not (results / "tables" / "outcomes.csv").exists()
+    assert (results / "geometry.json").exists()
+
+
+def test_a_boom_that_does_not_move_is_told_in_words(steered):
+    def use(config):
+        config["study"] = "still"
+        config["steering"] = {"recordings": ["hopper"]}
+
+    folder = steered[0]
+    run = snakemake(folder, "steering", "--configfile", edit_config(folder, use))
+    assert run.returncode != 0
+    assert "hopdata: error:" in run.stdout + run.stderr
+    assert "boom" in (run.stdout + run.stderr).split("hopdata: error:")[1].splitlines()[0]

@@ -1,0 +1,128 @@
+from dataclasses import replace
+
+import pytest
+from fake_steering import FIGURES, counts, full_steering, outcomes
+from fake_study import full_study
+from test_page import Page
+
+from hopdata.errors import ConfigError
+from hopdata.jobs import write_json, write_table
+from hopdata.report.inputs import ReportFigure, ReportInputs, SteeringInputs
+from hopdata.report.page import build_report
+from hopdata.report.steering import (
+    build_steering_report,
+    read_sections,
+    read_steering,
+    steering_facts,
+)
+from hopdata.report.steering_tables import left_out_table, outcomes_table
+
+
+@pytest.fixture(scope="module")
+def page():
+    return Page(build_steering_report(full_steering()))
+
+
+@pytest.mark.parametrize("inputs", [full_steering(), SteeringInputs("bare")])
+def test_the_page_is_well_formed_and_loads_nothing(inputs):
+    made = Page(build_steering_report(inputs))
+    assert made.unbalanced == []
+    assert made.open == []
+    assert len(made.ids) == len(set(made.ids))
+    assert all(link.startswith(("#", "data:")) for link in made.links)
+    assert {f"#{name}" for name in made.ids} >= {x for x in made.links if x.startswith("#")}
+
+
+def test_every_figure_is_there_with_its_caption_and_the_film_moves(page):
+    assert len(page.images) == len(FIGURES)
+    assert all(image["alt"] for image in page.images)
+    assert sum(image["src"].startswith("data:image/gif") for image in page.images) == 1
+    for title in ("Figure 3.3", "Figure 3.5", "Figure 3.6", "Figure 3.8", "Figure 3.9"):
+        assert title in page.text
+    assert "of the runs with this controller 28 of 30 succeeded" in page.text.lower()
+
+
+def test_rates_intervals_hops_and_what_was_asked_are_shown(page):
+    assert "28 of 30" in page.text
+    assert "93 (78 to 99)" in page.text
+    assert "34.0 (30.0 to 37.0)" in page.text
+    assert "1.05 (0.98 to 1.11)" in page.text
+    assert "90 %, 1.3 times the hops" in page.text
+
+
+def test_what_was_left_out_is_counted_with_its_reason(page):
+    for reason in ("held or carried in between", "boom angle missing", "unseen"):
+        assert reason in page.text
+    table = left_out_table(counts())
+    assert ("excitation", "hops", "boom angle missing", "3") in table.rows
+    assert not any(row[-1] == "0" for row in table.rows)
+
+
+def test_provenance_is_on_the_page(page):
+    for word in ("numpy", "steering_model", "a.h5", "Configuration"):
+        assert word in page.text
+
+
+def test_what_is_missing_is_said_in_words():
+    made = Page(build_steering_report(SteeringInputs("bare", notes=["No experiment was made."])))
+    assert "No experiment was made." in made.text
+    assert "No model was learned." in made.text
+    assert "no truth to compare with" in made.text
+
+
+def test_the_study_s_page_has_these_sections_only_if_they_are_given():
+    study = full_study()
+    assert "steering" not in Page(build_report(study)).ids
+    made = Page(build_report(replace(study, steering=full_steering())))
+    assert made.unbalanced == []
+    assert len(made.ids) == len(set(made.ids))
+    assert {"steering", "steering-model", "steering-observed", "steering-truth"} <= set(made.ids)
+    assert "#steering" in made.links
+    assert Page(build_report(ReportInputs("bare", steering=SteeringInputs("bare")))).open == []
+
+
+def test_a_caption_that_names_no_fact_is_a_mistake():
+    broken = ReportFigure("steering_map", b"", "", "# Title\n\n{{ nothing }}")
+    with pytest.raises(ConfigError, match="steering_map"):
+        build_steering_report(SteeringInputs("bare", figures=[broken]))
+
+
+def test_captions_need_no_outcomes():
+    bare = replace(full_steering(), outcomes=None, scores=None)
+    assert steering_facts(bare)["share"] == {}
+    assert Page(build_steering_report(bare)).open == []
+
+
+def test_a_controller_without_a_success_has_no_hops():
+    row = outcomes_table(outcomes()).rows[1]
+    assert row[3:7] == ("0 of 30", "0 (0 to 12)", "—", "—")
+    assert row[-1] == "—"
+
+
+def written(folder):
+    """Files of a recorded robot's study: neither experiments nor truth."""
+    write_json(folder / "observed.json", counts())
+    write_table(folder / "model_scores.csv", full_steering().scores)
+    (folder / "steering_map.svg").write_bytes(b"<svg/>")
+    (folder / "steering_map.md").write_text("# Map\n\nLearned from {{ training_hops }} hops.")
+    return {
+        "figures": [str(folder / "steering_map.svg")],
+        "captions": [str(folder / "steering_map.md")],
+        "counts": str(folder / "observed.json"),
+        "scores": str(folder / "model_scores.csv"),
+    }
+
+
+def test_a_recorded_robot_has_no_experiments_and_the_page_says_so(tmp_path):
+    inputs = read_steering("mine", written(tmp_path))
+    assert inputs.outcomes is None
+    made = Page(build_steering_report(inputs))
+    assert "there is no simulation of it to steer" in made.text
+    assert "Learned from 100 hops." in made.text
+
+
+def test_sections_are_read_only_where_they_are_wanted(tmp_path):
+    files = {f"steering_{name}": path for name, path in written(tmp_path).items()}
+    config = {"study": "mine", "steering": {"in_report": True}}
+    assert read_sections(config, {**files, "truth": "elsewhere.json"}).truth is None
+    assert read_sections({"study": "mine", "steering": {"in_report": False}}, files) is None
