@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 from kinked_landings import landings
 
-from hopdata.maps.verdict.effect import detectable_size, effect_size, squared_size
+from hopdata.maps.verdict.effect import (
+    detectable_size,
+    effect_size,
+    outcome_variance,
+    squared_size,
+)
 from hopdata.maps.verdict.estimate import choose_window, expected_contacts, fit_kinks
 from hopdata.maps.verdict.graphs import rank_gap
 from hopdata.maps.verdict.inputs import section_landings
@@ -137,7 +142,9 @@ def fitted():
     data = landings(n=600, noise=0.3)
     section = section_landings(data.before, data.after, data.instants, 0.05)
     fit = choose_window(fit_kinks(section.inputs, section.outputs, section.expected))
-    form = squared_size(fit, section.inputs, section.expected, list(section.members.schedules))
+    schedules = list(section.members.schedules)
+    outcome = outcome_variance(fit, section.inputs, section.expected, schedules)
+    form = squared_size(fit, section.expected, schedules, outcome)
     return fit, form
 
 
