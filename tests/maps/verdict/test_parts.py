@@ -96,7 +96,7 @@ def test_noise_free_kinks_are_recovered():
 
 
 @pytest.mark.parametrize(("n", "size", "least", "most"), [
-    (1500, 0.1, 0.3, 1.0), (1500, 0.0, 0.0, 0.05), (600, 0.1, 0.0, 0.0),
+    (1500, 0.1, 0.3, 1.0), (1500, 0.0, -1e-9, 0.05), (600, 0.1, -1e-9, 1e-9),
 ])  # fmt: skip
 def test_mixed_terms_count_in_the_variance_where_there_are_some(n, size, least, most):
     """The 300 landings of a window are too few to tell."""
