@@ -58,7 +58,7 @@ class KinkFit:
     curvature
         (K q, K q) share of the covariance that is due to smooth terms beyond those fitted.
     shrunk_share
-        Share of the shrunk terms in the total variance of the coefficients, without mixed terms.
+        Share of the shrunk terms in the variance of the coefficients, mixed terms left out.
     seen
         (all kinks, K) orthonormal combinations of the kinks that the data can tell from smooth
         terms; `coefficients` are those of these combinations.
@@ -190,16 +190,16 @@ def fit_window(
     influences = [part[3] for part in parts]
     shrunk = _missed(influences, others, ratios.ratio * ratios.noise)
     mixing = _missed(influences, mixed, mixed_variance)
-    covariance = scores.T @ scores + shrunk + mixing
+    fitted = scores.T @ scores + shrunk
     smooth = y[rows] - kinks(times / unit) @ seen @ coefficients
     slopes = np.linalg.lstsq(free, smooth, rcond=None)[0][1 : x.shape[1] + 1] / scale[:, None]
     return KinkFit(
         coefficients / unit,
         slopes,
-        covariance / unit**2,
+        (fitted + mixing) / unit**2,
         null_scores / unit,
         (shrunk + mixing) / unit**2,
-        float(np.trace(shrunk) / np.trace(covariance)),
+        float(np.trace(shrunk) / np.trace(fitted)),
         seen,
         rows,
         window,
