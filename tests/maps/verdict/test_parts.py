@@ -5,7 +5,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from kinked_landings import SPREAD_S, landings
+from kinked_landings import landings
 
 from hopdata.maps.verdict.effect import (
     detectable_size,
@@ -23,7 +23,6 @@ from hopdata.maps.verdict.shrinkage import variance_ratios
 from hopdata.maps.verdict.significance import KinkTest, flip_signs
 from hopdata.maps.verdict.smooth import (
     free_terms,
-    mixed_terms,
     number_of_free_terms,
     shrunk_terms,
 )
@@ -93,21 +92,6 @@ def test_noise_free_kinks_are_recovered():
     left = rest - design @ np.linalg.lstsq(design, rest, rcond=None)[0]
     kinked = data.y - design @ np.linalg.lstsq(design, data.y, rcond=None)[0]
     assert np.abs(left).max() < 0.05 * np.abs(kinked).max()
-
-
-@pytest.mark.parametrize(("n", "size", "least", "most"), [
-    (1500, 0.1, 0.3, 1.0), (1500, 0.0, -1e-9, 0.05), (600, 0.1, -1e-9, 1e-9),
-])  # fmt: skip
-def test_mixed_terms_count_in_the_variance_where_there_are_some(n, size, least, most):
-    """The 300 landings of a window are too few to tell."""
-    data = landings(n=n, noise=0.5)
-    x = data.x / data.x.std(axis=0)
-    expected = expected_contacts(x, data.instants)
-    terms = mixed_terms(x, expected / SPREAD_S)
-    y = data.y + size * terms @ np.random.default_rng(98).standard_normal((terms.shape[1], 11))
-    fit = fit_kinks(x, y, expected)[0 if n > 1000 else 2]
-
-    assert least <= fit.curvature_share - fit.shrunk_share <= most
 
 
 def test_the_map_is_the_mean_of_those_of_the_orders():

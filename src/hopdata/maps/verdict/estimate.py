@@ -18,7 +18,6 @@ from hopdata.maps.verdict.kinks import ALL_SETS_UP_TO, kinks
 from hopdata.maps.verdict.shrinkage import variance_ratios
 from hopdata.maps.verdict.smooth import (
     free_terms,
-    mixed_terms,
     monomials,
     number_of_free_terms,
     shrunk_terms,
@@ -34,8 +33,6 @@ LANDINGS_PER_TERM = 2.5
 _LEAST_KINK = 1e-3
 #: The same beside the kink that is seen best, where there are kinks of pairs of feet only.
 _LEAST_OF_PAIRS = 0.25
-#: Landings wanted in a window for each mixed term, beside those for all other terms.
-_LANDINGS_PER_MIXED_TERM = 2.0
 _OUTLYING = 5.0
 
 Floats = NDArray[np.float64]
@@ -57,8 +54,6 @@ class KinkFit:
         (n, K q) contributions of the landings to the coefficients if there are no kinks.
     curvature
         (K q, K q) share of the covariance that is due to smooth terms beyond those fitted.
-    shrunk_share
-        Share of the shrunk terms in the variance of the coefficients, mixed terms left out.
     seen
         (all kinks, K) orthonormal combinations of the kinks that the data can tell from smooth
         terms; `coefficients` are those of these combinations.
@@ -75,7 +70,6 @@ class KinkFit:
     covariance: Floats
     null_scores: Floats
     curvature: Floats
-    shrunk_share: float
     seen: Floats
     rows: NDArray[np.int64]
     window: float
@@ -135,8 +129,8 @@ def fit_kinks(x: Floats, y: Floats, instants: Floats) -> list[KinkFit]:
 
 
 def choose_window(fits: list[KinkFit]) -> KinkFit:
-    """Return the widest window whose shrunk terms are small beside noise, or else the nearest."""
-    return next((fit for fit in fits if fit.shrunk_share <= CURVATURE_SHARE), fits[-1])
+    """Return the widest window whose curvature is small beside its noise, or else the nearest."""
+    return next((fit for fit in fits if fit.curvature_share <= CURVATURE_SHARE), fits[-1])
 
 
 def _affordable_degree(landings: int, n_inputs: int, n_feet: int) -> int:
@@ -178,28 +172,23 @@ def fit_window(
     bend_basis: Floats = np.linalg.qr(bends)[0]
     used = basis.shape[1] + bends.shape[1]
     ratios = variance_ratios(_without(bend_basis, others), _without(bend_basis, outputs), used)
-    mixed = _without(basis, mixed_terms(inputs / scale, times / unit))
-    mixed_variance = _mixed_variance(mixed, np.column_stack([bends, others]), outputs, basis)
     slack = 1.0 - np.sum(basis**2, axis=1)
     parts = [
-        _one_output(bends, others, outputs[:, k], slack, ratios.ratio[k]) for k in range(y.shape[1])
+        _one_output(bends, others, outputs[:, k], slack, ratios.ratio[k], ratios.noise[k])
+        for k in range(y.shape[1])
     ]
     coefficients = np.column_stack([part[0] for part in parts])
     null_scores = _interleaved([part[1] for part in parts])
     scores = _interleaved([part[2] for part in parts])
-    influences = [part[3] for part in parts]
-    shrunk = _missed(influences, others, ratios.ratio * ratios.noise)
-    mixing = _missed(influences, mixed, mixed_variance)
-    fitted = scores.T @ scores + shrunk
+    curvature = _block_diagonal([part[3] for part in parts])
     smooth = y[rows] - kinks(times / unit) @ seen @ coefficients
     slopes = np.linalg.lstsq(free, smooth, rcond=None)[0][1 : x.shape[1] + 1] / scale[:, None]
     return KinkFit(
         coefficients / unit,
         slopes,
-        (fitted + mixing) / unit**2,
+        (scores.T @ scores + curvature) / unit**2,
         null_scores / unit,
-        (shrunk + mixing) / unit**2,
-        float(np.trace(shrunk) / np.trace(fitted)),
+        curvature / unit**2,
         seen,
         rows,
         window,
@@ -221,38 +210,20 @@ def _seen_directions(bends: Floats, whole: Floats, least: float) -> Floats:
 
 
 def _one_output(
-    bends: Floats, others: Floats, output: Floats, slack: Floats, ratio: float
+    bends: Floats, others: Floats, output: Floats, slack: Floats, ratio: float, noise: float
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return coefficients (K,), null scores and scores (n, K), and influence (K, n)."""
+    """Return coefficients (K,), null scores and scores (n, K), and curvature covariance (K, K)."""
     shrinker = _shrinker(others, ratio)
     weighted = bends - others @ (shrinker @ bends)
-    influence: Floats = np.asarray(np.linalg.solve(bends.T @ weighted, weighted.T), float)
+    influence = np.linalg.solve(bends.T @ weighted, weighted.T)
     coefficients = influence @ output
     rest = output - bends @ coefficients
     rest = rest - others @ (shrinker @ rest)
     own = slack - np.einsum("nk,kn->n", bends, influence)
     scores = influence.T * (rest / np.sqrt(np.maximum(own, 0.1)))[:, None]
     null_scores = influence.T * (output / np.sqrt(np.maximum(slack, 0.1)))[:, None]
-    return coefficients, null_scores, scores, influence
-
-
-def _mixed_variance(mixed: Floats, fitted: Floats, outputs: Floats, basis: Floats) -> Floats:
-    """Return the variance (q,) of the coefficients of mixed terms beside all others.
-
-    Zero where the landings are too few to tell; free terms are projected out of all but `basis`.
-    """
-    used = basis.shape[1] + fitted.shape[1]
-    if len(mixed) - used < _LANDINGS_PER_MIXED_TERM * mixed.shape[1]:
-        return np.zeros(outputs.shape[1])
-    span: Floats = np.linalg.qr(fitted)[0]
-    found = variance_ratios(_without(span, mixed), _without(span, outputs), used)
-    return found.ratio * found.noise
-
-
-def _missed(influences: list[Floats], terms: Floats, variance: Floats) -> Floats:
-    """Return the covariance (K q, K q) of what terms of these variances (q,) do to the kinks."""
-    loads = [influence @ terms for influence in influences]
-    return _block_diagonal([v * load @ load.T for v, load in zip(variance, loads, strict=True)])
+    missed = influence @ others
+    return coefficients, null_scores, scores, ratio * noise * missed @ missed.T
 
 
 def _shrinker(others: Floats, ratio: float) -> Floats:

@@ -70,23 +70,6 @@ def shrunk_terms(x: Floats, instants: Floats, degree: int) -> Floats:
     return terms[:, scale > 0] / scale[scale > 0]
 
 
-def mixed_terms(x: Floats, instants: Floats) -> Floats:
-    """Return products of two contact instants and two inputs, each with mean square one.
-
-    They are even, as kinks are, and the largest of the fourth-order terms that kinks can be
-    mistaken for; so many that they are given a variance of their own.
-
-    Parameters
-    ----------
-    x, instants
-        See `free_terms`.
-    """
-    u = instants[:, :-1] - instants[:, -1:]
-    terms = _products(monomials(u, (2,)), monomials(x, (2,)))
-    scale = np.sqrt(np.mean(terms**2, axis=0))
-    return terms[:, scale > 0] / scale[scale > 0]
-
-
 def _products(a: Floats, b: Floats) -> Floats:
     products: Floats = (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)
     return products
