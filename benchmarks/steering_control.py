@@ -20,6 +20,9 @@ over that with the true map, both of the starts from which both arrived.
 `steering_replanning.csv`: plans from random states within 1 m and any boom angle, half of them
 towards the origin and half to a heading. `excess` is over the lowest objective on a dense grid
 and after scipy's polish, m or rad; more than 1e-3 is bad. Times are CPU times of one thread.
+
+`steering_turns.csv`: the largest turn that any swings make of the true map, without noise, by the
+number of hops, with the boom in neutral at first or at the best angle.
 """
 
 from __future__ import annotations
@@ -51,7 +54,7 @@ from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.reference import reference_objective
 from hopdata.steering.experiments.closed_loop import PoseNoise, closed_loop
-from hopdata.steering.models.tabulated import tabulated
+from hopdata.steering.models.tabulated import TabulatedMap, tabulated, turn_nodes
 
 FloatArray = NDArray[np.float64]
 OFF = {
@@ -270,6 +273,22 @@ def planner_row(steering: Planner, poses: FloatArray, booms: FloatArray) -> dict
     return {"method": "planner", "goal": "to point", "plans": len(times), **_time_columns(times)}
 
 
+def turns_table(true: TabulatedMap, most_hops: int = 30) -> pd.DataFrame:
+    """Largest turns to both sides, by dynamic programming over the boom angle."""
+    boom = turn_nodes(144)
+    grid = np.meshgrid(boom, np.linspace(-LIMIT, LIMIT, 37), indexing="ij")
+    turn = true.change(*(axis.ravel() for axis in grid))[:, 2].reshape(grid[0].shape)
+    rows = []
+    for side, sign in {"left": 1, "right": -1}.items():
+        best = np.zeros(len(boom))
+        for hops in range(1, most_hops + 1):
+            best = (sign * turn + np.interp(sum(grid), boom, best, period=2 * np.pi)).max(axis=1)
+            degrees = np.degrees([best[len(boom) // 2], best.max()])
+            rows.append((side, hops, *degrees))
+    columns = ["side", "hops", "from_neutral_deg", "from_best_boom_angle_deg"]
+    return pd.DataFrame(rows, columns=columns)
+
+
 def _time_columns(times: FloatArray) -> dict[str, float]:
     return {
         "median_ms": 1e3 * float(np.median(times)),
@@ -298,6 +317,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=20261121)
     options = parser.parse_args()
     found = maps(options.seed)
+    turns = turns_table(found.true)
+    turns.to_csv(options.out.with_name("steering_turns.csv"), index=False, float_format="%.6g")
     control = control_table(found, options.starts, options.seed)
     control.to_csv(options.out, index=False, float_format="%.6g")
     replanning = replanning_table(found, options.plans, options.slow_plans, options.seed)

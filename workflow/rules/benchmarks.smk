@@ -16,7 +16,7 @@ BENCHMARK_TABLES = {
     "maps": ["maps.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
-    "steering_control": ["steering_control.csv", "steering_replanning.csv"],
+    "steering_control": ["steering_control.csv", "steering_replanning.csv", "steering_turns.csv"],
     "animals": ["animals.csv"],
     "filling": ["filling.csv"],
     "floor_faults": ["floor_faults.csv"],

@@ -78,7 +78,7 @@ def test_the_boom_is_held_where_no_plan_can_be_made():
 
 def test_mistakes_of_a_controller_are_not_hidden():
     class Broken:
-        def plan(self, pose, boom_angle_rad, previous_swing_rad=None, /):
+        def plan(self, *_):
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
