@@ -156,7 +156,7 @@ def control_table(found: Maps, starts: int, seed: int) -> pd.DataFrame:
         kind: [planner(one, ToHeading()) for one in models] for kind, models in by_map.items()
     }
     rows, trials = [], {}
-    for task in ("any heading", "any heading, board"):
+    for task in ("any heading", "any heading, board", "facing"):
         for kind, controller in planners.items():
             row, trials[task, kind] = control_row(task, "planner", kind, controller, starts, seed)
             rows.append(row)
