@@ -3,9 +3,9 @@
     python benchmarks/steering_control.py --out steering_control.csv
 
 In `steering_control.csv` each row is 30 random starts with one controller and one map: "true" is
-the plant's own, averaged over the swing before, which the ceiling knows; "learned" are the Gaussian
-processes from 100 hops of a printed excitation, seen by motion capture. Poses are
-measured with noise. Success, by task:
+the plant's own, averaged over the swing before, which the ceiling knows; "learned" are Gaussian
+processes from the first 100 hops of a printed excitation, seen by motion capture, and the starts
+take turns with three of them. Poses are measured with noise. Success, by task:
 
 - "facing", "90 degrees left", "90 degrees right", "away": from 1 m, heading so far off the origin,
   within 0.2 m of it in at most 16 hops (facing) or 40;
@@ -14,12 +14,15 @@ measured with noise. Success, by task:
 - "turn": heading error, of 180 degrees at first, at most 15 degrees in at most 25 hops; hops to 10
   degrees stand beside. The boom starts in neutral, or "any boom angle".
 
-Intervals are Clopper and Pearson's of 95 %. `hops_ratio` is the mean number of hops to the goal over
-that with the true map, both of the starts from which both arrived.
+Intervals are Clopper and Pearson's of 95 %. `hops_ratio` is the mean number of hops to the goal
+over that with the true map, both of the starts from which both arrived.
 
 `steering_replanning.csv`: plans from random states within 1 m and any boom angle, half of them
-towards the origin and half to a heading. `excess` is over the lowest objective on a dense grid and
-after scipy's polish, m or rad; more than 1e-3 is bad. Times are CPU times of one thread.
+towards the origin and half to a heading. `excess` is over the lowest objective on a dense grid
+and after scipy's polish, m or rad; more than 1e-3 is bad. Times are CPU times of one thread.
+
+`steering_turns.csv`: the largest turn that any swings make of the true map, without noise, by the
+number of hops, with the boom in neutral at first or at the best angle.
 """
 
 from __future__ import annotations
@@ -51,7 +54,7 @@ from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.reference import reference_objective
 from hopdata.steering.experiments.closed_loop import PoseNoise, closed_loop
-from hopdata.steering.models.tabulated import tabulated
+from hopdata.steering.models.tabulated import TabulatedMap, tabulated, turn_nodes
 
 FloatArray = NDArray[np.float64]
 OFF = {
@@ -122,11 +125,14 @@ def turning(controller: Any, task: str, number: int, seed: int) -> Run:
 
 
 def control_row(
-    task: str, name: str, kind: str, controller: Any, starts: int, seed: int
+    task: str, name: str, kind: str, controllers: Any, starts: int, seed: int
 ) -> tuple[dict[str, Any], list[Run]]:
     """One row of the table, and its trials."""
     trial = turning if task.startswith("turn") else to_origin
-    runs = [trial(controller, task, number, seed) for number in range(starts)]
+    runs = [
+        trial(controllers[number % len(controllers)], task, number, seed)
+        for number in range(starts)
+    ]
     successes = sum(run.success for run in runs)
     low, high = interval(successes, starts)
     hops = np.array([run.hops for run in runs])
@@ -144,11 +150,13 @@ def control_row(
 
 def control_table(found: Maps, starts: int, seed: int) -> pd.DataFrame:
     """All rows of the closed loop."""
-    by_map = {"true": found.true, "learned": found.learned}
-    planners = {kind: planner(model) for kind, model in by_map.items()}
-    turners = {kind: planner(model, ToHeading()) for kind, model in by_map.items()}
+    by_map = {"true": [found.true], "learned": found.learned}
+    planners = {kind: [planner(one) for one in models] for kind, models in by_map.items()}
+    turners = {
+        kind: [planner(one, ToHeading()) for one in models] for kind, models in by_map.items()
+    }
     rows, trials = [], {}
-    for task in ("any heading", "any heading, board"):
+    for task in ("any heading", "any heading, board", "facing"):
         for kind, controller in planners.items():
             row, trials[task, kind] = control_row(task, "planner", kind, controller, starts, seed)
             rows.append(row)
@@ -168,14 +176,14 @@ def control_table(found: Maps, starts: int, seed: int) -> pd.DataFrame:
 def short_rows(task: str, goal: Any, found: Maps, starts: int, seed: int) -> list[dict[str, Any]]:
     """Rows of the controllers without a cost-to-go."""
     printed = PrintedController(model=found.true, objective=goal, gradient="closed form")
-    rows = [control_row(task, "printed", "true", printed, starts, seed)[0]]
+    rows = [control_row(task, "printed", "true", [printed], starts, seed)[0]]
     if task in ("facing", "turn"):
-        faithful = PrintedController(model=found.sklearn, objective=goal)
+        faithful = [PrintedController(model=one, objective=goal) for one in found.sklearn]
         rows.append(control_row(task, "printed, sklearn", "learned", faithful, starts, seed)[0])
     else:
-        learned = replace(printed, model=found.learned)
+        learned = [replace(printed, model=one) for one in found.learned]
         rows.append(control_row(task, "printed", "learned", learned, starts, seed)[0])
-    globalised = GlobalisedController(model=found.learned, objective=goal)
+    globalised = [GlobalisedController(model=one, objective=goal) for one in found.learned]
     rows.append(control_row(task, "globalised", "learned", globalised, starts, seed)[0])
     return rows
 
@@ -189,17 +197,17 @@ def ratio(runs: list[Run], ceiling: list[Run]) -> float:
 
 def replanning_table(found: Maps, plans: int, slow_plans: int, seed: int) -> pd.DataFrame:
     """Time and excess of the plans of each method."""
-    table = tabulated(found.copies, LIMIT)
+    table = tabulated(found.copies[0], LIMIT)
     methods = {
         "globalised": (lambda goal: GlobalisedController(model=table, objective=goal), plans),
         "printed, closed-form gradient": (
             lambda goal: PrintedController(
-                model=found.copies, objective=goal, gradient="closed form"
+                model=found.copies[0], objective=goal, gradient="closed form"
             ),
             plans,
         ),
         "printed": (
-            lambda goal: PrintedController(model=found.sklearn, objective=goal),
+            lambda goal: PrintedController(model=found.sklearn[0], objective=goal),
             slow_plans,
         ),
     }
@@ -265,6 +273,22 @@ def planner_row(steering: Planner, poses: FloatArray, booms: FloatArray) -> dict
     return {"method": "planner", "goal": "to point", "plans": len(times), **_time_columns(times)}
 
 
+def turns_table(true: TabulatedMap, most_hops: int = 30) -> pd.DataFrame:
+    """Largest turns to both sides, by dynamic programming over the boom angle."""
+    boom = turn_nodes(144)
+    grid = np.meshgrid(boom, np.linspace(-LIMIT, LIMIT, 37), indexing="ij")
+    turn = true.change(*(axis.ravel() for axis in grid))[:, 2].reshape(grid[0].shape)
+    rows = []
+    for side, sign in {"left": 1, "right": -1}.items():
+        best = np.zeros(len(boom))
+        for hops in range(1, most_hops + 1):
+            best = (sign * turn + np.interp(sum(grid), boom, best, period=2 * np.pi)).max(axis=1)
+            degrees = np.degrees([best[len(boom) // 2], best.max()])
+            rows.append((side, hops, *degrees))
+    columns = ["side", "hops", "from_neutral_deg", "from_best_boom_angle_deg"]
+    return pd.DataFrame(rows, columns=columns)
+
+
 def _time_columns(times: FloatArray) -> dict[str, float]:
     return {
         "median_ms": 1e3 * float(np.median(times)),
@@ -293,6 +317,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=20261121)
     options = parser.parse_args()
     found = maps(options.seed)
+    turns = turns_table(found.true)
+    turns.to_csv(options.out.with_name("steering_turns.csv"), index=False, float_format="%.6g")
     control = control_table(found, options.starts, options.seed)
     control.to_csv(options.out, index=False, float_format="%.6g")
     replanning = replanning_table(found, options.plans, options.slow_plans, options.seed)

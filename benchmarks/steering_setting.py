@@ -28,6 +28,7 @@ FloatArray = NDArray[np.float64]
 ROBOT = SteeredHopper()
 LIMIT = ROBOT.swing_limit_rad
 HOPS = 100
+EXCITATIONS = 3
 COPIES = replace(RECOMMENDED, periodic=False)
 
 
@@ -51,19 +52,23 @@ class SklearnMap:
 
 @dataclass(frozen=True)
 class Maps:
-    """The map from noisy hops, as a table, with copies, and by scikit-learn; the true one."""
+    """The true map, and those learned from noisy hops of several excitations.
 
-    learned: TabulatedMap
-    copies: FrameChangeProcess
-    sklearn: SklearnMap
+    `learned` are periodic, as tables; `copies` have copies of the hops, `sklearn` the same by
+    scikit-learn.
+    """
+
     true: TabulatedMap
+    learned: list[TabulatedMap]
+    copies: list[FrameChangeProcess]
+    sklearn: list[SklearnMap]
 
 
-def excited(seed: int) -> FrameChanges:
+def excited(seed: int, number: int) -> FrameChanges:
     """Hops of a printed excitation as motion capture sees them, the first `HOPS` that are used."""
-    stream = np.random.SeedSequence([seed, 1])
+    stream = np.random.SeedSequence([seed, number, 1])
     swings = random_excitation(ControlGrid(), np.random.default_rng(stream)).swings
-    trial = record_trial(ROBOT, swings[: HOPS + 40], seed=[seed, 2])
+    trial = record_trial(ROBOT, swings[: HOPS + 40], seed=[seed, number, 2])
     states = observe_stances(trial.recording, calibrate(trial.recording))
     seen = frame_changes(
         states.time_s, states.pose, states.boom_angle, states.pairs, swing_limit_rad=LIMIT
@@ -72,15 +77,15 @@ def excited(seed: int) -> FrameChanges:
 
 
 def maps(seed: int) -> Maps:
-    """Learn from one excitation, and measure the truth."""
-    hops = excited(seed)
-    copies = trained_process(hops, COPIES)
+    """Learn from the excitations, and measure the truth."""
+    hops = [excited(seed, number) for number in range(EXCITATIONS)]
+    copies = [trained_process(some, COPIES) for some in hops]
     true = true_frame_changes(ROBOT, boom_angles=24, swings=7)
     return Maps(
-        learned=tabulated(trained_process(hops), LIMIT),
-        copies=copies,
-        sklearn=SklearnMap(copies),
         true=TabulatedMap(true.average(), LIMIT),
+        learned=[tabulated(trained_process(some), LIMIT) for some in hops],
+        copies=copies,
+        sklearn=[SklearnMap(process) for process in copies],
     )
 
 

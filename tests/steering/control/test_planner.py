@@ -136,6 +136,8 @@ def test_way_points_are_visited_in_order(to_point):
 def test_a_state_that_is_none_is_refused(to_point):
     with pytest.raises(PlanningError, match="pose of three finite numbers"):
         to_point.plan([np.nan, 0.0, 0.0], 0.0)
+    with pytest.raises(PlanningError, match="pose within 10000 m"):
+        to_point.plan([1e300, 0.0, 0.0], 0.0)
     follower = WayPointFollower(to_point, WayPoints(points_m=((0.0, 0.0),)))
     with pytest.raises(PlanningError):
         follower.plan([np.nan, 0.0, 0.0], 0.0)

@@ -42,7 +42,7 @@ class PointGrid:
     distances: int = 40
     bearings: int = 48
     boom_angles: int = 32
-    swings: int = 19
+    swings: int = 25
     farthest_m: float = 3.0
 
     def __post_init__(self) -> None:

@@ -13,6 +13,10 @@ from hopdata.errors import HopdataError
 FloatArray = NDArray[np.float64]
 
 
+#: Largest coordinate of a pose, m or rad: what lies beyond is a mistake of the measurement.
+FARTHEST = 1e4
+
+
 class PlanningError(HopdataError):
     """No plan can be made from this state; a loop that meets it holds the boom still."""
 
@@ -71,7 +75,7 @@ def checked_state(pose: ArrayLike, boom_angle_rad: float) -> tuple[FloatArray, f
     Raises
     ------
     PlanningError
-        Unless there are three finite coordinates and a finite angle.
+        Unless there are three finite coordinates, not absurdly large, and a finite angle.
     """
     try:
         state = np.array(pose, dtype=float)
@@ -83,6 +87,8 @@ def checked_state(pose: ArrayLike, boom_angle_rad: float) -> tuple[FloatArray, f
         ) from error
     if state.shape != (3,) or not np.all(np.isfinite(state)):
         raise PlanningError(f"plan: expected a pose of three finite numbers, found {pose!r}")
+    if np.abs(state).max() > FARTHEST:
+        raise PlanningError(f"plan: expected a pose within {FARTHEST:.0f} m, found {pose!r}")
     if not np.isfinite(boom):
         raise PlanningError(f"plan: expected a finite boom angle, found {boom_angle_rad!r}")
     return state, boom % (2 * np.pi)

@@ -39,7 +39,7 @@ SWINGS_TRIED = {1: 101, 2: 31, 3: 13}
 class PlannerOptions:
     """What the cost-to-go weighs, and on which grids it is computed."""
 
-    point: StageCost = field(default_factory=lambda: StageCost(width=0.12))
+    point: StageCost = field(default_factory=lambda: StageCost(width=0.2))
     heading: StageCost = field(default_factory=lambda: StageCost(width=0.15))
     point_grid: PointGrid = field(default_factory=PointGrid)
     heading_grid: HeadingGrid = field(default_factory=HeadingGrid)
