@@ -71,6 +71,10 @@ class StanceDetector:
         Frames whose height was not known, jumped away, or whose time did not go on.
     """
 
+    _frames: deque[tuple[float, float]]
+    _stray: tuple[float, float] | None
+    _falling: tuple[float, float] | None
+
     def __init__(
         self,
         *,
@@ -124,10 +128,10 @@ class StanceDetector:
 
     def _forget(self) -> None:
         """Begin as if nothing had been seen."""
-        self._frames: deque[tuple[float, float]] = deque()
-        self._stray: tuple[float, float] | None = None
+        self._frames = deque()
+        self._stray = None
         self._armed, self._turned = False, False
-        self._falling: tuple[float, float] | None = None
+        self._falling = None
         self._lowest_m, self._speed, self._last_s = np.inf, 0.0, -np.inf
 
     def _taken(self, time_s: float, height_m: float) -> bool:
