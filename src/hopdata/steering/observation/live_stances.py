@@ -74,6 +74,7 @@ class StanceDetector:
     _frames: deque[tuple[float, float]]
     _stray: tuple[float, float] | None
     _falling: tuple[float, float] | None
+    _armed: bool
 
     def __init__(
         self,
