@@ -327,7 +327,6 @@ def time_rows(seen: Recording, frames: int = 300) -> Iterator[Row]:
     boom = positions[:, seen.indices("boom")[0]]
     n_all = len(seen.time)
     tracker = HopperTracker(geometry, seen.markers)
-    detector = StanceDetector.of(geometry)
 
     def align() -> None:
         for frame in body:
@@ -342,6 +341,7 @@ def time_rows(seen: Recording, frames: int = 300) -> Iterator[Row]:
             observe_frame(geometry, frame, marker)
 
     def detect() -> None:
+        detector = StanceDetector.of(geometry)
         for time, height in zip(seen.time[:frames], body[:, :, 2].mean(axis=1), strict=True):
             detector.feed(time, height)
 

@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from steered_hopper import steered
 
 from hopdata.steering.observation.calibration import calibrate
@@ -122,9 +124,58 @@ def test_frames_that_come_twice_or_late_are_left_out():
     assert one.n_left_out == 2 * len(hopper.recording.time)
 
 
+def test_a_clock_that_begins_anew_is_followed():
+    hopper = steered()
+    one, time, z = detector(), hopper.recording.time, heights(hopper)
+    told_times = [
+        s.time_s for t, h in zip([*time, *time], [*z, *z], strict=True) if (s := one.feed(t, h))
+    ]
+    assert len(told_times) == 2 * len(hopper.lowest_s)
+
+
 def test_a_calibrated_detector_needs_nothing_else():
     hopper = steered()
     one = StanceDetector.of(calibrate(hopper.recording))
     z = hopper.recording.body_height
     found = [s for t, h in zip(hopper.recording.time, z, strict=True) if (s := one.feed(t, h))]
     assert delays(found, hopper).max() <= 0.04
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    steps=st.lists(
+        st.tuples(
+            st.floats(-0.1, 0.3, allow_nan=False),
+            st.one_of(st.floats(0.2, 0.6), st.floats(allow_nan=True, allow_infinity=True)),
+        ),
+        max_size=200,
+    )
+)
+def test_whatever_comes_no_error_and_no_two_stances_without_a_flight(steps):
+    one, time, last, risen = detector(), 0.0, -np.inf, True
+    for step, height in steps:
+        time += step
+        stance = one.feed(time, height)
+        if stance is not None:
+            assert risen
+            assert last < stance.told_s <= time
+            assert 0 <= stance.delay_s < 0.3
+            last, risen = stance.told_s, False
+        risen = risen or height > one.flight_above_m
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32), share=st.floats(0, 0.6))
+def test_holes_anywhere_invent_nothing(seed, share):
+    hopper = steered()
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    length = int(rng.integers(1, 40))
+    gone = np.repeat(rng.random(1 + len(hopper.middle) // length) < share, length)
+    gone = gone[: len(hopper.middle)]
+    gone = np.append(gone, np.zeros(len(hopper.middle) - len(gone), bool))
+    stances = told(hopper.recording.time[~gone], heights(hopper)[~gone])
+    near = [np.abs(s.time_s - hopper.lowest_s).argmin() for s in stances]
+    assert len(set(near)) == len(near)
+    assert all(
+        abs(s.time_s - hopper.lowest_s[k]) < 0.15 for s, k in zip(stances, near, strict=True)
+    )

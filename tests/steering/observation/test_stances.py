@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from steered_hopper import steered
 
 from hopdata.steering.observation.bottoms import BOTTOM_UNSEEN, NO_BOUNCE
@@ -137,3 +139,33 @@ def test_the_printed_pairs_are_true_ones_but_not_all():
 
 def test_taken_literally_the_printed_algorithm_finds_none():
     assert printed_stance_pairs(heights(steered()), extrema_of="speed").shape == (0, 2)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32), share=st.floats(0, 0.6))
+def test_holes_anywhere_invent_no_pair(seed, share):
+    hopper = steered()
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    length = int(rng.integers(1, 40))
+    gone = np.repeat(rng.random(1 + len(hopper.middle) // length) < share, length)
+    z = np.where(gone[: len(hopper.middle)], np.nan, heights(hopper))
+    found = find_stances(hopper.recording.time, z, (0.35, 0.38))
+    landings = as_landings(found.time_s, hopper, within=0.1)
+    assert (np.diff(landings) > 0).all()
+    true = {tuple(pair) for pair in true_pairs(hopper).tolist()}
+    assert {tuple(pair) for pair in landings[found.pairs].tolist()} <= true
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    height=st.lists(
+        st.one_of(st.floats(0, 1), st.floats(allow_nan=True, allow_infinity=True)), max_size=60
+    )
+)
+def test_whatever_comes_the_answer_is_consistent(height):
+    z = np.array(height)
+    with np.errstate(over="ignore", invalid="ignore"):
+        found = find_stances(np.arange(len(z)) / 100, z, (0.35, 0.38))
+    assert (np.diff(found.time_s) > 0).all()
+    assert (np.diff(found.pairs, axis=1) == 1).all()
+    assert len(found.height_m) == len(found.frame) == len(found.bridged) == len(found.time_s)

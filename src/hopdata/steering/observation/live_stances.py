@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 WINDOW_S = 0.055  # of frames through which a parabola is laid,
 WINDOW_FRAMES = 3.5  # but at least so many
 HOLE_S = 0.25  # longest hole in the frames across which a stance is still told
+RESTART_S = 1.0  # a clock that goes back by more has begun anew
 LEAST_BEND_M_S2 = 5.0  # half of g: a floor throws back harder than a hand lifts
 FASTEST_M_S, HARDEST_M_S2 = 4.0, 60.0  # beyond these a height has jumped
 SIGMAS = 4.0
@@ -70,6 +71,11 @@ class StanceDetector:
         Frames whose height was not known, jumped away, or whose time did not go on.
     """
 
+    _frames: deque[tuple[float, float]]
+    _stray: tuple[float, float] | None
+    _falling: tuple[float, float] | None
+    _armed: bool
+
     def __init__(
         self,
         *,
@@ -80,12 +86,9 @@ class StanceDetector:
     ) -> None:
         self.stance_below_m, self.flight_above_m = stance_below_m, flight_above_m
         self.window_s = max(WINDOW_S, WINDOW_FRAMES / rate_hz)
+        self.least_step_s = 0.1 / rate_hz
         self.noise_m, self.n_left_out = noise_m, 0
-        self._frames: deque[tuple[float, float]] = deque()
-        self._stray: tuple[float, float] | None = None
-        self._armed, self._turned = False, False
-        self._falling: tuple[float, float] | None = None
-        self._lowest_m, self._speed = np.inf, 0.0
+        self._forget()
 
     @classmethod
     def of(cls, geometry: HopperGeometry, *, rate_hz: float = 100.0) -> StanceDetector:
@@ -124,10 +127,21 @@ class StanceDetector:
             return None
         return self._told(time_s, slope, bend)
 
+    def _forget(self) -> None:
+        """Begin as if nothing had been seen."""
+        self._frames = deque()
+        self._stray = None
+        self._armed, self._turned = False, False
+        self._falling = None
+        self._lowest_m, self._speed, self._last_s = np.inf, 0.0, -np.inf
+
     def _taken(self, time_s: float, height_m: float) -> bool:
         """Keep a frame if it can be believed, and forget those that are too old."""
-        if not (np.isfinite(height_m) and (not self._frames or time_s > self._frames[-1][0])):
+        if time_s < self._last_s - RESTART_S:
+            self._forget()
+        if not (np.isfinite(height_m) and time_s - self._last_s > self.least_step_s):
             return False
+        self._last_s = time_s
         frame = (time_s, height_m)
         if self._frames and self._far(self._frames[-1], frame):
             if self._stray is None or self._far(self._stray, frame):

@@ -135,7 +135,7 @@ class HopperTracker:
 
     def feed(self, time_s: float, markers: FloatArray) -> Observation:
         """Take the next frame: its time, s, and its markers, (M, 3), m, NaN where unseen."""
-        earlier = self._rotation if time_s - self._seen_s <= self.hold_s else None
+        earlier = self._rotation if 0 <= time_s - self._seen_s <= self.hold_s else None
         boom = None if self._boom is None else markers[self._boom]
         found = observe_frame(self.geometry, markers[self._body], boom, earlier)
         self.counts[found.status] += 1
