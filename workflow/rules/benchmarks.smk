@@ -16,6 +16,14 @@ BENCHMARK_TABLES = {
     "maps": ["maps.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
+    "frame_change_models": [
+        "frame_change_models.csv",
+        "frame_change_learning.csv",
+        "frame_change_kernels.csv",
+        "frame_change_cost.csv",
+        "frame_change_map.csv",
+        "frame_change_points.csv",
+    ],
     "animals": ["animals.csv"],
     "filling": ["filling.csv"],
     "floor_faults": ["floor_faults.csv"],
@@ -39,6 +47,16 @@ BENCHMARK_FIGURES = {
     "fig4_4_scaling": ("figure_scaling", ["plate.csv", "plate_marginal.csv"]),
     "work_precision": ("figure_work_precision", ["work_precision.csv", "ratios.csv"]),
     "map_error": ("figure_map_error", ["map_error.csv"]),
+    "fig3_3_frame_change": (
+        "figure_frame_change",
+        ["frame_change_map.csv", "frame_change_points.csv"],
+    ),
+    "fig3_3_printed": (
+        "figure_frame_change_printed",
+        ["frame_change_map.csv", "frame_change_points.csv"],
+    ),
+    "learning_curve": ("figure_learning_curve", ["frame_change_learning.csv"]),
+    "kernel_smoothness": ("figure_kernel_smoothness", ["frame_change_kernels.csv"]),
 }
 
 
