@@ -89,4 +89,4 @@ def test_the_default_tasks_are_those_of_the_experiments():
     )
     assert (facing.near, facing.hops, facing.stay_hops) == (0.2, 16, 0)
     assert (origin.near, origin.stay, origin.stay_hops) == (0.15, 0.25, 10)
-    assert (turn.hops, turn.near) == (25, pytest.approx(np.radians(10)))
+    assert (turn.hops, turn.near) == (25, pytest.approx(np.radians(15)))
