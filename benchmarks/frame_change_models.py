@@ -210,6 +210,12 @@ def sklearn_change(regressors: list[Any], process: FrameChangeProcess, points: F
     return found * process.unit + process.offset
 
 
+def sklearn_sd(regressors: list[Any], process: FrameChangeProcess, points: FloatArray) -> Any:
+    """Predict with standard deviations."""
+    asked = embedded(points, process.periodic)
+    return [one.predict(asked, return_std=True) for one in regressors]
+
+
 def sklearn_gradient(regressors: list[Any], process: FrameChangeProcess, points: FloatArray) -> Any:
     """Predict, and differentiate by forward differences."""
     here = sklearn_change(regressors, process, points)
@@ -239,6 +245,7 @@ def cost_rows(hops: FrameChanges, other: FrameChanges, seed: int) -> Iterator[di
                 "scikit-learn, mean": lambda r=regressors, p=process, x=points: sklearn_change(
                     r, p, x
                 ),
+                "scikit-learn, sd": lambda r=regressors, p=process, x=points: sklearn_sd(r, p, x),
                 "scikit-learn, differences": lambda r=regressors, p=process, x=points: (
                     sklearn_gradient(r, p, x)
                 ),

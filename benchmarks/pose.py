@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -326,7 +327,6 @@ def time_rows(seen: Recording, frames: int = 300) -> Iterator[Row]:
     boom = positions[:, seen.indices("boom")[0]]
     n_all = len(seen.time)
     tracker = HopperTracker(geometry, seen.markers)
-    detector = StanceDetector.of(geometry)
 
     def align() -> None:
         for frame in body:
@@ -341,6 +341,7 @@ def time_rows(seen: Recording, frames: int = 300) -> Iterator[Row]:
             observe_frame(geometry, frame, marker)
 
     def detect() -> None:
+        detector = StanceDetector.of(geometry)
         for time, height in zip(seen.time[:frames], body[:, :, 2].mean(axis=1), strict=True):
             detector.feed(time, height)
 
@@ -370,7 +371,7 @@ def main() -> None:
     first = filmed(scenes[0], seed)
     geometry = calibrate(first)
     tables = {
-        "": [*heading_rows(geometry, arguments.frames, seed), *hopper_rows(scenes, seed)],
+        "": chain(heading_rows(geometry, arguments.frames, seed), hopper_rows(scenes, seed)),
         "_stances": stance_rows(truths, hops, seed),
         "_live": live_rows(truths, hops, seed),
         "_time": time_rows(first.part(slice(20000))),
@@ -378,7 +379,11 @@ def main() -> None:
     out: Path = arguments.out
     out.parent.mkdir(parents=True, exist_ok=True)
     for suffix, rows in tables.items():
-        table = pd.DataFrame(list(rows))
+        found = []
+        for row in rows:
+            print(*row.values(), sep=", ", flush=True)
+            found.append(row)
+        table = pd.DataFrame(found)
         print(table.round(3).to_string(index=False), flush=True)
         table.to_csv(out.with_name(f"{out.stem}{suffix}.csv"), index=False, float_format="%.6g")
 

@@ -61,7 +61,10 @@ def embedded_scales(length_scales: ArrayLike, periodic: bool) -> FloatArray:
 
 def squared_distances(a: FloatArray, b: FloatArray, scales: FloatArray) -> FloatArray:
     """Return scaled squared distances (n, m) of embedded inputs (n, e) and (m, e)."""
-    return np.asarray((((a[:, None] - b) / scales) ** 2).sum(axis=2))
+    squared = np.zeros((len(a), len(b)))
+    for column_a, column_b in zip((a / scales).T, (b / scales).T, strict=True):
+        squared += (column_a[:, None] - column_b) ** 2
+    return squared
 
 
 def correlation(squared: FloatArray, smoothness: float) -> FloatArray:

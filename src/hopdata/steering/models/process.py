@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.errors import AnalysisError
+from hopdata.steering.models.arguments import input_rows
 from hopdata.steering.models.compiled_mean import mean, mean_and_gradient
 from hopdata.steering.models.kernels import (
     correlation,
@@ -142,16 +143,10 @@ class FrameChangeProcess:
         return self.variance[j] * correlation(squared_distances(a, b, scales), self.smoothness)
 
     def _points(self, inputs: tuple[ArrayLike, ...]) -> FloatArray:
-        if len(inputs) != self.n_inputs:
-            raise AnalysisError(
-                f"frame change: expected {self.n_inputs} inputs, as in training, "
-                f"found {len(inputs)}"
-            )
-        columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(a, float)) for a in inputs))
-        points = np.stack(columns, axis=1)
+        points = input_rows(inputs, self.n_inputs).T
         if not self.periodic:
             points[:, 0] %= TURN
-        return points
+        return np.ascontiguousarray(points)
 
     @cached_property
     def _compiled(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, bool]:

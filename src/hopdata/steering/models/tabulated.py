@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.errors import AnalysisError
+from hopdata.steering.models.arguments import input_rows
 from hopdata.steering.models.compiled_spline import (
     LEAST_NODES,
     spline_changes,
@@ -90,17 +91,14 @@ class TabulatedMap:
             If a swing is beyond the limit, or the number of inputs is wrong.
         """
         wanted = self.values.ndim - 1
-        if len(inputs) != wanted:
-            raise AnalysisError(f"table: expected {wanted} inputs, found {len(inputs)}")
-        columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(a, float)) for a in inputs))
-        for swing in columns[1:]:
-            self._require_within(swing)
+        rows = input_rows(inputs, wanted)
+        self._require_within(rows[1:])
         compiled: Any = spline_changes if wanted == 2 else spline_changes_with_history
-        values, gradients = compiled(self.coefficients, self.swing_limit_rad, *columns)
+        values, gradients = compiled(self.coefficients, self.swing_limit_rad, *rows)
         return values, gradients
 
-    def _require_within(self, swing: FloatArray) -> None:
-        largest = float(np.abs(swing).max(initial=0.0))
+    def _require_within(self, swings: FloatArray) -> None:
+        largest = float(np.abs(swings).max(initial=0.0))
         if not largest <= self.swing_limit_rad * (1 + BEYOND):
             raise AnalysisError(
                 f"table: expected swings within {self.swing_limit_rad:.4f} rad, found {largest:.4f}"

@@ -13,7 +13,8 @@ FloatArray = NDArray[np.float64]
 
 BOTTOM_S = 0.045  # half the window of the fit at the lowest point
 SIDE_S = 0.05  # window of the fit beside a hole
-WIDEST_HOLE_FRAMES = 3.5
+WIDEST_HOLE_FRAMES = 3.5  # beside the lowest point, for the fit through it
+LONGEST_BRIDGE_S = 0.2
 LEAST_BEND_M_S2 = 5.0  # half of g: a floor throws back harder than a hand lifts
 
 BOTTOM_UNSEEN, NO_BOUNCE = "lowest point not seen", "no bounce"
@@ -64,6 +65,8 @@ def _bridged(time: FloatArray, height: FloatArray, lowest: int) -> Bottom | str:
         lowest - 1 if time[lowest] - time[lowest - 1] > time[lowest + 1] - time[lowest] else lowest
     )
     out_s, in_s = time[before], time[before + 1]
+    if in_s - out_s > LONGEST_BRIDGE_S:
+        return BOTTOM_UNSEEN
     fall, rise = side_speeds(time, height, before)
     if not (fall < 0 < rise):
         return BOTTOM_UNSEEN

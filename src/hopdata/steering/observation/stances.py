@@ -74,7 +74,7 @@ def find_stances(
     t, z = time[frames], height[frames]
     visits = find_visits(t, z, below, above)
     frame_s = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
-    bottoms = [find_bottom(t, z, k, frame_s) for k in visits.lowest]
+    bottoms = [_bottom(t, z, visits, k, frame_s) for k in range(len(visits.lowest))]
     links = [_link(t, z, visits, bottoms, k, above) for k in range(len(bottoms) - 1)]
     found = [bottom for bottom in bottoms if isinstance(bottom, Bottom)]
     number = np.cumsum([isinstance(bottom, Bottom) for bottom in bottoms]) - 1
@@ -89,6 +89,15 @@ def find_stances(
         np.column_stack([first, first + 1]),
         {reason: why[reason] for reason in REASONS},
     )
+
+
+def _bottom(t: FloatArray, z: FloatArray, visits: Visits, k: int, frame_s: float) -> Bottom | str:
+    """Return the lowest point of a visit, which must lie in it, or why it has none."""
+    found = find_bottom(t, z, int(visits.lowest[k]), frame_s)
+    first, last = max(visits.first[k] - 1, 0), min(visits.last[k] + 1, len(t) - 1)
+    if isinstance(found, Bottom) and not t[first] < found.time_s < t[last]:
+        return BOTTOM_UNSEEN
+    return found
 
 
 def _link(
