@@ -7,8 +7,8 @@ the plant's own, averaged over the swing before, which the ceiling knows; "learn
 processes from the first 100 hops of a printed excitation, seen by motion capture, and the starts
 take turns with three of them. Poses are measured with noise. Success, by task:
 
-- "facing", "90 degrees left", "90 degrees right", "away": from 1 m, heading so far off the origin,
-  within 0.2 m of it in at most 16 hops (facing) or 40;
+- "facing", "90 degrees left", "90 degrees right", "away": from 1 m, the origin being ahead, to the
+  left, to the right or behind: within 0.2 m of it in at most 16 hops (facing) or 40;
 - "any heading": within 0.15 m in at most 60 hops, and within 0.25 m for the next ten; "board": with
   a board of 4 N across the way;
 - "turn": heading error, of 180 degrees at first, at most 15 degrees in at most 25 hops; hops to 10
