@@ -16,10 +16,6 @@ BENCHMARK_TABLES = {
     "maps": ["maps.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
-<<<<<<< HEAD
-=======
-    "steering_control": ["steering_control.csv", "steering_replanning.csv", "steering_turns.csv"],
->>>>>>> fc5f8bc4bf95a1a4f84e6dc0fee8a932348e7fd6
     "frame_change_models": [
         "frame_change_models.csv",
         "frame_change_learning.csv",
@@ -28,10 +24,7 @@ BENCHMARK_TABLES = {
         "frame_change_map.csv",
         "frame_change_points.csv",
     ],
-<<<<<<< HEAD
     "steering_control": ["steering_control.csv", "steering_replanning.csv", "steering_turns.csv"],
-=======
->>>>>>> fc5f8bc4bf95a1a4f84e6dc0fee8a932348e7fd6
     "animals": ["animals.csv"],
     "filling": ["filling.csv"],
     "floor_faults": ["floor_faults.csv"],
