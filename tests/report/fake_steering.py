@@ -75,7 +75,7 @@ def counts() -> list[dict[str, object]]:
 def scores() -> pd.DataFrame:
     return pd.DataFrame(
         {
-            "component": ["dx", "dy", "dtheta"], "unit": ["mm", "mm", "deg"],
+            "set": 1, "component": ["dx", "dy", "dtheta"], "unit": ["mm", "mm", "deg"],
             "r2": [0.35, 0.46, 0.91], "rmse": [21.0, 17.5, 1.8], "coverage": [0.95, 0.94, 0.96],
             "training_hops": 100, "test_hops": 217,
         }

@@ -149,7 +149,7 @@ def steered(checkout):
         config["study"] = "steered"
         config["steering"] = {
             "excitation": {"repeats": 1},
-            "model": {"training_hops": 60, "draws": 2},
+            "model": {"training_hops": 60, "sets": 2, "draws": 2},
             "experiments": {"starts": 2, "hops": 8, "stay_hops": 2, "turn_hops": 6},
         }
 

@@ -88,7 +88,9 @@ rule steering_model:
     input:
         changes=rules.steering_observe.output.changes,
     output:
-        model=f"{STEERING}/model.npz",
+        models=[
+            f"{STEERING}/models/set{k + 1}.npz" for k in range(STUDY["steering"]["model"]["sets"])
+        ],
         scores=f"{STEERING_TABLES}/model_scores.csv",
         map=f"{STEERING_TABLES}/model_map.csv",
         training=f"{STEERING_TABLES}/training_hops.csv",
@@ -108,7 +110,7 @@ rule steering_model:
 rule steering_experiment:
     """One experiment: all controllers from all starts."""
     input:
-        model=rules.steering_model.output.model,
+        models=rules.steering_model.output.models,
         true_map=rules.steering_true_map.output.table,
         geometry=rules.steering_observe.output.geometry,
     output:
@@ -159,7 +161,7 @@ rule steering_score:
         stances=rules.steering_observe.output.stances,
         true_motion=rules.steering_excite.output.motion,
         true_stances=rules.steering_excite.output.stances,
-        model=rules.steering_model.output.model,
+        model=rules.steering_model.output.models[0],
         true_map=rules.steering_true_map.output.table,
     output:
         truth=f"{STEERING}/truth.json",

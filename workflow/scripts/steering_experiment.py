@@ -11,7 +11,7 @@ with reported(snakemake.log[0]):
         snakemake.wildcards.experiment,
         snakemake.params.steering,
         snakemake.params.motion_capture,
-        model=load_process(snakemake.input.model),
+        models=[load_process(path) for path in snakemake.input.models],
         truth=true_map_of(read_table(snakemake.input.true_map)),
         geometry=load_geometry(snakemake.input.geometry),
         seed=snakemake.params.seed,

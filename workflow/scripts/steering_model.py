@@ -7,12 +7,13 @@ from hopdata.steering.models.saving import save_process
 from hopdata.steering.stages.learn import learn
 
 with reported(snakemake.log[0]):
-    process, scores = learn(
+    processes, scores = learn(
         from_table(read_table(snakemake.input.changes)),
         snakemake.params.model,
         seed=snakemake.params.seed,
     )
-    save_process(snakemake.output.model, process)
+    for path, process in zip(snakemake.output.models, processes, strict=True):
+        save_process(path, process)
     write_table(snakemake.output.scores, scores)
-    write_table(snakemake.output.map, map_table(process, snakemake.params.swing_limit_rad))
-    write_table(snakemake.output.training, training_table(process))
+    write_table(snakemake.output.map, map_table(processes[0], snakemake.params.swing_limit_rad))
+    write_table(snakemake.output.training, training_table(processes[0]))

@@ -124,12 +124,13 @@ def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> Table | None:
 
 
 def model_table(scores: pd.DataFrame | None) -> Table | None:
-    """One row a component: how well the hops that were not learned from are predicted."""
+    """One row a set and component: how well the hops that were not learned from are predicted."""
     if scores is None or scores.empty:
         return None
     rows = tuple(
         (
             str(row["component"]),
+            count(row["set"]),
             fixed(row["r2"], 3),
             f"{fixed(row['rmse'], 2)} {row['unit']}",
             fixed(scaled(row["coverage"], 100), 1),
@@ -138,6 +139,17 @@ def model_table(scores: pd.DataFrame | None) -> Table | None:
         )
         for row in scores.to_dict("records")
     )
-    head = ("frame change", "R2", "rms error", "within 95 % (%)", "hops learned", "hops tested")
-    note = "On the hops that were not learned from; chance at each hop is part of the error."
+    head = (
+        "frame change",
+        "set",
+        "R2",
+        "rms error",
+        "within 95 % (%)",
+        "hops learned",
+        "hops tested",
+    )
+    note = (
+        "On the hops that were not learned from; chance at each hop is part of the error. Each "
+        "random set of hops gives a model, with which the starts take turns."
+    )
     return Table("How well the model predicts a hop", head, rows, note=note)

@@ -98,6 +98,9 @@ def test_a_recording_without_a_boom_is_refused_in_words(trial):
         observe_recordings([bare], swing_limit_rad=1.2)
 
 
+SETS = {"kernel": "recommended", "training_hops": 60, "sets": 2}
+
+
 def hops(n=150, seed=3):
     """Hops by a simple law, with a little noise."""
     stream = rng(seed)
@@ -117,19 +120,20 @@ def law(angle, swing):
 
 
 def test_a_model_is_tested_on_the_hops_that_it_has_not_seen():
-    process, scores = learn(hops(), {"kernel": "recommended", "training_hops": 60}, seed=1)
-    assert len(process.inputs) == 60
-    assert scores["test_hops"].tolist() == [90] * 3
+    processes, scores = learn(hops(), SETS, seed=1)
+    assert [len(process.inputs) for process in processes] == [60, 60]
+    assert scores["test_hops"].tolist() == [90] * 6
     assert scores["r2"].min() > 0.9
-    again, _ = learn(hops(), {"kernel": "recommended", "training_hops": 60}, seed=1)
-    np.testing.assert_array_equal(process.inputs, again.inputs)
+    assert not np.array_equal(processes[0].inputs, processes[1].inputs)
+    again, _ = learn(hops(), {**SETS, "sets": 1}, seed=1)
+    np.testing.assert_array_equal(processes[0].inputs, again[0].inputs)
 
 
 def test_too_few_hops_are_told_with_what_was_left_out():
     few = hops(40)
     few.reason[:5] = "pose missing"
     with pytest.raises(AnalysisError, match=r"at most 33, .* found 60 .*'pose missing': 5"):
-        learn(few, {"kernel": "recommended", "training_hops": 60}, seed=1)
+        learn(few, SETS, seed=1)
 
 
 def true_map():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias
 
@@ -25,19 +25,21 @@ def policies(
     options: Mapping[str, Any],
     manoeuvre: str,
     *,
-    model: FrameChangeMap,
+    models: Sequence[FrameChangeMap],
     truth: TrueFrameChanges,
     swing_limit_rad: float,
-) -> dict[tuple[str, str], Policy]:
+) -> dict[tuple[str, str], list[Policy]]:
     """Return what makes a controller for a goal, by start and name of the controller.
+
+    There is one for each model, with which the starts take turns.
 
     Parameters
     ----------
     options : mapping
         The config's ``steering.control``.
     manoeuvre : {"origin", "turn"}
-    model : FrameChangeMap
-        What was learned.
+    models : sequence of FrameChangeMap
+        What was learned, from one set of hops each.
     truth : TrueFrameChanges
         What the ceiling knows: the true frame change, averaged over the swing before.
     swing_limit_rad : float
@@ -45,15 +47,19 @@ def policies(
     horizon = Horizon(hops=options["horizon"], swing_limit_rad=swing_limit_rad)
     true_map = TabulatedMap(truth.average(), swing_limit_rad)
 
-    def printed(goal: Objective) -> Controller:
-        return PrintedController(model=model, objective=goal, horizon=horizon)
-
+    printed = [_printed(model, horizon) for model in models]
     starts = {(FACING, PRINTED): printed} if manoeuvre == ORIGIN else {}
     return starts | {
         (ANY, PRINTED): printed,
-        (ANY, options["controller"]): _recommended(options, manoeuvre, model, horizon),
-        (ANY, CEILING): _recommended(options, manoeuvre, true_map, horizon),
+        (ANY, options["controller"]): [
+            _recommended(options, manoeuvre, model, horizon) for model in models
+        ],
+        (ANY, CEILING): [_recommended(options, manoeuvre, true_map, horizon)],
     }
+
+
+def _printed(model: FrameChangeMap, horizon: Horizon) -> Policy:
+    return PrintedController(model=model, horizon=horizon).towards
 
 
 def _recommended(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -40,8 +40,8 @@ class ExperimentTables:
     Parameters
     ----------
     runs : DataFrame
-        One row a run: ``experiment, start, controller, run, success, hops`` (-1 if it never
-        arrived), ``reason, stances, blind``.
+        One row a run: ``experiment, start, controller, run, model`` (number of the learned
+        model), ``success, hops`` (-1 if it never arrived), ``reason, stances, blind``.
     stances : DataFrame
         One row a stance: the run, ``stance, time_s``, the true pose, the measured pose (columns
         ``measured_...``), ``boom_angle_rad, swing_rad``, the pose foretold from the stance before
@@ -65,7 +65,7 @@ class ExperimentTables:
 def run_experiment(
     experiment: str,
     options: Mapping[str, Any],
-    policies: Mapping[tuple[str, str], Policy],
+    policies: Mapping[tuple[str, str], Sequence[Policy]],
     *,
     shown: str,
     robot: SteeredHopper,
@@ -81,7 +81,8 @@ def run_experiment(
     options : mapping
         The config's ``steering.experiments``.
     policies : mapping
-        Start ("facing", "any") and name of each controller to what makes it for a goal.
+        Start ("facing", "any") and name of each controller to what makes it for a goal: one or
+        more, with which the starts take turns.
     shown : str
         The controller whose run of median hops is the example.
     robot : SteeredHopper
@@ -93,19 +94,20 @@ def run_experiment(
 
     manoeuvre, way = EXPERIMENTS[experiment]
     runs, stances, of_shown = [], [], []
-    for (heading, name), policy in policies.items():
+    for (heading, name), makers in policies.items():
         task = tasks_of(options)[manoeuvre, heading]
         key = {"experiment": experiment, "start": heading, "controller": name}
         for start in _starts(experiment, heading, options, seed):
             board = _board(manoeuvre, way, start, options)
-            controller = policy(goal_of(manoeuvre, start.pose))
+            number = start.number % len(makers)
+            controller = makers[number](goal_of(manoeuvre, start.pose))
             run = run_task(robot, sight, controller, task, start, board=board)
-            runs.append(key | {"run": start.number} | _summary(run))
+            runs.append(key | {"run": start.number, "model": number + 1} | _summary(run))
             stances.append(_stances(run).assign(**key, run=start.number))
             if (heading, name) == (ANY, shown):
                 of_shown.append((start, run))
     start, run = typical(of_shown)
-    policy = policies[ANY, shown]
+    policy = policies[ANY, shown][start.number % len(policies[ANY, shown])]
     example = example_of(experiment, options, policy, start, run)
     film = _film(experiment, options, policy, start, robot, sight)
     film["time_s"] -= run.time_s[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hopdata.steering.experiments.policies import policies
@@ -22,7 +22,7 @@ def experiment_of(
     steering: Mapping[str, Any],
     motion_capture: Mapping[str, Any],
     *,
-    model: FrameChangeMap,
+    models: Sequence[FrameChangeMap],
     truth: TrueFrameChanges,
     geometry: HopperGeometry,
     seed: int,
@@ -35,8 +35,8 @@ def experiment_of(
         A name of `EXPERIMENTS`.
     steering, motion_capture : mapping
         These blocks of the configuration.
-    model : FrameChangeMap
-        What was learned.
+    models : sequence of FrameChangeMap
+        What was learned, from one set of hops each; the starts take turns with them.
     truth : TrueFrameChanges
         For the policy that knows it.
     geometry : HopperGeometry
@@ -52,7 +52,7 @@ def experiment_of(
         policies(
             steering["control"],
             EXPERIMENTS[experiment][0],
-            model=model,
+            models=models,
             truth=truth,
             swing_limit_rad=robot.swing_limit_rad,
         ),

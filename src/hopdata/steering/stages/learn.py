@@ -23,8 +23,8 @@ TRAINING = 12  # a stream of chance
 
 def learn(
     changes: FrameChanges, options: Mapping[str, Any], *, seed: int
-) -> tuple[FrameChangeProcess, pd.DataFrame]:
-    """Learn from as many random hops as the block ``steering.model`` says.
+) -> tuple[list[FrameChangeProcess], pd.DataFrame]:
+    """Learn from as many random sets of as many hops as the block ``steering.model`` says.
 
     Parameters
     ----------
@@ -35,10 +35,11 @@ def learn(
 
     Returns
     -------
-    process : FrameChangeProcess
+    processes : list of FrameChangeProcess
+        One a set.
     scores : DataFrame
-        On the hops that were not learned from: ``component, unit, r2, rmse, coverage``, and
-        ``training_hops, test_hops``.
+        On the hops that were not learned from: ``set`` (from 1), ``component, unit, r2, rmse,
+        coverage, training_hops, test_hops``.
 
     Raises
     ------
@@ -54,11 +55,15 @@ def learn(
             f"than the hops with known pose and boom angle, found {wanted} "
             f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
         )
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(TRAINING,)))
-    train, rest = random_split(len(hops), wanted, rng)
-    setup = process_of(options)
-    process = trained_process(hops.rows(train), setup, seed=seed)
-    test = hops.rows(rest)
-    score = prediction_score(process, process_inputs(test, setup.history), test.change)
-    sizes = {"training_hops": wanted, "test_hops": len(rest)}
-    return process, pd.DataFrame(score_rows(score, {})).assign(**sizes)
+    processes, rows = [], []
+    for k in range(options["sets"]):
+        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(TRAINING, k)))
+        train, rest = random_split(len(hops), wanted, rng)
+        setup = process_of(options)
+        process = trained_process(hops.rows(train), setup, seed=seed)
+        test = hops.rows(rest)
+        score = prediction_score(process, process_inputs(test, setup.history), test.change)
+        processes.append(process)
+        rows += score_rows(score, {"set": k + 1})
+    sizes = {"training_hops": wanted, "test_hops": len(hops) - wanted}
+    return processes, pd.DataFrame(rows).assign(**sizes)
