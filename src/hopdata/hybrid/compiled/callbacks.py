@@ -219,7 +219,8 @@ def jacobian(function: Function | None = None, *, compiled: bool = True) -> Any:
     Parameters
     ----------
     function : callable
-        Fills `jac` (n, n) in place: ``jac[i, j]`` is the derivative of ``dy[i]`` by ``y[j]``.
+        Fills `jac` (n, n) in place: ``jac[i, j]`` is the derivative of ``dy[i]`` by ``y[j]``. It
+        begins as zeros.
     """
     return _declared(JACOBIAN, function, compiled)
 
