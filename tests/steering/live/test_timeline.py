@@ -39,6 +39,11 @@ def test_a_first_frame_that_is_damaged_is_left_behind():
     assert verdicts(frames) == ["next", "implausible", "restart"]
 
 
+def test_a_frame_rate_that_is_not_the_one_told_is_put_up_with():
+    heard = verdicts([(k, k / 60) for k in range(1, 31)])
+    assert heard == ["next"] + ["implausible"] * 10 + ["next"] * 19
+
+
 def test_without_a_rate_only_the_order_counts():
     assert verdicts([(1, 0.0), (2, 5.0), (2, 6.0)], None) == ["next", "next", "implausible"]
 

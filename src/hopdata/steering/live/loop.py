@@ -226,7 +226,8 @@ class ControlLoop:
         stance_s = frame.captured_s - (frame.time_s - stance.time_s)  # on our own clock
         asked_s, planned_s = time.monotonic(), math.nan
         ages = (asked_s - pose.captured_s, asked_s - boom.captured_s)
-        swung = self._swung(stance_s, boom.values[0])
+        in_date = ages[1] <= self.limits.pose_age_s
+        swung = self._swung(stance_s, boom.values[0] if in_date else math.nan)
         refusal = self._refusal(*ages, asked_s - stance_s, overtaken=overtaken)
         outcome, command, reason = refusal or ("planned", math.nan, "")
         if outcome == "planned":

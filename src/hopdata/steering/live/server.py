@@ -88,6 +88,7 @@ class LoopbackServer:
         self.labels, self.rate_hz, self.host, self.port = tuple(labels), rate_hz, host, port
         self.counts = ServerCounts()
         self.ended = threading.Event()  # the source has no more frames
+        self.outage_spans: list[tuple[float, float]] = []  # camera time, s
         self._source, self._period = iter(source), 1 / (rate_hz * speed)
         self._fates = FaultSource(faults or Faults(), len(self.labels), seed)
         self._outages = sorted(outages, key=lambda outage: outage.at_s)
@@ -197,6 +198,8 @@ class LoopbackServer:
                 self.counts.skipped += not sent
 
     def _begin(self, outage: Outage) -> None:
+        begun = 0.0 if self._latest is None else self._latest.time_s
+        self.outage_spans.append((begun, begun + outage.for_s))
         if outage.kind == "garbage":
             for client in self._clients:
                 client.send(self._fates.garbage())

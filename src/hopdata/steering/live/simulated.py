@@ -61,7 +61,7 @@ class LiveHopper:
         pose: ArrayLike = (0.0, 0.0, 0.0),
         boom_angle_rad: float = np.pi,
         rate_hz: float = 100.0,
-        noise_m: float = 0.0003,
+        noise_m: float = 0.0006,
         board: Board | None = None,
         seed: int | Sequence[int] = 0,
     ) -> None:

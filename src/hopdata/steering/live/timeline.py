@@ -8,6 +8,7 @@ from typing import Literal
 Verdict = Literal["next", "restart", "implausible"]
 
 SLACK = 0.05  # of the time between two frames: a frame rate may differ by so much from the one told
+MOST_IN_A_ROW = 10  # implausible frames, after which the frame rate is not believed
 CREEP = 2e-4  # by which two clocks may drift apart; quartz clocks keep to 1e-4
 
 
@@ -16,13 +17,15 @@ class Timeline:
 
     A frame is plausible if its number and its time have grown, by as much as the frame rate says.
     If one is not, something in it is damaged, or the camera system has begun anew: that is so when
-    the next frame follows on this one.
+    the next frame follows on this one. If that never is so, the frame rate is another than was
+    told, and only the order counts from then on.
     """
 
     def __init__(self, rate_hz: float | None) -> None:
         self._period_s = None if rate_hz is None else 1 / rate_hz
         self._last: tuple[int, float] | None = None
         self._suspect: tuple[int, float] | None = None
+        self._in_a_row = 0  # implausible ones
         self.missing = 0  # frames left out just before the last good one
 
     def judge(self, number: int, time_s: float) -> Verdict:
@@ -34,11 +37,13 @@ class Timeline:
         elif self._suspect is not None and self._follows(self._suspect, new):
             verdict = "restart"
         if verdict == "implausible":
-            self._suspect = new
+            self._suspect, self._in_a_row = new, self._in_a_row + 1
+            if self._in_a_row == MOST_IN_A_ROW:
+                self._period_s = None
             return verdict
         before = self._last if verdict == "next" else self._suspect
         self.missing = 0 if before is None else number - before[0] - 1
-        self._last, self._suspect = new, None
+        self._last, self._suspect, self._in_a_row = new, None, 0
         return verdict
 
     def _follows(self, old: tuple[int, float], new: tuple[int, float]) -> bool:

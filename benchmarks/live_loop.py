@@ -1,0 +1,245 @@
+"""The loop of Fig. 3.4 over loopback, in real time: stances, commands and how long they take.
+
+    python benchmarks/live_loop.py --out live_loop.csv [--seconds 600]
+
+A process of its own simulates the hopper and streams its markers by Qualisys' real-time protocol at
+100 Hz, with faults; this process reads the stream with the unmodified client, tells stances, plans
+and sends each swing back. The first case lasts `--seconds`, the others at most 60 s each.
+
+One row a case. Stances: `stances_true` that the simulated hopper made while there was a connection,
+of these `stances_told` within 50 ms of their true time, `stances_lost`, and `stances_invented` that
+were told but not made. `stances_unconnected` were made with no connection, or so soon after it was
+back that the fall before was not seen, and count for nothing else. `reconnected_ms`: longest time
+from the return of the server to the next frame. `crashes`: threads that ended early, frames and
+decisions that raised an exception. `latency_*`: from the arrival of the frame that established the
+stance to the command that was sent; `since_stance_*`: from the stance itself, on the hopper's clock.
+`commands_executed`: sent swings that the hopper executed in the next flight, of `commands_sent`.
+`planned_with_stale_pose` is to be 0. Times in ms.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing as mp
+import threading
+import time
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+
+from hopdata.jobs import write_table
+from hopdata.steering.live.boom import UdpBoom, UdpSwings
+from hopdata.steering.live.decisions import Decision
+from hopdata.steering.live.drive import Drive, drive
+from hopdata.steering.live.faults import Faults, Outage
+from hopdata.steering.live.loop import Limits
+from hopdata.steering.live.server import LoopbackServer
+from hopdata.steering.live.simulated import LiveHopper
+from hopdata.steering.live.states import Status
+from hopdata.steering.observation.calibration import calibrate
+from hopdata.steering.plant.robot import SteeredHopper
+from hopdata.steering.plant.trial import record_trial
+
+SEED = 20261121
+RATE_HZ = 100.0
+NEAR_S = 0.05  # a stance told farther from a true one than this is invented
+FALL_S = 0.45  # from high in flight to the stance: seen in part if frames begin in it
+LIMITS = Limits()
+
+
+@dataclass(frozen=True)
+class Case:
+    """What befalls the stream, and for how long."""
+
+    name: str
+    seconds: float
+    faults: Faults
+    outages: tuple[Outage, ...] = ()
+
+
+def cases(seconds: float) -> list[Case]:
+    short = min(60.0, seconds)
+    singly = Faults(dropped=0.01, hidden=0.01)
+    every = np.arange(0.1, 1.0, 0.18) * short
+    return [
+        Case("1 % of frames dropped, 1 % of markers hidden", seconds, singly),
+        Case("no faults", short, Faults()),
+        Case(
+            "1 % of frames dropped in bursts of 5, 5 % of markers hidden",
+            short,
+            Faults(dropped=0.01, burst_frames=5, hidden=0.05),
+        ),
+        Case("2 % of frames garbled", short, Faults(garbled=0.02)),
+        Case("server vanishes for 1 s", short, singly, tuple(Outage(t, 1.0) for t in every)),
+        Case(
+            "stream stalls for 0.4 s", short, singly, tuple(Outage(t, 0.4, "stall") for t in every)
+        ),
+        Case(
+            "garbage between packets", short, singly, tuple(Outage(t, 0, "garbage") for t in every)
+        ),
+    ]
+
+
+class RandomSwings:
+    """A stand-in for a controller: swings at random, towards both sides."""
+
+    def __init__(self, seed: int) -> None:
+        self._rng = np.random.default_rng(np.random.SeedSequence(seed))
+
+    def plan(  # noqa: D102
+        self, pose: np.ndarray, boom_angle_rad: float, previous_swing_rad: float | None, /
+    ) -> SimpleNamespace:
+        del pose, boom_angle_rad, previous_swing_rad
+        return SimpleNamespace(swing_rad=self._rng.uniform(-1, 1) * LIMITS.swing_rad)
+
+
+def serve(case: Case, pipe: Connection) -> None:
+    """Stream the hopper until told to stop; then report what it truly did."""
+    swings = UdpSwings()
+    hopper = LiveHopper(SteeredHopper(), swings.newest, rate_hz=RATE_HZ, seed=SEED)
+    server = LoopbackServer(
+        hopper,
+        hopper.labels,
+        rate_hz=RATE_HZ,
+        faults=case.faults,
+        outages=case.outages,
+        seed=SEED,
+    )
+    with server:
+        pipe.send((server.port, swings.port))
+        pipe.recv()
+    swings.close()
+    pipe.send((hopper.hops, server.counts, server.outage_spans))
+
+
+def run(case: Case, geometry: object, controller: object) -> dict[str, object]:
+    """Drive the hopper of another process, and compare with what it says."""
+    here, there = mp.Pipe()
+    robot = mp.get_context("spawn").Process(target=serve, args=(case, there))
+    robot.start()
+    clocks: list[float] = []  # this machine's clock less that of the hopper, at each decision
+
+    def compare_clocks(decision: Decision) -> None:
+        clocks.append(time.monotonic() - decision.stance_s - decision.since_stance_s)
+
+    try:
+        port, swing_port = here.recv()
+        with UdpBoom(swing_port) as boom:
+            done = drive(
+                geometry,
+                controller,
+                boom,
+                port=port,
+                stop=threading.Event(),
+                seconds=case.seconds,
+                on_decision=compare_clocks,
+            )
+        here.send("stop")
+        hops, served, spans = here.recv()
+    finally:
+        robot.join(30)
+        robot.kill()
+    print(f"{case.name}: {served}\n{done.stream}", flush=True)
+    gaps = unconnected(done.states, min(clocks))
+    back = [gap[1] - end for gap in gaps for begin, end in spans if gap[0] - 1 < begin < gap[1]]
+    return {
+        "case": case.name,
+        "seconds": case.seconds,
+        **row(done, hops, served, gaps),
+        "reconnected_ms": 1e3 * max(back, default=np.nan),
+    }
+
+
+def unconnected(states: tuple[Status, ...], clock_s: float) -> list[tuple[float, float]]:
+    """Return when there was no connection, on the hopper's clock, s."""
+    gaps, begun = [], None
+    for status in states[3:]:  # after idle, connecting, streaming
+        if status.state == "lost" and begun is None:
+            begun = status.at_s - clock_s
+        if status.state in ("streaming", "closed") and begun is not None:
+            gaps.append((begun, status.at_s - clock_s))
+            begun = None
+    return gaps
+
+
+def row(done: Drive, hops: list, served: object, gaps: list) -> dict[str, object]:
+    decisions = pd.DataFrame([vars(d) for d in done.decisions])
+    true, told = np.array([h.stance_s for h in hops]), decisions.stance_s.to_numpy()
+    # The first hop, and a last one of which the end was perhaps not seen, do not count.
+    counted = np.isfinite(true) & (true > FALL_S) & (true < served.frames / RATE_HZ - FALL_S)
+    away = np.zeros(len(true), dtype=bool)
+    for begin, end in gaps:
+        away |= (true > begin - NEAR_S) & (true < end + FALL_S)
+    found = np.array([np.abs(told - t).min() < NEAR_S for t in true])
+    invented = sum(np.nanmin(np.abs(true - t)) >= NEAR_S for t in told)
+    sent = decisions[decisions.outcome.isin(["planned", "cut"])]
+    stale = sent[(sent.pose_age_s > LIMITS.pose_age_s) | (sent.boom_age_s > LIMITS.pose_age_s)]
+    return {
+        "frames_made": served.frames,
+        "frames_dropped": served.dropped,
+        "markers_hidden": served.hidden_markers,
+        "frames_read": done.stream.frames,
+        "frames_late": done.stream.late,
+        "packets_garbled": done.stream.garbled,
+        "connections": done.stream.connections,
+        "losses": done.stream.losses,
+        "crashes": done.loop.failed + int(decisions.reason.str.contains("failed").sum()),
+        "stances_true": int((counted & ~away).sum()),
+        "stances_told": int((counted & ~away & found).sum()),
+        "stances_lost": int((counted & ~away & ~found).sum()),
+        "stances_invented": int(invented),
+        "stances_unconnected": int((counted & away).sum()),
+        "falls": int(np.isnan(true).sum()),
+        "commands_sent": len(sent),
+        "commands_executed": executed(sent, hops),
+        "held": int((decisions.outcome == "held").sum()),
+        "overtaken": int((decisions.outcome == "overtaken").sum()),
+        "planned_with_stale_pose": len(stale),
+        **quantiles("latency", sent.latency_s),
+        **quantiles("planning", sent.planning_s),
+        **quantiles("since_stance", sent.since_stance_s),
+    }
+
+
+def executed(sent: pd.DataFrame, hops: list) -> int:
+    """Return how many commands are the swing of the flight that began next."""
+    starts = np.array([h.start_s for h in hops])
+    following = np.searchsorted(starts, sent.stance_s)
+    swings = np.array([h.swing_rad for h in hops] + [np.nan])
+    return int(np.sum(np.isclose(swings[following], sent.command_rad, atol=1e-12)))
+
+
+def quantiles(name: str, seconds: pd.Series) -> dict[str, float]:
+    if not len(seconds):
+        return {f"{name}_{q}_ms": np.nan for q in ("p50", "p99", "max")}
+    p50, p99, most = 1e3 * np.percentile(seconds, [50, 99, 100])
+    return {f"{name}_p50_ms": p50, f"{name}_p99_ms": p99, f"{name}_max_ms": most}
+
+
+def calibrated() -> object:
+    """Geometry of the hopper, from a recording of two minutes in which the boom swings."""
+    rng = np.random.default_rng(np.random.SeedSequence(SEED))
+    swings = rng.uniform(-1, 1, 200) * LIMITS.swing_rad
+    return calibrate(record_trial(SteeredHopper(), swings, seed=SEED).recording)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--seconds", type=float, default=600.0)
+    parser.add_argument("--only", type=int, help="number of a case, from 0")
+    arguments = parser.parse_args()
+    geometry, begun = calibrated(), time.monotonic()
+    chosen = cases(arguments.seconds)
+    chosen = chosen if arguments.only is None else [chosen[arguments.only]]
+    rows = [run(case, geometry, RandomSwings(SEED)) for case in chosen]
+    write_table(arguments.out, pd.DataFrame(rows))
+    print(pd.DataFrame(rows).T.to_string(), f"\n{time.monotonic() - begun:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
