@@ -12,8 +12,8 @@ were told but not made. `stances_unconnected` were made with no connection, or s
 back that the fall before was not seen, and count for nothing else. `reconnected_ms`: longest time
 from the return of the server to the next frame. `crashes`: threads that ended early, frames and
 decisions that raised an exception. `latency_*`: from the arrival of the frame that established the
-stance to the command that was sent; `since_stance_*`: from the stance itself, on the hopper's clock.
-`commands_executed`: sent swings that the hopper executed in the next flight, of `commands_sent`.
+stance to the command that was sent; `since_stance_*`: from the stance itself, on the hopper's own
+clock. `commands_executed`: sent swings that the hopper executed in the next flight.
 `planned_with_stale_pose` is to be 0. Times in ms.
 """
 
@@ -36,7 +36,7 @@ from hopdata.steering.live.boom import UdpBoom, UdpSwings
 from hopdata.steering.live.decisions import Decision
 from hopdata.steering.live.drive import Drive, drive
 from hopdata.steering.live.faults import Faults, Outage
-from hopdata.steering.live.loop import Limits
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.server import LoopbackServer
 from hopdata.steering.live.simulated import LiveHopper
 from hopdata.steering.live.states import Status

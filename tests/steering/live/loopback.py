@@ -6,8 +6,9 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from hopdata.steering.live.patience import Patience
 from hopdata.steering.live.server import LoopbackServer
-from hopdata.steering.live.stream import MarkerStream, Patience
+from hopdata.steering.live.stream import MarkerStream
 
 LABELS = ("body1", "body2", "body3", "boom")
 LONG_S = 30.0  # a time-out that a loaded machine does not reach

@@ -11,7 +11,7 @@ from hopdata.steering.live.boom import UdpBoom, UdpSwings
 from hopdata.steering.live.drive import drive, observers
 from hopdata.steering.live.errors import ConnectionLostError, LabelError
 from hopdata.steering.live.faults import Faults, Outage
-from hopdata.steering.live.loop import Limits
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.server import LoopbackServer
 from hopdata.steering.live.simulated import LiveHopper
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry

@@ -9,7 +9,8 @@ import pytest
 from loopback import LONG_S, our_threads, wait_until
 
 from hopdata.steering.live.buffer import FrameBuffer
-from hopdata.steering.live.loop import ControlLoop, Limits
+from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.loop import ControlLoop
 
 PERIOD_S = 0.01
 LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S)  # a loaded machine may pause

@@ -9,18 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hopdata.steering.live.boom import Boom
+from hopdata.steering.live.counts import LoopCounts, StreamCounts
 from hopdata.steering.live.decisions import Decision, write_decisions, write_states
-from hopdata.steering.live.loop import (
-    Controller,
-    ControlLoop,
-    Detector,
-    Limits,
-    LoopCounts,
-    Tracker,
-)
+from hopdata.steering.live.interfaces import Controller, Detector, Tracker
+from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.loop import ControlLoop
 from hopdata.steering.live.packets import PORT
+from hopdata.steering.live.patience import Patience
 from hopdata.steering.live.states import Status
-from hopdata.steering.live.stream import MarkerStream, Patience, StreamCounts
+from hopdata.steering.live.stream import MarkerStream
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.live_stances import StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker

@@ -13,108 +13,22 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 
 from hopdata.steering.live.boom import Boom
 from hopdata.steering.live.buffer import Frame, FrameBuffer
+from hopdata.steering.live.counts import LoopCounts
 from hopdata.steering.live.decisions import Decision, Outcome
 from hopdata.steering.live.errors import LiveError
-from hopdata.steering.live.packets import FloatArray
+from hopdata.steering.live.interfaces import Controller, Detector, ToldStance, Tracker
+from hopdata.steering.live.limits import Limits
 from hopdata.steering.se2 import wrapped
 
 LOOK_UP_S = 0.5
 JOIN_S = 10.0
 SAME_CLOCK_S = 0.5
-
-
-class Seen(Protocol):
-    """What one frame tells; NaN where it is not known."""
-
-    @property
-    def pose(self) -> FloatArray:
-        """(3,): x and y of the mean body marker, m, and heading, rad."""
-
-    @property
-    def height_m(self) -> float:
-        """Height of the mean body marker."""
-
-    @property
-    def boom_angle_rad(self) -> float:
-        """Angle of the boom in the body frame."""
-
-
-class Tracker(Protocol):
-    """Tells pose, height and boom angle, frame by frame."""
-
-    def feed(self, time_s: float, markers: FloatArray) -> Seen:
-        """Take the next frame: camera time, s, and markers (M, 3), m, NaN where unseen."""
-
-
-class ToldStance(Protocol):
-    """A stance that has been recognised."""
-
-    @property
-    def time_s(self) -> float:
-        """Its instant, camera time, s."""
-
-
-class Detector(Protocol):
-    """Tells stances from heights."""
-
-    def feed(self, time_s: float, height_m: float) -> ToldStance | None:
-        """Take the next height, NaN if not known; return the stance that it establishes."""
-
-
-class Planned(Protocol):
-    """A plan for the next hops."""
-
-    @property
-    def swing_rad(self) -> float:
-        """Swing of the next flight, rad."""
-
-
-class Controller(Protocol):
-    """Plans the swing of the next flight; those of `hopdata.steering.control` do."""
-
-    def plan(
-        self, pose: FloatArray, boom_angle_rad: float, previous_swing_rad: float | None, /
-    ) -> Planned:
-        """Plan from a stance with this pose (3,), m and rad, this boom angle and last swing."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What the loop will not go beyond.
-
-    Parameters
-    ----------
-    pose_age_s : float
-        A pose or boom angle older than this is not planned with.
-    command_s : float
-        A plan that is made later than this after its stance is not sent: the flight that it was
-        meant for has begun.
-    swing_rad : float
-        Largest swing that is sent.
-    hop_s : float
-        Two stances farther apart than this are not of two hops in a row; the swing between them
-        is not known then.
-    """
-
-    pose_age_s: float = 0.1
-    command_s: float = 0.2
-    swing_rad: float = 3 * np.pi / 8
-    hop_s: float = 1.0
-
-
-@dataclass
-class LoopCounts:
-    """Frames read, frames that were overwritten before, and frames that could not be understood."""
-
-    frames: int = 0
-    overrun: int = 0
-    failed: int = 0
 
 
 class ControlLoop:

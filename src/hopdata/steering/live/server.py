@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import socket
 import threading
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
 from hopdata.steering.live.commands import FrameRequest, answer
+from hopdata.steering.live.connections import ServedClient, listening_socket, next_command
+from hopdata.steering.live.counts import ServerCounts
 from hopdata.steering.live.errors import LiveError, PortError
 from hopdata.steering.live.faults import Faults, FaultSource, Outage, hide
 from hopdata.steering.live.loop_thread import LoopThread
@@ -20,32 +20,16 @@ from hopdata.steering.live.packets import (
     COMMAND,
     ERROR,
     GREETING,
-    HEADER,
     NO_MORE_DATA,
     FloatArray,
     StreamFrame,
     frame_3d,
-    header_fault,
     packet,
     text,
 )
 
 LOOPBACK = "127.0.0.1"
-MOST_WAITING = 1 << 20  # bytes that a client may leave unread before frames for it are skipped
 TRY_AGAIN_S = 0.05
-
-
-@dataclass
-class ServerCounts:
-    """What the server has done so far, in frames, markers and connections."""
-
-    frames: int = 0
-    dropped: int = 0
-    hidden_markers: int = 0
-    garbled: int = 0
-    skipped: int = 0
-    connections: int = 0
-    refused_packets: int = 0
 
 
 class LoopbackServer:
@@ -92,7 +76,7 @@ class LoopbackServer:
         self._source, self._period = iter(source), 1 / (rate_hz * speed)
         self._fates = FaultSource(faults or Faults(), len(self.labels), seed)
         self._outages = sorted(outages, key=lambda outage: outage.at_s)
-        self._clients: set[_Client] = set()
+        self._clients: set[ServedClient] = set()
         self._handlers: set[asyncio.Task[None]] = set()
         self._held: list[StreamFrame] | None = None  # in a stall
         self._latest: StreamFrame | None = None
@@ -107,7 +91,7 @@ class LoopbackServer:
         PortError
             If the address cannot be listened on.
         """
-        self._socket = _listening_socket(self.host, self.port)
+        self._socket = listening_socket(self.host, self.port)
         self.port = self._socket.getsockname()[1]
         self._thread.start()
         return self
@@ -221,7 +205,7 @@ class LoopbackServer:
         await asyncio.sleep(for_s)
         while self._listener is None:
             try:
-                sock = _listening_socket(self.host, self.port)
+                sock = listening_socket(self.host, self.port)
                 self._listener = await asyncio.start_server(self._serve, sock=sock)
             except PortError:  # somebody else has taken it in the meantime
                 await asyncio.sleep(TRY_AGAIN_S)
@@ -234,7 +218,7 @@ class LoopbackServer:
             client.writer.transport.abort()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        client, handler = _Client(writer), asyncio.current_task()
+        client, handler = ServedClient(writer), asyncio.current_task()
         assert handler is not None
         self._clients.add(client)
         self._handlers.add(handler)
@@ -242,7 +226,7 @@ class LoopbackServer:
         try:
             client.send(text(COMMAND, GREETING))
             while True:
-                self._obey(client, await _command(reader))
+                self._obey(client, await next_command(reader))
         except (asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):
             return  # gone, perhaps in the middle of a packet
         except ValueError as error:
@@ -254,7 +238,7 @@ class LoopbackServer:
             self._note_streaming()
             writer.close()
 
-    def _obey(self, client: _Client, command: str) -> None:
+    def _obey(self, client: ServedClient, command: str) -> None:
         reply = answer(command, self.labels, self.rate_hz)
         if isinstance(reply, bytes):
             client.send(reply)
@@ -274,35 +258,3 @@ class LoopbackServer:
             self._streaming.set()
         else:
             self._streaming.clear()
-
-
-class _Client:
-    """One connection: which frames it wants (every so manieth, 0 for none), and how."""
-
-    def __init__(self, writer: asyncio.StreamWriter) -> None:
-        self.writer, self.every, self.residuals = writer, 0, False
-
-    def send(self, data: bytes) -> bool:
-        """Send, unless the client has left too much unread; say whether it was sent."""
-        transport = self.writer.transport
-        if transport.is_closing() or transport.get_write_buffer_size() > MOST_WAITING:
-            return False
-        self.writer.write(data)
-        return True
-
-
-async def _command(reader: asyncio.StreamReader) -> str:
-    size, kind = HEADER.unpack(await reader.readexactly(HEADER.size))
-    fault = header_fault(size, kind)
-    if fault or kind != COMMAND:
-        raise ValueError(f"Parse error: {fault or f'packet of type {kind}'}")
-    payload = await reader.readexactly(size - HEADER.size)
-    return payload.rstrip(b"\0").decode("utf-8", errors="replace")
-
-
-def _listening_socket(host: str, port: int) -> socket.socket:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    try:
-        return socket.create_server((host, port), family=family)
-    except (OSError, OverflowError) as error:
-        raise PortError(f"cannot listen on {host}, port {port}: {error}") from error

@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Awaitable, Sequence
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from hopdata.steering.live.buffer import FrameBuffer
+from hopdata.steering.live.counts import StreamCounts
 from hopdata.steering.live.errors import (
     ClientAbsentError,
     ConnectionLostError,
@@ -22,6 +22,7 @@ from hopdata.steering.live.errors import (
 from hopdata.steering.live.loop_thread import LoopThread
 from hopdata.steering.live.packets import PORT, VERSION
 from hopdata.steering.live.parameters import StreamParameters, find_labels, read_parameters
+from hopdata.steering.live.patience import Patience
 from hopdata.steering.live.screening import ScreenedLoop
 from hopdata.steering.live.states import Status, StatusLog
 from hopdata.steering.live.timeline import CameraClock, Timeline
@@ -29,43 +30,6 @@ from hopdata.steering.live.timeline import CameraClock, Timeline
 Result = TypeVar("Result")
 
 FARTHEST_MM = 1e6  # from the origin: no camera system sees a marker a kilometre away
-
-
-@dataclass(frozen=True)
-class Patience:
-    """How long the stream waits, s.
-
-    `answer_s`: for an answer or the first frame. `late_s`: a frame delayed by more than this,
-    beyond the shortest delay, counts as late. `stale_s`: with no frame for so long the stream is
-    stale, and after `reconnect_s` it is given up. A connection that is lost is tried again after
-    `retry_s`, then after twice that, and so on up to `longest_retry_s`.
-    """
-
-    answer_s: float = 5.0
-    late_s: float = 0.02
-    stale_s: float = 0.1
-    reconnect_s: float = 2.0
-    retry_s: float = 0.1
-    longest_retry_s: float = 5.0
-
-
-@dataclass
-class StreamCounts:
-    """What came, in frames, markers, packets and connections, and what did not.
-
-    `missing` frames are those whose numbers were skipped; `garbled` packets were damaged and left
-    out, and so were frames with implausible numbers, times or positions; in `broken` connections
-    it was lost where packets begin.
-    """
-
-    frames: int = 0
-    missing: int = 0
-    late: int = 0
-    hidden_markers: int = 0
-    garbled: int = 0
-    connections: int = 0
-    losses: int = 0
-    broken: int = 0
 
 
 class MarkerStream:
