@@ -14,7 +14,9 @@ from the return of the server to the next frame. `crashes`: threads that ended e
 decisions that raised an exception. `latency_*`: from the arrival of the frame that established the
 stance to the command that was sent; `since_stance_*`: from the stance itself, on the hopper's own
 clock. `commands_executed`: sent swings that the hopper executed in the next flight.
-`planned_with_stale_pose` is to be 0. Times in ms.
+`planned_with_stale_pose` is to be 0. `machine_*`: how long a process of its own, which does nothing
+but sleep for 10 ms and then compute for 0.2 ms, takes from when it was to wake up: what the machine
+and its other work alone cost in this run. Times in ms.
 """
 
 from __future__ import annotations
@@ -116,11 +118,27 @@ def serve(case: Case, pipe: Connection) -> None:
     pipe.send((hopper.hops, server.counts, server.outage_spans))
 
 
+def pauses(pipe: Connection) -> None:
+    """Sleep and compute until told to stop; then report how long each time took, s."""
+    block, took = np.eye(48), []
+    while not pipe.poll():
+        due = time.monotonic() + 0.01
+        time.sleep(0.01)
+        begun = time.thread_time()
+        while time.thread_time() - begun < 0.0002:
+            block @ block
+        took.append(time.monotonic() - due)
+    pipe.send(took)
+
+
 def run(case: Case, geometry: object, controller: object) -> dict[str, object]:
     """Drive the hopper of another process, and compare with what it says."""
-    here, there = mp.Pipe()
-    robot = mp.get_context("spawn").Process(target=serve, args=(case, there))
+    (here, there), (clock, idle) = mp.Pipe(), mp.Pipe()
+    fresh = mp.get_context("spawn")
+    robot = fresh.Process(target=serve, args=(case, there))
+    sleeper = fresh.Process(target=pauses, args=(idle,))
     robot.start()
+    sleeper.start()
     clocks: list[float] = []  # this machine's clock less that of the hopper, at each decision
 
     def compare_clocks(decision: Decision) -> None:
@@ -139,10 +157,13 @@ def run(case: Case, geometry: object, controller: object) -> dict[str, object]:
                 on_decision=compare_clocks,
             )
         here.send("stop")
+        clock.send("stop")
         hops, served, spans = here.recv()
+        took = clock.recv()
     finally:
-        robot.join(30)
-        robot.kill()
+        for process in (robot, sleeper):
+            process.join(30)
+            process.kill()
     print(f"{case.name}: {served}\n{done.stream}", flush=True)
     gaps = unconnected(done.states, min(clocks))
     back = [gap[1] - end for gap in gaps for begin, end in spans if gap[0] - 1 < begin < gap[1]]
@@ -150,6 +171,7 @@ def run(case: Case, geometry: object, controller: object) -> dict[str, object]:
         "case": case.name,
         "seconds": case.seconds,
         **row(done, hops, served, gaps),
+        **quantiles("machine", pd.Series(took)),
         "reconnected_ms": 1e3 * max(back, default=np.nan),
     }
 
@@ -194,8 +216,7 @@ def row(done: Drive, hops: list, served: object, gaps: list) -> dict[str, object
         "stances_invented": int(invented),
         "stances_unconnected": int((counted & away).sum()),
         "falls": int(np.isnan(true).sum()),
-        "commands_sent": len(sent),
-        "commands_executed": executed(sent, hops),
+        **executed(sent, hops),
         "held": int((decisions.outcome == "held").sum()),
         "overtaken": int((decisions.outcome == "overtaken").sum()),
         "planned_with_stale_pose": len(stale),
@@ -205,12 +226,13 @@ def row(done: Drive, hops: list, served: object, gaps: list) -> dict[str, object
     }
 
 
-def executed(sent: pd.DataFrame, hops: list) -> int:
-    """Return how many commands are the swing of the flight that began next."""
-    starts = np.array([h.start_s for h in hops])
+def executed(sent: pd.DataFrame, hops: list) -> dict[str, int]:
+    """Return how many commands are the swing of the flight that began next, if any did."""
+    starts, swings = np.array([(h.start_s, h.swing_rad) for h in hops]).T
     following = np.searchsorted(starts, sent.stance_s)
-    swings = np.array([h.swing_rad for h in hops] + [np.nan])
-    return int(np.sum(np.isclose(swings[following], sent.command_rad, atol=1e-12)))
+    flown = following < len(hops)
+    same = np.isclose(swings[following[flown]], sent.command_rad[flown], atol=1e-12)
+    return {"commands_sent": int(flown.sum()), "commands_executed": int(same.sum())}
 
 
 def quantiles(name: str, seconds: pd.Series) -> dict[str, float]:

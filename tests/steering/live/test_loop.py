@@ -202,6 +202,17 @@ def test_a_controller_that_fails_leads_to_the_safe_command_and_the_loop_goes_on(
     assert second.outcome == "planned"
 
 
+def test_a_plan_that_is_made_after_the_end_is_not_sent():
+    bench = Bench()
+    bench.controller = Controller(lambda *_: bench.loop._stop.set() or 0.25)
+    bench.loop._controller = bench.controller
+    with bench:
+        bench.frame(stance=True)
+        (decision,) = bench.decided()
+    assert bench.boom.swings == [0.0]
+    assert decision.reason == "the drive ended while it was planned"
+
+
 @pytest.mark.parametrize("swing", [math.nan, math.inf])
 def test_a_swing_that_is_no_number_is_not_sent(swing):
     with Bench(Controller(lambda *_: swing)) as bench:

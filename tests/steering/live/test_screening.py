@@ -2,6 +2,7 @@ import asyncio
 
 import numpy as np
 import pytest
+from qtm_rt.protocol import QTMProtocol
 
 from hopdata.steering.live.packets import (
     DATA,
@@ -76,3 +77,39 @@ def test_a_packet_that_the_client_cannot_read_ends_the_connection():
     _, _, error, aborted = screened(SOUND, Inner(fail=True))
     assert "KeyError('unheard of')" in str(error)
     assert aborted
+
+
+def mangled(rng):
+    """A stream of packets with bytes replaced, taken out and put in."""
+    stream = bytearray(b"".join([*SOUND, event(3), *SOUND]))
+    for _ in range(rng.integers(1, 6)):
+        place, kind = rng.integers(len(stream)), rng.integers(3)
+        if kind == 0:
+            stream[place] = rng.choice([0, 1, 3, 6, 255, rng.integers(256)])
+        elif kind == 1:
+            del stream[place : place + rng.integers(1, 20)]
+        else:
+            stream[place:place] = rng.bytes(rng.integers(1, 20)) * rng.integers(0, 2) or bytes(8)
+    return bytes(stream)
+
+
+def test_the_real_client_survives_whatever_comes_through():
+    """Mangled streams end in sound packets or an error, never in an exception or for ever."""
+    rng = np.random.default_rng(np.random.SeedSequence(17))
+
+    async def push():
+        read, errors = 0, 0
+        for _ in range(1000):
+            got = []
+            client = QTMProtocol(loop=asyncio.get_running_loop())
+            client.set_on_packet(lambda packet, got=got: got.append(packet.get_3d_markers()))
+            screen = Screen(client, [].append)
+            screen.connection_made(Transport())
+            screen.data_received(mangled(rng))
+            assert "client cannot read" not in str(screen.error)
+            read, errors = read + len(got), errors + (screen.error is not None)
+        return read, errors
+
+    read, errors = asyncio.run(asyncio.wait_for(push(), 30))
+    assert read > 2000
+    assert errors > 200

@@ -3,6 +3,7 @@ import socket
 
 import numpy as np
 import pytest
+import qtm_rt
 from loopback import BRISK, LABELS, LONG_S, linked, our_threads, ramp, wait_until
 
 from hopdata.steering.live.errors import (
@@ -11,7 +12,15 @@ from hopdata.steering.live.errors import (
     LabelError,
 )
 from hopdata.steering.live.faults import Faults, Outage
-from hopdata.steering.live.packets import COMMAND, GREETING, HEADER, text
+from hopdata.steering.live.packets import (
+    COMMAND,
+    EVENT_SHUTTING_DOWN,
+    GREETING,
+    HEADER,
+    event,
+    text,
+)
+from hopdata.steering.live.patience import Patience
 from hopdata.steering.live.server import LoopbackServer
 from hopdata.steering.live.stream import MarkerStream
 
@@ -127,6 +136,39 @@ def test_a_server_that_says_nothing_is_given_up_and_tried_again():
         wait_until(lambda: server.counts.connections >= 2)
         reasons = [s.message for s in stream.states.history() if s.state == "lost"]
         assert reasons[0].startswith("no frame for")
+
+
+def test_a_server_that_does_not_answer_is_a_clear_error():
+    with (
+        socket.create_server(("127.0.0.1", 0)) as listener,
+        MarkerStream(LABELS, port=listener.getsockname()[1], patience=Patience(0.1)) as stream,
+    ):
+        status = stream.states.wait_for("lost", timeout_s=LONG_S)
+        assert status.message == "no answer within 0.1 s"
+
+
+def test_whatever_goes_wrong_in_the_client_is_reported_and_tried_again(monkeypatch):
+    calls = []
+
+    async def connect(*_, **options):
+        calls.append(options["version"])
+        raise AttributeError("in the client")
+
+    monkeypatch.setattr(qtm_rt, "connect", connect)
+    with MarkerStream(LABELS, port=1, patience=BRISK) as stream:
+        wait_until(lambda: len(calls) >= 3)
+        assert stream.states.history()[2].message == "AttributeError('in the client')"
+    assert calls[0] == "1.25"
+
+
+def test_events_of_the_server_are_logged():
+    with (
+        socket.create_server(("127.0.0.1", 0)) as listener,
+        MarkerStream(LABELS, port=listener.getsockname()[1], patience=BRISK) as stream,
+        listener.accept()[0] as connection,
+    ):
+        connection.sendall(text(COMMAND, GREETING) + event(EVENT_SHUTTING_DOWN))
+        wait_until(lambda: "EventQTMShuttingDown" in stream.states.status.message)
 
 
 def test_a_wrong_label_is_a_clear_error():

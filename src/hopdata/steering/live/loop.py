@@ -201,6 +201,8 @@ class ControlLoop:
         except Exception as error:
             return "held", 0.0, f"the controller failed: {error!r}"
         late, limit = time.monotonic() - stance_s, self.limits.swing_rad
+        if self._stop.is_set():
+            return "held", 0.0, "the drive ended while it was planned"
         if not math.isfinite(swing):
             return "held", 0.0, f"the controller's swing is {swing}"
         if late > self.limits.command_s:

@@ -120,14 +120,15 @@ class MarkerStream:
             before = self.counts.frames
             try:
                 await self._session()
-            except (LiveError, OSError) as error:
+            except Exception as error:
                 if isinstance(error, LabelError) and self.counts.frames == 0:
                     self._thread.failure = error
                     self.states.report("failed", str(error))
                     return
                 self.counts.losses += 1
                 self.counts.broken += isinstance(error, GarbageError)
-                self.states.report("lost", str(error))
+                ours = isinstance(error, LiveError | OSError)
+                self.states.report("lost", str(error) if ours else repr(error))
             delay = self.patience.retry_s if self.counts.frames > before else delay
             await asyncio.sleep(delay)
             delay = min(2 * delay, self.patience.longest_retry_s)
@@ -155,7 +156,7 @@ class MarkerStream:
             self.host,
             port=self.port,
             version=VERSION,
-            timeout=self.patience.answer_s,
+            timeout=2 * self.patience.answer_s,  # ours is over first, and says what it was
             loop=line,
             on_event=self._on_event,
         )
