@@ -1,7 +1,13 @@
 import pytest
 
-from hopdata.steering.live.errors import GarbageError, LabelError
-from hopdata.steering.live.parameters import find_labels, parameters_xml, read_parameters
+from hopdata.steering.live.errors import GarbageError, LabelError, SettingsError
+from hopdata.steering.live.parameters import (
+    StreamParameters,
+    check_settings,
+    find_labels,
+    parameters_xml,
+    read_parameters,
+)
 
 
 def test_labels_and_rate_come_back():
@@ -19,6 +25,21 @@ def test_only_the_parts_asked_for_are_sent():
 def test_what_is_not_xml_is_an_error():
     with pytest.raises(GarbageError, match="expected XML"):
         read_parameters(b"<QTM")
+
+
+def test_our_own_settings_are_sound():
+    parameters = read_parameters(parameters_xml(["a"], 100, parts=["all"]))
+    assert parameters.upwards == "+Z"
+    check_settings(parameters, 100.0)
+    check_settings(parameters, None)
+    check_settings(StreamParameters(("a",), None), 100.0)  # says nothing
+
+
+def test_another_axis_or_rate_is_an_error():
+    with pytest.raises(SettingsError, match=r"points up in the stream: expected \+Z, found \+Y"):
+        check_settings(StreamParameters(("a",), 100.0, "+Y"), 100.0)
+    with pytest.raises(SettingsError, match="expected 100 Hz, found 300 Hz"):
+        check_settings(StreamParameters(("a",), 300.0, "+Z"), 100.0)
 
 
 def test_markers_are_found_by_label():

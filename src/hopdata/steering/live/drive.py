@@ -109,10 +109,11 @@ def drive(
     Raises
     ------
     LiveError
-        If no frame comes, or a marker has another name in the camera system.
+        If no frame comes, or the camera system is set up otherwise: a marker has another name, z is
+        not up, or the frame rate is not `rate_hz`.
     """
     names = geometry.body_names + (() if geometry.boom_name is None else (geometry.boom_name,))
-    stream = MarkerStream(names, host=host, port=port, patience=patience)
+    stream = MarkerStream(names, host=host, port=port, rate_hz=rate_hz, patience=patience)
     loop = ControlLoop(
         stream.buffer,
         observers(geometry, names, rate_hz=rate_hz),

@@ -21,7 +21,11 @@ class GarbageError(LiveError):
     """The bytes that came are not of the protocol, and where the next packet begins is unknown."""
 
 
-class LabelError(LiveError):
+class SettingsError(LiveError):
+    """The camera system is set up otherwise than it must be."""
+
+
+class LabelError(SettingsError):
     """A marker that is needed is not among those that the system has labelled."""
 
 

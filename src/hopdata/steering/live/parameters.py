@@ -7,16 +7,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hopdata.errors import did_you_mean
-from hopdata.steering.live.errors import GarbageError, LabelError
+from hopdata.steering.live.errors import GarbageError, LabelError, SettingsError
 from hopdata.steering.live.packets import VERSION
+
+RATE_SLACK = 0.05
 
 
 @dataclass(frozen=True)
 class StreamParameters:
-    """Labels of the markers in the order of the stream; frame rate in Hz, None if not told."""
+    """Labels of the markers in the order of the stream; what is not told is None or empty.
+
+    `rate_hz` is the frame rate, Hz; `upwards` the axis that points up, as "+Z".
+    """
 
     labels: tuple[str, ...]
     rate_hz: float | None
+    upwards: str = ""
 
 
 def parameters_xml(labels: Sequence[str], rate_hz: float, *, parts: Sequence[str]) -> str:
@@ -53,7 +59,31 @@ def read_parameters(document: str | bytes) -> StreamParameters:
         rate = float(frequency) if frequency else None
     except ValueError:
         rate = None
-    return StreamParameters(tuple(names), rate if rate and rate > 0 else None)
+    upwards = root.findtext("./The_3D/AxisUpwards", "").strip().upper()
+    return StreamParameters(tuple(names), rate if rate and rate > 0 else None, upwards)
+
+
+def check_settings(parameters: StreamParameters, rate_hz: float | None) -> None:
+    """Check what a stream says of itself, as far as it does.
+
+    Parameters
+    ----------
+    parameters : StreamParameters
+    rate_hz : float or None
+        The frame rate that is expected, Hz; None for any.
+
+    Raises
+    ------
+    SettingsError
+        If z does not point up, or the frame rate is another one.
+    """
+    if parameters.upwards not in ("", "+Z", "Z"):
+        raise SettingsError(
+            f"axis that points up in the stream: expected +Z, found {parameters.upwards}"
+        )
+    told = parameters.rate_hz
+    if rate_hz is not None and told is not None and abs(told - rate_hz) > RATE_SLACK * rate_hz:
+        raise SettingsError(f"frame rate of the stream: expected {rate_hz:g} Hz, found {told:g} Hz")
 
 
 def find_labels(wanted: Sequence[str], labels: Sequence[str]) -> list[int]:

@@ -16,12 +16,17 @@ from hopdata.steering.live.errors import (
     ClientAbsentError,
     ConnectionLostError,
     GarbageError,
-    LabelError,
     LiveError,
+    SettingsError,
 )
 from hopdata.steering.live.loop_thread import LoopThread
 from hopdata.steering.live.packets import PORT, VERSION
-from hopdata.steering.live.parameters import StreamParameters, find_labels, read_parameters
+from hopdata.steering.live.parameters import (
+    StreamParameters,
+    check_settings,
+    find_labels,
+    read_parameters,
+)
 from hopdata.steering.live.patience import Patience
 from hopdata.steering.live.screening import ScreenedLoop
 from hopdata.steering.live.states import Status, StatusLog
@@ -44,6 +49,8 @@ class MarkerStream:
         Markers wanted, by the names they have in the camera system.
     host, port : str, int
         Address of the camera system; the loopback address unless told otherwise.
+    rate_hz : float, optional
+        Frame rate that the camera system must have, Hz; any by default.
     capacity : int
         Frames that the buffer holds.
     patience : Patience
@@ -55,10 +62,11 @@ class MarkerStream:
         *,
         host: str = "127.0.0.1",
         port: int = PORT,
+        rate_hz: float | None = None,
         capacity: int = 256,
         patience: Patience | None = None,
     ) -> None:
-        self.labels, self.host, self.port = tuple(labels), host, port
+        self.labels, self.host, self.port, self.rate_hz = tuple(labels), host, port, rate_hz
         self.patience = patience or Patience()
         self.buffer = FrameBuffer(capacity)
         self.counts = StreamCounts()
@@ -100,7 +108,7 @@ class MarkerStream:
         Raises
         ------
         LiveError
-            If a marker has another name (`LabelError`), or no frame has come by then.
+            If a marker has another name or z is not up (`SettingsError`), or no frame has come.
         """
         status = self.states.wait_for("streaming", "failed", timeout_s=timeout_s)
         if status is None or status.state == "failed":
@@ -121,7 +129,7 @@ class MarkerStream:
             try:
                 await self._session()
             except Exception as error:
-                if isinstance(error, LabelError) and self.counts.frames == 0:
+                if isinstance(error, SettingsError) and self.counts.frames == 0:
                     self._thread.failure = error
                     self.states.report("failed", str(error))
                     return
@@ -201,6 +209,7 @@ class MarkerStream:
             self.states.report("stale", f"no frame for {age:.2f} s")
 
     def _begin_epoch(self, parameters: StreamParameters) -> None:
+        check_settings(parameters, self.rate_hz)
         self._places = find_labels(self.labels, parameters.labels)
         self._n_streamed = len(parameters.labels)
         self._timeline, self._clock = Timeline(parameters.rate_hz), CameraClock()
