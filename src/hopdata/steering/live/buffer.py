@@ -94,9 +94,8 @@ class FrameBuffer:
         written = self._written
         first = max(index, written - len(self._slots), 0)
         slots = (self._slots[k % len(self._slots)] for k in range(first, written))
-        frames = [frame for frame in slots if frame is not None and frame.index >= first]
-        # One that was overwritten in the meantime is newer than those behind it.
-        return sorted(frames, key=lambda frame: frame.index)
+        # What was overwritten in the meantime is left for the next time.
+        return [frame for frame in slots if frame is not None and frame.index < written]
 
     def wait(
         self, index: int, timeout_s: float, *, unless: Callable[[], bool] = lambda: False
