@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from hopdata.steering.live.simulated import LiveHopper
+from hopdata.steering.plant.obstacle import Board
 from hopdata.steering.plant.robot import SteeredHopper, released, steer_hop
 
 
@@ -63,3 +64,10 @@ def test_a_hopper_that_falls_is_let_go_again():
     assert all(np.isnan(hop.stance_s) for hop in hopper.hops)
     assert np.isfinite(markers).all()
     assert len(hopper.hops) == pytest.approx(3, abs=1)
+
+
+def test_a_board_is_pushed_along():
+    board = Board(direction=(1.0, 0.0), place_m=0.2)
+    hopper = LiveHopper(SteeredHopper(), lambda: None, board=board)
+    frames(hopper, 80)
+    assert hopper.board.place_m > 0.3
