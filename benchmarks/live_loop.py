@@ -4,9 +4,10 @@
 
 A process of its own simulates the hopper and streams its markers by Qualisys' real-time protocol at
 100 Hz, with faults; this process reads the stream with the unmodified client, tells stances, plans
-and sends each swing back. The controller is a stand-in that swings at random. The first case lasts `--seconds`, the others at most 60 s each.
-All processes are scheduled before the other work of the machine (`scheduling` "round robin", as by
-`chrt --rr 10`) where the system allows it, but in the last case.
+and sends each swing back. The controller is a stand-in that swings at random. The first case lasts
+`--seconds`, the others at most 60 s each. All processes are scheduled before the other work of the
+machine (`scheduling` "round robin", as by `chrt --rr 10`) where the system allows it, but in the
+last case.
 
 One row a case. Stances: `stances_true` that the simulated hopper made while there was a connection,
 of these `stances_told` within 50 ms of their true time, `stances_lost`, and `stances_invented` that
