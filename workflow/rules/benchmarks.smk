@@ -23,7 +23,7 @@ BENCHMARK_TABLES = {
     "damaged_files": ["damaged_files.csv"],
     "recording_faults": ["recording_faults.csv"],
 }
-# They take most of an hour, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
+# They take about two hours, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
 SIMULATED_STUDIES = {
     "verdict_power": ["verdict_power.csv", "verdict_studies.csv"],
     "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
