@@ -9,17 +9,18 @@ and sends each swing back. The controller is a stand-in that swings at random. T
 machine (`scheduling` "round robin", as by `chrt --rr 10`) where the system allows it, but in the
 last case.
 
-One row a case. Stances: `stances_true` that the simulated hopper made while there was a connection,
-of these `stances_told` within 50 ms of their true time, `stances_lost`, and `stances_invented` that
-were told but not made. `stances_unconnected` were made with no connection, or so soon after it was
-back that the fall before was not seen, and count for nothing else. `reconnected_ms`: longest time
-from the return of the server to the next frame. `crashes`: frames and decisions that
-raised an exception (had a thread ended, all later stances would be lost). `latency_*`: from the
-arrival of the frame that established the stance to the command that was sent; `since_stance_*`: from
-the stance itself, on the hopper's own clock. `commands_executed`: sent swings that the hopper
-executed in the next flight. `planned_with_stale_pose` is to be 0. `machine_*`: how long a process of
-its own, which does nothing but sleep for 10 ms and then compute for 0.2 ms, takes from when it was to
-wake up: what the machine and its other work alone cost. Times in ms.
+One row a case. Stances: `stances_true` that the simulated hopper made while there was a
+connection, of these `stances_told` within 50 ms of their true time, `stances_lost`, and
+`stances_invented` that were told but not made. `stances_unconnected` were made with no connection,
+or so soon after it was back that the fall before was not seen, and count for nothing else.
+`reconnected_ms`: longest time from the return of the server to the next frame. `crashes`: frames
+and decisions that raised an exception (had a thread ended, all later stances would be lost).
+`latency_*`: from the arrival of the frame that established the stance to the command that was
+sent; `since_stance_*`: from the stance itself, on the hopper's own clock. `commands_executed`:
+sent swings that the hopper executed in the next flight. `planned_with_stale_pose` is to be 0.
+`machine_*`: how long a process of its own, which does nothing but sleep for 10 ms and then compute
+for 0.2 ms, takes from when it was to wake up: what the machine and its other work alone cost.
+Times in ms.
 """
 
 from __future__ import annotations
