@@ -16,12 +16,21 @@ BENCHMARK_TABLES = {
     "maps": ["maps.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
+    "frame_change_models": [
+        "frame_change_models.csv",
+        "frame_change_learning.csv",
+        "frame_change_kernels.csv",
+        "frame_change_cost.csv",
+        "frame_change_map.csv",
+        "frame_change_points.csv",
+    ],
     "animals": ["animals.csv"],
     "filling": ["filling.csv"],
     "floor_faults": ["floor_faults.csv"],
     "reading": ["reading.csv", "reading_agreement.csv"],
     "damaged_files": ["damaged_files.csv"],
     "recording_faults": ["recording_faults.csv"],
+    "pose": ["pose.csv", "pose_stances.csv", "pose_live.csv", "pose_time.csv"],
 }
 # They take about two hours, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
 SIMULATED_STUDIES = {
@@ -42,6 +51,16 @@ BENCHMARK_FIGURES = {
     "fig4_4_scaling": ("figure_scaling", ["plate.csv", "plate_marginal.csv"]),
     "work_precision": ("figure_work_precision", ["work_precision.csv", "ratios.csv"]),
     "map_error": ("figure_map_error", ["map_error.csv"]),
+    "fig3_3_frame_change": (
+        "figure_frame_change",
+        ["frame_change_map.csv", "frame_change_points.csv"],
+    ),
+    "fig3_3_printed": (
+        "figure_frame_change_printed",
+        ["frame_change_map.csv", "frame_change_points.csv"],
+    ),
+    "learning_curve": ("figure_learning_curve", ["frame_change_learning.csv"]),
+    "kernel_smoothness": ("figure_kernel_smoothness", ["frame_change_kernels.csv"]),
 }
 
 

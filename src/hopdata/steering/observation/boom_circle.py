@@ -11,12 +11,13 @@ from hopdata.steering.observation.geometry import BoomCircle
 
 FloatArray = NDArray[np.float64]
 
-MOST_POINTS = 4000
+MOST_POINTS = 20000
 LEAST_POINTS = 30
 LEAST_ARC_RAD = np.deg2rad(30.0)
 LEAST_TRAVEL_NOISES = 10.0
 OUTLIER_SIGMAS = 5.0
 ROUNDS = 5
+TRIES = 300
 
 
 def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
@@ -24,7 +25,8 @@ def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
 
     The plane is that of the two leading principal components of the centred points, its normal the
     last; the circle in it is fitted by distances, which unlike an algebraic fit has no bias on a
-    short arc to speak of. Points beyond five times the typical distance are set aside.
+    short arc to speak of. Points beyond five times the typical distance, at first from the best of
+    many circles through three points, are set aside.
 
     Parameters
     ----------
@@ -45,13 +47,38 @@ def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
             f"found {len(points)}"
         )
     points = points[:: -(-len(points) // MOST_POINTS)]
-    kept = points
+    kept = _near(points, _start(points), 4 * noise_m)
     for _ in range(ROUNDS):
         circle = _circle_through(kept, noise_m)
-        misses = circle.misses(points)
-        limit = OUTLIER_SIGMAS * max(float(np.median(misses)), noise_m)
-        kept = points[misses <= limit]
+        kept = _near(points, circle, noise_m)
     return circle
+
+
+def _near(points: FloatArray, circle: BoomCircle, noise_m: float) -> FloatArray:
+    misses = circle.misses(points)
+    return points[misses <= OUTLIER_SIGMAS * max(float(np.median(misses)), noise_m)]
+
+
+def _start(points: FloatArray) -> BoomCircle:
+    """Return the circle through three points to which three quarters of all are nearest."""
+    rng = np.random.default_rng(np.random.SeedSequence(0))
+    circles = [_through_three(*points[rng.integers(0, len(points), 3)]) for _ in range(TRIES)]
+    few = points[:: -(-len(points) // 1000)]
+
+    def size(circle: BoomCircle) -> float:
+        return float(np.nan_to_num(np.percentile(circle.misses(few), 75), nan=np.inf))
+
+    return min(circles, key=size)
+
+
+def _through_three(a: FloatArray, b: FloatArray, c: FloatArray) -> BoomCircle:
+    """Return the circle through three points; NaN if they are on a line."""
+    u, v = b - a, c - a
+    normal = np.cross(u, v)
+    square = float(normal @ normal)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        arm = np.cross((u @ u) * v - (v @ v) * u, normal) / (-2 * square)
+        return BoomCircle(a + arm, normal / np.sqrt(square), float(np.linalg.norm(arm)))
 
 
 def _circle_through(points: FloatArray, noise_m: float) -> BoomCircle:

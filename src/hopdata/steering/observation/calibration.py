@@ -37,13 +37,13 @@ def calibrate(
         At least three markers with the role "body"; some hops; if it has a marker with the role
         "boom", this moves through 30 degrees or more.
     level : str
-        What is level: the plane of the "feet" in flight, or the attitude in the "median" over the
-        recording, which leans if the boom does. "auto" takes three feet or more if there are any.
+        What is level: the plane of the "feet" in free fall, or the attitude in the "median" over
+        the recording, which leans if the boom does. "auto" takes the feet if there are three.
     level_s : (float, float), optional
         First and last time of a stretch in which the hopper stands level, s; its median counts.
     forward : str
         Direction of the body x axis: towards the first "foot", from the middle of the feet in
-        flight; or towards the first body "marker", from the middle of these.
+        free fall; or towards the first body "marker", from the middle of these.
     forward_offset_rad : float
         Turn the x axis on from there, counter-clockwise.
 
@@ -88,8 +88,12 @@ def _in_body(fit: RigidFit, marker: FloatArray) -> FloatArray:
 
 
 def _feet(recording: Recording, fit: RigidFit, above_m: float) -> FloatArray:
-    """Median places (n, 3) of the feet in flight, in the axes of the fit; NaN if never seen."""
-    flying = fit.centre[:, 2] > above_m
+    """Median places (n, 3) of the feet in free fall, in the axes of the fit; NaN if never seen.
+
+    The legs are still drawing back while the hopper rises.
+    """
+    height = fit.centre[:, 2]
+    flying = (height > above_m) & (np.gradient(height, recording.time) < 0)
     places = np.full((len(recording.indices("foot")), 3), np.nan)
     for row, index in zip(places, recording.indices("foot"), strict=True):
         seen = _in_body(fit, recording.positions[:, index])[flying]

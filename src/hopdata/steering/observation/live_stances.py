@@ -15,8 +15,9 @@ FloatArray = NDArray[np.float64]
 WINDOW_S = 0.055  # of frames through which a parabola is laid,
 WINDOW_FRAMES = 3.5  # but at least so many
 HOLE_S = 0.25  # longest hole in the frames across which a stance is still told
+RESTART_S = 1.0  # a clock that goes back by more has begun anew
 LEAST_BEND_M_S2 = 5.0  # half of g: a floor throws back harder than a hand lifts
-FASTEST_M_S = 4.0
+FASTEST_M_S, HARDEST_M_S2 = 4.0, 60.0  # beyond these a height has jumped
 SIGMAS = 4.0
 
 
@@ -70,6 +71,11 @@ class StanceDetector:
         Frames whose height was not known, jumped away, or whose time did not go on.
     """
 
+    _frames: deque[tuple[float, float]]
+    _stray: tuple[float, float] | None
+    _falling: tuple[float, float] | None
+    _armed: bool
+
     def __init__(
         self,
         *,
@@ -80,12 +86,9 @@ class StanceDetector:
     ) -> None:
         self.stance_below_m, self.flight_above_m = stance_below_m, flight_above_m
         self.window_s = max(WINDOW_S, WINDOW_FRAMES / rate_hz)
+        self.least_step_s = 0.1 / rate_hz
         self.noise_m, self.n_left_out = noise_m, 0
-        self._frames: deque[tuple[float, float]] = deque()
-        self._stray: tuple[float, float] | None = None
-        self._armed, self._turned = False, False
-        self._falling: tuple[float, float] | None = None
-        self._lowest_m = np.inf
+        self._forget()
 
     @classmethod
     def of(cls, geometry: HopperGeometry, *, rate_hz: float = 100.0) -> StanceDetector:
@@ -111,10 +114,11 @@ class StanceDetector:
             self.n_left_out += 1
             return None
         slope, bend, noise = self._parabola(time_s)
+        self._speed = slope
         if height_m > self.flight_above_m and (slope < 0 or not self._armed):
             self._armed, self._lowest_m = True, np.inf
         self._lowest_m = min(self._lowest_m, height_m)
-        if slope < 0:
+        if slope < 0 and self._armed:
             self._falling, self._turned = (time_s, slope), False
         if not self._armed or slope <= SIGMAS * noise or self._falling is None:
             return None
@@ -123,10 +127,21 @@ class StanceDetector:
             return None
         return self._told(time_s, slope, bend)
 
+    def _forget(self) -> None:
+        """Begin as if nothing had been seen."""
+        self._frames = deque()
+        self._stray = None
+        self._armed, self._turned = False, False
+        self._falling = None
+        self._lowest_m, self._speed, self._last_s = np.inf, 0.0, -np.inf
+
     def _taken(self, time_s: float, height_m: float) -> bool:
         """Keep a frame if it can be believed, and forget those that are too old."""
-        if not (np.isfinite(height_m) and (not self._frames or time_s > self._frames[-1][0])):
+        if time_s < self._last_s - RESTART_S:
+            self._forget()
+        if not (np.isfinite(height_m) and time_s - self._last_s > self.least_step_s):
             return False
+        self._last_s = time_s
         frame = (time_s, height_m)
         if self._frames and self._far(self._frames[-1], frame):
             if self._stray is None or self._far(self._stray, frame):
@@ -140,14 +155,19 @@ class StanceDetector:
         return True
 
     def _far(self, one: tuple[float, float], other: tuple[float, float]) -> bool:
-        reach = FASTEST_M_S * (other[0] - one[0]) + 2 * SIGMAS * self.noise_m
-        return abs(other[1] - one[1]) > reach
+        """Whether a height cannot be reached from another, or from where it is heading."""
+        wait = other[0] - one[0]
+        rise, reach = other[1] - one[1], FASTEST_M_S * wait
+        if len(self._frames) > 2 and one == self._frames[-1]:
+            rise -= self._speed * wait
+            reach = min(reach, 0.5 * HARDEST_M_S2 * wait**2)
+        return abs(rise) > reach + 4 * SIGMAS * self.noise_m
 
     def _begin_anew(self, frame: tuple[float, float]) -> None:
-        """Forget the motion before a jump."""
+        """Forget the heights before a jump, but not that the hopper was falling."""
         self._frames.clear()
         self._frames.append(frame)
-        self._falling, self._turned, self._armed = None, False, False
+        self._turned = False
 
     def _parabola(self, time_s: float) -> tuple[float, float, float]:
         """Speed, m/s, and acceleration, m/s^2, at the last frame, and the error of the speed."""

@@ -12,9 +12,15 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LocalFit:
-    """A polynomial in the time from `middle_s`, coefficients (d + 1,) from the constant on.
+    """A polynomial in the time from `middle_s`.
 
-    `first_s` and `last_s` are the times of the outermost frames.
+    Parameters
+    ----------
+    middle_s : float
+    first_s, last_s : float
+        Times of the outermost frames.
+    coefficients : (d + 1,) or (d + 1, m) array
+        From the constant on; a column for each of m quantities.
     """
 
     middle_s: float
@@ -22,49 +28,53 @@ class LocalFit:
     last_s: float
     coefficients: FloatArray
 
-    def at(self, time_s: float) -> tuple[float, float, float]:
-        """Value and first two derivatives at a time."""
-        polynomial = np.polynomial.Polynomial(self.coefficients)
-        s = time_s - self.middle_s
-        value, slope, bend = (
-            float(polynomial.deriv(n)(s)) if n else float(polynomial(s)) for n in range(3)
-        )
-        return value, slope, bend
+    def at(self, time_s: float, derivative: int = 0) -> FloatArray:
+        """Value, or a derivative, at a time, () or (m,)."""
+        found = np.polynomial.polynomial.polyder(self.coefficients, derivative)
+        return np.asarray(np.polynomial.polynomial.polyval(time_s - self.middle_s, found))
 
-    def extremum(self) -> float | None:
-        """Instant of the minimum within the frames, s; None if there is none."""
-        slope = np.polynomial.Polynomial(self.coefficients).deriv()
-        roots = slope.roots()
-        real = roots.real[np.abs(roots.imag) < 1e-12]
-        low = real[slope.deriv()(real) > 0] + self.middle_s
-        low = low[(low >= self.first_s) & (low <= self.last_s)]
-        return float(low[np.argmin(np.abs(low - self.middle_s))]) if low.size else None
+    def lowest(self) -> float | None:
+        """Instant of the minimum of a parabola or cubic, s; None unless it is within the frames."""
+        c, b, a = np.polynomial.polynomial.polyder(np.append(self.coefficients, [0.0, 0.0])[:4])
+        square = b * b - 4 * a * c  # of the curvature at the extrema
+        if square <= 0:
+            return None
+        bend = np.sqrt(square)
+        if b + bend > 0:
+            instant = self.middle_s - 2 * c / (b + bend)
+        elif a != 0:
+            instant = self.middle_s + (bend - b) / (2 * a)
+        else:
+            return None
+        return float(instant) if self.first_s <= instant <= self.last_s else None
 
 
 def local_fit(
-    time: FloatArray, values: FloatArray, middle_s: float, half_s: float, *, degree: int
+    time: FloatArray, values: FloatArray, begin_s: float, end_s: float, *, degree: int
 ) -> LocalFit | None:
-    """Fit a polynomial by least squares to frames within a time of an instant.
+    """Fit polynomials by least squares to the frames between two times.
 
     Parameters
     ----------
-    time, values : (N,) array
-        In order of time; all known.
-    middle_s, half_s : float
-        Middle and half length of the window, s.
+    time : (N,) array
+        In order, s.
+    values : (N,) or (N, m) array
+        All known.
+    begin_s, end_s : float
+        Ends of the window, s; frames on them count.
     degree : int
 
     Returns
     -------
     LocalFit or None
-        None if there are too few frames, or none on one side of the middle.
+        None if there are too few frames.
     """
-    first = np.searchsorted(time, middle_s - half_s - 1e-9)
-    last = np.searchsorted(time, middle_s + half_s + 1e-9)
-    s = time[first:last] - middle_s
-    if len(s) < degree + 1 or s[0] >= 0 or s[-1] <= 0:
+    first, last = np.searchsorted(time, [begin_s - 1e-9, end_s + 1e-9])
+    if last - first < degree + 1:
         return None
-    scale = half_s ** -np.arange(degree + 1.0)
-    design = s[:, None] ** np.arange(degree + 1) * scale
+    half_s, middle_s = 0.5 * (end_s - begin_s), 0.5 * (begin_s + end_s)
+    powers = np.arange(degree + 1)
+    design = ((time[first:last] - middle_s) / half_s)[:, None] ** powers
     found = np.linalg.lstsq(design, values[first:last], rcond=None)[0]
-    return LocalFit(middle_s, float(time[first]), float(time[last - 1]), found * scale)
+    scaled = (found.T * half_s ** -powers.astype(float)).T
+    return LocalFit(middle_s, float(time[first]), float(time[last - 1]), scaled)

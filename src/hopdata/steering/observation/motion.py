@@ -67,8 +67,8 @@ def hopper_motion(
     recording : Recording
     geometry : HopperGeometry
     hold_s : float
-        Where two body markers are seen, the turn about their line is that of the nearest frame
-        with more, before or after, within this time, s.
+        Where two body markers are seen, the turn about their line is that between the frames
+        with more before and after, or of the one that is within this time, s.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def hopper_motion(
     fit = rigid_fit(body, geometry.body_m)
     fits = fit.known & (fit.residual_m <= MISFIT_NOISES * geometry.noise_m)
     if not fits.all() and fits.any():
-        fit = rigid_fit(body, geometry.body_m, _nearest(recording.time, fit.rotation, fits, hold_s))
+        fit = rigid_fit(body, geometry.body_m, _between(recording.time, fit.rotation, fits, hold_s))
     status = _statuses(fit, geometry.noise_m)
     known = (status == SEEN) | (status == LEANED)
     centre = np.where(known[:, None], fit.centre, np.nan)
@@ -94,15 +94,22 @@ def hopper_motion(
     )
 
 
-def _nearest(time: FloatArray, rotation: FloatArray, fits: BoolArray, hold_s: float) -> FloatArray:
-    """Rotation of the frame nearest in time that fits, (N, 3, 3); NaN beyond `hold_s`."""
+def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray, hold_s: float) -> FloatArray:
+    """Attitude between the frames before and after that fit, (N, 3, 3); NaN beyond `hold_s`.
+
+    A line between two rotations is none, but as something to lean on it serves: the rotation
+    nearest to it is their mean. It has no step in the middle of a gap, which would be a bottom.
+    """
     good = np.flatnonzero(fits)
-    after = np.searchsorted(good, np.arange(len(time))).clip(0, len(good) - 1)
-    before = (after - 1).clip(0)
-    gap_before, gap_after = (np.abs(time[good[near]] - time) for near in (before, after))
-    near = good[np.where(gap_before < gap_after, before, after)]
-    close = np.abs(time[near] - time) <= hold_s
-    return np.where(close[:, None, None], rotation[near], np.nan)
+    place = np.searchsorted(good, np.arange(len(time)))
+    before, after = good[(place - 1).clip(0)], good[place.clip(0, len(good) - 1)]
+    waits = np.abs(np.stack([time - time[before], time[after] - time]))
+    weights = np.where(waits <= hold_s, 1.0 / np.maximum(waits, 1e-9), 0.0)
+    total = weights.sum(axis=0)
+    first, second = weights / np.where(total > 0, total, np.nan)
+    return np.asarray(
+        first[:, None, None] * rotation[before] + second[:, None, None] * rotation[after]
+    )
 
 
 def _statuses(fit: RigidFit, noise_m: float) -> NDArray[np.str_]:

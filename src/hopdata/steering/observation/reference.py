@@ -39,15 +39,14 @@ def marker_shape(markers: FloatArray) -> tuple[FloatArray, float]:
     Raises
     ------
     AnalysisError
-        If there are too few markers or frames, or the markers lie on a line.
+        If there are too few markers or frames, the markers lie on a line, or of four and more
+        hardly ever four are seen at once.
     """
     number = markers.shape[1]
     if number < 3:
         raise AnalysisError(f"body markers: expected at least 3, found {number}")
     frames = _usable(markers)
-    shape = _from_distances(frames)
-    if rigid_fit(frames, shape * [1, 1, -1]).residual_m.mean() < _residual(frames, shape):
-        shape = shape * [1, 1, -1]
+    shape = _handed(frames, _from_distances(frames))
     kept = frames
     for _ in range(ROUNDS):
         residual = rigid_fit(frames, shape).residual_m
@@ -57,8 +56,19 @@ def marker_shape(markers: FloatArray) -> tuple[FloatArray, float]:
     return shape, float(np.sqrt(np.mean(residual**2)))
 
 
-def _residual(frames: FloatArray, shape: FloatArray) -> float:
-    return float(rigid_fit(frames, shape).residual_m.mean())
+def _handed(frames: FloatArray, shape: FloatArray) -> FloatArray:
+    """Return the shape or its mirror image, which have the same distances."""
+    widths = np.linalg.norm(shape, axis=0)
+    if widths[2] < ON_A_LINE * widths[0]:
+        return shape
+    both = [shape, shape * [1, 1, -1]]
+    residuals = [float(np.median(rigid_fit(frames, one).residual_m)) for one in both]
+    if min(residuals) > 0.5 * max(residuals):
+        raise AnalysisError(
+            "body markers: expected four off one plane in sight together in most frames, to tell "
+            "their shape from its mirror image; found them too seldom"
+        )
+    return both[int(np.argmin(residuals))]
 
 
 def _usable(markers: FloatArray) -> FloatArray:

@@ -17,9 +17,9 @@ FloatArray = NDArray[np.float64]
 SEEN, LEANED, MISFIT, UNSEEN = "seen", "leaned on an earlier frame", "misfit", "unseen"
 STATUSES = (SEEN, LEANED, MISFIT, UNSEEN)
 
-MISFIT_NOISES = 8.0  # residuals beyond so many times the noise are no noise: markers mixed up
+MISFIT_NOISES = 5.0  # residuals beyond so many times the noise are no noise: markers mixed up
 BOOM_MISS_M = 0.02
-HOLD_S = 0.1
+HOLD_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class HopperTracker:
 
     def feed(self, time_s: float, markers: FloatArray) -> Observation:
         """Take the next frame: its time, s, and its markers, (M, 3), m, NaN where unseen."""
-        earlier = self._rotation if time_s - self._seen_s <= self.hold_s else None
+        earlier = self._rotation if 0 <= time_s - self._seen_s <= self.hold_s else None
         boom = None if self._boom is None else markers[self._boom]
         found = observe_frame(self.geometry, markers[self._body], boom, earlier)
         self.counts[found.status] += 1
