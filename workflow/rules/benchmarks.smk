@@ -16,6 +16,7 @@ BENCHMARK_TABLES = {
     "maps": ["maps.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
+    "steering_control": ["steering_control.csv", "steering_replanning.csv", "steering_turns.csv"],
     "frame_change_models": [
         "frame_change_models.csv",
         "frame_change_learning.csv",
