@@ -24,6 +24,7 @@ BENCHMARK_TABLES = {
         "frame_change_map.csv",
         "frame_change_points.csv",
     ],
+    "steering_control": ["steering_control.csv", "steering_replanning.csv", "steering_turns.csv"],
     "animals": ["animals.csv"],
     "filling": ["filling.csv"],
     "floor_faults": ["floor_faults.csv"],
