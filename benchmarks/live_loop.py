@@ -4,10 +4,10 @@
 
 A process of its own simulates the hopper and streams its markers by Qualisys' real-time protocol at
 100 Hz, with faults; this process reads the stream with the unmodified client, tells stances, plans
-and sends each swing back. The controller is a stand-in that swings at random. The first case lasts
-`--seconds`, the others at most 60 s each. All processes are scheduled before the other work of the
-machine (`scheduling` "round robin", as by `chrt --rr 10`) where the system allows it, but in the
-last case.
+and sends each swing back. The planner has learned the hopper's frame changes from 100 hops of a
+recording, and goes round a square. The first case lasts `--seconds`, the others at most 60 s each.
+All processes are scheduled before the other work of the machine (`scheduling` "round robin", as by
+`chrt --rr 10`) where the system allows it, but in the last case.
 
 One row a case. Stances: `stances_true` that the simulated hopper made while there was a
 connection, of these `stances_told` within 50 ms of their true time, `stances_lost`, and
@@ -34,13 +34,16 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 
 from hopdata.jobs import write_table
 from hopdata.recordings.recording import Recording
+from hopdata.steering.control.objectives import WayPoints
+from hopdata.steering.control.planner import Planner, planner
+from hopdata.steering.control.way_points import WayPointFollower
+from hopdata.steering.frame_changes import frame_changes_at_frames
 from hopdata.steering.live.boom import UdpBoom, UdpSwings
 from hopdata.steering.live.decisions import Decision
 from hopdata.steering.live.drive import Drive, drive
@@ -49,8 +52,11 @@ from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.server import LoopbackServer
 from hopdata.steering.live.simulated import LiveHopper
 from hopdata.steering.live.states import Status
+from hopdata.steering.models.training import trained_process
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
+from hopdata.steering.observation.motion import hopper_motion
+from hopdata.steering.observation.stances import find_stances
 from hopdata.steering.plant.robot import SteeredHopper
 from hopdata.steering.plant.trial import record_trial
 
@@ -59,6 +65,8 @@ RATE_HZ = 100.0
 NEAR_S = 0.05  # a stance told farther from a true one than this is invented
 FALL_S = 0.45  # from high in flight to the stance: seen in part if frames begin in it
 LIMITS = Limits()
+CORNERS = ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))
+SQUARE = WayPoints(points_m=CORNERS * 100, arrival_m=0.2)
 
 
 @dataclass(frozen=True)
@@ -103,17 +111,20 @@ def recorded() -> Recording:
     return record_trial(SteeredHopper(), swings, seed=SEED).recording
 
 
-class RandomSwings:
-    """A stand-in for a controller: swings at random, towards both sides."""
-
-    def __init__(self) -> None:
-        self._rng = np.random.default_rng(np.random.SeedSequence(SEED))
-
-    def plan(  # noqa: D102
-        self, pose: np.ndarray, boom_angle_rad: float, previous_swing_rad: float | None, /
-    ) -> SimpleNamespace:
-        del pose, boom_angle_rad, previous_swing_rad
-        return SimpleNamespace(swing_rad=self._rng.uniform(-1, 1) * LIMITS.swing_rad)
+def identified(recording: Recording, geometry: HopperGeometry) -> Planner:
+    """Learn the frame change from 100 hops of the recording, and return a planner that uses it."""
+    motion = hopper_motion(recording, geometry)
+    stances = find_stances(motion.time, motion.height)
+    changes = frame_changes_at_frames(
+        stances.frame[stances.pairs],
+        motion.pose,
+        motion.boom_angle,
+        rate_hz=RATE_HZ,
+        swing_limit_rad=LIMITS.swing_rad,
+    )
+    learned = planner(trained_process(changes.used().rows(np.arange(100))))
+    learned.plan(np.zeros(3), np.pi)  # compiles
+    return learned
 
 
 def serve(case: Case, pipe: Connection) -> None:
@@ -148,7 +159,7 @@ def pauses(pipe: Connection) -> None:
     pipe.send(took)
 
 
-def run(case: Case, geometry: HopperGeometry, controller: RandomSwings) -> dict[str, object]:
+def run(case: Case, geometry: HopperGeometry, controller: WayPointFollower) -> dict[str, object]:
     """Drive the hopper of another process, and compare with what it says."""
     (here, there), (clock, idle) = mp.Pipe(), mp.Pipe()
     fresh = mp.get_context("spawn")
@@ -190,6 +201,7 @@ def run(case: Case, geometry: HopperGeometry, controller: RandomSwings) -> dict[
         "seconds": case.seconds,
         "scheduling": scheduling(),
         **row(done, hops, served, gaps),
+        "way_points_visited": controller.visited,
         **quantiles("machine", pd.Series(took)),
         "reconnected_ms": 1e3 * max(back, default=np.nan),
     }
@@ -283,9 +295,10 @@ def main() -> None:
     arguments = parser.parse_args()
     begun, recording = time.monotonic(), recorded()
     geometry = calibrate(recording)
+    learned = identified(recording, geometry)
     chosen = cases(arguments.seconds)
     chosen = chosen if arguments.only is None else [chosen[arguments.only]]
-    rows = [run(case, geometry, RandomSwings()) for case in chosen]
+    rows = [run(case, geometry, WayPointFollower(learned, SQUARE)) for case in chosen]
     write_table(arguments.out, pd.DataFrame(rows))
     print(pd.DataFrame(rows).T.to_string(), f"\n{time.monotonic() - begun:.0f} s")
 
