@@ -1,8 +1,9 @@
-"""Landings as motion capture would see them, without the frames between.
+"""Landings as motion capture would see them, without the rest of the recordings.
 
-About each section every marker moves on a parabola through its true state; frames of it are drawn
-at random phases, with noise, and go through the same fits as a recording's. So errors of the
-states have the size and the correlations that the pipeline gives them, at a hundredth of its cost.
+The robot's true motion about each landing (`true_tracks`) is seen at random phases of the frames,
+with noise, and goes through the same fits as a recording's; as in a recording, frames on the far
+side of the contacts as measured are left out. So errors of the states have the size and the
+correlations that the pipeline gives them, at a small part of its cost.
 """
 
 from __future__ import annotations
@@ -10,27 +11,35 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from true_tracks import Apexes, true_tracks
 
-from hopdata.landings.states import GRAVITY_M_S2, SectionStates, section_states
-from hopdata.scenes.rigid_body import rotation_matrices
+from hopdata.landings.section_fits import WINDOWS_S
+from hopdata.landings.states import section_states
+from hopdata.scenes.hopper_control import HopperControl
+from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.landings import SectionHeights, TrueLandings
 
 RATE_HZ = 100.0
-REACH_S = 0.16
 APART_S = 1.0
-STANCE_M_S2 = 12.0  # upward, typical of the mean body marker at the post section
 
 
 @dataclass(frozen=True)
 class SeenLandings:
-    """Marker states (n, 6B) before and after, m and m/s, and contact instants (n, feet), s."""
+    """Marker states (n, 6B) before and after, m and m/s, and contact instants (n, feet), s.
+
+    `rows` (n,) are the numbers of these landings among those that were to be seen.
+    """
 
     before: np.ndarray
     after: np.ndarray
     instants: np.ndarray
+    rows: np.ndarray
 
 
 def see_landings(
+    hopper: HopperParameters,
+    control: HopperControl,
+    apexes: Apexes,
     landings: TrueLandings,
     sections: SectionHeights,
     *,
@@ -38,57 +47,32 @@ def see_landings(
     instant_noise_s: float,
     rng: np.random.Generator,
 ) -> SeenLandings:
-    """Observe whole landings; those whose states cannot be fitted are left out."""
-    contact = landings.contact_s
-    pre = _observed(
-        landings.pre_state, landings.pre_time_s, contact.min(axis=1), -GRAVITY_M_S2,
-        sections, "before", noise_m, rng,
-    )  # fmt: skip
-    post = _observed(
-        landings.post_state, landings.post_time_s, contact.max(axis=1), STANCE_M_S2,
-        sections, "after", noise_m, rng,
-    )  # fmt: skip
-    seen = contact + instant_noise_s * rng.standard_normal(contact.shape)
-    before, after = (_flat(states) for states in (pre, post))
-    whole = np.isfinite(before).all(axis=1) & np.isfinite(after).all(axis=1)
-    return SeenLandings(before[whole], after[whole], seen[whole])
+    """Observe whole landings from their apexes on, as those of one recording.
 
-
-def marker_states(states: np.ndarray, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return true positions and velocities (n, B, 3) of markers fixed in the body."""
-    rotation = rotation_matrices(states[:, 3:6])
-    arms = np.einsum("nij,bj->nbi", rotation, points_m)
-    slip = np.einsum("nij,nbj->nbi", rotation, np.cross(states[:, None, 9:], points_m[None]))
-    return states[:, None, :3] + arms, states[:, None, 6:9] + slip
-
-
-def _observed(
-    states: np.ndarray,
-    at_s: np.ndarray,
-    contact_s: np.ndarray,
-    vertical_m_s2: float,
-    sections: SectionHeights,
-    side: str,
-    noise_m: float,
-    rng: np.random.Generator,
-) -> SectionStates:
-    position, velocity = marker_states(states, sections.points_m)
-    start = APART_S * np.arange(len(states))
-    offsets = np.arange(-REACH_S, REACH_S, 1.0 / RATE_HZ)
-    tau = offsets + rng.uniform(0, 1.0 / RATE_HZ, (len(states), 1))
-    tracks = position[:, None] + velocity[:, None] * tau[:, :, None, None]
-    tracks[..., 2] += 0.5 * vertical_m_s2 * tau[:, :, None] ** 2
-    tracks += noise_m * rng.standard_normal(tracks.shape)
-    return section_states(
-        (start[:, None] + tau).ravel(),
-        tracks.reshape(-1, *tracks.shape[2:]),
-        start,
-        height_m=sections.pre_m if side == "before" else sections.post_m,
-        side=side,
-        contact=start + contact_s - at_s,
+    Those whose states cannot be fitted are left out.
+    """
+    until = float(landings.post_time_s.max()) + max(WINDOWS_S)
+    times, tracks = true_tracks(
+        hopper, control, apexes, sections.points_m, until_s=until, rate_hz=RATE_HZ, rng=rng
     )
+    tracks += noise_m * rng.standard_normal(tracks.shape)
+    contact = landings.contact_s
+    seen = contact + instant_noise_s * rng.standard_normal(contact.shape)
+    start = APART_S * np.arange(len(times))
 
+    def states(side: str, at_s: np.ndarray, contact_s: np.ndarray, height_m: float) -> np.ndarray:
+        found = section_states(
+            (start[:, None] + times).ravel(),
+            tracks.reshape(-1, *tracks.shape[2:]),
+            start + at_s,
+            height_m=height_m,
+            side=side,
+            contact=start + contact_s,
+        )
+        both = np.concatenate([found.position, found.velocity], axis=1)
+        return both.reshape(len(both), -1)
 
-def _flat(states: SectionStates) -> np.ndarray:
-    both = np.concatenate([states.position, states.velocity], axis=1)
-    return both.reshape(len(both), -1)
+    before = states("before", landings.pre_time_s, seen.min(axis=1), sections.pre_m)
+    after = states("after", landings.post_time_s, seen.max(axis=1), sections.post_m)
+    rows = np.flatnonzero(np.isfinite(np.hstack([before, after])).all(axis=1))
+    return SeenLandings(before[rows], after[rows], seen[rows], rows)

@@ -29,6 +29,7 @@ import pandas as pd
 from observed_landings import see_landings
 from printed_statistics import operator_ratio, printed_overlap
 from statsmodels.stats.proportion import proportion_confint
+from true_tracks import Apexes, apexes_of, joined
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.rigid import output_weights
@@ -99,12 +100,11 @@ def strength(control: HopperControl) -> float:
     return control.coupling or control.impulse or 1e3 * control.delay_s
 
 
-def apex_states(condition: Condition, hops: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """States and preloads at the apexes of one trial."""
+def apexes(condition: Condition, hops: int, seed: int) -> Apexes:
+    """Apexes of one trial."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     trial = run_trial(condition.hopper, hops=hops, rate_hz=10.0, rng=rng, kicks=condition.kicks)
-    stood = [hop for hop in trial.hops if hop.all_stood() and not hop.fell]
-    return np.array([h.start_state for h in stood]), np.array([h.preloads_n for h in stood])
+    return apexes_of(trial)
 
 
 def true_size(condition: Condition, states: np.ndarray, landings: TrueLandings) -> float:
@@ -124,14 +124,16 @@ def true_size(condition: Condition, states: np.ndarray, landings: TrueLandings) 
     return float(np.sqrt(change / np.sum(scaled.mean(axis=0) ** 2)))
 
 
-def one_study(task: tuple[Condition, TrueLandings, int, bool, list[int]]) -> dict[str, float]:
+def one_study(
+    task: tuple[Condition, Apexes, TrueLandings, int, bool, list[int]],
+) -> dict[str, float]:
     """Draw, observe and judge the landings of one study."""
-    condition, landings, hops, beside, key = task
+    condition, starts, landings, hops, beside, key = task
     rng = np.random.default_rng(np.random.SeedSequence(key))
     chosen = np.sort(rng.choice(len(landings), min(hops, len(landings)), replace=False))
     whole = chosen[landings.whole[chosen]]
     seen = see_landings(
-        _rows(landings, whole), SECTIONS,
+        condition.hopper, condition.control, starts.some(whole), _rows(landings, whole), SECTIONS,
         noise_m=condition.noise_m, instant_noise_s=INSTANT_NOISE_S, rng=rng,
     )  # fmt: skip
     start = time.perf_counter()
@@ -169,7 +171,7 @@ def _rows(landings: TrueLandings, rows: np.ndarray) -> TrueLandings:
 
 def studies(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
     """All studies of one condition after the other."""
-    gaits: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    gaits: dict[str, Apexes] = {}
     with ProcessPoolExecutor(args.workers) as pool:
         for number, condition in enumerate(conditions()):
             if args.only and args.only not in label(condition):
@@ -177,20 +179,17 @@ def studies(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
             began = time.perf_counter()
             if condition.gait not in gaits:
                 share = args.hops * POOL_STUDIES // TRIALS
-                parts = list(
-                    pool.map(
-                        apex_states, [condition] * TRIALS, [share] * TRIALS,
-                        [args.seed + 1000 * k for k in range(TRIALS)],
-                    )
-                )  # fmt: skip
-                gaits[condition.gait] = tuple(map(np.concatenate, zip(*parts, strict=True)))
-            states, preloads = gaits[condition.gait]
+                seeds = [args.seed + 1000 * k for k in range(TRIALS)]
+                parts = pool.map(apexes, [condition] * TRIALS, [share] * TRIALS, seeds)
+                gaits[condition.gait] = joined(list(parts))
+            starts = gaits[condition.gait]
             landings = true_landings(
-                condition.hopper, condition.control, states, preloads, SECTIONS
+                condition.hopper, condition.control, starts.after, starts.preloads_n, SECTIONS
             )
-            size = true_size(condition, states, _rows(landings, np.flatnonzero(landings.whole)))
+            whole = _rows(landings, np.flatnonzero(landings.whole))
+            size = true_size(condition, starts.after, whole)
             tasks = [
-                (condition, landings, args.hops, k < args.beside, [args.seed, number, k])
+                (condition, starts, landings, args.hops, k < args.beside, [args.seed, number, k])
                 for k in range(args.studies)
             ]
             table = pd.DataFrame(list(pool.map(one_study, tasks, chunksize=4)))

@@ -26,7 +26,7 @@ def gait_and_control(**strength):
     gait = fly_hop(HOPPER, start)
     control = HopperControl(**strength)
     hop = control_hop(HOPPER, control, gait, frame_times_s=FINE, limit_s=2.0)
-    return gait, hop, fly_hop(HOPPER, start, control=control, frame_times_s=FINE, limit_s=2.0)
+    return gait, hop, fly_hop(HOPPER, start, variant=control, frame_times_s=FINE, limit_s=2.0)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -42,7 +42,7 @@ def test_states_and_contacts_are_those_of_the_single_hops(hopper, control):
     assert found.whole.all()
     for k, (state, preload) in enumerate(zip(states, preloads, strict=True)):
         at = np.array([found.pre_time_s[k], found.post_time_s[k]])
-        hop = fly_hop(hopper, state, control=control, preloads_n=preload, frame_times_s=at)
+        hop = fly_hop(hopper, state, variant=control, preloads_n=preload, frame_times_s=at)
         np.testing.assert_allclose(
             hop.states, [found.pre_state[k], found.post_state[k]], rtol=0, atol=2e-8
         )

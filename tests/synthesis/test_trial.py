@@ -9,7 +9,8 @@ from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.hops import level_state
 from hopdata.synthesis.options import Kicks, Operator
 from hopdata.synthesis.simulate import first_contacts
-from hopdata.synthesis.trial import carried, kicked, run_trial
+from hopdata.synthesis.tape import carried
+from hopdata.synthesis.trial import kicked, run_trial
 
 HOPPER = HopperParameters()
 

@@ -15,6 +15,10 @@ FIGURES = {
     "figure_scaling": "fig4_4_scaling",
     "figure_work_precision": "work_precision",
     "figure_map_error": "map_error",
+    "figure_frame_change": "fig3_3_frame_change",
+    "figure_frame_change_printed": "fig3_3_printed",
+    "figure_learning_curve": "learning_curve",
+    "figure_kernel_smoothness": "kernel_smoothness",
 }
 STUDY_FIGURES = {"figure_verdict_power": "verdict_power"}  # not on the page of the benchmarks
 
@@ -50,7 +54,7 @@ def linked(tmp_path_factory):
 @pytest.fixture(scope="module")
 def jobs(linked):
     """Rules of a dry run of everything, with the text that the run prints on each."""
-    printed = snakemake(linked, "--dry-run", "benchmarks", "studies")
+    printed = snakemake(linked, "--dry-run", "benchmarks", "studies", "live")
     pieces = re.split(r"^(?:local)?rule (\w+):$", printed, flags=re.MULTILINE)
     return dict(zip(pieces[1::2], pieces[2::2], strict=True))
 
@@ -97,6 +101,11 @@ def test_the_figure_rules_draw_and_the_page_shows_them(linked):
         "plate_marginal.csv": "solver,window",
         "work_precision.csv": "scene,way,method,setting,error_max,time_median_us",
         "ratios.csv": "scene,way,method,error,best_of_way",
+        "map_error.csv": "states,noise_mm,estimator,landings,median,q05,q95",
+        "frame_change_map.csv": "boom_angle_rad,swing_rad,model",
+        "frame_change_points.csv": "boom_angle_rad,swing_rad,model",
+        "frame_change_learning.csv": "model,hops,component,rmse,rmse_q05,rmse_q95",
+        "frame_change_kernels.csv": "data,reading,smoothness,component,r2,r2_se",
     }
     results = linked / "results" / "benchmarks"
     results.mkdir(parents=True)

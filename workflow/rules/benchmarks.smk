@@ -16,17 +16,31 @@ BENCHMARK_TABLES = {
     "maps": ["maps.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "gait": ["gait.csv"],
+    "steering_control": ["steering_control.csv", "steering_replanning.csv", "steering_turns.csv"],
+    "frame_change_models": [
+        "frame_change_models.csv",
+        "frame_change_learning.csv",
+        "frame_change_kernels.csv",
+        "frame_change_cost.csv",
+        "frame_change_map.csv",
+        "frame_change_points.csv",
+    ],
     "animals": ["animals.csv"],
     "filling": ["filling.csv"],
     "floor_faults": ["floor_faults.csv"],
     "reading": ["reading.csv", "reading_agreement.csv"],
     "damaged_files": ["damaged_files.csv"],
     "recording_faults": ["recording_faults.csv"],
+    "pose": ["pose.csv", "pose_stances.csv", "pose_live.csv", "pose_time.csv"],
 }
-# They take most of an hour, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
+# They take about two hours, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
 SIMULATED_STUDIES = {
     "verdict_power": ["verdict_power.csv", "verdict_studies.csv"],
     "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
+}
+# They run in real time for a quarter of an hour: `snakemake --cores 2 live`.
+REAL_TIME_RUNS = {
+    "live_loop": ["live_loop.csv"],
 }
 STUDY_FIGURES = {
     "verdict_power": ("figure_verdict_power", ["verdict_power.csv"]),
@@ -38,10 +52,20 @@ BENCHMARK_FIGURES = {
     "fig4_4_scaling": ("figure_scaling", ["plate.csv", "plate_marginal.csv"]),
     "work_precision": ("figure_work_precision", ["work_precision.csv", "ratios.csv"]),
     "map_error": ("figure_map_error", ["map_error.csv"]),
+    "fig3_3_frame_change": (
+        "figure_frame_change",
+        ["frame_change_map.csv", "frame_change_points.csv"],
+    ),
+    "fig3_3_printed": (
+        "figure_frame_change_printed",
+        ["frame_change_map.csv", "frame_change_points.csv"],
+    ),
+    "learning_curve": ("figure_learning_curve", ["frame_change_learning.csv"]),
+    "kernel_smoothness": ("figure_kernel_smoothness", ["frame_change_kernels.csv"]),
 }
 
 
-for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES}.items():
+for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES, **REAL_TIME_RUNS}.items():
 
     rule:
         name:
@@ -112,3 +136,9 @@ rule studies:
     input:
         [f"{BENCHMARKS}/{table}" for tables in SIMULATED_STUDIES.values() for table in tables],
         expand(f"{BENCHMARKS}/figures/{{name}}.{{format}}", name=STUDY_FIGURES, format=FORMATS),
+
+
+rule live:
+    """The control loop over a real-time stream: `snakemake --cores 2 live`."""
+    input:
+        [f"{BENCHMARKS}/{table}" for tables in REAL_TIME_RUNS.values() for table in tables],

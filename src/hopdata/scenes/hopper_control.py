@@ -72,6 +72,10 @@ class HopperControl:
         """Whether any strength differs from zero."""
         return (self.coupling, self.impulse, self.delay_s) != (0.0, 0.0, 0.0)
 
+    def system(self, n_legs: int) -> System:
+        """Return `control_system` with this number of legs."""
+        return control_system(n_legs)
+
     def vector(self, hopper: HopperParameters, preloads_n: FloatArray | None = None) -> FloatArray:
         """Flat parameter vector: the hopper's, then the strengths."""
         return np.append(hopper.vector(preloads_n), [self.coupling, self.impulse, self.delay_s])

@@ -50,7 +50,7 @@ def control_hop(
     hop = fly_hop(
         parameters,
         gait.start_state,
-        control=control,
+        variant=control,
         preloads_n=gait.preloads_n,
         frame_times_s=frame_times_s,
         limit_s=limit_s,

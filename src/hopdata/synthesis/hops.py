@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError
-from hopdata.hybrid import Solution, solve
+from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.status import SLIDING, TERMINATED, ZENO
 from hopdata.scenes.boom import boom_angle, counterweight_places
 from hopdata.scenes.hopper import flight_mode, hopper_system
-from hopdata.scenes.hopper_control import HopperControl, control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.rigid_body import rotation_matrices
 
@@ -21,6 +21,18 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 RTOL, ATOL = 1e-10, 1e-12
+
+
+class Variant(Protocol):
+    """A hopper that differs from the plain one by a few parameters more."""
+
+    def system(self, n_legs: int) -> System:
+        """Return the hybrid system; guards and modes are those of `hopper_system`."""
+        ...
+
+    def vector(self, hopper: HopperParameters, preloads_n: FloatArray | None = None) -> FloatArray:
+        """Flat parameter vector: the hopper's, then the variant's own."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -78,7 +90,7 @@ def fly_hop(
     parameters: HopperParameters,
     state: FloatArray,
     *,
-    control: HopperControl | None = None,
+    variant: Variant | None = None,
     preloads_n: FloatArray | None = None,
     frame_times_s: FloatArray | None = None,
     limit_s: float = 3.0,
@@ -92,8 +104,8 @@ def fly_hop(
     parameters : HopperParameters
     state : (12,) array
         State in flight, at or near the apex.
-    control : HopperControl, optional
-        What it lands like; by default like the hopper itself.
+    variant : Variant, optional
+        What flies and lands in its place, as a `HopperControl`; by default the hopper itself.
     preloads_n : (n,) array, optional
         Preload of each leg in this hop, N.
     frame_times_s : (K,) array, optional
@@ -110,8 +122,8 @@ def fly_hop(
     preloads = np.full(n, parameters.preload_n) if preloads_n is None else preloads_n
     frames = np.empty(0) if frame_times_s is None else frame_times_s
     system, vector = hopper_system(n), parameters.vector(preloads)
-    if control is not None:
-        system, vector = control_system(n), control.vector(parameters, preloads)
+    if variant is not None:
+        system, vector = variant.system(n), variant.vector(parameters, preloads)
     solution = solve(
         system,
         (0.0, limit_s),

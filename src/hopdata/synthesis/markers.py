@@ -12,7 +12,7 @@ from hopdata.scenes.rigid_body import rotation_matrices
 from hopdata.synthesis.control_hops import smooth_step
 from hopdata.synthesis.hops import rest_foot, rest_foot_climb
 from hopdata.synthesis.options import MarkerOptions
-from hopdata.synthesis.trial import Trial
+from hopdata.synthesis.tape import Trial
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -44,7 +44,7 @@ def track_markers(
     """
     down, feet = _follow_feet(trial, parameters, options.retraction_s, delay_s)
     body = fixed_markers(trial.states, np.array(options.body_m))
-    boom = _in_world(trial.states, (trial.boom + options.boom_m)[:, None])
+    boom = in_world(trial.states, (trial.boom + options.boom_m)[:, None])
     counts = {"body": body.shape[1], "foot": feet.shape[1], "boom": 1}
     names = [f"{role}{i + 1}" for role in ("body", "foot") for i in range(counts[role])]
     return MarkerTracks(
@@ -57,10 +57,11 @@ def track_markers(
 
 def fixed_markers(states: FloatArray, points_m: FloatArray) -> FloatArray:
     """World positions, (N, B, 3) m, of points (B, 3) fixed in the body, for states (N, 12)."""
-    return _in_world(states, np.broadcast_to(points_m, (len(states), *points_m.shape)))
+    return in_world(states, np.broadcast_to(points_m, (len(states), *points_m.shape)))
 
 
-def _in_world(states: FloatArray, points_m: FloatArray) -> FloatArray:
+def in_world(states: FloatArray, points_m: FloatArray) -> FloatArray:
+    """World positions, (N, B, 3) m, of points (N, B, 3) in body axes, for states (N, 12)."""
     turned = np.einsum("nij,nbj->nbi", rotation_matrices(states[:, 3:6]), points_m)
     return states[:, None, :3] + turned
 

@@ -30,7 +30,8 @@ from hopdata.synthesis.options import (
     from_mapping,
     require,
 )
-from hopdata.synthesis.trial import Trial, run_trial
+from hopdata.synthesis.tape import Trial
+from hopdata.synthesis.trial import run_trial
 
 FloatArray = NDArray[np.float64]
 
@@ -149,7 +150,7 @@ def simulate_recording(
     )
     tracks = track_markers(trial, scene.hopper, camera.markers, delay_s=scene.control.delay_s)
     floor = draw_floor(camera.floor, floor_rng)
-    recording = _observed(tracks, floor, camera, name, noise_rng, gaps_rng)
+    recording = observed(tracks, floor, camera, name, noise_rng, gaps_rng)
     parameters = {"seed": seed, "simulation": _said(scene), "motion_capture": asdict(camera)}
     return recording, _truth(trial, tracks, floor, scene.hopper, camera, parameters)
 
@@ -174,7 +175,7 @@ def _options(kind: type[Any], values: Mapping[str, Any] | None, where: str) -> A
     return kind(**values)
 
 
-def _observed(
+def observed(
     tracks: MarkerTracks,
     floor: CurvedFloor,
     camera: MotionCapture,
@@ -182,6 +183,7 @@ def _observed(
     noise_rng: np.random.Generator,
     gaps_rng: np.random.Generator,
 ) -> Recording:
+    """Return what a motion-capture system records of marker tracks."""
     frames, markers, _ = tracks.positions.shape
     hidden = draw_gaps(
         camera.gaps, frames=frames, markers=markers, rate_hz=camera.rate_hz, rng=gaps_rng

@@ -2,118 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.scenes.boom import counterweight_places
 from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.synthesis.control_hops import control_hop, pose_rate
-from hopdata.synthesis.hops import Hop, fly_hop, level_state
+from hopdata.synthesis.control_hops import control_hop
+from hopdata.synthesis.hops import fly_hop, level_state
 from hopdata.synthesis.options import Kicks, Operator
+from hopdata.synthesis.tape import Tape, Trial
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Trial:
-    """States at every frame, all hops, and all contacts, on one clock.
-
-    Parameters
-    ----------
-    rate_hz : float
-        Frame rate, Hz; frame k is at k / rate_hz.
-    states : (N, 12) array
-        State at each frame.
-    boom : (N, 3) array
-        Place of the counterweight at each frame, body frame, m.
-    hops : tuple of Hop
-        Hops that ended before the last frame, in order.
-    hop_start_s : (L,) array
-        Time of the apex at which each hop began, s.
-    apex_s : (A,) array
-        The same of every hop, also of one that was cut off, s.
-    event_time, event_leg, event_down, event_state
-        All contact events, (E,), (E,), (E,) and (E, 12), ordered in time.
-    n_carries : int
-        How often the operator carried the hopper back.
-    """
-
-    rate_hz: float
-    states: FloatArray
-    boom: FloatArray
-    hops: tuple[Hop, ...]
-    hop_start_s: FloatArray
-    apex_s: FloatArray
-    event_time: FloatArray
-    event_leg: IntArray
-    event_down: BoolArray
-    event_state: FloatArray
-    n_carries: int
-
-
-class _Tape:
-    """Collects frames, hops and contact events while the clock runs."""
-
-    def __init__(self, rate_hz: float) -> None:
-        self.rate_hz, self.clock, self.n_frames = rate_hz, 0.0, 0
-        self.states: list[FloatArray] = []
-        self.boom: list[FloatArray] = []
-        self.hops: list[Hop] = []
-        self.starts: list[float] = []
-        self.events: list[tuple[FloatArray, IntArray, BoolArray, FloatArray]] = []
-        self.n_carries = 0
-
-    def frames_within(self, duration_s: float) -> FloatArray:
-        """Frame times still to come within this duration, counted from the clock, s."""
-        last = math.ceil((self.clock + duration_s) * self.rate_hz)
-        return np.maximum(np.arange(self.n_frames, last) / self.rate_hz - self.clock, 0.0)
-
-    def add_frames(self, states: FloatArray, boom: FloatArray) -> None:
-        """Keep the states and the places of the counterweight of the next frames."""
-        self.states.append(states)
-        self.boom.append(boom)
-        self.n_frames += len(states)
-
-    def add_hop(self, hop: Hop) -> None:
-        """Keep a hop that began at the clock, and set the clock to its end."""
-        self.add_frames(hop.states, hop.boom)
-        self.hops.append(hop)
-        self.starts.append(self.clock)
-        at = self.clock + hop.event_time
-        self.events.append((at, hop.event_leg, hop.event_down, hop.event_state))
-        self.clock += hop.end_time_s
-
-    def lift(self, legs: IntArray, state: FloatArray) -> None:
-        """Log that the operator takes these legs off the floor now."""
-        when, up = np.full(len(legs), self.clock), np.zeros(len(legs), dtype=bool)
-        self.events.append((when, legs, up, np.tile(state, (len(legs), 1))))
-
-    def trial(self, duration_s: float) -> Trial:
-        """Return what is on the tape, cut at this time."""
-        time, leg, down, state = (np.concatenate(part) for part in zip(*self.events, strict=True))
-        frames = min(self.n_frames, math.ceil(min(self.clock, duration_s) * self.rate_hz))
-        ends = np.array(self.starts) + [hop.end_time_s for hop in self.hops]
-        n_whole = int(np.sum(ends <= duration_s))
-        return Trial(
-            rate_hz=self.rate_hz,
-            states=np.concatenate(self.states)[:frames],
-            boom=np.concatenate(self.boom)[:frames],
-            hops=tuple(self.hops[:n_whole]),
-            hop_start_s=np.array(self.starts[:n_whole]),
-            apex_s=np.array(self.starts),
-            event_time=time,
-            event_leg=leg,
-            event_down=down,
-            event_state=state,
-            n_carries=self.n_carries,
-        )
+_TO_AND_FRO = np.array([1.0, -1.0])
 
 
 def run_trial(
@@ -126,11 +32,14 @@ def run_trial(
     operator: Operator | None = None,
     control: HopperControl | None = None,
     duration_s: float = math.inf,
+    swings_rad: Iterable[float] | None = None,
+    preloads_n: FloatArray | None = None,
 ) -> Trial:
     """Let the hopper hop so many times, or for so long, whichever ends first.
 
-    If the boom swings, it does so to and fro, hop by hop. A control lands from the apexes of the
-    hopper's own gait, whatever became of its last landing; see `hopdata.synthesis.control_hops`.
+    If the boom swings, it does so to and fro, hop by hop, unless told otherwise. A control lands
+    from the apexes of the hopper's own gait, whatever became of its last landing; see
+    `hopdata.synthesis.control_hops`.
 
     Parameters
     ----------
@@ -147,31 +56,41 @@ def run_trial(
         What lands; by default the hopper itself.
     duration_s : float
         Cut the trial at this time, s.
+    swings_rad : iterable of float, optional
+        Swing of the boom in the flight of each hop, rad; the trial ends with them.
+    preloads_n : (n,) array, optional
+        Preload of each leg but for chance, N; by default that of the parameters.
     """
     kicks, operator = kicks or Kicks(), operator or Operator()
-    tape = _Tape(rate_hz)
+    if swings_rad is None:
+        swings_rad = itertools.cycle(_TO_AND_FRO * parameters.boom_swing_rad)
+    preloads = parameters.preload_n if preloads_n is None else preloads_n
+    tape = Tape(rate_hz)
     state = _release_state(parameters, operator, rng, yaw_rad=0.0)
-    while len(tape.hops) < hops and tape.clock < duration_s:
+    for swing in itertools.islice(swings_rad, hops):
+        if tape.clock >= duration_s:
+            break
         frames: dict[str, Any] = {
             "frame_times_s": tape.frames_within(operator.hop_limit_s),
             "limit_s": operator.hop_limit_s,
         }
+        parameters = replace(parameters, boom_swing_rad=swing)
         chance = rng.standard_normal(parameters.n_legs)
         hop = fly_hop(
             parameters,
             kicked(state, kicks, rng),
-            preloads_n=parameters.preload_n * (1 + kicks.preload_fraction * chance),
+            preloads_n=preloads * (1 + kicks.preload_fraction * chance),
             **frames,
         )
         shown = hop if control is None else control_hop(parameters, control, hop, **frames)
         tape.add_hop(shown)
         state = hop.end_state
-        parameters = _boom_reversed(parameters, hop)
+        parameters = replace(parameters, boom_angle_rad=hop.boom_angle_rad)
         if hop.fell or np.max(np.abs(state[:2])) > operator.arena_m:
             state = _release_state(parameters, operator, rng, yaw_rad=hop.end_state[3])
-            _carry(tape, shown, state, operator.carry_s, parameters)
+            tape.carry(shown, state, operator.carry_s, parameters)
         elif shown is not hop and not np.array_equal(shown.end_state, state):
-            _carry(tape, shown, state, operator.carry_s, parameters)
+            tape.carry(shown, state, operator.carry_s, parameters)
     return tape.trial(duration_s)
 
 
@@ -183,27 +102,6 @@ def kicked(state: FloatArray, kicks: Kicks, rng: np.random.Generator) -> FloatAr
     return state + kick
 
 
-def carried(
-    state: FloatArray, release: FloatArray, duration_s: float, times_s: FloatArray
-) -> FloatArray:
-    """States, (K, 12), of a body moved by hand: cubic in each coordinate, with no jump in speed.
-
-    It starts with the motion of `state` and ends with that of `release`; `times_s` (K,) count from
-    the start. The angular velocity of these states is not used by anybody and left at zero.
-    """
-    s = np.clip(times_s / duration_s, 0.0, 1.0)[:, None]
-    start, end = state[:6], release[:6]
-    leaving, arriving = pose_rate(state), pose_rate(release)
-    blend = s * s * (3.0 - 2.0 * s)
-    slide, brake = s * (1.0 - s) ** 2 * duration_s, s * s * (s - 1.0) * duration_s
-    states = np.zeros((len(s), 12))
-    states[:, :6] = start + (end - start) * blend + leaving * slide + arriving * brake
-    speed = (end - start) * 6.0 * s * (1.0 - s) / duration_s
-    speed += leaving * (1.0 - s) * (1.0 - 3.0 * s) + arriving * s * (3.0 * s - 2.0)
-    states[:, 6:9] = speed[:, :3]
-    return states
-
-
 def _release_state(
     parameters: HopperParameters, operator: Operator, rng: np.random.Generator, *, yaw_rad: float
 ) -> FloatArray:
@@ -211,21 +109,3 @@ def _release_state(
     state[:2] = operator.release_spread_m * rng.uniform(-1.0, 1.0, 2)
     state[3] = yaw_rad
     return state
-
-
-def _boom_reversed(parameters: HopperParameters, hop: Hop) -> HopperParameters:
-    return replace(
-        parameters, boom_angle_rad=hop.boom_angle_rad, boom_swing_rad=-parameters.boom_swing_rad
-    )
-
-
-def _carry(
-    tape: _Tape, hop: Hop, release: FloatArray, carry_s: float, parameters: HopperParameters
-) -> None:
-    """Put the operator's handling on the tape; the counterweight stays where it is."""
-    frames = tape.frames_within(carry_s)
-    boom = counterweight_places(frames, replace(parameters, boom_swing_rad=0.0).vector())
-    tape.lift(hop.legs_down(), hop.end_state)
-    tape.add_frames(carried(hop.end_state, release, carry_s, frames), boom)
-    tape.clock += carry_s
-    tape.n_carries += 1

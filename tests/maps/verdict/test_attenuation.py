@@ -28,7 +28,7 @@ def studies(noise, instant_noise_s, heights, repeats=12):
         instants = exact + instant_noise_s * rng.standard_normal(exact.shape)
         expected = expected_contacts(seen, instants)
         fit = fit_kinks(seen, y, expected)[0]
-        matrix = attenuation(fit, seen, expected, noise, instant_noise_s, generator=rng)
+        matrix = attenuation(fit, seen, expected, np.diag(noise**2), instant_noise_s, generator=rng)
         whole = calibrated(fit, matrix)
         found.append(SPREAD_S * fit.seen @ fit.coefficients)
         restored.append(SPREAD_S * whole.seen @ whole.coefficients)

@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 from kinked_landings import landings
 
-from hopdata.maps.verdict.effect import detectable_size, effect_size, squared_size
+from hopdata.maps.verdict.effect import (
+    detectable_size,
+    effect_size,
+    outcome_variance,
+    squared_size,
+)
 from hopdata.maps.verdict.estimate import choose_window, expected_contacts, fit_kinks
 from hopdata.maps.verdict.graphs import rank_gap
 from hopdata.maps.verdict.inputs import section_landings
@@ -16,7 +21,11 @@ from hopdata.maps.verdict.membership import memberships
 from hopdata.maps.verdict.residuals import shuffled
 from hopdata.maps.verdict.shrinkage import variance_ratios
 from hopdata.maps.verdict.significance import KinkTest, flip_signs
-from hopdata.maps.verdict.smooth import free_terms, number_of_free_terms, shrunk_terms
+from hopdata.maps.verdict.smooth import (
+    free_terms,
+    number_of_free_terms,
+    shrunk_terms,
+)
 
 
 @pytest.fixture
@@ -85,6 +94,21 @@ def test_noise_free_kinks_are_recovered():
     assert np.abs(left).max() < 0.05 * np.abs(kinked).max()
 
 
+def test_the_map_is_the_mean_of_those_of_the_orders():
+    """With kinks of the latest foot alone, whose mean derivative is known."""
+    data = landings(n=1200, noise=0.0)
+    x = (data.x - data.x.mean(axis=0)) / data.x.std(axis=0)
+    t = expected_contacts(x, data.instants)
+    latest = np.random.default_rng(4).standard_normal((4, 11))
+    y = x @ np.random.default_rng(6).standard_normal((8, 11)) + 100.0 * kinks(t) @ latest
+    fit = fit_kinks(x, y, t)[0]
+    orders = list(permutations(range(3)))
+    slopes = np.mean([kink_slopes(order) for order in orders], axis=0)
+    smooth = y - 100.0 * kinks(t) @ latest + 100.0 * t @ slopes.T @ latest
+    found = outcome_variance(fit, x, t, orders)
+    assert found == pytest.approx(np.var(smooth, axis=0, ddof=1).sum(), rel=1e-6)
+
+
 def test_wrong_instants_do_not_move_the_expected_ones():
     data = landings(n=600)
     x = (data.x - data.x.mean(axis=0)) / data.x.std(axis=0)
@@ -137,7 +161,9 @@ def fitted():
     data = landings(n=600, noise=0.3)
     section = section_landings(data.before, data.after, data.instants, 0.05)
     fit = choose_window(fit_kinks(section.inputs, section.outputs, section.expected))
-    form = squared_size(fit, section.inputs, section.expected, list(section.members.schedules))
+    schedules = list(section.members.schedules)
+    outcome = outcome_variance(fit, section.inputs, section.expected, schedules)
+    form = squared_size(fit, section.expected, schedules, outcome)
     return fit, form
 
 

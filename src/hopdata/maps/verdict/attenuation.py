@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hopdata.maps.verdict.estimate import KinkFit, expected_contacts, fit_window
 from hopdata.maps.verdict.kinks import kinks
+from hopdata.maps.verdict.significance import draws
 
 #: Times that noise is added.
 _REPEATS = 4
@@ -28,7 +29,7 @@ def attenuation(
     fit: KinkFit,
     inputs: Floats,
     expected: Floats,
-    input_noise: Floats,
+    input_errors: Floats,
     instant_noise_s: Floats,
     *,
     generator: np.random.Generator,
@@ -41,8 +42,8 @@ def attenuation(
         Kinks of the chosen window.
     inputs, expected
         (N, p) inputs and (N, feet) expected contact instants, s.
-    input_noise
-        (p,) standard deviations of the noise in the inputs.
+    input_errors
+        (p, p) covariance of the errors of the inputs.
     instant_noise_s
         (feet,) standard deviations of the noise in the measured instants, s.
     generator
@@ -51,7 +52,7 @@ def attenuation(
     heights = kinks(expected) @ fit.seen
     total = np.zeros((fit.seen.shape[1],) * 2)
     for _ in range(_REPEATS):
-        noisier = inputs + input_noise * generator.standard_normal(inputs.shape)
+        noisier = inputs + draws(input_errors, len(inputs), generator)
         instants = expected + instant_noise_s * generator.standard_normal(expected.shape)
         again = fit_window(
             noisier, heights, expected_contacts(noisier, instants), fit.rows, fit.window, fit.degree

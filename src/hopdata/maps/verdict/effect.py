@@ -49,8 +49,8 @@ class EffectSize:
     detectable: float
 
 
-def squared_size(fit: KinkFit, x: Floats, instants: Floats, schedules: list[Feet]) -> Floats:
-    """Return the matrix (m, m) of the squared effect size as a form in the coefficients.
+def outcome_variance(fit: KinkFit, x: Floats, instants: Floats, schedules: list[Feet]) -> float:
+    """Return the mean square outcome of the linear map: the mean of the schedules' derivatives.
 
     Parameters
     ----------
@@ -61,15 +61,33 @@ def squared_size(fit: KinkFit, x: Floats, instants: Floats, schedules: list[Feet
     schedules
         Schedules seen, each as the feet in their order.
     """
+    t = instants - instants.mean(axis=1, keepdims=True)
+    slopes = np.mean([kink_slopes(order) for order in schedules], axis=0)
+    outcome = x @ fit.linear + t @ slopes.T @ fit.seen @ fit.coefficients
+    return float(np.sum(np.var(outcome, axis=0, ddof=1)))
+
+
+def squared_size(fit: KinkFit, instants: Floats, schedules: list[Feet], outcome: float) -> Floats:
+    """Return the matrix (m, m) of the squared effect size as a form in the coefficients.
+
+    Parameters
+    ----------
+    fit
+        Kinks of one window.
+    instants
+        (N, feet) expected contact instants of the study.
+    schedules
+        Schedules seen, each as the feet in their order.
+    outcome
+        See `outcome_variance`.
+    """
     spread = np.cov(instants - instants.mean(axis=1, keepdims=True), rowvar=False)
     total = np.zeros((fit.seen.shape[1],) * 2)
     pairs = list(combinations(schedules, 2))
     for a, b in pairs:
         change = fit.seen.T @ (kink_slopes(a) - kink_slopes(b))
         total += change @ spread @ change.T / len(pairs)
-    outcome = fit.linear.T @ np.cov(x, rowvar=False) @ fit.linear
-    form: Floats = np.kron(total, np.eye(len(outcome))) / np.trace(outcome)
-    return form
+    return np.asarray(np.kron(total, np.eye(fit.coefficients.shape[1])) / outcome, float)
 
 
 def effect_size(

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError
+from hopdata.maps.corrected.marker_noise import input_errors, marker_noise
 from hopdata.maps.rigid import (
+    RigidStates,
     body_shape,
     input_noise,
     output_weights,
@@ -39,8 +41,8 @@ class SectionLandings:
         (n, feet) contact instants to be expected from the inputs, s, mean of the feet removed.
     members
         Schedules to be expected, with weights.
-    noise
-        (8,) measurement noise of the inputs in units of their spread.
+    errors
+        (8, 8) covariance of the errors of the inputs.
     instant_noise_s
         (feet,) scatter of the measured instants about those expected, s.
     """
@@ -49,8 +51,14 @@ class SectionLandings:
     outputs: Floats
     expected: Floats
     members: Memberships
-    noise: Floats
+    errors: Floats
     instant_noise_s: Floats
+
+    @property
+    def noise(self) -> Floats:
+        """Standard deviations (8,) of the errors of the inputs, whose own are one."""
+        deviations: Floats = np.sqrt(np.diag(self.errors))
+        return deviations
 
 
 def section_landings(x: Floats, y: Floats, instants: Floats, time_unit_s: float) -> SectionLandings:
@@ -92,5 +100,12 @@ def section_landings(x: Floats, y: Floats, instants: Floats, time_unit_s: float)
     miss = instants - instants.mean(axis=1, keepdims=True) - expected
     doubt = 1.4826 * np.median(np.abs(miss), axis=0)
     members = memberships(expected, np.broadcast_to(doubt, expected.shape), LEAST_CLASS)
-    noise = input_noise(before, shape) / deviation
-    return SectionLandings(inputs, outputs, expected, members, noise, doubt)
+    errors = _input_errors(x, y, before, shape) / np.outer(deviation, deviation)
+    return SectionLandings(inputs, outputs, expected, members, errors, doubt)
+
+
+def _input_errors(x: Floats, y: Floats, before: RigidStates, shape: Floats) -> Floats:
+    """Return the covariance (8, 8) of the errors of the inputs, from what is not rigid in them."""
+    if (before.velocity[:, 2] < 0).all():
+        return input_errors(x, y, shape, marker_noise(x, shape)).inputs
+    return np.diag(input_noise(before, shape) ** 2)  # no fall through a section, no noisy instant

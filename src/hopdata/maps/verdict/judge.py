@@ -7,8 +7,6 @@ question in the dissertation's ways (`specialised`, `graphs`).
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -16,7 +14,12 @@ from hopdata.errors import AnalysisError
 from hopdata.maps.draws import named_generator
 from hopdata.maps.verdict.answer import CANNOT_TELL, Verdict, WindowResult, conclude, sentence
 from hopdata.maps.verdict.attenuation import attenuation, calibrated
-from hopdata.maps.verdict.effect import EffectSize, effect_size, squared_size
+from hopdata.maps.verdict.effect import (
+    EffectSize,
+    effect_size,
+    outcome_variance,
+    squared_size,
+)
 from hopdata.maps.verdict.estimate import KinkFit, choose_window, fit_kinks
 from hopdata.maps.verdict.graphs import SubspaceTest, compare_subspaces
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings, section_landings
@@ -81,13 +84,15 @@ def judge(
     fit = choose_window(fits)
     schedules = list(landings.members.schedules)
 
+    # Each window sees kinks of its own; all are measured against the same linear map.
+    whole = _without_attenuation(fit, landings, seed)
+    outcome = outcome_variance(whole, landings.inputs, landings.expected, schedules)
+
     def size(one: KinkFit) -> EffectSize:
-        # Each window sees kinks of its own; all are measured against the same linear map.
-        alike = replace(one, linear=fit.linear)
-        form = squared_size(alike, landings.inputs, landings.expected, schedules)
+        form = squared_size(one, landings.expected, schedules, outcome)
         own = named_generator(seed, "verdict", "effect", str(one.window))
-        whole = _without_attenuation(one, landings, seed)
-        return effect_size(whole, form, generator=own, confidence=confidence, power=power)
+        restored = whole if one is fit else _without_attenuation(one, landings, seed)
+        return effect_size(restored, form, generator=own, confidence=confidence, power=power)
 
     sizes = {one.window: size(one) for one in (fits if all_windows else [fit])}
     windows = tuple(
@@ -124,7 +129,7 @@ def _without_attenuation(fit: KinkFit, landings: SectionLandings, seed: int) -> 
         fit,
         landings.inputs,
         landings.expected,
-        landings.noise,
+        landings.errors,
         landings.instant_noise_s,
         generator=generator,
     )

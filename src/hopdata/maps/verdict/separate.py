@@ -39,7 +39,7 @@ def separate_difference(
         (n, schedules) membership of each landing; each counts where it weighs most.
     covariance
         (p, p) of the inputs of the study: in all windows a change of the outcome counts by what it
-        is over these inputs, as in `hopdata.maps.verdict.effect.squared_size`.
+        is over these inputs, as in `hopdata.maps.verdict.effect.outcome_variance`.
     generator
         Source of the halvings.
 

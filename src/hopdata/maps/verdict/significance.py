@@ -62,15 +62,15 @@ def flip_signs(fit: KinkFit, *, generator: np.random.Generator, flips: int = 199
     root = np.linalg.cholesky(scores.T @ scores + fit.curvature)
     statistic = float(np.sum(np.linalg.solve(root, fit.coefficients.ravel()) ** 2))
     signs = 2.0 * generator.integers(0, 2, size=(flips, len(scores))) - 1.0
-    drawn = signs @ scores + _draws(fit.curvature, flips, generator)
+    drawn = signs @ scores + draws(fit.curvature, flips, generator)
     null = np.sum(np.linalg.solve(root, drawn.T) ** 2, axis=0)
     p_value = (1 + int(np.sum(null >= statistic))) / (1 + flips)
     return KinkTest(statistic, fit.coefficients.size, p_value, flips)
 
 
-def _draws(covariance: Floats, count: int, generator: np.random.Generator) -> Floats:
+def draws(covariance: Floats, count: int, generator: np.random.Generator) -> Floats:
     """Return normal draws (count, m) of a covariance that may be singular."""
     values, vectors = np.linalg.eigh(covariance)
     normal = generator.standard_normal((count, len(values)))
-    draws: Floats = normal @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
-    return draws
+    drawn: Floats = normal @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    return drawn

@@ -1,0 +1,333 @@
+"""Models of the frame change: how well they predict, from how many hops, and what they cost.
+
+    python benchmarks/frame_change_models.py --out frame_change_models.csv
+
+Recordings of the steered hopper, excited at random as printed (Algorithm 1), are observed by motion
+capture: markers with noise, poses and boom angles by `hopdata.steering.observation`. Each model
+learns from 100 random hops of one recording, one draw a recording, and is tested on the other hops
+of that recording ("rest"), on a recording with swings of any size ("any swing"), and on the true
+map of a hopper that nothing disturbs ("true map", without its history).
+
+Beside `frame_change_models.csv`:
+
+- `frame_change_learning.csv`: the error by the number of hops, all recordings pooled, tested on
+  the other hops.
+- `frame_change_kernels.csv`: four smoothnesses of the kernel in the readings of Section 3.4.2, on
+  the hopper and on analytic functions.
+- `frame_change_cost.csv`: time of a prediction and its gradient beside scikit-learn's `predict` and
+  forward differences, with the same hyper-parameters, and the largest difference.
+- `frame_change_map.csv`, `frame_change_points.csv`: the printed and the recommended model over
+  their inputs, and the hops that they have learned from (Figure 3.3).
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import one_thread  # noqa: F401  first, since it sets the number of threads
+import pandas as pd
+from numpy.typing import NDArray
+from timing import quartiles
+
+from hopdata.steering.excitation import ControlGrid, random_excitation
+from hopdata.steering.frame_change_errors import frame_change_errors
+from hopdata.steering.frame_changes import (
+    FrameChanges,
+    frame_changes,
+    frame_changes_at_frames,
+    joined,
+)
+from hopdata.steering.models.hyperparameters import regressor_of
+from hopdata.steering.models.kernels import embedded
+from hopdata.steering.models.learning import (
+    IN_UNITS,
+    UNITS,
+    learning_scores,
+    prediction_score,
+    random_split,
+    score_rows,
+    with_intervals,
+)
+from hopdata.steering.models.map_tables import map_table, training_table
+from hopdata.steering.models.options import (
+    PRINTED,
+    RECOMMENDED,
+    WITH_PREVIOUS_CHANGE,
+    WITH_PREVIOUS_SWING,
+    process_inputs,
+)
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.smoothness import smooth_truth, smoothness_scores
+from hopdata.steering.models.tabulated import tabulated, tabulation_errors
+from hopdata.steering.models.training import trained_process
+from hopdata.steering.observation.calibration import calibrate
+from hopdata.steering.observation.stance_states import observe_stances
+from hopdata.steering.plant.robot import SteeredHopper
+from hopdata.steering.plant.trial import SteeredTrial, record_trial
+from hopdata.steering.plant.true_map import TrueFrameChanges, true_frame_changes
+
+FloatArray = NDArray[np.float64]
+
+ROBOT = SteeredHopper()
+LIMIT = ROBOT.swing_limit_rad
+TRAIN = 100
+MODELS = {
+    "printed": PRINTED,
+    "copies": replace(RECOMMENDED, periodic=False),
+    "recommended": RECOMMENDED,
+    "previous swing": WITH_PREVIOUS_SWING,
+    "previous change": WITH_PREVIOUS_CHANGE,
+}
+CURVES = ("printed", "recommended", "previous swing", "previous change")
+SIZES = (20, 35, 60, 100, 170, 300)
+SCORES = ("r2", "rmse", "coverage")
+STEP = 1.5e-8  # of forward differences, SciPy's default
+
+
+def observed(trial: SteeredTrial, name: str) -> FrameChanges:
+    """Return the frame changes that motion capture sees."""
+    states = observe_stances(trial.recording, calibrate(trial.recording))
+    return frame_changes(
+        states.time_s,
+        states.pose,
+        states.boom_angle,
+        states.pairs,
+        swing_limit_rad=LIMIT,
+        recording=name,
+    )
+
+
+def true_hops(trial: SteeredTrial, name: str) -> FrameChanges:
+    """Return the frame changes that truly happened."""
+    return frame_changes_at_frames(
+        trial.stances.pairs(),
+        trial.poses,
+        trial.boom_angle_rad,
+        rate_hz=trial.recording.rate_hz,
+        swing_limit_rad=LIMIT,
+        recording=name,
+    )
+
+
+def excited(seed: int, recordings: int) -> Iterator[SteeredTrial]:
+    """Record the hopper with printed excitations."""
+    for stream in np.random.SeedSequence(seed).spawn(recordings):
+        swings = random_excitation(ControlGrid(), np.random.default_rng(stream)).swings
+        yield record_trial(ROBOT, swings, seed=stream.generate_state(2).tolist())
+
+
+def any_swing(seed: int, hops: int) -> FrameChanges:
+    """Record the hopper with swings of any size."""
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 1]))
+    return observed(record_trial(ROBOT, rng.uniform(-LIMIT, LIMIT, hops), seed=[seed, 2]), "any")
+
+
+def measurement_rows(trials: list[SteeredTrial], seen: list[FrameChanges]) -> list[dict[str, Any]]:
+    """Errors of the measured frame changes themselves."""
+    found = [
+        frame_change_errors(hops, true_hops(trial, ""))
+        for trial, hops in zip(trials, seen, strict=True)
+    ]
+    rms = np.array([[e.rms()[name] for name in ("dx_m", "dy_m", "dtheta_rad")] for e in found])
+    print("missed, invented:", [(e.missed, e.invented) for e in found])
+    return [
+        {
+            "model": "measurement",
+            "test": "truth",
+            "component": component,
+            "unit": unit,
+            "draw": draw,
+            "rmse": value,
+        }
+        for draw, row in enumerate(rms * IN_UNITS)
+        for component, unit, value in zip(("dx", "dy", "dtheta"), UNITS, row, strict=True)
+    ]
+
+
+def on_true_map(process: FrameChangeProcess, true: TrueFrameChanges) -> FloatArray:
+    """Predicted less true frame changes, averaged over what came before, (A * S, 3)."""
+    mesh = np.meshgrid(true.boom_angle_rad, true.swing_rad, true.previous_swing_rad, indexing="ij")
+    inputs = [axis.ravel() for axis in mesh[: process.n_inputs]]
+    predicted = process.change(*inputs).reshape(true.change.shape).mean(axis=2)
+    return (predicted - true.average()).reshape(-1, 3)
+
+
+def true_map_rows(
+    process: FrameChangeProcess, true: TrueFrameChanges, labels: dict[str, Any]
+) -> list[dict[str, Any]]:
+    square = np.mean(on_true_map(process, true) ** 2, axis=0)
+    r2 = 1 - square / true.average().reshape(-1, 3).var(axis=0)
+    rmse = np.sqrt(square) * IN_UNITS
+    rows = zip(("dx", "dy", "dtheta"), UNITS, r2, rmse, strict=True)
+    names = ("component", "unit", "r2", "rmse")
+    return [{**labels, **dict(zip(names, row, strict=True))} for row in rows]
+
+
+def model_rows(
+    seen: list[FrameChanges], other: FrameChanges, true: TrueFrameChanges, seed: int
+) -> Iterator[dict[str, Any]]:
+    """Scores of all models, trained on a part of each recording."""
+    for draw, hops in enumerate(seen):
+        usable = with_past(hops)
+        rng = np.random.default_rng(np.random.SeedSequence([seed, draw, 3]))
+        train, rest = random_split(len(usable), TRAIN, rng)
+        for name, options in MODELS.items():
+            process = trained_process(usable.rows(train), options, seed=draw)
+            for test, data in (("rest", usable.rows(rest)), ("any swing", with_past(other))):
+                inputs = process_inputs(data, options.history)
+                score = prediction_score(process, inputs, data.change)
+                yield from score_rows(score, {"model": name, "test": test, "draw": draw})
+            if options.history in ("none", "swing"):
+                labels = {"model": name, "test": "true map", "draw": draw}
+                yield from true_map_rows(process, true, labels)
+
+
+def with_past(hops: FrameChanges) -> FrameChanges:
+    """Return the used hops that have one before them."""
+    used = hops.used()
+    return used.rows(np.isfinite(used.previous_change).all(axis=1))
+
+
+def kernel_table(hops: FrameChanges, draws: int, seed: int) -> pd.DataFrame:
+    """Compare the smoothnesses on the hopper and on analytic functions."""
+    parts = []
+    for name, data in (("hopper", hops), ("smooth truth", smooth_truth(400, LIMIT, seed))):
+        scores = smoothness_scores(data, draws=draws, seed=seed, train=TRAIN)
+        parts.append(scores.assign(data=name))
+    by = ["data", "reading", "smoothness", "component", "unit"]
+    return with_intervals(pd.concat(parts), by, [*SCORES, "log_likelihood"])
+
+
+def sklearn_change(regressors: list[Any], process: FrameChangeProcess, points: FloatArray) -> Any:
+    """Predict as printed: three regressors."""
+    asked = embedded(points, process.periodic)
+    found = np.column_stack([one.predict(asked) for one in regressors])
+    return found * process.unit + process.offset
+
+
+def sklearn_sd(regressors: list[Any], process: FrameChangeProcess, points: FloatArray) -> Any:
+    """Predict with standard deviations."""
+    asked = embedded(points, process.periodic)
+    return [one.predict(asked, return_std=True) for one in regressors]
+
+
+def sklearn_gradient(regressors: list[Any], process: FrameChangeProcess, points: FloatArray) -> Any:
+    """Predict, and differentiate by forward differences."""
+    here = sklearn_change(regressors, process, points)
+    slopes = []
+    for axis in range(points.shape[1]):
+        moved = points.copy()
+        moved[:, axis] += STEP
+        slopes.append((sklearn_change(regressors, process, moved) - here) / STEP)
+    return here, np.stack(slopes, axis=-1)
+
+
+def cost_rows(hops: FrameChanges, other: FrameChanges, seed: int) -> Iterator[dict[str, Any]]:
+    """Yield times and differences of each way to ask a model."""
+    for name in ("printed", "recommended"):
+        process = trained_process(hops, MODELS[name], seed=seed)
+        regressors = [regressor_of(process, j) for j in range(3)]
+        table = tabulated(process, LIMIT)
+        agreement = disagreement(process, regressors, process_inputs(other.used(), "none"))
+        value, gradient = tabulation_errors(table, process)
+        for n in (1, 1000):
+            points = np.resize(process_inputs(other.used(), "none"), (n, 2))
+            columns = points.T.copy()
+            runs: dict[str, Callable[[], object]] = {
+                "closed form": lambda p=process, c=columns: p.change_and_gradient(*c),
+                "table": lambda t=table, c=columns: t.change_and_gradient(*c),
+                "closed form, sd": lambda p=process, c=columns: p.sd(*c),
+                "scikit-learn, mean": lambda r=regressors, p=process, x=points: sklearn_change(
+                    r, p, x
+                ),
+                "scikit-learn, sd": lambda r=regressors, p=process, x=points: sklearn_sd(r, p, x),
+                "scikit-learn, differences": lambda r=regressors, p=process, x=points: (
+                    sklearn_gradient(r, p, x)
+                ),
+            }
+            times = quartiles(runs, fewest=5, most=31)
+            slowest = times["scikit-learn, differences"][1]
+            for way, (low, median, high) in times.items():
+                yield {
+                    "model": name,
+                    "training_points": len(process.inputs),
+                    "points": n,
+                    "way": way,
+                    "us_per_point": 1e6 * median / n,
+                    "us_q25": 1e6 * low / n,
+                    "us_q75": 1e6 * high / n,
+                    "times_faster": slowest / median,
+                    **(agreement if way.startswith("closed") else {}),
+                    **(table_errors(value, gradient) if way == "table" else {}),
+                }
+
+
+def table_errors(value: FloatArray, gradient: FloatArray) -> dict[str, float]:
+    names = ("table_error_mm", "table_error_mrad", "table_slope_error_mm", "table_slope_error_mrad")
+    largest = (value[:2].max(), value[2], gradient[:2].max(), gradient[2])
+    return {name: float(1e3 * error) for name, error in zip(names, largest, strict=True)}
+
+
+def disagreement(
+    process: FrameChangeProcess, regressors: list[Any], points: FloatArray
+) -> dict[str, float]:
+    """Largest differences from scikit-learn, m or rad, of mean and standard deviation."""
+    asked = embedded(points, process.periodic)
+    peers = [one.predict(asked, return_std=True) for one in regressors]
+    mean = np.column_stack([peer[0] for peer in peers]) * process.unit + process.offset
+    sd = np.column_stack([peer[1] for peer in peers]) * process.unit
+    return {
+        "mean_difference": float(np.abs(process.mean_at(points) - mean).max()),
+        "sd_difference": float(np.abs(process.sd_at(points, observed=True) - sd).max()),
+    }
+
+
+def map_tables(hops: FrameChanges, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the maps of Figure 3.3, and the hops behind them."""
+    maps, points = [], []
+    for name in ("printed", "recommended"):
+        process = trained_process(hops, MODELS[name], seed=seed)
+        maps.append(map_table(process, LIMIT).assign(model=name))
+        points.append(training_table(process).assign(model=name))
+    return pd.concat(maps), pd.concat(points)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True, help="CSV to write, others beside it")
+    parser.add_argument("--recordings", type=int, default=12)
+    parser.add_argument("--draws", type=int, default=8, help="random sets of each size")
+    parser.add_argument("--seed", type=int, default=20261121)
+    arguments = parser.parse_args()
+    seed, draws = arguments.seed, arguments.draws
+
+    def write(name: str, table: pd.DataFrame) -> None:
+        print(f"{name}\n{table.head(80).to_string(index=False)}", flush=True)
+        table.to_csv(arguments.out.with_name(name), index=False, float_format="%.6g")
+
+    trials = list(excited(seed, arguments.recordings))
+    seen = [observed(trial, f"trial {k}") for k, trial in enumerate(trials)]
+    other, true = any_swing(seed, 600), true_frame_changes(ROBOT, boom_angles=24, swings=9)
+    rows = [*measurement_rows(trials, seen), *model_rows(seen, other, true, seed)]
+    by = ["model", "test", "component", "unit"]
+    write(arguments.out.name, with_intervals(pd.DataFrame(rows), by, SCORES))
+    pool = joined(seen)
+    first = with_past(seen[0])
+    chosen, _ = random_split(len(first), TRAIN, np.random.default_rng(seed))
+    write("frame_change_cost.csv", pd.DataFrame(cost_rows(first.rows(chosen), other, seed)))
+    for name, table in zip(("map", "points"), map_tables(first.rows(chosen), seed), strict=True):
+        write(f"frame_change_{name}.csv", table)
+    models = {name: MODELS[name] for name in CURVES}
+    scores = learning_scores(pool, models, SIZES, draws=draws, seed=seed)
+    curve = with_intervals(scores, ["model", "hops", "component", "unit"], SCORES)
+    write("frame_change_learning.csv", curve)
+    write("frame_change_kernels.csv", kernel_table(pool, draws, seed))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,330 @@
+"""Control of the steered hopper: time and quality of plans, and what they achieve in closed loop.
+
+    python benchmarks/steering_control.py --out steering_control.csv
+
+In `steering_control.csv` each row is 30 random starts with one controller and one map: "true" is
+the plant's own, averaged over the swing before, which the ceiling knows; "learned" are Gaussian
+processes from the first 100 hops of a printed excitation, seen by motion capture, and the starts
+take turns with three of them. Poses are measured with noise. Success, by task:
+
+- "facing", "90 degrees left", "90 degrees right", "away": from 1 m, the origin being ahead, to the
+  left, to the right or behind: within 0.2 m of it in at most 16 hops (facing) or 40;
+- "any heading": within 0.15 m in at most 60 hops, and within 0.25 m for the next ten; "board": with
+  a board of 4 N across the way;
+- "turn": heading error, of 180 degrees at first, at most 15 degrees in at most 25 hops; hops to 10
+  degrees stand beside. The boom starts in neutral, or "any boom angle".
+
+Intervals are Clopper and Pearson's of 95 %. `hops_ratio` is the mean number of hops to the goal
+over that with the true map, both of the starts from which both arrived.
+
+`steering_replanning.csv`: plans from random states within 1 m and any boom angle, half of them
+towards the origin and half to a heading. `excess` is over the lowest objective on a dense grid
+and after scipy's polish, m or rad; more than 1e-3 is bad. Times are CPU times of one thread.
+
+`steering_turns.csv`: the largest turn that any swings make of the true map, without noise, by the
+number of hops, with the boom in neutral at first or at the best angle.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import one_thread  # noqa: F401  first, since it sets the number of threads
+import pandas as pd
+from numpy.typing import NDArray
+from steering_setting import (
+    LIMIT,
+    ROBOT,
+    Maps,
+    board_before,
+    maps,
+    start_facing,
+    start_turning,
+)
+from timing import timed
+
+from hopdata.steering.control.globalised import GlobalisedController
+from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, errors_left
+from hopdata.steering.control.plan import Controller
+from hopdata.steering.control.planner import Planner, planner
+from hopdata.steering.control.printed import PrintedController
+from hopdata.steering.control.reference import reference_objective
+from hopdata.steering.experiments.closed_loop import PoseNoise, closed_loop
+from hopdata.steering.models.tabulated import TabulatedMap, tabulated, turn_nodes
+
+FloatArray = NDArray[np.float64]
+OFF = {
+    "facing": 0.0,
+    "90 degrees left": -np.pi / 2,
+    "90 degrees right": np.pi / 2,
+    "away": np.pi,
+    "any heading": None,
+    "any heading, board": None,
+}
+BUDGET_S = 0.1
+
+
+@dataclass(frozen=True)
+class Run:
+    """Hops to the goal (NaN: never), those to a stricter one, and whether the trial succeeded."""
+
+    success: bool
+    hops: float
+    strict_hops: float
+    fell: bool
+
+
+def interval(successes: int, runs: int) -> tuple[float, float]:
+    """Clopper and Pearson's."""
+    from scipy.stats import binomtest
+
+    found = binomtest(successes, runs).proportion_ci(method="exact")
+    return float(found.low), float(found.high)
+
+
+def first_below(errors: FloatArray, bound: float) -> float:
+    """Hops until the error is within the bound; NaN if it never is."""
+    within = np.flatnonzero(errors <= bound)
+    return float(within[0]) if len(within) else np.nan
+
+
+def to_origin(controller: Controller, task: str, number: int, seed: int) -> Run:
+    """One trial from 1 m."""
+    start = start_facing(number, OFF[task], seed)
+    stays = task.startswith("any")
+    most = 60 if stays else 16 if task == "facing" else 40
+    trial = closed_loop(
+        ROBOT, controller, start, hops=most + 10 * stays, seed=[seed, number, 1],
+        observe=PoseNoise(), board=board_before(start) if "board" in task else None,
+    )  # fmt: skip
+    left = errors_left(ToPoint(), trial.poses)
+    hops, strict = first_below(left[: most + 1], 0.15 if stays else 0.2), first_below(left, 0.1)
+    success = not np.isnan(hops) and not trial.fell
+    if success and stays:
+        success = bool(np.all(left[int(hops) : int(hops) + 11] <= 0.25))
+    return Run(success, hops, strict, trial.fell)
+
+
+def turning(controller: Any, task: str, number: int, seed: int) -> Run:
+    """One turn by 180 degrees."""
+    start = start_turning(number, seed)
+    goal = ToHeading(heading_rad=float(start[2] + np.pi))
+    rng = np.random.default_rng(np.random.SeedSequence([seed, number, 2]))
+    boom = rng.uniform(0, 2 * np.pi) if "any boom" in task else np.pi
+    trial = closed_loop(
+        ROBOT, controller.towards(goal), start, hops=32, seed=[seed, number, 1],
+        observe=PoseNoise(), boom_angle_rad=boom,
+    )  # fmt: skip
+    left = errors_left(goal, trial.poses)
+    hops = first_below(left, np.radians(15))
+    return Run(bool(hops <= 25), hops, first_below(left, np.radians(10)), trial.fell)
+
+
+def control_row(
+    task: str, name: str, kind: str, controllers: Any, starts: int, seed: int
+) -> tuple[dict[str, Any], list[Run]]:
+    """One row of the table, and its trials."""
+    trial = turning if task.startswith("turn") else to_origin
+    runs = [
+        trial(controllers[number % len(controllers)], task, number, seed)
+        for number in range(starts)
+    ]
+    successes = sum(run.success for run in runs)
+    low, high = interval(successes, starts)
+    hops = np.array([run.hops for run in runs])
+    strict = np.array([run.strict_hops for run in runs])
+    row = {
+        "task": task, "controller": name, "map": kind, "starts": starts, "successes": successes,
+        "share": successes / starts, "low": low, "high": high,
+        "arrived": int(np.sum(~np.isnan(hops))), "hops_median": _median(hops),
+        "hops_max": _largest(hops), "strict_hops_median": _median(strict),
+        "strict_hops_max": _largest(strict), "falls": sum(run.fell for run in runs),
+    }  # fmt: skip
+    print(row, flush=True)
+    return row, runs
+
+
+def control_table(found: Maps, starts: int, seed: int) -> pd.DataFrame:
+    """All rows of the closed loop."""
+    by_map = {"true": [found.true], "learned": found.learned}
+    planners = {kind: [planner(one) for one in models] for kind, models in by_map.items()}
+    turners = {
+        kind: [planner(one, ToHeading()) for one in models] for kind, models in by_map.items()
+    }
+    rows, trials = [], {}
+    for task in ("any heading", "any heading, board", "facing"):
+        for kind, controller in planners.items():
+            row, trials[task, kind] = control_row(task, "planner", kind, controller, starts, seed)
+            rows.append(row)
+        rows[-1]["hops_ratio"] = ratio(trials[task, "learned"], trials[task, "true"])
+    for task in ("turn", "turn, any boom angle"):
+        for kind, controller in turners.items():
+            row, trials[task, kind] = control_row(task, "planner", kind, controller, starts, seed)
+            rows.append(row)
+        rows[-1]["hops_ratio"] = ratio(trials[task, "learned"], trials[task, "true"])
+    for task in ("facing", "90 degrees left", "90 degrees right", "away"):
+        rows += short_rows(task, ToPoint(), found, starts, seed)
+    for task in ("turn", "turn, any boom angle"):
+        rows += short_rows(task, ToHeading(), found, starts, seed)
+    return pd.DataFrame(rows)
+
+
+def short_rows(task: str, goal: Any, found: Maps, starts: int, seed: int) -> list[dict[str, Any]]:
+    """Rows of the controllers without a cost-to-go."""
+    printed = PrintedController(model=found.true, objective=goal, gradient="closed form")
+    rows = [control_row(task, "printed", "true", [printed], starts, seed)[0]]
+    if task in ("facing", "turn"):
+        faithful = [PrintedController(model=one, objective=goal) for one in found.sklearn]
+        rows.append(control_row(task, "printed, sklearn", "learned", faithful, starts, seed)[0])
+    else:
+        learned = [replace(printed, model=one) for one in found.learned]
+        rows.append(control_row(task, "printed", "learned", learned, starts, seed)[0])
+    globalised = [GlobalisedController(model=one, objective=goal) for one in found.learned]
+    rows.append(control_row(task, "globalised", "learned", globalised, starts, seed)[0])
+    return rows
+
+
+def ratio(runs: list[Run], ceiling: list[Run]) -> float:
+    """Mean hops to the goal over those of the ceiling."""
+    pairs = np.array([(a.hops, b.hops) for a, b in zip(runs, ceiling, strict=True)])
+    pairs = pairs[~np.isnan(pairs).any(axis=1)]
+    return float(pairs[:, 0].mean() / pairs[:, 1].mean())
+
+
+def replanning_table(found: Maps, plans: int, slow_plans: int, seed: int) -> pd.DataFrame:
+    """Time and excess of the plans of each method."""
+    table = tabulated(found.copies[0], LIMIT)
+    methods = {
+        "globalised": (lambda goal: GlobalisedController(model=table, objective=goal), plans),
+        "printed, closed-form gradient": (
+            lambda goal: PrintedController(
+                model=found.copies[0], objective=goal, gradient="closed form"
+            ),
+            plans,
+        ),
+        "printed": (
+            lambda goal: PrintedController(model=found.sklearn[0], objective=goal),
+            slow_plans,
+        ),
+    }
+    goals = (ToPoint(), ToHeading())
+    poses, booms = random_states(plans, seed)
+    best = [
+        reference_objective(table, goals[k % 2], Horizon(), poses[k], booms[k])
+        for k in range(plans)
+    ]
+    rows = []
+    for name, (make, count) in methods.items():
+        controllers = [make(goal) for goal in goals]
+        rows += replanning_rows(name, controllers, poses, booms, np.array(best), count)
+    rows.append(planner_row(planner(table), poses, booms))
+    return pd.DataFrame(rows)
+
+
+def random_states(n: int, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Poses (n, 3) and boom angles (n,)."""
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 3]))
+    poses = rng.uniform(-1, 1, (n, 3)) * np.array([1.0, 1.0, np.pi])
+    return poses, rng.uniform(0, 2 * np.pi, n)
+
+
+def replanning_rows(
+    name: str,
+    controllers: list[Any],
+    poses: FloatArray,
+    booms: FloatArray,
+    best: FloatArray,
+    count: int,
+) -> list[dict[str, Any]]:
+    """Rows for both goals."""
+    for controller in controllers:
+        controller.plan(poses[0], booms[0])
+    times, excess = np.empty(count), np.empty(count)
+    for k in range(count):
+        controller = controllers[k % 2]
+        times[k], plan = timed(lambda c=controller, k=k: c.plan(poses[k], booms[k]))
+        excess[k] = plan.objective - best[k]
+    rows = []
+    for goal, chosen in {"to point": slice(0, None, 2), "to heading": slice(1, None, 2)}.items():
+        n, bad = len(times[chosen]), int(np.sum(excess[chosen] > 1e-3))
+        low, high = interval(bad, n)
+        rows.append(
+            {
+                "method": name, "goal": goal, "plans": n, **_time_columns(times[chosen]),
+                "bad": bad, "bad_share": bad / n, "bad_low": low, "bad_high": high,
+                "excess_max": float(excess[chosen].max()),
+                "excess_min": float(excess[chosen].min()),
+            }
+        )  # fmt: skip
+        print(rows[-1], flush=True)
+    return rows
+
+
+def planner_row(steering: Planner, poses: FloatArray, booms: FloatArray) -> dict[str, Any]:
+    """Return times of the planner, whose objective is another."""
+    steering.plan(poses[0], booms[0])
+    times = np.array(
+        [timed(lambda p=p, b=b: steering.plan(p, b))[0] for p, b in zip(poses, booms, strict=True)]
+    )
+    return {"method": "planner", "goal": "to point", "plans": len(times), **_time_columns(times)}
+
+
+def turns_table(true: TabulatedMap, most_hops: int = 30) -> pd.DataFrame:
+    """Largest turns to both sides, by dynamic programming over the boom angle."""
+    boom = turn_nodes(144)
+    grid = np.meshgrid(boom, np.linspace(-LIMIT, LIMIT, 37), indexing="ij")
+    turn = true.change(*(axis.ravel() for axis in grid))[:, 2].reshape(grid[0].shape)
+    rows = []
+    for side, sign in {"left": 1, "right": -1}.items():
+        best = np.zeros(len(boom))
+        for hops in range(1, most_hops + 1):
+            best = (sign * turn + np.interp(sum(grid), boom, best, period=2 * np.pi)).max(axis=1)
+            degrees = np.degrees([best[len(boom) // 2], best.max()])
+            rows.append((side, hops, *degrees))
+    columns = ["side", "hops", "from_neutral_deg", "from_best_boom_angle_deg"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _time_columns(times: FloatArray) -> dict[str, float]:
+    return {
+        "median_ms": 1e3 * float(np.median(times)),
+        "p99_ms": 1e3 * float(np.percentile(times, 99)),
+        "over_budget_share": float(np.mean(times > BUDGET_S)),
+    }
+
+
+def _median(values: FloatArray) -> float:
+    return float(np.median(values[~np.isnan(values)])) if np.any(~np.isnan(values)) else np.nan
+
+
+def _largest(values: FloatArray) -> float:
+    return float(np.nanmax(values)) if np.any(~np.isnan(values)) else np.nan
+
+
+def main() -> None:
+    """Measure and tabulate."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    parser.add_argument("--starts", type=int, default=30)
+    parser.add_argument("--plans", type=int, default=2000)
+    parser.add_argument("--slow-plans", type=int, default=400, help="of the printed controller")
+    parser.add_argument("--seed", type=int, default=20261121)
+    options = parser.parse_args()
+    found = maps(options.seed)
+    turns = turns_table(found.true)
+    turns.to_csv(options.out.with_name("steering_turns.csv"), index=False, float_format="%.6g")
+    control = control_table(found, options.starts, options.seed)
+    control.to_csv(options.out, index=False, float_format="%.6g")
+    replanning = replanning_table(found, options.plans, options.slow_plans, options.seed)
+    beside = options.out.with_name("steering_replanning.csv")
+    replanning.to_csv(beside, index=False, float_format="%.6g")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,214 @@
+"""Sequences of boom angles that excite every control on a grid (dissertation, Algorithm 1).
+
+The boom angle takes `n_angles` equally spaced values, and in each flight it moves by up to
+`n_steps` of them either way. Every one of these moves is wanted `repeats` times. The moves are the
+edges of a directed graph in which as many edges enter each angle as leave it, so it has an Eulerian
+circuit: a sequence without a superfluous hop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.errors import ConfigError
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlGrid:
+    """The controls to excite; the defaults are the dissertation's, 336 hops.
+
+    Parameters
+    ----------
+    n_angles : int
+        Number of equally spaced boom angles (printed N_p).
+    n_steps : int
+        Largest number of grid steps that the boom moves in one hop, either way (printed N_v).
+    repeats : int
+        How often each move is wanted (printed N_c).
+
+    Raises
+    ------
+    ConfigError
+        If one of them is below 1.
+    """
+
+    n_angles: int = 16
+    n_steps: int = 3
+    repeats: int = 3
+
+    def __post_init__(self) -> None:
+        for name in ("n_angles", "n_steps", "repeats"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name}: expected at least 1, found {getattr(self, name)}")
+
+    @property
+    def step_rad(self) -> float:
+        """Angle between neighbours on the grid."""
+        return 2 * np.pi / self.n_angles
+
+    @property
+    def steps(self) -> IntArray:
+        """Moves from every angle, (2 n_steps + 1,), in grid steps; positive counter-clockwise."""
+        return np.arange(-self.n_steps, self.n_steps + 1)
+
+    @property
+    def n_moves(self) -> int:
+        """Number of hops that are wanted, repeats included (printed: the sum over M)."""
+        return self.n_angles * len(self.steps) * self.repeats
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A sequence of n moves on a grid, between n + 1 angles.
+
+    Parameters
+    ----------
+    grid : ControlGrid
+    start : int
+        Index of the first boom angle.
+    steps : (n,) array of int
+        Move in the flight after each stance, in grid steps.
+    """
+
+    grid: ControlGrid
+    start: int
+    steps: IntArray
+
+    @property
+    def indices(self) -> IntArray:
+        """Index of the boom angle at each stance, (n + 1,), 0 to n_angles - 1."""
+        travel = np.concatenate([[0], np.cumsum(self.steps)])
+        return np.asarray((self.start + travel) % self.grid.n_angles)
+
+    @property
+    def swings(self) -> FloatArray:
+        """Swing in the flight after each stance but the last, (n,), rad."""
+        return np.asarray(self.steps * self.grid.step_rad, dtype=float)
+
+    @property
+    def counts(self) -> IntArray:
+        """How often each move was made, (n_angles, 2 n_steps + 1)."""
+        counts = np.zeros((self.grid.n_angles, len(self.grid.steps)), dtype=int)
+        np.add.at(counts, (self.indices[:-1], self.steps + self.grid.n_steps), 1)
+        return counts
+
+    @property
+    def coverage(self) -> float:
+        """Share of the wanted moves, repeats included, that were made."""
+        made = np.minimum(self.counts, self.grid.repeats).sum()
+        return float(made / self.grid.n_moves)
+
+    def angles(self, first_rad: float = 0.0) -> FloatArray:
+        """Boom angle commanded for each stance, (n + 1,), rad.
+
+        They are not wrapped: consecutive angles differ by the swing, also past the back.
+
+        Parameters
+        ----------
+        first_rad : float
+            Boom angle of index 0.
+        """
+        travel = np.concatenate([[0.0], np.cumsum(self.swings)])
+        return first_rad + self.start * self.grid.step_rad + travel
+
+    def first(self, n_hops: int) -> Excitation:
+        """Return the excitation of the first hops alone."""
+        return Excitation(self.grid, self.start, self.steps[:n_hops])
+
+
+def random_excitation(
+    grid: ControlGrid, rng: np.random.Generator, *, start: int = 0, limit: int | None = None
+) -> Excitation:
+    """Draw moves at random until all are made (Algorithm 1).
+
+    The next angle is drawn with the weight ``1 / n_steps + its number of moves still to make``,
+    among those to which a move is still wanted, or among all in reach if there are none. Put right
+    are what the print leaves out or mistakes: the size of its matrix, the draw itself, the copy of
+    the matrix, and the last angle, without which the last move would not be commanded.
+
+    Parameters
+    ----------
+    grid : ControlGrid
+    rng : numpy Generator
+    start : int
+        Index of the first boom angle.
+    limit : int, optional
+        Stop after so many hops; `Excitation.coverage` then tells what is missing.
+    """
+    wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
+    made: list[int] = []
+    k, left = start % grid.n_angles, wanted.sum()
+    while left > 0 and (limit is None or len(made) < limit):
+        choices = np.flatnonzero(wanted[k]) if wanted[k].any() else np.arange(len(grid.steps))
+        ends = (k + grid.steps[choices]) % grid.n_angles
+        weights = wanted[ends].sum(axis=1) + 1.0 / grid.n_steps
+        move = rng.choice(choices, p=weights / weights.sum())
+        if wanted[k, move] > 0:
+            wanted[k, move] -= 1
+            left -= 1
+        made.append(int(grid.steps[move]))
+        k = int((k + grid.steps[move]) % grid.n_angles)
+    return Excitation(grid, start % grid.n_angles, np.array(made, dtype=int))
+
+
+def eulerian_excitation(
+    grid: ControlGrid, rng: np.random.Generator, *, start: int = 0
+) -> Excitation:
+    """Draw a sequence that makes every move exactly as often as wanted, and ends where it began.
+
+    It goes in laps, each of which makes every move once, so that the first
+    ``n_moves / repeats`` hops cover the grid already. Each lap is drawn with equal probability
+    from all Eulerian circuits: a uniform random tree of last moves to the start (Wilson 1996),
+    the other moves in random order (the BEST theorem of van Aardenne-Ehrenfest and de Bruijn).
+
+    Parameters
+    ----------
+    grid : ControlGrid
+    rng : numpy Generator
+    start : int
+        Index of the first boom angle.
+    """
+    root = start % grid.n_angles
+    laps = [_random_lap(grid, rng, root) for _ in range(grid.repeats)]
+    return Excitation(grid, root, np.concatenate(laps))
+
+
+def _random_lap(grid: ControlGrid, rng: np.random.Generator, root: int) -> IntArray:
+    """Return an Eulerian circuit that makes every move once, as steps."""
+    last = _random_tree(grid, rng, root)
+    orders = [rng.permutation(grid.steps).tolist() for _ in range(grid.n_angles)]
+    for k in range(grid.n_angles):
+        if k != root:
+            orders[k].remove(last[k])
+            orders[k].append(int(last[k]))
+    lap, k = [], root
+    while orders[k]:
+        lap.append(orders[k].pop(0))
+        k = (k + lap[-1]) % grid.n_angles
+    return np.array(lap, dtype=int)
+
+
+def _random_tree(grid: ControlGrid, rng: np.random.Generator, root: int) -> IntArray:
+    """Step from each angle towards the root along a uniform random spanning tree, (n_angles,).
+
+    By loop-erased random walks: a walk's last exit from each angle is what remains of it.
+    """
+    step = np.zeros(grid.n_angles, dtype=int)
+    in_tree = np.zeros(grid.n_angles, dtype=bool)
+    in_tree[root] = True
+    for k in range(grid.n_angles):
+        here = k
+        while not in_tree[here]:
+            step[here] = rng.choice(grid.steps)
+            here = (here + step[here]) % grid.n_angles
+        here = k
+        while not in_tree[here]:
+            in_tree[here] = True
+            here = (here + step[here]) % grid.n_angles
+    return step

@@ -1,0 +1,1 @@
+"""Experiments: trials in which a controller steers the simulated hopper."""

@@ -1,0 +1,220 @@
+"""Frame changes: what a hop does to the pose, given boom angle and swing (dissertation, 3.4.2)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hopdata.steering.se2 import relative, wrapped
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+TextArray = NDArray[np.str_]
+
+USED = ""
+NO_POSE = "pose missing"
+NO_BOOM = "boom angle missing"
+FAR_SWING = "swing beyond the limit"
+
+BOOM_WINDOW_S = 0.11  # after the stance (printed: 11 frames at 100 Hz)
+SWING_MARGIN_RAD = 0.05  # ten times the error of a boom angle
+
+
+@dataclass(frozen=True)
+class FrameChanges:
+    """Hops between consecutive stances, one a row.
+
+    Parameters
+    ----------
+    recording : (n,) str array
+        Recording of the hop.
+    time_s : (n,) array
+        Time of the first stance.
+    boom_angle_rad : (n,) array
+        Boom angle at the first stance, in [0, 2 pi).
+    swing_rad : (n,) array
+        Swing from the first stance to the second.
+    change : (n, 3) array
+        Pose at the second stance in the frame of the first: x, y, heading; m, m, rad.
+    previous_swing_rad, previous_change : (n,) and (n, 3) arrays
+        Of the hop that ended with the first stance; NaN where there is none that is used.
+    reason : (n,) str array
+        Why the hop is not used; empty if it is.
+    """
+
+    recording: TextArray
+    time_s: FloatArray
+    boom_angle_rad: FloatArray
+    swing_rad: FloatArray
+    change: FloatArray
+    previous_swing_rad: FloatArray
+    previous_change: FloatArray
+    reason: TextArray
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        for field in fields(self):
+            shape = (n, 3) if field.name.endswith("change") else (n,)
+            found = getattr(self, field.name).shape
+            if found != shape:
+                raise ValueError(f"{field.name}: expected {shape}, found {found}")
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def rows(self, chosen: ArrayLike) -> FrameChanges:
+        """Return some of the hops: their numbers, or a bool for each."""
+        picked = np.asarray(chosen)
+        return FrameChanges(*(getattr(self, field.name)[picked] for field in fields(self)))
+
+    def used(self) -> FrameChanges:
+        """Return the hops that are used."""
+        return self.rows(self.reason == USED)
+
+    def excluded(self) -> dict[str, int]:
+        """Return how many hops are not used, by reason."""
+        return dict(sorted(Counter(self.reason[self.reason != USED].tolist()).items()))
+
+
+def frame_changes(
+    time_s: ArrayLike,
+    poses: ArrayLike,
+    boom_angles_rad: ArrayLike,
+    pairs: ArrayLike,
+    *,
+    swing_limit_rad: float,
+    recording: str = "",
+) -> FrameChanges:
+    """Collect the frame changes between K stances.
+
+    Parameters
+    ----------
+    time_s : (K,) array
+        Time of each stance.
+    poses : (K, 3) array
+        Pose at each stance, m, m, rad; NaN where it is not known.
+    boom_angles_rad : (K,) array
+        Boom angle at each stance, wrapped or not; NaN where it is not known.
+    pairs : (P, 2) array of int
+        Numbers of stances that are a hop apart.
+    swing_limit_rad : float
+        Largest swing that was commanded, below pi. A swing that seems larger by more than
+        `SWING_MARGIN_RAD` is taken for a mistake of the boom angle, and its hop is not used.
+    recording : str
+        Name of the recording.
+
+    Returns
+    -------
+    FrameChanges
+        One row for each pair, used or not.
+
+    Raises
+    ------
+    ValueError
+        If a pair names stances that do not exist.
+    """
+    first, second = _checked_pairs(pairs, len(np.asarray(poses)), "stances")
+    poses, booms = np.asarray(poses, dtype=float), np.asarray(boom_angles_rad, dtype=float)
+    swing = np.asarray(wrapped(booms[second] - booms[first]))
+    change = relative(poses[first], poses[second])
+    reason = np.full(len(first), USED, dtype="<U32")
+    reason[np.abs(swing) > swing_limit_rad + SWING_MARGIN_RAD] = FAR_SWING
+    reason[np.isnan(swing)] = NO_BOOM
+    reason[np.isnan(change).any(axis=1)] = NO_POSE
+    before = _hop_before(first, second, reason == USED)
+    return FrameChanges(
+        recording=np.full(len(first), recording),
+        time_s=np.asarray(time_s, dtype=float)[first],
+        boom_angle_rad=booms[first] % (2 * np.pi),
+        swing_rad=swing,
+        change=change,
+        previous_swing_rad=_taken(swing, before),
+        previous_change=_taken(change, before),
+        reason=reason,
+    )
+
+
+def frame_changes_at_frames(
+    pairs: ArrayLike,
+    poses: ArrayLike,
+    boom_angles_rad: ArrayLike,
+    *,
+    rate_hz: float,
+    swing_limit_rad: float,
+    recording: str = "",
+) -> FrameChanges:
+    """Collect frame changes as printed: poses of single frames, boom angles of the 11 that follow.
+
+    Parameters
+    ----------
+    pairs : (P, 2) array of int
+        Frames of stances that are a hop apart.
+    poses, boom_angles_rad : (N, 3) and (N,) arrays
+        Pose and boom angle of every frame, as for `frame_changes`.
+    rate_hz : float
+        Frames per second.
+    swing_limit_rad, recording
+        See `frame_changes`.
+    """
+    every = np.asarray(poses, dtype=float)
+    both = np.stack(_checked_pairs(pairs, len(every), "frames"), axis=1)
+    frames, stances = np.unique(both, return_inverse=True)
+    window = max(1, round(BOOM_WINDOW_S * rate_hz))
+    return frame_changes(
+        frames / rate_hz,
+        every[frames],
+        stance_boom_angles(boom_angles_rad, frames, window),
+        stances.reshape(-1, 2),
+        swing_limit_rad=swing_limit_rad,
+        recording=recording,
+    )
+
+
+def stance_boom_angles(booms_rad: ArrayLike, frames: ArrayLike, window: int) -> FloatArray:
+    """Return the median boom angle of the frames that follow each stance, (S,), rad.
+
+    Angles are taken relative to their mean direction, so that they may pass a whole turn. NaN
+    where fewer than half of the frames have an angle.
+    """
+    booms, frames = np.asarray(booms_rad, dtype=float), np.asarray(frames)
+    padded = np.append(booms, np.full(window, np.nan))
+    near = padded[frames[:, None] + 1 + np.arange(window)]
+    few = np.isfinite(near).sum(axis=1) < (window + 1) // 2
+    near[few] = 0.0
+    direction = np.nansum(np.exp(1j * near), axis=1)
+    centre = np.angle(direction)
+    angle = centre + np.nanmedian(wrapped(near - centre[:, None]), axis=1)
+    return np.where(few, np.nan, angle)
+
+
+def joined(parts: Iterable[FrameChanges]) -> FrameChanges:
+    """Return the hops of several recordings as one table."""
+    parts = list(parts)
+    names = [field.name for field in fields(FrameChanges)]
+    return FrameChanges(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+
+
+def _checked_pairs(pairs: ArrayLike, number: int, what: str) -> tuple[IntArray, IntArray]:
+    both = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
+    if both.size and not 0 <= both.min() <= both.max() < number:
+        raise ValueError(
+            f"pairs: expected {what} 0 to {number - 1}, found {both.min()} to {both.max()}"
+        )
+    return both[:, 0], both[:, 1]
+
+
+def _hop_before(first: IntArray, second: IntArray, used: NDArray[np.bool_]) -> IntArray:
+    """Row of the used hop that ends where each begins, (P,); -1 if there is none."""
+    ends = {int(end): row for row, end in enumerate(second) if used[row]}
+    return np.array([ends.get(int(start), -1) for start in first], dtype=np.int64)
+
+
+def _taken(values: FloatArray, rows: IntArray) -> FloatArray:
+    """Take rows, NaN for those that are -1."""
+    taken = np.full(values.shape, np.nan)
+    taken[rows >= 0] = values[rows[rows >= 0]]
+    return taken

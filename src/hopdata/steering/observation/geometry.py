@@ -1,0 +1,171 @@
+"""What calibration finds out about a hopper and live use reads: its markers, its boom, its hops."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.errors import AnalysisError, RecordingError, did_you_mean
+from hopdata.jobs import read_json, write_json
+
+FloatArray = NDArray[np.float64]
+
+FORMAT = "hopper geometry 1"
+
+
+@dataclass(frozen=True)
+class BoomCircle:
+    """The circle on which the boom marker moves, in body axes.
+
+    Parameters
+    ----------
+    centre_m : (3,) array
+        Its centre, from the mean of the body markers, m.
+    normal : (3,) array
+        Unit normal of its plane; it points up.
+    radius_m : float
+    """
+
+    centre_m: FloatArray
+    normal: FloatArray
+    radius_m: float
+
+    @cached_property
+    def axes(self) -> FloatArray:
+        """Two unit vectors in the plane, (2, 3): along the body x axis, and 90 degrees on."""
+        first = np.array([1.0, 0.0, 0.0]) - self.normal[0] * self.normal
+        first /= np.linalg.norm(first)
+        return np.stack([first, np.cross(self.normal, first)])
+
+    def angles(self, boom: FloatArray) -> FloatArray:
+        """Boom angle, (...), rad, of the boom marker (..., 3) in body axes.
+
+        Zero along the body x axis, counter-clockwise from above, in (-pi, pi].
+        """
+        x, y = np.moveaxis((boom - self.centre_m) @ self.axes.T, -1, 0)
+        return np.asarray(np.arctan2(y, x))
+
+    def misses(self, boom: FloatArray) -> FloatArray:
+        """Distance from the circle, (...), m, of the boom marker (..., 3) in body axes."""
+        arm = boom - self.centre_m
+        x, y = np.moveaxis(arm @ self.axes.T, -1, 0)
+        return np.asarray(np.hypot(np.hypot(x, y) - self.radius_m, arm @ self.normal))
+
+
+@dataclass(frozen=True)
+class HopperGeometry:
+    """A hopper as a camera sees it, found once by `calibration.calibrate`.
+
+    Body axes: z up when the hopper is level, x forward, origin in the mean of the body markers.
+
+    Parameters
+    ----------
+    body_names : tuple of str
+        Names of the B body markers.
+    body_m : (B, 3) array
+        Where they are, body axes, m.
+    noise_m : float
+        Noise of a marker coordinate, from what a rigid body leaves over, m.
+    stance_below_m, flight_above_m : float
+        Height of the mean body marker below which every stance goes, and above which every flight.
+    boom_name : str, optional
+        Name of the boom marker, if there is one.
+    circle : BoomCircle, optional
+        Where it moves.
+    """
+
+    body_names: tuple[str, ...]
+    body_m: FloatArray
+    noise_m: float
+    stance_below_m: float
+    flight_above_m: float
+    boom_name: str | None = None
+    circle: BoomCircle | None = None
+
+    def body_places(self, markers: Sequence[str]) -> list[int]:
+        """Return where the body markers are among those of a stream or a recording.
+
+        Raises
+        ------
+        AnalysisError
+            If one of them is not there.
+        """
+        return [_place(name, markers) for name in self.body_names]
+
+    def boom_place(self, markers: Sequence[str]) -> int | None:
+        """Return where the boom marker is; None if this hopper has none."""
+        return None if self.boom_name is None else _place(self.boom_name, markers)
+
+    def save(self, path: str | Path) -> None:
+        """Write it as JSON, whole or not at all."""
+        content: dict[str, Any] = {
+            "format": FORMAT,
+            "body_names": list(self.body_names),
+            "body_m": self.body_m.tolist(),
+            "noise_m": self.noise_m,
+            "stance_below_m": self.stance_below_m,
+            "flight_above_m": self.flight_above_m,
+        }
+        if self.circle is not None:
+            content["boom_name"] = self.boom_name
+            content["circle"] = {
+                "centre_m": self.circle.centre_m.tolist(),
+                "normal": self.circle.normal.tolist(),
+                "radius_m": self.circle.radius_m,
+            }
+        write_json(path, content)
+
+
+def load_geometry(path: str | Path) -> HopperGeometry:
+    """Read a geometry that was saved.
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing or holds something else.
+    """
+    try:
+        content = read_json(path)
+        if content["format"] != FORMAT:
+            raise ValueError(f"its format is {content['format']!r}")
+        return _from_json(content)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RecordingError(f"{path}: expected a {FORMAT} as JSON, found: {error}") from None
+
+
+def _from_json(content: dict[str, Any]) -> HopperGeometry:
+    body, circle = np.array(content["body_m"], dtype=float), content.get("circle")
+    names = tuple(map(str, content["body_names"]))
+    if body.shape != (len(names), 3) or len(names) < 3:
+        raise ValueError(f"body_m of shape {body.shape} for {len(names)} body markers")
+    return HopperGeometry(
+        names,
+        body,
+        noise_m=float(content["noise_m"]),
+        stance_below_m=float(content["stance_below_m"]),
+        flight_above_m=float(content["flight_above_m"]),
+        boom_name=None if circle is None else str(content["boom_name"]),
+        circle=None if circle is None else _circle(circle),
+    )
+
+
+def _circle(content: dict[str, Any]) -> BoomCircle:
+    centre, normal = (np.array(content[key], dtype=float) for key in ("centre_m", "normal"))
+    if centre.shape != (3,) or normal.shape != (3,):
+        raise ValueError("a circle whose centre and normal are not three numbers each")
+    return BoomCircle(centre, normal, float(content["radius_m"]))
+
+
+def _place(name: str, markers: Sequence[str]) -> int:
+    if name not in markers:
+        raise AnalysisError(
+            f"expected the marker {name!r} of the hopper's geometry, found "
+            f"{', '.join(markers)}{did_you_mean(name, markers)}"
+        )
+    return list(markers).index(name)

@@ -1,0 +1,110 @@
+"""A rigid set of markers laid over what is seen of it, frame by frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+LEAST_WIDTH = 0.01  # of markers across their line, relative to along it, to fix a turn about it
+PRIOR_WEIGHT = 1e-6  # of an earlier attitude, relative to the markers: decides only what they leave
+
+
+@dataclass(frozen=True)
+class RigidFit:
+    """Rigid motions of N frames.
+
+    Parameters
+    ----------
+    centre : (N, 3) array
+        Where the reference's origin is in the world, m; NaN where not determined.
+    rotation : (N, 3, 3) array
+        From the axes of the reference to those of the world; NaN where not determined.
+    residual_m : (N,) array
+        What a rigid motion leaves over, rms per degree of freedom and so an estimate of the noise
+        per coordinate, m; NaN where not determined.
+    n_seen : (N,) array of int
+        Number of markers seen.
+    leaned : (N,) bool array
+        Whether an earlier attitude had to help.
+    """
+
+    centre: FloatArray
+    rotation: FloatArray
+    residual_m: FloatArray
+    n_seen: NDArray[np.int64]
+    leaned: BoolArray
+
+    @property
+    def known(self) -> BoolArray:
+        """Whether there is a fit, (N,)."""
+        return np.asarray(np.isfinite(self.residual_m))
+
+
+def rigid_fit(
+    markers: FloatArray, reference: FloatArray, earlier: FloatArray | None = None
+) -> RigidFit:
+    """Find the rotation and translation that lay a reference over markers, by least squares.
+
+    Kabsch's method (Acta Cryst. A32, 1976), with proper rotations only. Three markers that are not
+    on a line determine the motion. Two determine all but the turn about their line; it is taken
+    from an earlier attitude if there is one.
+
+    Parameters
+    ----------
+    markers : (N, B, 3) array
+        Positions in the world, m; NaN where unseen.
+    reference : (B, 3) array
+        The same markers in the body, m.
+    earlier : (N, 3, 3) array, optional
+        Attitude shortly before or after each frame; NaN where there is none.
+    """
+    seen = np.asarray(np.isfinite(markers).all(axis=2))
+    weight, count = seen.astype(float), seen.sum(axis=1)
+    share = weight / np.maximum(count, 1)[:, None]
+    here = np.where(seen[:, :, None], markers, 0.0)
+    middle, home = np.einsum("nb,nbi->ni", share, here), share @ reference
+    arms, points = reference - home[:, None], here - middle[:, None]
+    moment = np.einsum("nb,nbi,nbj->nij", weight, points, arms)
+    left, spread, right = np.linalg.svd(moment)
+    wide = np.asarray(spread[:, 1] > LEAST_WIDTH**2 * spread[:, 0])
+    determined = np.asarray((count >= 3) & wide)
+    leaned = np.zeros(len(markers), dtype=bool)
+    if earlier is not None and not determined.all():
+        leaned = np.asarray(~determined & (count >= 2) & np.isfinite(earlier).all(axis=(1, 2)))
+        helped = PRIOR_WEIGHT * spread[leaned, :1, None] * earlier[leaned]
+        left[leaned], _, right[leaned] = np.linalg.svd(moment[leaned] + helped)
+    left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
+    rotation = left @ right
+    unknown = ~(determined | leaned)
+    rotation[unknown] = np.nan
+    misses = points - np.einsum("nij,nbj->nbi", rotation, arms)
+    free = np.where(leaned, 1, 3 * count - 6).clip(1)
+    square = np.einsum("nb,nbi,nbi->n", weight, misses, misses)
+    centre = middle - np.einsum("nij,nj->ni", rotation, home)
+    return RigidFit(centre, rotation, np.sqrt(square / free), count, leaned)
+
+
+def headings(rotation: FloatArray) -> FloatArray:
+    """Yaw of the body x axis, (...), rad, of rotations (..., 3, 3): its direction seen from above.
+
+    That of ``Rz(yaw) Ry(pitch) Rx(roll)``.
+    """
+    return np.asarray(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]))
+
+
+def twists(rotation: FloatArray) -> FloatArray:
+    """Turn about the vertical, (...), rad, that is left when the body is tilted back the short way.
+
+    It does not depend on which body axis is called x, and differs from the yaw by half the product
+    of pitch and roll.
+    """
+    return np.asarray(
+        np.arctan2(
+            rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1]
+        )
+    )

@@ -1,0 +1,147 @@
+"""One frame of markers to pose, boom angle and height, for live use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
+from hopdata.steering.observation.rigid import headings, rigid_fit
+from hopdata.steering.se2 import wrapped
+
+FloatArray = NDArray[np.float64]
+
+SEEN, LEANED, MISFIT, UNSEEN = "seen", "leaned on an earlier frame", "misfit", "unseen"
+STATUSES = (SEEN, LEANED, MISFIT, UNSEEN)
+
+MISFIT_NOISES = 5.0  # residuals beyond so many times the noise are no noise: markers mixed up
+BOOM_MISS_M = 0.02
+HOLD_S = 0.5
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What one frame tells.
+
+    Parameters
+    ----------
+    pose : (3,) array
+        x and y of the mean body marker, m, and yaw of the body x axis, rad; NaN unless known.
+    height_m : float
+        Height of the mean body marker; NaN unless known.
+    boom_angle_rad : float
+        In (-pi, pi]; NaN if the pose is not known, the boom marker not seen or off its circle.
+    residual_m : float
+        What a rigid body leaves over, rms per degree of freedom: near the noise of a coordinate if
+        all is well. NaN if nothing could be fitted.
+    status : str
+        "seen": three or more markers, and they fit. "leaned on an earlier frame": two markers, and
+        the turn about their line is that of an earlier frame. "misfit": they do not fit together,
+        and nothing is said. "unseen": too few markers.
+    rotation : (3, 3) array
+        From body axes to the world; NaN unless known.
+    """
+
+    pose: FloatArray
+    height_m: float
+    boom_angle_rad: float
+    residual_m: float
+    status: str
+    rotation: FloatArray
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a pose."""
+        return self.status in (SEEN, LEANED)
+
+
+def observe_frame(
+    geometry: HopperGeometry,
+    body: FloatArray,
+    boom: FloatArray | None = None,
+    earlier: FloatArray | None = None,
+) -> Observation:
+    """Tell where the hopper is from one frame.
+
+    Parameters
+    ----------
+    geometry : HopperGeometry
+    body : (B, 3) array
+        Body markers in the order of `geometry.body_names`, m; NaN where unseen.
+    boom : (3,) array, optional
+        Boom marker, m; NaN where unseen.
+    earlier : (3, 3) array, optional
+        Rotation of an earlier frame, to lean on if only two markers are seen.
+    """
+    before = None if earlier is None else earlier[None]
+    fit = rigid_fit(body[None], geometry.body_m, before)
+    rotation, centre, residual = fit.rotation[0], fit.centre[0], float(fit.residual_m[0])
+    if not np.isfinite(residual):
+        return _nothing(UNSEEN, residual)
+    if residual > MISFIT_NOISES * geometry.noise_m:
+        return _nothing(MISFIT, residual)
+    pose = np.array([centre[0], centre[1], headings(rotation)])
+    angle = np.nan
+    if boom is not None and geometry.circle is not None:
+        angle = _boom_angle(geometry.circle, (boom - centre) @ rotation)
+    status = LEANED if fit.leaned[0] else SEEN
+    return Observation(pose, float(centre[2]), angle, residual, status, rotation)
+
+
+def _boom_angle(circle: BoomCircle, boom: FloatArray) -> float:
+    on_circle = circle.misses(boom) < BOOM_MISS_M  # also false where the marker is not seen
+    return float(circle.angles(boom)) if on_circle else np.nan
+
+
+def _nothing(status: str, residual_m: float) -> Observation:
+    unknown = np.full(3, np.nan)
+    return Observation(unknown, np.nan, np.nan, residual_m, status, np.full((3, 3), np.nan))
+
+
+class HopperTracker:
+    """Follows a hopper frame by frame, with headings that count turns.
+
+    Parameters
+    ----------
+    geometry : HopperGeometry
+    markers : sequence of str
+        Names of the markers of the stream, in its order.
+    hold_s : float
+        Two markers lean on the attitude of a frame at most this much earlier, s.
+
+    Raises
+    ------
+    AnalysisError
+        If a marker of the geometry is not in the stream.
+
+    Attributes
+    ----------
+    counts : dict of str to int
+        How many frames had each status.
+    """
+
+    def __init__(
+        self, geometry: HopperGeometry, markers: Sequence[str], *, hold_s: float = HOLD_S
+    ) -> None:
+        self.geometry, self.hold_s = geometry, hold_s
+        self.counts = dict.fromkeys(STATUSES, 0)
+        self._body = geometry.body_places(markers)
+        self._boom = geometry.boom_place(markers)
+        self._seen_s, self._rotation = -np.inf, np.full((3, 3), np.nan)
+        self._heading = 0.0
+
+    def feed(self, time_s: float, markers: FloatArray) -> Observation:
+        """Take the next frame: its time, s, and its markers, (M, 3), m, NaN where unseen."""
+        earlier = self._rotation if 0 <= time_s - self._seen_s <= self.hold_s else None
+        boom = None if self._boom is None else markers[self._boom]
+        found = observe_frame(self.geometry, markers[self._body], boom, earlier)
+        self.counts[found.status] += 1
+        if not found.known:
+            return found
+        if found.status == SEEN:
+            self._seen_s, self._rotation = time_s, found.rotation
+        self._heading += float(wrapped(found.pose[2] - self._heading))
+        return replace(found, pose=np.append(found.pose[:2], self._heading))

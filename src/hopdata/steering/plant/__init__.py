@@ -1,0 +1,1 @@
+"""Plant: the simulated hopper that is steered where there is no robot."""

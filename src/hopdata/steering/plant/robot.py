@@ -1,0 +1,226 @@
+"""The steered hopper, hop by hop: a swing of the boom goes in, a stance comes out.
+
+A hop runs from apex to apex. Its swing begins at the apex and is over before the feet touch; its
+stance is the instant at which the body markers are lowest on the mean.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hopdata.errors import ConfigError
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.synthesis.hops import Hop, Variant, fly_hop, level_state
+from hopdata.synthesis.markers import fixed_markers, in_world
+from hopdata.synthesis.options import Kicks, MarkerOptions
+from hopdata.synthesis.trial import kicked
+
+FloatArray = NDArray[np.float64]
+
+STANCE_SEARCH_S = 0.002  # step at which the lowest point is sought, before a parabola through it
+
+
+def _light_boom() -> HopperParameters:
+    return HopperParameters(
+        mass_kg=2.6,
+        counterweight_mass_kg=0.1,
+        inertia_z_kg_m2=0.04,
+        damping_n_s_m=5.5,
+        friction=0.5,
+        boom_duration_s=0.2,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteeredHopper:
+    """What is steered, and what disturbs it.
+
+    Parameters
+    ----------
+    hopper : HopperParameters
+        The body; its boom angle is where the boom begins.
+    preload_shares : tuple of float
+        Preload of each leg as a share of the hopper's. No robot is built evenly: the default leans
+        forward a little, so that it drifts forward even with the boom in neutral.
+    kicks : Kicks
+        Chance at each apex.
+    markers : MarkerOptions
+        Where the markers are.
+    swing_limit_rad : float
+        Largest swing per hop; the dissertation's robot tips over beyond 90 degrees (Sec. 3.3).
+    release_height_m : float
+        Height of the feet above the floor when it is let go.
+    hop_limit_s : float
+        Time without an apex after which it has fallen.
+    """
+
+    hopper: HopperParameters = field(default_factory=_light_boom)
+    preload_shares: tuple[float, ...] = (0.985, 1.02, 0.995)
+    kicks: Kicks = field(
+        default_factory=lambda: Kicks(
+            velocity_m_s=0.02, angular_velocity_rad_s=0.1, preload_fraction=0.02
+        )
+    )
+    markers: MarkerOptions = field(default_factory=MarkerOptions)
+    swing_limit_rad: float = 3 * np.pi / 8
+    release_height_m: float = 0.24
+    hop_limit_s: float = 3.0
+
+    def __post_init__(self) -> None:
+        if len(self.preload_shares) != self.hopper.n_legs:
+            raise ConfigError(
+                f"preload_shares: expected one for each of {self.hopper.n_legs} legs, "
+                f"found {len(self.preload_shares)}"
+            )
+        if not 0 < self.swing_limit_rad <= np.pi:
+            raise ConfigError(
+                f"swing_limit_rad: expected more than 0, at most pi, found {self.swing_limit_rad}"
+            )
+
+    @property
+    def preloads_n(self) -> FloatArray:
+        """Preload of each leg but for chance, (n,), N."""
+        return self.hopper.preload_n * np.array(self.preload_shares)
+
+    def still(self) -> SteeredHopper:
+        """Return the same hopper that nothing disturbs."""
+        return replace(self, kicks=Kicks(**dict.fromkeys(Kicks.__dataclass_fields__, 0.0)))
+
+
+@dataclass(frozen=True)
+class Apex:
+    """Where a hop begins: the time, s, the state (12,) and the angle of the resting boom, rad."""
+
+    time_s: float
+    state: FloatArray
+    boom_angle_rad: float
+
+
+@dataclass(frozen=True)
+class Stance:
+    """A stance as it truly was.
+
+    `time_s` of the lowest point, s; `pose` (3,): mean of the body markers on the floor, m, and yaw,
+    rad, not wrapped; `boom_angle_rad`; whether the hop `fell`, whose pose then means nothing.
+    """
+
+    time_s: float
+    pose: FloatArray
+    boom_angle_rad: float
+    fell: bool
+
+
+@dataclass(frozen=True)
+class SteeredHop:
+    """One hop of a steered hopper.
+
+    `start` and `end` are its apexes, `swing_rad` the swing that was executed (within the limit),
+    `stance` where it landed. At the frames asked for: `frame_time_s` (K,), true positions
+    of the markers `markers` (K, B + 1, 3) m, body markers first, the boom's last.
+    """
+
+    start: Apex
+    swing_rad: float
+    stance: Stance
+    end: Apex
+    frame_time_s: FloatArray
+    markers: FloatArray
+    hop: Hop
+
+
+def released(robot: SteeredHopper, pose: ArrayLike, boom_angle_rad: float = np.pi) -> Apex:
+    """Apex at which an operator lets the hopper go, at rest; `pose` (3,) is that of its markers."""
+    x, y, yaw = np.asarray(pose, dtype=float)
+    state = level_state(robot.hopper, robot.release_height_m)
+    state[3] = yaw
+    offset = marker_poses(robot, state[None])[0]
+    state[:2] = x - offset[0], y - offset[1]
+    return Apex(0.0, state, boom_angle_rad)
+
+
+def marker_poses(robot: SteeredHopper, states: FloatArray) -> FloatArray:
+    """Poses (N, 3) of states (N, 12): mean of the body markers on the floor, and yaw; m, rad."""
+    body = fixed_markers(states, np.array(robot.markers.body_m))
+    return np.column_stack([body[..., :2].mean(axis=1), states[:, 3]])
+
+
+def steer_hop(
+    robot: SteeredHopper,
+    apex: Apex,
+    swing_rad: float,
+    *,
+    rng: np.random.Generator,
+    frame_times_s: ArrayLike = (),
+    variant: Variant | None = None,
+) -> SteeredHop:
+    """Fly one hop with a swing of the boom.
+
+    Parameters
+    ----------
+    robot : SteeredHopper
+    apex : Apex
+        Where the hop begins.
+    swing_rad : float
+        Swing, rad; cut to the limit of the robot.
+    rng : numpy Generator
+        Source of the kicks.
+    frame_times_s : (F,) array
+        Times at which markers are wanted, s, on the clock of the apex; those within the hop are
+        used.
+    variant : Variant, optional
+        What stands in the hopper's way, as a `HopperDrag`.
+    """
+    swing = float(np.clip(swing_rad, -robot.swing_limit_rad, robot.swing_limit_rad))
+    parameters = replace(
+        robot.hopper, boom_angle_rad=apex.boom_angle_rad, boom_swing_rad=swing, boom_start_s=0.0
+    )
+    chance = 1 + robot.kicks.preload_fraction * rng.standard_normal(parameters.n_legs)
+    frames = np.asarray(frame_times_s, dtype=float) - apex.time_s
+    frames = frames[(frames >= 0) & (frames < robot.hop_limit_s)]
+    search = np.arange(0.0, robot.hop_limit_s, STANCE_SEARCH_S)
+    times = np.union1d(frames, search)
+    hop = fly_hop(
+        parameters,
+        kicked(apex.state, robot.kicks, rng),
+        variant=variant,
+        preloads_n=robot.preloads_n * chance,
+        frame_times_s=times,
+        limit_s=robot.hop_limit_s,
+    )
+    times = times[: len(hop.states)]
+    shown = np.isin(times, frames)
+    end = Apex(apex.time_s + hop.end_time_s, hop.end_state, hop.boom_angle_rad)
+    return SteeredHop(
+        start=apex,
+        swing_rad=swing,
+        stance=_stance(robot, hop, times, apex.time_s),
+        end=end,
+        frame_time_s=apex.time_s + times[shown],
+        markers=_markers(robot, hop, shown),
+        hop=hop,
+    )
+
+
+def _stance(robot: SteeredHopper, hop: Hop, times: FloatArray, start_s: float) -> Stance:
+    """Stance of a hop: the vertex of the parabola through the lowest three heights."""
+    body = fixed_markers(hop.states, np.array(robot.markers.body_m))
+    height = body[..., 2].mean(axis=1)
+    k = int(np.clip(np.argmin(height), 1, max(1, len(times) - 2)))
+    if hop.fell or len(times) < 3:
+        return Stance(start_s + hop.end_time_s, np.full(3, np.nan), hop.boom_angle_rad, fell=True)
+    near = slice(k - 1, k + 2)
+    bend, slope, _ = np.polyfit(times[near] - times[k], height[near], 2)
+    lowest = times[k] - slope / (2 * bend)
+    poses = marker_poses(robot, hop.states[near])
+    pose = np.array([np.interp(lowest, times[near], column) for column in poses.T])
+    return Stance(start_s + float(lowest), pose, hop.boom_angle_rad, fell=False)
+
+
+def _markers(robot: SteeredHopper, hop: Hop, shown: NDArray[np.bool_]) -> FloatArray:
+    states = hop.states[shown]
+    body = np.broadcast_to(robot.markers.body_m, (len(states), len(robot.markers.body_m), 3))
+    boom = hop.boom[shown] + robot.markers.boom_m
+    return in_world(states, np.concatenate([body, boom[:, None]], axis=1))

@@ -1,0 +1,40 @@
+"""Frame changes in closed form, for the tests of controllers."""
+
+import numpy as np
+
+from hopdata.steering.models.tabulated import TabulatedMap, turn_nodes
+
+LIMIT = 3 * np.pi / 8
+
+
+class ClosedForm:
+    """Like the plant: it goes forward, turns with the swing, and slows near a boom of pi."""
+
+    def change(self, boom_angle, swing):
+        return self.change_and_gradient(boom_angle, swing)[0]
+
+    def change_and_gradient(self, boom_angle, swing):
+        phi, u = np.asarray(boom_angle, float), np.asarray(swing, float)
+        middle, zero = phi + u / 2, np.zeros_like(phi)
+        pace = np.cos(middle)
+        change = np.stack(
+            [0.05 + 0.03 * pace, -0.025 * np.sin(middle), -0.11 * u * (1 + 0.8 * pace)], axis=-1
+        )
+        by_middle = np.stack(
+            [-0.03 * np.sin(middle), -0.025 * pace, 0.088 * u * np.sin(middle)], axis=-1
+        )
+        by_swing = by_middle / 2 + np.stack([zero, zero, -0.11 * (1 + 0.8 * pace)], axis=-1)
+        return change, np.stack([by_middle, by_swing], axis=-1)
+
+
+def table(angles=96, swings=33):
+    """The same as a table."""
+    grid = np.meshgrid(turn_nodes(angles), np.linspace(-LIMIT, LIMIT, swings), indexing="ij")
+    return TabulatedMap(ClosedForm().change(*grid), LIMIT)
+
+
+def random_states(n, seed, *, reach_m=1.0):
+    """Poses (n, 3) about the origin and boom angles (n,)."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    poses = rng.uniform(-1, 1, (n, 3)) * np.array([reach_m, reach_m, np.pi])
+    return poses, rng.uniform(0, 2 * np.pi, n)

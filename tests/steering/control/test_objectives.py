@@ -1,0 +1,53 @@
+"""Objectives are what they say, and refuse what makes no sense."""
+
+import numpy as np
+import pytest
+
+from hopdata.errors import ConfigError
+from hopdata.steering.control.objectives import (
+    Horizon,
+    ToHeading,
+    ToPoint,
+    WayPoints,
+    errors_left,
+    objective_value,
+)
+
+POSES = np.array([[3.0, 4.0, 0.0], [0.0, 2.0, 3.0]])
+
+
+@pytest.mark.parametrize(
+    ("penalty", "stances", "value"),
+    [("absolute", "all", 7.0), ("absolute", "last", 2.0), ("square", "all", 29.0)],
+)
+def test_distances_are_added_up_as_told(penalty, stances, value):
+    assert objective_value(ToPoint(penalty=penalty, stances=stances), POSES) == pytest.approx(value)
+
+
+def test_distances_are_those_from_the_point():
+    np.testing.assert_allclose(errors_left(ToPoint(point_m=(3.0, 2.0)), POSES), [2.0, 3.0])
+
+
+def test_heading_errors_go_the_short_way():
+    goal = ToHeading(heading_rad=-3.0)
+    np.testing.assert_allclose(errors_left(goal, POSES), [3.0, 2 * np.pi - 6.0])
+    square = ToHeading(heading_rad=-3.0 + 6 * np.pi, penalty="square", stances="last")
+    assert objective_value(square, POSES) == pytest.approx((2 * np.pi - 6.0) ** 2)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: ToPoint(point_m=(np.nan, 0.0)), "point_m: expected two finite numbers"),
+        (lambda: ToPoint(penalty="absolut"), "did you mean 'absolute'"),
+        (lambda: ToHeading(heading_rad=np.inf), "heading_rad: expected a finite number"),
+        (lambda: ToHeading(stances="first"), "stances: expected one of all, last"),
+        (lambda: WayPoints(points_m=()), "points_m: expected one point at least"),
+        (lambda: WayPoints(points_m=((0.0, 0.0),), arrival_m=0.0), "arrival_m: expected more"),
+        (lambda: Horizon(hops=0), "hops: expected 1 to 6, found 0"),
+        (lambda: Horizon(swing_limit_rad=4.0), "swing_limit_rad: expected more than 0"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(make, message):
+    with pytest.raises(ConfigError, match=message):
+        make()

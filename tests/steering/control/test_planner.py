@@ -1,0 +1,160 @@
+"""The planner: its cost-to-go satisfies Bellman's equation, and it gets there from any heading."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from control_models import LIMIT, ClosedForm, random_states, table
+
+from hopdata.errors import ConfigError
+from hopdata.steering.control.cost_to_go import HeadingGrid, PointGrid, StageCost
+from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, WayPoints, errors_left
+from hopdata.steering.control.plan import PlanningError
+from hopdata.steering.control.planner import PlannerOptions, planner
+from hopdata.steering.control.point_value_kernel import distances_of, point_value, stage_cost
+from hopdata.steering.control.printed import predicted_poses
+from hopdata.steering.control.way_points import WayPointFollower
+from hopdata.steering.se2 import composed
+
+TABLE = table()
+COARSE = PlannerOptions(
+    point_grid=PointGrid(distances=24, bearings=24, boom_angles=16, swings=9),
+    heading_grid=HeadingGrid(errors=72, boom_angles=24, swings=9),
+)
+START = np.array([-0.9, 0.4, 2.6])
+
+
+@pytest.fixture(scope="module")
+def to_point():
+    return planner(TABLE, ToPoint(), options=COARSE)
+
+
+@pytest.fixture(scope="module")
+def to_heading():
+    return planner(TABLE, ToHeading(heading_rad=3.0), options=COARSE)
+
+
+def flown(controller, pose, boom, hops):
+    """Poses of the model itself under a controller."""
+    poses = [np.asarray(pose, dtype=float)]
+    for _ in range(hops):
+        swing = controller.plan(poses[-1], boom).swing_rad
+        assert abs(swing) <= LIMIT + 1e-12
+        poses.append(predicted_poses(ClosedForm(), poses[-1], boom, [swing])[-1])
+        boom += swing
+    return np.array(poses)
+
+
+def test_the_cost_to_go_satisfies_bellman_s_equation(to_point):
+    """At nodes, against poses composed in the world."""
+    cost, grid = to_point.cost_to_go, COARSE.point_grid
+    distances = distances_of(grid.distances, grid.farthest_m)
+    swings = np.linspace(-LIMIT, LIMIT, grid.swings)
+    rng = np.random.default_rng(np.random.SeedSequence(1))
+    for _ in range(20):
+        i, j, k = (int(rng.integers(n)) for n in cost.values.shape)
+        bearing, boom = -np.pi + 2 * np.pi * j / grid.bearings, 2 * np.pi * k / grid.boom_angles
+        goal = distances[i] * np.array([np.cos(bearing), np.sin(bearing), 0.0])
+        after = []
+        for swing in swings:
+            x, y, turn = TABLE.change(boom, swing)[0]
+            turned = np.exp(-1j * turn) * complex(goal[0] - x, goal[1] - y)
+            ahead = point_value(
+                cost.values, cost.farthest_m, turned.real, turned.imag, boom + swing
+            )
+            now = stage_cost(abs(turned) ** 2, cost.stage.width)
+            after.append(now + cost.stage.discount * ahead)
+        assert cost.values[i, j, k] == pytest.approx(min(after), abs=3 * cost.stage.tolerance)
+
+
+def test_the_cost_rises_with_the_distance_of_a_goal_ahead(to_point):
+    """From half a metre on; nearer by, the hopper is best off with the goal still ahead of it."""
+    grid = COARSE.point_grid
+    ahead = to_point.cost_to_go.values[:, grid.bearings // 2].min(axis=-1)
+    far = distances_of(grid.distances, grid.farthest_m) > 0.5
+    assert far.sum() > 5
+    assert np.all(np.diff(ahead[far]) > 0)
+
+
+def test_the_goal_is_reached_from_any_heading(to_point):
+    for turn in np.linspace(-np.pi, np.pi, 7):
+        poses = flown(to_point, [1.0, 0.0, np.pi + turn], np.pi, 60)
+        left = errors_left(ToPoint(), poses)
+        assert left.min() < 0.15
+        first = int(np.argmax(left < 0.15))
+        assert np.all(left[first : first + 6] < 0.3)
+
+
+def test_the_goal_may_be_anywhere_and_far(to_point):
+    """Beyond the grid, too, and the plan moves with the frame it is told in."""
+    move = np.array([5.0, -3.0, 0.7])
+    goal = composed(move, np.zeros(3))
+    moved = to_point.towards(ToPoint(point_m=(float(goal[0]), float(goal[1]))))
+    here, there = to_point.plan(START, 1.0), moved.plan(composed(move, START), 1.0)
+    np.testing.assert_allclose(here.swings_rad, there.swings_rad, atol=1e-9)
+    assert here.objective == pytest.approx(there.objective)
+    far = flown(to_point, [4.5, 0.0, 0.5], np.pi, 90)
+    assert errors_left(ToPoint(), far)[-1] < 1.0
+
+
+def test_a_heading_is_reached_and_kept(to_heading):
+    for heading in (0.0, 1.5, -2.0):
+        left = errors_left(to_heading.objective, flown(to_heading, [0, 0, heading], np.pi, 45))
+        assert np.all(left[-5:] < 0.15)
+
+
+def test_more_hops_ahead_do_not_cost_more(to_point):
+    """What a plan costs with the cost-to-go behind it is near to what the model then pays."""
+    two = [to_point.plan(*state).objective for state in zip(*random_states(10, 2), strict=True)]
+    three = replace(to_point, horizon=Horizon(hops=3))
+    more = [three.plan(*state).objective for state in zip(*random_states(10, 2), strict=True)]
+    np.testing.assert_allclose(two, more, rtol=0.01)
+
+
+def test_the_plan_predicts_where_it_leads(to_point):
+    plan = to_point.plan(START, 1.0)
+    np.testing.assert_allclose(plan.poses, predicted_poses(TABLE, START, 1.0, plan.swings_rad))
+    assert plan.swing_rad == plan.swings_rad[0]
+
+
+def test_an_objective_of_the_other_kind_gets_a_cost_to_go_of_its_own(to_heading):
+    other = to_heading.towards(ToPoint())
+    assert other.cost_to_go.values.shape == (24, 24, 16)
+
+
+def test_way_points_are_visited_in_order(to_point):
+    points = ((0.6, 0.0), (0.6, 0.7), (0.0, 0.3))
+    follower = WayPointFollower(to_point, WayPoints(points_m=points))
+    poses = flown(follower, [0.0, 0.0, 0.0], np.pi, 120)
+    assert follower.visited == 3
+    first = [
+        int(np.argmax(errors_left(ToPoint(point_m=point), poses) <= 0.15)) for point in points[:2]
+    ]
+    assert 0 < first[0] < first[1]
+
+
+def test_a_state_that_is_none_is_refused(to_point):
+    with pytest.raises(PlanningError, match="pose of three finite numbers"):
+        to_point.plan([np.nan, 0.0, 0.0], 0.0)
+    with pytest.raises(PlanningError, match="pose within 10000 m"):
+        to_point.plan([1e300, 0.0, 0.0], 0.0)
+    follower = WayPointFollower(to_point, WayPoints(points_m=((0.0, 0.0),)))
+    with pytest.raises(PlanningError):
+        follower.plan([np.nan, 0.0, 0.0], 0.0)
+    assert follower.visited == 0
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: StageCost(width=0.0), "width: expected more than 0"),
+        (lambda: StageCost(width=0.1, discount=1.0), "discount: expected between 0 and 1"),
+        (lambda: PointGrid(bearings=2), "bearings: expected 4 at least, found 2"),
+        (lambda: PointGrid(farthest_m=0.0), "farthest_m: expected more than 0"),
+        (lambda: HeadingGrid(errors=3), "errors: expected 4 at least"),
+        (lambda: planner(TABLE, horizon=Horizon(hops=4)), "hops: expected one of"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(make, message):
+    with pytest.raises(ConfigError, match=message):
+        make()

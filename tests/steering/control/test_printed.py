@@ -1,0 +1,82 @@
+"""The printed controller: its rollout, its gradient, its bounds."""
+
+import numpy as np
+import pytest
+from control_models import LIMIT, ClosedForm, random_states
+
+from hopdata.errors import ConfigError
+from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, objective_value
+from hopdata.steering.control.plan import PlanningError
+from hopdata.steering.control.printed import (
+    PrintedController,
+    objective_and_gradient,
+    predicted_poses,
+)
+from hopdata.steering.se2 import composed
+
+MODEL = ClosedForm()
+OBJECTIVES = [
+    ToPoint(point_m=(0.3, -0.2)),
+    ToPoint(penalty="square", stances="last"),
+    ToHeading(heading_rad=2.0),
+    ToHeading(heading_rad=2.0, penalty="square"),
+]
+
+
+def test_a_rollout_composes_the_frame_changes():
+    poses = predicted_poses(MODEL, np.array([0.1, 0.2, 3.0]), 1.0, np.array([0.5, -0.2]))
+    first = composed([0.1, 0.2, 3.0], MODEL.change(1.0, 0.5))
+    np.testing.assert_allclose(poses[1], first)
+    np.testing.assert_allclose(poses[2], composed(first, MODEL.change(1.5, -0.2)))
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_the_gradient_is_that_of_the_value(objective):
+    poses, booms = random_states(5, 1)
+    for pose, boom in zip(poses, booms, strict=True):
+        swings = np.array([0.3, -0.4, 0.2])
+        value, gradient = objective_and_gradient(MODEL, objective, pose, boom, swings)
+        assert value == objective_value(objective, predicted_poses(MODEL, pose, boom, swings)[1:])
+        for k, step in enumerate(1e-6 * np.eye(3)):
+            up, down = (
+                objective_and_gradient(MODEL, objective, pose, boom, swings + side * step)[0]
+                for side in (1, -1)
+            )
+            assert gradient[k] == pytest.approx((up - down) / 2e-6, abs=1e-7)
+
+
+@pytest.mark.parametrize("gradient", ["numerical", "closed form"])
+def test_the_plan_is_a_minimum_within_the_bounds(gradient):
+    controller = PrintedController(model=MODEL, gradient=gradient)
+    plan = controller.plan([0.5, 0.3, 0.2], 1.0)
+    assert plan.status == "solved"
+    assert np.all(np.abs(plan.swings_rad) <= LIMIT)
+    assert plan.objective == pytest.approx(objective_value(ToPoint(), plan.poses[1:]))
+    rng = np.random.default_rng(np.random.SeedSequence(2))
+    for beside in plan.swings_rad + 0.05 * rng.standard_normal((50, 3)):
+        swings = np.clip(beside, -LIMIT, LIMIT)
+        poses = predicted_poses(MODEL, np.array([0.5, 0.3, 0.2]), 1.0, swings)
+        assert objective_value(ToPoint(), poses[1:]) >= plan.objective - 1e-5
+
+
+def test_horizon_and_limit_are_kept():
+    horizon = Horizon(hops=5, swing_limit_rad=0.3)
+    plan = PrintedController(model=MODEL, horizon=horizon).plan([0.5, 0.3, 0.2], 1.0)
+    assert plan.poses.shape == (6, 3)
+    assert np.abs(plan.swings_rad).max() == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("pose", [[np.nan, 0, 0], [0, np.inf, 0], [0, 0], None, "here"])
+def test_a_pose_that_is_none_is_refused(pose):
+    with pytest.raises(PlanningError, match="plan: expected a pose of three"):
+        PrintedController(model=MODEL).plan(pose, 0.0)
+
+
+def test_a_boom_angle_that_is_none_is_refused():
+    with pytest.raises(PlanningError, match="expected a finite boom angle, found nan"):
+        PrintedController(model=MODEL).plan([0, 0, 0], np.nan)
+
+
+def test_an_unknown_gradient_is_refused():
+    with pytest.raises(ConfigError, match="gradient: expected one of"):
+        PrintedController(model=MODEL, gradient="exact")

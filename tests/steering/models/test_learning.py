@@ -1,0 +1,97 @@
+"""Scores: right by hand, the same from the same seed, better with more hops."""
+
+import numpy as np
+import pytest
+from steered_hops import LIMIT, chained_hops
+
+from hopdata.errors import AnalysisError
+from hopdata.steering.models.learning import (
+    learning_scores,
+    prediction_score,
+    random_split,
+    with_intervals,
+)
+from hopdata.steering.models.options import PRINTED, RECOMMENDED, WITH_PREVIOUS_SWING
+from hopdata.steering.models.smoothness import (
+    READINGS,
+    SMOOTH_NOISE,
+    smooth_truth,
+    smoothness_scores,
+)
+from hopdata.steering.models.training import trained_process
+
+NOISE = np.array([3e-3, 3e-3, 2e-2])
+
+
+def test_scores_are_right_by_hand():
+    process = trained_process(chained_hops(30, noise=NOISE))
+    test = chained_hops(50, seed=3, noise=NOISE)
+    inputs = np.column_stack([test.boom_angle_rad, test.swing_rad])
+    score = prediction_score(process, inputs, test.change)
+    error = process.change(*inputs.T) - test.change
+    assert score.rmse[0] == pytest.approx(1000 * np.sqrt(np.mean(error[:, 0] ** 2)))
+    assert score.rmse[2] == pytest.approx(np.degrees(np.sqrt(np.mean(error[:, 2] ** 2))))
+    spread = np.sum((test.change[:, 1] - test.change[:, 1].mean()) ** 2)
+    assert score.r2[1] == pytest.approx(1 - np.sum(error[:, 1] ** 2) / spread)
+
+
+def test_intervals_of_predictions_hold_what_they_should():
+    process = trained_process(chained_hops(150, noise=NOISE))
+    test = chained_hops(600, seed=3, noise=NOISE)
+    inputs = np.column_stack([test.boom_angle_rad, test.swing_rad])
+    coverage = prediction_score(process, inputs, test.change).coverage
+    assert np.all(np.abs(coverage - 0.95) < 0.05)
+
+
+def test_the_learning_curve_falls_and_is_the_same_again():
+    hops = chained_hops(150, noise=NOISE)
+    options = {"recommended": RECOMMENDED, "previous swing": WITH_PREVIOUS_SWING}
+    scores = learning_scores(hops, options, [15, 60], draws=3, seed=1)
+    assert len(scores) == 2 * 3 * 2 * 3
+    again = learning_scores(hops, options, [15, 60], draws=3, seed=1)
+    assert scores.equals(again)
+    table = with_intervals(scores, ["model", "component", "hops"], ["rmse", "r2"])
+    assert set(table["draws"]) == {3}
+    for _, part in table.groupby(["model", "component"]):
+        few, many = part.sort_values("hops")["rmse"]
+        assert many < few
+    one = scores[(scores["model"] == "recommended") & (scores["component"] == "dx")]
+    one = one[one["hops"] == 15]["rmse"]
+    row = table[(table["model"] == "recommended") & (table["component"] == "dx")].iloc[0]
+    assert row["rmse"] == pytest.approx(one.mean())
+    assert row["rmse_se"] == pytest.approx(one.std(ddof=1) / np.sqrt(3))
+
+
+def test_splits_share_nothing_and_leave_some_to_test_on():
+    train, test = random_split(20, 12, np.random.default_rng(0))
+    assert sorted([*train, *test]) == list(range(20))
+    with pytest.raises(AnalysisError, match="expected more than 20 hops"):
+        random_split(20, 19, np.random.default_rng(0))
+
+
+def test_standardised_processes_of_every_smoothness_learn_a_smooth_truth():
+    hops = smooth_truth(160, LIMIT, 0)
+    readings = {name: READINGS[name] for name in ("standardised, all fitted",)}
+    scores = smoothness_scores(hops, draws=1, seed=0, readings=readings)
+    assert scores["smoothness"].nunique() == 4
+    assert scores["r2"].min() > 0.97
+
+
+def test_units_that_are_not_standardised_break_the_c2_kernel_on_a_smooth_truth():
+    """The claim of Section 3.4.2 comes out where nothing but the units is wrong."""
+    name = "printed, length and noise fitted, m"
+    hops = smooth_truth(160, LIMIT, 0)
+    scores = smoothness_scores(hops, draws=1, seed=0, readings={name: READINGS[name]})
+    r2 = scores.pivot_table(index="smoothness", columns="component", values="r2")
+    assert r2.loc[1.5, "dx"] > 0.95
+    assert r2.loc[2.5, "dx"] < 0.5
+
+
+def test_the_smooth_truth_has_the_noise_it_says():
+    a = smooth_truth(4000, LIMIT, 0)
+    assert a.change.tobytes() == smooth_truth(4000, LIMIT, 0).change.tobytes()
+    assert SMOOTH_NOISE.max() < 0.05 * a.change.std(axis=0).max()
+
+
+def test_the_printed_reading_is_the_printed_set_up():
+    assert READINGS["printed, all fixed"] is PRINTED

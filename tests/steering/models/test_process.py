@@ -1,0 +1,226 @@
+"""Processes: agreement with scikit-learn, gradients, periodicity, history."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from steered_hops import LIMIT, chained_hops, smooth_change
+
+from hopdata.errors import AnalysisError, ConfigError, RecordingError
+from hopdata.steering.models.hyperparameters import (
+    fitted_regressor,
+    hyper_parameters,
+    regressor_of,
+)
+from hopdata.steering.models.kernels import (
+    SMOOTHNESSES,
+    correlation,
+    correlation_and_slope,
+    embedded,
+    kernel_code,
+)
+from hopdata.steering.models.options import (
+    PRINTED,
+    RECOMMENDED,
+    WITH_PREVIOUS_CHANGE,
+    WITH_PREVIOUS_SWING,
+    ProcessOptions,
+    process_inputs,
+)
+from hopdata.steering.models.saving import load_process, save_process
+from hopdata.steering.models.training import input_units, trained_process, training_set
+
+NOISE = np.array([2e-3, 2e-3, 1e-2])
+HOPS = chained_hops(60, noise=NOISE, memory=0.01)
+SETUPS = {
+    "recommended": RECOMMENDED,
+    "printed": PRINTED,
+    "previous swing": WITH_PREVIOUS_SWING,
+    "previous change": WITH_PREVIOUS_CHANGE,
+    "one scale": replace(RECOMMENDED, own_scales=False),
+    "copies": replace(RECOMMENDED, periodic=False, restarts=0),
+    "rough": replace(RECOMMENDED, smoothness=0.5),
+    "C2": replace(RECOMMENDED, smoothness=2.5),
+    "Gaussian": replace(RECOMMENDED, smoothness=np.inf),
+}
+
+
+@pytest.fixture(scope="module", params=SETUPS)
+def trained(request):
+    """A set-up, its process, and points to ask it about."""
+    options = SETUPS[request.param]
+    points = process_inputs(chained_hops(30, seed=9), options.history)
+    return options, trained_process(HOPS, options), points[1:]
+
+
+def test_mean_sd_and_likelihood_are_those_of_scikit_learn(trained):
+    _, process, points = trained
+    mean, sd = process.change(*points.T), process.sd(*points.T, observed=True)
+    asked = embedded(points, process.periodic)
+    for j in range(3):
+        peer = regressor_of(process, j)
+        found, spread = peer.predict(asked, return_std=True)
+        found = found * process.unit[j] + process.offset[j]
+        np.testing.assert_allclose(found, mean[:, j], atol=1e-10)
+        np.testing.assert_allclose(spread * process.unit[j], sd[:, j], atol=1e-10)
+        likelihood = process.log_marginal_likelihood[j]
+        assert peer.log_marginal_likelihood_value_ == pytest.approx(likelihood, rel=1e-8)
+
+
+def test_hyper_parameters_are_those_that_scikit_learn_found(trained):
+    options, process, _ = trained
+    targets = (process.outputs - process.offset) / process.unit
+    once = len(process.inputs) // (1 if options.periodic else 3)  # without the copies
+    scale = input_units(process.inputs[:once], options)
+    peer = fitted_regressor(process.inputs / scale, targets[:, 1], options, 0)
+    likelihood = process.log_marginal_likelihood[1]
+    assert peer.log_marginal_likelihood_value_ == pytest.approx(likelihood, rel=1e-8)
+    assert hyper_parameters(peer, process.n_inputs)[2] == process.noise[1]
+
+
+def test_gradients_are_those_of_differences(trained):
+    _, process, points = trained
+    gradient = process.change_and_gradient(*points.T)[1]
+    for axis in range(points.shape[1]):
+        step = np.zeros(points.shape[1])
+        step[axis] = 1e-5
+        ahead, behind = process.mean_at(points + step), process.mean_at(points - step)
+        np.testing.assert_allclose(gradient[:, :, axis], (ahead - behind) / 2e-5, atol=1e-6)
+
+
+def test_a_whole_turn_more_is_the_same_hop(trained):
+    _, process, points = trained
+    turned = points.copy()
+    turned[:, 0] += 4 * np.pi
+    np.testing.assert_allclose(process.change(*turned.T), process.change(*points.T), atol=1e-12)
+    np.testing.assert_allclose(process.sd(*turned.T), process.sd(*points.T), atol=1e-9)
+
+
+def test_the_sd_of_a_hop_has_the_noise_in_it(trained):
+    _, process, points = trained
+    expectation, hop = process.sd(*points.T), process.sd(*points.T, observed=True)
+    noise = np.sqrt(process.noise) * process.unit
+    np.testing.assert_allclose(np.hypot(expectation, noise), hop, rtol=1e-9)
+
+
+def test_a_process_comes_back_from_its_file(trained, tmp_path):
+    _, process, points = trained
+    save_process(tmp_path / "process.npz", process)
+    back = load_process(tmp_path / "process.npz")
+    np.testing.assert_array_equal(back.change(*points.T), process.change(*points.T))
+    assert back.periodic == process.periodic
+
+
+def test_a_smooth_map_is_learned_from_100_hops():
+    process = trained_process(chained_hops(100, noise=NOISE / 10))
+    test = chained_hops(300, seed=5)
+    angle, swing = test.boom_angle_rad, test.swing_rad
+    error = process.change(angle, swing) - smooth_change(angle, swing)
+    assert np.sqrt(np.mean(error**2, axis=0))[0] < 5e-4
+    assert (1 - np.mean(error**2, axis=0) / test.change.var(axis=0)).min() > 0.99
+
+
+def test_history_explains_what_the_last_swing_left():
+    hops = chained_hops(100, noise=NOISE / 10, memory=0.02)
+    test = chained_hops(300, seed=5, memory=0.02).rows(np.arange(1, 300))
+    plain = trained_process(hops).change(test.boom_angle_rad, test.swing_rad)
+    aware = trained_process(hops, WITH_PREVIOUS_SWING).change(
+        test.boom_angle_rad, test.swing_rad, test.previous_swing_rad
+    )
+    rms = [np.sqrt(np.mean((found - test.change)[:, 0] ** 2)) for found in (plain, aware)]
+    assert rms[1] < 0.2 * rms[0]
+
+
+def test_units_do_not_matter_to_standardised_processes():
+    in_cm = replace(HOPS, change=HOPS.change * [100, 100, 1])
+    a, b = trained_process(HOPS), trained_process(in_cm)
+    np.testing.assert_allclose(
+        b.change(1.0, 0.3)[0], a.change(1.0, 0.3)[0] * [100, 100, 1], rtol=1e-5
+    )
+
+
+def test_the_printed_set_up_is_the_printed_formula():
+    process = trained_process(HOPS, PRINTED)
+    assert len(process.inputs) == 3 * len(HOPS)
+    assert process.inputs[:, 0].min() < -np.pi < 3 * np.pi < process.inputs[:, 0].max()
+    assert np.all(process.variance == 1)
+    assert np.all(process.noise == 0.1)
+    assert np.all(process.length_scales == 1)
+    # The formula's Matern kernel of smoothness 3/2, by its Bessel function.
+    from scipy.special import gamma, kv
+
+    distance = np.array([0.3, 1.0, 2.0])
+    root = np.sqrt(3) * distance
+    printed = root**1.5 * kv(1.5, root) / (gamma(1.5) * np.sqrt(2))
+    np.testing.assert_allclose(correlation(distance**2, 1.5), printed, rtol=1e-12)
+
+
+@pytest.mark.parametrize("smoothness", SMOOTHNESSES)
+def test_compiled_kernels_are_the_others(smoothness):
+    squared = np.array([0.0, 0.01, 0.7, 3.0])
+    code = kernel_code(smoothness)
+    compiled = [correlation_and_slope(s, code)[0] for s in squared]
+    np.testing.assert_allclose(compiled, correlation(squared, smoothness), rtol=1e-14)
+    for s in squared[1:]:
+        step = 1e-6 * s
+        ahead, behind = correlation(np.array([s + step, s - step]), smoothness)
+        slope = correlation_and_slope(s, code)[1]
+        assert slope == pytest.approx((ahead - behind) / (2 * step), rel=1e-6)
+
+
+def test_hops_without_a_hop_before_do_not_teach_history():
+    inputs, outputs = training_set(HOPS, "swing")
+    assert inputs.shape == (59, 3)
+    np.testing.assert_array_equal(outputs, HOPS.change[1:])
+
+
+def test_excluded_hops_teach_nothing():
+    reason = HOPS.reason.astype("<U32")
+    reason[::2] = "pose missing"
+    assert len(training_set(replace(HOPS, reason=reason))[0]) == 30
+    with pytest.raises(AnalysisError, match=r"at least 10 hops .* found 9 of 18"):
+        training_set(replace(HOPS, reason=reason).rows(np.arange(18)))
+
+
+def test_inputs_are_checked():
+    process = trained_process(HOPS)
+    with pytest.raises(AnalysisError, match="expected 2 inputs, found 3"):
+        process.change(1.0, 0.1, 0.2)
+    with pytest.raises(AnalysisError, match=r"of one length, found \[2, 3\]"):
+        process.change(np.zeros(2), np.zeros(3))
+
+
+def test_a_single_number_holds_for_all_hops_and_no_hops_are_no_trouble():
+    process = trained_process(HOPS)
+    angles = np.array([0.1, 2.0])
+    both = process.change(angles, np.full(2, 0.3))
+    np.testing.assert_array_equal(process.change(angles, 0.3), both)
+    assert process.change(np.zeros(0), 0.3).shape == (0, 3)
+    assert process.change_and_gradient(np.zeros(0), np.zeros(0))[1].shape == (0, 3, 2)
+
+
+def test_hops_alike_without_noise_are_an_error():
+    one = trained_process(HOPS)
+    twice = replace(one, inputs=np.tile(one.inputs[:1], (60, 1)), noise=np.zeros(3))
+    with pytest.raises(AnalysisError, match="positive definite"):
+        twice.change(0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("smoothness", 2.0), ("history", "all"), ("noise", 0.0)]
+)
+def test_options_are_checked(key, value):
+    with pytest.raises(ConfigError, match=key):
+        ProcessOptions(**{key: value})
+
+
+def test_another_file_is_no_process(tmp_path):
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    (tmp_path / "text.npz").write_text("not an archive")
+    for name in ("other.npz", "text.npz"):
+        with pytest.raises(RecordingError, match="expected a trained process"):
+            load_process(tmp_path / name)
+
+
+def test_the_limit_of_the_test_hops_is_the_robot_s():
+    assert pytest.approx(3 * np.pi / 8) == LIMIT

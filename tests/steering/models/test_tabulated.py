@@ -1,0 +1,135 @@
+"""Tables: exact at their nodes and for cubics, smooth between them, periodic."""
+
+import numpy as np
+import pytest
+from steered_hops import LIMIT, chained_hops, smooth_change
+
+from hopdata.errors import AnalysisError
+from hopdata.steering.models.options import WITH_PREVIOUS_SWING
+from hopdata.steering.models.tabulated import (
+    TabulatedMap,
+    tabulated,
+    tabulated_with_history,
+    tabulation_errors,
+    turn_nodes,
+)
+from hopdata.steering.models.training import trained_process
+
+
+class Smooth:
+    """The smooth map of the test hops."""
+
+    def change(self, angle, swing):
+        return smooth_change(angle, swing)
+
+
+def points(n=200, seed=0):
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    return rng.uniform(-10, 10, n), rng.uniform(-LIMIT, LIMIT, n), rng.uniform(-LIMIT, LIMIT, n)
+
+
+def test_nodes_are_exact():
+    values = np.random.default_rng(1).standard_normal((8, 5, 3))
+    table = TabulatedMap(values, LIMIT)
+    angle, swing = np.meshgrid(table.boom_angle_rad, table.swing_rad, indexing="ij")
+    found = table.change(angle.ravel(), swing.ravel())
+    np.testing.assert_allclose(found, values.reshape(-1, 3), atol=1e-12)
+
+
+def test_nodes_are_exact_with_history():
+    values = np.random.default_rng(1).standard_normal((6, 5, 4, 3))
+    table = TabulatedMap(values, LIMIT)
+    previous = np.linspace(-LIMIT, LIMIT, 4)
+    mesh = np.meshgrid(table.boom_angle_rad, table.swing_rad, previous, indexing="ij")
+    found = table.change(*(axis.ravel() for axis in mesh))
+    np.testing.assert_allclose(found, values.reshape(-1, 3), atol=1e-12)
+
+
+def test_cubics_of_the_swings_are_exact():
+    def cubic(swing, previous):
+        one = 1 + swing - 2 * swing**2 + 0.5 * swing**3
+        return np.stack([one, swing * previous**3, previous], axis=-1)
+
+    grid = np.linspace(-LIMIT, LIMIT, 5)
+    swing, previous = np.meshgrid(grid, grid, indexing="ij")
+    table = TabulatedMap(np.broadcast_to(cubic(swing, previous), (4, 5, 5, 3)).copy(), LIMIT)
+    angle, s, p = points()
+    value, gradient = table.change_and_gradient(angle, s, p)
+    np.testing.assert_allclose(value, cubic(s, p), atol=1e-12)
+    np.testing.assert_allclose(gradient[:, 0, 1], 1 - 4 * s + 1.5 * s**2, atol=1e-12)
+    np.testing.assert_allclose(gradient[:, 1, 2], 3 * s * p**2, atol=1e-12)
+    np.testing.assert_allclose(gradient[:, :, 0], 0, atol=1e-12)
+
+
+def test_the_error_falls_with_the_fourth_power_of_the_spacing():
+    angle, swing, _ = points()
+    errors = []
+    for nodes in (16, 32, 64):
+        table = tabulated(Smooth(), LIMIT, angles=nodes, swings=nodes // 2 + 1)
+        errors.append(np.abs(table.change(angle, swing) - smooth_change(angle, swing)).max())
+    assert errors[0] / errors[1] > 10
+    assert errors[1] / errors[2] > 10
+
+
+def test_gradients_are_those_of_differences_and_the_turn_is_closed():
+    values = np.random.default_rng(2).standard_normal((9, 6, 3))
+    table = TabulatedMap(values, LIMIT)
+    angle, swing, _ = points()
+    swing = swing * 0.99
+    gradient = table.change_and_gradient(angle, swing)[1]
+    for axis, step in enumerate(([1e-6, 0], [0, 1e-6])):
+        ahead = table.change(angle + step[0], swing + step[1])
+        behind = table.change(angle - step[0], swing - step[1])
+        np.testing.assert_allclose(gradient[:, :, axis], (ahead - behind) / 2e-6, atol=1e-7)
+    turned = table.change_and_gradient(angle + 6 * np.pi, swing)
+    np.testing.assert_allclose(turned[0], table.change(angle, swing), atol=1e-11)
+    seam = table.change_and_gradient(np.array([-1e-12, 1e-12]), np.zeros(2))[1]
+    np.testing.assert_allclose(seam[0], seam[1], atol=1e-9)
+
+
+NOISE = np.array([2e-3, 2e-3, 1e-2])
+
+
+def test_a_tabulated_process_is_near_the_process_and_nearer_on_a_finer_grid():
+    model = trained_process(chained_hops(60, noise=NOISE))
+    spread = model.outputs.std(axis=0)
+    coarse = tabulation_errors(tabulated(model, LIMIT, angles=64, swings=17), model, points=500)
+    fine = tabulation_errors(tabulated(model, LIMIT, angles=256, swings=65), model, points=500)
+    assert (coarse[0] / spread).max() < 1e-2
+    for rough, close in zip(coarse, fine, strict=True):
+        assert np.all(close < rough / 3)
+
+
+def test_a_tabulated_process_with_history_is_near_the_process():
+    model = trained_process(chained_hops(60, noise=NOISE, memory=0.01), WITH_PREVIOUS_SWING)
+    table = tabulated_with_history(model, LIMIT)
+    value, _ = tabulation_errors(table, model, points=500)
+    assert (value / model.outputs.std(axis=0)).max() < 1e-2
+
+
+def test_a_table_of_the_true_map_has_its_grid():
+    angles = turn_nodes(4)
+    table = TabulatedMap(np.zeros((4, 7, 3)), LIMIT)
+    np.testing.assert_array_equal(table.boom_angle_rad, angles)
+    np.testing.assert_allclose(table.swing_rad[[0, 3, 6]], [-LIMIT, 0, LIMIT], atol=1e-15)
+
+
+def test_swings_beyond_the_limit_are_an_error():
+    table = TabulatedMap(np.zeros((4, 4, 3)), LIMIT)
+    table.change(0.0, LIMIT)
+    for swing in (LIMIT + 0.01, -2.0, np.nan):
+        with pytest.raises(AnalysisError, match="expected swings within"):
+            table.change(0.0, swing)
+
+
+@pytest.mark.parametrize(
+    "values", [np.zeros((4, 3, 3)), np.zeros((4, 4, 2)), np.full((4, 4, 3), np.nan)]
+)
+def test_bad_tables_are_errors(values):
+    with pytest.raises(ValueError, match="values: expected"):
+        TabulatedMap(values, LIMIT)
+
+
+def test_the_number_of_inputs_is_checked():
+    with pytest.raises(AnalysisError, match="expected 2 inputs, found 3"):
+        TabulatedMap(np.zeros((4, 4, 3)), LIMIT).change(0.0, 0.0, 0.0)

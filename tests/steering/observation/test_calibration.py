@@ -1,0 +1,139 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from steered_hopper import rms, steered
+
+from hopdata.errors import AnalysisError, ConfigError
+from hopdata.steering.observation.calibration import calibrate
+from hopdata.steering.observation.motion import hopper_motion
+from hopdata.steering.se2 import wrapped
+from hopdata.synthesis.options import MarkerOptions
+
+BODY = np.array(MarkerOptions().body_m)
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi / 2, np.pi])
+def test_body_axes_and_boom_circle_are_those_of_the_scene(angle):
+    geometry = calibrate(steered(angle=angle).recording)
+    np.testing.assert_allclose(geometry.body_m, BODY - BODY.mean(axis=0), atol=0.0005)
+    centre = np.array([0.25, 0.0, -0.03]) - BODY.mean(axis=0)
+    np.testing.assert_allclose(geometry.circle.centre_m, centre, atol=0.003)
+    np.testing.assert_allclose(geometry.circle.normal, [0, 0, 1], atol=0.02)
+    assert geometry.circle.radius_m == pytest.approx(0.25, abs=0.001)
+    assert geometry.noise_m == pytest.approx(0.0006, rel=0.05)
+
+
+def test_without_noise_the_geometry_is_exact():
+    geometry = calibrate(steered(noise_m=0.0).recording)
+    np.testing.assert_allclose(geometry.body_m, BODY - BODY.mean(axis=0), atol=1e-5)
+    assert geometry.circle.radius_m == pytest.approx(0.25, abs=1e-5)
+
+
+def test_heights_tell_stances_from_flights():
+    hopper = steered()
+    geometry = calibrate(hopper.recording)
+    lowest = np.interp(hopper.lowest_s, hopper.recording.time, hopper.middle[:, 2])
+    assert lowest.max() < geometry.stance_below_m < geometry.flight_above_m
+    assert geometry.flight_above_m < np.percentile(hopper.middle[:, 2], 60)
+
+
+def test_with_a_leaning_hopper_the_feet_are_the_better_level():
+    hopper = steered(angle=0.0)
+    tilts = {
+        level: np.abs(calibrate(hopper.recording, level=level).circle.normal[:2]).max()
+        for level in ("feet", "median")
+    }
+    assert tilts["feet"] < 0.01 < tilts["median"]
+
+
+def test_a_stretch_at_rest_can_be_what_is_level():
+    hopper = steered(angle=0.0)
+    still = np.repeat(hopper.recording.positions[:1], 50, axis=0)
+    rng = np.random.default_rng(np.random.SeedSequence(3))
+    still = still + 0.0003 * rng.standard_normal(still.shape)
+    resting = replace(
+        hopper.recording,
+        time=np.arange(len(hopper.recording.time) + 50) / 100.0,
+        positions=np.concatenate([still, hopper.recording.positions]),
+    )
+    geometry = calibrate(resting, level_s=(0.0, 0.4))
+    np.testing.assert_allclose(geometry.body_m, BODY - BODY.mean(axis=0), atol=0.002)
+    with pytest.raises(AnalysisError, match="within"):
+        calibrate(resting, level_s=(1e3, 2e3))
+
+
+def test_forward_can_be_the_first_marker_with_an_offset():
+    recording = steered().recording
+    toward = BODY[0] - BODY.mean(axis=0)
+    geometry = calibrate(recording, forward="marker", forward_offset_rad=-0.3)
+    angle = np.arctan2(geometry.body_m[0, 1], geometry.body_m[0, 0])
+    assert angle == pytest.approx(0.3, abs=1e-6)
+    by_foot = hopper_motion(recording, calibrate(recording)).pose[:, 2]
+    by_marker = hopper_motion(recording, geometry).pose[:, 2]
+    offset = np.arctan2(toward[1], toward[0]) - 0.3
+    np.testing.assert_allclose(wrapped(by_marker - by_foot - offset), 0, atol=0.002)
+
+
+def test_a_hopper_without_boom_or_feet_markers_is_calibrated_by_its_body():
+    recording = steered().recording
+    places = recording.indices("body")
+    bare = replace(
+        recording,
+        positions=recording.positions[:, places],
+        markers=recording.names("body"),
+        roles=("body",) * 3,
+    )
+    geometry = calibrate(bare, forward="marker")
+    assert geometry.circle is None
+    assert geometry.boom_place(bare.markers) is None
+    assert np.isnan(hopper_motion(bare, geometry).boom_angle).all()
+    with pytest.raises(AnalysisError, match="at least two foot markers"):
+        calibrate(bare)
+    with pytest.raises(AnalysisError, match="at least 3 feet"):
+        calibrate(bare, forward="marker", level="feet")
+
+
+@pytest.mark.parametrize("option", [{"level": "foot"}, {"forward": "nose"}])
+def test_unknown_choices_are_refused(option):
+    with pytest.raises(ConfigError, match="expected one of"):
+        calibrate(steered().recording, **option)
+
+
+def test_a_boom_that_does_not_move_is_refused():
+    hopper = steered(hops=10)
+    recording = hopper.recording
+    moving = (np.abs(wrapped(hopper.boom_angle - np.pi)) < 1e-9).nonzero()[0]
+    still = replace(
+        recording, time=np.arange(len(moving)) / 100.0, positions=recording.positions[moving]
+    )
+    with pytest.raises(AnalysisError, match="boom: expected it to move"):
+        calibrate(still)
+
+
+def test_a_boom_that_moves_too_little_is_refused():
+    hopper = steered(hops=10)
+    recording = hopper.recording
+    little = (np.abs(wrapped(hopper.boom_angle - np.pi)) < 0.3).nonzero()[0]
+    short = replace(
+        recording, time=np.arange(len(little)) / 100.0, positions=recording.positions[little]
+    )
+    with pytest.raises(AnalysisError, match="at least 30 degrees"):
+        calibrate(short)
+
+
+def test_boom_markers_mixed_up_in_some_frames_do_no_harm():
+    recording = steered().recording
+    positions = recording.positions.copy()
+    boom = recording.indices("boom")[0]
+    positions[::20, boom] = positions[::20, recording.indices("foot")[0]]
+    geometry = calibrate(replace(recording, positions=positions))
+    assert geometry.circle.radius_m == pytest.approx(0.25, abs=0.001)
+
+
+def test_errors_are_rms_of_the_noise_alone():
+    hopper = steered(hops=60)
+    motion = hopper_motion(hopper.recording, calibrate(hopper.recording))
+    arms = BODY - BODY.mean(axis=0)
+    bound = 0.0006 / np.sqrt(np.sum(arms[:, :2] ** 2))
+    assert rms(wrapped(motion.pose[:, 2] - hopper.yaw)) < 1.05 * bound

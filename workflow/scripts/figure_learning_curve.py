@@ -1,0 +1,11 @@
+"""Draw the error of predicted frame changes by the number of hops."""
+
+from pathlib import Path
+
+from hopdata.figures.learning_curve import learning_curve_figure
+from hopdata.figures.saving import save_figure
+from hopdata.jobs import read_table, reported
+
+with reported(snakemake.log[0]):
+    figure = learning_curve_figure(read_table(snakemake.input[0]))
+    save_figure(figure, Path(snakemake.output[0]).with_suffix(""), **snakemake.params.options)
