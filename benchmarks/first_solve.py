@@ -4,10 +4,12 @@
 
 One row for each case. `install`: nothing is cached, driver and generic methods are compiled.
 `new scene`: a module never seen before, the driver is there. `known scene`: the same module in
-another process. `new scene, plain Python`: its field uses a dictionary, which Numba does not
-compile; `known scene, plain Python`: the same again. `own code`: the process that compiles the two
-explicit methods for the scene, as one does that takes many steps (`WORTH_COMPILING`); `known scene,
-own code`: the next process.
+another process. `new scene, Jacobian` and `known scene, Jacobian`: the same with the flow's
+Jacobian, for which a method and its tangents are compiled for the scene; the fall alone, for a
+bounce resets the state. `new scene, plain Python`: its field uses a dictionary, which Numba does
+not compile; `known scene, plain Python`: the same again. `own code`: the process that compiles the
+two explicit methods for the scene, as one does that takes many steps (`WORTH_COMPILING`); `known
+scene, own code`: the next process.
 
 Times are medians over the repeats, with the smallest and the largest. `imports_s` is the import of
 `hopdata.hybrid`, `first_solve_s` the time from there to the end of the first `solve`: the module's
@@ -35,6 +37,8 @@ CASES = (
     "install",
     "new scene",
     "known scene",
+    "new scene, Jacobian",
+    "known scene, Jacobian",
     "new scene, plain Python",
     "known scene, plain Python",
     "own code",
@@ -81,9 +85,9 @@ if {own_code}:
     from hopdata.hybrid.methods import table
 
     table.WORTH_COMPILING = 0
-solve(ball, (0.0, 1.0), (1.0, 0.0))
+solve(ball, (0.0, {until}), (1.0, 0.0), jacobian={jacobian})
 solved, cpu = time.perf_counter(), time.process_time() - cpu
-solve(ball, (0.0, 1.0), (1.0, 0.0))
+solve(ball, (0.0, {until}), (1.0, 0.0), jacobian={jacobian})
 again = time.perf_counter() - solved
 json.dump([imported - start, solved - imported, cpu, 1e6 * again], sys.stdout)
 """
@@ -114,9 +118,13 @@ def output(folder: Path, program: str) -> str:
     return done.stdout
 
 
-def first_solve(folder: Path, scene: str, *, own_code: bool = False) -> list[float]:
+def first_solve(
+    folder: Path, scene: str, *, own_code: bool = False, jacobian: bool = False
+) -> list[float]:
     """Return the five times of a process that solves this scene."""
-    imports, *rest = json.loads(output(folder, PROGRAM.format(scene=scene, own_code=own_code)))
+    until = 0.4 if jacobian else 1.0  # before the bounce: it resets the state
+    program = PROGRAM.format(scene=scene, own_code=own_code, jacobian=jacobian, until=until)
+    imports, *rest = json.loads(output(folder, program))
     return [imports, float(output(folder, NUMBA_START)), *rest]
 
 
@@ -128,6 +136,9 @@ def measure(folder: Path, repeats: int) -> dict[str, list[list[float]]]:
     for number in range(1, repeats + 1):
         for name, plain in ((f"scene{number}", False), (f"plain{number}", True)):
             write_scene(folder, name, number, plain=plain)
+        write_scene(folder, f"derived{number}", number, plain=False)
+        for case in ("new scene, Jacobian", "known scene, Jacobian"):
+            times[case].append(first_solve(folder, f"derived{number}", jacobian=True))
         for case in ("new scene", "known scene"):
             times[case].append(first_solve(folder, f"scene{number}"))
             times[f"{case}, plain Python"].append(first_solve(folder, f"plain{number}"))

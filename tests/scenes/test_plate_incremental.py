@@ -76,7 +76,7 @@ def test_rate_bound_is_the_largest_rate(spin):
 
 @pytest.mark.parametrize("locks", [LOCKS, -np.ones(N, dtype=int), np.ones(N, dtype=int)])
 def test_jacobian_is_the_derivative(locks):
-    jac, plain, step = np.empty((6, 6)), np.empty((6, 6)), 1e-6
+    jac, plain, step = np.zeros((6, 6)), np.zeros((6, 6)), 1e-6
     plate_jacobian(0.0, TILTED, locks, params_with(locks), jac)
     plate_field_jacobian(0.0, TILTED, locks, np.array(PLATE.params), plain)
     assert plain == pytest.approx(jac, rel=1e-12, abs=1e-11)

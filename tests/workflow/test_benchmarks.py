@@ -54,7 +54,7 @@ def linked(tmp_path_factory):
 @pytest.fixture(scope="module")
 def jobs(linked):
     """Rules of a dry run of everything, with the text that the run prints on each."""
-    printed = snakemake(linked, "--dry-run", "benchmarks", "studies")
+    printed = snakemake(linked, "--dry-run", "benchmarks", "studies", "live")
     pieces = re.split(r"^(?:local)?rule (\w+):$", printed, flags=re.MULTILINE)
     return dict(zip(pieces[1::2], pieces[2::2], strict=True))
 

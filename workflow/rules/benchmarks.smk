@@ -38,6 +38,10 @@ SIMULATED_STUDIES = {
     "verdict_power": ["verdict_power.csv", "verdict_studies.csv"],
     "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
 }
+# They run in real time for a quarter of an hour: `snakemake --cores 2 live`.
+REAL_TIME_RUNS = {
+    "live_loop": ["live_loop.csv"],
+}
 STUDY_FIGURES = {
     "verdict_power": ("figure_verdict_power", ["verdict_power.csv"]),
 }
@@ -61,7 +65,7 @@ BENCHMARK_FIGURES = {
 }
 
 
-for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES}.items():
+for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES, **REAL_TIME_RUNS}.items():
 
     rule:
         name:
@@ -132,3 +136,9 @@ rule studies:
     input:
         [f"{BENCHMARKS}/{table}" for tables in SIMULATED_STUDIES.values() for table in tables],
         expand(f"{BENCHMARKS}/figures/{{name}}.{{format}}", name=STUDY_FIGURES, format=FORMATS),
+
+
+rule live:
+    """The control loop over a real-time stream: `snakemake --cores 2 live`."""
+    input:
+        [f"{BENCHMARKS}/{table}" for tables in REAL_TIME_RUNS.values() for table in tables],

@@ -171,7 +171,8 @@ class System:
         """Return the methods that a choice leaves to the driver."""
         key = choice, jacobian
         if key not in self._method_tables:
-            scene = Scene(self.field, self.n_states, self.jacobian, self.affine)
+            guards = self.guards or self.guard
+            scene = Scene(self.field, self.n_states, self.jacobian, self.affine, guards)
             self._method_tables[key] = MethodTable(choice, scene, jacobian)
         return self._method_tables[key]
 

@@ -81,6 +81,7 @@ class Workspace:
         self._lists = np.zeros((layout.LIST_ROWS, n_guards), dtype=np.int64)
         self._wake_at = np.zeros(n_guards)
         self._methods: MethodTable | None = None
+        self._identity = np.eye(n_states)
         self.tangent: FloatArray | None = None
         self._rows = np.empty((FIRST_ROWS, 1 + n_states))
         self._log = np.empty((FIRST_EVENTS + 2 * n_guards, 3 + 2 * n_states + n_logged_modes))
@@ -149,8 +150,7 @@ class Workspace:
         if methods is not self._methods:
             self._take(methods)
         if jacobian:
-            self.tangent = tangent_table(methods.tangent_rows, len(self.state))
-            self._lay_out(layout.TANGENT_TABLE, self.tangent)
+            self._begin_tangent(methods)
         elif self.tangent is not None:
             self.tangent = None
             self.desk[layout.TANGENT_TABLE] = 0
@@ -163,13 +163,22 @@ class Workspace:
             self._samples = np.empty((len(self._wanted), len(self.state)))
             self._lay_out(layout.WANTED, self._wanted, self._samples)
 
+    def _begin_tangent(self, methods: MethodTable) -> None:
+        """Have room for the flow's Jacobian, which begins as the identity."""
+        if self.tangent is None:
+            self.tangent = tangent_table(methods, len(self.state))
+            self._lay_out(layout.TANGENT_TABLE, self.tangent)
+        else:
+            self.tangent[: len(self.state)] = self._identity
+
     def forget_samples(self) -> None:
         """Lay out the workspace's own room for samples again, after another's was used."""
         self._lay_out(layout.WANTED, self._wanted, self._samples)
 
     def _take(self, methods: MethodTable) -> None:
         """Lay out what other methods than before need."""
-        self._methods = methods
+        self._methods, self.tangent = methods, None
+        self.desk[layout.TANGENT_TABLE] = 0
         self._lay_out(layout.METHOD_TABLE, methods.rows)
         needed = layout.W1 + methods.work_rows
         if len(self._states) < needed:

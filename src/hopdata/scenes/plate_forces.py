@@ -86,13 +86,12 @@ def fill_force_row(y: FloatArray, p: FloatArray, s0: float, s1: float, row: Floa
 
 @njit(error_model="numpy")
 def fill_jacobian(y: FloatArray, p: FloatArray, sums: Sums, jac: FloatArray) -> None:
-    """Fill the derivative of the rates with respect to the state, (6, 6)."""
+    """Fill the derivative of the rates with respect to the state, (6, 6), which begins as zeros."""
     slope = math.tan(y[2])
     grow = 1.0 + slope * slope
     at_centre, per_arm = push(y, p, slope)
     force = at_centre * sums[0] + per_arm * sums[1]
     moment = at_centre * sums[1] + per_arm * sums[2]
-    jac[:] = 0.0
     for i in range(3):
         jac[i, 3 + i] = 1.0
     fill_force_row(y, p, sums[0], sums[1], jac[4])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid import System, field, guards, solve
-from hopdata.hybrid.compiled.subscripts import largest_subscripts
+from hopdata.hybrid.compiled.subscripts import elements_named, largest_subscripts
 
 
 def test_reading_writing_and_changing():
@@ -31,6 +31,42 @@ def test_numbers_that_are_no_subscripts():
     assert largest_subscripts(f) == {}  # it may look at the length before it reads
     assert largest_subscripts(g) == {"dy": 0}
     assert largest_subscripts(print) == {}
+
+
+def test_elements_that_alone_can_matter():
+    def g(t, y, dy, mode, params, h, hdot):
+        for k in range(len(h)):
+            h[k], hdot[k] = y[k] + params[0], dy[0] + y[1] * dy[3]
+
+    assert elements_named(g, 2) == {0, 3}
+    assert elements_named(g, 0) == frozenset()  # the time
+    assert elements_named(g, 1) is None  # by a variable
+    assert elements_named(print, 0) is None
+
+
+def test_elements_that_may_all_matter():
+    def handed_on(t, y, dy):
+        return np.dot(y, dy) + dy[0]
+
+    def from_the_end(t, y, dy):
+        return dy[0] + dy[-1]
+
+    def sliced(t, y, dy):
+        return dy[0] + dy[1:3].sum()
+
+    def renamed(t, y, dy):
+        rate = dy
+        return rate[4] + dy[0]
+
+    def enclosed(t, y, dy):
+        return dy[0] + sum(dy[k] for k in (1, 2))
+
+    def replaced(t, y, dy):
+        dy = y
+        return dy[0]
+
+    for function in (handed_on, from_the_end, sliced, renamed, enclosed, replaced):
+        assert elements_named(function, 2) is None
 
 
 @field

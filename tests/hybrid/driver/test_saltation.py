@@ -11,7 +11,7 @@ from hybrid_systems import ladder
 from jacobian_checks import TIGHT, carried, differences, gap
 from scipy.integrate import solve_ivp
 
-from hopdata.hybrid import solve, solve_batch
+from hopdata.hybrid import System, field, guards, solve, solve_batch
 from hopdata.hybrid.first_order import (
     bouligand_derivative,
     project_onto_section,
@@ -36,6 +36,52 @@ def test_through_jumps_of_the_field(make, params, method):
     found = carried(make(3), (0, 2), START, params=params, method=method)
     assert len(found.events) >= 4
     assert gap(found.jacobian, differences(bent(3), (0, 2), START, params=params)) < 1e-10
+
+
+@field
+def pushed(t, y, mode, params, dy):
+    dy[0], dy[1], dy[2] = y[2], -0.4 * y[0], -y[1] + 0.3 * np.cos(t)
+    if mode[0] > 0:
+        dy[1], dy[2] = dy[1] + 0.7, dy[2] - 0.5
+
+
+@guards
+def by_numbers(t, y, dy, mode, params, h, hdot):
+    h[0] = y[0] + 0.3 * y[1] * y[1] - 0.5
+    hdot[0] = dy[0] + 0.6 * y[1] * dy[1]
+
+
+@guards
+def by_a_loop(t, y, dy, mode, params, h, hdot):
+    gradient = np.array([1.0, 0.6 * y[1], 0.0])
+    h[0] = y[0] + 0.3 * y[1] * y[1] - 0.5
+    hdot[0] = 0.0 * t
+    for i in range(3):
+        hdot[0] += gradient[i] * dy[i]
+
+
+@guards
+def that_move(t, y, dy, mode, params, h, hdot):
+    h[0] = y[0] + 0.3 * y[1] * y[1] - 0.5 + 0.1 * np.sin(t)
+    hdot[0] = dy[0] + 0.6 * y[1] * dy[1] + 0.1 * np.cos(t)
+
+
+@pytest.mark.parametrize("one", [by_numbers, by_a_loop, that_move])
+def test_whatever_the_code_of_a_guard_tells_of_what_it_depends_on(one):
+    system = System(pushed, one, n_states=3, guard_names=("bend",))
+    found = carried(system, (0, 4), [0.1, 0.4, 0.6])
+    assert len(found.events) >= 1
+    assert gap(found.jacobian, differences(system, (0, 4), [0.1, 0.4, 0.6])) < 1e-9
+
+
+def test_a_guard_whose_inputs_are_named_costs_fewer_evaluations():
+    named, looped = (
+        System(pushed, one, n_states=3, guard_names=("bend",)) for one in (by_numbers, by_a_loop)
+    )
+    assert named.methods("dopri5", True).rate_inputs == [0, 1]
+    assert named.methods("dopri5", True).steady
+    assert looped.methods("dopri5", True).rate_inputs == [0, 1, 2]
+    assert not looped.methods("dopri5", True).steady
 
 
 def test_ladder_of_speeds():

@@ -8,7 +8,7 @@ from bent_systems import bent, bent_jacobian, bent_params, landing
 from hybrid_systems import balance, growth
 from jacobian_checks import carried, differences, gap
 
-from hopdata.hybrid import jacobian, solve, solve_batch
+from hopdata.hybrid import System, field, jacobian, solve, solve_batch
 from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 
 FAR = bent_params([50.0, 60.0, 70.0], drive=0.3)
@@ -125,6 +125,27 @@ def test_more_steps_than_the_driver_takes_in_one_call():
     long = solve(bent(3), (0, 2), [0.0, 1.2], params=FAR, jacobian=True, max_step=8e-6)
     assert long.n_steps > 200_000
     assert gap(long.jacobian, carried(bent(3), (0, 2), [0.0, 1.2], params=FAR).jacobian) < 1e-9
+
+
+@field
+def at_rest(t, y, mode, params, dy):
+    dy[0] = dy[1] = 0.0
+
+
+@jacobian
+def turning(t, y, mode, params, jac):
+    jac[0, 1], jac[1, 0] = params[0], -params[0]
+
+
+def test_steps_too_short_for_the_time_to_go_on_end_in_a_status():
+    """Asked for by the Jacobian alone, beside a state that allows any step."""
+    system = System(at_rest, n_states=2, jacobian=turning)
+    found = solve(system, (1, 2), [1.0, 0.0], params=(1e18,), jacobian=True)
+    assert found.status == -1
+    assert found.n_steps < 100
+    slow = solve(system, (1, 2), [1.0, 0.0], params=(3.0,), jacobian=True)
+    exact = [[np.cos(3), np.sin(3)], [-np.sin(3), np.cos(3)]]
+    assert np.abs(slow.jacobian - exact).max() < 1e-7
 
 
 @jacobian

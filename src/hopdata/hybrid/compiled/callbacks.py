@@ -23,7 +23,7 @@ from hopdata.hybrid.compiled.signatures import (
     RATE_BOUND,
     Signature,
 )
-from hopdata.hybrid.compiled.subscripts import largest_subscripts
+from hopdata.hybrid.compiled.subscripts import elements_named, largest_subscripts
 from hopdata.hybrid.compiled.trampoline import compiled_trampoline, protected, trampoline
 
 Function = Callable[..., Any]
@@ -85,6 +85,11 @@ class Callback:
     def n_params(self) -> int:
         """How many parameters the function's code names."""
         return self._subscripts.get(self.signature.arguments.index("params"), -1) + 1
+
+    def elements_of(self, argument: str, length: int) -> tuple[int, ...]:
+        """Return which elements of an argument of this length may matter to the function."""
+        named = elements_named(self.function, self.signature.arguments.index(argument))
+        return tuple(range(length)) if named is None else tuple(sorted(named))
 
     @cached_property
     def _subscripts(self) -> dict[int, int]:
@@ -214,7 +219,8 @@ def jacobian(function: Function | None = None, *, compiled: bool = True) -> Any:
     Parameters
     ----------
     function : callable
-        Fills `jac` (n, n) in place: ``jac[i, j]`` is the derivative of ``dy[i]`` by ``y[j]``.
+        Fills `jac` (n, n) in place: ``jac[i, j]`` is the derivative of ``dy[i]`` by ``y[j]``. It
+        begins as zeros.
     """
     return _declared(JACOBIAN, function, compiled)
 

@@ -1,7 +1,8 @@
-"""Find the elements that a function's code names by number, to compare them with what is there.
+"""Find the elements that a function's code names by number.
 
-Machine code does not look whether an element exists: beyond the end of an array it reads, and
-writes, whatever stands there.
+To compare them with what is there: machine code does not look whether an element exists; beyond
+the end of an array it reads, and writes, whatever stands there. And to know what cannot matter:
+elements that a function never names.
 """
 
 from __future__ import annotations
@@ -26,11 +27,40 @@ def largest_subscripts(function: Callable[..., Any]) -> dict[str, int]:
     steps = list(dis.get_instructions(code))
     stored = {name for step in steps if "STORE_FAST" in step.opname for name in _names(step)}
     arguments = set(code.co_varnames[: code.co_argcount]) - stored
-    for array, index, use in zip(steps, steps[1:], steps[2:], strict=False):
-        name, number = _names(array)[-1], index.argval
-        if name in arguments and _is_literal(index) and _is_subscript(use):
+    for name, number in _literal_subscripts(steps):
+        if name in arguments:
             largest[name] = max(number, largest.get(name, -1))
     return {name: number for name, number in largest.items() if number >= 0}
+
+
+def elements_named(function: Callable[..., Any], position: int) -> frozenset[int] | None:
+    """Return which elements of an argument a function's code names, if it names all by numbers.
+
+    None if the argument is used in another way (indexed by a variable or from the end, handed on),
+    so that any element may matter.
+
+    Parameters
+    ----------
+    function : callable
+        A Python function.
+    position : int
+        The argument's, among the positional ones.
+    """
+    if not isinstance(function, FunctionType) or position >= function.__code__.co_argcount:
+        return None
+    argument, steps = function.__code__.co_varnames[position], list(dis.get_instructions(function))
+    numbers = [number for name, number in _literal_subscripts(steps) if name == argument]
+    mentions = sum(_names(step).count(argument) for step in steps)
+    return frozenset(numbers) if mentions == len(numbers) and min(numbers, default=0) >= 0 else None
+
+
+def _literal_subscripts(steps: list[dis.Instruction]) -> list[tuple[Any, int]]:
+    """Return the name and the number at each place where something is indexed by a literal."""
+    return [
+        (_names(array)[-1], index.argval)
+        for array, index, use in zip(steps, steps[1:], steps[2:], strict=False)
+        if _is_literal(index) and _is_subscript(use)
+    ]
 
 
 def _is_literal(step: dis.Instruction) -> bool:

@@ -30,9 +30,21 @@ W1 = P1 + LARGEST_DEGREE
 
 # Rows of the tangent's table, which are as long as the state: the flow's Jacobian (n rows), two
 # blocks of n rows for the method, these single rows, and what the method has of its own.
-# PHI_MOTION begins with the fastest motion squared, by which the method has judged its error.
-PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN, PHI_MOTION = index_numbers(7)
-PHI_ROWS = 7
+# PHI_MOTION begins with the fastest motion squared, by which the method has judged its error;
+# RATE_INPUTS is 1 where the rates of the guards may depend on that component of the state's rate;
+# STEADY begins with 1 if no guard depends on time.
+(
+    PHI_SHIFTED,
+    PHI_SLOPE,
+    F_BEFORE,
+    F_AFTER,
+    ALONG,
+    COLUMN,
+    PHI_MOTION,
+    RATE_INPUTS,
+    STEADY,
+) = index_numbers(9)
+PHI_ROWS = 9
 GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # of a step, for its short tangent
 
 # Rows of `guards`: event functions and their rates at the start, at the end and inside of a step,

@@ -15,6 +15,7 @@ from hopdata.hybrid.driver.layout import (
     GAUSS_2,
     METHOD,
     MOTION,
+    NEXT_DT,
     NFEV,
     ORDER,
     PHI_MOTION,
@@ -31,8 +32,9 @@ from hopdata.hybrid.driver.layout import (
 from hopdata.hybrid.driver.problem import Problem
 from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST
 
-EASY = 1e-2  # of the tolerance: a step with so little error may have the short tangent
-SHORT = 1.0  # relative tolerances: (step times fastest motion)^5, up to which a step is short
+EASY = 0.2  # of the tolerance: a step with so little error may have the short tangent
+SHORT = 300.0  # relative tolerances: (step times fastest motion)^5, up to which a step is short
+SMALL = 0.1  # error of the Jacobian, in units of the tolerance, that says nothing of the next step
 
 
 @kernel
@@ -67,13 +69,16 @@ def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
     """Multiply the flow's Jacobian by that of the step that ends at END.
 
     Returns the part of the step by which it must be taken again, as the Jacobian errs by too much;
-    1 if it does not, NaN if it is not finite.
+    1 if it does not, NaN if it is not finite. One that errs by less may yet limit the next step.
     """
     phi, n = p.tangent, m.states.width
     error = tangent(p, m, dt)
     m.clock[MOTION] = phi[3 * n + PHI_MOTION, 0]
-    if error > 1.0:
-        return max(SHRINK_MOST, SAFETY / error ** (1.0 / p.methods[m.counts[METHOD], ORDER]))
+    if error > SMALL:
+        part = max(SHRINK_MOST, SAFETY / error ** (1.0 / p.methods[m.counts[METHOD], ORDER]))
+        if error > 1.0:
+            return part
+        m.clock[NEXT_DT] = min(m.clock[NEXT_DT], part * dt)
     wrong = 0
     for e in range(n * n):
         wrong += 0 if abs(phi[n, e]) < np.inf else 1

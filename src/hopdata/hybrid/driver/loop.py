@@ -58,6 +58,7 @@ from hopdata.hybrid.driver.sleep import travel_on
 from hopdata.hybrid.driver.start import settle_locks
 from hopdata.hybrid.driver.stepping import (
     LOG_ERROR_FLOOR,
+    STEP_FLOOR,
     accepted_step,
     first_step,
 )
@@ -70,6 +71,7 @@ from hopdata.hybrid.status import (
     NEEDS_ROOM,
     PAUSED,
     RUNNING,
+    STEP_UNDERFLOW,
     TOO_MANY_EVENTS,
     TOO_MANY_STEPS,
 )
@@ -100,6 +102,15 @@ def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
     return status
 
 
+@kernel
+def retry(m: Memory, shrink: float) -> int:
+    """Return how it goes on, if the Jacobian asks for a shorter step."""
+    if not shrink > 0.0:
+        return JACOBIAN_NOT_FINITE
+    too_short = m.clock[NEXT_DT] <= STEP_FLOOR * abs(m.clock[T])
+    return STEP_UNDERFLOW if too_short else RUNNING
+
+
 @kernel_in_loop
 def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Take one step, to its end or to the first flip in it, and let the flips happen."""
@@ -113,7 +124,7 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
             if not shrink >= 1.0:
                 m.clock[NEXT_DT] = shrink * dt
                 m.counts[REJECTED] += 1
-                return RUNNING if shrink > 0.0 else JACOBIAN_NOT_FINITE
+                return retry(m, shrink)
         move_on(p, m, out, dt)
     if n_due > 0:
         return fire(p, m, out, log)

@@ -21,6 +21,8 @@ from hopdata.hybrid.driver.layout import (
     NFEV,
     RATE,
     RATE0,
+    RATE_INPUTS,
+    STEADY,
     H,
     Memory,
     T,
@@ -48,17 +50,51 @@ def rate_along(p: Problem, m: Memory, k: int, row: int) -> float:
 
 
 @kernel
+def largest_input(p: Problem, m: Memory) -> int:
+    """Return the largest component of f- on which the guards' rates may depend; -1 if all are 0."""
+    phi, largest, found = p.tangent, 0.0, -1
+    before, inputs = single_row(m, F_BEFORE), single_row(m, RATE_INPUTS)
+    for i in range(m.states.width):
+        if phi[inputs, i] != 0.0 and abs(phi[before, i]) > largest:
+            largest, found = abs(phi[before, i]), i
+    return found
+
+
+@kernel
+def add_part(p: Problem, m: Memory, i: int, part: float) -> None:
+    """Add `part` times row i of Phi to the row ALONG."""
+    phi, along = p.tangent, single_row(m, ALONG)
+    for j in range(m.states.width):
+        phi[along, j] += part * phi[i, j]
+
+
+@kernel
 def project(p: Problem, m: Memory, k: int, rate: float) -> None:
-    """Write Dh Phi / rate of guard k into the row ALONG, for its rate Dh f- + dh/dt."""
+    """Write Dh Phi / rate of guard k into the row ALONG, for its rate Dh f- + dh/dt.
+
+    The rate is affine in f-: Dh comes by changing one component of it after the other, those alone
+    that the guards' code may use, by the size of the largest. What belongs to the largest is what
+    is left of the rate, if time does not matter.
+    """
     phi, n = p.tangent, m.states.width
-    along, column = single_row(m, ALONG), single_row(m, COLUMN)
+    moved, before, inputs = (
+        single_row(m, COLUMN), single_row(m, F_BEFORE), single_row(m, RATE_INPUTS),
+    )  # fmt: skip
     for i in range(n):
-        phi[column, i] = 0.0
-    by_time = rate_along(p, m, k, column)
-    for j in range(n):
-        for i in range(n):
-            phi[column, i] = phi[i, j]
-        phi[along, j] = (rate_along(p, m, k, column) - by_time) / rate
+        phi[moved, i] = phi[before, i]
+        phi[single_row(m, ALONG), i] = 0.0
+    largest, left = largest_input(p, m), 1.0
+    change = abs(phi[before, largest]) if largest >= 0 else 1.0
+    last = largest if phi[single_row(m, STEADY), 0] != 0.0 else -1
+    for i in range(n):
+        if phi[inputs, i] != 0.0 and i != last:
+            phi[moved, i] += change
+            part = (rate_along(p, m, k, moved) - rate) / (phi[moved, i] - phi[before, i]) / rate
+            phi[moved, i] = phi[before, i]
+            left -= part * phi[before, i]
+            add_part(p, m, i, part)
+    if last >= 0:
+        add_part(p, m, last, left / phi[before, last])
 
 
 @kernel

@@ -148,7 +148,7 @@ def compiled_entry(
 
 def _entry(template: Function, function: Function, n_states: int) -> tuple[Function, str]:
     """Return the entry to a method's function, to be compiled, and its digest."""
-    inner = njit(error_model="numpy")(with_digest(function))
+    inner = njit(error_model="numpy", forceinline=True)(with_digest(function))
     entry = with_digest(template, FUNCTION=inner, N=n_states)
     return entry, f"{function_digest(entry)}-{driver_digest()}"
 

@@ -37,12 +37,25 @@ class Scene:
         Length of the state.
     jacobian, affine : Callback, optional
         The field's derivative, and its affine form.
+    guards : Callback, optional
+        The event functions, all at once or one by one.
     """
 
     field: Callback
     n_states: int
     jacobian: Callback | None = None
     affine: Callback | None = None
+    guards: Callback | None = None
+
+    @property
+    def rate_inputs(self) -> tuple[int, ...]:
+        """Components of the state's rate on which the rates of the event functions may depend."""
+        return () if self.guards is None else self.guards.elements_of("dy", self.n_states)
+
+    @property
+    def steady(self) -> bool:
+        """Whether the code of the event functions does not name the time."""
+        return self.guards is None or self.guards.elements_of("t", 1) == ()
 
     @property
     def cacheable(self) -> bool:
@@ -57,9 +70,9 @@ def matrix(s: Any, first: int, _n: int) -> Any:
     return square(s, first)
 
 
-def put_in(template: Any, **names: Any) -> Any:
+def put_in(template: Any, *, inline: bool = False, **names: Any) -> Any:
     """Return a template with these names put in, to be called by other compiled code."""
-    return njit(error_model="numpy")(with_digest(template, **names))
+    return njit(error_model="numpy", forceinline=inline)(with_digest(template, **names))
 
 
 def explicit(tableau: Tableau, scene: Scene) -> Method:
@@ -78,7 +91,7 @@ def explicit(tableau: Tableau, scene: Scene) -> Method:
         interpolant=compose(
             "interpolant", "t, dt, s, mode, params", interpolant_code(tableau), known
         ),
-        tangent=tangent.tangent_template(tableau, known | _tangent_names(scene)),
+        tangent=tangent.tangent_template(tableau, known | _tangent_names(scene, inline=False)),
         tangent_rows=3 * n + PHI_ROWS + n * len(tableau.weights),
         tangent_evaluations=0 if scene.jacobian else 4 * n * len(tableau.weights),
         short_tangent=_short_tangent(tableau, scene),
@@ -87,11 +100,11 @@ def explicit(tableau: Tableau, scene: Scene) -> Method:
     )
 
 
-def _tangent_names(scene: Scene) -> dict[str, Any]:
+def _tangent_names(scene: Scene, *, inline: bool) -> dict[str, Any]:
     n, names = scene.n_states, {"row": row, "square": square}
     if scene.jacobian is not None:
         by_user = {"JACOBIAN": scene.jacobian.dispatcher, "N": n}
-        fill = put_in(tangent.jacobian_by_user, **names, **by_user)
+        fill = put_in(tangent.jacobian_by_user, inline=inline, **names, **by_user)
     else:
         by_differences = {"FIELD": scene.field.dispatcher, "N": n}
         fill = put_in(tangent.jacobian_by_differences, **names, **by_differences)
@@ -102,7 +115,8 @@ def _tangent_names(scene: Scene) -> dict[str, Any]:
 def _short_tangent(tableau: Tableau, scene: Scene) -> Any:
     if tableau.order > short_tangent.HIGHEST_ORDER:
         return None
-    return with_digest(short_tangent.short_tangent, N=scene.n_states, **_tangent_names(scene))
+    names = _tangent_names(scene, inline=True)
+    return with_digest(short_tangent.short_tangent, N=scene.n_states, **names)
 
 
 def taylor_method(scene: Scene) -> Method:

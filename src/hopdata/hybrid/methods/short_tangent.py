@@ -54,8 +54,10 @@ def short_tangent(
     ADD_PRODUCT(phi, N, second, end, fourth, dt / 6.0)
     fastest = 0.0
     for i in range(N):
+        fastest_of_row = 0.0  # the processor works on several rows at a time
         for j in range(i + 1):
-            fastest = max(fastest, abs(phi[middle + i, j] * phi[middle + j, i]))
+            fastest_of_row = max(fastest_of_row, abs(phi[middle + i, j] * phi[middle + j, i]))
+        fastest = max(fastest, fastest_of_row)
     phi[3 * N + PHI_MOTION, 0] = fastest
     turn = dt * dt * fastest
     return ERROR * turn * turn * sqrt(turn) / (LOOSER * rtol)

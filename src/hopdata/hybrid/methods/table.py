@@ -99,6 +99,10 @@ class MethodTable:
         Methods whose code is generic now, by their numbers.
     steps : int
         Steps of the integrations that have ended, counted by the caller while there are any.
+    rate_inputs : list of int
+        Components of the state's rate on which the rates of the event functions may depend.
+    steady : bool
+        Whether the event functions do not depend on time.
     """
 
     def __init__(self, choice: str, scene: Scene, jacobian: bool) -> None:
@@ -110,6 +114,7 @@ class MethodTable:
         self.steps = 0
         self.work_rows = work_rows(self._names, scene.n_states)
         self.tangent_rows = 0
+        self.rate_inputs, self.steady = list(scene.rate_inputs), scene.steady
         self.rows: IntArray = np.zeros((len(self._names), layout.METHOD_SLOTS), dtype=np.int64)
         for number in range(len(self._names)):
             self._describe(number)
@@ -198,8 +203,10 @@ class MethodTable:
         self._enter(number, step, compiled_interpolant(method, n_states, cache=cache))
 
 
-def tangent_table(rows: int, n_states: int) -> FloatArray:
+def tangent_table(methods: MethodTable, n_states: int) -> FloatArray:
     """Return room for the flow's Jacobian, which begins as the identity."""
-    table = np.zeros((rows, n_states))
+    table = np.zeros((methods.tangent_rows, n_states))
     table[:n_states] = np.eye(n_states)
+    table[3 * n_states + layout.RATE_INPUTS, methods.rate_inputs] = 1.0
+    table[3 * n_states + layout.STEADY] = methods.steady
     return table

@@ -1,0 +1,135 @@
+"""Drive a robot: the whole loop of Fig. 3.4, from the cameras to the boom, with its logs."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from hopdata.steering.live.boom import Boom
+from hopdata.steering.live.counts import LoopCounts, StreamCounts
+from hopdata.steering.live.decisions import Decision, write_decisions, write_states
+from hopdata.steering.live.interfaces import Controller, Detector, Tracker
+from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.loop import ControlLoop
+from hopdata.steering.live.packets import PORT
+from hopdata.steering.live.patience import Patience
+from hopdata.steering.live.states import Status
+from hopdata.steering.live.stream import MarkerStream
+from hopdata.steering.observation.geometry import HopperGeometry
+from hopdata.steering.observation.live_stances import StanceDetector
+from hopdata.steering.observation.tracking import HopperTracker
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What happened: the decisions, the states of the stream, and what was counted."""
+
+    decisions: tuple[Decision, ...]
+    states: tuple[Status, ...]
+    stream: StreamCounts
+    loop: LoopCounts
+
+
+def observers(
+    geometry: HopperGeometry, labels: Sequence[str], *, rate_hz: float = 100.0
+) -> Callable[[], tuple[Tracker, Detector]]:
+    """Return what makes a tracker and a stance detector for a hopper that has been calibrated.
+
+    Parameters
+    ----------
+    geometry : HopperGeometry
+        From `hopdata.steering.observation.calibration.calibrate`, of a recording of this hopper.
+    labels : sequence of str
+        Markers of the stream, in its order.
+    rate_hz : float
+        Frame rate, Hz.
+
+    Raises
+    ------
+    AnalysisError
+        If a marker of the geometry is not among the labels.
+    """
+
+    def fresh() -> tuple[Tracker, Detector]:
+        return HopperTracker(geometry, labels), StanceDetector.of(geometry, rate_hz=rate_hz)
+
+    fresh()  # complains now rather than in the loop
+    return fresh
+
+
+def drive(
+    geometry: HopperGeometry,
+    controller: Controller,
+    boom: Boom,
+    *,
+    host: str = "127.0.0.1",
+    port: int = PORT,
+    stop: threading.Event,
+    seconds: float | None = None,
+    first_frame_s: float = 30.0,
+    rate_hz: float = 100.0,
+    limits: Limits | None = None,
+    patience: Patience | None = None,
+    on_decision: Callable[[Decision], None] | None = None,
+    folder: str | Path | None = None,
+) -> Drive:
+    """Plan at each stance of a hopper that a Qualisys system sees, and tell its boom.
+
+    Returns when `stop` is set, or after `seconds`. However it ends, the boom is then told to stay,
+    no thread is left, and the logs are written.
+
+    Parameters
+    ----------
+    geometry : HopperGeometry
+        The hopper; its markers must be labelled in the camera system by the names that it has here.
+    controller : Controller
+        Plans the swings; see `hopdata.steering.control`.
+    boom : Boom
+        Told each swing.
+    host, port : str, int
+        The camera system; the loopback address unless told otherwise.
+    stop : threading.Event
+        Ends the drive; may be set from any thread.
+    seconds : float, optional
+        Longest duration, counted from the first frame, s.
+    first_frame_s : float
+        How long to wait for the first frame, s.
+    rate_hz : float
+        Frame rate of the camera system, Hz.
+    limits, patience : optional
+        See `Limits` and `Patience`.
+    on_decision : callable, optional
+        Called with each decision, in the loop's thread.
+    folder : path, optional
+        Where `decisions.csv` and `stream_states.csv` are written.
+
+    Raises
+    ------
+    LiveError
+        If no frame comes, or the camera system is set up otherwise: a marker has another name, z is
+        not up, or the frame rate is not `rate_hz`.
+    """
+    names = geometry.body_names + (() if geometry.boom_name is None else (geometry.boom_name,))
+    stream = MarkerStream(names, host=host, port=port, rate_hz=rate_hz, patience=patience)
+    loop = ControlLoop(
+        stream.buffer,
+        observers(geometry, names, rate_hz=rate_hz),
+        controller,
+        boom,
+        limits=limits,
+        on_decision=on_decision,
+    )
+    try:
+        with stream, loop:
+            stream.wait_until_streaming(first_frame_s)
+            stop.wait(seconds)
+    finally:
+        with suppress(Exception):  # the robot may be gone
+            boom.swing(0.0)
+        if folder is not None:
+            write_decisions(Path(folder) / "decisions.csv", loop.decisions())
+            write_states(Path(folder) / "stream_states.csv", stream.states.history())
+    return Drive(loop.decisions(), stream.states.history(), stream.counts, loop.counts)

@@ -1,0 +1,31 @@
+"""What the control loop will not go beyond."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the loop will not go beyond.
+
+    Parameters
+    ----------
+    pose_age_s : float
+        A pose or boom angle older than this is not planned with.
+    command_s : float
+        A plan that is made later than this after its stance is not sent: the flight that it was
+        meant for has begun.
+    swing_rad : float
+        Largest swing that is sent.
+    hop_s : float
+        Two stances farther apart than this are not of two hops in a row; the swing between them
+        is not known then.
+    """
+
+    pose_age_s: float = 0.1
+    command_s: float = 0.2
+    swing_rad: float = 3 * np.pi / 8
+    hop_s: float = 1.0

@@ -1,0 +1,243 @@
+"""The control loop: a thread that plans at each stance and tells the boom (dissertation, Fig. 3.4).
+
+Nothing that happens in it ends it: a controller that fails, a pose that is too old or a plan that
+comes too late lead to the safe command, which is to leave the boom where it is, and to a reason in
+the log.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from hopdata.steering.live.boom import Boom
+from hopdata.steering.live.buffer import Frame, FrameBuffer
+from hopdata.steering.live.counts import LoopCounts
+from hopdata.steering.live.decisions import Decision, Outcome
+from hopdata.steering.live.errors import LiveError
+from hopdata.steering.live.interfaces import Controller, Detector, ToldStance, Tracker
+from hopdata.steering.live.limits import Limits
+from hopdata.steering.se2 import wrapped
+
+LOOK_UP_S = 0.5
+JOIN_S = 10.0
+SAME_CLOCK_S = 0.5
+
+
+class ControlLoop:
+    """Waits for frames, and plans at each stance.
+
+    Used as a context manager, or with `start` and `close`.
+
+    Parameters
+    ----------
+    buffer : FrameBuffer
+        Where the frames come in.
+    observers : callable
+        Returns a new tracker and a new stance detector; called when a camera clock begins.
+    controller : Controller
+    boom : Boom
+    limits : Limits
+    on_decision : callable, optional
+        Called with each decision, in the loop's thread.
+    """
+
+    def __init__(
+        self,
+        buffer: FrameBuffer,
+        observers: Callable[[], tuple[Tracker, Detector]],
+        controller: Controller,
+        boom: Boom,
+        *,
+        limits: Limits | None = None,
+        on_decision: Callable[[Decision], None] | None = None,
+    ) -> None:
+        self.limits, self.counts = limits or Limits(), LoopCounts()
+        self.last_failure = ""
+        self._buffer, self._observers = buffer, observers
+        self._controller, self._boom, self._on_decision = controller, boom, on_decision
+        self._decisions: list[Decision] = []
+        self._last: Frame | None = None
+        self._pose, self._boom_angle = _Newest(), _Newest()
+        self._last_stance: tuple[float, float] | None = None  # when, on our clock, and boom angle
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="hopdata-control", daemon=True)
+
+    def start(self) -> Self:
+        """Start the thread."""
+        self._tracker, self._detector = self._observers()
+        self._seen = self._buffer.written
+        self._thread.start()
+        return self
+
+    def close(self) -> None:
+        """Stop, and wait until the thread has ended.
+
+        Raises
+        ------
+        LiveError
+            If it does not end, since the controller or the boom does not return.
+        """
+        self._stop.set()
+        self._buffer.wake()
+        if self._thread.ident is not None:
+            self._thread.join(JOIN_S)
+        if self._thread.is_alive():
+            raise LiveError(f"the control loop has not ended within {JOIN_S:g} s")
+
+    def __enter__(self) -> Self:
+        return self.start()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def decisions(self) -> tuple[Decision, ...]:
+        """Return what has been decided so far."""
+        return tuple(self._decisions)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            if not self._buffer.wait(self._seen, LOOK_UP_S, unless=self._stop.is_set):
+                continue
+            frames = self._buffer.since(self._seen)
+            if not frames:
+                continue
+            self.counts.overrun += frames[0].index - self._seen
+            self._seen = frames[-1].index + 1
+            stances = [(s, f) for f in frames if (s := self._observed(f)) is not None]
+            for k, (stance, frame) in enumerate(stances):
+                self._decide(stance, frame, overtaken=k + 1 < len(stances))
+
+    def _observed(self, frame: Frame) -> ToldStance | None:
+        """Take a frame in, and return the stance that it establishes, if any."""
+        self.counts.frames += 1
+        try:
+            if self._last is not None and not _same_clock(self._last, frame):
+                self._tracker, self._detector = self._observers()
+            self._last = frame
+            seen = self._tracker.feed(frame.time_s, frame.markers)
+            if np.isfinite(seen.pose).all():
+                self._pose = _Newest(tuple(seen.pose.tolist()), frame.captured_s)
+            if math.isfinite(seen.boom_angle_rad):
+                self._boom_angle = _Newest((seen.boom_angle_rad,), frame.captured_s)
+            return self._detector.feed(frame.time_s, seen.height_m)
+        except Exception as error:
+            self.counts.failed += 1
+            self.last_failure = repr(error)
+            return None
+
+    def _decide(self, stance: ToldStance, frame: Frame, *, overtaken: bool) -> None:
+        pose, boom = self._pose, self._boom_angle
+        stance_s = frame.captured_s - (frame.time_s - stance.time_s)  # on our own clock
+        asked_s, planned_s = time.monotonic(), math.nan
+        ages = (asked_s - pose.captured_s, asked_s - boom.captured_s)
+        in_date = ages[1] <= self.limits.pose_age_s
+        swung = self._swung(stance_s, boom.values[0] if in_date else math.nan)
+        refusal = self._refusal(*ages, asked_s - stance_s, overtaken=overtaken)
+        outcome, command, reason = refusal or ("planned", math.nan, "")
+        if outcome == "planned":
+            outcome, command, reason = self._plan(pose, boom, swung, stance_s)
+            planned_s = time.monotonic() - asked_s
+        if outcome != "overtaken":
+            reason = self._send(command) or reason
+        sent_s = time.monotonic()
+        self._log(
+            Decision(
+                stance_s=stance.time_s,
+                told_s=frame.time_s,
+                epoch=frame.epoch,
+                pose=pose.values if len(pose.values) == 3 else (math.nan,) * 3,
+                boom_angle_rad=boom.values[0],
+                pose_age_s=ages[0],
+                boom_age_s=ages[1],
+                outcome=outcome,
+                command_rad=command,
+                planning_s=planned_s,
+                latency_s=sent_s - frame.arrival_s,
+                since_stance_s=sent_s - stance_s,
+                reason=reason,
+            )
+        )
+
+    def _refusal(
+        self, pose_age_s: float, boom_age_s: float, stance_age_s: float, *, overtaken: bool
+    ) -> tuple[Outcome, float, str] | None:
+        """Say why there is to be no planning, if so."""
+        if overtaken:
+            return "overtaken", math.nan, "another stance has been seen in the meantime"
+        if stance_age_s > self.limits.command_s:
+            return "held", 0.0, f"the stance was told too late, {stance_age_s:.3f} s after it"
+        for name, age in (("pose", pose_age_s), ("boom angle", boom_age_s)):
+            if not math.isfinite(age):
+                return "held", 0.0, f"no {name} yet"
+            if age > self.limits.pose_age_s:
+                limit = self.limits.pose_age_s
+                return "held", 0.0, f"stale {name}: {age:.3f} s old, beyond {limit:g} s"
+        return None
+
+    def _swung(self, stance_s: float, boom_angle_rad: float) -> float | None:
+        """Return the swing since the stance before, as measured, if that was of the hop before."""
+        before, self._last_stance = self._last_stance, (stance_s, boom_angle_rad)
+        if before is None or stance_s - before[0] > self.limits.hop_s:
+            return None
+        swing = float(wrapped(boom_angle_rad - before[1]))
+        return swing if math.isfinite(swing) else None
+
+    def _plan(
+        self, pose: _Newest, boom: _Newest, swung: float | None, stance_s: float
+    ) -> tuple[Outcome, float, str]:
+        try:
+            plan = self._controller.plan(np.array(pose.values), boom.values[0], swung)
+            swing = float(plan.swing_rad)
+        except Exception as error:
+            return "held", 0.0, f"the controller failed: {error!r}"
+        late, limit = time.monotonic() - stance_s, self.limits.swing_rad
+        if self._stop.is_set():
+            return "held", 0.0, "the drive ended while it was planned"
+        if not math.isfinite(swing):
+            return "held", 0.0, f"the controller's swing is {swing}"
+        if late > self.limits.command_s:
+            return "held", 0.0, f"planned too late, {late:.3f} s after the stance"
+        if abs(swing) > limit:
+            return "cut", math.copysign(limit, swing), f"{swing:.3f} rad cut to {limit:.3f} rad"
+        return "planned", swing, ""
+
+    def _send(self, command: float) -> str:
+        try:
+            self._boom.swing(command)
+        except Exception as error:
+            return f"the boom failed: {error!r}"
+        return ""
+
+    def _log(self, decision: Decision) -> None:
+        self._decisions.append(decision)
+        if self._on_decision is not None:
+            try:
+                self._on_decision(decision)
+            except Exception as error:
+                self.last_failure = repr(error)
+
+
+@dataclass(frozen=True)
+class _Newest:
+    """A measurement, and when it was captured on our own clock, s."""
+
+    values: tuple[float, ...] = (math.nan,)
+    captured_s: float = -math.inf
+
+
+def _same_clock(old: Frame, new: Frame) -> bool:
+    """Whether the camera time of a frame goes on from that of another."""
+    if new.epoch == old.epoch:
+        return True
+    passed, told = new.arrival_s - old.arrival_s, new.time_s - old.time_s
+    return told > 0 and abs(told - passed) < SAME_CLOCK_S

@@ -1,0 +1,46 @@
+"""A server and a stream that look at each other, for the tests of this folder."""
+
+import threading
+import time
+from contextlib import contextmanager
+
+import numpy as np
+
+from hopdata.steering.live.patience import Patience
+from hopdata.steering.live.server import LoopbackServer
+from hopdata.steering.live.stream import MarkerStream
+
+LABELS = ("body1", "body2", "body3", "boom")
+LONG_S = 30.0  # a time-out that a loaded machine does not reach
+BRISK = Patience(stale_s=0.05, reconnect_s=0.4, retry_s=0.02, longest_retry_s=0.1)
+
+
+def ramp(n_frames, rate_hz=100.0):
+    """Frames whose markers say which frame it is: x of marker m of frame k is k + m / 10 mm."""
+    for k in range(n_frames):
+        markers = np.zeros((len(LABELS), 3))
+        markers[:, 0] = 1e-3 * (k + np.arange(len(LABELS)) / 10)
+        markers[:, 2] = 0.3
+        yield k / rate_hz, markers
+
+
+@contextmanager
+def linked(n_frames=500, *, speed=10.0, labels=LABELS, patience=BRISK, capacity=4096, **server):
+    """A server of so many frames and a stream that reads it; both closed at the end."""
+    with (
+        LoopbackServer(ramp(n_frames), LABELS, speed=speed, **server) as served,
+        MarkerStream(labels, port=served.port, patience=patience, capacity=capacity) as stream,
+    ):
+        yield served, stream
+
+
+def wait_until(condition, timeout_s=LONG_S):
+    """Wait until a condition holds; fail if it does not come about."""
+    end = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end, "it did not come about"
+        time.sleep(0.005)
+
+
+def our_threads():
+    return [t.name for t in threading.enumerate() if t.name.startswith("hopdata-")]

@@ -1,0 +1,41 @@
+import socket
+
+import pytest
+from loopback import wait_until
+
+from hopdata.steering.live.boom import UdpBoom, UdpSwings
+from hopdata.steering.live.errors import PortError
+
+
+@pytest.fixture
+def swings():
+    receiver = UdpSwings()
+    yield receiver
+    receiver.close()
+
+
+def test_the_newest_swing_is_received_once(swings):
+    with UdpBoom(swings.port) as boom:
+        assert swings.newest() is None
+        boom.swing(0.1)
+        boom.swing(-1 / 3)
+        got = []
+        wait_until(lambda: got.append(swings.newest()) or got[-1] == -1 / 3)
+        assert swings.newest() is None
+
+
+@pytest.mark.parametrize(
+    "line", [b"", b"swing 1", b"swing x 1", b"swing 1 nan", b"go 1 2", b"\xff"]
+)
+def test_what_is_not_a_swing_is_left_out_and_counted(swings, line):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender, UdpBoom(swings.port) as boom:
+        sender.sendto(line, ("127.0.0.1", swings.port))
+        boom.swing(0.5)
+        got = []
+        wait_until(lambda: got.append(swings.newest()) or 0.5 in got)
+    assert swings.garbled == 1
+
+
+def test_a_port_in_use_is_a_clear_error(swings):
+    with pytest.raises(PortError, match=f"127.0.0.1, port {swings.port}"):
+        UdpSwings(swings.port)

@@ -1,0 +1,168 @@
+import threading
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from loopback import BRISK, LONG_S, our_threads, wait_until
+
+from hopdata.errors import AnalysisError
+from hopdata.steering.live.boom import UdpBoom, UdpSwings
+from hopdata.steering.live.drive import drive, observers
+from hopdata.steering.live.errors import ConnectionLostError, LabelError
+from hopdata.steering.live.faults import Faults, Outage
+from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.server import LoopbackServer
+from hopdata.steering.live.simulated import LiveHopper
+from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
+from hopdata.steering.plant.robot import SteeredHopper
+
+LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, hop_s=LONG_S)
+SPEED = 4.0
+
+
+def geometry(boom_name="boom"):
+    robot = SteeredHopper()
+    body = np.array(robot.markers.body_m)
+    centre = np.array([robot.hopper.boom_offset_m, 0, robot.hopper.boom_height_m])
+    return HopperGeometry(
+        body_names=("body1", "body2", "body3"),
+        body_m=body - body.mean(axis=0),
+        noise_m=0.0006,
+        stance_below_m=0.3,
+        flight_above_m=0.4,
+        boom_name=boom_name,
+        circle=BoomCircle(
+            centre - body.mean(axis=0), np.array([0.0, 0.0, 1.0]), robot.hopper.boom_radius_m
+        ),
+    )
+
+
+class Controller:
+    """Swings to and fro; remembers what it was told."""
+
+    def __init__(self):
+        self.asked = []
+
+    def plan(self, pose, boom_angle_rad, previous_swing_rad, /):
+        self.asked.append((pose, boom_angle_rad, previous_swing_rad))
+        return SimpleNamespace(swing_rad=0.1 * (-1) ** len(self.asked) * len(self.asked))
+
+
+class Robot:
+    """The simulated hopper behind a server, with its boom."""
+
+    def __init__(self, **server):
+        self.swings = UdpSwings()
+        self.hopper = LiveHopper(SteeredHopper(), self.swings.newest)
+        self.server = LoopbackServer(self.hopper, self.hopper.labels, speed=SPEED, **server)
+        self.boom = UdpBoom(self.swings.port)
+
+    def __enter__(self):
+        self.server.start()
+        return self
+
+    def __exit__(self, *_):
+        self.server.close()
+        self.boom.close()
+        self.swings.close()
+
+
+def drive_until(robot, controller, n_stances, **options):
+    stop, told = threading.Event(), []
+
+    def listen(decision):
+        told.append(decision)
+        if len(told) >= n_stances:
+            stop.set()
+
+    options = {"limits": LENIENT, "patience": BRISK, "seconds": LONG_S} | options
+    return drive(
+        geometry(), controller, robot.boom, port=robot.server.port, stop=stop,
+        on_decision=listen, **options,
+    )  # fmt: skip
+
+
+def test_the_simulated_hopper_is_driven_through_the_stream(tmp_path):
+    controller = Controller()
+    with Robot(faults=Faults(dropped=0.01, hidden=0.01), seed=2) as robot:
+        done = drive_until(robot, controller, 7, folder=tmp_path)
+        hops = robot.hopper.hops
+    assert our_threads() == []
+    true = np.array([h.stance_s for h in hops])
+    for decision in done.decisions:
+        k = int(np.nanargmin(np.abs(true - decision.stance_s)))
+        assert abs(true[k] - decision.stance_s) < 0.02
+        np.testing.assert_allclose(decision.pose[:2], hops[k].pose[:2], atol=0.02)
+        assert decision.pose[2] == pytest.approx(hops[k].pose[2], abs=0.05)
+        assert np.cos(decision.boom_angle_rad - hops[k].boom_angle_rad) > np.cos(0.02)
+    nearest = [int(np.nanargmin(np.abs(true - d.stance_s))) for d in done.decisions]
+    assert nearest == list(range(nearest[0], nearest[0] + len(nearest)))  # none lost, none invented
+    commanded = [d.command_rad for d in done.decisions]
+    executed = [h.swing_rad for h in hops if h.swing_rad != 0]
+    assert executed  # on a loaded machine some come too late for their flight
+    assert set(executed) <= set(commanded)
+    written = pd.read_csv(tmp_path / "decisions.csv", keep_default_na=False)
+    np.testing.assert_allclose(written.command_rad, commanded, rtol=1e-12)
+    assert "streaming" in set(pd.read_csv(tmp_path / "stream_states.csv").state)
+
+
+def test_the_swing_of_the_hop_before_is_passed_on():
+    controller = Controller()
+    with Robot() as robot:
+        drive_until(robot, controller, 5)
+        swings = {round(h.swing_rad, 6) for h in robot.hopper.hops}
+    assert controller.asked[0][2] is None
+    for _, _, swing in controller.asked[1:]:
+        assert min(abs(swing - true) for true in swings) < 0.02
+
+
+def test_a_hopper_is_driven_on_after_the_server_has_been_away():
+    with Robot(outages=[Outage(1.0, 0.2, "vanish")]) as robot:
+        done = drive_until(robot, Controller(), 7)
+    assert done.stream.connections == 2
+    assert "lost" in [s.state for s in done.states]
+    assert done.loop.failed == 0
+
+
+def test_at_the_end_the_boom_is_told_to_stay():
+    told = []
+    with Robot() as robot:
+        robot.boom = SimpleNamespace(swing=told.append, close=robot.boom.close)
+        drive_until(robot, Controller(), 2)
+    assert told[-1] == 0.0
+
+
+def test_a_marker_of_another_name_is_a_clear_error_and_the_boom_stays():
+    told = []
+    with Robot() as robot, pytest.raises(LabelError, match=r"'bom' .* did you mean 'boom'"):
+        drive(
+            geometry("bom"),
+            Controller(),
+            SimpleNamespace(swing=told.append),
+            port=robot.server.port,
+            stop=threading.Event(),
+        )
+    assert told == [0.0]
+    assert our_threads() == []
+
+
+def test_no_camera_system_is_a_clear_error():
+    swings = UdpSwings()
+    with UdpBoom(swings.port) as boom, pytest.raises(ConnectionLostError, match="cannot connect"):
+        drive(
+            geometry(),
+            Controller(),
+            boom,
+            port=swings.port,
+            stop=threading.Event(),
+            first_frame_s=0.3,
+            patience=BRISK,
+        )
+    swings.close()
+    wait_until(lambda: our_threads() == [])
+
+
+def test_observers_need_the_markers_of_the_geometry():
+    with pytest.raises(AnalysisError, match="boom"):
+        observers(geometry(), ("body1", "body2", "body3"))

@@ -1,0 +1,314 @@
+import math
+import threading
+import time
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from loopback import LONG_S, our_threads, wait_until
+
+from hopdata.steering.live.buffer import FrameBuffer
+from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.loop import ControlLoop
+
+PERIOD_S = 0.01
+LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S)  # a loaded machine may pause
+
+
+class Tracker:
+    """The first marker is the pose and the height, x of the second the boom angle."""
+
+    def feed(self, _, markers):
+        if markers[2, 0] > 0:
+            raise ValueError("mixed up")
+        pose = np.array([markers[0, 0], markers[0, 1], 0.5])
+        if np.isnan(markers[0, 0]):
+            pose[:] = np.nan
+        return SimpleNamespace(pose=pose, height_m=markers[0, 2], boom_angle_rad=markers[1, 0])
+
+
+class Detector:
+    """A stance is told by each frame at height 0, as 20 ms before."""
+
+    def feed(self, time_s, height_m):
+        return SimpleNamespace(time_s=time_s - 0.02) if height_m == 0 else None
+
+
+class Controller:
+    def __init__(self, plan=lambda *_: 0.25):
+        self.asked, self.swung, self._plan = [], [], plan
+
+    def plan(self, pose, boom_angle_rad, previous_swing_rad, /):
+        self.asked.append((pose.tolist(), boom_angle_rad))
+        self.swung.append(previous_swing_rad)
+        return SimpleNamespace(swing_rad=self._plan(pose, boom_angle_rad))
+
+
+class Boom:
+    def __init__(self):
+        self.swings = []
+
+    def swing(self, rad):
+        self.swings.append(rad)
+
+
+class Bench:
+    """A loop with a buffer that the test fills, and with times that it chooses."""
+
+    def __init__(self, controller=None, boom=None, **options):
+        self.buffer, self.controller = FrameBuffer(64), controller or Controller()
+        self.boom, self.observers = boom or Boom(), 0
+        options = {"limits": LENIENT} | options
+        self.loop = ControlLoop(self.buffer, self._fresh, self.controller, self.boom, **options)
+        self.time_s = 0.0
+
+    def _fresh(self):
+        self.observers += 1
+        return Tracker(), Detector()
+
+    def frame(self, *, stance=False, x=1.0, boom=3.0, age_s=0.0, epoch=0, mixed_up=False):
+        self.time_s += PERIOD_S
+        now = time.monotonic()
+        markers = np.array([[x, 2.0, 0.0 if stance else 0.3], [boom, 0, 0], [mixed_up, 0, 0]])
+        self.buffer.write(
+            markers,
+            epoch=epoch,
+            number=round(self.time_s / PERIOD_S),
+            time_s=self.time_s,
+            arrival_s=now,
+            captured_s=now - age_s,
+        )
+
+    def decided(self, count=1):
+        wait_until(lambda: len(self.loop.decisions()) >= count)
+        return self.loop.decisions()
+
+    def __enter__(self):
+        self.loop.start()
+        return self
+
+    def __exit__(self, *_):
+        self.loop.close()
+        assert our_threads() == []
+
+
+def test_a_stance_is_planned_with_the_newest_pose_and_sent():
+    with Bench() as bench:
+        bench.frame(x=7.0)
+        bench.frame(stance=True, x=1.5)
+        (decision,) = bench.decided()
+    assert bench.controller.asked == [([1.5, 2.0, 0.5], 3.0)]
+    assert bench.boom.swings == [0.25]
+    assert (decision.outcome, decision.command_rad, decision.reason) == ("planned", 0.25, "")
+    assert (decision.pose, decision.boom_angle_rad) == ((1.5, 2.0, 0.5), 3.0)
+    assert decision.stance_s == pytest.approx(0.0)
+    assert decision.told_s == pytest.approx(0.02)
+    assert decision.since_stance_s == pytest.approx(0.02 + decision.latency_s, abs=1e-4)
+    assert 0 <= decision.planning_s <= decision.latency_s
+
+
+def test_the_swing_of_the_hop_before_is_measured():
+    with Bench(limits=replace(LENIENT, hop_s=3 * LONG_S)) as bench:
+        for k, boom in enumerate((3.0, -3.0, 1.0)):
+            bench.frame(stance=True, boom=boom)
+            bench.decided(k + 1)
+        bench.loop._last_stance = (time.monotonic() - 9 * LONG_S, 1.0)
+        bench.frame(stance=True, boom=1.0)
+        bench.decided(4)
+    across = 2 * math.pi - 6
+    assert bench.controller.swung == [
+        None,
+        pytest.approx(across),
+        pytest.approx(4 - 2 * math.pi),
+        None,
+    ]
+
+
+def test_no_stance_no_command():
+    with Bench() as bench:
+        for _ in range(20):
+            bench.frame()
+        wait_until(lambda: bench.loop.counts.frames == 20)
+    assert bench.boom.swings == []
+
+
+def test_a_pose_that_is_not_seen_is_taken_from_the_frame_before():
+    with Bench() as bench:
+        bench.frame(x=7.0)
+        bench.frame(stance=True, x=math.nan, boom=math.nan)
+        (decision,) = bench.decided()
+    assert decision.outcome == "planned"
+    assert decision.pose[0] == 7.0
+
+
+@pytest.mark.parametrize(
+    ("stale", "name"), [({"x": math.nan}, "pose"), ({"boom": math.nan}, "boom angle")]
+)
+def test_nothing_is_planned_with_what_is_stale(stale, name):
+    with Bench() as bench:
+        bench.frame(x=7.0, age_s=2 * LONG_S)
+        bench.frame(stance=True, **stale)
+        (decision,) = bench.decided()
+    assert bench.controller.asked == []
+    assert bench.boom.swings == [0.0]
+    assert decision.outcome == "held"
+    assert decision.reason.startswith(f"stale {name}: 6")
+    assert math.isnan(decision.planning_s)
+
+
+def test_nothing_is_planned_without_any_pose():
+    with Bench() as bench:
+        bench.frame(stance=True, x=math.nan)
+        (decision,) = bench.decided()
+    assert (decision.outcome, decision.reason) == ("held", "no pose yet")
+    assert all(map(math.isnan, decision.pose))
+
+
+def test_a_stance_that_is_told_too_late_is_held():
+    with Bench(limits=Limits(pose_age_s=9 * LONG_S, command_s=LONG_S)) as bench:
+        bench.frame(stance=True, age_s=2 * LONG_S)
+        (decision,) = bench.decided()
+    assert bench.boom.swings == [0.0]
+    assert "told too late" in decision.reason
+
+
+def test_a_plan_that_comes_too_late_is_not_sent():
+    slow = Controller(lambda *_: time.sleep(0.3) or 0.25)
+    with Bench(slow, limits=Limits(LONG_S, command_s=0.25)) as bench:
+        bench.frame(stance=True)
+        (decision,) = bench.decided()
+    assert bench.boom.swings == [0.0]
+    assert "too late" in decision.reason
+
+
+def test_a_controller_that_fails_leads_to_the_safe_command_and_the_loop_goes_on():
+    answers = iter([ZeroDivisionError("no way out"), 0.5])
+
+    def plan(pose, boom):
+        answer = next(answers)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    with Bench(Controller(plan)) as bench:
+        bench.frame(stance=True)
+        bench.decided(1)
+        bench.frame(stance=True)
+        first, second = bench.decided(2)
+    assert bench.boom.swings == [0.0, 0.5]
+    assert first.outcome == "held"
+    assert "ZeroDivisionError('no way out')" in first.reason
+    assert second.outcome == "planned"
+
+
+def test_a_plan_that_is_made_after_the_end_is_not_sent():
+    bench = Bench()
+    bench.controller = Controller(lambda *_: bench.loop._stop.set() or 0.25)
+    bench.loop._controller = bench.controller
+    with bench:
+        bench.frame(stance=True)
+        (decision,) = bench.decided()
+    assert bench.boom.swings == [0.0]
+    assert decision.reason == "the drive ended while it was planned"
+
+
+@pytest.mark.parametrize("swing", [math.nan, math.inf])
+def test_a_swing_that_is_no_number_is_not_sent(swing):
+    with Bench(Controller(lambda *_: swing)) as bench:
+        bench.frame(stance=True)
+        (decision,) = bench.decided()
+    assert bench.boom.swings == [0.0]
+    assert decision.outcome == "held"
+
+
+def test_a_swing_beyond_the_limit_is_cut():
+    with Bench(Controller(lambda *_: -2.0), limits=replace(LENIENT, swing_rad=1.0)) as bench:
+        bench.frame(stance=True)
+        (decision,) = bench.decided()
+    assert bench.boom.swings == [-1.0]
+    assert decision.outcome == "cut"
+
+
+def test_a_boom_that_fails_is_noted_and_the_loop_goes_on():
+    class Broken(Boom):
+        def swing(self, rad):
+            super().swing(rad)
+            raise OSError("cable")
+
+    with Bench(boom=Broken()) as bench:
+        bench.frame(stance=True)
+        bench.decided(1)
+        bench.frame(stance=True)
+        decisions = bench.decided(2)
+    assert all("the boom failed: OSError('cable')" in d.reason for d in decisions)
+
+
+def test_of_stances_that_wait_only_the_newest_is_planned():
+    free = threading.Event()
+    with Bench(Controller(lambda *_: free.wait(LONG_S) and 0.25)) as bench:
+        bench.frame(stance=True)
+        wait_until(lambda: bench.controller.asked)
+        for _ in range(3):
+            bench.frame(stance=True)
+        free.set()
+        decisions = bench.decided(4)
+    assert [d.outcome for d in decisions] == ["planned", "overtaken", "overtaken", "planned"]
+    assert bench.boom.swings == [0.25, 0.25]
+
+
+def test_frames_that_cannot_be_understood_are_counted():
+    with Bench() as bench:
+        bench.frame(mixed_up=True)
+        bench.frame(stance=True)
+        (decision,) = bench.decided()
+        assert bench.loop.counts.failed == 1
+        assert "mixed up" in bench.loop.last_failure
+    assert decision.outcome == "planned"
+
+
+def test_another_camera_clock_is_observed_anew_but_the_same_one_is_not():
+    with Bench() as bench:
+        bench.frame(epoch=0)
+        bench.frame(epoch=1)  # a connection anew to the same clock
+        bench.frame(stance=True, epoch=1)
+        bench.decided(1)
+        assert bench.observers == 1
+        bench.time_s = -100.0
+        bench.frame(stance=True, epoch=2)
+        bench.decided(2)
+        assert bench.observers == 2
+
+
+def test_a_listener_that_fails_does_not_end_the_loop():
+    heard = []
+
+    def listen(decision):
+        heard.append(decision)
+        raise RuntimeError("disk full")
+
+    with Bench(on_decision=listen) as bench:
+        bench.frame(stance=True)
+        bench.decided(1)
+        bench.frame(stance=True)
+        assert bench.decided(2) == tuple(heard)
+
+
+def test_a_loop_that_is_overrun_says_so():
+    free = threading.Event()
+    with Bench(Controller(lambda *_: free.wait(LONG_S) and 0.25)) as bench:
+        bench.frame(stance=True)
+        wait_until(lambda: bench.controller.asked)
+        for _ in range(100):
+            bench.frame()
+        free.set()
+        wait_until(lambda: bench.loop.counts.frames + bench.loop.counts.overrun == 101)
+    assert bench.loop.counts.overrun == 100 - 64
+
+
+def test_closing_ends_the_thread_at_once():
+    with Bench() as bench:
+        start = time.monotonic()
+    assert time.monotonic() - start < LONG_S
+    bench.loop.close()
+    Bench().loop.close()

@@ -1,0 +1,210 @@
+import builtins
+import socket
+
+import numpy as np
+import pytest
+import qtm_rt
+from loopback import BRISK, LABELS, LONG_S, linked, our_threads, ramp, wait_until
+
+from hopdata.steering.live.errors import (
+    ClientAbsentError,
+    ConnectionLostError,
+    LabelError,
+)
+from hopdata.steering.live.faults import Faults, Outage
+from hopdata.steering.live.packets import (
+    COMMAND,
+    EVENT_SHUTTING_DOWN,
+    GREETING,
+    HEADER,
+    event,
+    text,
+)
+from hopdata.steering.live.patience import Patience
+from hopdata.steering.live.server import LoopbackServer
+from hopdata.steering.live.stream import MarkerStream
+
+FAST = float("inf")
+
+
+def states(stream):
+    return [status.state for status in stream.states.history()]
+
+
+def after_the_end(server, stream):
+    """All frames of the server have been sent and read."""
+    assert server.ended.wait(LONG_S)
+    wait_until(
+        lambda: stream.buffer.newest() and stream.buffer.newest().number >= server.counts.frames - 3
+    )
+
+
+def test_markers_come_by_label_in_metres():
+    with linked(100, labels=("boom", "body1"), speed=FAST) as (server, stream):
+        stream.wait_until_streaming(LONG_S)
+        after_the_end(server, stream)
+        frames = stream.buffer.since(0)
+    assert [f.number for f in frames] == list(range(1, 101))
+    for k, frame in enumerate(frames):
+        assert frame.time_s == pytest.approx(k / 100)
+        np.testing.assert_allclose(frame.markers[:, 0], [1e-3 * (k + 0.3), 1e-3 * k], rtol=1e-6)
+    assert states(stream)[:3] == ["idle", "connecting", "streaming"]
+    assert states(stream)[-1] == "closed"
+
+
+def test_dropped_frames_and_hidden_markers_are_counted():
+    faults = Faults(dropped=0.1, burst_frames=2, hidden=0.1)
+    with linked(500, speed=FAST, faults=faults) as (server, stream):
+        after_the_end(server, stream)
+        wait_until(lambda: stream.counts.frames == 500 - server.counts.dropped)
+        newest = stream.buffer.newest().number
+        assert stream.counts.missing == newest - stream.counts.frames > 20
+        assert stream.counts.hidden_markers > 100
+        unseen = sum(int(np.isnan(f.markers[:, 0]).sum()) for f in stream.buffer.since(0))
+        assert unseen == stream.counts.hidden_markers
+
+
+def test_garbled_frames_are_left_out_and_counted():
+    with linked(400, speed=FAST, faults=Faults(garbled=0.2, garbled_bytes=20)) as (server, stream):
+        after_the_end(server, stream)
+        wait_until(lambda: stream.counts.frames + stream.counts.garbled >= 400)
+        assert stream.counts.connections == 1
+        assert stream.counts.garbled >= 0.9 * server.counts.garbled > 40
+        assert stream.last_fault
+        times = [f.time_s for f in stream.buffer.since(0)]
+        assert times == sorted(times)
+
+
+def test_garbage_between_packets_is_a_clear_error_and_the_stream_comes_back():
+    with linked(10**6, outages=[Outage(0.5, kind="garbage")], seed=4) as (_, stream):
+        wait_until(lambda: stream.counts.connections == 2 and stream.counts.frames > 200)
+        lost = [s for s in stream.states.history() if s.state == "lost"]
+        assert "the stream is not of the protocol" in lost[0].message
+        assert stream.counts.broken == 1
+
+
+@pytest.mark.parametrize(
+    "garbage", [bytes(64), HEADER.pack(0, 3) * 9, b"HTTP/1.1 400 Bad Request\r\n"]
+)
+def test_a_server_of_something_else_is_a_clear_error(garbage):
+    """Eight zero bytes are a packet of no length, which the client by itself reads for ever."""
+    with (
+        socket.create_server(("127.0.0.1", 0)) as listener,
+        MarkerStream(LABELS, port=listener.getsockname()[1], patience=BRISK) as stream,
+        listener.accept()[0] as connection,
+    ):
+        connection.sendall(text(COMMAND, GREETING) + garbage)
+        status = stream.states.wait_for("lost", timeout_s=LONG_S)
+        assert "the stream is not of the protocol" in status.message
+    assert our_threads() == []
+
+
+def test_a_server_that_vanishes_is_reconnected_to():
+    with linked(10**6, outages=[Outage(0.5, 0.3, "vanish")]) as (server, stream):
+        wait_until(lambda: stream.counts.connections == 2 and stream.counts.frames > 200)
+        assert server.counts.connections == 2
+        epochs = [f.epoch for f in stream.buffer.since(0)]
+        assert epochs == sorted(epochs)
+        assert set(epochs) == {0, 1}
+        heard = states(stream)
+        assert heard.index("lost") < len(heard) - 1 - heard[::-1].index("streaming")
+
+
+def test_a_server_that_comes_later_is_found():
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with MarkerStream(LABELS, port=port, patience=BRISK) as stream:
+        wait_until(lambda: stream.counts.losses >= 2)
+        assert "Connect call failed" in stream.states.history()[2].message
+        with LoopbackServer(ramp(10**6), LABELS, port=port, speed=10):
+            stream.wait_until_streaming(LONG_S)
+
+
+def test_a_stall_is_stale_and_its_frames_are_late_but_none_is_lost():
+    outage = Outage(0.2, 0.25, "stall")
+    with linked(60, speed=1.0, outages=[outage]) as (server, stream):
+        after_the_end(server, stream)
+        assert "stale" in states(stream)
+        assert stream.counts.late >= 15
+        assert stream.counts.missing == 0
+        ages = [f.arrival_s - f.captured_s for f in stream.buffer.since(0)]
+        assert max(ages) > 0.2
+
+
+def test_a_server_that_says_nothing_is_given_up_and_tried_again():
+    with linked(10**6, speed=1.0, outages=[Outage(0.1, 1.0, "stall")]) as (server, stream):
+        wait_until(lambda: server.counts.connections >= 2)
+        reasons = [s.message for s in stream.states.history() if s.state == "lost"]
+        assert reasons[0].startswith("no frame for")
+
+
+def test_a_server_that_does_not_answer_is_a_clear_error():
+    with (
+        socket.create_server(("127.0.0.1", 0)) as listener,
+        MarkerStream(LABELS, port=listener.getsockname()[1], patience=Patience(0.1)) as stream,
+    ):
+        status = stream.states.wait_for("lost", timeout_s=LONG_S)
+        assert status.message == "no answer within 0.1 s"
+
+
+def test_whatever_goes_wrong_in_the_client_is_reported_and_tried_again(monkeypatch):
+    calls = []
+
+    async def connect(*_, **options):
+        calls.append(options["version"])
+        raise AttributeError("in the client")
+
+    monkeypatch.setattr(qtm_rt, "connect", connect)
+    with MarkerStream(LABELS, port=1, patience=BRISK) as stream:
+        wait_until(lambda: len(calls) >= 3)
+        assert stream.states.history()[2].message == "AttributeError('in the client')"
+    assert calls[0] == "1.25"
+
+
+def test_events_of_the_server_are_logged():
+    with (
+        socket.create_server(("127.0.0.1", 0)) as listener,
+        MarkerStream(LABELS, port=listener.getsockname()[1], patience=BRISK) as stream,
+        listener.accept()[0] as connection,
+    ):
+        connection.sendall(text(COMMAND, GREETING) + event(EVENT_SHUTTING_DOWN))
+        wait_until(lambda: "EventQTMShuttingDown" in stream.states.status.message)
+
+
+def test_a_wrong_label_is_a_clear_error():
+    with linked(10**6, labels=("body1", "bom")) as (_, stream):
+        with pytest.raises(LabelError, match=r"marker 'bom' .* did you mean 'boom'"):
+            stream.wait_until_streaming(LONG_S)
+        assert stream.states.status.state == "failed"
+
+
+def test_no_server_at_all_is_a_clear_error():
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with (
+        MarkerStream(LABELS, port=port, patience=BRISK) as stream,
+        pytest.raises(ConnectionLostError, match=f"port {port}, within 0.2 s: cannot connect"),
+    ):
+        stream.wait_until_streaming(0.2)
+
+
+def test_without_the_client_the_extra_is_named(monkeypatch):
+    real = builtins.__import__
+
+    def absent(name, *rest):
+        if name == "qtm_rt":
+            raise ImportError(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", absent)
+    with pytest.raises(ClientAbsentError, match=r"pip install 'hopdata\[live\]'"):
+        MarkerStream(LABELS).start()
+
+
+def test_closing_leaves_no_thread_behind_whatever_the_state():
+    with linked(10**6, speed=1.0) as (server, stream):
+        stream.wait_until_streaming(LONG_S)
+        server.begin(Outage(0, 60, "vanish"))
+        stream.states.wait_for("lost", timeout_s=LONG_S)
+    MarkerStream(LABELS).close()
+    assert our_threads() == []
