@@ -80,3 +80,29 @@ def test_a_boom_angle_that_is_none_is_refused():
 def test_an_unknown_gradient_is_refused():
     with pytest.raises(ConfigError, match="gradient: expected one of"):
         PrintedController(model=MODEL, gradient="exact")
+
+
+def test_an_unknown_start_is_refused():
+    with pytest.raises(ConfigError, match="start: expected one of previous swing, rest, found 'home'"):
+        PrintedController(model=MODEL, start="home")
+
+
+def test_the_search_begins_where_it_is_told():
+    """With no step of the search allowed to help, the start is what comes out."""
+    flat = Flat()
+    again = PrintedController(model=flat, gradient="closed form").plan(np.ones(3), 2.0, 0.7)
+    np.testing.assert_array_equal(again.swings_rad, np.full(3, 0.7))
+    rest = PrintedController(model=flat, gradient="closed form", start="rest")
+    np.testing.assert_array_equal(rest.plan(np.ones(3), 2.0, 0.7).swings_rad, np.zeros(3))
+    first = PrintedController(model=flat, gradient="closed form").plan(np.ones(3), 2.0)
+    np.testing.assert_array_equal(first.swings_rad, np.zeros(3))
+
+
+class Flat:
+    """A hopper that never moves, whatever the boom does."""
+
+    def change(self, boom_angle, swing):
+        return np.zeros((len(boom_angle), 3))
+
+    def change_and_gradient(self, boom_angle, swing):
+        return np.zeros((len(boom_angle), 3)), np.zeros((len(boom_angle), 3, 2))

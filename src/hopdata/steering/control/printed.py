@@ -23,11 +23,12 @@ from hopdata.steering.se2 import composed, wrapped
 FloatArray = NDArray[np.float64]
 
 GRADIENTS = ("numerical", "closed form")
+STARTS = ("previous swing", "rest")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PrintedController:
-    """Predictive control by scipy's L-BFGS-B from the boom at rest.
+    """Predictive control by scipy's L-BFGS-B from one start.
 
     Parameters
     ----------
@@ -38,15 +39,21 @@ class PrintedController:
     gradient : {"numerical", "closed form"}
         Differences of the objective, as scipy takes them if given none; or the chain rule
         through the model's own gradient.
+    start : {"previous swing", "rest"}
+        Where the search begins, which the text does not say: with the last swing made again and
+        again, or with none. From rest the search often ends where the boom in its neutral place
+        cannot turn the hopper.
     """
 
     model: FrameChangeMap
     objective: Objective = field(default_factory=ToPoint)
     horizon: Horizon = field(default_factory=Horizon)
     gradient: str = "numerical"
+    start: str = "previous swing"
 
     def __post_init__(self) -> None:
         require_choice("gradient", self.gradient, GRADIENTS)
+        require_choice("start", self.start, STARTS)
 
     def towards(self, objective: Objective) -> PrintedController:
         """Return the same controller with another objective."""
@@ -55,13 +62,13 @@ class PrintedController:
     def plan(
         self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
     ) -> Plan:
-        """Plan from a pose and a boom angle; the previous swing is not used."""
-        del previous_swing_rad
+        """Plan from a pose and a boom angle; the search may begin with the previous swing."""
         from scipy.optimize import minimize
 
         start, boom = checked_state(pose, boom_angle_rad)
         limit, hops = self.horizon.swing_limit_rad, self.horizon.hops
         closed = self.gradient == "closed form"
+        again = previous_swing_rad if self.start == "previous swing" else None
 
         def value(swings: FloatArray) -> float:
             return objective_value(
@@ -73,7 +80,7 @@ class PrintedController:
 
         solved = minimize(
             value_and_gradient if closed else value,
-            np.zeros(hops),
+            np.full(hops, np.clip(again or 0.0, -limit, limit)),
             jac=closed,
             method="L-BFGS-B",
             bounds=[(-limit, limit)] * hops,

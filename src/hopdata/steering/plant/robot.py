@@ -27,7 +27,7 @@ def _light_boom() -> HopperParameters:
     return HopperParameters(
         mass_kg=2.6,
         counterweight_mass_kg=0.1,
-        inertia_z_kg_m2=0.04,
+        inertia_z_kg_m2=0.03,
         damping_n_s_m=5.5,
         friction=0.5,
         boom_duration_s=0.2,
