@@ -5,6 +5,7 @@ import pytest
 from steered_hopper import rms, steered
 
 from hopdata.errors import AnalysisError, ConfigError
+from hopdata.steering.observation.boom_circle import fit_boom_circle
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.motion import hopper_motion
 from hopdata.steering.se2 import wrapped
@@ -109,6 +110,27 @@ def test_a_boom_that_does_not_move_is_refused():
     )
     with pytest.raises(AnalysisError, match="boom: expected it to move"):
         calibrate(still)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 0.0006])
+@pytest.mark.parametrize("seen", [30, 30000])
+def test_noise_about_a_place_is_no_circle(noise_m, seen):
+    """However many the frames, and so however far the farthest are apart."""
+    rng = np.random.default_rng(np.random.SeedSequence([4, seen]))
+    boom = np.array([0.5, 0.0, -0.03]) + noise_m * rng.standard_normal((seen, 3))
+    with pytest.raises(AnalysisError, match="boom: expected it to move"):
+        fit_boom_circle(boom, 0.0006)
+
+
+def test_a_small_circle_is_known_by_its_own_residual():
+    """One of 20 mm is found among 0.6 mm of noise; among 3 mm its angles would say little."""
+    rng = np.random.default_rng(np.random.SeedSequence(5))
+    angle = rng.uniform(-1.0, 1.0, 2000)
+    places = 0.02 * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(2000)])
+    noise = rng.standard_normal((2000, 3))
+    assert fit_boom_circle(places + 0.0006 * noise, 0.0006).radius_m == pytest.approx(0.02, rel=0.1)
+    with pytest.raises(AnalysisError, match="does the boom move"):
+        fit_boom_circle(places + 0.003 * noise, 0.0006)
 
 
 def test_a_boom_that_moves_too_little_is_refused():

@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 MOST_POINTS = 20000
 LEAST_POINTS = 30
 LEAST_ARC_RAD = np.deg2rad(30.0)
-LEAST_TRAVEL_NOISES = 10.0
+LEAST_RADIUS_RESIDUALS = 10.0  # else an angle read from the circle errs by more than 0.1 rad
 OUTLIER_SIGMAS = 5.0
 ROUNDS = 5
 TRIES = 300
@@ -38,7 +38,8 @@ def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
     Raises
     ------
     AnalysisError
-        If the boom is hardly seen, does not move, or spans less than 30 degrees.
+        If the boom is hardly seen, does not move (a circle through noise is hardly larger than
+        the distances from it), or spans less than 30 degrees.
     """
     points = boom[np.isfinite(boom).all(axis=1)]
     if len(points) < LEAST_POINTS:
@@ -47,10 +48,14 @@ def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
             f"found {len(points)}"
         )
     points = points[:: -(-len(points) // MOST_POINTS)]
-    kept = _near(points, _start(points), 4 * noise_m)
+    start = _start(points)
+    if not np.isfinite(start.radius_m):
+        raise AnalysisError("boom: expected it to move, found all its places in one or on a line")
+    kept = _near(points, start, 4 * noise_m)
     for _ in range(ROUNDS):
-        circle = _circle_through(kept, noise_m)
+        circle = _circle_through(kept)
         kept = _near(points, circle, noise_m)
+    _require_motion(circle, kept)
     return circle
 
 
@@ -81,21 +86,27 @@ def _through_three(a: FloatArray, b: FloatArray, c: FloatArray) -> BoomCircle:
         return BoomCircle(a + arm, normal / np.sqrt(square), float(np.linalg.norm(arm)))
 
 
-def _circle_through(points: FloatArray, noise_m: float) -> BoomCircle:
+def _circle_through(points: FloatArray) -> BoomCircle:
     middle = points.mean(axis=0)
     _, _, (along, across, normal) = np.linalg.svd(points - middle, full_matrices=False)
-    flat = (points - middle) @ np.stack([along, across]).T
-    travel = float(np.ptp(flat[:, 0]))
-    if travel < LEAST_TRAVEL_NOISES * noise_m:
+    plane = np.stack([along, across])
+    centre, radius = geometric_circle((points - middle) @ plane.T)
+    return BoomCircle(middle + centre @ plane, normal if normal[2] > 0 else -normal, radius)
+
+
+def _require_motion(circle: BoomCircle, points: FloatArray) -> None:
+    """Refuse the circle that noise makes of a boom at rest, and one of which too little is seen."""
+    residual = float(np.sqrt(np.mean(circle.misses(points) ** 2)))
+    if not circle.radius_m > LEAST_RADIUS_RESIDUALS * residual:
         raise AnalysisError(
-            f"boom: expected it to move, found all its places within {1e3 * travel:.1f} mm"
+            "boom: expected it to move on a circle about the body of more than "
+            f"{LEAST_RADIUS_RESIDUALS:.0f} times the rms distance of its places from it, found "
+            f"{1e3 * circle.radius_m:.2g} mm at {1e3 * residual:.2g} mm: does the boom move in "
+            "this recording?"
         )
-    centre, radius = geometric_circle(flat)
-    span = arc_span(flat, centre)
+    span = arc_span((points - circle.centre_m) @ circle.axes.T, np.zeros(2))
     if span < LEAST_ARC_RAD:
         raise AnalysisError(
             f"boom: expected it to move through at least {np.rad2deg(LEAST_ARC_RAD):.0f} degrees "
             f"to define a circle, found {np.rad2deg(span):.1f}"
         )
-    middle = middle + centre @ np.stack([along, across])
-    return BoomCircle(middle, normal if normal[2] > 0 else -normal, radius)

@@ -20,8 +20,6 @@ from hopdata.steering.observation.stances import Stances, find_stances
 if TYPE_CHECKING:
     import pandas as pd
 
-LEAST_RADIUS_NOISES = 20.0
-
 
 @dataclass(frozen=True)
 class Observed:
@@ -79,8 +77,10 @@ def _observed(recording: Recording, swing_limit_rad: float) -> Observed:
             f"{recording.name}: expected a marker with the role boom (markers.boom), on whose "
             f"angle the frame changes depend, found only {', '.join(recording.markers)}"
         )
-    geometry = calibrate(recording)
-    _require_moving_boom(recording.name, geometry)
+    try:
+        geometry = calibrate(recording)
+    except AnalysisError as error:
+        raise AnalysisError(f"{recording.name}: {error}") from None
     motion = hopper_motion(recording, geometry)
     band = (geometry.stance_below_m, geometry.flight_above_m)
     stances = find_stances(motion.time, motion.height, band)
@@ -100,18 +100,6 @@ def _observed(recording: Recording, swing_limit_rad: float) -> Observed:
         _motion_table(recording.name, motion),
         [_counts(recording.name, motion, stances, changes)],
     )
-
-
-def _require_moving_boom(name: str, geometry: HopperGeometry) -> None:
-    """Refuse the circle that noise makes of a marker at rest."""
-    circle = geometry.circle
-    if circle is None or circle.radius_m < LEAST_RADIUS_NOISES * geometry.noise_m:
-        found = "none" if circle is None else f"one of {1e3 * circle.radius_m:.2g} mm"
-        raise AnalysisError(
-            f"{name}: expected a boom that swings on a circle of more than "
-            f"{1e3 * LEAST_RADIUS_NOISES * geometry.noise_m:.2g} mm about the body, found {found}: "
-            "does the boom move in this recording?"
-        )
 
 
 def _counts(
