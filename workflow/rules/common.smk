@@ -21,6 +21,7 @@ except HopdataError as error:
     sys.exit(f"hopdata: error: {error}")
 
 RESULTS = f"results/{STUDY['study']}"
+STEERING = f"{RESULTS}/steering"
 SOURCES = {entry["name"]: files_of(entry) for entry in STUDY["recordings"]}
 RECORDINGS = list(SOURCES)
 METHOD = STUDY["touchdowns"]["method"]
@@ -87,6 +88,11 @@ def each_recording(pattern):
 def figure(name):
     """The files of one figure, one a format."""
     return expand(f"{RESULTS}/figures/{name}.{{format}}", format=FORMATS)
+
+
+def steering_figure(name):
+    """The files of one figure of the steering, one a format."""
+    return expand(f"{STEERING}/figures/{name}.{{format}}", format=FORMATS)
 
 
 def sources(name, folders=(PROGRAMS, STRESS_SUITE, STRESS_SUITE / "stress", DAMAGE_SUITE)):

@@ -1,6 +1,5 @@
 # Chapter III: `snakemake --cores 2 steering`. Without recordings in which the boom moves, the robot is
 # simulated; experiments are made with the simulated robot alone.
-STEERING = f"{RESULTS}/steering"
 STEERED = STUDY["steering"]["recordings"]
 STEERING_TABLES = f"{STEERING}/tables"
 EXPERIMENTS = ["origin", "turn", "origin_board", "turn_board"]
@@ -17,11 +16,6 @@ RUN_FIGURES = {
 
 wildcard_constraints:
     experiment="|".join(EXPERIMENTS),
-
-
-def steering_figure(name):
-    """The files of one figure of the steering, one a format."""
-    return expand(f"{STEERING}/figures/{name}.{{format}}", format=FORMATS)
 
 
 rule steering_excite:
