@@ -54,6 +54,7 @@ from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.reference import reference_objective
 from hopdata.steering.experiments.closed_loop import PoseNoise, closed_loop
+from hopdata.steering.experiments.intervals import rate_interval
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated, turn_nodes
 
 FloatArray = NDArray[np.float64]
@@ -76,14 +77,6 @@ class Run:
     hops: float
     strict_hops: float
     fell: bool
-
-
-def interval(successes: int, runs: int) -> tuple[float, float]:
-    """Clopper and Pearson's."""
-    from scipy.stats import binomtest
-
-    found = binomtest(successes, runs).proportion_ci(method="exact")
-    return float(found.low), float(found.high)
 
 
 def first_below(errors: FloatArray, bound: float) -> float:
@@ -134,7 +127,7 @@ def control_row(
         for number in range(starts)
     ]
     successes = sum(run.success for run in runs)
-    low, high = interval(successes, starts)
+    low, high = rate_interval(successes, starts)
     hops = np.array([run.hops for run in runs])
     strict = np.array([run.strict_hops for run in runs])
     row = {
@@ -251,7 +244,7 @@ def replanning_rows(
     rows = []
     for goal, chosen in {"to point": slice(0, None, 2), "to heading": slice(1, None, 2)}.items():
         n, bad = len(times[chosen]), int(np.sum(excess[chosen] > 1e-3))
-        low, high = interval(bad, n)
+        low, high = rate_interval(bad, n)
         rows.append(
             {
                 "method": name, "goal": goal, "plans": n, **_time_columns(times[chosen]),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.steering.excitation import ControlGrid, random_excitation
+from hopdata.steering.experiments.tasks import ORIGIN, board_for
 from hopdata.steering.frame_changes import FrameChanges, frame_changes
 from hopdata.steering.models.hyperparameters import regressor_of
 from hopdata.steering.models.kernels import embedded
@@ -108,6 +109,4 @@ def start_turning(number: int, seed: int) -> FloatArray:
 
 def board_before(start: FloatArray, ahead_m: float = 0.3) -> Board:
     """Board across the way to the origin, met `ahead_m` after the start; drag 4 N."""
-    way = -start[:2] / np.hypot(start[0], start[1])
-    board = Board(direction=(float(way[0]), float(way[1])), place_m=0.0)
-    return replace(board, place_m=float(start[:2] @ way) + ahead_m + board.reach_m)
+    return board_for(ORIGIN, start, drag_n=4.0, ahead_m=ahead_m)

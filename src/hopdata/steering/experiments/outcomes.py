@@ -9,6 +9,7 @@ import numpy as np
 from hopdata.steering.experiments.intervals import median_interval, rate_interval, ratio_interval
 from hopdata.steering.experiments.policies import CEILING, PLANNER, PRINTED
 from hopdata.steering.experiments.tasks import ANY, FACING, FELL, LATE, LEFT
+from hopdata.steering.streams import BOOTSTRAP
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -92,7 +93,7 @@ def _row(
 
 def _ratio(group: pd.DataFrame, best: pd.DataFrame, seed: int, confidence: float) -> dict[str, Any]:
     pairs = group.merge(best, on="run", suffixes=("", "_best"))
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(BOOTSTRAP,)))
     ratio, low, high = ratio_interval(
         pairs["hops"], pairs["hops_best"], rng=rng, confidence=confidence
     )

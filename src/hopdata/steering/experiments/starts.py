@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.steering.experiments.tasks import EXPERIMENTS, FACING, ORIGIN
+from hopdata.steering.streams import FLOOR, START
 
 FloatArray = NDArray[np.float64]
-
-START, FLOOR = 0, 1  # what a stream of chance is for
 
 
 @dataclass(frozen=True)

@@ -74,11 +74,6 @@ def frame_3d(frame: StreamFrame, *, residuals: bool = False) -> bytes:
     return packet(DATA, stamp + component)
 
 
-def empty_frame(frame: StreamFrame) -> bytes:
-    """Return the data packet of a frame without components."""
-    return packet(DATA, FRAME.pack(round(1e6 * frame.time_s), frame.number, 0))
-
-
 def header_fault(size: int, kind: int) -> str:
     """Say what is wrong with a header, or return an empty string."""
     if kind not in PACKET_TYPES:

@@ -10,12 +10,12 @@ import numpy as np
 from hopdata.recordings.recording import Recording
 from hopdata.steering.plant.trial import SteeredTrial, record_trial
 from hopdata.steering.stages.options import camera_of, excitation_of, robot_of
+from hopdata.steering.streams import EXCITATION, TRIAL
 
 if TYPE_CHECKING:
     import pandas as pd
 
 NAME = "excitation"
-EXCITATION, TRIAL = 10, 11  # streams of chance
 
 
 def simulate_excitation(

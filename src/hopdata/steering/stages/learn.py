@@ -14,11 +14,10 @@ from hopdata.steering.models.options import process_inputs
 from hopdata.steering.models.process import FrameChangeProcess
 from hopdata.steering.models.training import trained_process
 from hopdata.steering.stages.options import process_of
+from hopdata.steering.streams import TRAINING
 
 if TYPE_CHECKING:
     import pandas as pd
-
-TRAINING = 12  # a stream of chance
 
 
 def learn(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hopdata.errors import AnalysisError
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models.learning import learning_scores, with_intervals
@@ -66,7 +68,7 @@ def learning_tables(
     AnalysisError
         If there are too few hops for the smallest size.
     """
-    usable = int((changes.used().previous_swing_rad == changes.used().previous_swing_rad).sum())
+    usable = int(np.isfinite(changes.used().previous_swing_rad).sum())
     sizes = [size for size in SIZES if size <= usable - LEAST_TESTED]
     if not sizes:
         raise AnalysisError(

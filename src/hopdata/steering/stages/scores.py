@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.steering.frame_change_errors import SAME_STANCE_S
 from hopdata.steering.models.interface import FrameChangeMap
 from hopdata.steering.plant.true_map import TrueFrameChanges
 from hopdata.steering.se2 import wrapped
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-SAME_STANCE_S = 0.1  # a sixth of a hop
 COMPONENTS = (("x", "mm", 1e3), ("y", "mm", 1e3), ("heading", "deg", 180 / np.pi))
 
 
