@@ -95,7 +95,7 @@ def observed(trial: SteeredTrial, name: str) -> FrameChanges:
     return frame_changes(
         states.time_s,
         states.pose,
-        states.boom_angle,
+        states.boom_angle_rad,
         states.pairs,
         swing_limit_rad=LIMIT,
         recording=name,

@@ -118,7 +118,7 @@ def identified(recording: Recording, geometry: HopperGeometry) -> Planner:
     changes = frame_changes_at_frames(
         stances.frame[stances.pairs],
         motion.pose,
-        motion.boom_angle,
+        motion.boom_angle_rad,
         rate_hz=RATE_HZ,
         swing_limit_rad=LIMITS.swing_rad,
     )

@@ -150,7 +150,7 @@ def hopper_errors(scene: Swinging, seed: int, options: dict[str, object]) -> dic
         ),
         "boom_mrad; printed": min(senses, key=rms),
         "boom_mrad; rigid body, geometric circle (recommended)": wrapped(
-            motion.boom_angle - scene.boom_angle
+            motion.boom_angle_rad - scene.boom_angle
         ),
         "boom_mrad; rigid body, algebraic circle": wrapped(
             algebraic_boom(seen, geometry) - scene.boom_angle

@@ -72,7 +72,7 @@ def excited(seed: int, number: int) -> FrameChanges:
     trial = record_trial(ROBOT, swings[: HOPS + 40], seed=[seed, number, 2])
     states = observe_stances(trial.recording, calibrate(trial.recording))
     seen = frame_changes(
-        states.time_s, states.pose, states.boom_angle, states.pairs, swing_limit_rad=LIMIT
+        states.time_s, states.pose, states.boom_angle_rad, states.pairs, swing_limit_rad=LIMIT
     ).used()
     return seen.rows(np.arange(min(HOPS, len(seen))))
 

@@ -88,7 +88,7 @@ def test_a_hopper_without_boom_or_feet_markers_is_calibrated_by_its_body():
     geometry = calibrate(bare, forward="marker")
     assert geometry.circle is None
     assert geometry.boom_place(bare.markers) is None
-    assert np.isnan(hopper_motion(bare, geometry).boom_angle).all()
+    assert np.isnan(hopper_motion(bare, geometry).boom_angle_rad).all()
     with pytest.raises(AnalysisError, match="at least two foot markers"):
         calibrate(bare)
     with pytest.raises(AnalysisError, match="at least 3 feet"):

@@ -66,8 +66,8 @@ def test_a_frame_far_from_others_is_not_leaned_on(hopper):
 
 def test_boom_angles_are_those_of_the_scene(hopper):
     motion = hopper_motion(hopper.recording, calibrate(hopper.recording))
-    assert rms(wrapped(motion.boom_angle - hopper.boom_angle)) < 0.004
-    assert np.abs(np.diff(motion.boom_angle)).max() < 0.2
+    assert rms(wrapped(motion.boom_angle_rad - hopper.boom_angle)) < 0.004
+    assert np.abs(np.diff(motion.boom_angle_rad)).max() < 0.2
 
 
 def test_the_printed_boom_angle_is_right_up_to_zero_and_sense(hopper):

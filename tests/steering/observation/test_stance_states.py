@@ -47,25 +47,25 @@ def test_as_printed_it_is_the_pose_of_the_frame(motion, stances):
 def test_the_boom_angle_is_the_median_of_the_frames_that_follow(hopper, motion, stances):
     states = stance_states(motion, stances)
     for k in (0, 7, 30):
-        following = motion.boom_angle[stances.frame[k] + 1 : stances.frame[k] + 12]
-        assert states.boom_angle[k] == np.median(following)
+        following = motion.boom_angle_rad[stances.frame[k] + 1 : stances.frame[k] + 12]
+        assert states.boom_angle_rad[k] == np.median(following)
     true = hopper.boom_angle[stances.frame]
-    assert rms(wrapped(states.boom_angle - true)) < 0.002
+    assert rms(wrapped(states.boom_angle_rad - true)) < 0.002
 
 
 def test_swings_between_stances_are_those_commanded(motion, stances):
     states = stance_states(motion, stances)
     first, last = states.pairs.T
-    swing = states.boom_angle[last] - states.boom_angle[first]
+    swing = states.boom_angle_rad[last] - states.boom_angle_rad[first]
     np.testing.assert_allclose(np.abs(swing), np.deg2rad(67.5), atol=0.008)
 
 
 def test_a_boom_that_is_hidden_has_no_angle(motion, stances):
-    angle = motion.boom_angle.copy()
+    angle = motion.boom_angle_rad.copy()
     begin = stances.frame[4]
     angle[begin + 1 : begin + 10] = np.nan
-    states = stance_states(replace(motion, boom_angle=angle), stances)
-    np.testing.assert_array_equal(np.flatnonzero(np.isnan(states.boom_angle)), [4])
+    states = stance_states(replace(motion, boom_angle_rad=angle), stances)
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(states.boom_angle_rad)), [4])
 
 
 def test_one_call_does_it_all(hopper, motion, stances):

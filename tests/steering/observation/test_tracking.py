@@ -40,7 +40,7 @@ def test_frame_by_frame_is_what_the_whole_recording_gives(hopper, geometry):
     np.testing.assert_allclose([f.height_m for f in found], motion.height, atol=1e-12)
     np.testing.assert_allclose([f.residual_m for f in found], motion.residual, atol=1e-12)
     angles = np.array([f.boom_angle_rad for f in found])
-    np.testing.assert_allclose(wrapped(angles - motion.boom_angle), 0, atol=1e-9)
+    np.testing.assert_allclose(wrapped(angles - motion.boom_angle_rad), 0, atol=1e-9)
 
 
 def test_a_tracker_is_right_about_the_hopper(hopper, geometry):

@@ -37,7 +37,7 @@ class HopperMotion:
         x m, y m, heading rad, which is not wrapped; NaN where unknown.
     height : (N,) array
         Height of the mean body marker, m; NaN where unknown.
-    boom_angle : (N,) array
+    boom_angle_rad : (N,) array
         rad, not wrapped; NaN where unknown.
     residual : (N,) array
         m.
@@ -47,7 +47,7 @@ class HopperMotion:
     time: FloatArray
     pose: FloatArray
     height: FloatArray
-    boom_angle: FloatArray
+    boom_angle_rad: FloatArray
     residual: FloatArray
     status: NDArray[np.str_]
 

@@ -30,7 +30,7 @@ class StanceStates:
     time_s : (K,) array
     pose : (K, 3) array
         x m, y m, heading rad, which is not wrapped; NaN where unknown.
-    boom_angle : (K,) array
+    boom_angle_rad : (K,) array
         rad, not wrapped; NaN where unknown.
     pairs : (P, 2) array of int
         Stances that are a hop apart.
@@ -38,7 +38,7 @@ class StanceStates:
 
     time_s: FloatArray
     pose: FloatArray
-    boom_angle: FloatArray
+    boom_angle_rad: FloatArray
     pairs: NDArray[np.int64]
 
 
@@ -106,7 +106,7 @@ def _boom_angles(motion: HopperMotion, stances: Stances, boom_s: float) -> Float
     last = np.searchsorted(motion.time, begin + boom_s + 1e-9, side="right")
     medians = np.full(len(begin), np.nan)
     for k, (i, j) in enumerate(zip(first, last, strict=True)):
-        angles = motion.boom_angle[i:j]
+        angles = motion.boom_angle_rad[i:j]
         angles = angles[np.isfinite(angles)]
         if len(angles) >= LEAST_BOOM_FRAMES:
             medians[k] = np.median(angles)

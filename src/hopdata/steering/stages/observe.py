@@ -88,7 +88,7 @@ def _observed(recording: Recording, swing_limit_rad: float) -> Observed:
     changes = frame_changes(
         states.time_s,
         states.pose,
-        states.boom_angle,
+        states.boom_angle_rad,
         states.pairs,
         swing_limit_rad=swing_limit_rad,
         recording=recording.name,
@@ -96,7 +96,7 @@ def _observed(recording: Recording, swing_limit_rad: float) -> Observed:
     return Observed(
         geometry,
         changes,
-        _stance_table(recording.name, stances, states.pose, states.boom_angle),
+        _stance_table(recording.name, stances, states.pose, states.boom_angle_rad),
         _motion_table(recording.name, motion),
         [_counts(recording.name, motion, stances, changes)],
     )
@@ -116,7 +116,7 @@ def _counts(
     }
 
 
-def _stance_table(name: str, stances: Stances, pose: Any, boom_angle: Any) -> pd.DataFrame:
+def _stance_table(name: str, stances: Stances, pose: Any, boom_angle_rad: Any) -> pd.DataFrame:
     import pandas as pd
 
     x, y, heading = pose.T
@@ -126,7 +126,7 @@ def _stance_table(name: str, stances: Stances, pose: Any, boom_angle: Any) -> pd
         {
             "recording": name, "frame": stances.frame, "time_s": stances.time_s,
             "height_m": stances.height_m, "x_m": x, "y_m": y, "heading_rad": heading,
-            "boom_angle_rad": boom_angle, "follows": follows,
+            "boom_angle_rad": boom_angle_rad, "follows": follows,
         }
     )  # fmt: skip
 
@@ -138,7 +138,7 @@ def _motion_table(name: str, motion: HopperMotion) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "recording": name, "time_s": motion.time, "x_m": x, "y_m": y, "heading_rad": heading,
-            "height_m": motion.height, "boom_angle_rad": motion.boom_angle,
+            "height_m": motion.height, "boom_angle_rad": motion.boom_angle_rad,
             "residual_m": motion.residual, "status": motion.status,
         }
     )  # fmt: skip
