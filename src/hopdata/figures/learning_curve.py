@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from hopdata.figures.banded import banded_line, plain_numbers
 from hopdata.figures.style import (
     BLUE,
     DOUBLE_COLUMN_MM,
@@ -62,25 +63,19 @@ def learning_curve_figure(table: pd.DataFrame) -> Figure:
 
 
 def _draw(axes: Axes, table: pd.DataFrame) -> None:
-    for model, (label, colour, dash, marker) in LINES.items():
+    for model, line in LINES.items():
         rows = table[table["model"] == model].sort_values("hops")
         if rows.empty:
             continue
-        axes.fill_between(
-            rows["hops"], rows["rmse_q05"], rows["rmse_q95"], color=colour, alpha=0.15, linewidth=0
-        )
-        axes.plot(
-            rows["hops"], rows["rmse"], color=colour, linestyle=dash, marker=marker,
-            markersize=2.5, label=label,
-        )  # fmt: skip
+        band = (rows["rmse_q05"], rows["rmse_q95"])
+        banded_line(axes, rows["hops"], rows["rmse"], band, line)
     axes.grid(axis="y")
 
 
 def _hops_axis(axes: Axes, hops: list[int]) -> None:
-    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+    from matplotlib.ticker import FixedLocator
 
     axes.set_xscale("log")
     axes.xaxis.set_major_locator(FixedLocator(hops))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    plain_numbers(axes.xaxis)
     axes.set_xlabel("hops learned from")

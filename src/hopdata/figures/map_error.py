@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from hopdata.figures.banded import banded_line, plain_numbers
 from hopdata.figures.style import (
     BLUE,
     DOUBLE_COLUMN_MM,
@@ -69,28 +70,21 @@ def map_error_figure(table: pd.DataFrame) -> Figure:
 
 
 def _draw(axes: Axes, table: pd.DataFrame) -> None:
-    for estimator, (label, colour, dash, marker) in LINES.items():
+    for estimator, line in LINES.items():
         rows = table[table["estimator"] == estimator].sort_values("landings")
         if rows.empty:
             continue
-        axes.fill_between(
-            rows["landings"], rows["q05"], rows["q95"], color=colour, alpha=0.15, linewidth=0
-        )
-        axes.plot(
-            rows["landings"], rows["median"], color=colour, linestyle=dash, marker=marker,
-            markersize=2.5, label=label,
-        )  # fmt: skip
+        banded_line(axes, rows["landings"], rows["median"], (rows["q05"], rows["q95"]), line)
     axes.grid(axis="y")
 
 
 def _ticks(axes: Axes) -> None:
     """Plain numbers on both logarithmic axes, which all panels share."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullLocator
+    from matplotlib.ticker import FixedLocator, LogLocator
 
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.xaxis.set_major_locator(FixedLocator([60, 250, 1000, 3000]))
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_minor_locator(NullLocator())
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        plain_numbers(axis)
