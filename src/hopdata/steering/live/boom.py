@@ -7,9 +7,9 @@ import socket
 from types import TracebackType
 from typing import Protocol, Self
 
+from hopdata.steering.live.connections import LOOPBACK
 from hopdata.steering.live.errors import PortError
 
-LOOPBACK = "127.0.0.1"
 LONGEST_LINE = 200
 
 

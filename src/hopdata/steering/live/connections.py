@@ -8,6 +8,8 @@ import socket
 from hopdata.steering.live.errors import PortError
 from hopdata.steering.live.packets import COMMAND, HEADER, header_fault
 
+LOOPBACK = "127.0.0.1"  # heard on this computer alone
+
 MOST_WAITING = 1 << 20  # bytes that a client may leave unread before frames for it are skipped
 
 

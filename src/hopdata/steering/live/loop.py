@@ -24,10 +24,10 @@ from hopdata.steering.live.decisions import Decision, Outcome
 from hopdata.steering.live.errors import LiveError
 from hopdata.steering.live.interfaces import Controller, Detector, ToldStance, Tracker
 from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.loop_thread import JOIN_S
 from hopdata.steering.se2 import wrapped
 
 LOOK_UP_S = 0.5
-JOIN_S = 10.0
 SAME_CLOCK_S = 0.5
 
 

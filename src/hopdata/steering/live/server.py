@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Self
 
 from hopdata.steering.live.commands import FrameRequest, answer
-from hopdata.steering.live.connections import ServedClient, listening_socket, next_command
+from hopdata.steering.live.connections import LOOPBACK, ServedClient, listening_socket, next_command
 from hopdata.steering.live.counts import ServerCounts
 from hopdata.steering.live.errors import LiveError, PortError
 from hopdata.steering.live.faults import Faults, FaultSource, Outage, hide
@@ -28,7 +28,6 @@ from hopdata.steering.live.packets import (
     text,
 )
 
-LOOPBACK = "127.0.0.1"
 TRY_AGAIN_S = 0.05
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.steering.observation.bottoms import LEAST_BEND_M_S2
 from hopdata.steering.observation.geometry import HopperGeometry
 
 FloatArray = NDArray[np.float64]
@@ -16,7 +17,6 @@ WINDOW_S = 0.055  # of frames through which a parabola is laid,
 WINDOW_FRAMES = 3.5  # but at least so many
 HOLE_S = 0.25  # longest hole in the frames across which a stance is still told
 RESTART_S = 1.0  # a clock that goes back by more has begun anew
-LEAST_BEND_M_S2 = 5.0  # half of g: a floor throws back harder than a hand lifts
 FASTEST_M_S, HARDEST_M_S2 = 4.0, 60.0  # beyond these a height has jumped
 SIGMAS = 4.0
 
