@@ -9,15 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.steering.control.plan import Controller, Plan, PlanningError
-from hopdata.steering.plant.obstacle import Board
-from hopdata.steering.plant.robot import (
-    Apex,
-    Stance,
-    SteeredHop,
-    SteeredHopper,
-    released,
-    steer_hop,
-)
+from hopdata.steering.plant.obstacle import Board, steer_past
+from hopdata.steering.plant.robot import Stance, SteeredHopper, released
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -73,8 +66,6 @@ class ClosedLoopTrial:
         The plans, None where there could be none and the boom was held.
     board_m : (H + 1,) array
         Place of the board at the stances, m; NaN without a board.
-    pushed : (H,) array of bool
-        Whether the board was in the way of each hop.
     fell : bool
         Whether the hopper fell in the hop after the last stance.
     """
@@ -86,8 +77,12 @@ class ClosedLoopTrial:
     swings_rad: FloatArray
     plans: tuple[Plan | None, ...]
     board_m: FloatArray
-    pushed: BoolArray
     fell: bool
+
+    @property
+    def pushed(self) -> BoolArray:
+        """Whether each hop moved the board, (H,)."""
+        return np.diff(self.board_m) > 0
 
     @property
     def held(self) -> int:
@@ -127,26 +122,25 @@ def closed_loop(
         What is measured of a stance; `PoseNoise`, say.
     """
     kicks, noise = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(2))
-    flight = _Flight(robot, kicks, board)
-    hop = flight.hop(released(robot, start, boom_angle_rad), 0.0)
-    stances, measured, places = [hop.stance], [], [flight.place_m]
+    apex = released(robot, start, boom_angle_rad)
+    hop, board = steer_past(robot, apex, 0.0, board, rng=kicks)
+    stances, measured, boards = [hop.stance], [], [board]
     swings: list[float] = []
     plans: list[Plan | None] = []
-    pushed: list[bool] = []
     while True:
         pose, boom = observe(hop.stance, noise)
         measured.append(pose)
         if len(plans) == hops or hop.stance.fell:
             break
         plan = _plan(controller, pose, boom, swings[-1] if swings else 0.0)
-        hop = flight.hop(hop.end, 0.0 if plan is None else plan.swing_rad)
+        swing = 0.0 if plan is None else plan.swing_rad
+        hop, board = steer_past(robot, hop.end, swing, board, rng=kicks)
         if hop.stance.fell:
             break
         plans.append(plan)
         swings.append(hop.swing_rad)
         stances.append(hop.stance)
-        places.append(flight.place_m)
-        pushed.append(flight.pushed)
+        boards.append(board)
     return ClosedLoopTrial(
         time_s=np.array([stance.time_s for stance in stances]),
         poses=np.array([stance.pose for stance in stances]),
@@ -154,30 +148,9 @@ def closed_loop(
         boom_angles_rad=np.array([stance.boom_angle_rad for stance in stances]),
         swings_rad=np.array(swings),
         plans=tuple(plans),
-        board_m=np.array(places),
-        pushed=np.array(pushed, dtype=bool),
+        board_m=np.array([np.nan if one is None else one.place_m for one in boards]),
         fell=hop.stance.fell,
     )
-
-
-class _Flight:
-    """The hopper and the board that it pushes along."""
-
-    def __init__(self, robot: SteeredHopper, rng: np.random.Generator, board: Board | None) -> None:
-        self._robot, self._rng, self._board = robot, rng, board
-        self.pushed = False
-
-    @property
-    def place_m(self) -> float:
-        return np.nan if self._board is None else self._board.place_m
-
-    def hop(self, apex: Apex, swing_rad: float) -> SteeredHop:
-        met = None if self._board is None else self._board.met(apex)
-        hop = steer_hop(self._robot, apex, swing_rad, rng=self._rng, variant=met)
-        self.pushed = met is not None
-        if self._board is not None and met is not None:
-            self._board = self._board.pushed(hop)
-        return hop
 
 
 def _plan(

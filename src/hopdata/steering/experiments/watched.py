@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.live_stances import StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker, Observation
-from hopdata.steering.plant.obstacle import Board
-from hopdata.steering.plant.robot import Apex, SteeredHop, SteeredHopper, released, steer_hop
+from hopdata.steering.plant.obstacle import Board, steer_past
+from hopdata.steering.plant.robot import Apex, SteeredHop, SteeredHopper, released
 from hopdata.synthesis.capture import observe
 from hopdata.synthesis.floor import CurvedFloor
 from hopdata.synthesis.gaps import draw_gaps
@@ -126,17 +126,15 @@ class WatchedHopper:
         rate, apex = self.sight.camera.rate_hz, self._apex
         first = int(np.ceil(apex.time_s * rate - 1e-9))
         frames = np.arange(first, first + int(self.robot.hop_limit_s * rate))
-        hop = steer_hop(
+        hop, self.board = steer_past(
             self.robot,
             apex,
             swing_rad,
+            self.board,
             rng=self._kicks,
             frame_times_s=frames / rate,
-            variant=None if self.board is None else self.board.met(apex),
         )
         self._apex = hop.end
-        if self.board is not None:
-            self.board = self.board.pushed(hop)
         time_s, seen = self._watched(hop)
         return WatchedStance(hop, seen, time_s, self.board)
 

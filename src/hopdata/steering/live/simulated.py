@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.steering.plant.obstacle import Board
+from hopdata.steering.plant.obstacle import Board, steer_past
 from hopdata.steering.plant.robot import Apex, SteeredHop, SteeredHopper, released, steer_hop
 
 FloatArray = NDArray[np.float64]
@@ -89,21 +89,19 @@ class LiveHopper:
                 yield float(time_s), markers + noise
 
     def _next_hop(self) -> SteeredHop:
-        swing, apex = self._swings() or 0.0, self._apex
+        swing = self._swings() or 0.0
         upcoming = self._n_frames + np.arange(np.ceil(self.robot.hop_limit_s * self.rate_hz))
-        hop = steer_hop(
+        hop, self.board = steer_past(
             self.robot,
-            apex,
+            self._apex,
             swing,
+            self.board,
             rng=self._kicks,
             frame_times_s=upcoming / self.rate_hz,
-            variant=None if self.board is None else self.board.met(apex),
         )
         self._n_frames += len(hop.frame_time_s)
         self.hops.append(_true_hop(hop))
         self._apex = hop.end if not hop.stance.fell else self._put_up(hop)
-        if self.board is not None:
-            self.board = self.board.pushed(hop)
         return hop
 
     def _put_up(self, hop: SteeredHop) -> Apex:

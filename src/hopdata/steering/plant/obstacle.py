@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hopdata.errors import ConfigError
 from hopdata.scenes.hopper_drag import HopperDrag
-from hopdata.steering.plant.robot import Apex, SteeredHop
+from hopdata.steering.plant.robot import Apex, SteeredHop, SteeredHopper, steer_hop
 
 LANDING_S = 0.2  # from the apex to the first contact
 
@@ -53,3 +54,21 @@ class Board:
             return self
         front = float(hop.stance.pose[:2] @ self.direction) + self.reach_m
         return replace(self, place_m=max(self.place_m, front))
+
+
+def steer_past(
+    robot: SteeredHopper,
+    apex: Apex,
+    swing_rad: float,
+    board: Board | None,
+    *,
+    rng: np.random.Generator,
+    frame_times_s: ArrayLike = (),
+) -> tuple[SteeredHop, Board | None]:
+    """Fly one hop, past a board if there is one; return the hop, and the board as it left it.
+
+    For the other parameters see `steer_hop`.
+    """
+    met = None if board is None else board.met(apex)
+    hop = steer_hop(robot, apex, swing_rad, rng=rng, frame_times_s=frame_times_s, variant=met)
+    return hop, None if board is None else board.pushed(hop)
