@@ -59,7 +59,7 @@ def observe_recordings(recordings: Sequence[Recording], *, swing_limit_rad: floa
     Raises
     ------
     AnalysisError
-        If a recording has no boom marker, or its boom does not move far enough.
+        If a recording has no boom marker, or cannot be calibrated; it is named.
     """
     import pandas as pd
 
@@ -79,7 +79,10 @@ def _observed(recording: Recording, swing_limit_rad: float) -> Observed:
             f"{recording.name}: expected a marker with the role boom (markers.boom), on whose "
             f"angle the frame changes depend, found only {', '.join(recording.markers)}"
         )
-    geometry = calibrate(recording)
+    try:
+        geometry = calibrate(recording)
+    except AnalysisError as error:
+        raise AnalysisError(f"{recording.name}: {error}") from error
     _require_moving_boom(recording.name, geometry)
     motion = hopper_motion(recording, geometry)
     band = (geometry.stance_below_m, geometry.flight_above_m)
