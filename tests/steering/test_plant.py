@@ -119,3 +119,12 @@ def test_the_true_map_is_what_a_still_hopper_does():
 def test_preloads_must_fit_the_legs():
     with pytest.raises(ConfigError, match="expected one for each of 3 legs, found 2"):
         replace(ROBOT, preload_shares=(1.0, 1.0))
+
+
+@pytest.mark.parametrize("height_m", [0.2, 0.3])
+def test_a_recorded_robot_is_let_go_at_its_own_height(height_m):
+    trial = record_trial(replace(STILL, release_height_m=height_m), [0.0], seed=1, camera=EXACT)
+    apex = released(replace(STILL, release_height_m=height_m), np.zeros(3))
+    hop = steer_hop(STILL, apex, 0.0, rng=rng(), frame_times_s=[0.0])
+    found = trial.recording.body[0, :, 2].mean()
+    np.testing.assert_allclose(found, hop.markers[0, :3, 2].mean(), atol=1e-9)

@@ -181,7 +181,7 @@ def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
         )
     used = sum(entry["used"] for entry in inputs.counts or ())
     pairs = sum(entry["pairs"] for entry in inputs.counts or ())
-    cards.append(("Hops observed", count(used), f"of {count(pairs)}; the others are counted below"))
+    cards.append(("Hops used", count(used), f"of {count(pairs)}; what was left out stands below"))
     for key, name in (("heading_rms", "Error of the heading"), ("boom_angle_rms", "Boom angle")):
         entry = (inputs.truth or {}).get(key)
         if entry:

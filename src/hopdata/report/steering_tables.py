@@ -150,6 +150,6 @@ def model_table(scores: pd.DataFrame | None) -> Table | None:
     )
     note = (
         "On the hops that were not learned from; chance at each hop is part of the error. Each "
-        "random set of hops gives a model, with which the starts take turns."
+        "random set of hops gives a model; the starts of experiments take turns with them."
     )
     return Table("How well the model predicts a hop", head, rows, note=note)

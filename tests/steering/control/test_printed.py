@@ -106,3 +106,10 @@ class Flat:
 
     def change_and_gradient(self, boom_angle, _swing):
         return np.zeros((len(boom_angle), 3)), np.zeros((len(boom_angle), 3, 2))
+
+
+def test_a_previous_swing_that_is_not_known_is_none_at_all():
+    controller = PrintedController(model=MODEL, horizon=Horizon(swing_limit_rad=LIMIT))
+    plans = [controller.plan([0.3, 0.1, 1.0], 2.0, swing).swings_rad for swing in (None, np.nan)]
+    assert np.isfinite(plans[0]).all()
+    np.testing.assert_array_equal(plans[0], plans[1])

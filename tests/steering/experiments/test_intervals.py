@@ -48,3 +48,10 @@ def test_a_ratio_of_pairs():
     ratio, low, high = ratio_interval(rng(3).uniform(24, 48, 25), others, rng=rng(2))
     assert low < ratio < high
     assert all(np.isnan(ratio_interval([], [], rng=rng())))
+
+
+@pytest.mark.parametrize("pairs", [1, 2, 5])
+def test_a_ratio_of_few_pairs_has_no_interval(pairs):
+    ratio, low, high = ratio_interval(np.full(pairs, 40.0), np.full(pairs, 20.0), rng=rng())
+    assert ratio == 2.0
+    assert np.isnan([low, high]).all()

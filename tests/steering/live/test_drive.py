@@ -166,3 +166,14 @@ def test_no_camera_system_is_a_clear_error():
 def test_observers_need_the_markers_of_the_geometry():
     with pytest.raises(AnalysisError, match="boom"):
         observers(geometry(), ("body1", "body2", "body3"))
+
+
+def test_a_folder_that_cannot_be_made_is_an_error_before_anything_moves(tmp_path):
+    (tmp_path / "logs").write_text("a file of this name")
+    told = []
+    with pytest.raises(FileExistsError):
+        drive(
+            geometry(), Controller(), SimpleNamespace(swing=told.append), port=1,
+            stop=threading.Event(), folder=tmp_path / "logs",
+        )  # fmt: skip
+    assert not told

@@ -1,5 +1,7 @@
 """The stages of a steering study: options to robot, trial to hops, hops to a model, its score."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -98,6 +100,16 @@ def test_a_recording_without_a_boom_is_refused_in_words(trial):
         observe_recordings([bare], swing_limit_rad=1.2)
 
 
+def test_which_recording_cannot_be_calibrated_is_said(trial):
+    whole = trial[0]
+    boom, body = whole.indices("boom")[0], whole.indices("body")[0]
+    positions = whole.positions.copy()
+    positions[:, boom] = positions[:, body]
+    still = replace(whole, name="tuesday", positions=positions)
+    with pytest.raises(AnalysisError, match="tuesday: boom: expected it to move"):
+        observe_recordings([whole, still], swing_limit_rad=1.2)
+
+
 SETS = {"kernel": "recommended", "training_hops": 60, "sets": 2}
 
 
@@ -117,6 +129,11 @@ def law(angle, swing):
     return np.column_stack(
         [0.05 - 0.03 * np.cos(angle), 0.02 * np.sin(angle), 0.1 * swing + 0.02 * np.sin(angle)]
     )
+
+
+def test_a_recording_with_hardly_a_hop_is_not_blamed_on_the_configuration():
+    with pytest.raises(AnalysisError, match=r"steering: expected at least 12 hops .* found 11"):
+        learn(hops(11), SETS, seed=1)
 
 
 def test_a_model_is_tested_on_the_hops_that_it_has_not_seen():

@@ -69,6 +69,7 @@ class PrintedController:
         limit, hops = self.horizon.swing_limit_rad, self.horizon.hops
         closed = self.gradient == "closed form"
         again = previous_swing_rad if self.start == "previous swing" else None
+        again = again if again is not None and np.isfinite(again) else 0.0  # NaN: not known
 
         def value(swings: FloatArray) -> float:
             return objective_value(
@@ -80,7 +81,7 @@ class PrintedController:
 
         solved = minimize(
             value_and_gradient if closed else value,
-            np.full(hops, np.clip(again or 0.0, -limit, limit)),
+            np.full(hops, np.clip(again, -limit, limit)),
             jac=closed,
             method="L-BFGS-B",
             bounds=[(-limit, limit)] * hops,

@@ -70,7 +70,7 @@ def ratio_interval(
     Returns
     -------
     ratio, low, high : float
-        NaN without pairs.
+        NaN without pairs; the interval, too, if they are so few that the medians have none.
     """
     pairs = np.column_stack([np.asarray(values, dtype=float), np.asarray(others, dtype=float)])
     if not len(pairs):
@@ -79,4 +79,6 @@ def ratio_interval(
     tail = (1 - confidence) / 2
     low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [tail, 1 - tail])
     medians = np.median(pairs, axis=0)
+    if np.isnan(median_interval(pairs[:, 0], confidence)[0]):  # a few draws would look certain
+        low = high = np.nan
     return float(medians[0] / medians[1]), float(low), float(high)

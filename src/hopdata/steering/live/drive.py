@@ -111,7 +111,11 @@ def drive(
     LiveError
         If no frame comes, or the camera system is set up otherwise: a marker has another name, z is
         not up, or the frame rate is not `rate_hz`.
+    OSError
+        If `folder` cannot be made; nothing has moved then.
     """
+    if folder is not None:
+        Path(folder).mkdir(parents=True, exist_ok=True)  # complains now rather than after the drive
     names = geometry.body_names + (() if geometry.boom_name is None else (geometry.boom_name,))
     stream = MarkerStream(names, host=host, port=port, rate_hz=rate_hz, patience=patience)
     loop = ControlLoop(

@@ -81,17 +81,20 @@ def record_trial(
     ----------
     robot : SteeredHopper
     swings_rad : iterable of float
-        Swing in the flight of each hop, rad; one hop each.
+        Swing in the flight of each hop, rad, cut to the limit of the robot; one hop each.
     seed : int or sequence of int
         Seed of kicks, floor, noise and gaps, which have streams of their own.
     camera : MotionCapture, optional
         How the hopper is seen.
     operator : Operator, optional
-        Who carries it back when it strays.
+        Who carries it back when it strays, and lets it go as the robot says if not given.
     name : str
         Name of the recording.
     """
     camera = camera or MotionCapture()
+    operator = operator or Operator(
+        release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s
+    )
     swings = np.fromiter(swings_rad, dtype=float)
     swings = np.clip(swings, -robot.swing_limit_rad, robot.swing_limit_rad)
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]

@@ -12,7 +12,7 @@ from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models.learning import prediction_score, random_split, score_rows
 from hopdata.steering.models.options import process_inputs
 from hopdata.steering.models.process import FrameChangeProcess
-from hopdata.steering.models.training import trained_process
+from hopdata.steering.models.training import LEAST_HOPS, trained_process
 from hopdata.steering.stages.options import process_of
 from hopdata.steering.streams import TRAINING
 
@@ -48,6 +48,12 @@ def learn(
     import pandas as pd
 
     hops, wanted = changes.used(), options["training_hops"]
+    if len(hops) < LEAST_HOPS + 2:
+        raise AnalysisError(
+            f"steering: expected at least {LEAST_HOPS + 2} hops with known pose and boom angle, to "
+            f"learn from and to test on, found {len(hops)} "
+            f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
+        )
     if len(hops) < wanted + 2:
         raise AnalysisError(
             f"steering.model.training_hops: expected at most {max(0, len(hops) - 2)}, two fewer "

@@ -57,7 +57,7 @@ def observe_recordings(recordings: Sequence[Recording], *, swing_limit_rad: floa
     Raises
     ------
     AnalysisError
-        If a recording has no boom marker, or its boom does not move far enough.
+        If a recording has no boom marker, or cannot be calibrated; it is named.
     """
     import pandas as pd
 
