@@ -109,16 +109,6 @@ def provenance(
     }
 
 
-def provenance_of_files(
-    config: Mapping[str, Any], files: Iterable[str | Path], stage_times: Iterable[str | Path]
-) -> dict[str, Any]:
-    """Collect the same for inputs that are files; stages that have left no times are left out."""
-    digests = {
-        Path(file).name: hashlib.sha256(Path(file).read_bytes()).hexdigest() for file in files
-    }
-    return provenance(config, digests, [Path(t) for t in stage_times if Path(t).exists()])
-
-
 def driver_digest() -> str:
     """Digest of all sources of the package: what a version number does not tell apart."""
     digest = hashlib.sha256()

@@ -94,8 +94,9 @@ def test_the_search_begins_where_it_is_told():
     np.testing.assert_array_equal(again.swings_rad, np.full(3, 0.7))
     rest = PrintedController(model=flat, gradient="closed form", start="rest")
     np.testing.assert_array_equal(rest.plan(np.ones(3), 2.0, 0.7).swings_rad, np.zeros(3))
-    first = PrintedController(model=flat, gradient="closed form").plan(np.ones(3), 2.0)
-    np.testing.assert_array_equal(first.swings_rad, np.zeros(3))
+    for none in (None, 0.0, np.nan):
+        first = PrintedController(model=flat, gradient="closed form").plan(np.ones(3), 2.0, none)
+        np.testing.assert_array_equal(first.swings_rad, np.full(3, Horizon().swing_limit_rad / 2))
 
 
 class Flat:

@@ -41,8 +41,8 @@ class PrintedController:
         through the model's own gradient.
     start : {"previous swing", "rest"}
         Where the search begins, which the text does not say: with the last swing made again and
-        again, or with none. From rest the search often ends where the boom in its neutral place
-        cannot turn the hopper.
+        again (half the limit if there was none, or it is not known), or with none. From rest the
+        search often ends where the boom in its neutral place cannot turn the hopper.
     """
 
     model: FrameChangeMap
@@ -68,8 +68,7 @@ class PrintedController:
         start, boom = checked_state(pose, boom_angle_rad)
         limit, hops = self.horizon.swing_limit_rad, self.horizon.hops
         closed = self.gradient == "closed form"
-        again = previous_swing_rad if self.start == "previous swing" else None
-        again = again if again is not None and np.isfinite(again) else 0.0  # NaN: not known
+        first = 0.0 if self.start == "rest" else _swing_again(previous_swing_rad, limit)
 
         def value(swings: FloatArray) -> float:
             return objective_value(
@@ -81,7 +80,7 @@ class PrintedController:
 
         solved = minimize(
             value_and_gradient if closed else value,
-            np.full(hops, np.clip(again, -limit, limit)),
+            np.full(hops, first),
             jac=closed,
             method="L-BFGS-B",
             bounds=[(-limit, limit)] * hops,
@@ -93,6 +92,13 @@ class PrintedController:
             status="solved" if solved.success else "stopped early",
             reason=str(solved.message),
         )
+
+
+def _swing_again(previous_swing_rad: float | None, limit_rad: float) -> float:
+    """Return the previous swing within the limit; half the limit where there was none."""
+    if not previous_swing_rad or not np.isfinite(previous_swing_rad):
+        return limit_rad / 2
+    return float(np.clip(previous_swing_rad, -limit_rad, limit_rad))
 
 
 def predicted_poses(
