@@ -370,22 +370,22 @@ def main() -> None:
     truths = [landings(k, hops, seed) for k in range(N_ANGLES)]
     first = filmed(scenes[0], seed)
     geometry = calibrate(first)
-    tables = {
-        "": chain(heading_rows(geometry, arguments.frames, seed), hopper_rows(scenes, seed)),
-        "_stances": stance_rows(truths, hops, seed),
-        "_live": live_rows(truths, hops, seed),
-        "_time": time_rows(first.part(slice(20000))),
-    }
     out: Path = arguments.out
+    tables = {
+        out: chain(heading_rows(geometry, arguments.frames, seed), hopper_rows(scenes, seed)),
+        out.with_name(f"{out.stem}_stances.csv"): stance_rows(truths, hops, seed),
+        out.with_name(f"{out.stem}_live.csv"): live_rows(truths, hops, seed),
+        out.with_name(f"{out.stem}_time.csv"): time_rows(first.part(slice(20000))),
+    }
     out.parent.mkdir(parents=True, exist_ok=True)
-    for suffix, rows in tables.items():
+    for path, rows in tables.items():
         found = []
         for row in rows:
             print(*row.values(), sep=", ", flush=True)
             found.append(row)
         table = pd.DataFrame(found)
         print(table.round(3).to_string(index=False), flush=True)
-        table.to_csv(out.with_name(f"{out.stem}{suffix}.csv"), index=False, float_format="%.6g")
+        table.to_csv(path, index=False, float_format="%.6g")
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import os
 import pickle
 import signal
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -269,12 +270,22 @@ def test_ctrl_c_ends_the_threads():
     solve_batch(
         system, (0, 2.1), [[1.0, 0.0]], **options
     )  # an interrupt may get lost in a compiler
-    timer = threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
+    before = threading.active_count()
+    interrupter = threading.Thread(target=interrupt_when_threads_run, args=(before + 1,))
+    interrupter.start()
     with pytest.raises(KeyboardInterrupt):
-        solve_batch(system, (0, 2.1), np.tile([1.0, 0.0], (20_000, 1)), **options)
-    timer.join()
-    assert threading.active_count() == 1
+        solve_batch(system, (0, 2.1), np.tile([1.0, 0.0], (20_000, 1)), workers=2, **options)
+    interrupter.join()
+    assert threading.active_count() == before
+
+
+def interrupt_when_threads_run(others):
+    """Send Ctrl-C once there are threads beside these, which may take long on a busy machine."""
+    give_up = time.monotonic() + 60.0
+    while threading.active_count() <= others and time.monotonic() < give_up:
+        time.sleep(0.001)
+    time.sleep(0.05)
+    os.kill(os.getpid(), signal.SIGINT)
 
 
 def test_one_worker_is_the_thread_that_calls():
