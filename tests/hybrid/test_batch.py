@@ -270,12 +270,17 @@ def test_ctrl_c_ends_the_threads():
     solve_batch(
         system, (0, 2.1), [[1.0, 0.0]], **options
     )  # an interrupt may get lost in a compiler
+    # A process that was begun in the background is told to ignore Ctrl-C; this one shall not.
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
     before = threading.active_count()
     interrupter = threading.Thread(target=interrupt_when_threads_run, args=(before + 1,))
     interrupter.start()
-    with pytest.raises(KeyboardInterrupt):
-        solve_batch(system, (0, 2.1), np.tile([1.0, 0.0], (20_000, 1)), workers=2, **options)
-    interrupter.join()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            solve_batch(system, (0, 2.1), np.tile([1.0, 0.0], (20_000, 1)), workers=2, **options)
+        interrupter.join()
+    finally:
+        signal.signal(signal.SIGINT, handler)
     assert threading.active_count() == before
 
 
