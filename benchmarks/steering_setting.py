@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,7 +33,7 @@ COPIES = replace(RECOMMENDED, periodic=False)
 
 
 class SklearnMap:
-    """Three of scikit-learn's regressors, asked with `predict`, as printed."""
+    """Three of scikit-learn's regressors, as printed: asked with `predict`, without a gradient."""
 
     def __init__(self, process: FrameChangeProcess) -> None:
         self._process = process
@@ -45,10 +44,6 @@ class SklearnMap:
         points = embedded(np.column_stack([np.asarray(boom_angle) % (2 * np.pi), swing]), False)
         modelled = np.column_stack([one.predict(points) for one in self._regressors])
         return np.asarray(self._process.offset + self._process.unit * modelled)
-
-    def change_and_gradient(self, boom_angle: ArrayLike, swing: ArrayLike) -> Any:
-        """Scikit-learn's predictions have no gradient."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,8 @@ class PrintedController:
     Parameters
     ----------
     model : FrameChangeMap
-        Asked for one hop at a time, as the difference equation of Sec. 3.4.1 is stepped.
+        Asked for one hop at a time, as the difference equation of Sec. 3.4.1 is stepped; for its
+        gradient only if that is wanted in closed form.
     objective : ToPoint or ToHeading
     horizon : Horizon
     gradient : {"numerical", "closed form"}
