@@ -13,7 +13,7 @@ Each has a strength; with all strengths zero the control is the hopper itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -24,7 +24,6 @@ from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes import hopper_parameters as hp
 from hopdata.scenes.boom import boom_motion
 from hopdata.scenes.hopper import (
-    N_STATES,
     body_accelerations,
     fill_rates,
     hopper_event,
@@ -154,14 +153,6 @@ def control_event(
 @cache
 def control_system(n_legs: int = 3) -> System:
     """Return the control as a hybrid system: guards and modes are those of `hopper_system`."""
-    plain = hopper_system(n_legs)
-    return System(
-        field=control_field,
-        guards=control_guards,
-        on_event=control_event,
-        n_states=N_STATES,
-        guard_names=plain.guard_names,
-        directions=plain.directions,
-        terminal=plain.terminal,
-        n_extra_modes=plain.n_extra_modes,
+    return replace(
+        hopper_system(n_legs), field=control_field, guards=control_guards, on_event=control_event
     )

@@ -9,7 +9,7 @@ brings its share of the force, so that forces stay additive over the legs.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -18,13 +18,7 @@ from numpy.typing import NDArray
 from hopdata.errors import ConfigError
 from hopdata.hybrid import System, field
 from hopdata.scenes import hopper_parameters as hp
-from hopdata.scenes.hopper import (
-    N_STATES,
-    fill_rates,
-    hopper_event,
-    hopper_guards,
-    hopper_system,
-)
+from hopdata.scenes.hopper import fill_rates, hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.legs import total_wrench
 from hopdata.scenes.rigid_body import rotation_entries
@@ -87,14 +81,4 @@ def drag_field(t: float, y: FloatArray, mode: ModeArray, p: FloatArray, dy: Floa
 @cache
 def drag_system(n_legs: int = 3) -> System:
     """Return the hopper with a board as a hybrid system; otherwise as `hopper_system`."""
-    plain = hopper_system(n_legs)
-    return System(
-        field=drag_field,
-        guards=hopper_guards,
-        on_event=hopper_event,
-        n_states=N_STATES,
-        guard_names=plain.guard_names,
-        directions=plain.directions,
-        terminal=plain.terminal,
-        n_extra_modes=plain.n_extra_modes,
-    )
+    return replace(hopper_system(n_legs), field=drag_field)
