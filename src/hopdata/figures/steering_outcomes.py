@@ -55,7 +55,7 @@ def steering_outcomes_figure(outcomes: pd.DataFrame, runs: pd.DataFrame) -> Figu
     Returns
     -------
     Figure
-        (a) Share of the runs that succeeded, with intervals, and what is asked; (b) hops of those
+        (a) Share of the runs that succeeded, with intervals, and the target; (b) hops of those
         runs, each a dot, and their median with its interval.
     """
     if outcomes.empty:
@@ -75,7 +75,7 @@ def steering_outcomes_figure(outcomes: pd.DataFrame, runs: pd.DataFrame) -> Figu
         label, colour, mark = LOOKS[name]
         rates.plot([], [], mark, color=colour, ms=4, label=label)
     if outcomes["asked_rate"].notna().any():
-        rates.plot([], [], "|", color=INK, ms=8, mew=1.4, label="asked")
+        rates.plot([], [], "|", color=INK, ms=8, mew=1.4, label="target")
     figure.legend(*rates.get_legend_handles_labels(), loc="outside upper center", ncols=4)
     letter(rates, "a")
     letter(hops, "b")
