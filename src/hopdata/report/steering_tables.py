@@ -42,7 +42,7 @@ def outcomes_table(outcomes: pd.DataFrame | None) -> Table | None:
         "not in time",
         "left again",
         "fell",
-        "asked",
+        "target",
         "met",
     )
     note = (
