@@ -4,8 +4,8 @@
 
 In `steering_control.csv` each row is 30 random starts with one controller and one map: "true" is
 the plant's own, averaged over the swing before, which the ceiling knows; "learned" are Gaussian
-processes from the first 100 hops of a printed excitation, seen by motion capture, and the starts
-take turns with three of them. Poses are measured with noise. Success, by task:
+processes from 100 hops, drawn at random from those of a printed excitation, seen by motion capture,
+and the starts take turns with three of them. Poses are measured with noise. Success, by task:
 
 - "facing", "90 degrees left", "90 degrees right", "away": from 1 m, the origin being ahead, to the
   left, to the right or behind: within 0.2 m of it in at most 16 hops (facing) or 40;
@@ -48,13 +48,14 @@ from steering_setting import (
 from timing import timed
 
 from hopdata.steering.control.globalised import GlobalisedController
-from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, errors_left
+from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint
 from hopdata.steering.control.plan import Controller
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.reference import reference_objective
-from hopdata.steering.experiments.closed_loop import PoseNoise, closed_loop
+from hopdata.steering.experiments.closed_loop import ClosedLoopTrial, PoseNoise, closed_loop
 from hopdata.steering.experiments.intervals import rate_interval
+from hopdata.steering.experiments.tasks import ORIGIN, TURN, Task, errors_of, judged
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated, turn_nodes
 
 FloatArray = NDArray[np.float64]
@@ -88,18 +89,12 @@ def first_below(errors: FloatArray, bound: float) -> float:
 def to_origin(controller: Controller, task: str, number: int, seed: int) -> Run:
     """One trial from 1 m."""
     start = start_facing(number, OFF[task], seed)
-    stays = task.startswith("any")
-    most = 60 if stays else 16 if task == "facing" else 40
+    wanted = _task(task)
     trial = closed_loop(
-        ROBOT, controller, start, hops=most + 10 * stays, seed=[seed, number, 1],
+        ROBOT, controller, start, hops=wanted.most_hops, seed=[seed, number, 1],
         observe=PoseNoise(), board=board_before(start) if "board" in task else None,
     )  # fmt: skip
-    left = errors_left(ToPoint(), trial.poses)
-    hops, strict = first_below(left[: most + 1], 0.15 if stays else 0.2), first_below(left, 0.1)
-    success = not np.isnan(hops) and not trial.fell
-    if success and stays:
-        success = bool(np.all(left[int(hops) : int(hops) + 11] <= 0.25))
-    return Run(success, hops, strict, trial.fell)
+    return _run(wanted, start, trial, 0.1)
 
 
 def turning(controller: Any, task: str, number: int, seed: int) -> Run:
@@ -112,9 +107,24 @@ def turning(controller: Any, task: str, number: int, seed: int) -> Run:
         ROBOT, controller.towards(goal), start, hops=32, seed=[seed, number, 1],
         observe=PoseNoise(), boom_angle_rad=boom,
     )  # fmt: skip
-    left = errors_left(goal, trial.poses)
-    hops = first_below(left, np.radians(15))
-    return Run(bool(hops <= 25), hops, first_below(left, np.radians(10)), trial.fell)
+    return _run(_task(task), start, trial, np.radians(10))
+
+
+def _task(name: str) -> Task:
+    """Return what must be done for success."""
+    if name.startswith("turn"):
+        return Task(manoeuvre=TURN, near=np.radians(15), hops=25)
+    if name.startswith("any"):
+        return Task(manoeuvre=ORIGIN, near=0.15, hops=60, stay=0.25, stay_hops=10)
+    return Task(manoeuvre=ORIGIN, near=0.2, hops=16 if name == "facing" else 40)
+
+
+def _run(task: Task, start: FloatArray, trial: ClosedLoopTrial, strict: float) -> Run:
+    """Judge a trial as the study judges its runs."""
+    left = errors_of(task.manoeuvre, start, trial.poses)
+    outcome = judged(task, left, fell=trial.fell)
+    hops = float(outcome.hops) if outcome.hops >= 0 else np.nan
+    return Run(outcome.success, hops, first_below(left, strict), trial.fell)
 
 
 def control_row(

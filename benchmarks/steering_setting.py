@@ -12,6 +12,7 @@ from hopdata.steering.experiments.tasks import ORIGIN, board_for
 from hopdata.steering.frame_changes import FrameChanges, frame_changes
 from hopdata.steering.models.hyperparameters import regressor_of
 from hopdata.steering.models.kernels import embedded
+from hopdata.steering.models.learning import random_split
 from hopdata.steering.models.options import RECOMMENDED
 from hopdata.steering.models.process import FrameChangeProcess
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated
@@ -61,15 +62,19 @@ class Maps:
 
 
 def excited(seed: int, number: int) -> FrameChanges:
-    """Hops of a printed excitation as motion capture sees them, the first `HOPS` that are used."""
+    """`HOPS` hops as motion capture sees them, drawn at random from those of a printed excitation.
+
+    So the dissertation draws them (Sec. 3.4.2).
+    """
     stream = np.random.SeedSequence([seed, number, 1])
     swings = random_excitation(ControlGrid(), np.random.default_rng(stream)).swings
-    trial = record_trial(ROBOT, swings[: HOPS + 40], seed=[seed, number, 2])
+    trial = record_trial(ROBOT, swings, seed=[seed, number, 2])
     states = observe_stances(trial.recording, calibrate(trial.recording))
     seen = frame_changes(
         states.time_s, states.pose, states.boom_angle_rad, states.pairs, swing_limit_rad=LIMIT
     ).used()
-    return seen.rows(np.arange(min(HOPS, len(seen))))
+    draw = np.random.default_rng(np.random.SeedSequence([seed, number, 3]))
+    return seen.rows(random_split(len(seen), HOPS, draw)[0])
 
 
 def maps(seed: int) -> Maps:

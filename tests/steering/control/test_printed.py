@@ -1,5 +1,7 @@
 """The printed controller: its rollout, its gradient, its bounds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from control_models import LIMIT, ClosedForm, random_states
@@ -83,20 +85,40 @@ def test_an_unknown_gradient_is_refused():
 
 
 def test_an_unknown_start_is_refused():
-    with pytest.raises(ConfigError, match="start: expected one of previous swing, rest, found"):
+    with pytest.raises(ConfigError, match="start: expected one of either side, previous swing"):
         PrintedController(model=MODEL, start="home")
 
 
 def test_the_search_begins_where_it_is_told():
     """With no step of the search allowed to help, the start is what comes out."""
     flat = Flat()
-    again = PrintedController(model=flat, gradient="closed form").plan(np.ones(3), 2.0, 0.7)
-    np.testing.assert_array_equal(again.swings_rad, np.full(3, 0.7))
+    again = PrintedController(model=flat, gradient="closed form", start="previous swing")
+    np.testing.assert_array_equal(again.plan(np.ones(3), 2.0, 0.7).swings_rad, np.full(3, 0.7))
     rest = PrintedController(model=flat, gradient="closed form", start="rest")
     np.testing.assert_array_equal(rest.plan(np.ones(3), 2.0, 0.7).swings_rad, np.zeros(3))
     for none in (None, 0.0, np.nan):
-        first = PrintedController(model=flat, gradient="closed form").plan(np.ones(3), 2.0, none)
+        first = again.plan(np.ones(3), 2.0, none)
         np.testing.assert_array_equal(first.swings_rad, np.full(3, Horizon().swing_limit_rad / 2))
+
+
+def test_a_search_from_either_side_finds_the_better_of_two_dips():
+    """The goal lies to the left or to the right, and the search cannot cross the ridge between."""
+    for side in (1.0, -1.0):
+        controller = PrintedController(model=Ridge(side), horizon=Horizon(hops=1))
+        assert np.sign(controller.plan([-1.0, 0.0, 0.0], 0.0).swing_rad) == side
+    once = replace(controller, start="previous swing")
+    assert once.plan([-1.0, 0.0, 0.0], 0.0, 0.5).swing_rad > 0
+
+
+class Ridge:
+    """A hopper that goes ahead if the boom swings to either side, farther if to `side`."""
+
+    def __init__(self, side):
+        self.side = side
+
+    def change(self, _boom_angle, swing):
+        ahead = 0.1 * swing**2 + 0.02 * self.side * swing
+        return np.column_stack([ahead, 0 * ahead, 0 * ahead])
 
 
 class Flat:

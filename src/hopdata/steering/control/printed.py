@@ -1,8 +1,10 @@
-"""The controller as printed: direct single shooting with L-BFGS-B from one start (Sec. 3.4.3)."""
+"""The controller as printed: direct single shooting with L-BFGS-B (Sec. 3.4.3)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,12 +25,12 @@ from hopdata.steering.se2 import composed, wrapped
 FloatArray = NDArray[np.float64]
 
 GRADIENTS = ("numerical", "closed form")
-STARTS = ("previous swing", "rest")
+STARTS = ("either side", "previous swing", "rest")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PrintedController:
-    """Predictive control by scipy's L-BFGS-B from one start.
+    """Predictive control by scipy's L-BFGS-B.
 
     Parameters
     ----------
@@ -40,17 +42,18 @@ class PrintedController:
     gradient : {"numerical", "closed form"}
         Differences of the objective, as scipy takes them if given none; or the chain rule
         through the model's own gradient.
-    start : {"previous swing", "rest"}
-        Where the search begins, which the text does not say: with the last swing made again and
-        again (half the limit if there was none, or it is not known), or with none. From rest the
-        search often ends where the boom in its neutral place cannot turn the hopper.
+    start : {"either side", "previous swing", "rest"}
+        Where the search begins, which the text does not say. With half the limit to the left, with
+        none, and with half the limit to the right, of which the best end counts: the search
+        descends, and does not find the other way round by itself. Or once, with the last swing made
+        again and again (half the limit if there was none, or it is not known), or with none.
     """
 
     model: FrameChangeMap
     objective: Objective = field(default_factory=ToPoint)
     horizon: Horizon = field(default_factory=Horizon)
     gradient: str = "numerical"
-    start: str = "previous swing"
+    start: str = "either side"
 
     def __post_init__(self) -> None:
         require_choice("gradient", self.gradient, GRADIENTS)
@@ -64,12 +67,9 @@ class PrintedController:
         self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
     ) -> Plan:
         """Plan from a pose and a boom angle; the search may begin with the previous swing."""
-        from scipy.optimize import minimize
-
         start, boom = checked_state(pose, boom_angle_rad)
         limit, hops = self.horizon.swing_limit_rad, self.horizon.hops
         closed = self.gradient == "closed form"
-        first = 0.0 if self.start == "rest" else _swing_again(previous_swing_rad, limit)
 
         def value(swings: FloatArray) -> float:
             return objective_value(
@@ -79,13 +79,11 @@ class PrintedController:
         def value_and_gradient(swings: FloatArray) -> tuple[float, FloatArray]:
             return objective_and_gradient(self.model, self.objective, start, boom, swings)
 
-        solved = minimize(
-            value_and_gradient if closed else value,
-            np.full(hops, first),
-            jac=closed,
-            method="L-BFGS-B",
-            bounds=[(-limit, limit)] * hops,
-        )
+        ends = [
+            _descended(value_and_gradient if closed else value, first, hops, limit, closed)
+            for first in self._first_swings(previous_swing_rad)
+        ]
+        solved = min(ends, key=lambda end: end.fun)
         return Plan(
             swings_rad=solved.x,
             poses=predicted_poses(self.model, start, boom, solved.x),
@@ -93,6 +91,28 @@ class PrintedController:
             status="solved" if solved.success else "stopped early",
             reason=str(solved.message),
         )
+
+    def _first_swings(self, previous_swing_rad: float | None) -> tuple[float, ...]:
+        """Return the swings of all hops at which the searches begin."""
+        limit = self.horizon.swing_limit_rad
+        if self.start == "either side":
+            return limit / 2, 0.0, -limit / 2
+        return (0.0 if self.start == "rest" else _swing_again(previous_swing_rad, limit),)
+
+
+def _descended(
+    function: Callable[..., Any], first_rad: float, hops: int, limit_rad: float, gradient: bool
+) -> Any:
+    """Search from the same swing in all hops."""
+    from scipy.optimize import minimize
+
+    return minimize(
+        function,
+        np.full(hops, first_rad),
+        jac=gradient,
+        method="L-BFGS-B",
+        bounds=[(-limit_rad, limit_rad)] * hops,
+    )
 
 
 def _swing_again(previous_swing_rad: float | None, limit_rad: float) -> float:

@@ -43,8 +43,9 @@ class SteeredHopper:
     hopper : HopperParameters
         The body; its boom angle is where the boom begins.
     preload_shares : tuple of float
-        Preload of each leg as a share of the hopper's. No robot is built evenly: the default leans
-        forward a little, so that it drifts forward even with the boom in neutral.
+        Preload of each leg as a share of the hopper's. No robot is built evenly: the default drifts
+        to the right with the boom in neutral, and clockwise, as the dissertation's did (Sec.
+        3.4.3).
     kicks : Kicks
         Chance at each apex.
     markers : MarkerOptions
@@ -58,7 +59,7 @@ class SteeredHopper:
     """
 
     hopper: HopperParameters = field(default_factory=_light_boom)
-    preload_shares: tuple[float, ...] = (0.985, 1.02, 0.995)
+    preload_shares: tuple[float, ...] = (0.99, 1.05, 0.96)
     kicks: Kicks = field(
         default_factory=lambda: Kicks(
             velocity_m_s=0.02, angular_velocity_rad_s=0.1, preload_fraction=0.02
