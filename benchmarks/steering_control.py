@@ -89,7 +89,7 @@ def first_below(errors: FloatArray, bound: float) -> float:
 def to_origin(controller: Controller, task: str, number: int, seed: int) -> Run:
     """One trial from 1 m."""
     start = start_facing(number, OFF[task], seed)
-    wanted = _task(task)
+    wanted = trial_task(task)
     trial = closed_loop(
         ROBOT, controller, start, hops=wanted.most_hops, seed=[seed, number, 1],
         observe=PoseNoise(), board=board_before(start) if "board" in task else None,
@@ -107,10 +107,10 @@ def turning(controller: Any, task: str, number: int, seed: int) -> Run:
         ROBOT, controller.towards(goal), start, hops=32, seed=[seed, number, 1],
         observe=PoseNoise(), boom_angle_rad=boom,
     )  # fmt: skip
-    return _run(_task(task), start, trial, np.radians(10))
+    return _run(trial_task(task), start, trial, np.radians(10))
 
 
-def _task(name: str) -> Task:
+def trial_task(name: str) -> Task:
     """Return what must be done for success."""
     if name.startswith("turn"):
         return Task(manoeuvre=TURN, near=np.radians(15), hops=25)

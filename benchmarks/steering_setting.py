@@ -61,14 +61,14 @@ class Maps:
     sklearn: list[SklearnMap]
 
 
-def excited(seed: int, number: int) -> FrameChanges:
+def excited(seed: int, number: int, robot: SteeredHopper = ROBOT) -> FrameChanges:
     """`HOPS` hops as motion capture sees them, drawn at random from those of a printed excitation.
 
     So the dissertation draws them (Sec. 3.4.2).
     """
     stream = np.random.SeedSequence([seed, number, 1])
     swings = random_excitation(ControlGrid(), np.random.default_rng(stream)).swings
-    trial = record_trial(ROBOT, swings, seed=[seed, number, 2])
+    trial = record_trial(robot, swings, seed=[seed, number, 2])
     states = observe_stances(trial.recording, calibrate(trial.recording))
     seen = frame_changes(
         states.time_s, states.pose, states.boom_angle_rad, states.pairs, swing_limit_rad=LIMIT

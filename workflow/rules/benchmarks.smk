@@ -25,6 +25,7 @@ BENCHMARK_TABLES = {
         "frame_change_points.csv",
     ],
     "steering_control": ["steering_control.csv", "steering_replanning.csv", "steering_turns.csv"],
+    "steering_legs": ["steering_legs.csv"],
     "animals": ["animals.csv"],
     "filling": ["filling.csv"],
     "floor_faults": ["floor_faults.csv"],
