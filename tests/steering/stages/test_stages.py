@@ -12,8 +12,10 @@ from hopdata.steering.frame_changes import USED, FrameChanges
 from hopdata.steering.models.options import PRINTED, RECOMMENDED
 from hopdata.steering.plant.robot import SteeredHopper
 from hopdata.steering.plant.true_map import TrueFrameChanges
+from hopdata.steering.stages import learning_curve
 from hopdata.steering.stages.excite import simulate_excitation
 from hopdata.steering.stages.learn import learn
+from hopdata.steering.stages.learning_curve import learning_tables
 from hopdata.steering.stages.observe import observe_recordings
 from hopdata.steering.stages.options import camera_of, excitation_of, process_of, robot_of
 from hopdata.steering.stages.scores import truth_entries
@@ -151,6 +153,14 @@ def test_too_few_hops_are_told_with_what_was_left_out():
     few.reason[:5] = "pose missing"
     with pytest.raises(AnalysisError, match=r"at most 33, .* found 60 .*'pose missing': 5"):
         learn(few, SETS, seed=1)
+
+
+def test_a_learning_curve_is_refused_before_anything_is_learned(monkeypatch):
+    monkeypatch.setattr(learning_curve, "learning_scores", None)
+    with pytest.raises(AnalysisError, match=r"at most 98, .* the 100 hops .* found 120"):
+        learning_tables(hops(100), training_hops=120, draws=2, seed=1)
+    with pytest.raises(AnalysisError, match=r"learning curve: expected at least 50 .* found 0"):
+        learning_tables(hops(100), training_hops=20, draws=2, seed=1)
 
 
 def true_map():
