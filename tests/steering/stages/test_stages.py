@@ -8,9 +8,10 @@ import pytest
 from hopdata.config import load_config
 from hopdata.errors import AnalysisError, RecordingError
 from hopdata.recordings.recording import Recording
-from hopdata.steering.frame_changes import USED, FrameChanges
+from hopdata.steering.frame_changes import TILTED, USED, FrameChanges
 from hopdata.steering.models.options import PRINTED, RECOMMENDED
 from hopdata.steering.plant.robot import SteeredHopper
+from hopdata.steering.plant.trial import record_trial
 from hopdata.steering.plant.true_map import TrueFrameChanges
 from hopdata.steering.stages import learning_curve
 from hopdata.steering.stages.excite import simulate_excitation
@@ -110,6 +111,21 @@ def test_which_recording_cannot_be_calibrated_is_said(trial):
     still = replace(whole, name="tuesday", positions=positions)
     with pytest.raises(AnalysisError, match="tuesday: boom: expected it to move"):
         observe_recordings([whole, still], swing_limit_rad=1.2)
+
+
+def test_hops_of_a_robot_that_tips_over_are_left_out_and_counted():
+    robot = replace(SteeredHopper(), preload_shares=(0.6, 1.3, 1.1))  # one leg hardly bears
+    trial = record_trial(robot, [0.5, -0.5] * 12, seed=3)
+    seen = observe_recordings([trial.recording], swing_limit_rad=1.2)
+    stances, count = seen.stances, seen.counts[0]
+    true = trial.tilt_rad[stances["frame"]]
+    np.testing.assert_allclose(stances["tilt_rad"], true, atol=np.deg2rad(3))  # level by its feet
+    tilted = (stances["tilt_rad"] > np.deg2rad(20)).to_numpy()
+    follows = np.flatnonzero(stances["follows"])
+    from_or_to = tilted[follows] | tilted[follows - 1]
+    assert count["excluded"] == {TILTED: from_or_to.sum()}
+    assert count["excluded"][TILTED] > 10
+    assert seen.changes.reason.tolist() == [TILTED if over else USED for over in from_or_to]
 
 
 SETS = {"kernel": "recommended", "training_hops": 60, "sets": 2}
