@@ -121,6 +121,10 @@ def test_dropped_frames_are_noted():
     assert notes(recording(time=time)) == [
         "recording 'trial': 3 frames are missing between the time stamps"
     ]
+    time = np.delete(np.arange(101) / 100.0, 10)
+    assert notes(recording(time=time)) == [
+        "recording 'trial': 1 frame is missing between the time stamps"
+    ]
 
 
 def test_a_marker_under_two_names_is_refused():

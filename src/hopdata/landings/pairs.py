@@ -215,7 +215,8 @@ def _why_none(recording: Recording, table: pd.DataFrame) -> str:
     """Say why a recording gives no pair: its descents and the commonest reason, or its heights."""
     if len(table):
         reasons = table["reason"].where(table["excluded"].astype(bool), STATELESS).value_counts()
-        return f"{recording.name}: {len(table)} descents, {reasons.index[0]} in {reasons.iloc[0]}"
+        found = f"{len(table)} descent" + ("s" if len(table) > 1 else "")
+        return f"{recording.name}: {found}, {reasons.index[0]} in {reasons.iloc[0]}"
     heights = recording.body_height[np.isfinite(recording.body_height)]
     if not len(heights):
         return f"{recording.name}: no frame shows the whole body"

@@ -235,7 +235,8 @@ def notes(recording: Recording) -> list[str]:
     steps = np.diff(recording.time) * recording.rate_hz
     dropped = int(np.sum(np.round(steps[steps > 1.5]) - 1))
     if dropped:
-        remarks.append(f"{_place(recording)}: {dropped} frames are missing between the time stamps")
+        frames = "1 frame is" if dropped == 1 else f"{dropped} frames are"
+        remarks.append(f"{_place(recording)}: {frames} missing between the time stamps")
     return remarks
 
 
