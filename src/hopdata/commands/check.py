@@ -19,7 +19,7 @@ def check(options: argparse.Namespace) -> int:
     from hopdata.config.recordings import files_of
     from hopdata.recordings.external_files import describe_external
     from hopdata.recordings.importing import import_recording
-    from hopdata.recordings.plausibility import check_plausible, notes
+    from hopdata.recordings.plausibility import check_plausible, extent, notes
 
     config = load_config(options.config)
     print(f"study {config['study']}")
@@ -43,6 +43,7 @@ def check(options: argparse.Namespace) -> int:
                 feet=config["markers"]["feet"],
                 span_s=(float(recording.time[0]), float(recording.time[-1])),
                 rate_hz=config["input"]["rate_hz"],
+                extent_m=extent(recording.positions),
             )
         except RecordingError as error:
             mistakes.append(str(error))
