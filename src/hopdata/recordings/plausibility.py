@@ -167,12 +167,24 @@ def check_upright(recording: Recording) -> None:
     found = ", ".join(f"{offset[axes.index(axis)]:+.3g} m along {axis}" for axis in "xyz")
     if offset[best] > 0:
         hint = f"; set input.vertical_axis: {axes[best]}?"
+    elif axis := _falls_along(recording):
+        hint = (
+            f"; the markers fall along +{axis}: turn the axes in the export, so that {axis} is up"
+        )
     else:
         hint = "; no axis of the file points up: do markers.body and markers.feet fit?"
     raise RecordingError(
         f"{_place(recording)}: vertical axis {recording.vertical_axis}: "
         f"expected the body above the feet, found the body's mean at {found} from the feet{hint}"
     )
+
+
+def _falls_along(recording: Recording) -> str:
+    """Axis of the file whose positive end is clearly down, or an empty string."""
+    fall = free_fall(recording.positions, recording.rate_hz, units={AS_READ: 1.0})
+    if not fall.is_clear or not fall.up.startswith("-"):
+        return ""
+    return FILE_AXES[recording.vertical_axis]["xyz".index(fall.up[1])]
 
 
 def check_fall(recording: Recording) -> None:
