@@ -32,6 +32,7 @@ __all__ = ["FloorModel", "fit_floor", "level"]
 FloatArray = NDArray[np.float64]
 
 NOTED_SHARE = 0.05  # of a foot's rests, above the floor, from which that is told
+NOTED_SLOPE_DEG = 1.0  # cameras are levelled better than this
 _OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
 
 
@@ -113,6 +114,7 @@ def fit_floor(
     raised &= np.abs(fit.residuals) <= rest_band_m
     rms = robust_rms(fit.residuals[used])
     inlier = used & (np.abs(fit.residuals) <= _OUTLIER_SIGMAS * rms)
+    ground_m = rest.points[:, 2] - fit.offsets_m[rest.foot]
     return FloorModel(
         terms=fit.terms,
         coefficients_m=fit.coefficients_m,
@@ -129,6 +131,7 @@ def fit_floor(
         note="; ".join(
             _raised_notes(recording, rest, raised)
             + _degree_notes(fit.degree, degree, largest_error_m)
+            + _slope_notes(rest.points[inlier, :2], ground_m[inlier], fit.degree)
         ),
     )
 
@@ -179,6 +182,20 @@ def _degree_notes(found: int, wanted: int, largest_error_m: float) -> list[str]:
     if found == wanted:
         return []
     return [f"the feet at rest do not fix a floor of degree {wanted} to {largest_error_m:g} m"]
+
+
+def _slope_notes(places: FloatArray, ground_m: FloatArray, degree: int) -> list[str]:
+    """Say that the floor slopes, if the plane through the feet at rest does and they fix one."""
+    if degree == 0:
+        return []
+    columns = np.column_stack([np.ones(len(places)), places])
+    plane = np.linalg.lstsq(columns, ground_m, rcond=None)[0]
+    slope = np.rad2deg(np.arctan(np.hypot(plane[1], plane[2])))
+    if slope < NOTED_SLOPE_DEG:
+        return []
+    return [
+        f"the floor slopes by {slope:.1f} degrees; if it is level, turn the file's axes upright"
+    ]
 
 
 def _require_rest(recording: Recording, rest: RestPoints, speed_m_s: float) -> None:
