@@ -212,8 +212,6 @@ def test_a_lower_floor_degree_is_among_what_could_not_be_done():
     text = Page(build_report(full_study(floors=lower))).text
     assert "floor of a: degree 1 instead of 3 (feet cover little ground)" in text
     assert "instead of 3" not in Page(build_report(full_study())).text
-    sloping = {"a": floors()["hopper"] | {"degree": 3, "note": "the floor slopes"}}
-    assert "floor of a: the floor slopes" in Page(build_report(full_study(floors=sloping))).text
 
 
 def test_names_from_the_user_are_escaped():

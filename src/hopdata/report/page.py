@@ -174,16 +174,13 @@ def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
 
 
 def _floor_notes(floors: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Say which floor models are of a lower degree than asked for, and what was noted of any."""
-    notes = []
-    for name, floor in floors.items():
-        note = floor.get("note", "")
-        if floor.get("degree", 0) < floor.get("degree_wanted", 0):
-            lower = f"degree {floor['degree']} instead of {floor['degree_wanted']}"
-            note = f"{lower} ({note})" if note else lower
-        if note:
-            notes.append(f"floor of {name}: {note}")
-    return notes
+    """Say which floor models are of a lower degree than asked for, and why."""
+    return [
+        f"floor of {name}: degree {floor['degree']} instead of {floor['degree_wanted']}"
+        + (f" ({floor['note']})" if floor.get("note") else "")
+        for name, floor in floors.items()
+        if floor.get("degree", 0) < floor.get("degree_wanted", 0)
+    ]
 
 
 def _note(note: str | Mapping[str, Any]) -> str:
