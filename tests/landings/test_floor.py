@@ -117,7 +117,7 @@ def test_a_floor_that_slopes_by_degrees_is_told(bent, fitted):
         return np.tan(np.deg2rad(2.0)) * (0.6 * x + 0.8 * y)
 
     floor = fit_floor(on_floor(bent, sloping, np.zeros(3)))
-    assert "the floor slopes by 2.0 degrees; if it is level" in floor.note
+    assert "the floor slopes by 2.0 degrees; turn the file" in floor.note
     assert "slopes" not in fitted.note
 
 

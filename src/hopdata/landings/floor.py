@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError
+from hopdata.landings.floor_notes import degree_notes, raised_notes, slope_notes
 from hopdata.landings.floor_regression import (
     RIM_DIRECTIONS,
     floor_columns,
@@ -31,8 +32,6 @@ __all__ = ["FloorModel", "fit_floor", "level"]
 
 FloatArray = NDArray[np.float64]
 
-NOTED_SHARE = 0.05  # of a foot's rests, above the floor, from which that is told
-NOTED_SLOPE_DEG = 1.0  # cameras are levelled better than this
 _OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
 
 
@@ -129,9 +128,9 @@ def fit_floor(
         degree=fit.degree,
         degree_wanted=degree,
         note="; ".join(
-            _raised_notes(recording, rest, raised)
-            + _degree_notes(fit.degree, degree, largest_error_m)
-            + _slope_notes(rest.points[inlier, :2], ground_m[inlier], fit.degree)
+            raised_notes(recording, rest, raised)
+            + degree_notes(fit.degree, degree, largest_error_m)
+            + slope_notes(rest.points[inlier, :2], ground_m[inlier], fit.degree)
         ),
     )
 
@@ -164,38 +163,6 @@ def _centre_and_scale(places: FloatArray) -> tuple[FloatArray, float]:
     """Middle of the ground stepped on, (2,), and half of its longer side, m."""
     low, high = np.quantile(places, [0.005, 0.995], axis=0)
     return 0.5 * (low + high), max(0.5 * float(np.max(high - low)), 1e-3)
-
-
-def _raised_notes(recording: Recording, rest: RestPoints, raised: NDArray[np.bool_]) -> list[str]:
-    """Say which feet often rest above the floor."""
-    names = recording.names("foot")
-    shares = [float(raised[rest.foot == foot].mean()) for foot in range(len(names))]
-    return [
-        f"{name} rests above the floor in {100 * share:.0f} % of its frames at rest, left out"
-        for name, share in zip(names, shares, strict=True)
-        if share >= NOTED_SHARE
-    ]
-
-
-def _degree_notes(found: int, wanted: int, largest_error_m: float) -> list[str]:
-    """Say why the degree is lower than asked for."""
-    if found == wanted:
-        return []
-    return [f"the feet at rest do not fix a floor of degree {wanted} to {largest_error_m:g} m"]
-
-
-def _slope_notes(places: FloatArray, ground_m: FloatArray, degree: int) -> list[str]:
-    """Say that the floor slopes, if the plane through the feet at rest does and they fix one."""
-    if degree == 0:
-        return []
-    columns = np.column_stack([np.ones(len(places)), places])
-    plane = np.linalg.lstsq(columns, ground_m, rcond=None)[0]
-    slope = np.rad2deg(np.arctan(np.hypot(plane[1], plane[2])))
-    if slope < NOTED_SLOPE_DEG:
-        return []
-    return [
-        f"the floor slopes by {slope:.1f} degrees; if it is level, turn the file's axes upright"
-    ]
 
 
 def _require_rest(recording: Recording, rest: RestPoints, speed_m_s: float) -> None:
