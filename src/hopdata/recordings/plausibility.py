@@ -9,6 +9,7 @@ import numpy as np
 
 from hopdata.errors import RecordingError
 from hopdata.recordings.quality.free_fall import free_fall
+from hopdata.recordings.quality.resting import high_feet
 from hopdata.recordings.quality.rigid import frame_noise, pair_distances
 from hopdata.recordings.raw import FloatArray
 from hopdata.recordings.recording import Recording
@@ -21,6 +22,7 @@ MISSING_NOTE_FRACTION = 0.1
 TILT_LIMIT = 5.0  # body further from the feet along another axis by this factor: wrong axis
 STEP_TOLERANCE = 0.02  # of a frame
 SAMPLE_FRAMES = 2000
+HIGH_FOOT = 0.2  # of the body's height over the feet: no mount and no floor is so uneven
 LARGEST_BODY_STRAIN = 0.05
 NOISE_MARGIN = 2.0  # in a short recording a distance may vary by so much more (squared) by chance
 
@@ -243,6 +245,11 @@ def notes(recording: Recording) -> list[str]:
         f"{_place(recording)}: marker '{name}' is missing in {100 * (1 - fraction):.1f} % of frames"
         for name, fraction in zip(recording.markers, fraction_seen(recording), strict=True)
         if 1 - fraction > MISSING_NOTE_FRACTION
+    ]
+    high = HIGH_FOOT * body_over_feet(recording)[2]
+    remarks += [
+        f"{_place(recording)}: {remark}; does it touch the ground?"
+        for remark in high_feet(recording.feet[:, :, 2], recording.names("foot"), above_m=high)
     ]
     steps = np.diff(recording.time) * recording.rate_hz
     dropped = int(np.sum(np.round(steps[steps > 1.5]) - 1))
