@@ -5,14 +5,10 @@ import pytest
 from qtm_files import NAMES, standing
 
 from hopdata.errors import RecordingError
-from hopdata.recordings.plausibility import (
-    body_over_feet,
-    check_plausible,
-    extent,
-    fraction_seen,
-    notes,
-)
+from hopdata.recordings.plausibility import check_plausible
 from hopdata.recordings.recording import Recording
+from hopdata.recordings.remarks import notes
+from hopdata.recordings.span import body_over_feet, extent, fraction_seen
 
 ROLES = ("body", "body", "body", "foot", "foot")
 
