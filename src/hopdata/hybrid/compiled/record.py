@@ -59,7 +59,7 @@ class _RecordModel(models.PrimitiveModel):
 class _Items(AttributeTemplate):
     key = Record
 
-    def generic_resolve(self, kind: Record, name: str) -> Any:
+    def generic_resolve(self, kind: Record, name: str) -> Any:  # type: ignore[override]
         return kind.items[name][0] if name in kind.items else None
 
 
