@@ -11,15 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from true_tracks import Apexes, true_tracks
+from true_tracks import tracks_of
 
-from hopdata.landings.section_fits import WINDOWS_S
 from hopdata.landings.states import section_states
-from hopdata.scenes.hopper_control import HopperControl
-from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.landings import SectionHeights, TrueLandings
 
-RATE_HZ = 100.0
 APART_S = 1.0
 
 
@@ -37,9 +33,8 @@ class SeenLandings:
 
 
 def see_landings(
-    hopper: HopperParameters,
-    control: HopperControl,
-    apexes: Apexes,
+    times: np.ndarray,
+    motion: np.ndarray,
     landings: TrueLandings,
     sections: SectionHeights,
     *,
@@ -47,14 +42,12 @@ def see_landings(
     instant_noise_s: float,
     rng: np.random.Generator,
 ) -> SeenLandings:
-    """Observe whole landings from their apexes on, as those of one recording.
+    """Observe L whole landings, as those of one recording, frame by frame.
 
-    Those whose states cannot be fitted are left out.
+    Those whose states cannot be fitted are left out. `times` (L, W), s, and `motion` (L, W, 12) are
+    of `true_tracks.true_states`, to beyond the post section (`landings.section_fits.WINDOWS_S`).
     """
-    until = float(landings.post_time_s.max()) + max(WINDOWS_S)
-    times, tracks = true_tracks(
-        hopper, control, apexes, sections.points_m, until_s=until, rate_hz=RATE_HZ, rng=rng
-    )
+    tracks = tracks_of(motion, sections.points_m)
     tracks += noise_m * rng.standard_normal(tracks.shape)
     contact = landings.contact_s
     seen = contact + instant_noise_s * rng.standard_normal(contact.shape)

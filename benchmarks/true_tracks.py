@@ -1,4 +1,4 @@
-"""Tracks of the body markers as they are about each landing, frame by frame, without noise.
+"""States of the hopper as they are about each landing, frame by frame.
 
 From an apex on the robot itself is integrated, through the landing and beyond. Before it, where a
 recording shows the robot without that apex's kick, it is flown back: a flight turned round in time
@@ -20,7 +20,7 @@ from hopdata.synthesis.hops import Hop
 from hopdata.synthesis.markers import fixed_markers
 from hopdata.synthesis.trial import Trial
 
-PHASES = 16  # of the frames, in a study: each landing has one of them
+PHASES = 16  # of the frames: each landing has one of them
 BACK_S = 0.14  # before the apex; of flight there are some 0.15 s
 RTOL, ATOL = 1e-6, 1e-9
 NO_HEIGHT_M = -1e3  # of a section that is never reached
@@ -62,17 +62,16 @@ def joined(parts: list[Apexes]) -> Apexes:
     return Apexes(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def true_tracks(
+def true_states(
     hopper: HopperParameters,
     control: HopperControl,
     apexes: Apexes,
-    points_m: np.ndarray,
     *,
     until_s: float,
     rate_hz: float,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return times (L, W) from the apexes, s, and markers (L, W, B, 3), m, at random phases.
+    """Return times (L, W) from the apexes, s, at random phases, and states (L, W, 12) then.
 
     NaN from the next apex on.
     """
@@ -81,13 +80,17 @@ def true_tracks(
     phases = rng.uniform(0.0, 1.0 / rate_hz, PHASES)
     group = rng.integers(0, PHASES, len(apexes))
     times = (np.arange(count) - back) / rate_hz + phases[group][:, None]
-    tracks = np.full((*times.shape, *points_m.shape), np.nan)
+    states = np.full((*times.shape, N_STATES), np.nan)
     for number in np.flatnonzero(np.bincount(group, minlength=PHASES)):
         rows = np.flatnonzero(group == number)
-        states = states_at(hopper, control, apexes.some(rows), times[rows[0]])
-        flat = fixed_markers(states.reshape(-1, N_STATES), points_m)
-        tracks[rows] = flat.reshape(*states.shape[:2], *points_m.shape)
-    return times, tracks
+        states[rows] = states_at(hopper, control, apexes.some(rows), times[rows[0]])
+    return times, states
+
+
+def tracks_of(states: np.ndarray, points_m: np.ndarray) -> np.ndarray:
+    """Return markers (L, W, B, 3), m, of states (L, W, 12), without noise."""
+    flat = fixed_markers(states.reshape(-1, N_STATES), points_m)
+    return flat.reshape(*states.shape[:2], *points_m.shape)
 
 
 def states_at(

@@ -8,7 +8,8 @@ other tests, the printed overlap at k = 17 and the ratio of operator norms stand
 a condition; beside it ``verdict_studies.csv``, one row a study.
 
 For each hopper one long gait is simulated; a study draws its landings from it without replacement,
-with noise of its own. Two studies share a twentieth of their landings, but no noise.
+with noise of its own. Two studies share a twentieth of their landings, with the phases of the
+frames, but no noise.
 """
 
 from __future__ import annotations
@@ -23,15 +24,17 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
 from observed_landings import see_landings
 from printed_statistics import operator_ratio, printed_overlap
 from statsmodels.stats.proportion import proportion_confint
-from true_tracks import Apexes, apexes_of, joined
+from true_tracks import Apexes, apexes_of, joined, true_states
 
 from hopdata.errors import AnalysisError
+from hopdata.landings.section_fits import WINDOWS_S
 from hopdata.maps.rigid import output_weights
 from hopdata.maps.verdict import judge
 from hopdata.scenes.hopper_control import HopperControl
@@ -45,6 +48,7 @@ POINTS_M = np.array(MarkerOptions().body_m)
 SECTIONS = SectionHeights(0.502, 0.2774, POINTS_M)  # those of the bundled sample
 POOL_STUDIES, TRIALS = 20, 8
 NOISE_M, INSTANT_NOISE_S = 0.0006, 0.0006
+RATE_HZ = 100.0
 TIME_UNIT_S = 0.03
 LEVEL = 0.05
 BESIDE = 24  # studies of a condition on which the slower statistics are worked out too, by default
@@ -124,16 +128,52 @@ def true_size(condition: Condition, states: np.ndarray, landings: TrueLandings) 
     return float(np.sqrt(change / np.sum(scaled.mean(axis=0) ** 2)))
 
 
+@dataclass(frozen=True)
+class Pool:
+    """Landings that studies are drawn from, L of them, with the robot's motion about each.
+
+    `folder` holds times (L, W), s, and states (L, W, 12), which all processes share.
+    """
+
+    landings: TrueLandings
+    folder: Path
+
+    @property
+    def times(self) -> np.ndarray:
+        """Frames of each landing, from its apex, s."""
+        return np.load(self.folder / "times.npy", mmap_mode="r")
+
+    @property
+    def motion(self) -> np.ndarray:
+        """States in these frames."""
+        return np.load(self.folder / "motion.npy", mmap_mode="r")
+
+
+def filmed(
+    condition: Condition, starts: Apexes, landings: TrueLandings, key: list[int], folder: Path
+) -> Pool:
+    """Work out the motion about each landing, and keep it in a folder."""
+    times, motion = true_states(
+        condition.hopper, condition.control, starts, rate_hz=RATE_HZ,
+        until_s=float(np.nanmax(landings.post_time_s[landings.whole])) + max(WINDOWS_S),
+        rng=np.random.default_rng(np.random.SeedSequence(key)),
+    )  # fmt: skip
+    np.save(folder / "times.npy", times)
+    np.save(folder / "motion.npy", motion)
+    return Pool(landings, folder)
+
+
 def one_study(
-    task: tuple[Condition, Apexes, TrueLandings, int, bool, list[int]],
+    task: tuple[Condition, Pool, int, bool, list[int]],
 ) -> dict[str, float]:
     """Draw, observe and judge the landings of one study."""
-    condition, starts, landings, hops, beside, key = task
+    condition, pool, hops, beside, key = task
+    landings = pool.landings
     rng = np.random.default_rng(np.random.SeedSequence(key))
     chosen = np.sort(rng.choice(len(landings), min(hops, len(landings)), replace=False))
     whole = chosen[landings.whole[chosen]]
     seen = see_landings(
-        condition.hopper, condition.control, starts.some(whole), _rows(landings, whole), SECTIONS,
+        pool.times[whole], pool.motion[whole], _rows(landings, whole), SECTIONS,
         noise_m=condition.noise_m, instant_noise_s=INSTANT_NOISE_S, rng=rng,
     )  # fmt: skip
     start = time.perf_counter()
@@ -188,11 +228,13 @@ def studies(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
             )
             whole = _rows(landings, np.flatnonzero(landings.whole))
             size = true_size(condition, starts.after, whole)
-            tasks = [
-                (condition, starts, landings, args.hops, k < args.beside, [args.seed, number, k])
-                for k in range(args.studies)
-            ]
-            table = pd.DataFrame(list(pool.map(one_study, tasks, chunksize=4)))
+            with TemporaryDirectory() as folder:
+                drawn_from = filmed(condition, starts, landings, [args.seed, number], Path(folder))
+                tasks = [
+                    (condition, drawn_from, args.hops, k < args.beside, [args.seed, number, k])
+                    for k in range(args.studies)
+                ]
+                table = pd.DataFrame(list(pool.map(one_study, tasks, chunksize=4)))
             table.insert(0, "condition", condition.name)
             table.insert(1, "strength", strength(condition.control))
             table.insert(2, "true_effect", size)

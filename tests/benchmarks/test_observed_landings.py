@@ -9,9 +9,10 @@ import pytest
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 
 from observed_landings import see_landings
-from true_tracks import apexes_of, states_at, true_tracks
+from true_tracks import apexes_of, states_at, tracks_of, true_states
 from velocities import POST_M, PRE_M, by_section_states, hopper
 
+from hopdata.landings.section_fits import WINDOWS_S
 from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.landings import SectionHeights, true_landings
@@ -52,10 +53,10 @@ def drawn(trial):
     landings = true_landings(HOPPER, C1, apexes.after, apexes.preloads_n, SECTIONS)
     whole = np.flatnonzero(landings.whole)
     kept = type(landings)(*(getattr(landings, n)[whole] for n in landings.__dataclass_fields__))
-    seen = see_landings(
-        HOPPER, C1, apexes.some(whole), kept, SECTIONS,
-        noise_m=NOISE_M, instant_noise_s=0.0006, rng=np.random.default_rng(1),
-    )  # fmt: skip
+    rng = np.random.default_rng(1)
+    until = float(kept.post_time_s.max()) + max(WINDOWS_S)
+    frames = true_states(HOPPER, C1, apexes.some(whole), until_s=until, rate_hz=100.0, rng=rng)
+    seen = see_landings(*frames, kept, SECTIONS, noise_m=NOISE_M, instant_noise_s=0.0006, rng=rng)
     errors = {}
     for side, found, state in (
         ("before", seen.before, kept.pre_state),
@@ -93,10 +94,11 @@ def test_tracks_are_those_of_the_simulated_hopper(trial):
 
 
 def test_a_landing_has_frames_of_any_phase(trial):
-    times, tracks = true_tracks(
-        HOPPER, C1, apexes_of(trial), POINTS_M,
-        until_s=0.4, rate_hz=100.0, rng=np.random.default_rng(2),
-    )  # fmt: skip
+    times, states = true_states(
+        HOPPER, C1, apexes_of(trial), until_s=0.4, rate_hz=100.0, rng=np.random.default_rng(2)
+    )
+    tracks = tracks_of(states, POINTS_M)
+    assert tracks.shape == (*times.shape, *POINTS_M.shape)
     assert np.isfinite(tracks).all()
     phases = times[:, 0] % 0.01
     assert (np.histogram(phases, bins=4, range=(0, 0.01))[0] > 0).all()

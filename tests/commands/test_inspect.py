@@ -51,6 +51,16 @@ def test_faults_are_listed_by_frame_and_exit_code(faulty, capsys):
         assert any(part in line for line in lines), part
 
 
+def test_time_stamps_at_another_rate_than_the_stated_one_are_a_fault(clean, capsys):
+    clean.write_text(clean.read_text().replace("FREQUENCY\t100", "FREQUENCY\t50"))
+    assert main(["inspect", str(clean)]) == 1
+    out = capsys.readouterr().out
+    assert "1 wrong frame rate" in out
+    assert "the time stamps run at 100 Hz, and the frame rate stated is 50 Hz" in out
+    main(["init", str(clean), "-o", str(clean.with_suffix(".yaml"))])
+    assert "the frame rate stated is 50 Hz" in clean.with_suffix(".yaml").read_text()
+
+
 def test_the_picture_shows_a_gap_where_it_is(faulty, capsys):
     main(["inspect", str(faulty)])
     out = capsys.readouterr().out

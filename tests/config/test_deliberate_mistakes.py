@@ -76,8 +76,8 @@ ADDED = {
     ),
     "steering: nothing left to test with": (
         "steering:\n  excitation: {repeats: 1}\n  model: {training_hops: 112}",
-        "10: steering.model.training_hops: expected fewer than the 112 hops of the excitation, so "
-        "that some are left to test with, found 112",
+        "10: steering.model.training_hops: expected at most 109 of the 112 hops of the excitation, "
+        "so that some are left to test with, found 112",
     ),
     "steering: to stay nearer than it came": (
         "steering:\n  experiments: {stay_m: 0.1}",

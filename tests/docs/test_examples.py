@@ -56,5 +56,18 @@ def test_the_code_in_the_integrators_page_runs():
     assert scope["batch"].jacobian.shape == (5, 4, 4)
 
 
+def test_the_code_in_the_page_on_steering_runs(capsys):
+    (block,) = code_blocks("steering.md")
+    scope = {"__name__": "__main__"}
+    exec(compile(block, "docs/steering.md", "exec"), scope)
+    assert re.findall(r"swing by [+-]\d\.\d\d rad, to land at", capsys.readouterr().out)[1:]
+    assert scope["model"].inputs.shape == (100, 2)
+    plan, landed = scope["plan"], scope["landed"]
+    np.testing.assert_allclose(plan.poses[0], landed, rtol=1e-12)
+    # it faces away from the origin, and so begins to turn
+    headings = [landed[2], plan.poses[1, 2], plan.poses[2, 2]]
+    assert np.all(np.diff(np.abs(headings)) > 0.05)
+
+
 def test_the_page_shows_the_example_as_it_is():
     assert (DOCS / "examples/two_legs.py").read_text() in code_blocks("integrator.md")

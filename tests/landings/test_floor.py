@@ -112,6 +112,15 @@ def test_a_slope_and_a_shift_of_everything_are_taken_off(bent, fitted):
     )
 
 
+def test_a_floor_that_slopes_by_degrees_is_told(bent, fitted):
+    def sloping(x, y):
+        return np.tan(np.deg2rad(2.0)) * (0.6 * x + 0.8 * y)
+
+    floor = fit_floor(on_floor(bent, sloping, np.zeros(3)))
+    assert "the floor slopes by 2.0 degrees; turn the file" in floor.note
+    assert "slopes" not in fitted.note
+
+
 def test_without_noise_the_floor_is_exact():
     clean = on_floor(hopper(np.random.default_rng(3), noise_m=0.0).recording, curved, MOUNTS)
     assert np.abs(floor_error(fit_floor(clean))).max() < 1e-5

@@ -176,3 +176,13 @@ def test_why_there_is_no_pair_is_said_of_each_recording():
     assert f"{len(TABLE)} descents, poor fit of foot 1 in {len(TABLE)}" in text
     assert "far: the body never sinks through the pre section, its heights are 0." in text
     assert "sections.pre_height_m" in text
+    with pytest.raises(AnalysisError, match=": 1 descent, poor fit of foot 1 in 1"):
+        assemble_pairs([SCENE.recording], poor.head(1), pre_height_m=9.0, post_height_m=8.0)
+
+
+def test_two_pairs_are_too_few_and_it_is_said_why():
+    few = TABLE.copy()
+    few.loc[2:, ["excluded", "reason"]] = [True, "post section never reached"]
+    told = f"at least 3 usable .* found 2 .*{len(TABLE)} descents, post section never reached in "
+    with pytest.raises(AnalysisError, match=told):
+        pairs(table=few)

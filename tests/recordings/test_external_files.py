@@ -31,3 +31,26 @@ def test_forces_of_a_wrong_clock_are_pointed_out(plate, rate_hz, offset_s, said)
     (line,) = describe_external(entry, feet=["foot1"], span_s=(0.0, 1.0))
     assert said in line
     assert ("outside" in line) == bool(said)
+
+
+@pytest.mark.parametrize(
+    ("unit", "weight_n", "extent_m", "said"),
+    [
+        ("N", None, 0.5, ""),
+        ("N", None, None, ""),
+        ("N", 14.0, 0.5, ""),
+        ("kN", None, 0.5, "1.5e+04 N on the mean, where a body of 0.5 m weighs 1.2 to 6.1e+03 N"),
+        ("N", None, 1.8, "15 N on the mean, where a body of 1.8 m weighs 57 to 2.9e+05 N"),
+        ("kN", 14.0, 0.5, "on the mean 1.07e+03 times the body weight"),
+        ("body_weight", None, 0.5, "on the mean 15 times the body weight"),
+    ],
+)
+def test_forces_in_another_unit_are_pointed_out(plate, unit, weight_n, extent_m, said):
+    forces = block(
+        "forces", file=str(plate), rate_hz=100.0, unit=unit, body_weight_n=weight_n,
+        columns=columns(Fz=["foot1"]),
+    )  # fmt: skip
+    entry = {"contacts": block("contacts"), "forces": forces}
+    (line,) = describe_external(entry, feet=["foot1"], span_s=(0.0, 1.0), extent_m=extent_m)
+    assert said in line
+    assert ("is forces.unit right?" in line) == bool(said)

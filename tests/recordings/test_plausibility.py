@@ -5,14 +5,10 @@ import pytest
 from qtm_files import NAMES, standing
 
 from hopdata.errors import RecordingError
-from hopdata.recordings.plausibility import (
-    body_over_feet,
-    check_plausible,
-    extent,
-    fraction_seen,
-    notes,
-)
+from hopdata.recordings.plausibility import check_plausible
 from hopdata.recordings.recording import Recording
+from hopdata.recordings.remarks import notes
+from hopdata.recordings.span import body_over_feet, extent, fraction_seen
 
 ROLES = ("body", "body", "body", "foot", "foot")
 
@@ -115,11 +111,23 @@ def test_a_marker_never_seen_is_refused_and_one_often_unseen_is_noted():
     assert notes(often) == ["recording 'trial': marker 'toe' is missing in 20.0 % of frames"]
 
 
+def test_a_foot_that_stays_high_is_noted():
+    positions = recording().positions.copy()
+    positions[:, 4, 2] += 0.5 * body_over_feet(recording())[2]
+    (note,) = notes(recording(positions=positions))
+    assert f"foot '{NAMES[4]}' comes no nearer to the floor than" in note
+    assert f"above '{NAMES[3]}'; does it touch the ground?" in note
+
+
 def test_dropped_frames_are_noted():
     time = np.arange(103) / 100.0
     time = np.delete(time, [10, 50, 51])
     assert notes(recording(time=time)) == [
         "recording 'trial': 3 frames are missing between the time stamps"
+    ]
+    time = np.delete(np.arange(101) / 100.0, 10)
+    assert notes(recording(time=time)) == [
+        "recording 'trial': 1 frame is missing between the time stamps"
     ]
 
 

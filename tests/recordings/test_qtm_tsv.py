@@ -138,6 +138,8 @@ FAULTS = {
     "binary": (b"HDF\0\1\2", ["binary data"]),
     "utf-16": (qtm_text(POSITIONS).encode("utf-16"), ["UTF-16"]),
     "prose": ("Dear colleague,\nhere it is\n", ["line 1", "header key or numbers", "'Dear coll"]),
+    "semicolons": (qtm_text(POSITIONS).replace("\t", ";"), ["line 1", "the fields by tabs"]),
+    "spaces": (qtm_text(POSITIONS).replace("\t", "  "), ["line 1", "the fields by tabs"]),
     "header only": ("\r\n".join(LINES[:12]), ["rows of numbers", "none"]),
     "rate 0": (qtm_text(POSITIONS, frequency="0"), ["line 4", "more than 0 Hz", "found 0 Hz"]),
     "rate in words": (qtm_text(POSITIONS, frequency="fast"), ["line 4", "a number", "'fast'"]),

@@ -161,6 +161,11 @@ def test_key_numbers_open_the_page(full):
         assert fact in opening.replace("\u202f", " ").replace("\u00a0", " ")
 
 
+def test_a_single_descent_is_one_descent():
+    page = Page(build_report(full_study(touchdowns=touchdowns().head(1))))
+    assert "of 1 descent, " in page.text
+
+
 @pytest.mark.parametrize(
     ("models", "shown"),
     [

@@ -17,6 +17,8 @@ from hopdata.report.steering import (
 )
 from hopdata.report.steering_tables import left_out_table, outcomes_table
 
+RUNS = [name for name in FIGURES if name.startswith("fig3_") or name == "steering_film"]
+
 
 @pytest.fixture(scope="module")
 def page():
@@ -85,6 +87,17 @@ def test_a_caption_that_names_no_fact_is_a_mistake():
     broken = ReportFigure("steering_map", b"", "", "# Title\n\n{{ nothing }}")
     with pytest.raises(ConfigError, match="steering_map"):
         build_steering_report(SteeringInputs("bare", figures=[broken]))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("planner", "the planner"), ("globalised", "the globalised controller")],
+)
+def test_captions_of_runs_name_the_controller_that_is_drawn(name, words):
+    table = outcomes().replace({"controller": {"planner": name}})
+    made = Page(build_steering_report(replace(full_steering(), outcomes=table)))
+    assert made.text.count(f"un with {words}") == len(RUNS)
+    assert "28 of 30 succeeded" in made.text
 
 
 def test_captions_need_no_outcomes():

@@ -12,6 +12,9 @@ from hopdata.steering.frame_changes import (
     FAR_SWING,
     NO_BOOM,
     NO_POSE,
+    TILTED,
+    UPRIGHT_RAD,
+    USED,
     frame_changes,
     frame_changes_at_frames,
     joined,
@@ -100,6 +103,18 @@ def test_what_is_not_used_is_counted_by_reason_and_is_nobody_s_history():
     assert len(found.used()) == 2
     assert np.isnan(found.previous_swing_rad[1])
     assert not np.isnan(found.previous_swing_rad[2])
+
+
+def test_a_robot_that_tips_over_is_not_used_and_nobody_s_history():
+    poses, booms = motion()
+    numbers = np.column_stack([np.arange(4), np.arange(1, 5)])
+    booms = np.where(np.arange(320) == STANCES[4], np.nan, booms)
+    found = frame_changes(
+        STANCES / RATE, poses[STANCES], booms[STANCES], numbers, swing_limit_rad=1.2,
+        tilts_rad=[0.05, 0.1, np.nan, 0.1, UPRIGHT_RAD + 0.01],
+    )  # fmt: skip
+    assert found.reason.tolist() == [USED, USED, USED, TILTED]
+    assert found.excluded() == {TILTED: 1}
 
 
 def test_a_swing_beyond_the_limit_is_not_used():

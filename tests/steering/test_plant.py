@@ -101,6 +101,15 @@ def test_handling_breaks_the_chain_of_stances():
     assert near.max() < 0.8
 
 
+@pytest.mark.parametrize(
+    ("swings", "found"),
+    [([], r"\[\]"), (0.3, "0.3"), (["far"], "far"), ([0.1, np.nan], "nan"), ([[0.1]], "0.1")],
+)
+def test_swings_that_are_no_numbers_are_refused(swings, found):
+    with pytest.raises(ConfigError, match=rf"swings_rad: expected a list of .*found .*{found}"):
+        record_trial(ROBOT, swings, seed=1)
+
+
 def test_the_same_seed_gives_the_same_recording():
     a, b = (record_trial(ROBOT, [0.1, -0.2], seed=6).recording.positions for _ in range(2))
     assert a.tobytes() == b.tobytes()

@@ -92,6 +92,13 @@ def test_a_program_depends_on_what_it_imports(jobs):
     assert "plate_reference" not in inputs
 
 
+def test_the_digest_of_the_code_is_one_that_snakemake_compares():
+    """A parameter that is made from inputs is no reason to run a rule again."""
+    for file in (ROOT / "workflow" / "rules").glob("*.smk"):
+        digests = re.findall(r"^\s+code=(.*)$", file.read_text(), flags=re.MULTILINE)
+        assert not [one for one in digests if re.match(r"lambda [^:]*\binput\b", one)], file.name
+
+
 def test_the_figure_rules_draw_and_the_page_shows_them(linked):
     """From tables without rows, which the figures say in words."""
     tables = {

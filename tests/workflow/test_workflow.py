@@ -252,3 +252,15 @@ def test_the_bundled_sample_is_what_the_committed_rule_makes(sample):
         read_truth(made).contact_times, read_truth(bundled).contact_times, rtol=0, atol=1e-6
     )
     assert np.isfinite(read_truth(bundled).contact_times).all(axis=1).sum() >= 400
+
+
+@pytest.mark.parametrize("taken", ["results", "results/taken"])
+def test_a_file_where_the_results_belong_is_told_at_once(tmp_path, taken):
+    folder = copy_checkout(tmp_path)
+    (folder / taken).parent.mkdir(exist_ok=True)
+    (folder / taken).touch()
+    config = edit_config(folder, lambda config: config.update(study="taken"))
+    run = snakemake(folder, "--dry-run", "--configfile", config)
+    assert run.returncode == 1
+    assert f"hopdata: error: {taken}: expected a folder for the results, found a file" in run.stderr
+    assert "Traceback" not in run.stderr

@@ -82,7 +82,8 @@ for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES, **REAL_TIME_RUN
         params:
             python=sys.executable,
             program=f"benchmarks/{program}.py",
-            code=lambda wildcards, input: [code_digest(source) for source in input],
+            # Not of `input`: what depends on inputs is no reason for Snakemake to run a rule again.
+            code=lambda wildcards, program=program: [code_digest(one) for one in sources(program)],
         shell:
             "OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 "
             "{params.python} {params.program} --out {output.table} > {log} 2>&1"

@@ -21,6 +21,12 @@ except HopdataError as error:
     sys.exit(f"hopdata: error: {error}")
 
 RESULTS = f"results/{STUDY['study']}"
+for folder in ("results", RESULTS):
+    if os.path.exists(folder) and not os.path.isdir(folder):
+        sys.exit(
+            f"hopdata: error: {folder}: expected a folder for the results, found a file; move it "
+            "away, or give the study another name"
+        )
 STEERING = f"{RESULTS}/steering"
 SOURCES = {entry["name"]: files_of(entry) for entry in STUDY["recordings"]}
 RECORDINGS = list(SOURCES)

@@ -3,7 +3,8 @@
 from hopdata.jobs import logger, reported
 from hopdata.recordings.hdf5 import write_recording
 from hopdata.recordings.importing import import_recording
-from hopdata.recordings.plausibility import check_plausible, notes
+from hopdata.recordings.plausibility import check_plausible
+from hopdata.recordings.remarks import notes
 
 with reported(snakemake.log[0]):
     recording, truth = import_recording(

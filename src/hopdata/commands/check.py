@@ -19,7 +19,9 @@ def check(options: argparse.Namespace) -> int:
     from hopdata.config.recordings import files_of
     from hopdata.recordings.external_files import describe_external
     from hopdata.recordings.importing import import_recording
-    from hopdata.recordings.plausibility import check_plausible, notes
+    from hopdata.recordings.plausibility import check_plausible
+    from hopdata.recordings.remarks import notes
+    from hopdata.recordings.span import extent
 
     config = load_config(options.config)
     print(f"study {config['study']}")
@@ -43,6 +45,7 @@ def check(options: argparse.Namespace) -> int:
                 feet=config["markers"]["feet"],
                 span_s=(float(recording.time[0]), float(recording.time[-1])),
                 rate_hz=config["input"]["rate_hz"],
+                extent_m=extent(recording.positions),
             )
         except RecordingError as error:
             mistakes.append(str(error))
@@ -72,7 +75,7 @@ def _suspects(recording: Recording) -> list[str]:
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:
     """Say in a few lines what a recording holds."""
-    from hopdata.recordings.plausibility import body_over_feet, fraction_seen
+    from hopdata.recordings.span import body_over_feet, fraction_seen
 
     duration = recording.time[-1] - recording.time[0]
     seen = 100 * fraction_seen(recording)

@@ -60,6 +60,7 @@ def _plural(kind: str, count: int) -> str:
         "frozen": ("frozen marker", "frozen markers"),
         "unseen": ("marker never seen", "markers never seen"),
         "dropped": ("place with dropped frames", "places with dropped frames"),
+        "rate": ("wrong frame rate", "wrong frame rates"),
         "time": ("irregular time stamp", "irregular time stamps"),
     }
     return words.get(kind, (kind, f"{kind}s"))[count > 1]

@@ -21,7 +21,7 @@ class Suspect:
     Parameters
     ----------
     kind : str
-        ``swap``, ``spike``, ``jump``, ``frozen``, ``unseen``, ``dropped`` or ``time``.
+        ``swap``, ``spike``, ``jump``, ``frozen``, ``unseen``, ``dropped``, ``rate`` or ``time``.
     markers : tuple of str
         Those concerned; none for the time stamps.
     frame : int
@@ -68,6 +68,10 @@ def _all(inspection: Inspection) -> Iterator[Suspect]:
         yield suspect("frozen", (frozen.marker,), frozen.start, text)
     for name in faults.never_seen:
         yield suspect("unseen", (name,), 0, f"{name} is in no frame")
+    if inspection.has_wrong_rate:
+        found, stated = timing.rate_hz, inspection.rate_hz
+        text = f"the time stamps run at {found:g} Hz, and the frame rate stated is {stated:g} Hz"
+        yield suspect("rate", (), 0, text)
     for frame, missing in timing.drops.tolist():
         text = f"{counted(missing, 'frame')} dropped after this one"
         yield suspect("dropped", (), int(frame), text)

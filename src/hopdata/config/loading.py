@@ -121,7 +121,8 @@ def _raise_all(place: str, files: list[str | Path], mistakes: list[str]) -> None
     shown = mistakes[:MOST_MISTAKES]
     lines = [f"{place_of(mistake, files, place)}: {mistake}" for mistake in shown]
     if len(mistakes) > MOST_MISTAKES:
-        lines.append(f"{place}: and {len(mistakes) - MOST_MISTAKES} more mistakes")
+        more = len(mistakes) - MOST_MISTAKES
+        lines.append(f"{place}: and {more} more mistake" + ("s" if more > 1 else ""))
     raise ConfigError("\n".join(lines))
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError
+from hopdata.landings.floor_notes import degree_notes, raised_notes, slope_notes
 from hopdata.landings.floor_regression import (
     RIM_DIRECTIONS,
     floor_columns,
@@ -31,7 +32,6 @@ __all__ = ["FloorModel", "fit_floor", "level"]
 
 FloatArray = NDArray[np.float64]
 
-NOTED_SHARE = 0.05  # of a foot's rests, above the floor, from which that is told
 _OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
 
 
@@ -113,6 +113,7 @@ def fit_floor(
     raised &= np.abs(fit.residuals) <= rest_band_m
     rms = robust_rms(fit.residuals[used])
     inlier = used & (np.abs(fit.residuals) <= _OUTLIER_SIGMAS * rms)
+    ground_m = rest.points[:, 2] - fit.offsets_m[rest.foot]
     return FloorModel(
         terms=fit.terms,
         coefficients_m=fit.coefficients_m,
@@ -127,8 +128,9 @@ def fit_floor(
         degree=fit.degree,
         degree_wanted=degree,
         note="; ".join(
-            _raised_notes(recording, rest, raised)
-            + _degree_notes(fit.degree, degree, largest_error_m)
+            raised_notes(recording, rest, raised)
+            + degree_notes(fit.degree, degree, largest_error_m)
+            + slope_notes(rest.points[inlier, :2], ground_m[inlier], fit.degree)
         ),
     )
 
@@ -161,24 +163,6 @@ def _centre_and_scale(places: FloatArray) -> tuple[FloatArray, float]:
     """Middle of the ground stepped on, (2,), and half of its longer side, m."""
     low, high = np.quantile(places, [0.005, 0.995], axis=0)
     return 0.5 * (low + high), max(0.5 * float(np.max(high - low)), 1e-3)
-
-
-def _raised_notes(recording: Recording, rest: RestPoints, raised: NDArray[np.bool_]) -> list[str]:
-    """Say which feet often rest above the floor."""
-    names = recording.names("foot")
-    shares = [float(raised[rest.foot == foot].mean()) for foot in range(len(names))]
-    return [
-        f"{name} rests above the floor in {100 * share:.0f} % of its frames at rest, left out"
-        for name, share in zip(names, shares, strict=True)
-        if share >= NOTED_SHARE
-    ]
-
-
-def _degree_notes(found: int, wanted: int, largest_error_m: float) -> list[str]:
-    """Say why the degree is lower than asked for."""
-    if found == wanted:
-        return []
-    return [f"the feet at rest do not fix a floor of degree {wanted} to {largest_error_m:g} m"]
 
 
 def _require_rest(recording: Recording, rest: RestPoints, speed_m_s: float) -> None:

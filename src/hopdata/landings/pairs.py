@@ -25,6 +25,7 @@ FloatArray = NDArray[np.float64]
 
 logger = logging.getLogger(__name__)
 
+LEAST_PAIRS = 3  # the units of a study need so many
 STATELESS = "too few frames of the body markers"
 TEXTS = ("schedule", "recording")
 _COLUMNS = (
@@ -157,7 +158,7 @@ def assemble_pairs(
     Raises
     ------
     AnalysisError
-        If nothing is left, or the recordings differ in their body markers.
+        If fewer than `LEAST_PAIRS` are left, or the recordings differ in their body markers.
     ConfigError
         If `home_marker` is no body marker.
     """
@@ -172,12 +173,15 @@ def assemble_pairs(
                 recording, used, (pre_height_m, post_height_m), method, window_s, gravity
             )
             parts.append(_pairs_of(recording, used, states, marker))
-    if not sum(len(part) for part in parts):
-        found = "; ".join(_why_none(r, table[table["recording"] == r.name]) for r in recordings)
+    n_pairs = sum(len(part) for part in parts)
+    if n_pairs < LEAST_PAIRS:
+        rest = exclude_stateless(table, _joined(parts)) if parts else table
+        found = "; ".join(_why_few(r, rest[rest["recording"] == r.name]) for r in recordings)
         raise AnalysisError(
-            "pairs: expected at least one usable touchdown, found none with the pre section at "
-            f"{pre_height_m:.4g} m and the post section at {post_height_m:.4g} m ({found}); set "
-            "sections.pre_height_m and sections.post_height_m, or sections.frames to landings"
+            f"pairs: expected at least {LEAST_PAIRS} usable touchdowns, found {n_pairs or 'none'} "
+            f"with the pre section at {pre_height_m:.4g} m and the post section at "
+            f"{post_height_m:.4g} m ({found}); set sections.pre_height_m and "
+            "sections.post_height_m, or sections.frames to landings"
         )
     return _joined(parts)
 
@@ -211,11 +215,13 @@ def contact_instants(pairs: Pairs, table: pd.DataFrame) -> FloatArray:
     return rows.loc[keys].to_numpy(float)
 
 
-def _why_none(recording: Recording, table: pd.DataFrame) -> str:
-    """Say why a recording gives no pair: its descents and the commonest reason, or its heights."""
+def _why_few(recording: Recording, table: pd.DataFrame) -> str:
+    """Say why a recording gives few pairs: its descents, the commonest reason, or its heights."""
     if len(table):
-        reasons = table["reason"].where(table["excluded"].astype(bool), STATELESS).value_counts()
-        return f"{recording.name}: {len(table)} descents, {reasons.index[0]} in {reasons.iloc[0]}"
+        reasons = table.loc[table["excluded"].astype(bool), "reason"].value_counts()
+        found = f"{len(table)} descent" + ("s" if len(table) > 1 else "")
+        why = f", {reasons.index[0]} in {reasons.iloc[0]}" if len(reasons) else ""
+        return f"{recording.name}: {found}{why}"
     heights = recording.body_height[np.isfinite(recording.body_height)]
     if not len(heights):
         return f"{recording.name}: no frame shows the whole body"

@@ -26,6 +26,7 @@ INPUT_NAMES = (
 OUTPUT_NAMES = ("step_x_m", "step_y_m", "turn_rad", *INPUT_NAMES)
 
 _ALIGNMENTS = 20
+_SETTLED = 1e-15  # change of the shape, relative
 _LEAST_WIDTH = 1e-3
 
 Floats = NDArray[np.float64]
@@ -79,8 +80,10 @@ def body_shape(positions: Floats) -> Floats:
     centred = positions - positions.mean(axis=1, keepdims=True)
     shape = centred.mean(axis=0)
     for _ in range(_ALIGNMENTS):
-        aligned = np.einsum("nji,nbj->nbi", kabsch(centred, shape), centred)
-        shape = aligned.mean(axis=0)
+        before = shape
+        shape = np.einsum("nji,nbj->bi", kabsch(centred, shape), centred) / len(centred)
+        if np.abs(shape - before).max() <= _SETTLED * np.abs(shape).max():
+            break
     widths = np.linalg.svd(shape, compute_uv=False)
     if widths[1] < _LEAST_WIDTH * widths[0]:
         raise AnalysisError("rigid body: expected body markers that are not on one line")

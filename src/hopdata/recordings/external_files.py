@@ -7,9 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from hopdata.recordings.external import ForceSignal
 from hopdata.recordings.external_contacts import read_contact_times
 from hopdata.recordings.force_signals import read_force_signals
 
+GRAVITY_M_S2 = 9.81
+# Mass over the cube of the markers' span, kg/m³: of a runner about 40, of the hopper 20, and of a
+# runner of whom only a shoe is seen 5000. A wrong unit is a factor of 1000.
+PLAUSIBLE_MASS = (1.0, 5000.0)
+PLAUSIBLE_SHARE = (0.02, 3.0)  # mean force over body weight, also of a plate for one foot
 LEAST_OVERLAP = 0.75  # of the recording and of the signal, below which their clocks are in doubt
 
 
@@ -19,6 +25,7 @@ def describe_external(
     feet: Sequence[str],
     span_s: tuple[float, float],
     rate_hz: float | None = None,
+    extent_m: float | None = None,
 ) -> list[str]:
     """Read the contacts and forces that a recording names, and say what they are.
 
@@ -32,6 +39,8 @@ def describe_external(
         First and last time of the recording's frames, s.
     rate_hz : float, optional
         ``input.rate_hz``.
+    extent_m : float, optional
+        Span of the markers, m, by which a body weight can be or not.
 
     Returns
     -------
@@ -58,6 +67,7 @@ def describe_external(
                 f"{signal.time[0]:.3f} to {signal.time[-1]:.3f} s, up to "
                 f"{np.nanmax(signal.force):.4g} {signal.unit}, of {', '.join(signal.column.feet)}"
                 + _misplaced((float(signal.time[0]), float(signal.time[-1])), span_s)
+                + _misjudged(signal, extent_m)
             )
     return lines
 
@@ -72,4 +82,23 @@ def _misplaced(span_s: tuple[float, float], recording_s: tuple[float, float]) ->
     return (
         f" (covers {100 * covered:.0f} % of the recording, {100 * (1 - inside):.0f} % of it lies "
         "outside: are rate_hz and offset_s right?)"
+    )
+
+
+def _misjudged(signal: ForceSignal, extent_m: float | None) -> str:
+    """Say if the mean force cannot be a body weight: a wrong unit."""
+    mean, weight = float(np.nanmean(signal.force)), signal.options["body_weight_n"]
+    if signal.unit == "body_weight" or weight is not None:
+        share = mean if signal.unit == "body_weight" else mean / weight
+        if PLAUSIBLE_SHARE[0] <= share <= PLAUSIBLE_SHARE[1]:
+            return ""
+        return f" (on the mean {share:.3g} times the body weight: is forces.unit right?)"
+    if extent_m is None or not extent_m > 0:
+        return ""
+    low, high = (GRAVITY_M_S2 * mass * extent_m**3 for mass in PLAUSIBLE_MASS)
+    if low <= mean <= high:
+        return ""
+    return (
+        f" ({mean:.3g} N on the mean, where a body of {extent_m:.2g} m weighs {low:.2g} to "
+        f"{high:.2g} N: is forces.unit right?)"
     )

@@ -13,13 +13,10 @@ import numpy as np
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.formats import read_raw, suffixes
 from hopdata.recordings.joining import join
-from hopdata.recordings.plausibility import (
-    FILE_AXES,
-    PLAUSIBLE_EXTENT_M,
-    extent,
-)
+from hopdata.recordings.plausibility import FILE_AXES, PLAUSIBLE_EXTENT_M
 from hopdata.recordings.raw import METRES_PER_UNIT, FloatArray, RawRecording
 from hopdata.recordings.recording import Recording
+from hopdata.recordings.span import extent
 from hopdata.recordings.truth import Truth
 
 __all__ = ["choose_unit", "import_recording", "read_raw", "rotate_up", "sha256", "suffixes"]

@@ -12,15 +12,14 @@ from hopdata.recordings.quality.free_fall import free_fall
 from hopdata.recordings.quality.rigid import frame_noise, pair_distances
 from hopdata.recordings.raw import FloatArray
 from hopdata.recordings.recording import Recording
+from hopdata.recordings.span import body_over_feet, extent, fraction_seen, sampled
 
 # The range spans a factor of less than 1000, so of mm and m at most one can be plausible.
 PLAUSIBLE_EXTENT_M = (0.015, 12.0)
 MIN_BODY_MARKERS = 3
 MIN_FEET = 2
-MISSING_NOTE_FRACTION = 0.1
 TILT_LIMIT = 5.0  # body further from the feet along another axis by this factor: wrong axis
 STEP_TOLERANCE = 0.02  # of a frame
-SAMPLE_FRAMES = 2000
 LARGEST_BODY_STRAIN = 0.05
 NOISE_MARGIN = 2.0  # in a short recording a distance may vary by so much more (squared) by chance
 
@@ -76,14 +75,14 @@ def check_markers(recording: Recording) -> None:
         names = recording.names(role)
         if len(names) < least:
             raise RecordingError(
-                f"{_place(recording)}: {what}: expected at least {least}, "
+                f"{recording.place}: {what}: expected at least {least}, "
                 f"found {len(names)} ({', '.join(names) or 'none'})"
             )
 
 
 def check_time(recording: Recording) -> None:
     """Require a positive rate, strictly increasing time stamps, and that the two agree."""
-    place, time, rate = _place(recording), recording.time, recording.rate_hz
+    place, time, rate = recording.place, recording.time, recording.rate_hz
     if not (np.isfinite(rate) and rate > 0):
         raise RecordingError(f"{place}: frame rate: expected more than 0 Hz, found {rate:g} Hz")
     if len(time) < 2:
@@ -106,7 +105,7 @@ def check_time(recording: Recording) -> None:
 
 def check_positions(recording: Recording) -> None:
     """Require that each marker was seen, moves, has no infinite value and is no other's double."""
-    place = _place(recording)
+    place = recording.place
     if np.isinf(recording.positions).any():
         name = recording.markers[int(np.argwhere(np.isinf(recording.positions))[0, 1])]
         raise RecordingError(f"{place}: marker '{name}': expected finite positions, found infinity")
@@ -119,7 +118,7 @@ def check_positions(recording: Recording) -> None:
                 f"{len(recording.time)} frames"
             )
         _check_moving(place, name, positions[~np.isnan(positions).any(axis=1)])
-    frames = _sample(recording.positions)
+    frames = sampled(recording.positions)
     for i, name in enumerate(recording.markers):
         for j in range(i):
             both = ~np.isnan(frames[:, i] + frames[:, j])
@@ -152,7 +151,7 @@ def check_scale(recording: Recording) -> None:
     elif low <= size * 1e3 <= high:
         looks = "; the numbers look like metres taken for millimetres: set input.unit: m"
     raise RecordingError(
-        f"{_place(recording)}: scale: expected the markers to span {low:g} to {high:g} m, "
+        f"{recording.place}: scale: expected the markers to span {low:g} to {high:g} m, "
         f"found {size:.3g} m{looks}"
     )
 
@@ -167,12 +166,24 @@ def check_upright(recording: Recording) -> None:
     found = ", ".join(f"{offset[axes.index(axis)]:+.3g} m along {axis}" for axis in "xyz")
     if offset[best] > 0:
         hint = f"; set input.vertical_axis: {axes[best]}?"
+    elif axis := _falls_along(recording):
+        hint = (
+            f"; the markers fall along +{axis}: turn the axes in the export, so that {axis} is up"
+        )
     else:
         hint = "; no axis of the file points up: do markers.body and markers.feet fit?"
     raise RecordingError(
-        f"{_place(recording)}: vertical axis {recording.vertical_axis}: "
+        f"{recording.place}: vertical axis {recording.vertical_axis}: "
         f"expected the body above the feet, found the body's mean at {found} from the feet{hint}"
     )
+
+
+def _falls_along(recording: Recording) -> str:
+    """Axis of the file whose positive end is clearly down, or an empty string."""
+    fall = free_fall(recording.positions, recording.rate_hz, units={AS_READ: 1.0})
+    if not fall.is_clear or not fall.up.startswith("-"):
+        return ""
+    return FILE_AXES[recording.vertical_axis]["xyz".index(fall.up[1])]
 
 
 def check_fall(recording: Recording) -> None:
@@ -184,7 +195,7 @@ def check_fall(recording: Recording) -> None:
     as_read = free_fall(recording.positions, recording.rate_hz, units={AS_READ: 1.0})
     if fall.share > CLEARLY * as_read.share:
         raise RecordingError(
-            f"{_place(recording)}: scale: expected what falls to do so at 9.81 m/s², "
+            f"{recording.place}: scale: expected what falls to do so at 9.81 m/s², "
             f"found {9.81 / units[fall.unit]:.3g} m/s² in {100 * fall.share:.0f} % of the frames; "
             f"the numbers look like {fall.unit}: {WRONG_UNITS[fall.unit][1]}"
         )
@@ -211,76 +222,8 @@ def check_rigid(recording: Recording, *, largest_strain: float = LARGEST_BODY_ST
     names = recording.names("body")
     odd = names[int(np.argmax(np.median(strain, axis=1)))]
     raise RecordingError(
-        f"{_place(recording)}: markers.body: expected distances that vary by at most "
+        f"{recording.place}: markers.body: expected distances that vary by at most "
         f"{100 * largest_strain:g} % (quality.largest_body_strain), found '{names[i]}' to "
         f"'{names[j]}' varying by {1e3 * bend[i, j]:.1f} mm, {100 * strain[i, j]:.1f} % of "
         f"{1e3 * pairs.median[i, j]:.0f} mm; is '{odd}' on the body?"
     )
-
-
-def notes(recording: Recording) -> list[str]:
-    """Remarks that do not stop the analysis: the reader's, markers often unseen, frames dropped.
-
-    Returns
-    -------
-    list of str
-        One line each.
-    """
-    remarks = list(recording.remarks)
-    remarks += [
-        f"{_place(recording)}: marker '{name}' is missing in {100 * (1 - fraction):.1f} % of frames"
-        for name, fraction in zip(recording.markers, fraction_seen(recording), strict=True)
-        if 1 - fraction > MISSING_NOTE_FRACTION
-    ]
-    steps = np.diff(recording.time) * recording.rate_hz
-    dropped = int(np.sum(np.round(steps[steps > 1.5]) - 1))
-    if dropped:
-        remarks.append(f"{_place(recording)}: {dropped} frames are missing between the time stamps")
-    return remarks
-
-
-def fraction_seen(recording: Recording) -> FloatArray:
-    """Fraction of the frames in which each marker was seen, (M,)."""
-    fraction: FloatArray = (~np.isnan(recording.positions).any(axis=2)).mean(axis=0)
-    return fraction
-
-
-def extent(positions: FloatArray) -> float:
-    """Median over frames of the diagonal of the box around all markers seen.
-
-    Parameters
-    ----------
-    positions : (N, M, 3) array
-        In any unit, along any axes.
-
-    Returns
-    -------
-    float
-        In the unit of `positions`; NaN if no frame shows two markers.
-    """
-    frames = _sample(positions)
-    frames = frames[(~np.isnan(frames).any(axis=2)).sum(axis=1) >= 2]
-    if not len(frames):
-        return float("nan")
-    span = np.nanmax(frames, axis=1) - np.nanmin(frames, axis=1)
-    with np.errstate(over="ignore"):  # an absurd size may be infinite
-        return float(np.median(np.sqrt((span**2).sum(axis=1))))
-
-
-def body_over_feet(recording: Recording) -> FloatArray:
-    """Median over frames of the mean body position less the mean foot position, (3,), m."""
-    difference = _sample(recording.body).mean(axis=1) - _sample(recording.feet).mean(axis=1)
-    difference = difference[~np.isnan(difference).any(axis=1)]
-    if not len(difference):
-        return np.full(3, np.nan)
-    offset: FloatArray = np.median(difference, axis=0)
-    return offset
-
-
-def _sample(positions: FloatArray) -> FloatArray:
-    """At most `SAMPLE_FRAMES` frames, evenly spaced."""
-    return positions[:: max(1, len(positions) // SAMPLE_FRAMES)]
-
-
-def _place(recording: Recording) -> str:
-    return recording.source or f"recording '{recording.name}'"

@@ -119,8 +119,14 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
         return False
     raise RecordingError(
         f"{header.path}, line {header.n_lines + 1}: expected a header key or numbers, "
-        f"found '{first[:40]}'{did_you_mean(first.upper(), KEYS)}"
+        f"found '{first[:40]}'{_no_tabs(first) or did_you_mean(first.upper(), KEYS)}"
     )
+
+
+def _no_tabs(line: str) -> str:
+    """Hint at the separator, if a line is a known key with something else than a tab behind it."""
+    key = re.split(r"[;, ]", line, maxsplit=1)[0]
+    return "; separate the fields by tabs" if key != line and key.upper() in KEYS else ""
 
 
 def _take(header: QtmHeader, fields: list[str]) -> None:

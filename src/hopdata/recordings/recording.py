@@ -84,6 +84,11 @@ class Recording:
         """Return names of the markers with this role, in order."""
         return tuple(self.markers[i] for i in self.indices(role))
 
+    @property
+    def place(self) -> str:
+        """Where it comes from, as a message names it."""
+        return self.source or f"recording '{self.name}'"
+
     def part(self, frames: slice) -> Recording:
         """Return the recording of these frames alone."""
         filled = None if self.filled is None else self.filled[frames]

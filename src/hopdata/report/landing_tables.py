@@ -171,8 +171,9 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> Table | None:
     rarer = [len(group) for _, group in groups[MOST_SCHEDULES:]]
     note = ""
     if rarer:
-        note = f"{len(rarer)} rarer orders are not listed: {sum(rarer)} touchdowns, "
-        note += f"at most {max(rarer)} each."
+        orders = "1 rarer order is" if len(rarer) == 1 else f"{len(rarer)} rarer orders are"
+        left = "1 touchdown" if sum(rarer) == 1 else f"{sum(rarer)} touchdowns"
+        note = f"{orders} not listed: {left}, at most {max(rarer)} each."
     medians = ("median spread of contacts (ms)", "mean probability of the order")
     return Table("Used touchdowns by mode schedule", (*head, *medians), tuple(rows), note=note)
 

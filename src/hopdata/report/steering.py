@@ -23,6 +23,8 @@ EXPERIMENT_FIGURES = (
     "fig3_9_turn_board",
     "steering_film",
 )
+# Controllers whose runs are drawn: those that a study may recommend.
+DRAWN = {"planner": "the planner", "globalised": "the globalised controller"}
 SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 
 
@@ -144,18 +146,23 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
     -------
     dict
         ``starts`` (runs of each experiment and controller), ``share`` and ``hops``: mappings from
-        "experiment start controller" to text, "not known" where there is none; ``training_hops``.
+        "experiment start controller" to text, "not known" where there is none; ``training_hops``;
+        ``shown`` and ``controller``: the controller whose runs are drawn, as in the tables and as
+        in a sentence.
     """
     rows = [] if inputs.outcomes is None else inputs.outcomes.to_dict("records")
     share: dict[str, str] = {}
     for row in rows:
         key = f"{row['experiment']} {row['start']} {row['controller']}"
         share[key] = f"{count(row['succeeded'])} of {count(row['runs'])}"
+    shown = next((row["controller"] for row in rows if row["controller"] in DRAWN), "")
     hops = None if inputs.scores is None else inputs.scores["training_hops"].iloc[0]
     return {
         "starts": count(rows[0]["runs"]) if rows else MISSING,
         "share": share,
         "training_hops": count(hops),
+        "shown": shown,
+        "controller": DRAWN.get(shown, "the recommended controller"),
     }
 
 

@@ -19,9 +19,13 @@ USED = ""
 NO_POSE = "pose missing"
 NO_BOOM = "boom angle missing"
 FAR_SWING = "swing beyond the limit"
+TILTED = "tilted in a stance"
 
 BOOM_WINDOW_S = 0.11  # after the stance (printed: 11 frames at 100 Hz)
 SWING_MARGIN_RAD = 0.05  # ten times the error of a boom angle
+# The simulated hopper leans by less than 5 degrees in its stances. Kicked until 3 to 12 % of them
+# are not on all feet, it leans by more than this in 82 % of these, in at most 0.8 % of the others.
+UPRIGHT_RAD = np.deg2rad(20)
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,7 @@ def frame_changes(
     *,
     swing_limit_rad: float,
     recording: str = "",
+    tilts_rad: ArrayLike | None = None,
 ) -> FrameChanges:
     """Collect the frame changes between K stances.
 
@@ -106,6 +111,9 @@ def frame_changes(
         `SWING_MARGIN_RAD` is taken for a mistake of the boom angle, and its hop is not used.
     recording : str
         Name of the recording.
+    tilts_rad : (K,) array, optional
+        Tilt at each stance, NaN where it is not known. A hop from or to a stance tilted by more
+        than `UPRIGHT_RAD` is not used: the robot tips over.
 
     Returns
     -------
@@ -124,6 +132,9 @@ def frame_changes(
     reason = np.full(len(first), USED, dtype="<U32")
     reason[np.abs(swing) > swing_limit_rad + SWING_MARGIN_RAD] = FAR_SWING
     reason[np.isnan(swing)] = NO_BOOM
+    if tilts_rad is not None:
+        leans = np.asarray(tilts_rad, dtype=float) > UPRIGHT_RAD
+        reason[leans[first] | leans[second]] = TILTED
     reason[np.isnan(change).any(axis=1)] = NO_POSE
     before = _hop_before(first, second, reason == USED)
     return FrameChanges(

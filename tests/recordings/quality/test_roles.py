@@ -55,6 +55,27 @@ def test_feet_on_one_shoe_at_different_heights_are_told_apart():
     assert "one rigid part, and 30 mm apart in height" in roles(positions).reasons["feet"]
 
 
+def test_a_fixed_marker_below_the_floor_is_not_the_floor():
+    positions = hopping(1)[1]
+    positions[:, 6, 2] -= 2.0
+    found = roles(positions)
+    assert found.feet == ("toe1", "toe2", "toe3")
+    assert found.boom == ("post",)
+
+
+def test_of_eight_feet_it_is_said_which_are_left_out():
+    positions = hopping(1)[1]
+    rng = np.random.default_rng(2)
+    more = positions[:, [3, 4, 5, 3, 4]] + rng.normal(0, 6e-4, (len(positions), 5, 3))
+    more[:, :, 0] += 0.05
+    names = (*MARKERS, *(f"toe{k}" for k in range(4, 9)))
+    found = roles(np.concatenate([positions, more], axis=1), names)
+    assert len(found.feet) == 6
+    left = sorted({f"toe{k}" for k in range(1, 9)} - set(found.feet))
+    assert f"6 at most, left out: {', '.join(left)}" in found.reasons["feet"]
+    assert found.problems == ()
+
+
 def test_the_file_s_order_is_kept():
     found = roles(hopping(1)[1])
     assert found.body == ("hip1", "hip2", "hip3")

@@ -44,6 +44,15 @@ def test_a_wrong_unit_is_told_by_how_things_fall(seed, factor, told):
     assert message.endswith(told)
 
 
+@pytest.mark.parametrize(("vertical_axis", "down"), [("z", "z"), ("y", "y"), ("x", "x")])
+def test_an_axis_that_points_down_is_told_by_how_things_fall(vertical_axis, down):
+    turned = recording(vertical_axis=vertical_axis)
+    turned = replace(turned, positions=turned.positions * [1, -1, -1])
+    told = f"the markers fall along \\+{down}: turn the axes in the export, so that {down} is up"
+    with pytest.raises(RecordingError, match=told):
+        check_plausible(turned)
+
+
 def test_what_does_not_fall_cannot_be_told():
     still = np.random.default_rng(1).normal(0, 1e-3, (500, 7, 3)) + np.arange(7)[:, None]
     check_fall(recording(time=np.arange(500) / 100.0, positions=0.1 * still))

@@ -36,6 +36,17 @@ def test_what_is_not_a_swing_is_left_out_and_counted(swings, line):
     assert swings.garbled == 1
 
 
+@pytest.mark.parametrize("port", ["x", 0, 65536, -1, 5000.0, None])
+def test_what_is_no_port_is_refused_at_once(port):
+    with pytest.raises(PortError, match="port: expected a whole number from 1 to 65535, found"):
+        UdpBoom(port)
+
+
+def test_a_host_without_an_address_is_refused_at_once():
+    with pytest.raises(PortError, match=r"host: expected an IPv4 address .* '::1'"):
+        UdpBoom(5000, host="::1")
+
+
 def test_a_port_in_use_is_a_clear_error(swings):
     with pytest.raises(PortError, match=f"127.0.0.1, port {swings.port}"):
         UdpSwings(swings.port)

@@ -1,4 +1,5 @@
 import threading
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -6,7 +7,7 @@ import pandas as pd
 import pytest
 from loopback import BRISK, LONG_S, our_threads, wait_until
 
-from hopdata.errors import AnalysisError
+from hopdata.errors import AnalysisError, ConfigError
 from hopdata.steering.live.boom import UdpBoom, UdpSwings
 from hopdata.steering.live.drive import drive, observers
 from hopdata.steering.live.errors import ConnectionLostError, LabelError
@@ -177,3 +178,29 @@ def test_a_folder_that_cannot_be_made_is_an_error_before_anything_moves(tmp_path
             stop=threading.Event(), folder=tmp_path / "logs",
         )  # fmt: skip
     assert not told
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (
+            {"geometry": replace(geometry(), boom_name=None, circle=None)},
+            "geometry: expected a boom",
+        ),
+        ({"geometry": replace(geometry(), circle=None)}, "geometry: expected a boom"),
+        ({"controller": lambda *_: 0.1}, "controller: expected .* method plan, found function"),
+        ({"controller": Controller}, "method plan, found the class Controller"),
+        ({"boom": [].append}, "boom: expected an object with the method swing"),
+    ],
+)
+def test_parts_that_cannot_work_are_refused_before_anything_moves(tmp_path, wrong, message):
+    told = []
+    parts = {
+        "geometry": geometry(),
+        "controller": Controller(),
+        "boom": SimpleNamespace(swing=told.append),
+    } | wrong
+    with pytest.raises(ConfigError, match=message):
+        drive(**parts, port=1, stop=threading.Event(), folder=tmp_path / "logs")
+    assert not told
+    assert not (tmp_path / "logs").exists()

@@ -7,6 +7,7 @@ import pytest
 import qtm_rt
 from loopback import LABELS, LONG_S, our_threads, ramp, wait_until
 
+from hopdata.errors import ConfigError
 from hopdata.steering.live.errors import LiveError, PortError
 from hopdata.steering.live.faults import Faults, Outage
 from hopdata.steering.live.packets import COMMAND, HEADER, text
@@ -204,3 +205,9 @@ def test_the_end_of_the_source_is_noted():
         run(stream(server, 20))
         assert server.ended.wait(LONG_S)
         assert server.counts.frames == 20
+
+
+@pytest.mark.parametrize("wrong", [{"rate_hz": 0}, {"rate_hz": FAST}, {"speed": 0}, {"speed": -1}])
+def test_a_server_without_a_pace_is_refused(wrong):
+    with pytest.raises(ConfigError, match=f"{next(iter(wrong))}: expected more than 0"):
+        LoopbackServer(ramp(1), LABELS, **wrong)

@@ -1,6 +1,6 @@
 """Processes: agreement with scikit-learn, gradients, periodicity, history."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -27,6 +27,7 @@ from hopdata.steering.models.options import (
     ProcessOptions,
     process_inputs,
 )
+from hopdata.steering.models.process import FrameChangeProcess
 from hopdata.steering.models.saving import load_process, save_process
 from hopdata.steering.models.training import input_units, trained_process, training_set
 
@@ -217,9 +218,16 @@ def test_options_are_checked(key, value):
 def test_another_file_is_no_process(tmp_path):
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     (tmp_path / "text.npz").write_text("not an archive")
-    for name in ("other.npz", "text.npz"):
-        with pytest.raises(RecordingError, match="expected a trained process"):
-            load_process(tmp_path / name)
+    (tmp_path / "empty.npz").touch()
+    (tmp_path / "folder.npz").mkdir()
+    np.save(tmp_path / "single.npy", np.zeros(3))
+    shapeless = {field.name: np.zeros(3) for field in fields(FrameChangeProcess)}
+    np.savez(tmp_path / "shapeless.npz", **shapeless)
+    for file in tmp_path.iterdir():
+        with pytest.raises(RecordingError, match=f"{file.name}: expected a trained process .*othe"):
+            load_process(file)
+    with pytest.raises(RecordingError, match=r"none\.npz: expected .*, found no such file"):
+        load_process(tmp_path / "none.npz")
 
 
 def test_the_limit_of_the_test_hops_is_the_robot_s():

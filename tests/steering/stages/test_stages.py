@@ -8,12 +8,15 @@ import pytest
 from hopdata.config import load_config
 from hopdata.errors import AnalysisError, RecordingError
 from hopdata.recordings.recording import Recording
-from hopdata.steering.frame_changes import USED, FrameChanges
+from hopdata.steering.frame_changes import TILTED, USED, FrameChanges
 from hopdata.steering.models.options import PRINTED, RECOMMENDED
 from hopdata.steering.plant.robot import SteeredHopper
+from hopdata.steering.plant.trial import record_trial
 from hopdata.steering.plant.true_map import TrueFrameChanges
+from hopdata.steering.stages import learning_curve
 from hopdata.steering.stages.excite import simulate_excitation
 from hopdata.steering.stages.learn import learn
+from hopdata.steering.stages.learning_curve import learning_tables
 from hopdata.steering.stages.observe import observe_recordings
 from hopdata.steering.stages.options import camera_of, excitation_of, process_of, robot_of
 from hopdata.steering.stages.scores import truth_entries
@@ -110,6 +113,21 @@ def test_which_recording_cannot_be_calibrated_is_said(trial):
         observe_recordings([whole, still], swing_limit_rad=1.2)
 
 
+def test_hops_of_a_robot_that_tips_over_are_left_out_and_counted():
+    robot = replace(SteeredHopper(), preload_shares=(0.6, 1.3, 1.1))  # one leg hardly bears
+    trial = record_trial(robot, [0.5, -0.5] * 12, seed=3)
+    seen = observe_recordings([trial.recording], swing_limit_rad=1.2)
+    stances, count = seen.stances, seen.counts[0]
+    true = trial.tilt_rad[stances["frame"]]
+    np.testing.assert_allclose(stances["tilt_rad"], true, atol=np.deg2rad(3))  # level by its feet
+    tilted = (stances["tilt_rad"] > np.deg2rad(20)).to_numpy()
+    follows = np.flatnonzero(stances["follows"])
+    from_or_to = tilted[follows] | tilted[follows - 1]
+    assert count["excluded"] == {TILTED: from_or_to.sum()}
+    assert count["excluded"][TILTED] > 10
+    assert seen.changes.reason.tolist() == [TILTED if over else USED for over in from_or_to]
+
+
 SETS = {"kernel": "recommended", "training_hops": 60, "sets": 2}
 
 
@@ -151,6 +169,14 @@ def test_too_few_hops_are_told_with_what_was_left_out():
     few.reason[:5] = "pose missing"
     with pytest.raises(AnalysisError, match=r"at most 33, .* found 60 .*'pose missing': 5"):
         learn(few, SETS, seed=1)
+
+
+def test_a_learning_curve_is_refused_before_anything_is_learned(monkeypatch):
+    monkeypatch.setattr(learning_curve, "learning_scores", None)
+    with pytest.raises(AnalysisError, match=r"at most 98, .* the 100 hops .* found 120"):
+        learning_tables(hops(100), training_hops=120, draws=2, seed=1)
+    with pytest.raises(AnalysisError, match=r"learning curve: expected at least 50 .* found 0"):
+        learning_tables(hops(100), training_hops=20, draws=2, seed=1)
 
 
 def true_map():

@@ -9,6 +9,7 @@ small beside the first, so that the answer rests on noise, which is known, not o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +27,7 @@ from hopdata.maps.verdict.smooth import (
 #: Shares of the landings, nearest to the simultaneous contact, that may be the window.
 WINDOWS = (1.0, 0.71, 0.5, 0.35, 0.25)
 #: Share of curvature in the variance of the kinks up to which a window is taken.
-CURVATURE_SHARE = 0.02
+CURVATURE_SHARE = 0.03
 #: Landings wanted in a window for each free term.
 LANDINGS_PER_TERM = 2.5
 #: Kinks of which less than this share is left beside the smooth terms are not seen by the data.
@@ -81,6 +82,11 @@ class KinkFit:
         """Share of curvature in the total variance of the coefficients."""
         return float(np.trace(self.curvature) / np.trace(self.covariance))
 
+    @property
+    def nearly_straight(self) -> bool:
+        """Whether curvature is small beside noise."""
+        return self.curvature_share <= CURVATURE_SHARE
+
 
 def expected_contacts(x: Floats, instants: Floats) -> Floats:
     """Return the contact instants (N, feet) that the inputs lead one to expect, mean removed.
@@ -108,7 +114,7 @@ def expected_contacts(x: Floats, instants: Floats) -> Floats:
     return expected
 
 
-def fit_kinks(x: Floats, y: Floats, instants: Floats) -> list[KinkFit]:
+def fit_kinks(x: Floats, y: Floats, instants: Floats, *, all_windows: bool = True) -> list[KinkFit]:
     """Fit the kinks in every window that has enough landings, widest first.
 
     Parameters
@@ -117,6 +123,8 @@ def fit_kinks(x: Floats, y: Floats, instants: Floats) -> list[KinkFit]:
         (N, p) inputs and (N, q) outputs.
     instants
         (N, feet) expected contact instants, s; see `expected_contacts`.
+    all_windows
+        Whether to go on where the window to choose is found.
     """
     near = np.argsort(instants.std(axis=1), kind="stable")
     fits = []
@@ -125,12 +133,14 @@ def fit_kinks(x: Floats, y: Floats, instants: Floats) -> list[KinkFit]:
         degree = _affordable_degree(len(rows), x.shape[1], instants.shape[1])
         if degree >= 2:
             fits.append(fit_window(x, y, instants, rows, window, degree))
+            if not all_windows and fits[-1].nearly_straight:
+                break
     return fits
 
 
 def choose_window(fits: list[KinkFit]) -> KinkFit:
     """Return the widest window whose curvature is small beside its noise, or else the nearest."""
-    return next((fit for fit in fits if fit.curvature_share <= CURVATURE_SHARE), fits[-1])
+    return next((fit for fit in fits if fit.nearly_straight), fits[-1])
 
 
 def _affordable_degree(landings: int, n_inputs: int, n_feet: int) -> int:
@@ -163,18 +173,20 @@ def fit_window(
     inputs = x[rows] - x[rows].mean(axis=0)
     scale = inputs.std(axis=0)
     free = free_terms(inputs / scale, times / unit, degree)
-    basis: Floats = np.linalg.qr(free)[0]
+    basis, root = np.linalg.qr(free)
     bends, outputs = _without(basis, kinks(times / unit)), _without(basis, y[rows])
-    others = _without(basis, shrunk_terms(inputs / scale, times / unit, degree))
+    groups = shrunk_terms(inputs / scale, times / unit, degree)
+    others = [_without(basis, group) for group in groups]
     least = _LEAST_OF_PAIRS if times.shape[1] > ALL_SETS_UP_TO else 0.0
     seen = _seen_directions(bends, kinks(times / unit), least)
     bends = np.matmul(bends, seen)
     bend_basis: Floats = np.linalg.qr(bends)[0]
     used = basis.shape[1] + bends.shape[1]
-    ratios = variance_ratios(_without(bend_basis, others), _without(bend_basis, outputs), used)
+    unseen = [_without(bend_basis, group) for group in others]
+    variances = variance_ratios(unseen, _without(bend_basis, outputs), used)
     slack = 1.0 - np.sum(basis**2, axis=1)
     parts = [
-        _one_output(bends, others, outputs[:, k], slack, ratios.ratio[k], ratios.noise[k])
+        _one_output(bends, others, outputs[:, k], slack, variances.ratios[k], variances.noise[k])
         for k in range(y.shape[1])
     ]
     coefficients = np.column_stack([part[0] for part in parts])
@@ -182,7 +194,8 @@ def fit_window(
     scores = _interleaved([part[2] for part in parts])
     curvature = _block_diagonal([part[3] for part in parts])
     smooth = y[rows] - kinks(times / unit) @ seen @ coefficients
-    slopes = np.linalg.lstsq(free, smooth, rcond=None)[0][1 : x.shape[1] + 1] / scale[:, None]
+    terms = np.linalg.lstsq(root, basis.T @ smooth, rcond=None)[0]
+    slopes = terms[1 : x.shape[1] + 1] / scale[:, None]
     return KinkFit(
         coefficients / unit,
         slopes,
@@ -210,10 +223,17 @@ def _seen_directions(bends: Floats, whole: Floats, least: float) -> Floats:
 
 
 def _one_output(
-    bends: Floats, others: Floats, output: Floats, slack: Floats, ratio: float, noise: float
+    bends: Floats,
+    groups: Sequence[Floats],
+    output: Floats,
+    slack: Floats,
+    ratios: Floats,
+    noise: float,
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Return coefficients (K,), null scores and scores (n, K), and curvature covariance (K, K)."""
-    shrinker = _shrinker(others, ratio)
+    shown = [np.sqrt(ratio) * group for group, ratio in zip(groups, ratios, strict=True) if ratio]
+    others = np.hstack(shown) if shown else np.zeros((len(output), 0))
+    shrinker = np.linalg.solve(others.T @ others + np.eye(others.shape[1]), others.T)
     weighted = bends - others @ (shrinker @ bends)
     influence = np.linalg.solve(bends.T @ weighted, weighted.T)
     coefficients = influence @ output
@@ -223,15 +243,7 @@ def _one_output(
     scores = influence.T * (rest / np.sqrt(np.maximum(own, 0.1)))[:, None]
     null_scores = influence.T * (output / np.sqrt(np.maximum(slack, 0.1)))[:, None]
     missed = influence @ others
-    return coefficients, null_scores, scores, ratio * noise * missed @ missed.T
-
-
-def _shrinker(others: Floats, ratio: float) -> Floats:
-    """Return the matrix (g, n) that gives the shrunk coefficients of a residual."""
-    if ratio == 0.0:
-        return np.zeros(others.shape[::-1])
-    gram = others.T @ others
-    return np.asarray(np.linalg.solve(gram + np.eye(len(gram)) / ratio, others.T), float)
+    return coefficients, null_scores, scores, noise * missed @ missed.T
 
 
 def _without(basis: Floats, columns: Floats) -> Floats:

@@ -18,9 +18,11 @@ from hopdata.maps.verdict.membership import large_classes
 from hopdata.maps.verdict.residuals import Residuals, shuffled
 
 HALVINGS = 4
+_AT_ONCE = 50  # shuffled data sets in memory
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.int64]
+Half = tuple[Rows, Floats]
 
 
 @dataclass(frozen=True)
@@ -80,15 +82,17 @@ def compare_subspaces(
     linear = residuals.inputs @ residuals.linear
     scale = signal_to_noise(input_noise)
     rank = rank_gap(np.column_stack([residuals.inputs * scale, linear + residuals.values]))
-    found = _distances(halvings, scale, linear + residuals.values, rank)
+    found = _distances(halvings, scale, (linear + residuals.values)[None], rank)[0]
+    orders = shuffled(residuals.strata, permutations, generator)
     null = np.empty(permutations)
-    for k, order in enumerate(shuffled(residuals.strata, permutations, generator)):
-        within, across = _distances(halvings, scale, linear + residuals.values[order], rank)
-        null[k] = across - within
-    excess = found[1] - found[0]
+    for first in range(0, permutations, _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        drawn = _distances(halvings, scale, linear + residuals.values[orders[some]], rank)
+        null[some] = drawn[:, 1] - drawn[:, 0]
+    excess = float(found[1] - found[0])
     p_value = (1 + int(np.sum(null >= excess))) / (1 + permutations)
     high = float(np.quantile(null, 0.95))
-    return SubspaceTest(rank, *found, excess, high, p_value, len(classes))
+    return SubspaceTest(rank, float(found[0]), float(found[1]), excess, high, p_value, len(classes))
 
 
 def signal_to_noise(input_noise: Floats) -> Floats:
@@ -105,9 +109,7 @@ def rank_gap(pairs: Floats) -> int:
     return int(np.argmax(values[:-1] / values[1:])) + 1
 
 
-def _halving(
-    classes: list[Rows], inputs: Floats, generator: np.random.Generator
-) -> list[tuple[Rows, Floats]]:
+def _halving(classes: list[Rows], inputs: Floats, generator: np.random.Generator) -> list[Half]:
     """Return rows and whitened inputs of the first halves of all classes, then of the second."""
     mixed = [generator.permutation(rows) for rows in classes]
     firsts = [rows[: len(rows) // 2] for rows in mixed]
@@ -123,29 +125,32 @@ def _white(x: Floats) -> Floats:
     return white
 
 
-def _distances(
-    halvings: list[list[tuple[Rows, Floats]]], scale: Floats, outcomes: Floats, rank: int
-) -> tuple[float, float]:
-    """Return the mean arc lengths within and across schedules."""
-    within, across = [], []
-    for halves in halvings:
-        graphs = _graphs(halves, scale, outcomes, rank)
-        first, second = np.split(graphs, 2)
-        cosines = np.linalg.svd(np.einsum("adk,bdl->abkl", first, second), compute_uv=False)
-        lengths = np.sqrt(np.sum(np.arccos(cosines.clip(0.0, 1.0)) ** 2, axis=2))
+def _distances(halvings: list[list[Half]], scale: Floats, outcomes: Floats, rank: int) -> Floats:
+    """Return the mean arc lengths within and across schedules, (P, 2), of outcomes (P, n, q)."""
+    distances = np.empty((len(halvings), len(outcomes), 2))
+    for number, halves in enumerate(halvings):
+        first, second = np.split(_graphs(halves, scale, outcomes, rank), 2)
+        between = np.einsum("apdk,bpdl->pabkl", first, second, optimize=True)
+        cosines = np.linalg.svd(between, compute_uv=False)
+        lengths = np.sqrt(np.sum(np.arccos(cosines.clip(0.0, 1.0)) ** 2, axis=3))
         same = np.eye(len(first), dtype=bool)
-        within.append(lengths[same].mean())
-        across.append(lengths[~same].mean())
-    return float(np.mean(within)), float(np.mean(across))
+        distances[number, :, 0] = lengths[:, same].mean(axis=1)
+        distances[number, :, 1] = lengths[:, ~same].mean(axis=1)
+    mean: Floats = distances.mean(axis=0)
+    return mean
 
 
-def _graphs(
-    halves: list[tuple[Rows, Floats]], scale: Floats, outcomes: Floats, rank: int
-) -> Floats:
-    """Return the leading directions (halves, D, k) of the pairs of each half."""
-    covariances = []
-    for rows, white in halves:
-        pairs = np.column_stack([white * scale, outcomes[rows] - outcomes[rows].mean(axis=0)])
-        covariances.append(pairs.T @ pairs)
-    leading: Floats = np.linalg.eigh(np.stack(covariances))[1][:, :, ::-1][:, :, :rank]
+def _graphs(halves: list[Half], scale: Floats, outcomes: Floats, rank: int) -> Floats:
+    """Return the leading directions (halves, P, D, k) of the pairs of each half."""
+    covariances = [_covariances(white * scale, outcomes[:, rows]) for rows, white in halves]
+    leading: Floats = np.linalg.eigh(np.stack(covariances))[1][..., ::-1][..., :rank]
     return leading
+
+
+def _covariances(inputs: Floats, outcomes: Floats) -> Floats:
+    """Return scatter matrices (P, p + q, p + q) of centred inputs (m, p), outcomes (P, m, q)."""
+    centred = outcomes - outcomes.mean(axis=1, keepdims=True)
+    across = inputs.T @ centred
+    own = np.broadcast_to(inputs.T @ inputs, (len(outcomes), *[inputs.shape[1]] * 2))
+    turned = np.swapaxes(across, 1, 2)
+    return np.block([[own, across], [turned, np.swapaxes(centred, 1, 2) @ centred]])

@@ -20,7 +20,7 @@ from hopdata.maps.verdict.effect import (
     outcome_variance,
     squared_size,
 )
-from hopdata.maps.verdict.estimate import KinkFit, choose_window, fit_kinks
+from hopdata.maps.verdict.estimate import WINDOWS, KinkFit, choose_window, fit_kinks
 from hopdata.maps.verdict.graphs import SubspaceTest, compare_subspaces
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings, section_landings
 from hopdata.maps.verdict.residuals import smooth_residuals
@@ -77,7 +77,9 @@ def judge(
     limits = (int(known.sum()), confidence, margin, power, notes)
     try:
         landings = section_landings(before[known], after[known], times[known], time_unit_s)
-        fits = fit_kinks(landings.inputs, landings.outputs, landings.expected)
+        fits = fit_kinks(
+            landings.inputs, landings.outputs, landings.expected, all_windows=all_windows
+        )
         _check_enough(landings, fits)
     except AnalysisError as error:
         return _no_answer(str(error), *limits)
@@ -119,7 +121,7 @@ def judge(
         specialised,
         subspaces,
         windows,
-        notes + _window_notes(fit, fits) + _feet_notes(times.shape[1]),
+        notes + _window_notes(fit) + _feet_notes(times.shape[1]),
     )
 
 
@@ -223,9 +225,9 @@ def _feet_notes(feet: int) -> Notes:
     return [{"what": f"verdict on {feet} feet", "reason": reason}]
 
 
-def _window_notes(fit: KinkFit, fits: list[KinkFit]) -> Notes:
+def _window_notes(fit: KinkFit) -> Notes:
     notes = []
-    if fit is fits[-1] and fit.window > 0.25:
+    if not fit.nearly_straight and fit.window > WINDOWS[-1]:
         reason = f"{len(fit.rows)} landings in the narrowest window that their number allows"
         notes.append({"what": "window of the verdict", "reason": reason})
     if fit.degree < 3:

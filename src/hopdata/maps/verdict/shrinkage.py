@@ -1,19 +1,22 @@
 """How strongly to shrink the terms beyond the third order: restricted maximum likelihood.
 
-Per output the coefficients of the shrunk terms are taken as normal with one common variance. Its
-ratio to the variance of the noise is found from what the free terms and the kinks leave over
-(Patterson and Thompson 1971). Where the data show no such terms the ratio is zero, and they cost
-nothing; where they show them, they count as one more source of uncertainty.
+Per output the coefficients of each of two groups of shrunk terms are taken as normal with one
+variance for the group. Their ratios to the variance of the noise are found from what the free terms
+and the kinks leave over (Patterson and Thompson 1971). Where the data show no such terms the ratio
+is zero, and they cost nothing; where they show them, they count as one more source of uncertainty.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 _RATIOS = np.concatenate([[0.0], np.logspace(-5, 1.5, 80)])
+#: Shares of the second group in the sum of the two ratios.
+_SHARES = (0.0, 1e-3, 1e-2, 0.1, 0.5, 1.0)
 
 Floats = NDArray[np.float64]
 
@@ -24,36 +27,54 @@ class VarianceRatios:
 
     Attributes
     ----------
-    ratio
-        (q,) variance of a shrunk coefficient over that of the noise.
+    ratios
+        (q, 2) variance of a shrunk coefficient of each group over that of the noise.
     noise
         (q,) variance of the noise.
     """
 
-    ratio: Floats
+    ratios: Floats
     noise: Floats
 
 
-def variance_ratios(terms: Floats, outputs: Floats, used: int) -> VarianceRatios:
-    """Estimate both variances of each output.
+def variance_ratios(groups: Sequence[Floats], outputs: Floats, used: int) -> VarianceRatios:
+    """Estimate the variances of each output.
 
     Parameters
     ----------
-    terms
-        (n, g) shrunk terms, with all that is fitted freely projected out.
+    groups
+        (n, g) shrunk terms of each group, with all that is fitted freely projected out.
     outputs
         (n, q), likewise.
     used
         Degrees of freedom that the projection took.
     """
-    left, values, _ = np.linalg.svd(terms, full_matrices=False)
-    loads = left.T @ outputs
-    rest = np.sum(outputs**2, axis=0) - np.sum(loads**2, axis=0)
-    free = len(terms) - used
-    spread = 1.0 + _RATIOS[:, None] * values**2
-    power = np.einsum("rg,gq->rq", 1.0 / spread, loads**2) + np.maximum(rest, 0.0)
+    basis, root = np.linalg.qr(np.hstack(groups))
+    loads = basis.T @ outputs
+    rest = np.maximum(np.sum(outputs**2, axis=0) - np.sum(loads**2, axis=0), 0.0)
+    free = len(outputs) - used
+    sizes = [group.shape[1] for group in groups]
+    likelihood, power = np.stack(
+        [
+            _profile(root * np.sqrt(np.repeat([1.0 - share, share], sizes)), loads, rest, free)
+            for share in _SHARES
+        ],
+        axis=1,
+    )
+    columns = np.arange(outputs.shape[1])
+    best = np.argmax(likelihood.reshape(-1, len(columns)), axis=0)
+    share, ratio = np.unravel_index(best, likelihood.shape[:2])
+    of_second = np.asarray(_SHARES)[share]
+    ratios = _RATIOS[ratio, None] * np.column_stack([1.0 - of_second, of_second])
+    return VarianceRatios(ratios, power[share, ratio, columns] / free)
+
+
+def _profile(terms: Floats, loads: Floats, rest: Floats, free: int) -> tuple[Floats, Floats]:
+    """Return log likelihoods and sums of squares (ratios, q), for terms of one common variance."""
+    values, vectors = np.linalg.eigh(terms @ terms.T)
+    own = (vectors.T @ loads) ** 2
+    spread = 1.0 + _RATIOS[:, None] * np.maximum(values, 0.0)
+    power = np.einsum("rg,gq->rq", 1.0 / spread, own) + rest
     with np.errstate(divide="ignore"):  # an output without any noise
         likelihood = -0.5 * (np.log(spread).sum(axis=1)[:, None] + free * np.log(power))
-    best = np.argmax(likelihood, axis=0)
-    columns = np.arange(outputs.shape[1])
-    return VarianceRatios(_RATIOS[best], power[best, columns] / free)
+    return likelihood, power

@@ -2,7 +2,9 @@
 
 Terms up to the third order are fitted freely. Terms of the fourth order, and those of the third
 that are different on the two sides of a double contact, would leave too little of the kinks to be
-seen; they are shrunk, by as much as the data say (see `hopdata.maps.verdict.shrinkage`).
+seen; they are shrunk, by as much as the data say (see `hopdata.maps.verdict.shrinkage`). They come
+in two groups, each with a size of its own: terms that change at a double contact or hold contact
+instants only, and products of two contact instants and two inputs.
 """
 
 from __future__ import annotations
@@ -14,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.maps.verdict.kinks import time_differences
+
+_FLAT = 1e-9
 
 Floats = NDArray[np.float64]
 
@@ -51,8 +55,8 @@ def free_terms(x: Floats, instants: Floats, degree: int) -> Floats:
     return np.column_stack([np.ones(len(x)), monomials(x, orders), *steps])
 
 
-def shrunk_terms(x: Floats, instants: Floats, degree: int) -> Floats:
-    """Return the terms whose coefficients are shrunk, each with mean square one.
+def shrunk_terms(x: Floats, instants: Floats, degree: int) -> tuple[Floats, Floats]:
+    """Return the two groups of terms whose coefficients are shrunk, each with mean square one.
 
     Parameters
     ----------
@@ -65,9 +69,25 @@ def shrunk_terms(x: Floats, instants: Floats, degree: int) -> Floats:
     blocks = [_products(steps, x), _products(steps, monomials(u, (2,))), monomials(u, (4,))]
     if degree < 3:
         blocks.append(monomials(u, (3,)))
-    terms = np.column_stack(blocks)
+    mixed = _products(monomials(_tilts(instants), (2,)), monomials(x, (2,)))
+    return _of_unit_size(np.column_stack(blocks)), _of_unit_size(mixed)
+
+
+def _tilts(instants: Floats) -> Floats:
+    """Return the two combinations of the contact instants that vary most, or the one of two feet.
+
+    The feet of a rigid body on a floor touch down by its tilt, about two axes.
+    """
+    centred = instants - instants.mean(axis=1, keepdims=True)
+    _, values, right = np.linalg.svd(centred, full_matrices=False)
+    tilts: Floats = centred @ right[:2][values[:2] > _FLAT * values[0]].T
+    return tilts
+
+
+def _of_unit_size(terms: Floats) -> Floats:
     scale = np.sqrt(np.mean(terms**2, axis=0))
-    return terms[:, scale > 0] / scale[scale > 0]
+    scaled: Floats = terms[:, scale > 0] / scale[scale > 0]
+    return scaled
 
 
 def _products(a: Floats, b: Floats) -> Floats:

@@ -30,6 +30,7 @@ from hopdata.recordings.raw import RawRecording
 FloatArray = NDArray[np.float64]
 Progress = Callable[[str], None]
 
+RATE_TOLERANCE = 0.02  # relative, of the rate by the time stamps
 STENCIL = 3  # frames on either side by which a position is judged
 
 
@@ -105,10 +106,16 @@ class Inspection:
         return float(np.median(known)) if len(known) else float("nan")
 
     @property
+    def has_wrong_rate(self) -> bool:
+        """Whether the time stamps run at another rate than the one stated."""
+        return bool(abs(self.timing.rate_hz / self.rate_hz - 1) > RATE_TOLERANCE)
+
+    @property
     def n_problems(self) -> int:
         """Number of faults, those of the time stamps included."""
         timing = self.timing
-        return self.faults.count + len(timing.drops) + len(timing.irregular) + len(timing.backward)
+        of_stamps = len(timing.drops) + len(timing.irregular) + len(timing.backward)
+        return self.faults.count + of_stamps + self.has_wrong_rate
 
 
 def _silent(_step: str) -> None:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hopdata.recordings.importing import choose_unit
-from hopdata.recordings.plausibility import PLAUSIBLE_EXTENT_M, extent
+from hopdata.recordings.plausibility import PLAUSIBLE_EXTENT_M
 from hopdata.recordings.quality.free_fall import UNITS_IN_M, FreeFall, free_fall
 from hopdata.recordings.quality.resting import CLEARER, FLAT, flattest_direction
 from hopdata.recordings.raw import RawRecording
+from hopdata.recordings.span import extent
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,6 +23,19 @@ CLEARER = 2.0
 def lowest(heights: FloatArray) -> FloatArray:
     """Lowest height of each marker but for 1 % of the frames, (M,); NaN if never seen."""
     return _quantiles(heights, [0.01])[0]
+
+
+def high_feet(heights: FloatArray, names: Sequence[str], *, above_m: float) -> list[str]:
+    """Say which feet, of heights (N, n) m, stay so far above where the lowest of them goes."""
+    low = lowest(heights)
+    if np.isnan(low).all():
+        return []
+    floor = int(np.nanargmin(low))
+    return [
+        f"foot '{name}' comes no nearer to the floor than {height:.3f} m above '{names[floor]}'"
+        for name, height in zip(names, low - low[floor], strict=True)
+        if height > above_m
+    ]
 
 
 def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:

@@ -60,7 +60,7 @@ def guess_roles(inspection: Inspection) -> Roles:
     rests = at_rest(positions[:, :, 2], inspection.rate_hz)
     fixed = _fixed(positions)
     boom = tuple(name for m, name in enumerate(markers) if fixed[m] or part_by_name(name) == "boom")
-    candidates = [m for m in _resting(inspection, rests) if markers[m] not in boom]
+    candidates = [m for m in _resting(inspection, rests, fixed) if markers[m] not in boom]
     groups = _together(candidates, rests)
     reasons, problems = {}, []
     if boom:
@@ -68,6 +68,7 @@ def guess_roles(inspection: Inspection) -> Roles:
     group = _chosen(groups, markers, positions)
     if len(group) >= LEAST_FEET:
         reasons["feet"] = _feet_reason(group, rests) + _one_part(group, inspection)
+        reasons["feet"] += _beyond_most(group, groups, markers)
     else:
         problems.append(_no_feet(group, markers))
     taken = {m for g in groups for m in g} | {markers.index(name) for name in boom}
@@ -99,14 +100,17 @@ def _fixed(positions: FloatArray) -> BoolArray:
     return fixed
 
 
-def _resting(inspection: Inspection, rests: BoolArray) -> list[int]:
-    """Markers that rest near the floor, again and again but not always."""
+def _resting(inspection: Inspection, rests: BoolArray, fixed: BoolArray) -> list[int]:
+    """Markers that rest near the floor, again and again but not always.
+
+    Where the floor is does not depend on markers that are fixed in the world: they may be below it.
+    """
     heights = inspection.positions[:, :, 2]
     low = lowest(heights)
     known = np.flatnonzero(np.isfinite(low))
-    if not len(known):
+    if fixed[known].all():
         return []
-    floor = low[known].min()
+    floor = low[known[~fixed[known]]].min()
     top = max(float(np.nanmedian(heights[:, m])) for m in known)
     share = rests.sum(axis=0) / max(len(rests), 1)
     return [
@@ -213,6 +217,12 @@ def _one_part(group: list[int], inspection: Inspection) -> str:
         f"; all on one rigid part, and {1e3 * apart:.0f} mm apart in height: keep those where it "
         "touches the ground"
     )
+
+
+def _beyond_most(group: list[int], groups: list[list[int]], markers: tuple[str, ...]) -> str:
+    """Say which markers that land with the feet are not among them, since there are too many."""
+    left = [markers[m] for g in groups if set(g) & set(group) for m in g if m not in group]
+    return f"; {MOST_FEET} at most, left out: {', '.join(left)}" if left else ""
 
 
 def _land_together(group: list[int], rests: BoolArray) -> bool:

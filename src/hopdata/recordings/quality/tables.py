@@ -90,7 +90,13 @@ def _faults(found: Inspection) -> Iterator[tuple[str, str, int, int, str]]:
     for marker in faults.never_seen:
         yield "never seen", marker, 0, n, ""
     for frame, missing in timing.drops:
-        yield "dropped", "", int(frame), int(frame) + 1, f"{int(missing)} frames"
+        yield (
+            "dropped",
+            "",
+            int(frame),
+            int(frame) + 1,
+            "1 frame" if missing == 1 else f"{int(missing)} frames",
+        )
     for kind, frames in (("irregular", timing.irregular), ("backward", timing.backward)):
         for frame in frames:
             yield kind, "", int(frame), int(frame) + 1, "time stamp"

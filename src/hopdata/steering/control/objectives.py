@@ -37,7 +37,7 @@ class ToPoint:
     stances: str = "all"
 
     def __post_init__(self) -> None:
-        if len(self.point_m) != 2 or not np.all(np.isfinite(self.point_m)):
+        if not _is_finite(self.point_m, shape=(2,)):
             raise ConfigError(f"point_m: expected two finite numbers, found {self.point_m}")
         _check_choices(self.penalty, self.stances)
 
@@ -55,7 +55,7 @@ class ToHeading:
     stances: str = "all"
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.heading_rad):
+        if not _is_finite(self.heading_rad):
             raise ConfigError(f"heading_rad: expected a finite number, found {self.heading_rad}")
         _check_choices(self.penalty, self.stances)
 
@@ -83,9 +83,11 @@ class WayPoints:
     stances: str = "all"
 
     def __post_init__(self) -> None:
-        if not self.points_m:
+        if not np.iterable(self.points_m):
+            raise ConfigError(f"points_m: expected points (x, y), found {self.points_m}")
+        if not len(self.points_m):
             raise ConfigError("points_m: expected one point at least, found none")
-        if not self.arrival_m > 0:
+        if not (_is_finite(self.arrival_m) and self.arrival_m > 0):
             raise ConfigError(f"arrival_m: expected more than 0, found {self.arrival_m}")
         self.legs()
 
@@ -113,9 +115,9 @@ class Horizon:
     swing_limit_rad: float = 3 * np.pi / 8
 
     def __post_init__(self) -> None:
-        if not 1 <= self.hops <= 6:
+        if self.hops not in range(1, 7):
             raise ConfigError(f"hops: expected 1 to 6, found {self.hops}")
-        if not 0 < self.swing_limit_rad <= np.pi:
+        if not (_is_finite(self.swing_limit_rad) and 0 < self.swing_limit_rad <= np.pi):
             raise ConfigError(
                 f"swing_limit_rad: expected more than 0, at most pi, found {self.swing_limit_rad}"
             )
@@ -135,6 +137,15 @@ def objective_value(objective: Objective, poses: ArrayLike) -> float:
     left = errors_left(objective, poses)
     penalties = left**2 if objective.penalty == "square" else left
     return float(penalties[-1] if objective.stances == "last" else penalties.sum())
+
+
+def _is_finite(value: object, shape: tuple[int, ...] = ()) -> bool:
+    """Whether a value is so many numbers, and all are finite."""
+    try:
+        numbers = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return False
+    return numbers.shape == shape and bool(np.isfinite(numbers).all())
 
 
 def _check_choices(penalty: str, stances: str) -> None:

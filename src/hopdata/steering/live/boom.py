@@ -11,6 +11,7 @@ from hopdata.steering.live.connections import LOOPBACK
 from hopdata.steering.live.errors import PortError
 
 LONGEST_LINE = 200
+PORTS = 1 << 16
 
 
 class Boom(Protocol):
@@ -27,10 +28,15 @@ class UdpBoom:
     ----------
     port, host : int, str
         Where the robot listens; on the loopback address unless told otherwise.
+
+    Raises
+    ------
+    PortError
+        If the port is none, or the host has no address.
     """
 
     def __init__(self, port: int, *, host: str = LOOPBACK) -> None:
-        self._address, self._sent = (host, port), 0
+        self._address, self._sent = _address(host, port), 0  # looked up once, not in each flight
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
     def swing(self, rad: float) -> None:
@@ -88,6 +94,18 @@ class UdpSwings:
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
+
+
+def _address(host: str, port: int) -> tuple[str, int]:
+    if not (isinstance(port, int) and 0 < port < PORTS):
+        raise PortError(f"port: expected a whole number from 1 to {PORTS - 1}, found {port!r}")
+    try:
+        found = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_DGRAM)
+    except OSError as error:
+        raise PortError(
+            f"host: expected an IPv4 address or the name of one, found {host!r}: {error}"
+        ) from error
+    return str(found[0][4][0]), port
 
 
 def _swing(line: bytes) -> float | None:

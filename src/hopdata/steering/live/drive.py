@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from hopdata.errors import ConfigError
 from hopdata.steering.live.boom import Boom
 from hopdata.steering.live.counts import LoopCounts, StreamCounts
 from hopdata.steering.live.decisions import Decision, write_decisions, write_states
@@ -108,15 +109,19 @@ def drive(
 
     Raises
     ------
+    ConfigError
+        If the geometry has no boom, the controller no `plan`, or the boom no `swing`; nothing has
+        moved then, nor in the next case.
+    OSError
+        If `folder` cannot be made.
     LiveError
         If no frame comes, or the camera system is set up otherwise: a marker has another name, z is
         not up, or the frame rate is not `rate_hz`.
-    OSError
-        If `folder` cannot be made; nothing has moved then.
     """
+    _check_parts(geometry, controller, boom)
     if folder is not None:
         Path(folder).mkdir(parents=True, exist_ok=True)  # complains now rather than after the drive
-    names = geometry.body_names + (() if geometry.boom_name is None else (geometry.boom_name,))
+    names = (*geometry.body_names, str(geometry.boom_name))
     stream = MarkerStream(names, host=host, port=port, rate_hz=rate_hz, patience=patience)
     loop = ControlLoop(
         stream.buffer,
@@ -137,3 +142,20 @@ def drive(
             write_decisions(Path(folder) / "decisions.csv", loop.decisions())
             write_states(Path(folder) / "stream_states.csv", stream.states.history())
     return Drive(loop.decisions(), stream.states.history(), stream.counts, loop.counts)
+
+
+def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -> None:
+    """Refuse at once what would hold each hop for ever."""
+    if geometry.boom_name is None or geometry.circle is None:
+        raise ConfigError(
+            "geometry: expected a boom and its circle, found none; calibrate with a recording that "
+            "has a marker with the role boom (markers.boom)"
+        )
+    parts: tuple[tuple[str, object, str], ...] = (
+        ("controller", controller, "plan"),
+        ("boom", boom, "swing"),
+    )
+    for name, part, method in parts:
+        if isinstance(part, type) or not callable(getattr(part, method, None)):
+            kind = f"the class {part.__name__}" if isinstance(part, type) else type(part).__name__
+            raise ConfigError(f"{name}: expected an object with the method {method}, found {kind}")

@@ -30,4 +30,4 @@ class LabelError(SettingsError):
 
 
 class PortError(LiveError):
-    """The address cannot be listened on."""
+    """The address is none, or cannot be listened on."""

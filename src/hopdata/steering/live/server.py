@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Iterable, Sequence
 from types import TracebackType
 from typing import Self
 
+from hopdata.errors import ConfigError
 from hopdata.steering.live.commands import FrameRequest, answer
 from hopdata.steering.live.connections import LOOPBACK, ServedClient, listening_socket, next_command
 from hopdata.steering.live.counts import ServerCounts
@@ -53,6 +55,11 @@ class LoopbackServer:
         What befalls frames, and the whole server.
     seed : int
         Of the faults.
+
+    Raises
+    ------
+    ConfigError
+        If the rate or the speed is not above 0.
     """
 
     def __init__(
@@ -68,6 +75,10 @@ class LoopbackServer:
         outages: Sequence[Outage] = (),
         seed: int = 0,
     ) -> None:
+        if not 0 < rate_hz < math.inf:
+            raise ConfigError(f"rate_hz: expected more than 0 Hz, found {rate_hz}")
+        if not speed > 0:
+            raise ConfigError(f"speed: expected more than 0, found {speed}")
         self.labels, self.rate_hz, self.host, self.port = tuple(labels), rate_hz, host, port
         self.counts = ServerCounts()
         self.ended = threading.Event()  # the source has no more frames

@@ -12,6 +12,9 @@ from hopdata.errors import RecordingError
 from hopdata.jobs import whole_file
 from hopdata.steering.models.process import FrameChangeProcess
 
+# What reading a folder, a text, a picture, a single array or an archive of others ends in.
+FOREIGN = (OSError, KeyError, ValueError, TypeError, AttributeError, EOFError, BadZipFile)
+
 
 def save_process(path: str | Path, process: FrameChangeProcess) -> None:
     """Write a process; its fields are the arrays of the file."""
@@ -26,7 +29,7 @@ def load_process(path: str | Path) -> FrameChangeProcess:
     Raises
     ------
     RecordingError
-        If the file holds something else.
+        If the file is missing or holds something else.
     """
     names = [field.name for field in fields(FrameChangeProcess)]
     try:
@@ -35,7 +38,9 @@ def load_process(path: str | Path) -> FrameChangeProcess:
         arrays["smoothness"] = float(arrays["smoothness"])
         arrays["periodic"] = bool(arrays["periodic"])
         return FrameChangeProcess(**arrays)
-    except (KeyError, ValueError, EOFError, BadZipFile) as error:
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: expected a trained process, found no such file") from None
+    except FOREIGN as error:
         raise RecordingError(
             f"{path}: expected a trained process with {', '.join(names)}, found another file"
         ) from error

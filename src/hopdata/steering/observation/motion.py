@@ -42,6 +42,8 @@ class HopperMotion:
     residual : (N,) array
         m.
     status : (N,) array of str
+    tilt_rad : (N,) array
+        Angle between the body's z axis and the vertical, rad; NaN where unknown.
     """
 
     time: FloatArray
@@ -50,6 +52,7 @@ class HopperMotion:
     boom_angle_rad: FloatArray
     residual: FloatArray
     status: NDArray[np.str_]
+    tilt_rad: FloatArray
 
     @property
     def counts(self) -> dict[str, int]:
@@ -91,6 +94,7 @@ def hopper_motion(
         _boom_angles(recording, geometry, centre, fit.rotation),
         fit.residual_m,
         status,
+        np.where(known, np.arccos(np.clip(fit.rotation[:, 2, 2], -1, 1)), np.nan),
     )
 
 

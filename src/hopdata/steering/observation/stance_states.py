@@ -34,12 +34,15 @@ class StanceStates:
         rad, not wrapped; NaN where unknown.
     pairs : (P, 2) array of int
         Stances that are a hop apart.
+    tilt_rad : (K,) array
+        Tilt in the frame of the stance, rad; NaN where unknown.
     """
 
     time_s: FloatArray
     pose: FloatArray
     boom_angle_rad: FloatArray
     pairs: NDArray[np.int64]
+    tilt_rad: FloatArray
 
 
 def observe_stances(recording: Recording, geometry: HopperGeometry) -> StanceStates:
@@ -84,6 +87,7 @@ def stance_states(
         _poses(motion, stances, pose_half_s),
         _boom_angles(motion, stances, boom_s),
         stances.pairs,
+        motion.tilt_rad[stances.frame],
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.errors import ConfigError
 from hopdata.recordings.recording import Recording
 from hopdata.steering.plant.robot import SteeredHopper, marker_poses
 from hopdata.synthesis.floor import draw_floor
@@ -90,13 +91,17 @@ def record_trial(
         Who carries it back when it strays, and lets it go as the robot says if not given.
     name : str
         Name of the recording.
+
+    Raises
+    ------
+    ConfigError
+        If a swing is not a finite number, or there is none.
     """
     camera = camera or MotionCapture()
     operator = operator or Operator(
         release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s
     )
-    swings = np.fromiter(swings_rad, dtype=float)
-    swings = np.clip(swings, -robot.swing_limit_rad, robot.swing_limit_rad)
+    swings = np.clip(_numbers(swings_rad), -robot.swing_limit_rad, robot.swing_limit_rad)
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     kicks_rng, floor_rng, noise_rng, gaps_rng = streams
     trial = run_trial(
@@ -120,6 +125,20 @@ def record_trial(
         boom_angle_rad=_boom_angles(robot, trial),
         tilt_rad=np.arccos(np.cos(trial.states[:, 4]) * np.cos(trial.states[:, 5])),
     )
+
+
+def _numbers(swings_rad: Iterable[float]) -> FloatArray:
+    swings = list(swings_rad) if isinstance(swings_rad, Iterable) else swings_rad
+    try:
+        numbers = np.array(swings, dtype=float)
+    except (TypeError, ValueError):
+        numbers = np.array([np.nan])
+    if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
+        shown = str(swings)[:60]
+        raise ConfigError(
+            f"swings_rad: expected a list of one finite number or more, found {shown}"
+        )
+    return numbers
 
 
 def true_stances(robot: SteeredHopper, trial: Trial) -> TrueStances:

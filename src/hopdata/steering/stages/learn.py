@@ -19,6 +19,8 @@ from hopdata.steering.streams import TRAINING
 if TYPE_CHECKING:
     import pandas as pd
 
+LEFT_TO_TEST = 2  # hops: the fewest that have a variance
+
 
 def learn(
     changes: FrameChanges, options: Mapping[str, Any], *, seed: int
@@ -47,19 +49,7 @@ def learn(
     """
     import pandas as pd
 
-    hops, wanted = changes.used(), options["training_hops"]
-    if len(hops) < LEAST_HOPS + 2:
-        raise AnalysisError(
-            f"steering: expected at least {LEAST_HOPS + 2} hops with known pose and boom angle, to "
-            f"learn from and to test on, found {len(hops)} "
-            f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
-        )
-    if len(hops) < wanted + 2:
-        raise AnalysisError(
-            f"steering.model.training_hops: expected at most {max(0, len(hops) - 2)}, two fewer "
-            f"than the hops with known pose and boom angle, found {wanted} "
-            f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
-        )
+    hops, wanted = hops_to_learn_from(changes, options["training_hops"]), options["training_hops"]
     processes, rows = [], []
     for k in range(options["sets"]):
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(TRAINING, k)))
@@ -72,3 +62,26 @@ def learn(
         rows += score_rows(score, {"set": k + 1})
     sizes = {"training_hops": wanted, "test_hops": len(hops) - wanted}
     return processes, pd.DataFrame(rows).assign(**sizes)
+
+
+def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChanges:
+    """Return the hops that are used, if they suffice to learn from so many and to test on two.
+
+    Raises
+    ------
+    AnalysisError
+        With the number of hops that there are, and how many were left out for what.
+    """
+    hops = changes.used()
+    left_out = f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
+    if len(hops) < LEAST_HOPS + LEFT_TO_TEST:
+        raise AnalysisError(
+            f"steering: expected at least {LEAST_HOPS + LEFT_TO_TEST} hops that can be used, to "
+            f"learn from and to test on, found {len(hops)} {left_out}"
+        )
+    if len(hops) < training_hops + LEFT_TO_TEST:
+        raise AnalysisError(
+            f"steering.model.training_hops: expected at most {len(hops) - LEFT_TO_TEST}, two fewer "
+            f"than the {len(hops)} hops that can be used, found {training_hops} {left_out}"
+        )
+    return hops

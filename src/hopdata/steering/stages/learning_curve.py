@@ -17,6 +17,7 @@ from hopdata.steering.models.options import (
     WITH_PREVIOUS_SWING,
 )
 from hopdata.steering.models.smoothness import smoothness_scores
+from hopdata.steering.stages.learn import hops_to_learn_from
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,9 +67,11 @@ def learning_tables(
     Raises
     ------
     AnalysisError
-        If there are too few hops for the smallest size.
+        If there are too few hops for the smallest size or for `training_hops`; nothing has been
+        learned then.
     """
-    usable = int(np.isfinite(changes.used().previous_swing_rad).sum())
+    used = hops_to_learn_from(changes, training_hops)
+    usable = int(np.isfinite(used.previous_swing_rad).sum())
     sizes = [size for size in SIZES if size <= usable - LEAST_TESTED]
     if not sizes:
         raise AnalysisError(

@@ -14,7 +14,7 @@ from hopdata.steering.frame_changes import FrameChanges, frame_changes, joined
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.motion import HopperMotion, hopper_motion
-from hopdata.steering.observation.stance_states import stance_states
+from hopdata.steering.observation.stance_states import StanceStates, stance_states
 from hopdata.steering.observation.stances import Stances, find_stances
 
 if TYPE_CHECKING:
@@ -92,11 +92,12 @@ def _observed(recording: Recording, swing_limit_rad: float) -> Observed:
         states.pairs,
         swing_limit_rad=swing_limit_rad,
         recording=recording.name,
+        tilts_rad=states.tilt_rad,
     )
     return Observed(
         geometry,
         changes,
-        _stance_table(recording.name, stances, states.pose, states.boom_angle_rad),
+        _stance_table(recording.name, stances, states),
         _motion_table(recording.name, motion),
         [_counts(recording.name, motion, stances, changes)],
     )
@@ -116,17 +117,18 @@ def _counts(
     }
 
 
-def _stance_table(name: str, stances: Stances, pose: Any, boom_angle_rad: Any) -> pd.DataFrame:
+def _stance_table(name: str, stances: Stances, states: StanceStates) -> pd.DataFrame:
     import pandas as pd
 
-    x, y, heading = pose.T
+    x, y, heading = states.pose.T
     follows = np.zeros(len(stances.time_s), dtype=bool)
     follows[stances.pairs[:, 1]] = True
     return pd.DataFrame(
         {
             "recording": name, "frame": stances.frame, "time_s": stances.time_s,
             "height_m": stances.height_m, "x_m": x, "y_m": y, "heading_rad": heading,
-            "boom_angle_rad": boom_angle_rad, "follows": follows,
+            "boom_angle_rad": states.boom_angle_rad, "tilt_rad": states.tilt_rad,
+            "follows": follows,
         }
     )  # fmt: skip
 

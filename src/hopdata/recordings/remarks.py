@@ -1,0 +1,39 @@
+"""What is worth saying of a recording although it can be analysed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hopdata.recordings.quality.resting import high_feet
+from hopdata.recordings.recording import Recording
+from hopdata.recordings.span import body_over_feet, fraction_seen
+
+MISSING_NOTE_FRACTION = 0.1
+HIGH_FOOT = 0.2  # of the body's height over the feet: no mount and no floor is so uneven
+
+
+def notes(recording: Recording) -> list[str]:
+    """Remarks that do not stop the analysis: the reader's, markers often unseen, frames dropped.
+
+    Returns
+    -------
+    list of str
+        One line each.
+    """
+    remarks = list(recording.remarks)
+    remarks += [
+        f"{recording.place}: marker '{name}' is missing in {100 * (1 - fraction):.1f} % of frames"
+        for name, fraction in zip(recording.markers, fraction_seen(recording), strict=True)
+        if 1 - fraction > MISSING_NOTE_FRACTION
+    ]
+    high = HIGH_FOOT * body_over_feet(recording)[2]
+    remarks += [
+        f"{recording.place}: {remark}; does it touch the ground?"
+        for remark in high_feet(recording.feet[:, :, 2], recording.names("foot"), above_m=high)
+    ]
+    steps = np.diff(recording.time) * recording.rate_hz
+    dropped = int(np.sum(np.round(steps[steps > 1.5]) - 1))
+    if dropped:
+        frames = "1 frame is" if dropped == 1 else f"{dropped} frames are"
+        remarks.append(f"{recording.place}: {frames} missing between the time stamps")
+    return remarks
