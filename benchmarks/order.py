@@ -1,3 +1,4 @@
+# ruff: noqa: ARG001 (the integrator prescribes the signature of a field)
 """Order of the printed method and of ours on table 4.3, and Theorem 4.2.1 in numbers.
 
     python benchmarks/order.py --out order.csv
@@ -33,7 +34,7 @@ from numpy.typing import NDArray
 from restarted import restarted
 from scipy.integrate import RK45
 
-from hopdata.hybrid import solve
+from hopdata.hybrid import System, field, solve
 from hopdata.hybrid.printed import Dopri5, PrintedOptions, Stepping, integrate, region_of
 from hopdata.hybrid.printed.known_event import turning_point
 from hopdata.hybrid.printed.order import fit_limit, fit_order
@@ -115,6 +116,31 @@ def shortest_piece() -> float:
     """Return the shortest time between two events, or an event and start or end."""
     times = solve(octant(), T_SPAN, INITIAL_STATE).events.time
     return float(np.diff([T_SPAN[0], *times, T_SPAN[1]]).min())
+
+
+@field
+def growth(
+    t: float, y: FloatArray, mode: NDArray[np.int64], params: FloatArray, dy: FloatArray
+) -> None:
+    dy[0] = 10.0 * y[0] + 1.0  # as x does after the last event
+
+
+def report_without_events(runs: int) -> None:
+    """Print the order of DOPRI5 on the last piece alone, from x = 0 on, without any guard."""
+    system = System(growth, n_states=1)
+    span = (0.0, T_SPAN[1] - float(solve(octant(), T_SPAN, INITIAL_STATE).events.time[-1]))
+
+    def run(max_step: float, first_step: float) -> FloatArray:
+        steps = {"max_step": max_step, "first_step": first_step}
+        return solve(system, span, [0.0], method="dopri5", **LOOSE, **steps).y_end
+
+    steps, exact = np.geomspace(LONGEST, SHORTEST, OUR_STEPS), np.expm1([10.0 * span[1]]) / 10.0
+    errors = np.array([error_rms(run, step, exact, runs) for step in steps])
+    fit, limit = fit_order(steps, errors), fit_limit(steps, errors, span[1])
+    print(
+        f"hopdata, dopri5, without events: order {fit.order:5.2f} +- {fit.standard_error:.2f}, "
+        f"in the limit {limit.order:5.2f} +- {limit.standard_error:.2f}"
+    )
 
 
 def order_rows(name: str, run: Run, count: int, exact: FloatArray, runs: int) -> pd.DataFrame:
@@ -215,6 +241,7 @@ def main() -> None:
     ]
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     pd.concat(tables).to_csv(arguments.out, index=False)
+    report_without_events(arguments.runs)
     theorem = theorem_table()
     report_theorem(theorem)
     theorem.to_csv(arguments.out.with_name("theorem.csv"), index=False)

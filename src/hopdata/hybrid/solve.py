@@ -130,14 +130,14 @@ def _run(methods: MethodTable, work: Workspace, options: tuple[float, ...], flag
     if methods.generic and methods.steps >= table.WORTH_COMPILING:
         methods.specialise()
     with Caught() as caught:
-        status = drive(work.desk, *options, flags)
+        status = drive(work.desk_address, *options, flags)
         while status in UNFINISHED and not caught:
             if status == NEEDS_ROOM:
                 work.enlarge()
             elif status == NEEDS_METHOD:
                 methods.provide(int(work.counts[METHOD]))
             methods.specialise(int(work.counts[STEPS]))
-            status = drive(work.desk, *options, flags | RESUMED)
+            status = drive(work.desk_address, *options, flags | RESUMED)
     if methods.generic:
         methods.steps += work.counts.item(STEPS)
     if caught:

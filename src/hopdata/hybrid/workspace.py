@@ -53,6 +53,8 @@ class Workspace:
     ----------
     clock, counts, mode, state : array
         The driver's times and counters, and mode and state as they are now.
+    desk_address : int
+        Where the desk stands.
     widths : Widths
         Lengths of what is copied out.
     """
@@ -71,6 +73,7 @@ class Workspace:
         self.guard_names = guard_names
         self.desk = np.zeros(layout.DESK_SLOTS, dtype=np.int64)
         self.desk[: len(addresses)] = addresses
+        self.desk_address = self.desk.ctypes.data
         self._n_memory = n_memory
         self._make_clockwork(n_modes)
         self._make_states(layout.W1, n_states)

@@ -7,7 +7,7 @@ where x is the fraction of the step and r = 1 - x (as in Hairer's dense outputs)
 from __future__ import annotations
 
 from hopdata.hybrid.compiled.calls import call_interpolant
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.driver.layout import (
     DEGREE,
     IN_POWERS,
@@ -25,6 +25,10 @@ from hopdata.hybrid.driver.layout import (
 )
 from hopdata.hybrid.driver.problem import Problem
 
+# Where events are dense a step costs little more than its interpolant: with this number as a
+# constant the loops over its coefficients become straight lines.
+LAST_OF_DOPRI5 = 3
+
 
 @kernel
 def prepare_interpolant(p: Problem, m: Memory, dt: float) -> None:
@@ -41,8 +45,8 @@ def prepare_interpolant(p: Problem, m: Memory, dt: float) -> None:
 @kernel
 def interpolate(p: Problem, m: Memory, theta: float, target: int) -> None:
     """Write the state at the fraction `theta` of the step into a row of the states."""
-    s, method, last = m.states, m.counts[METHOD], m.counts[DEGREE] - 1
-    rest = theta if p.methods[method, IN_POWERS] != 0 else 1.0 - theta
+    s, last = m.states, m.counts[DEGREE] - 1
+    rest = theta if p.methods[m.counts[METHOD], IN_POWERS] != 0 else 1.0 - theta
     for i in range(s.width):
         value = s[P1 + last, i]
         for j in range(last - 1, -1, -1):
@@ -53,10 +57,32 @@ def interpolate(p: Problem, m: Memory, theta: float, target: int) -> None:
 @kernel
 def interpolate_with_slope(p: Problem, m: Memory, theta: float, dt: float) -> None:
     """Write the state at `theta` into SCRATCH, and its time derivative into SLOPE."""
-    s, method, last = m.states, m.counts[METHOD], m.counts[DEGREE] - 1
-    in_powers = p.methods[method, IN_POWERS] != 0
-    rest = theta if in_powers else 1.0 - theta
-    turn = 1.0 if in_powers else -1.0
+    last = m.counts[DEGREE] - 1
+    if p.methods[m.counts[METHOD], IN_POWERS] != 0:
+        sum_powers(m, theta, dt, last)
+    elif last == LAST_OF_DOPRI5:
+        sum_alternating(m, theta, dt, LAST_OF_DOPRI5)
+    else:
+        sum_alternating(m, theta, dt, last)
+
+
+@kernel_in_loop
+def sum_powers(m: Memory, theta: float, dt: float, last: int) -> None:
+    """Sum an interpolant in powers of theta, and its derivative."""
+    s = m.states
+    for i in range(s.width):
+        value, slope = s[P1 + last, i], 0.0
+        for j in range(last - 1, -1, -1):
+            slope = value + theta * slope
+            value = s[P1 + j, i] + theta * value
+        s[SCRATCH, i] = s[Y, i] + theta * value
+        s[SLOPE, i] = (value + theta * slope) / dt
+
+
+@kernel_in_loop
+def sum_alternating(m: Memory, theta: float, dt: float, last: int) -> None:
+    """Sum an interpolant in theta and 1 - theta by turns, and its derivative."""
+    s, rest = m.states, 1.0 - theta
     for i in range(s.width):
         value, slope = s[P1 + last, i], 0.0
         for j in range(last - 1, -1, -1):
@@ -64,7 +90,7 @@ def interpolate_with_slope(p: Problem, m: Memory, theta: float, dt: float) -> No
                 slope = value + theta * slope
                 value = s[P1 + j, i] + theta * value
             else:
-                slope = turn * value + rest * slope
+                slope = rest * slope - value
                 value = s[P1 + j, i] + rest * value
         s[SCRATCH, i] = s[Y, i] + theta * value
         s[SLOPE, i] = (value + theta * slope) / dt

@@ -14,40 +14,58 @@ from numba import cfunc, njit, types
 from hopdata.hybrid.compiled.cache import cache_directory
 from hopdata.hybrid.compiled.calls import VALUE, caller
 from hopdata.hybrid.compiled.digest import driver_digest
-from hopdata.hybrid.compiled.views import address_of, int_vector, view
-from hopdata.hybrid.driver.layout import DESK_SLOTS, RUN, IntArray
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.views import IntVector, float_vector, int_vector
+from hopdata.hybrid.driver.layout import (
+    DESK_SLOTS,
+    EACH_STEP,
+    EVERY_STEP,
+    FIRST_STEP,
+    MAX_EVENTS,
+    MAX_STEP,
+    MAX_STEPS,
+    RTOL,
+    RUN,
+    T_END,
+    T_START,
+)
 from hopdata.hybrid.driver.loop import run
 
-_INT, _FLOAT, _INTS = types.int64, types.float64, types.int64[::1]
+_INT, _FLOAT = types.int64, types.float64
 
 # t_start, t_end, rtol, max_step, step, max_steps, max_events; then the flags
 OPTIONS = (_FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT)
-RUN_NATIVE = _INT(_INT, *OPTIONS, _INT)
-ENTER_NATIVE = _INT(_INTS, *OPTIONS, _INT)
+RUN_NATIVE = _INT(_INT, _INT)
+ENTER_NATIVE = _INT(_INT, *OPTIONS, _INT)
 
 call_run = caller(RUN_NATIVE, *((kind, VALUE) for kind in RUN_NATIVE.args))
 
 
-def _run(
-    desk: int, t_start: float, t_end: float, rtol: float, max_step: float, step: float,
+@kernel
+def ask(
+    address: int, t_start: float, t_end: float, rtol: float, max_step: float, step: float,
     max_steps: int, max_events: int, flags: int,
-) -> int:  # fmt: skip
+) -> IntVector:  # fmt: skip
+    """Write on the desk what is asked for; return the desk."""
+    desk, numbers = int_vector(address, DESK_SLOTS), float_vector(address, DESK_SLOTS)
+    numbers[T_START], numbers[T_END], numbers[RTOL] = t_start, t_end, rtol
+    numbers[MAX_STEP], numbers[FIRST_STEP] = max_step, step
+    desk[MAX_STEPS], desk[MAX_EVENTS], desk[EACH_STEP] = max_steps, max_events, flags & EVERY_STEP
+    return desk
+
+
+def _run(desk: int, flags: int) -> int:
     """Run the driver on what stands on the desk at this address."""
-    return run(
-        int_vector(desk, DESK_SLOTS), t_start, t_end, rtol, max_step, step, max_steps, max_events,
-        flags,
-    )  # fmt: skip
+    return run(int_vector(desk, DESK_SLOTS), flags)
 
 
 def _enter(
-    desk: IntArray, t_start: float, t_end: float, rtol: float, max_step: float, step: float,
+    desk: int, t_start: float, t_end: float, rtol: float, max_step: float, step: float,
     max_steps: int, max_events: int, flags: int,
 ) -> int:  # fmt: skip
-    """Run the driver."""
-    return call_run(
-        desk[RUN], address_of(view(desk)), t_start, t_end, rtol, max_step, step, max_steps,
-        max_events, flags,
-    )  # fmt: skip
+    """Run the driver on the desk at this address."""
+    slots = ask(desk, t_start, t_end, rtol, max_step, step, max_steps, max_events, flags)
+    return call_run(slots[RUN], desk, flags)
 
 
 @cache

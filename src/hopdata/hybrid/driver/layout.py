@@ -141,10 +141,14 @@ CLOCK_SLOTS = 14
 COUNT_SLOTS = 18
 
 
-# Slots of the desk: addresses of the callbacks and of the driver, room for steps and events, then
-# address and width of each array.
+# Slots of the desk: addresses of the callbacks and of the driver, room for steps and events, what
+# is asked for (numbers with a fraction in the memory of integers; whether each step is written
+# down), then address and width of each array.
 FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS = index_numbers(8)
-DESK_ARRAYS, N_DESK_ARRAYS = 8, 17
+T_START, T_END, RTOL, MAX_STEP, FIRST_STEP, MAX_STEPS, MAX_EVENTS, EACH_STEP = DESK_ASKED = (
+    8 + index_numbers(8)
+)
+DESK_ARRAYS, N_DESK_ARRAYS = 16, 17
 
 # Columns of the log: one row holds an event, as time, guard, direction, state before and after its
 # handler, and mode; integers stand in the memory of floats.

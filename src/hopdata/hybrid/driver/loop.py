@@ -24,7 +24,6 @@ from hopdata.hybrid.driver.layout import (
     END,
     EVENT_ROWS,
     EVENTS,
-    EVERY_STEP,
     GIVEN_MODE,
     GUARD_ROWS,
     H0,
@@ -133,7 +132,7 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
 
 
 @kernel
-def clear(m: Memory, t: float, step: float) -> bool:
+def clear(p: Problem, m: Memory) -> bool:
     """Make the memory that of an integration from the state in Y; tell whether that is finite."""
     for row in range(GUARD_ROWS):
         fill_row(m.guards, row, 0.0)
@@ -145,9 +144,9 @@ def clear(m: Memory, t: float, step: float) -> bool:
     m.counts[CULPRIT], m.counts[N_AWAKE] = -1, m.flags.width
     for slot in range(CLOCK_SLOTS):
         m.clock[slot] = 0.0
-    m.clock[T], m.clock[SEGMENT], m.clock[INSTANT] = t, t, -np.inf
+    m.clock[T], m.clock[SEGMENT], m.clock[INSTANT] = p.t_start, p.t_start, -np.inf
     m.clock[MOTION] = np.inf
-    m.clock[NEXT_DT], m.clock[LAST_LOG_ERROR] = step, LOG_ERROR_FLOOR
+    m.clock[NEXT_DT], m.clock[LAST_LOG_ERROR] = p.first_step, LOG_ERROR_FLOOR
     return first_not_finite(m.states, Y) < 0
 
 
@@ -179,19 +178,14 @@ def lacks_room(m: Memory, out: Output, log: Log) -> bool:
 
 
 @kernel
-def run(
-    desk: IntVector, t_start: float, t_end: float, rtol: float, max_step: float, step: float,
-    max_steps: int, max_events: int, flags: int,
-) -> int:  # fmt: skip
+def run(desk: IntVector, flags: int) -> int:
     """Integrate until something ends it, or needs room; return a status."""
-    m, log = desk_memory(desk), desk_log(desk)
-    p = desk_problem(desk, rtol, max_step, t_end)
-    out = desk_output(desk, flags & EVERY_STEP != 0)
+    p, m, out, log = desk_problem(desk), desk_memory(desk), desk_output(desk), desk_log(desk)
     status = RUNNING
     if flags & RESUMED == 0:
         for k in range(p.mode.width if flags & GIVEN_MODE == 0 else 0):
             p.mode[k] = 0
-        status = start(p, m, out, log) if clear(m, t_start, step) else BAD_START
+        status = start(p, m, out, log) if clear(p, m) else BAD_START
     pause = m.counts[STEPS] + STEPS_PER_CALL
     while status == RUNNING:
         if m.clock[T] >= p.t_end:
@@ -202,9 +196,9 @@ def run(
             return NEEDS_METHOD
         if m.counts[STEPS] >= pause:
             return PAUSED
-        if m.counts[STEPS] >= max_steps:
+        if m.counts[STEPS] >= p.max_steps:
             return TOO_MANY_STEPS
-        if m.counts[EVENTS] >= max_events:
+        if m.counts[EVENTS] >= p.max_events:
             return TOO_MANY_EVENTS
         status = advance(p, m, out, log)
     return status

@@ -14,7 +14,7 @@ from hopdata.hybrid.compiled.views import (
     int_vector,
     view,
 )
-from hopdata.hybrid.driver.entry import OPTIONS, call_run, compiled_entry
+from hopdata.hybrid.driver.entry import OPTIONS, ask, call_run, compiled_entry
 from hopdata.hybrid.driver.layout import (
     CLOCK,
     COUNTS,
@@ -66,6 +66,7 @@ def _enter_many(
     count, state = int_vector(desk[COUNTS], 0), float_table(desk[STATE_TABLE], n)
     phi, n_wanted = float_table(desk[TANGENT_TABLE], n), desk[WANTED + 1]
     here, own = address_of(view(desk)), float_vector(desk[PARAMS], n_params)
+    ask(here, t_start, t_end, rtol, max_step, step, max_steps, max_events, GIVEN_MODE)
     for b in range(first, last):
         for i in range(n_params):
             own[i] = params[b % len(params), i]
@@ -78,16 +79,10 @@ def _enter_many(
                 phi[i, j] = 1.0 if i == j else 0.0
         for i in range(n):
             state[Y, i] = y0[b, i]
-        code = call_run(
-            desk[RUN], here, t_start, t_end, rtol, max_step, step, max_steps, max_events,
-            GIVEN_MODE,
-        )  # fmt: skip
+        code = call_run(desk[RUN], here, GIVEN_MODE)
         while code in (NEEDS_ROOM, PAUSED):
             count[EVENT_ROWS] = 0 if code == NEEDS_ROOM else count[EVENT_ROWS]
-            code = call_run(
-                desk[RUN], here, t_start, t_end, rtol, max_step, step, max_steps, max_events,
-                RESUMED,
-            )  # fmt: skip
+            code = call_run(desk[RUN], here, RESUMED)
         if code == NEEDS_METHOD:
             return b
         status[b, 0], ends[b, 0] = code, clock[T]

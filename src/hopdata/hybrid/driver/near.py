@@ -1,13 +1,15 @@
 """The guards that a step may concern: of many, only these few are looked at closely.
 
 Left out are guards whose cubic, through values and rates at both ends of the step, stays clear of
-their surface, and at an instant those that have not come to it.
+their surface, at an instant those that have not come to it, and before a step those that will not,
+by what is known at its start.
 """
 
 from __future__ import annotations
 
 from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.driver.layout import (
+    BEND,
     CLEARANCE,
     H0,
     H1,
@@ -36,32 +38,57 @@ def clearance(g0: float, d0: float, g1: float, d1: float) -> float:
     return lowest - GRAZE * max(g0, g1)
 
 
+@kernel
+def after(g: float, d: float, c: float, dt: float) -> float:
+    """Return the least that a margin with this rate and bend can be within `dt`."""
+    return g + dt * (min(d, 0.0) + 0.5 * dt * min(c, 0.0))
+
+
+@kernel_in_loop
+def gather_unclear(p: Problem, m: Memory) -> int:
+    """Put the guards that have no clearance into NEAR; return how many they are.
+
+    The clearance of all is worked out before, in a loop of its own, which is compiled into vector
+    instructions where this one is not.
+    """
+    count = 0
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        m.lists[NEAR, count] = k
+        count += 0 if m.guards[CLEARANCE, k] > 0.0 else 1
+    m.counts[N_NEAR] = count
+    return count
+
+
 @kernel_in_loop
 def gather_near(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that may flip within the step into NEAR; return how many they are."""
-    g, count = m.guards, 0
-    for a in range(m.counts[N_AWAKE]):  # vectorised, where the next loop is not
+    g = m.guards
+    for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
         lock = p.mode[k]
         g[CLEARANCE, k] = clearance(
             lock * g[H0, k], lock * g[RATE0, k] * dt, lock * g[H1, k], lock * g[RATE1, k] * dt
         )
-    for a in range(m.counts[N_AWAKE]):
-        k = awake(p, m, a)
-        m.lists[NEAR, count] = k
-        count += 0 if g[CLEARANCE, k] > 0.0 else 1
-    m.counts[N_NEAR] = count
-    return count
+    return gather_unclear(p, m)
 
 
 @kernel_in_loop
 def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
     """Put the guards that are at their surface or past it, by rows `h` and `rate`, into NEAR."""
-    g, count = m.guards, 0
+    g = m.guards
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
-        reached = p.mode[k] * g[h, k] <= blur(g[SIZE, k], g[rate, k], resolution)
-        m.lists[NEAR, count] = k
-        count += 1 if reached else 0
-    m.counts[N_NEAR] = count
-    return count
+        g[CLEARANCE, k] = p.mode[k] * g[h, k] - blur(g[SIZE, k], g[rate, k], resolution)
+    return gather_unclear(p, m)
+
+
+@kernel
+def gather_coming(p: Problem, m: Memory, dt: float) -> int:
+    """Put the guards that rate and bend would take to their surface within `dt` into NEAR."""
+    g = m.guards
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        lock = p.mode[k]
+        g[CLEARANCE, k] = after(lock * g[H0, k], lock * g[RATE0, k], lock * g[BEND, k], dt)
+    return gather_unclear(p, m)

@@ -10,7 +10,8 @@ from __future__ import annotations
 from math import sqrt
 
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.driver.layout import BEND, GAP, H0, H1, N_AWAKE, RATE0, RATE1, Memory, T
+from hopdata.hybrid.driver.layout import BEND, GAP, H0, H1, N_AWAKE, NEAR, RATE0, RATE1, Memory, T
+from hopdata.hybrid.driver.near import after, gather_coming
 from hopdata.hybrid.driver.problem import Problem, awake
 from hopdata.hybrid.driver.sleep import wake_for
 from hopdata.hybrid.driver.surface import time_resolution
@@ -67,12 +68,17 @@ def clipped_by_awake(p: Problem, m: Memory, dt: float) -> float:
     """Return `dt`, or a little more than the time to the first flip that is predicted before."""
     soon = SOON * m.clock[GAP]
     if soon < dt:
-        for a in range(m.counts[N_AWAKE]):
-            soon = clipped_by(p, m, awake(p, m, a), soon)
-        if soon < SOON * m.clock[GAP]:
-            return soon
-    for a in range(m.counts[N_AWAKE]):
-        dt = clipped_by(p, m, awake(p, m, a), dt)
+        first = clipped_by_coming(p, m, soon)
+        if first < soon:
+            return first
+    return clipped_by_coming(p, m, dt)
+
+
+@kernel
+def clipped_by_coming(p: Problem, m: Memory, dt: float) -> float:
+    """Return `dt`, or a little more than the time to the first flip before it."""
+    for a in range(gather_coming(p, m, dt)):
+        dt = clipped_by(p, m, m.lists[NEAR, a], dt)
     return dt
 
 
@@ -81,7 +87,7 @@ def clipped_by(p: Problem, m: Memory, k: int, dt: float) -> float:
     """Return `dt`, or a little more than the time to the flip of guard k if that is before."""
     g, lock = m.guards, p.mode[k]
     value, rate, bend = lock * g[H0, k], lock * g[RATE0, k], lock * g[BEND, k]
-    if value + dt * (min(rate, 0.0) + 0.5 * dt * min(bend, 0.0)) > 0.0:
+    if after(value, rate, bend, dt) > 0.0:
         return dt
     time = OVERSHOOT * flip_time(max(value, 0.0), rate, bend)
     least = CLIP_MOST * time_resolution(m.clock[T], 0.0)

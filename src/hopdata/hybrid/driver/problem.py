@@ -51,6 +51,10 @@ class Problem(NamedTuple):
     t_end: float
     tangent: FloatTable  # the flow's Jacobian, and room for it
     first_order: bool  # whether it is wanted
+    t_start: float
+    first_step: float  # 0: to be chosen
+    max_steps: int
+    max_events: int
 
 
 @kernel

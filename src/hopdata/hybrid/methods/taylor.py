@@ -17,9 +17,10 @@ same. The degree that was needed is left in INFO.
 
 from __future__ import annotations
 
-from math import inf, nan
+from math import inf, nan, sqrt
 from typing import Any
 
+from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.views import FloatTable, FloatVector
 from hopdata.hybrid.methods.rows import (
     END,
@@ -46,6 +47,8 @@ B, WEIGHT, INFO, A = W1, W1 + 1, W1 + 2, W1 + 3
 
 EPS = 2.0**-52
 SHARP = 64 * EPS  # relative tolerance to which looser ones are tightened
+EARLY = 8  # terms, after which a step that is
+FAR_TOO_LONG = 1e15  # times as wrong as allowed shows it
 TINY = 1e-300
 
 
@@ -93,15 +96,18 @@ def step(
         s[P1, i] = term
         s[WEIGHT, i] = 1.0 / max(rtol * max(abs(s[Y, i]), abs(term)) + atol[i], TINY)
         last += abs(term) * s[WEIGHT, i]
+    sharper = max(rtol / SHARP, 1.0)
     negligible = EPS / 8.0 / max(rtol, EPS)
     k = 1
     # Sums, not maxima, as NaN survives in them; and two terms, as one kind of state may rest.
     while k < DEGREE and last != 0.0 and not (last + before <= negligible):
+        if k == EARLY and left_out(k, last, before, older) * sharper > FAR_TOO_LONG:
+            break
         scale = dt / (k + 1)
         older, before, last = before, last, 0.0
         for i in range(N):
-            total = 0.0
-            for j in range(N):
+            total = s[A + i, 0] * s[P1 + k - 1, 0]
+            for j in range(1, N):
                 total += s[A + i, j] * s[P1 + k - 1, j]
             term = scale * total
             s[P1 + k, i] = term
@@ -118,14 +124,23 @@ def step(
         for j in range(N):
             total += s[A + i, j] * s[END, j]
         s[KEND, i] = total + s[B, i]
+    return left_out(k, last, before, older) * sharper
+
+
+@kernel
+def left_out(k: int, last: float, before: float, older: float) -> float:
+    """Return the first term beyond the highest degree, by the last three of k terms.
+
+    They fall like z^k / k!, with z from every second of them: they may alternate.
+    """
     if last == 0.0:
         return 0.0
-    # Terms fall like z^k / k!, with z from every second of them: they may alternate.
-    z = (k * (k - 1) * last / older) ** 0.5
-    error = max(last, before * z / k) * max(rtol / SHARP, 1.0)
-    for m in range(k + 1, ORDER + 1):
-        error *= z / m
-    return error
+    squared = k * (k - 1) * last / older
+    z = sqrt(squared)
+    error = max(last, before * z / k)
+    for m in range(k + 1, ORDER, 2):
+        error *= squared / (m * (m + 1))
+    return error * z / ORDER if (ORDER - k) % 2 == 1 else error
 
 
 def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any) -> int:
