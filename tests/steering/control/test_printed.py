@@ -85,7 +85,7 @@ def test_an_unknown_gradient_is_refused():
 
 
 def test_an_unknown_start_is_refused():
-    with pytest.raises(ConfigError, match="start: expected one of either side, previous swing"):
+    with pytest.raises(ConfigError, match="start: expected one of several, previous swing"):
         PrintedController(model=MODEL, start="home")
 
 
@@ -101,13 +101,40 @@ def test_the_search_begins_where_it_is_told():
         np.testing.assert_array_equal(first.swings_rad, np.full(3, Horizon().swing_limit_rad / 2))
 
 
-def test_a_search_from_either_side_finds_the_better_of_two_dips():
+def test_a_search_from_several_starts_finds_the_better_of_two_dips():
     """The goal lies to the left or to the right, and the search cannot cross the ridge between."""
     for side in (1.0, -1.0):
         controller = PrintedController(model=Ridge(side), horizon=Horizon(hops=1))
         assert np.sign(controller.plan([-1.0, 0.0, 0.0], 0.0).swing_rad) == side
     once = replace(controller, start="previous swing")
     assert once.plan([-1.0, 0.0, 0.0], 0.0, 0.5).swing_rad > 0
+
+
+def test_the_last_swing_is_a_start_beside_the_three_that_are_fixed():
+    """Both kinds of starts are searched; one that is there already is not searched twice."""
+    asked = Asked()
+    controller = PrintedController(model=asked, gradient="closed form", horizon=Horizon(hops=1))
+    limit = controller.horizon.swing_limit_rad
+    controller.plan(np.ones(3), 2.0, 0.3)
+    np.testing.assert_array_equal(asked.swings, [limit / 2, 0.0, -limit / 2, 0.3])
+    asked.swings.clear()
+    controller.plan(np.ones(3), 2.0)
+    np.testing.assert_array_equal(asked.swings, [limit / 2, 0.0, -limit / 2])
+
+
+@pytest.mark.parametrize("objective", OBJECTIVES)
+def test_several_starts_find_no_worse_a_plan_than_any_one_of_them(objective):
+    controller = PrintedController(model=MODEL, objective=objective, gradient="closed form")
+    poses, booms = random_states(10, 4)
+    for pose, boom, swing in zip(poses, booms, np.linspace(-LIMIT, LIMIT, 10), strict=True):
+        several = controller.plan(pose, boom, swing).objective
+        rest = replace(controller, start="rest").plan(pose, boom, swing)
+        # With half the limit as the last swing, the single start is one of the fixed three.
+        singles = [
+            replace(controller, start="previous swing").plan(pose, boom, again)
+            for again in (swing, *np.array([0.5, -0.5]) * controller.horizon.swing_limit_rad)
+        ]
+        assert several == min(one.objective for one in (rest, *singles))
 
 
 class Ridge:
@@ -119,6 +146,20 @@ class Ridge:
     def change(self, _boom_angle, swing):
         ahead = 0.1 * swing**2 + 0.02 * self.side * swing
         return np.column_stack([ahead, 0 * ahead, 0 * ahead])
+
+
+class Asked:
+    """A hopper that never moves, and remembers the swings that it was asked for a slope at."""
+
+    def __init__(self):
+        self.swings = []
+
+    def change(self, boom_angle, _swing):
+        return np.zeros((len(boom_angle), 3))
+
+    def change_and_gradient(self, boom_angle, swing):
+        self.swings.append(float(swing[0]))
+        return np.zeros((len(boom_angle), 3)), np.zeros((len(boom_angle), 3, 2))
 
 
 class Flat:

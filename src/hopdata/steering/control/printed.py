@@ -25,7 +25,7 @@ from hopdata.steering.se2 import composed, wrapped
 FloatArray = NDArray[np.float64]
 
 GRADIENTS = ("numerical", "closed form")
-STARTS = ("either side", "previous swing", "rest")
+STARTS = ("several", "previous swing", "rest")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,18 +42,19 @@ class PrintedController:
     gradient : {"numerical", "closed form"}
         Differences of the objective, as scipy takes them if given none; or the chain rule
         through the model's own gradient.
-    start : {"either side", "previous swing", "rest"}
-        Where the search begins, which the text does not say. With half the limit to the left, with
-        none, and with half the limit to the right, of which the best end counts: the search
-        descends, and does not find the other way round by itself. Or once, with the last swing made
-        again and again (half the limit if there was none, or it is not known), or with none.
+    start : {"several", "previous swing", "rest"}
+        Where the search begins, which the text does not say. Either from several starts, of which
+        the best end counts, since the search descends and does not find the other way round by
+        itself: half the limit to the left, none, half the limit to the right, and the last swing
+        made again and again. Or once: with the last swing again (half the limit if there was none,
+        or it is not known), or with none.
     """
 
     model: FrameChangeMap
     objective: Objective = field(default_factory=ToPoint)
     horizon: Horizon = field(default_factory=Horizon)
     gradient: str = "numerical"
-    start: str = "either side"
+    start: str = "several"
 
     def __post_init__(self) -> None:
         require_choice("gradient", self.gradient, GRADIENTS)
@@ -95,9 +96,10 @@ class PrintedController:
     def _first_swings(self, previous_swing_rad: float | None) -> tuple[float, ...]:
         """Return the swings of all hops at which the searches begin."""
         limit = self.horizon.swing_limit_rad
-        if self.start == "either side":
-            return limit / 2, 0.0, -limit / 2
-        return (0.0 if self.start == "rest" else _swing_again(previous_swing_rad, limit),)
+        again = _swing_again(previous_swing_rad, limit)
+        if self.start == "several":  # each start once
+            return tuple(dict.fromkeys((limit / 2, 0.0, -limit / 2, again)))
+        return (0.0 if self.start == "rest" else again,)
 
 
 def _descended(
