@@ -17,9 +17,10 @@ and the starts take turns with three of them. Poses are measured with noise. Suc
 Intervals are Clopper and Pearson's of 95 %. `hops_ratio` is the mean number of hops to the goal
 over that with the true map, both of the starts from which both arrived.
 
-`steering_replanning.csv`: plans from random states within 1 m and any boom angle, half of them
-towards the origin and half to a heading. `excess` is over the lowest objective on a dense grid
-and after scipy's polish, m or rad; more than 1e-3 is bad. Times are CPU times of one thread.
+`steering_replanning.csv`: plans from random states within 1 m, any boom angle and any last swing,
+half of them towards the origin and half to a heading. `excess` is over the lowest objective on a
+dense grid and after scipy's polish, m or rad; more than 1e-3 is bad. Times are CPU times of one
+thread.
 
 `steering_turns.csv`: the largest turn that any swings make of the true map, without noise, by the
 number of hops, with the boom in neutral at first or at the best angle.
@@ -215,7 +216,7 @@ def replanning_table(found: Maps, plans: int, slow_plans: int, seed: int) -> pd.
         ),
     }
     goals = (ToPoint(), ToHeading())
-    poses, booms = random_states(plans, seed)
+    poses, booms, swings = random_states(plans, seed)
     best = [
         reference_objective(table, goals[k % 2], Horizon(), poses[k], booms[k])
         for k in range(plans)
@@ -223,33 +224,32 @@ def replanning_table(found: Maps, plans: int, slow_plans: int, seed: int) -> pd.
     rows = []
     for name, (make, count) in methods.items():
         controllers = [make(goal) for goal in goals]
-        rows += replanning_rows(name, controllers, poses, booms, np.array(best), count)
+        states = list(zip(poses, booms, swings, strict=True))[:count]
+        rows += replanning_rows(name, controllers, states, np.array(best[:count]))
     rows.append(planner_row(planner(table), poses, booms))
     return pd.DataFrame(rows)
 
 
-def random_states(n: int, seed: int) -> tuple[FloatArray, FloatArray]:
-    """Poses (n, 3) and boom angles (n,)."""
+def random_states(n: int, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Poses (n, 3), boom angles (n,) and last swings (n,)."""
     rng = np.random.default_rng(np.random.SeedSequence([seed, 3]))
     poses = rng.uniform(-1, 1, (n, 3)) * np.array([1.0, 1.0, np.pi])
-    return poses, rng.uniform(0, 2 * np.pi, n)
+    return poses, rng.uniform(0, 2 * np.pi, n), rng.uniform(-LIMIT, LIMIT, n)
 
 
 def replanning_rows(
     name: str,
     controllers: list[Any],
-    poses: FloatArray,
-    booms: FloatArray,
+    states: list[tuple[FloatArray, float, float]],
     best: FloatArray,
-    count: int,
 ) -> list[dict[str, Any]]:
     """Rows for both goals."""
     for controller in controllers:
-        controller.plan(poses[0], booms[0])
-    times, excess = np.empty(count), np.empty(count)
-    for k in range(count):
+        controller.plan(*states[0])
+    times, excess = np.empty(len(states)), np.empty(len(states))
+    for k, state in enumerate(states):
         controller = controllers[k % 2]
-        times[k], plan = timed(lambda c=controller, k=k: c.plan(poses[k], booms[k]))
+        times[k], plan = timed(lambda c=controller, state=state: c.plan(*state))
         excess[k] = plan.objective - best[k]
     rows = []
     for goal, chosen in {"to point": slice(0, None, 2), "to heading": slice(1, None, 2)}.items():
