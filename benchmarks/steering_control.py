@@ -58,6 +58,7 @@ from hopdata.steering.experiments.closed_loop import ClosedLoopTrial, PoseNoise,
 from hopdata.steering.experiments.intervals import rate_interval
 from hopdata.steering.experiments.tasks import ORIGIN, TURN, Task, errors_of, judged
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated, turn_nodes
+from hopdata.steering.plant.robot import SteeredHopper
 
 FloatArray = NDArray[np.float64]
 OFF = {
@@ -87,25 +88,29 @@ def first_below(errors: FloatArray, bound: float) -> float:
     return float(within[0]) if len(within) else np.nan
 
 
-def to_origin(controller: Controller, task: str, number: int, seed: int) -> Run:
+def to_origin(
+    controller: Controller, task: str, number: int, seed: int, robot: SteeredHopper = ROBOT
+) -> Run:
     """One trial from 1 m."""
     start = start_facing(number, OFF[task], seed)
     wanted = trial_task(task)
     trial = closed_loop(
-        ROBOT, controller, start, hops=wanted.most_hops, seed=[seed, number, 1],
+        robot, controller, start, hops=wanted.most_hops, seed=[seed, number, 1],
         observe=PoseNoise(), board=board_before(start) if "board" in task else None,
     )  # fmt: skip
     return _run(wanted, start, trial, 0.1)
 
 
-def turning(controller: Any, task: str, number: int, seed: int) -> Run:
+def turning(
+    controller: Any, task: str, number: int, seed: int, robot: SteeredHopper = ROBOT
+) -> Run:
     """One turn by 180 degrees."""
     start = start_turning(number, seed)
     goal = ToHeading(heading_rad=float(start[2] + np.pi))
     rng = np.random.default_rng(np.random.SeedSequence([seed, number, 2]))
     boom = rng.uniform(0, 2 * np.pi) if "any boom" in task else np.pi
     trial = closed_loop(
-        ROBOT, controller.towards(goal), start, hops=32, seed=[seed, number, 1],
+        robot, controller.towards(goal), start, hops=32, seed=[seed, number, 1],
         observe=PoseNoise(), boom_angle_rad=boom,
     )  # fmt: skip
     return _run(trial_task(task), start, trial, np.radians(10))

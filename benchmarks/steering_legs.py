@@ -26,15 +26,12 @@ from typing import Any
 import numpy as np
 import one_thread  # noqa: F401  first, since it sets the number of threads
 import pandas as pd
-from steering_control import OFF, trial_task
-from steering_setting import LIMIT, ROBOT, excited, start_facing, start_turning
+from steering_control import to_origin, turning
+from steering_setting import EXCITATIONS, LIMIT, ROBOT, excited
 
-from hopdata.steering.control.plan import Controller
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import STARTS, PrintedController
-from hopdata.steering.experiments.closed_loop import PoseNoise, closed_loop
 from hopdata.steering.experiments.intervals import rate_interval
-from hopdata.steering.experiments.tasks import ORIGIN, errors_of, goal_of, judged
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated
 from hopdata.steering.models.training import trained_process
 from hopdata.steering.plant.robot import SteeredHopper, released, steer_hop
@@ -42,12 +39,11 @@ from hopdata.steering.se2 import relative
 
 # Preload of each leg as a share; the default first.
 LEGS = (ROBOT.preload_shares, (0.985, 1.02, 0.995), (1.0, 1.04, 0.96), (1.0, 1.06, 0.94))
-SETS = 3
 
 
 def models(robot: SteeredHopper, seed: int) -> list[TabulatedMap]:
     """Return what is learned of a hopper."""
-    hops = [excited(seed, number, robot) for number in range(SETS)]
+    hops = [excited(seed, number, robot) for number in range(EXCITATIONS)]
     return [tabulated(trained_process(some), LIMIT) for some in hops]
 
 
@@ -63,18 +59,6 @@ def drift(robot: SteeredHopper, hops: int = 12) -> dict[str, float]:
     return {"drift_x_mm": 1e3 * x, "drift_y_mm": 1e3 * y, "drift_deg": float(np.degrees(turn))}
 
 
-def succeeds(robot: SteeredHopper, controller: Any, name: str, number: int, seed: int) -> bool:
-    """Let a controller steer from one start."""
-    task = trial_task(name)
-    to_point = task.manoeuvre == ORIGIN
-    start = start_facing(number, OFF[name], seed) if to_point else start_turning(number, seed)
-    aimed: Controller = controller.towards(goal_of(task.manoeuvre, start))
-    trial = closed_loop(
-        robot, aimed, start, hops=task.most_hops, seed=[seed, number, 1], observe=PoseNoise()
-    )
-    return judged(task, errors_of(task.manoeuvre, start, trial.poses), fell=trial.fell).success
-
-
 def rows(robot: SteeredHopper, starts: int, seed: int) -> Iterator[dict[str, Any]]:
     """Yield the rows of one hopper."""
     learned = models(robot, seed)
@@ -86,8 +70,10 @@ def rows(robot: SteeredHopper, starts: int, seed: int) -> Iterator[dict[str, Any
     ]
     cases.append(("any heading", "planner", [planner(model) for model in learned]))
     for name, controller, makers in cases:
+        trial = turning if name == "turn" else to_origin
         good = sum(
-            succeeds(robot, makers[number % SETS], name, number, seed) for number in range(starts)
+            trial(makers[number % EXCITATIONS], name, number, seed, robot).success
+            for number in range(starts)
         )
         low, high = rate_interval(good, starts)
         yield {
