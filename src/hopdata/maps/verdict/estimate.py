@@ -2,9 +2,10 @@
 
 Free terms, kinks and shrunk terms are fitted together to the landings within a window of contact
 spread about the simultaneous contact. Two things make the estimate uncertain: the scatter of the
-landings, which the sandwich covariance takes as it is (White 1980), and smooth terms beyond those
-fitted, whose size the shrinkage has estimated. The window is the widest in which the second is
-small beside the first, so that the answer rests on noise, which is known, not on curvature.
+landings, which the sandwich covariance takes as it is (White 1980), and smooth terms beyond the
+free ones, whose size the shrinkage has estimated and which count twice. The window is the widest
+in which the second is small beside the first, so that the answer rests on noise, which is known,
+not on curvature.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ from hopdata.maps.verdict.smooth import (
 #: Shares of the landings, nearest to the simultaneous contact, that may be the window.
 WINDOWS = (1.0, 0.71, 0.5, 0.35, 0.25)
 #: Share of curvature in the variance of the kinks up to which a window is taken.
-CURVATURE_SHARE = 0.03
+CURVATURE_SHARE = 0.05
+#: How often the variance of the shrunk terms is counted: orders that are not fitted come on top.
+CURVATURE_COUNT = 2.0
 #: Landings wanted in a window for each free term.
 LANDINGS_PER_TERM = 2.5
 #: Kinks of which less than this share is left beside the smooth terms are not seen by the data.
@@ -54,7 +57,7 @@ class KinkFit:
     null_scores
         (n, K q) contributions of the landings to the coefficients if there are no kinks.
     curvature
-        (K q, K q) share of the covariance that is due to smooth terms beyond those fitted.
+        (K q, K q) share of the covariance that is due to smooth terms beyond those fitted freely.
     seen
         (all kinks, K) orthonormal combinations of the kinks that the data can tell from smooth
         terms; `coefficients` are those of these combinations.
@@ -243,7 +246,7 @@ def _one_output(
     scores = influence.T * (rest / np.sqrt(np.maximum(own, 0.1)))[:, None]
     null_scores = influence.T * (output / np.sqrt(np.maximum(slack, 0.1)))[:, None]
     missed = influence @ others
-    return coefficients, null_scores, scores, noise * missed @ missed.T
+    return coefficients, null_scores, scores, CURVATURE_COUNT * noise * missed @ missed.T
 
 
 def _without(basis: Floats, columns: Floats) -> Floats:
