@@ -14,6 +14,7 @@ from typing import Any
 from hopdata import __version__
 
 PACKAGE = Path(__file__).parent
+ASSETS = {".css", ".j2", ".mplstyle", ".yaml"}
 REPORTED_PACKAGES = (
     "hopdata", "numpy", "scipy", "pandas", "statsmodels", "matplotlib", "h5py", "numba",
     "snakemake",
@@ -36,14 +37,13 @@ def code_digest(script: str | Path) -> str:
     return digest.hexdigest()[:16]
 
 
-def _assets(source: Path) -> list[Path]:
+@cache
+def _assets(source: Path) -> tuple[Path, ...]:
     """Non-Python files of a sub-package (style sheets, templates, schemas)."""
     if source.name != "__init__.py" or source.parent == PACKAGE:
-        return []
-    folder = source.parent.rglob("*")
-    return sorted(
-        p for p in folder if p.is_file() and p.suffix in {".css", ".j2", ".mplstyle", ".yaml"}
-    )
+        return ()
+    assets = (p for p in source.parent.rglob("*") if p.suffix in ASSETS)
+    return tuple(sorted(p for p in assets if p.is_file()))
 
 
 def _closure(start: Iterable[Path]) -> set[Path]:
