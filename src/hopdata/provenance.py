@@ -6,7 +6,7 @@ import ast
 import hashlib
 import importlib.metadata
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -61,7 +61,7 @@ def _closure(start: Iterable[Path]) -> set[Path]:
 def _imports(source: Path) -> frozenset[Path]:
     """Files of this package that `source` imports, with the packages on the way to them."""
     names: set[str] = set()
-    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+    for node in _statements(ast.parse(source.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -70,16 +70,25 @@ def _imports(source: Path) -> frozenset[Path]:
     return frozenset(path for name in names for path in _module_files(name))
 
 
-def _module_files(name: str) -> list[Path]:
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """Every statement below a node; expressions, which are most of a tree, hold no imports."""
+    for block in ("body", "handlers", "orelse", "finalbody", "cases"):
+        for inner in getattr(node, block, ()):
+            yield inner
+            yield from _statements(inner)
+
+
+@cache
+def _module_files(name: str) -> tuple[Path, ...]:
     parts = name.split(".")
     if parts[0] != PACKAGE.name:
-        return []
+        return ()
     found: list[Path] = []
     for depth in range(1, len(parts) + 1):
         base = PACKAGE.joinpath(*parts[1:depth])
         candidates = (base / "__init__.py", base.with_suffix(".py"))
         found.extend(path for path in candidates if path.is_file())
-    return found
+    return tuple(found)
 
 
 def provenance(
