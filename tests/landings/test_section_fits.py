@@ -103,3 +103,17 @@ def test_the_filter_is_that_of_savitzky_and_golay():
         piece = tracks.body[frame - 3 : frame + 4, :, 2]
         expected = savgol_filter(piece, 7, 3, deriv=1, delta=0.01, axis=0)[3]
         np.testing.assert_allclose(fit.mean[row, :, 2, 1] / sums.scale, expected, atol=1e-8)
+
+
+def test_frames_after_the_contacts_begin_at_a_lead_common_to_all_landings():
+    """Where a landing's frames begin does not tell which foot was last, and when."""
+    time = np.arange(0, 41, 0.001)
+    near, gap = np.arange(1.0, 41.0), np.linspace(0.004, 0.043, 40)
+    tracks = Tracks(time, np.zeros((len(time), 3, 3)), near, near - gap, flight=False)
+    assert tracks.lead_s == pytest.approx(np.quantile(gap, 0.1), abs=1e-9)
+    begin = near - time[tracks.windows(0.1).start]
+    late = gap < tracks.lead_s
+    assert late.sum() == 4
+    assert np.all(np.abs(begin[~late] - tracks.lead_s) < 0.002)
+    assert np.all(begin[late] <= gap[late] + 1e-9)  # none goes beyond its own last contact
+    assert np.all(near - time[tracks.windows(0.002).start] <= 0.002 + 1e-9)
