@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Callable
 from math import inf
 from typing import Any
 
@@ -12,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+# rtol, max_step, first_step, max_steps, max_events
+Limits = tuple[float, float, float | None, int, int]
 
 SMALLEST_RTOL = 10 * 2.0**-52  # below it, rounding is taken for error
 _LOCKS = frozenset((-1, 0, 1))
@@ -24,8 +24,11 @@ def check_numbers(
     first_step: float | None,
     max_steps: int,
     max_events: int,
-) -> tuple[float, float, float, float, float]:
-    """Return start, end, relative tolerance, largest and first step (0: to be chosen) as floats."""
+) -> tuple[float, float, float, float, float, int, int]:
+    """Return start, end, relative tolerance, largest and first step (0: to be chosen), and counts.
+
+    All of them are plain numbers; `driver.entry.can_be_done` checks the same.
+    """
     try:
         t_start, t_end = t_span
         t_start, t_end = float(t_start), float(t_end)
@@ -40,7 +43,8 @@ def check_numbers(
     if not 0 <= rtol < 1:
         raise ValueError(f"rtol: expected a number in [0, 1), found {rtol}")
     rtol = max(float(rtol), SMALLEST_RTOL)
-    return t_start, t_end, rtol, float(max_step), float(first_step or 0.0)
+    steps = float(max_step), float(first_step or 0.0)
+    return t_start, t_end, rtol, *steps, int(max_steps), int(max_events)
 
 
 def check_shape(name: str, value: ArrayLike, length: int) -> FloatArray:
@@ -55,25 +59,6 @@ def check_params(params: ArrayLike) -> FloatArray:
     """Return the parameters as a vector."""
     vector = np.ascontiguousarray(params, dtype=np.float64)
     return vector if vector.ndim == 1 else vector.ravel()
-
-
-def quick_writer(row: FloatArray) -> Callable[[ArrayLike], bool]:
-    """Return a function that writes plain numbers into a row, in half of the time NumPy takes.
-
-    It tells whether it could: it wants a tuple or a list of as many numbers as the row is long.
-    """
-    pack, memory = struct.Struct(f"{len(row)}d").pack_into, row.data
-
-    def write(values: ArrayLike) -> bool:
-        if type(values) is not tuple and type(values) is not list:
-            return False
-        try:
-            pack(memory, 0, *values)
-        except (struct.error, TypeError, OverflowError):
-            return False
-        return True
-
-    return write
 
 
 def check_memory(memory: ArrayLike | None, length: int) -> FloatArray:

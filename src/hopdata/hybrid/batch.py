@@ -163,9 +163,7 @@ def solve_batch(
     Exception
         Whatever the system's functions raise.
     """
-    t_start, t_stop, rtol, max_step, step = check_numbers(
-        t_span, rtol, max_step, first_step, max_steps, max_events
-    )
+    options = check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
     if workers is not None and workers < 1:
         raise ValueError(f"workers: expected at least 1, found {workers}")
     states = _states(y0, system.n_states)
@@ -174,9 +172,8 @@ def solve_batch(
     modes = np.zeros((1, system.n_modes), dtype=np.int64)
     if mode is not None:
         set_mode(modes[0], system.n_guards, mode)
-    times = np.empty(0) if t_eval is None else check_times(t_eval, t_start, t_stop)
+    times = np.empty(0) if t_eval is None else check_times(t_eval, *options[:2])
     room = _Room(len(states), system, len(times), jacobian)
-    options = (t_start, t_stop, rtol, max_step, step, int(max_steps), int(max_events))
 
     def run(first: int, last: int) -> int:
         methods, work = system.methods(method, jacobian), system.take_workspace()

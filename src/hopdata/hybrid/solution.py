@@ -127,8 +127,8 @@ class EventLog:
 
 
 @dataclass(frozen=True)
-class Widths:
-    """How long the parts of a system's records are.
+class Form:
+    """What the records of all integrations of a system have in common.
 
     Parameters
     ----------
@@ -136,11 +136,14 @@ class Widths:
         Lengths of state (n) and mode (m).
     event : int
         Numbers in the record of an event.
+    guard_names : tuple of str
+        Names of all guards of the system.
     """
 
     state: int
     mode: int
     event: int
+    guard_names: tuple[str, ...]
 
 
 @dataclass(frozen=True, repr=False)
@@ -153,28 +156,20 @@ class Solution:
         0: reached the end; 1: ended by an event; negative: failed, see `message`.
     y_end : (n,) array
         State reached.
-    end : bytes
-        The driver's times and counters, and the mode, at the end, side by side.
-    rows : bytes
-        Times and states of the trajectory, (N, 1 + n).
-    records : bytes
-        Events, as `EventLog` keeps them.
     jacobian : (n, n) array, optional
         Derivative of `y_end` by the initial state at fixed times, through all events, if asked for.
-    widths : Widths
-        Lengths of the parts of these records.
-    guard_names : tuple of str
-        Names of all guards of the system.
+    parts : tuple of bytes
+        The driver's times and counters and the mode at the end, side by side; times and states of
+        the trajectory, (N, 1 + n); events, as `EventLog` keeps them.
+    form : Form
+        How these records are made up.
     """
 
     status: int
     y_end: FloatArray
-    end: bytes
-    rows: bytes
-    records: bytes
     jacobian: FloatArray | None
-    widths: Widths
-    guard_names: tuple[str, ...]
+    parts: tuple[bytes, bytes, bytes]
+    form: Form
 
     def __repr__(self) -> str:
         return (
@@ -186,13 +181,13 @@ class Solution:
     @cached_property
     def events(self) -> EventLog:
         """All events."""
-        records = np.frombuffer(self.records).reshape(-1, self.widths.event)
-        return EventLog(records, self.widths.state, self.guard_names)
+        records = np.frombuffer(self.parts[2]).reshape(-1, self.form.event)
+        return EventLog(records, self.form.state, self.form.guard_names)
 
     @cached_property
     def mode(self) -> IntArray:
         """Mode at the end; (m,)."""
-        return np.frombuffer(self.end, np.int64, self.widths.mode, BYTES * MODE).copy()
+        return np.frombuffer(self.parts[0], np.int64, self.form.mode, BYTES * MODE).copy()
 
     @property
     def t_end(self) -> float:
@@ -219,7 +214,7 @@ class Solution:
         """How the integration ended, in words."""
         culprit = int(self.counts[layout.CULPRIT])
         below, above = self.clock[[layout.RATE_BELOW, layout.RATE_ABOVE]]
-        guard = self.guard_names[culprit] if culprit >= 0 else ""
+        guard = self.form.guard_names[culprit] if culprit >= 0 else ""
         return describe(self.status, time=self.t_end, guard=guard, rates=(below, above))
 
     @property
@@ -244,27 +239,26 @@ class Solution:
 
     @property
     def _table(self) -> FloatArray:
-        return np.frombuffer(self.rows).reshape(-1, 1 + self.widths.state)
+        return np.frombuffer(self.parts[1]).reshape(-1, 1 + self.form.state)
 
     @property
     def clock(self) -> FloatArray:
         """The driver's times at the end, as `driver.layout` numbers them."""
-        return np.frombuffer(self.end)[:COUNTS]
+        return np.frombuffer(self.parts[0])[:COUNTS]
 
     @property
     def counts(self) -> IntArray:
         """The driver's counters at the end."""
-        return np.frombuffer(self.end, np.int64)[COUNTS:MODE]
+        return np.frombuffer(self.parts[0], np.int64)[COUNTS:MODE]
 
 
 def solution_of(
-    status: int, y_end: FloatArray, end: bytes, rows: bytes, records: bytes,
-    jacobian: FloatArray | None, widths: Widths, guard_names: tuple[str, ...],
+    status: int, y_end: FloatArray, jacobian: FloatArray | None,
+    parts: tuple[bytes, bytes, bytes], form: Form,
 ) -> Solution:  # fmt: skip
     """Return `Solution(...)`, whose own `__init__` takes a microsecond, as it is frozen."""
     solution = object.__new__(Solution)
     fields = solution.__dict__
-    fields["status"], fields["y_end"], fields["end"], fields["rows"] = status, y_end, end, rows
-    fields["records"], fields["jacobian"] = records, jacobian
-    fields["widths"], fields["guard_names"] = widths, guard_names
+    fields["status"], fields["y_end"], fields["jacobian"] = status, y_end, jacobian
+    fields["parts"], fields["form"] = parts, form
     return solution

@@ -8,17 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.hybrid.arguments import (
+    Limits,
     check_numbers,
     check_times,
     set_mode,
 )
-from hopdata.hybrid.compiled.unraisable import Caught
-from hopdata.hybrid.driver.entry import driver_entry
-from hopdata.hybrid.driver.layout import EVERY_STEP, GIVEN_MODE, METHOD, RESUMED, STEPS
+from hopdata.hybrid.compiled.unraisable import catch, stop_catching
+from hopdata.hybrid.driver.layout import GIVEN_MODE, METHOD, RESUMED, STEPS
 from hopdata.hybrid.methods import table
-from hopdata.hybrid.methods.table import MethodTable
-from hopdata.hybrid.solution import Solution, solution_of
-from hopdata.hybrid.status import BAD_START, NEEDS_METHOD, NEEDS_ROOM, PAUSED
+from hopdata.hybrid.solution import Solution
+from hopdata.hybrid.status import BAD_NUMBERS, BAD_START, NEEDS_METHOD, NEEDS_ROOM, PAUSED
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import Workspace
 
@@ -94,52 +93,65 @@ def solve(
     """
     if not isinstance(system, System):
         raise TypeError(f"system: expected a System, found {system!r}")
-    t_start, t_end, rtol, max_step, step = check_numbers(
-        t_span, rtol, max_step, first_step, max_steps, max_events
-    )
-    times = None if t_eval is None else check_times(t_eval, t_start, t_end)
-    methods, work = system.methods(method, jacobian), system.take_workspace()
+    limits = rtol, max_step, first_step, max_steps, max_events
+    work, flags = system.take_workspace(), 0
     try:
-        work.begin(methods, times, jacobian)
-        work.set_state(y0)
-        work.set_params(params, memory)
-        system.check_params_length(len(work.params))
+        if jacobian or t_eval is not None or method != work.ready_for:
+            _begin(system, work, t_span, limits, method, t_eval, jacobian)
+        work.ask(system, t_span, y0, params, memory, limits, t_eval is None)
         work.set_tolerance(atol)
-        flags = EVERY_STEP if times is None else 0
         if mode is not None:
             set_mode(work.mode, system.n_guards, mode)
-            flags |= GIVEN_MODE
-        status = _run(
-            methods, work,
-            (t_start, t_end, rtol, max_step, step, int(max_steps), int(max_events)), flags,
-        )  # fmt: skip
-        if status == BAD_START:
-            raise ValueError(f"y0: expected finite numbers, found {work.state}")
-        return solution_of(
-            status, work.state.copy(), work.end(),
-            work.trajectory() if times is None else work.samples(), work.events(),
-            work.jacobian(), work.widths, work.guard_names,
-        )  # fmt: skip
+            flags = GIVEN_MODE
+        status = _run(work, flags)
+        if status >= BAD_START:
+            _refuse(status, work, t_span, limits)
+        return work.solution(status)
     finally:
         system.idle.append(work)
 
 
-def _run(methods: MethodTable, work: Workspace, options: tuple[float, ...], flags: int) -> int:
+def _begin(
+    system: System, work: Workspace, t_span: tuple[float, float], limits: Limits, method: str,
+    t_eval: ArrayLike | None, jacobian: bool,
+) -> None:  # fmt: skip
+    """Get the workspace ready for an integration of another kind than its last one."""
+    t_start, t_end, *_ = check_numbers(t_span, *limits)
+    times = None if t_eval is None else check_times(t_eval, t_start, t_end)
+    work.begin(system.methods(method, jacobian), times, jacobian)
+
+
+def _run(work: Workspace, flags: int) -> int:
     """Call the driver until it has ended, with as much room as it asks for; return its status."""
-    drive = driver_entry()
+    drive, methods, caught = work.drive, work.methods, work.caught
+    assert methods is not None
     if methods.generic and methods.steps >= table.WORTH_COMPILING:
         methods.specialise()
-    with Caught() as caught:
-        status = drive(work.desk_address, *options, flags)
+    caught.clear()
+    token = catch(caught)
+    try:
+        status = drive(work.desk_address, flags)
         while status in UNFINISHED and not caught:
             if status == NEEDS_ROOM:
                 work.enlarge()
             elif status == NEEDS_METHOD:
                 methods.provide(int(work.counts[METHOD]))
             methods.specialise(int(work.counts[STEPS]))
-            status = drive(work.desk_address, *options, flags | RESUMED)
+            status = drive(work.desk_address, flags | RESUMED)
+    finally:
+        stop_catching(token)
     if methods.generic:
         methods.steps += work.counts.item(STEPS)
     if caught:
-        raise caught[0]
+        first = caught[0]
+        caught.clear()
+        raise first
     return status
+
+
+def _refuse(status: int, work: Workspace, t_span: tuple[float, float], limits: Limits) -> None:
+    """Raise ValueError for what the driver did not begin with."""
+    if status == BAD_START:
+        raise ValueError(f"y0: expected finite numbers, found {work.state}")
+    if status == BAD_NUMBERS:
+        check_numbers(t_span, *limits)

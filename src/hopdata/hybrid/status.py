@@ -20,8 +20,9 @@ TIE_IN_JACOBIAN = -11
 RUNNING = 2
 NEEDS_ROOM = 3
 PAUSED = 4
-BAD_START = 5
-NEEDS_METHOD = 6
+NEEDS_METHOD = 5
+BAD_START = 6
+BAD_NUMBERS = 7
 
 SENTENCES = {
     FINISHED: "The integration reached the end of t_span.",

@@ -6,6 +6,7 @@ Python to machine code would cost as much as a field evaluation. What it returns
 
 from __future__ import annotations
 
+import struct
 from math import nan
 from typing import Any
 
@@ -13,24 +14,32 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.hybrid.arguments import (
+    Limits,
     check_memory,
+    check_numbers,
     check_params,
     check_shape,
-    quick_writer,
     set_tolerance,
 )
+from hopdata.hybrid.compiled.unraisable import Caught
 from hopdata.hybrid.driver import layout
+from hopdata.hybrid.driver.entry import driver_entry
 from hopdata.hybrid.driver.layout import FloatArray, IntArray
 from hopdata.hybrid.methods.table import MethodTable, tangent_table
-from hopdata.hybrid.solution import Widths
-
-# NumPy integers, as the compiled driver wants them, are slow to index with.
-ROWS, EVENT_ROWS = int(layout.ROWS), int(layout.EVENT_ROWS)
+from hopdata.hybrid.solution import Form, Solution, solution_of
 
 FIRST_ROWS = 256
 FIRST_EVENTS = 64
 LARGEST_CHUNK = 1 << 16
 LARGEST_KEPT = 1 << 13  # rows that a workspace keeps for the next integration
+
+PLAIN = (tuple, list)  # what is written without a look at it: others might have any shape
+OPTIONS = "5d3q"  # as `layout` numbers them
+WRITE_OPTIONS = struct.Struct(OPTIONS).pack_into
+COUNTED = struct.Struct("2q").unpack_from  # rows and events
+ROWS_AT = 8 * int(layout.CLOCK_SLOTS + layout.ROWS)  # bytes; the events' number is next to it
+ASKED_AT = 8 * int(layout.DESK_ASKED)
+UNKNOWN = -1  # number of parameters, before the first are given
 
 
 class Workspace:
@@ -55,8 +64,15 @@ class Workspace:
         The driver's times and counters, and mode and state as they are now.
     desk_address : int
         Where the desk stands.
-    widths : Widths
-        Lengths of what is copied out.
+    drive : callable
+        The driver.
+    caught : Caught
+        For exceptions of the user's functions.
+    methods : MethodTable
+        Whose room is laid out.
+    ready_for : str, optional
+        Choice of methods with which an integration of the plainest kind may begin at once: each
+        step is written down, and no Jacobian is wanted. Empty, if there is none.
     """
 
     def __init__(
@@ -70,27 +86,26 @@ class Workspace:
         n_logged_modes: int,
     ) -> None:
         n_guards = len(guard_names)
-        self.guard_names = guard_names
-        self.desk = np.zeros(layout.DESK_SLOTS, dtype=np.int64)
-        self.desk[: len(addresses)] = addresses
-        self.desk_address = self.desk.ctypes.data
-        self._n_memory = n_memory
+        self.desk = np.array(addresses, dtype=np.int64)
+        self._n_states, self._n_params, self._n_memory = n_states, UNKNOWN, n_memory
+        self._make_desk(0)
         self._make_clockwork(n_modes)
         self._make_states(layout.W1, n_states)
-        self._make_params(0)
         self._atol, self._atol_of_all = np.zeros(n_states), 0.0
         self._guards = np.zeros((layout.GUARD_ROWS, n_guards))
         self._flags = np.zeros((layout.FLAG_ROWS, n_guards), dtype=np.int64)
         self._lists = np.zeros((layout.LIST_ROWS, n_guards), dtype=np.int64)
         self._wake_at = np.zeros(n_guards)
-        self._methods: MethodTable | None = None
+        self.methods: MethodTable | None = None
+        self.drive, self.caught = driver_entry(), Caught()
+        self.ready_for: str | None = None
         self._identity = np.eye(n_states)
         self.tangent: FloatArray | None = None
         self._rows = np.empty((FIRST_ROWS, 1 + n_states))
         self._log = np.empty((FIRST_EVENTS + 2 * n_guards, 3 + 2 * n_states + n_logged_modes))
         self._wanted, self._samples = np.empty(0), np.empty((0, n_states))
         self._kept: list[tuple[memoryview, memoryview]] = []  # chunks that are full
-        self.widths = Widths(n_states, n_modes, self._log.shape[1])
+        self._form = Form(n_states, n_modes, self._log.shape[1], guard_names)
         self._lay_out(layout.RULES, rules, self._atol)
         self._lay_out(layout.GUARD_TABLE, self._guards, self._flags, self._lists, self._wake_at)
         self._lay_out(layout.WANTED, self._wanted, self._samples)
@@ -110,34 +125,63 @@ class Workspace:
         """Make the table of states."""
         self._states = np.zeros((n_rows, n_states))
         self.state = self._states[layout.Y]
-        self._write_state = quick_writer(self.state)
         self._lay_out(layout.STATE_TABLE, self._states)
 
-    def _make_params(self, count: int) -> None:
-        """Make room for so many parameters and, behind them, the scene's memory."""
-        self.params = np.zeros(count + self._n_memory)
-        self._caller_params = self.params[:count]
-        self._write_params = quick_writer(self._caller_params)
-        self._lay_out(layout.PARAMS, self.params)
-
-    def set_state(self, y0: ArrayLike) -> None:
-        """Put the initial state in its place; whether it is finite, the driver looks up."""
-        if not self._write_state(y0):
-            self.state[:] = check_shape("y0", y0, len(self.state))
-
-    def set_params(self, params: ArrayLike, memory: ArrayLike | None) -> None:
-        """Put the parameters in their place, and the scene's memory behind them."""
-        if not self._write_params(params):
-            given = check_params(params)
-            self.make_params_room(len(given))
-            self._caller_params[:] = given
-        if self._n_memory > 0 or memory is not None:
-            self.params[len(self._caller_params) :] = check_memory(memory, self._n_memory)
+    def _make_desk(self, n_params: int) -> None:
+        """Make a desk, and behind it room for the initial state, parameters, the scene's memory."""
+        n, first = self._n_states, layout.DESK_SLOTS
+        block = np.zeros(first + n + n_params + self._n_memory)
+        desk = block[:first].view(np.int64)
+        desk[: len(self.desk)] = self.desk
+        self.desk, self.desk_address = desk, block.ctypes.data
+        self._start, self._params = block[first : first + n], block[first + n :]
+        self._block = block.data.cast("B")
+        self._write = struct.Struct(f"{OPTIONS}{n + n_params}d").pack_into
+        self._lay_out(layout.START_STATE, self._start)
+        self._lay_out(layout.PARAMS, self._params)
 
     def make_params_room(self, count: int) -> None:
         """Have room for so many parameters of the caller's."""
-        if count != len(self._caller_params):
-            self._make_params(count)
+        if count != self._n_params:
+            self._make_desk(count)
+            self._n_params = count
+
+    def ask(
+        self, system: Any, t_span: Any, y0: Any, params: Any, memory: ArrayLike | None,
+        limits: Limits, each_step: bool,
+    ) -> None:  # fmt: skip
+        """Write on the desk what is asked for.
+
+        Plain numbers are written as they are: whether they can be asked for the driver looks up,
+        in a hundredth of the time that Python would take.
+        """
+        rtol, max_step, first_step, max_steps, max_events = limits
+        plain = type(y0) in PLAIN and type(params) in PLAIN and first_step is None
+        try:
+            if plain and len(y0) == self._n_states and len(params) == self._n_params:
+                start, end = t_span
+                self._write(
+                    self._block, ASKED_AT, start, end, rtol, max_step, 0.0, max_steps, max_events,
+                    each_step, *y0, *params,
+                )  # fmt: skip
+            else:
+                plain = False
+        except (struct.error, TypeError, ValueError, OverflowError):
+            plain = False
+        if not plain:
+            self._ask_in_full(system, y0, params, (*check_numbers(t_span, *limits), each_step))
+        if self._n_memory > 0 or memory is not None:
+            self._params[self._n_params :] = check_memory(memory, self._n_memory)
+
+    def _ask_in_full(
+        self, system: Any, y0: ArrayLike, params: ArrayLike, options: tuple[Any, ...]
+    ) -> None:
+        """Write the same from arrays, or whatever they were given as."""
+        state, given = check_shape("y0", y0, self._n_states), check_params(params)
+        system.check_params_length(len(given) + self._n_memory)
+        self.make_params_room(len(given))
+        WRITE_OPTIONS(self._block, ASKED_AT, *options)
+        self._start[:], self._params[: len(given)] = state, given
 
     def set_tolerance(self, atol: ArrayLike) -> None:
         """Put the absolute tolerance in its place, unless it is there already."""
@@ -150,7 +194,8 @@ class Workspace:
 
     def begin(self, methods: MethodTable, t_eval: FloatArray | None, jacobian: bool) -> None:
         """Forget the last integration; states are wanted at `t_eval` or, if None, at each step."""
-        if methods is not self._methods:
+        self.ready_for = None
+        if methods is not self.methods:
             self._take(methods)
         if jacobian:
             self._begin_tangent(methods)
@@ -165,6 +210,7 @@ class Workspace:
             self._wanted = np.empty(0) if t_eval is None else t_eval
             self._samples = np.empty((len(self._wanted), len(self.state)))
             self._lay_out(layout.WANTED, self._wanted, self._samples)
+        self.ready_for = None if jacobian or t_eval is not None else methods.choice
 
     def _begin_tangent(self, methods: MethodTable) -> None:
         """Have room for the flow's Jacobian, which begins as the identity."""
@@ -180,7 +226,7 @@ class Workspace:
 
     def _take(self, methods: MethodTable) -> None:
         """Lay out what other methods than before need."""
-        self._methods, self.tangent = methods, None
+        self.methods, self.tangent = methods, None
         self.desk[layout.TANGENT_TABLE] = 0
         self._lay_out(layout.METHOD_TABLE, methods.rows)
         needed = layout.W1 + methods.work_rows
@@ -189,6 +235,7 @@ class Workspace:
 
     def enlarge(self) -> None:
         """Put aside what the driver has written, and lay out new and larger room."""
+        self.ready_for = None
         rows, events = int(self.counts[layout.ROWS]), int(self.counts[layout.EVENT_ROWS])
         self._kept.append((self._row_part(rows), self._log_part(events)))
         n_rows, n_events = len(self._rows), len(self._log)
@@ -197,28 +244,27 @@ class Workspace:
         self._change_room(min(n_rows, LARGEST_CHUNK), min(n_events, LARGEST_CHUNK))
         self.counts[layout.ROWS] = self.counts[layout.EVENT_ROWS] = 0
 
-    def jacobian(self) -> FloatArray | None:
-        """Return the flow's Jacobian, if it was asked for."""
-        return None if self.tangent is None else self.tangent[: len(self.state)].copy()
+    def solution(self, status: int) -> Solution:
+        """Return what the integration has found."""
+        end = self._end_bytes.tobytes()
+        n_rows, n_events = COUNTED(end, ROWS_AT)
+        rows, log = self._row_part(n_rows), self._log_part(n_events)
+        if self.ready_for is not None:
+            parts = end, rows.tobytes(), log.tobytes()
+            return solution_of(status, self.state.copy(), None, parts, self._form)
+        trajectory = self._joined(0, rows) if len(self._wanted) == 0 else self._taken_samples()
+        parts = end, trajectory, self._joined(1, log)
+        jacobian = None if self.tangent is None else self.tangent[: self._n_states].copy()
+        return solution_of(status, self.state.copy(), jacobian, parts, self._form)
 
-    def end(self) -> bytes:
-        """Return clock, counts and mode."""
-        return self._end_bytes.tobytes()
+    def _joined(self, which: int, last: memoryview) -> bytes:
+        """Return all rows, or all events, those that were put aside first."""
+        return b"".join([*(kept[which] for kept in self._kept), last])
 
-    def samples(self) -> bytes:
+    def _taken_samples(self) -> bytes:
         """Return the wanted times that were reached, and the states there, side by side."""
         count = int(self.counts[layout.SAMPLES])
         return np.column_stack([self._wanted[:count], self._samples[:count]]).tobytes()
-
-    def trajectory(self) -> bytes:
-        """Return times and states of all steps, side by side."""
-        rows = self._row_part(self.counts.item(ROWS))
-        return b"".join([*(k for k, _ in self._kept), rows]) if self._kept else rows.tobytes()
-
-    def events(self) -> bytes:
-        """Return the records of all events."""
-        log = self._log_part(self.counts.item(EVENT_ROWS))
-        return b"".join([*(k for _, k in self._kept), log]) if self._kept else log.tobytes()
 
     def _row_part(self, count: int) -> memoryview:
         return self._row_bytes[: count * self._row_size]
@@ -227,7 +273,7 @@ class Workspace:
         return self._log_bytes[: count * self._log_size]
 
     def _change_room(self, n_rows: int, n_events: int) -> None:
-        spare = 2 * len(self.guard_names)  # for the events of one more instant
+        spare = 2 * len(self._form.guard_names)  # for the events of one more instant
         self._rows = np.empty((n_rows, self._rows.shape[1]))
         self._log = np.empty((n_events + spare, self._log.shape[1]))
         self._lay_out_records()

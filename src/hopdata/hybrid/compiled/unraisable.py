@@ -6,7 +6,7 @@ Each thread collects its own, so that integrations in threads do not see each ot
 from __future__ import annotations
 
 import sys
-from contextvars import ContextVar
+from contextvars import ContextVar, Token
 from typing import Any
 
 
@@ -20,13 +20,18 @@ class Caught(list[BaseException]):
     __slots__ = ("_token",)
 
     def __enter__(self) -> Caught:
-        self._token = _caught.set(self)
-        if sys.unraisablehook is not _hook:
-            _hook.install()
+        self._token = catch(self)
         return self
 
     def __exit__(self, *_: object) -> None:
-        _caught.reset(self._token)
+        stop_catching(self._token)
+
+
+def catch(caught: Caught) -> Token[Caught | None]:
+    """Begin what a ``with`` block would, for a caller in a hurry; `stop_catching` ends it."""
+    if sys.unraisablehook is not _hook:
+        _hook.install()
+    return _caught.set(caught)
 
 
 class _Hook:
@@ -63,4 +68,4 @@ class _Hook:
 
 _caught: ContextVar[Caught | None] = ContextVar("caught", default=None)  # one for each thread
 _hook = _Hook()
-current = _caught.get
+current, stop_catching = _caught.get, _caught.reset

@@ -15,7 +15,7 @@ desk_problem = reader(
     on_event=at.ON_EVENT, methods=at.METHOD_TABLE, params=at.PARAMS, mode=at.MODE, rules=at.RULES,
     rtol=at.RTOL, atol=at.ATOL, max_step=at.MAX_STEP, t_end=at.T_END, tangent=at.TANGENT_TABLE,
     first_order=at.TANGENT_TABLE, t_start=at.T_START, first_step=at.FIRST_STEP,
-    max_steps=at.MAX_STEPS, max_events=at.MAX_EVENTS,
+    max_steps=at.MAX_STEPS, max_events=at.MAX_EVENTS, start_state=at.START_STATE,
 )  # fmt: skip
 desk_memory = reader(
     Memory,

@@ -7,51 +7,49 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from math import inf
 from typing import Any
 
 from numba import cfunc, njit, types
 
+from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.hybrid.compiled.cache import cache_directory
 from hopdata.hybrid.compiled.calls import VALUE, caller
 from hopdata.hybrid.compiled.digest import driver_digest
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.compiled.views import IntVector, float_vector, int_vector
+from hopdata.hybrid.compiled.views import FloatVector, IntVector, float_vector, int_vector
 from hopdata.hybrid.driver.layout import (
     DESK_SLOTS,
-    EACH_STEP,
-    EVERY_STEP,
-    FIRST_STEP,
     MAX_EVENTS,
     MAX_STEP,
     MAX_STEPS,
+    RESUMED,
     RTOL,
     RUN,
     T_END,
     T_START,
 )
 from hopdata.hybrid.driver.loop import run
+from hopdata.hybrid.status import BAD_NUMBERS
 
 _INT, _FLOAT = types.int64, types.float64
 
-# t_start, t_end, rtol, max_step, step, max_steps, max_events; then the flags
-OPTIONS = (_FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT)
 RUN_NATIVE = _INT(_INT, _INT)
-ENTER_NATIVE = _INT(_INT, *OPTIONS, _INT)
 
 call_run = caller(RUN_NATIVE, *((kind, VALUE) for kind in RUN_NATIVE.args))
 
 
 @kernel
-def ask(
-    address: int, t_start: float, t_end: float, rtol: float, max_step: float, step: float,
-    max_steps: int, max_events: int, flags: int,
-) -> IntVector:  # fmt: skip
-    """Write on the desk what is asked for; return the desk."""
-    desk, numbers = int_vector(address, DESK_SLOTS), float_vector(address, DESK_SLOTS)
-    numbers[T_START], numbers[T_END], numbers[RTOL] = t_start, t_end, rtol
-    numbers[MAX_STEP], numbers[FIRST_STEP] = max_step, step
-    desk[MAX_STEPS], desk[MAX_EVENTS], desk[EACH_STEP] = max_steps, max_events, flags & EVERY_STEP
-    return desk
+def can_be_done(desk: IntVector, numbers: FloatVector) -> bool:
+    """Tell whether the numbers on the desk can be asked for, as `arguments.check_numbers` does.
+
+    A relative tolerance below rounding is raised to it.
+    """
+    in_order = -inf < numbers[T_START] <= numbers[T_END] < inf
+    positive = numbers[MAX_STEP] > 0.0 and desk[MAX_STEPS] >= 1 and desk[MAX_EVENTS] >= 1
+    rtol_is_right = 0.0 <= numbers[RTOL] < 1.0
+    numbers[RTOL] = max(numbers[RTOL], SMALLEST_RTOL)
+    return in_order and positive and rtol_is_right
 
 
 def _run(desk: int, flags: int) -> int:
@@ -59,12 +57,11 @@ def _run(desk: int, flags: int) -> int:
     return run(int_vector(desk, DESK_SLOTS), flags)
 
 
-def _enter(
-    desk: int, t_start: float, t_end: float, rtol: float, max_step: float, step: float,
-    max_steps: int, max_events: int, flags: int,
-) -> int:  # fmt: skip
-    """Run the driver on the desk at this address."""
-    slots = ask(desk, t_start, t_end, rtol, max_step, step, max_steps, max_events, flags)
+def _enter(desk: int, flags: int) -> int:
+    """Run the driver on the desk at this address, if what is asked for there can be done."""
+    slots = int_vector(desk, DESK_SLOTS)
+    if flags & RESUMED == 0 and not can_be_done(slots, float_vector(desk, DESK_SLOTS)):
+        return BAD_NUMBERS
     return call_run(slots[RUN], desk, flags)
 
 
@@ -89,6 +86,6 @@ def compiled_entry(function: Callable[..., Any], native: Any) -> Any:
 @cache
 def driver_entry() -> Callable[..., int]:
     """Return `_enter` without the search for a signature that fits: arguments must be exact."""
-    (compiled,) = compiled_entry(_enter, ENTER_NATIVE).overloads.values()
+    (compiled,) = compiled_entry(_enter, RUN_NATIVE).overloads.values()
     entry: Callable[..., int] = compiled.entry_point
     return entry

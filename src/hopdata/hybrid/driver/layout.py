@@ -141,20 +141,22 @@ CLOCK_SLOTS = 14
 COUNT_SLOTS = 18
 
 
-# Slots of the desk: addresses of the callbacks and of the driver, room for steps and events, what
-# is asked for (numbers with a fraction in the memory of integers; whether each step is written
-# down), then address and width of each array.
+# Slots of the desk: addresses of the callbacks and of the driver, room for steps and events,
+# address and width of each array, then what is asked for (numbers with a fraction in the memory of
+# integers; whether each step is written down). Behind it stand the initial state and the
+# parameters: a caller writes all that it asks for in one go.
 FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS = index_numbers(8)
-T_START, T_END, RTOL, MAX_STEP, FIRST_STEP, MAX_STEPS, MAX_EVENTS, EACH_STEP = DESK_ASKED = (
-    8 + index_numbers(8)
-)
-DESK_ARRAYS, N_DESK_ARRAYS = 16, 17
+DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 8, 18, 8
 
 # Columns of the log: one row holds an event, as time, guard, direction, state before and after its
 # handler, and mode; integers stand in the memory of floats.
 LOG_TIME, LOG_GUARD, LOG_DIRECTION, LOG_STATES = index_numbers(4)
 
-DESK_SLOTS = DESK_ARRAYS + 2 * N_DESK_ARRAYS
+DESK_ASKED = DESK_ARRAYS + 2 * N_DESK_ARRAYS
+T_START, T_END, RTOL, MAX_STEP, FIRST_STEP, MAX_STEPS, MAX_EVENTS, EACH_STEP = (
+    DESK_ASKED + index_numbers(N_DESK_ASKED)
+)
+DESK_SLOTS = DESK_ASKED + N_DESK_ASKED
 DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
 (
     PARAMS,
@@ -174,12 +176,12 @@ DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
     SAMPLE_TABLE,
     ROW_TABLE,
     LOG_TABLE,
+    START_STATE,
 ) = DESK_PLACES
 
 
-# How a run is asked for: that it goes on where it was, that each step is written down, that the
-# mode is given (else it is zeros).
-RESUMED, EVERY_STEP, GIVEN_MODE = 1, 2, 4
+# How a run is asked for: that it goes on where it was, that the mode is given (else it is zeros).
+RESUMED, GIVEN_MODE = 1, 2
 
 
 class Memory(NamedTuple):

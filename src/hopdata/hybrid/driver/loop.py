@@ -133,7 +133,7 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
 
 @kernel
 def clear(p: Problem, m: Memory) -> bool:
-    """Make the memory that of an integration from the state in Y; tell whether that is finite."""
+    """Make the memory that of an integration from the start; tell whether that is finite."""
     for row in range(GUARD_ROWS):
         fill_row(m.guards, row, 0.0)
     for k in range(m.flags.width):
@@ -147,6 +147,8 @@ def clear(p: Problem, m: Memory) -> bool:
     m.clock[T], m.clock[SEGMENT], m.clock[INSTANT] = p.t_start, p.t_start, -np.inf
     m.clock[MOTION] = np.inf
     m.clock[NEXT_DT], m.clock[LAST_LOG_ERROR] = p.first_step, LOG_ERROR_FLOOR
+    for i in range(m.states.width):
+        m.states[Y, i] = p.start_state[i]
     return first_not_finite(m.states, Y) < 0
 
 

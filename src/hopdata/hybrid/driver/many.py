@@ -14,20 +14,29 @@ from hopdata.hybrid.compiled.views import (
     int_vector,
     view,
 )
-from hopdata.hybrid.driver.entry import OPTIONS, ask, call_run, compiled_entry
+from hopdata.hybrid.driver.entry import call_run, compiled_entry
 from hopdata.hybrid.driver.layout import (
     CLOCK,
     COUNTS,
+    EACH_STEP,
     EVENT_ROWS,
+    FIRST_STEP,
     GIVEN_MODE,
+    MAX_EVENTS,
+    MAX_STEP,
+    MAX_STEPS,
     MODE,
     PARAMS,
     RATE_ABOVE,
     RATE_BELOW,
     RESUMED,
+    RTOL,
     RUN,
     SAMPLE_TABLE,
+    START_STATE,
     STATE_TABLE,
+    T_END,
+    T_START,
     TANGENT_TABLE,
     WANTED,
     FloatArray,
@@ -44,7 +53,8 @@ END_STATE = 3  # column of `ends` where the state begins, behind time and the cu
 
 MANY_NATIVE = _INT(
     types.int64[::1], _INT, _INT, _FLOATS, _FLOATS, _INTS,
-    _INTS, _FLOATS, _INTS, _INTS, types.float64[:, :, ::1], types.float64[:, :, ::1], *OPTIONS,
+    _INTS, _FLOATS, _INTS, _INTS, types.float64[:, :, ::1], types.float64[:, :, ::1],
+    _FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT,
 )  # fmt: skip
 
 
@@ -64,9 +74,13 @@ def _enter_many(
     n, n_modes, n_params = y0.shape[1], modes.shape[1], params.shape[1]
     mode, clock = int_vector(desk[MODE], n_modes), float_vector(desk[CLOCK], 0)
     count, state = int_vector(desk[COUNTS], 0), float_table(desk[STATE_TABLE], n)
+    start = float_vector(desk[START_STATE], n)
     phi, n_wanted = float_table(desk[TANGENT_TABLE], n), desk[WANTED + 1]
     here, own = address_of(view(desk)), float_vector(desk[PARAMS], n_params)
-    ask(here, t_start, t_end, rtol, max_step, step, max_steps, max_events, GIVEN_MODE)
+    numbers = float_vector(here, len(desk))
+    numbers[T_START], numbers[T_END], numbers[RTOL] = t_start, t_end, rtol
+    numbers[MAX_STEP], numbers[FIRST_STEP] = max_step, step
+    desk[MAX_STEPS], desk[MAX_EVENTS], desk[EACH_STEP] = max_steps, max_events, 0
     for b in range(first, last):
         for i in range(n_params):
             own[i] = params[b % len(params), i]
@@ -78,7 +92,7 @@ def _enter_many(
             for j in range(n):
                 phi[i, j] = 1.0 if i == j else 0.0
         for i in range(n):
-            state[Y, i] = y0[b, i]
+            start[i] = y0[b, i]
         code = call_run(desk[RUN], here, GIVEN_MODE)
         while code in (NEEDS_ROOM, PAUSED):
             count[EVENT_ROWS] = 0 if code == NEEDS_ROOM else count[EVENT_ROWS]

@@ -55,6 +55,7 @@ class Problem(NamedTuple):
     first_step: float  # 0: to be chosen
     max_steps: int
     max_events: int
+    start_state: FloatVector
 
 
 @kernel

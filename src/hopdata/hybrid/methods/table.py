@@ -95,6 +95,8 @@ class MethodTable:
 
     Attributes
     ----------
+    choice : str
+        The same.
     generic : set of int
         Methods whose code is generic now, by their numbers.
     steps : int
@@ -106,7 +108,7 @@ class MethodTable:
     """
 
     def __init__(self, choice: str, scene: Scene, jacobian: bool) -> None:
-        self._names = check_method(choice, scene, jacobian)
+        self.choice, self._names = choice, check_method(choice, scene, jacobian)
         self._scene, self._jacobian = scene, jacobian
         self._kept_alive: list[Any] = []
         self._methods: dict[int, Method] = {}
