@@ -95,10 +95,10 @@ def test_parts_are_made_once_and_belong_to_nobody_else():
     solution = swing()
     assert solution.y is solution.y
     assert solution.events.before is solution.events.before
-    before = solution.rows, solution.events.records.tobytes()
+    before = solution.parts, solution.events.records.tobytes()
     for part in (solution.t, solution.y, solution.events.time, solution.events.mode):
         part[...] = 0
-    assert solution.rows == before[0]
+    assert solution.parts == before[0]
     assert solution.events.records.tobytes() == before[1]
 
 

@@ -40,6 +40,7 @@ COUNTED = struct.Struct("2q").unpack_from  # rows and events
 ROWS_AT = 8 * int(layout.CLOCK_SLOTS + layout.ROWS)  # bytes; the events' number is next to it
 ASKED_AT = 8 * int(layout.DESK_ASKED)
 UNKNOWN = -1  # number of parameters, before the first are given
+NOTHING = object()  # that anybody could ask for
 
 
 class Workspace:
@@ -70,9 +71,9 @@ class Workspace:
         For exceptions of the user's functions.
     methods : MethodTable
         Whose room is laid out.
-    ready_for : str, optional
+    ready_for : object
         Choice of methods with which an integration of the plainest kind may begin at once: each
-        step is written down, and no Jacobian is wanted. Empty, if there is none.
+        step is written down, and no Jacobian is wanted.
     """
 
     def __init__(
@@ -98,7 +99,7 @@ class Workspace:
         self._wake_at = np.zeros(n_guards)
         self.methods: MethodTable | None = None
         self.drive, self.caught = driver_entry(), Caught()
-        self.ready_for: str | None = None
+        self.ready_for: object = NOTHING
         self._identity = np.eye(n_states)
         self.tangent: FloatArray | None = None
         self._rows = np.empty((FIRST_ROWS, 1 + n_states))
@@ -194,7 +195,7 @@ class Workspace:
 
     def begin(self, methods: MethodTable, t_eval: FloatArray | None, jacobian: bool) -> None:
         """Forget the last integration; states are wanted at `t_eval` or, if None, at each step."""
-        self.ready_for = None
+        self.ready_for = NOTHING
         if methods is not self.methods:
             self._take(methods)
         if jacobian:
@@ -210,7 +211,7 @@ class Workspace:
             self._wanted = np.empty(0) if t_eval is None else t_eval
             self._samples = np.empty((len(self._wanted), len(self.state)))
             self._lay_out(layout.WANTED, self._wanted, self._samples)
-        self.ready_for = None if jacobian or t_eval is not None else methods.choice
+        self.ready_for = NOTHING if jacobian or t_eval is not None else methods.choice
 
     def _begin_tangent(self, methods: MethodTable) -> None:
         """Have room for the flow's Jacobian, which begins as the identity."""
@@ -235,7 +236,7 @@ class Workspace:
 
     def enlarge(self) -> None:
         """Put aside what the driver has written, and lay out new and larger room."""
-        self.ready_for = None
+        self.ready_for = NOTHING
         rows, events = int(self.counts[layout.ROWS]), int(self.counts[layout.EVENT_ROWS])
         self._kept.append((self._row_part(rows), self._log_part(events)))
         n_rows, n_events = len(self._rows), len(self._log)
@@ -249,7 +250,7 @@ class Workspace:
         end = self._end_bytes.tobytes()
         n_rows, n_events = COUNTED(end, ROWS_AT)
         rows, log = self._row_part(n_rows), self._log_part(n_events)
-        if self.ready_for is not None:
+        if self.ready_for is not NOTHING:
             parts = end, rows.tobytes(), log.tobytes()
             return solution_of(status, self.state.copy(), None, parts, self._form)
         trajectory = self._joined(0, rows) if len(self._wanted) == 0 else self._taken_samples()
