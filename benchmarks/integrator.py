@@ -8,8 +8,11 @@ five in a row), median and quartiles over the repeats, all in one process on one
 solvers taken in turn. `field_ns` is the time of one evaluation of the field alone, called by its
 address in a loop along the trajectory, and `over_evaluations` the time of a call over that of its
 evaluations; `empty_call_us` is a call of our solver for an empty time span. `bare_step_ns` and
-`bare_over_evaluations` are of the method's steps alone, in one loop with the field compiled into it
-(`bare.py`): no driver can be faster than its method.
+`bare_over_evaluations` are of the method's steps alone, in one loop with the field compiled into
+it (`bare.py`): no driver can be faster than its method. `over_bare` is the time of a call over that
+of as many bare steps as its evaluations make. On the hopper in one dimension,
+`hand_written_step_ns` is a step written by hand for its two states (`hand_written.py`), and
+`inlined_field_ns` an evaluation compiled into its loop, without a call.
 
 Both solvers use the same methods, and call the same Numba-compiled field and guards. scipy stops at
 each event (a terminal event per guard, in the direction that its lock leaves open) and is started
@@ -30,6 +33,7 @@ import numpy as np
 import pandas as pd
 from bare import best_time, field_time_ns, path_of, step_time_ns
 from exact import hopper_end, octant_end
+from hand_written import hopper_times_ns
 from numpy.typing import NDArray
 from restarted import restarted
 
@@ -49,7 +53,8 @@ EQUAL_ERROR = 1e-9
 EMPTY_CALLS = 1000  # in a row
 CALLS = 5  # in a row, for each timing
 EXACT = {"rtol": 1e-14, "atol": 1e-16, "method": "dop853"}
-TABLEAUS = {"hopdata DOPRI5": DOPRI5, "hopdata DOP853": DOP853}
+HOPPER, BY_HAND = "vertical_hopper", "hopdata DOPRI5"
+TABLEAUS = {BY_HAND: DOPRI5, "hopdata DOP853": DOP853}
 COLUMNS = (
     "scene",
     "solver",
@@ -64,6 +69,9 @@ COLUMNS = (
     "empty_call_us",
     "bare_step_ns",
     "bare_over_evaluations",
+    "over_bare",
+    "hand_written_step_ns",
+    "inlined_field_ns",
 )
 _hop = hopper_event.dispatcher
 
@@ -109,7 +117,7 @@ def cases() -> list[Case]:
     return [
         Case("octant", octant(), (), T_SPAN, INITIAL_STATE, octant_end()),
         Case(
-            "vertical_hopper", hopper.system(), hopper.params, (0.0, 2.0), (2.0, 0.0),
+            HOPPER, hopper.system(), hopper.params, (0.0, 2.0), (2.0, 0.0),
             hopper_end(hopper, 2.0, 2.0),
         ),
         three_hops(),
@@ -166,6 +174,8 @@ def measure(case: Case, repeats: int) -> list[dict[str, object]]:
     path = path_of(case.system, case.t_span, case.y0, case.params, case.mode)
     field_ns, empty_us = field_time_ns(path, repeats), empty_call_us(case, repeats)
     bare = {name: step_time_ns(path, tableau, repeats) for name, tableau in TABLEAUS.items()}
+    nowhere = (np.nan, np.nan)
+    by_hand = hopper_times_ns(case.params, repeats) if case.name == HOPPER else nowhere
     for tolerance in TOLERANCES:
         runs = solvers(case)
         times: dict[str, list[float]] = {name: [] for name in runs}
@@ -182,7 +192,8 @@ def measure(case: Case, repeats: int) -> list[dict[str, object]]:
             ratio = 1e3 * median / (field_ns * evaluations)
             step, count = bare.get(name, np.nan), TABLEAUS[name].evaluations if name in bare else 1
             timed = (median, low, high, evaluations, field_ns, ratio, empty_us)
-            timed += (step, step / (field_ns * count))
+            timed += (step, step / (field_ns * count), 1e3 * median / (step * evaluations / count))
+            timed += by_hand if name == BY_HAND else nowhere
             rows.append(dict(zip(COLUMNS, (*row, *timed), strict=True)))
     return rows
 
@@ -207,7 +218,8 @@ def main() -> None:
         print(
             f"{scene:16} {solver:16} {time_at(rows, EQUAL_ERROR):10.1f} us at {EQUAL_ERROR:g}, "
             f"{ratio:8.1f} times its field evaluations at the tightest tolerance, "
-            f"the bare method {rows['bare_over_evaluations'].iloc[0]:.1f} times"
+            f"the bare method {rows['bare_over_evaluations'].iloc[0]:.1f} times; "
+            f"{rows.loc[rows['rtol'].idxmin(), 'over_bare']:.1f} times its bare steps"
         )
     for scene, rows in table.groupby("scene"):
         field_ns, empty_us = rows["field_ns"].iloc[0], rows["empty_call_us"].iloc[0]

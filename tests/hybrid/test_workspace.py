@@ -119,3 +119,39 @@ def test_the_tolerance_of_the_last_call_is_forgotten():
         solve(system, (0, 1), [1.0, 0.0], **each), solve(system, (0, 1), [1.0, 0.0], **tight)
     )
     assert same(solve(system, (0, 1), [1.0, 0.0], **loose), first)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"t_span": (1.0, 0.0)}, {"t_span": (0.0, np.nan)}, {"t_span": (-np.inf, 0.0)},
+        {"t_span": (0.0, 1.0, 2.0)}, {"t_span": (0.0, "end")}, {"rtol": -1e-9}, {"rtol": 1.0},
+        {"rtol": np.nan}, {"max_step": 0.0}, {"max_step": np.nan}, {"max_steps": 0},
+        {"max_events": -1},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_numbers_are_refused_in_the_same_words_by_the_driver_and_by_python(wrong):
+    system, options = ladder(1), {"t_span": (0.0, 1.0), "params": (5.0, 1.0)}
+    good = solve(system, y0=(0.0, 0.0), **options)  # the driver looks at plain numbers from now on
+    words = []
+    for state in ((0.0, 0.0), np.zeros(2)):
+        with pytest.raises(ValueError, match="expected") as refused:
+            solve(system, y0=state, **{**options, **wrong})
+        words.append(str(refused.value))
+    assert words[0] == words[1]
+    assert same(solve(system, y0=(0.0, 0.0), **options), good)
+
+
+def test_a_relative_tolerance_below_rounding_is_raised_to_it_on_both_ways():
+    system, options = growth(), {"params": (0.7, 4.0), "rtol": 0.0, "atol": 0.0}
+    from_array = solve(system, (0, 1), np.array([1.0, 0.0]), **options)
+    assert same(solve(system, (0, 1), [1.0, 0.0], **options), from_array)
+    assert from_array.success
+
+
+def test_counts_may_be_whole_numbers_of_another_type():
+    options = {"params": (5.0, 1.0), "max_steps": 1e6, "max_events": np.int32(5)}
+    system = ladder(1)
+    for _ in range(2):
+        assert solve(system, (0, 1), (0.0, 0.0), **options).success
