@@ -1,6 +1,7 @@
 """The verdict on maps whose derivative is known to be one, or to differ by a known amount."""
 
 import json
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from kinked_landings import landings
 
 from hopdata.maps.verdict import judge
+from hopdata.maps.verdict.significance import KinkTest
 
 OPTIONS = {"seed": 3, "time_unit_s": 0.05, "flips": 499, "permutations": 99}
 
@@ -57,6 +59,18 @@ def test_two_feet_that_always_land_together_are_no_error(apart_s):
     assert answer.sentence
     if answer.effect is not None:
         assert answer.effect.low <= answer.effect.estimate <= answer.effect.high
+
+
+def test_the_interval_begins_at_zero_where_the_test_finds_nothing(monkeypatch):
+    data = landings(strength=0.3)
+    assert verdict(data, permutations=0).effect.low > 0
+    unsure = KinkTest(statistic=50.0, degrees_of_freedom=44, p_value=0.06, flips=99)
+    module = sys.modules["hopdata.maps.verdict.judge"]  # the package shows a function of that name
+    monkeypatch.setattr(module, "flip_signs", lambda *_, **__: unsure)
+    answer = verdict(data, permutations=0)
+    assert answer.conclusion != "different"
+    assert answer.effect.low == 0.0
+    assert next(window for window in answer.windows if window.chosen).kinks_low == 0.0
 
 
 def test_noise_that_hides_the_kinks_leaves_the_data_unable_to_tell():

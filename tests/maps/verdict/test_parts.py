@@ -8,6 +8,8 @@ import pytest
 from kinked_landings import landings
 
 from hopdata.maps.verdict.effect import (
+    EffectSize,
+    agreeing,
     detectable_size,
     effect_size,
     outcome_variance,
@@ -180,6 +182,12 @@ def fitted():
     outcome = outcome_variance(fit, section.inputs, section.expected, schedules)
     form = squared_size(fit, section.expected, schedules, outcome)
     return fit, form
+
+
+def test_the_interval_begins_at_zero_where_the_test_does_not_exclude_it():
+    found = EffectSize(estimate=0.2, low=0.1, high=0.3, upper_bound=0.28, detectable=0.1)
+    assert agreeing(found, 0.049, 0.05) == found
+    assert agreeing(found, 0.05, 0.05) == replace(found, low=0.0)
 
 
 def test_size_and_bounds_are_in_order(fitted, rng):

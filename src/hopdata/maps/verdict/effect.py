@@ -9,7 +9,7 @@ the outcome would be another by a tenth, had the feet come down in another order
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -131,6 +131,15 @@ def effect_size(
         upper_bound=_length(least, along, own, 2.0 * tail),
         detectable=detectable_size(fit, form, generator, 1.0 - confidence, power),
     )
+
+
+def agreeing(effect: EffectSize, p_value: float, level: float) -> EffectSize:
+    """Return the size with an interval that begins at zero where the test does not exclude zero.
+
+    The test weighs kinks by how well the data tell them, the size by what they do to the outcome;
+    so the two can part near the limit, and the test decides.
+    """
+    return effect if p_value < level else replace(effect, low=0.0)
 
 
 def detectable_size(

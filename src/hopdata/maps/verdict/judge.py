@@ -16,6 +16,7 @@ from hopdata.maps.verdict.answer import CANNOT_TELL, Verdict, WindowResult, conc
 from hopdata.maps.verdict.attenuation import attenuation, calibrated
 from hopdata.maps.verdict.effect import (
     EffectSize,
+    agreeing,
     effect_size,
     outcome_variance,
     squared_size,
@@ -96,17 +97,17 @@ def judge(
         restored = whole if one is fit else _without_attenuation(one, landings, seed)
         return effect_size(restored, form, generator=own, confidence=confidence, power=power)
 
+    test = flip_signs(fit, generator=named_generator(seed, "verdict", "signs"), flips=flips)
     sizes = {one.window: size(one) for one in (fits if all_windows else [fit])}
+    sizes[fit.window] = effect = agreeing(sizes[fit.window], test.p_value, 1.0 - confidence)
     windows = tuple(
         _window_result(landings, one, sizes[one.window], fit, seed)
         for one in fits
         if one.window in sizes
     )
-    test = flip_signs(fit, generator=named_generator(seed, "verdict", "signs"), flips=flips)
     specialised, subspaces = (
         _other_tests(landings, fit, seed, permutations) if permutations else (None, None)
     )
-    effect = sizes[fit.window]
     conclusion = conclude(test, effect, 1.0 - confidence, margin)
     return Verdict(
         conclusion,
