@@ -117,3 +117,14 @@ def test_frames_after_the_contacts_begin_at_a_lead_common_to_all_landings():
     assert np.all(np.abs(begin[~late] - tracks.lead_s) < 0.002)
     assert np.all(begin[late] <= gap[late] + 1e-9)  # none goes beyond its own last contact
     assert np.all(near - time[tracks.windows(0.002).start] <= 0.002 + 1e-9)
+
+
+@pytest.mark.parametrize("contact", [[], [np.nan, np.nan], [0.98, np.nan]], ids=str)
+@pytest.mark.filterwarnings("error")
+def test_landings_without_a_last_contact_have_no_states_and_raise_no_warning(contact):
+    time = np.arange(0, 5, 0.01)
+    near = np.arange(1.0, 1.0 + len(contact))
+    tracks = Tracks(time, np.zeros((len(time), 3, 3)), near, np.array(contact), flight=False)
+    assert tracks.lead_s == pytest.approx(0.02 if 0.98 in contact else 0.0)
+    fit = alone(tracks, None)[1]
+    assert np.isnan(fit.mean[np.isnan(tracks.contact)]).all()

@@ -80,7 +80,9 @@ class Tracks:
         know which contact was last, and look like a map that does. Nine in ten landings have
         that much.
         """
-        return max(float(np.nanquantile(self.near - self.contact, LEAD_QUANTILE)), 0.0)
+        after = self.near - self.contact
+        known = after[np.isfinite(after)]
+        return max(float(np.quantile(known, LEAD_QUANTILE)), 0.0) if len(known) else 0.0
 
     def windows(self, window_s: float) -> Windows:
         """Frames on either side of the crossings, on this side of the contacts."""
