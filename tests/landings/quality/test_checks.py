@@ -125,6 +125,19 @@ def test_faults_are_counted_by_kind(tables):
     assert found.remark == "2 swap, 1 spike"
 
 
+@pytest.mark.parametrize(("marker", "told"), [("b1", True), ("f1", False)])
+def test_descents_that_nobody_could_see_are_not_passed_over(tables, marker, told):
+    away = tables["markers"]["marker"] == marker
+    tables["markers"] = tables["markers"].assign(
+        missing=np.where(away, 500, 0), longest_s=np.where(away, 5.0, 0.5)
+    )
+    remark = judged(tables)[WHAT["used"]].remark
+    assert remark.startswith("9 of 10")
+    assert ("b1 (missing in 50 % of r)" in remark) == told
+    tables["touchdowns"] = tables["touchdowns"].head(0)
+    assert ("b1 (missing in 50 % of r)" in judged(tables)[WHAT["used"]].remark) == told
+
+
 def test_without_an_expected_noise_the_found_one_is_shown(tables):
     found = judged(tables, noise_m=None)[WHAT["noise"]]
     assert found.status == UNKNOWN

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 GOOD, LOOK, POOR, UNKNOWN = "good", "look", "poor", "not known"
 SURE = 0.9  # probability from which an order counts as sure
+LONG_S = 1.0  # gap of a body marker in which whole descents go unseen
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ def check_study(
         _seen(markers),
         _faults(faults),
         _noise(markers, expected_noise_m),
-        _used(touchdowns, other_feet),
+        _used(markers, touchdowns, other_feet),
         *_orders(touchdowns),
         _sections(stability),
         _drift(drift),
@@ -131,10 +132,21 @@ def _noise(markers: pd.DataFrame, expected_m: float | None) -> Check:
     return _check(what, found / expected_m if expected_m else np.nan, "", (1.5, 3.0), remark)
 
 
-def _used(touchdowns: pd.DataFrame, other_feet: bool) -> Check:
-    what = "descents used"
+def _unseen(markers: pd.DataFrame) -> str:
+    """Say where there may be descents that no table counts, for want of a height of the body."""
+    body = markers[(markers["role"] == "body") & (markers["longest_s"] > LONG_S)]
+    if body.empty:
+        return ""
+    worst = body.iloc[int(np.argmax((body["missing"] / body["frames"]).to_numpy(float)))]
+    share = 100.0 * float(worst["missing"] / worst["frames"])
+    where = f"{worst['marker']} (missing in {share:.2g} % of {worst['recording']})"
+    return f"; none is found where a body marker is missing for long: {where}"
+
+
+def _used(markers: pd.DataFrame, touchdowns: pd.DataFrame, other_feet: bool) -> Check:
+    what, unseen = "descents used", _unseen(markers)
     if touchdowns.empty:
-        return _check(what, None, "%", (80.0, 50.0), "no descent found")
+        return _check(what, None, "%", (80.0, 50.0), f"no descent found{unseen}")
     theirs = other_feet & (touchdowns["reason"] == NO_FOOT_LANDED)
     if theirs.all():
         return _check(what, 0.0, "%", (80.0, 50.0), f"{NO_FOOT_LANDED} in any of {len(theirs)}")
@@ -146,7 +158,7 @@ def _used(touchdowns: pd.DataFrame, other_feet: bool) -> Check:
         remark += f"; most often: {reasons.index[0]} ({int(reasons.iloc[0])})"
     if theirs.any():
         remark += f"; not counted: {int(theirs.sum())} of other feet"
-    return _check(what, 100.0 * float((~out).mean()), "%", (80.0, 50.0), remark)
+    return _check(what, 100.0 * float((~out).mean()), "%", (80.0, 50.0), remark + unseen)
 
 
 def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
