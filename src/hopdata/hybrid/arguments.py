@@ -36,34 +36,72 @@ def check_numbers(
         raise ValueError(f"t_span: expected two times (start, end), found {t_span!r}") from None
     if not -inf < t_start <= t_end < inf:
         raise ValueError(f"t_span: expected finite times, the end not first, found {t_span}")
-    if not max_step > 0 or not (first_step is None or first_step > 0):
+    largest = _number("max_step", max_step)
+    first = 0.0 if first_step is None else _number("first_step", first_step)
+    if not largest > 0 or not (first_step is None or first > 0):
         raise ValueError(f"max_step, first_step: expected > 0, found {max_step}, {first_step}")
-    if max_steps < 1 or max_events < 1:
-        raise ValueError(f"max_steps, max_events: expected > 0, found {max_steps}, {max_events}")
-    if not 0 <= rtol < 1:
+    relative = _number("rtol", rtol)
+    if not 0 <= relative < 1:
         raise ValueError(f"rtol: expected a number in [0, 1), found {rtol}")
-    rtol = max(float(rtol), SMALLEST_RTOL)
-    steps = float(max_step), float(first_step or 0.0)
-    return t_start, t_end, rtol, *steps, int(max_steps), int(max_events)
+    counts = _count("max_steps", max_steps), _count("max_events", max_events)
+    return t_start, t_end, max(relative, SMALLEST_RTOL), largest, first, *counts
+
+
+def _number(name: str, value: Any) -> float:
+    """Return a plain number."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected a number, found {value!r}") from None
+
+
+def _count(name: str, value: Any) -> int:
+    """Return a whole number from 1 to the largest that 8 bytes hold."""
+    number = _number(name, value)
+    if not 1 <= number < 2**63 or number != int(number):
+        raise ValueError(f"{name}: expected a whole number > 0, found {value!r}")
+    return int(value)
+
+
+def numbers_of(name: str, value: ArrayLike) -> FloatArray:
+    """Return an array of numbers, one row behind the other in memory."""
+    try:
+        given = np.asarray(value)
+        kind = given.dtype.kind
+        if kind in "USc" or (kind == "O" and None in given.ravel().tolist()):
+            raise TypeError  # of text or None, NumPy would make numbers
+        return np.ascontiguousarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: expected numbers, found {value!r}") from None
+
+
+def _integers(name: str, value: ArrayLike) -> IntArray:
+    """Return an array of whole numbers."""
+    given = np.asarray(value)
+    if given.dtype.kind not in "iub":
+        given = numbers_of(name, value)
+        if not (given == np.rint(given)).all():
+            raise ValueError(f"{name}: expected integers, found {value!r}")
+    return given.astype(np.int64)
 
 
 def check_shape(name: str, value: ArrayLike, length: int) -> FloatArray:
     """Return a state as an array; whether it is finite, the driver looks up."""
-    state = np.ascontiguousarray(value, dtype=np.float64)
+    state = numbers_of(name, value)
     if state.shape != (length,):
         raise ValueError(f"{name}: expected shape ({length},), found {state.shape}")
     return state
 
 
-def check_params(params: ArrayLike) -> FloatArray:
+def check_params(params: ArrayLike, name: str = "params") -> FloatArray:
     """Return the parameters as a vector."""
-    vector = np.ascontiguousarray(params, dtype=np.float64)
+    vector = numbers_of(name, params)
     return vector if vector.ndim == 1 else vector.ravel()
 
 
 def check_memory(memory: ArrayLike | None, length: int) -> FloatArray:
     """Return the scene's memory at the start, by default zeros."""
-    start = np.zeros(length) if memory is None else check_params(memory)
+    start = np.zeros(length) if memory is None else check_params(memory, "memory")
     if len(start) != length:
         raise ValueError(f"memory: expected {length} numbers, found {len(start)}")
     return start
@@ -78,7 +116,7 @@ def with_memory(params: FloatArray, memory: ArrayLike | None, n_memory: int) -> 
 def set_mode(full: IntArray, n_guards: int, mode: Any) -> None:
     """Write the initial mode into `full`: all of it, or the scene's own integers behind locks 0."""
     full.fill(0)
-    given = np.asarray(mode, dtype=np.int64).ravel()
+    given = _integers("mode", mode).ravel()
     if len(given) == len(full):
         full[:] = given
         if not _LOCKS.issuperset(given[:n_guards].tolist()):
@@ -97,7 +135,7 @@ def set_tolerance(full: FloatArray, atol: ArrayLike) -> None:
     if type(atol) is float and atol >= 0.0:
         full.fill(atol)
         return
-    given = np.asarray(atol, dtype=np.float64)
+    given = numbers_of("atol", atol) if np.ndim(atol) else np.asarray(_number("atol", atol))
     if given.shape not in ((), full.shape) or not (given >= 0).all():
         raise ValueError(f"atol: expected a number or {len(full)} numbers, >= 0, found {atol!r}")
     full[:] = given
@@ -105,7 +143,7 @@ def set_tolerance(full: FloatArray, atol: ArrayLike) -> None:
 
 def check_times(t_eval: ArrayLike, t_start: float, t_end: float) -> FloatArray:
     """Return the wanted times."""
-    times = np.array(t_eval, dtype=np.float64, ndmin=1)
+    times = np.array(numbers_of("t_eval", t_eval), ndmin=1)
     inside = (times >= t_start) & (times <= t_end)
     if times.ndim != 1 or not inside.all() or not (np.diff(times) > 0).all():
         raise ValueError(f"t_eval: expected increasing times within {(t_start, t_end)}")

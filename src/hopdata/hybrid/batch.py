@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from hopdata.hybrid.arguments import (
     check_numbers,
     check_times,
+    numbers_of,
     set_mode,
     with_memory,
 )
@@ -205,7 +206,7 @@ def solve_batch(
 
 
 def _states(y0: ArrayLike, n_states: int) -> FloatArray:
-    states = np.ascontiguousarray(y0, dtype=np.float64)
+    states = numbers_of("y0", y0)
     if states.ndim != 2 or states.shape[1] != n_states:
         raise ValueError(f"y0: expected shape (B, {n_states}), found {states.shape}")
     bad = np.flatnonzero(~np.isfinite(states).all(axis=1))
@@ -215,7 +216,7 @@ def _states(y0: ArrayLike, n_states: int) -> FloatArray:
 
 
 def _parameters(params: ArrayLike, n_runs: int) -> FloatArray:
-    numbers = np.atleast_2d(np.asarray(params, dtype=np.float64))
+    numbers = np.atleast_2d(numbers_of("params", params))
     if numbers.ndim != 2 or len(numbers) not in (1, n_runs):
         raise ValueError(f"params: expected shape (p,) or ({n_runs}, p), found {np.shape(params)}")
     return np.ascontiguousarray(numbers)

@@ -96,7 +96,8 @@ def solve(
     limits = rtol, max_step, first_step, max_steps, max_events
     work, flags = system.take_workspace(), 0
     try:
-        if jacobian or t_eval is not None or method != work.ready_for:
+        as_before = type(method) is str and method == work.ready_for
+        if jacobian or t_eval is not None or not as_before:
             _begin(system, work, t_span, limits, method, t_eval, jacobian)
         work.ask(system, t_span, y0, params, memory, limits, t_eval is None)
         work.set_tolerance(atol)

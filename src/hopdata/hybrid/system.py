@@ -169,7 +169,7 @@ class System:
 
     def methods(self, choice: str, jacobian: bool) -> MethodTable:
         """Return the methods that a choice leaves to the driver."""
-        key = choice, jacobian
+        key = str(choice), bool(jacobian)
         if key not in self._method_tables:
             guards = self.guards or self.guard
             scene = Scene(self.field, self.n_states, self.jacobian, self.affine, guards)

@@ -54,7 +54,7 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
     ValueError
         If there is no method of this name, or it does not suit the scene.
     """
-    if name not in CHOICES:
+    if not isinstance(name, str) or name not in CHOICES:
         near = difflib.get_close_matches(str(name), CHOICES, n=1)
         hint = f"; did you mean '{near[0]}'?" if near else ""
         raise ValueError(f"method: expected one of {', '.join(CHOICES)}, found {name!r}{hint}")

@@ -3,9 +3,9 @@
 Free terms, kinks and shrunk terms are fitted together to the landings within a window of contact
 spread about the simultaneous contact. Two things make the estimate uncertain: the scatter of the
 landings, which the sandwich covariance takes as it is (White 1980), and smooth terms beyond the
-free ones, whose size the shrinkage has estimated and which count twice. The window is the widest
-in which the second is small beside the first, so that the answer rests on noise, which is known,
-not on curvature.
+free ones, whose size the shrinkage has estimated and which count one and a half times. The window
+is the widest in which the second is small beside the first, so that the answer rests on noise,
+which is known, not on curvature.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from hopdata.maps.verdict.smooth import (
 #: Shares of the landings, nearest to the simultaneous contact, that may be the window.
 WINDOWS = (1.0, 0.71, 0.5, 0.35, 0.25)
 #: Share of curvature in the variance of the kinks up to which a window is taken.
-CURVATURE_SHARE = 0.05
+CURVATURE_SHARE = 0.0375
 #: How often the variance of the shrunk terms is counted: orders that are not fitted come on top.
-CURVATURE_COUNT = 2.0
+CURVATURE_COUNT = 1.5
 #: Landings wanted in a window for each free term.
 LANDINGS_PER_TERM = 2.5
 #: Kinks of which less than this share is left beside the smooth terms are not seen by the data.
