@@ -1,6 +1,6 @@
 """Hopper and plate in MuJoCo, with its contacts and with springs of ours, and their simulation.
 
-Three ways to make a spring that pushes only in contact:
+Ways to make a spring that pushes only in contact:
 
 - ``default contact``: MuJoCo's own soft contact, frictionless, with stiffness and damping over mass
   given directly (negative `solref`), as its manual suggests, and its default impedance.

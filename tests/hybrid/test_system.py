@@ -16,7 +16,7 @@ from bent_systems import (
     turn_back,
 )
 
-from hopdata.hybrid import System
+from hopdata.hybrid import System, jacobian
 
 ONE = {"n_states": 2, "guard_names": ("bar0",)}
 
@@ -47,6 +47,24 @@ ONE = {"n_states": 2, "guard_names": ("bar0",)}
 def test_parts_that_do_not_fit(parts, message):
     with pytest.raises((TypeError, ValueError), match=message):
         System(bent_field, **{**ONE, **parts})
+
+
+@jacobian
+def far_reaching(t, y, mode, params, jac):
+    jac[:] = params[4]
+
+
+@jacobian
+def far_looking(t, y, mode, params, jac):
+    jac[:] = y[7]
+
+
+def test_elements_that_a_jacobian_names():
+    system = System(bent_field, bent_guards, jacobian=far_reaching, **ONE)
+    with pytest.raises(ValueError, match=r"uses params\[4\]"):
+        system.check_params_length(4)
+    with pytest.raises(ValueError, match=r"uses y\[7\]"):
+        System(bent_field, bent_guards, jacobian=far_looking, **ONE)
 
 
 def test_a_plain_function_is_no_callback():

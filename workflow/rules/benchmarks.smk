@@ -34,7 +34,7 @@ BENCHMARK_TABLES = {
     "recording_faults": ["recording_faults.csv"],
     "pose": ["pose.csv", "pose_stances.csv", "pose_live.csv", "pose_time.csv"],
 }
-# They take about two hours, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
+# They take one to two hours, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
 SIMULATED_STUDIES = {
     "verdict_power": ["verdict_power.csv", "verdict_studies.csv"],
     "study_cost": ["study_cost.csv", "study_cost_stages.csv"],

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def check(options: argparse.Namespace) -> int:
     """Check a configuration and read all its recordings."""
     from hopdata.config.loading import load_config
-    from hopdata.config.recordings import files_of
+    from hopdata.config.recordings import files_of, simulation_of
     from hopdata.recordings.external_files import describe_external
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible
@@ -30,7 +30,7 @@ def check(options: argparse.Namespace) -> int:
     for entry in config["recordings"]:
         files = files_of(entry)
         if not files:
-            print(f"{entry['name']}: simulated, {config['simulation']['hops']} hops")
+            print(f"{entry['name']}: simulated, {_length(simulation_of(config, entry['name']))}")
             continue
         try:
             with Progress() as progress:
@@ -71,6 +71,12 @@ def _suspects(recording: Recording) -> list[str]:
     if not found.faults.count:
         return []
     return [f"{recording.source}: {answer(found)} 'hopdata inspect' lists them"]
+
+
+def _length(simulation: dict[str, Any]) -> str:
+    """Say how long a simulated recording is."""
+    hops, duration = simulation["hops"], simulation["duration_s"]
+    return f"{hops} hops" if duration is None else f"{hops} hops, cut at {duration:g} s"
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:

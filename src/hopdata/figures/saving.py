@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,13 +59,25 @@ def save_figure(
     targets = tuple(base.with_name(f"{base.name}.{suffix}") for suffix in formats)
     with tempfile.TemporaryDirectory(dir=base.parent, prefix=f".{base.name}-") as folder:
         drafts = [Path(folder) / target.name for target in targets]
-        with style_context():
+        with style_context(), _laid_out(figure):
             for draft, suffix in zip(drafts, formats, strict=True):
                 metadata: dict[str, Any] = dict(METADATA[suffix])
                 figure.savefig(draft, format=suffix, dpi=dpi, metadata=metadata)
         for draft, target in zip(drafts, targets, strict=True):
             os.replace(draft, target)
     return targets
+
+
+@contextmanager
+def _laid_out(figure: Figure) -> Iterator[None]:
+    """Lay the figure out once for all formats, not once in each."""
+    engine = figure.get_layout_engine()
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    try:
+        yield
+    finally:
+        figure.set_layout_engine(engine)
 
 
 def _check(formats: Sequence[str], dpi: float) -> None:

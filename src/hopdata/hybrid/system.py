@@ -149,7 +149,10 @@ class System:
     @property
     def callbacks(self) -> tuple[Callback, ...]:
         """The functions that there are."""
-        every = (self.field, self.guards, self.guard, self.rate_bound, self.on_event)
+        every = (
+            self.field, self.guards, self.guard, self.rate_bound, self.on_event, self.jacobian,
+            self.affine,
+        )  # fmt: skip
         return tuple(one for one in every if one is not None)
 
     @cached_property

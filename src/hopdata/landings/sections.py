@@ -118,7 +118,7 @@ def select_sections(
     all feet are up, below the post section all are down. Each is a tail quantile of the frames
     that would contradict it: those with some foot down, and those with some foot up. A touchdown
     crosses few frames, so the share of touchdowns that lose a foot beyond a section is much
-    larger than the share of frames (a few per cent at the default). A foot between the ground
+    larger than the share of frames (one or two per cent at the default). A foot between the ground
     and its threshold counts as down while the body still rides up to that much higher than at
     contact; the section lies in between, and the middle is taken. With a threshold from the
     configuration a foot below it *is* down, and nothing is taken off.

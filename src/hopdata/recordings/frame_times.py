@@ -87,7 +87,7 @@ def rate_of(stamps: FloatArray, number: FloatArray, *, whole: bool = True) -> fl
 def irregular(place: str, time: FloatArray, rate_hz: float) -> tuple[str, ...]:
     """Remark on steps of time that are no whole number of frames.
 
-    Steps of two or more whole frames are dropped frames; `plausibility.notes` counts those.
+    Steps of two or more whole frames are dropped frames; `remarks.notes` counts those.
     """
     steps = np.diff(time) * rate_hz
     off = np.abs(steps - np.round(steps))

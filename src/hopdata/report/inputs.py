@@ -132,7 +132,7 @@ class ReportInputs:
 
 
 class Described(Protocol):
-    """What the page says of a recording; `hopdata.recordings.Recording` has it all."""
+    """What the page says of a recording; `hopdata.recordings.recording.Recording` has it all."""
 
     @property
     def name(self) -> str:

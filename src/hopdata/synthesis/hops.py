@@ -112,6 +112,8 @@ def fly_hop(
         Times after the start at which the state is wanted, s.
     limit_s : float
         Give up if no apex has come by then, s.
+    rtol, atol : float
+        Tolerances of the integration, as for `hopdata.hybrid.solve`.
 
     Raises
     ------

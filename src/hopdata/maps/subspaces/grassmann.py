@@ -28,14 +28,13 @@ def principal_angles(a: Floats, b: Floats) -> Floats:
     Parameters
     ----------
     a, b
-        (..., D, k) and (..., D, k) orthonormal bases; leading axes broadcast. Of unequal
-        numbers of columns the smaller counts.
+        (..., D, k) and (..., D, m) orthonormal bases; leading axes broadcast.
 
     Returns
     -------
     ndarray
-        (..., k) angles in rad, increasing, in [0, pi/2]; absolute error a few 1e-16 times the
-        departure of the bases from orthonormality.
+        (..., min(k, m)) angles in rad, increasing, in [0, pi/2]; absolute error a few 1e-16 times
+        the departure of the bases from orthonormality.
     """
     a, b = _ordered(a, b)
     overlap = a.swapaxes(-1, -2) @ b

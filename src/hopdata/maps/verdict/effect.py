@@ -37,7 +37,7 @@ class EffectSize:
         Ends of the interval of the given confidence.
     upper_bound
         One-sided bound: no difference larger than this, at the given confidence. Like `high` it
-        is never below what a study without a difference gives on average.
+        is never below what the median study without a difference gives.
     detectable
         Difference that the test would have found with the given power.
     """
