@@ -1,5 +1,6 @@
 import json
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -31,6 +32,22 @@ def test_a_defect_keeps_its_traceback(tmp_path):
     with pytest.raises(ZeroDivisionError), reported(tmp_path / "job.log"):
         _ = 1 / 0
     assert "Traceback" in (tmp_path / "job.log").read_text()
+
+
+def test_names_that_look_like_numbers_or_nothing_come_back(tmp_path):
+    table = pd.DataFrame(
+        {"recording": ["NA", "null", "nan"], "foot": ["01", "02", "NA"], "x": [1.5, np.nan, np.inf]}
+    )
+    write_table(tmp_path / "a.csv", table)
+    pd.testing.assert_frame_equal(read_table(tmp_path / "a.csv"), table)
+
+
+def test_late_instants_keep_their_digits(tmp_path):
+    times = [1_700_000_000.123456, np.nan, 12.5]
+    write_table(tmp_path / "a.csv", pd.DataFrame({"t_pre_s": times, "height_m": [1e4 / 3] * 3}))
+    back = read_table(tmp_path / "a.csv")
+    np.testing.assert_allclose(back["t_pre_s"], times, rtol=0, atol=1e-6)
+    assert (tmp_path / "a.csv").read_text().splitlines()[1].endswith(",3333.33333")
 
 
 def test_a_file_is_whole_or_not_there(tmp_path):

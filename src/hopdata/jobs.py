@@ -17,7 +17,12 @@ from hopdata.errors import HopdataError
 if TYPE_CHECKING:
     import pandas as pd
 
-TEXT_COLUMNS = ("recording", "schedule", "schedule_a", "schedule_b", "reason")
+TEXT_COLUMNS = (
+    *("recording", "schedule", "schedule_a", "schedule_b", "reason"),
+    *("foot", "first_foot", "feet", "marker", "column", "name"),
+)
+DIGITS, MOST_DIGITS = 9, 16
+LATE_S = 1e3  # instants (columns in "_s") after it need more digits than 9
 
 logger = logging.getLogger("hopdata")
 
@@ -82,9 +87,23 @@ def read_json(path: str | Path) -> Any:
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
-    """Write a table as CSV, whole or not at all, with 9 significant digits."""
+    """Write a table as CSV, whole or not at all, with 9 digits, late instants with 16."""
+    exact = {name: _printed(table[name]) for name in table.columns if _is_late(table[name])}
     with whole_file(path) as temporary:
-        table.to_csv(temporary, index=False, float_format="%.9g", lineterminator="\n")
+        table.assign(**exact).to_csv(
+            temporary, index=False, float_format=f"%.{DIGITS}g", lineterminator="\n"
+        )
+
+
+def _is_late(column: pd.Series) -> bool:
+    """Tell whether a column holds instants long after the zero of their clock."""
+    is_time = str(column.name).endswith("_s") and column.dtype.kind == "f"
+    return is_time and bool(column.abs().max() >= LATE_S)
+
+
+def _printed(column: pd.Series) -> list[str]:
+    """Return numbers as text, with as many digits as a double has."""
+    return ["" if value != value else f"{value:.{MOST_DIGITS}g}" for value in column.tolist()]
 
 
 def read_table(path: str | Path) -> pd.DataFrame:
@@ -93,7 +112,9 @@ def read_table(path: str | Path) -> pd.DataFrame:
 
     columns = pd.read_csv(path, nrows=0).columns
     text = [name for name in TEXT_COLUMNS if name in columns]
-    table = pd.read_csv(path, dtype=dict.fromkeys(text, str))
+    table = pd.read_csv(  # a recording may be called NA; an empty cell alone is a missing value
+        path, dtype=dict.fromkeys(text, str), keep_default_na=False, na_values=[""]
+    )
     return table.assign(**{name: table[name].fillna("") for name in text})
 
 

@@ -57,6 +57,18 @@ def test_a_recording_has_no_file_one_or_several():
     assert [files_of(e) for e in entries] == [[], ["a.tsv"], ["a.tsv", "b.c3d"], []]
 
 
+def test_what_is_no_number_at_all_has_no_hint(folder):
+    with pytest.raises(ConfigError, match=r"verdict.margin: expected .*found '1.2.3%'"):
+        load(SOUND + "verdict: {margin: 1.2.3%}\n")
+
+
+def test_whole_numbers_may_be_written_with_a_point(folder):
+    config = load(SOUND.replace("seed: 7", "seed: 7.0") + "floor: {degree: 1.0}\n")
+    assert (config["seed"], config["floor"]["degree"]) == (7, 1)
+    assert isinstance(config["seed"], int)
+    assert isinstance(config["floor"]["degree"], int)
+
+
 def test_what_is_given_stays_and_the_rest_is_filled_in(folder):
     config = load(SOUND)
     assert config["study"] == "trial"
@@ -230,7 +242,20 @@ MISTAKES = {
     "a file twice": (
         "one.tsv",
         "[one.tsv, one.tsv]",
-        ["recordings[0].file[1]: expected each file once", "found 'one.tsv' twice"],
+        [
+            "recordings[0].file[1]: expected each file once",
+            "found 'one.tsv' in recordings[0].file[0]",
+        ],
+    ),
+    "a file in two recordings": (
+        "markers:",
+        "  - {name: again, file: ./one.tsv}\nmarkers:",
+        ["recordings[1].file: expected each file once", "in recordings[0].file as well"],
+    ),
+    "too few sign flips": (
+        "markers:",
+        "verdict: {flips: 99, confidence: 0.999}\nmarkers:",
+        ["verdict.flips: expected more than 999", "found 99"],
     ),
     "an empty list of files": ("one.tsv", "[]", ["recordings[0].file", "found none"]),
     "missing folder": ("one.tsv", "data/one.tsv", ["recordings[0].file", "there is no folder"]),

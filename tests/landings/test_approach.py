@@ -79,3 +79,6 @@ def test_noise_where_every_third_frame_is_seen_and_where_there_is_none():
     heights[np.arange(len(heights)) % 3 > 0] = np.nan
     assert height_noise(heights) == pytest.approx(6e-4, rel=0.15)
     assert height_noise(np.zeros((50, 2))) == LEAST_NOISE_M
+    rare = np.full((100, 2), np.nan)
+    rare[[1, 50, 99]] = 0.1
+    assert np.isnan(height_noise(rare))

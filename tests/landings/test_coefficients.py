@@ -1,5 +1,7 @@
 """Random coefficients against the population they were drawn from."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,15 @@ def test_the_population_is_found(study):
     np.testing.assert_allclose(np.sqrt(population.variance), NOISE_M, rtol=0.05)
     np.testing.assert_allclose(np.sqrt(population.spread[:, 0, 0]), SPREAD_M, rtol=0.1)
     np.testing.assert_allclose(population.mean[..., 2, 0], 0.01 * MEAN[:, 2], atol=1e-3)
+
+
+def test_landings_that_lack_frames_do_not_teach_wherever_they_stand(study):
+    sums, _ = study
+    some = sums.some(np.flatnonzero(np.arange(LANDINGS) % 3 == 1))
+    frames = sums.frames.copy()
+    frames[np.arange(LANDINGS) % 3 != 1] = 0
+    known, found = learn(some), learn(replace(sums, frames=frames))
+    np.testing.assert_allclose(found.spread, known.spread, rtol=1e-9)
 
 
 def test_errors_are_as_large_as_stated_and_no_larger_than_alone(study):

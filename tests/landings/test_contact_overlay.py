@@ -142,6 +142,12 @@ def test_times_that_do_not_overlap_are_told(scene, touchdowns):
         compare(scene, touchdowns, known(scene.contact_times[:, 0] + 1000))
 
 
+def test_where_nothing_was_found_all_known_contacts_are_missed(scene, touchdowns):
+    table = compare(scene, touchdowns.iloc[:0], known(np.sort(scene.contact_times[:, 0])))
+    assert set(table["status"]) == {"missed"}
+    assert len(table) == 40
+
+
 def test_an_offset_between_the_clocks_is_told(scene, touchdowns):
     shifted = known(np.sort(scene.contact_times[:, 0]) + 0.1503)
     with pytest.raises(AnalysisError, match=r"found none among 40 and 40.*larger by -0.150"):

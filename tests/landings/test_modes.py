@@ -47,6 +47,15 @@ def test_data_without_noise_keep_a_finest_sigma():
     assert mode.sigma_m == pytest.approx(1e-5)
 
 
+def test_heights_in_whole_millimetres_have_at_least_half_their_step():
+    rng = np.random.default_rng(4)
+    fine = feet(rng, sigma=5e-5)
+    coarse = ground_mode(np.round(fine, 3))
+    assert coarse.sigma_m >= 5e-4
+    assert coarse.height_m == pytest.approx(0.0, abs=5e-4)
+    assert ground_mode(np.round(fine, 6)).sigma_m == pytest.approx(5e-5, rel=0.2)
+
+
 def test_too_few_heights():
     with pytest.raises(AnalysisError, match="at least 20 frames"):
         ground_mode(np.append(np.zeros(19), np.nan))

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from section_fakes import hopper
@@ -42,6 +44,16 @@ def test_every_curve_is_a_density(table):
         assert len(height) == 800
         assert density.min() >= 0
         assert np.trapezoid(density, height) == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 5e-5])
+def test_heights_in_whole_millimetres_without_noise_have_sections_and_curves(noise_m):
+    fine = hopper(np.random.default_rng(2), noise_m=noise_m).recording
+    coarse = replace(fine, positions=np.round(fine.positions, 3))
+    expected, found = select_sections([fine]), select_sections([coarse])
+    assert found.post_height_m == pytest.approx(expected.post_height_m, abs=0.01)
+    assert found.pre_height_m == pytest.approx(expected.pre_height_m, abs=0.01)
+    assert np.isfinite(section_densities([coarse], found)["density_per_m"]).all()
 
 
 def test_a_condition_and_its_complement_make_up_all_frames(fake, table):

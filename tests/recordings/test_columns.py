@@ -29,6 +29,24 @@ def test_quotes_and_blanks_about_cells(tmp_path):
     np.testing.assert_array_equal(table.numbers("foot 2"), [2.0, np.nan])
 
 
+def test_a_delimiter_between_quotes_belongs_to_its_cell(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text('t,"what, where",z\n0.1,"Strike, left",3\n0.2, "Off, right",4\n')
+    table = open_table(path)
+    assert table.names == ("t", "what, where", "z")
+    assert table.texts("what, where") == ["Strike, left", "Off, right"]
+    assert table.texts("z") == ["3", "4"]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_empty_lines_at_the_end_are_no_rows(tmp_path, end):
+    path = tmp_path / "a.csv"
+    path.write_bytes((end.join(["t,label", "1,a", "", "2,b", "", ""]) + end).encode())
+    table = open_table(path)
+    np.testing.assert_array_equal(table.numbers("t"), [1, np.nan, 2])
+    assert table.texts("label") == ["a", "", "b"]
+
+
 def test_short_rows_end_in_empty_cells(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("a,b\n1,2\n3\n")

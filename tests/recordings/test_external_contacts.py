@@ -61,6 +61,11 @@ def test_events_of_a_qtm_file(tmp_path):
     left, right = read_contact_times(block("contacts", file=file, columns=both), feet=FEET)
     np.testing.assert_array_equal(left.instant, [0.25, 1.25])
     np.testing.assert_array_equal(right.instant, [0.5])
+    later = "FILE_VERSION\t2.0.0\n" + head + "1\t2\t3\n4\t5\t6\n"
+    for text, name in ((later, "2.tsv"), ("\ufeff" + later, "bom.tsv"), (later, "trial.txt")):
+        file = written(tmp_path, text, name)
+        left, _ = read_contact_times(block("contacts", file=file, columns=both), feet=FEET)
+        np.testing.assert_array_equal(left.instant, [0.25, 1.25])
     wrong = block("contacts", file=file, columns=columns(**{"L dwn": ["left"]}))
     with pytest.raises(RecordingError, match=r"events: label: expected 'L dwn'.*mean 'L down'"):
         read_contact_times(wrong, feet=FEET)

@@ -131,6 +131,18 @@ def test_dropped_frames_are_noted():
     ]
 
 
+def test_pauses_are_no_missing_frames():
+    time = np.arange(100) / 100.0
+    time[40:] += 7200.0
+    assert notes(recording(time=time)) == [
+        "recording 'trial': 1 pause of 7200.01 s in which nothing was recorded"
+    ]
+    time[70:] += 60.0
+    assert notes(recording(time=time)) == [
+        "recording 'trial': 2 pauses of 7260.02 s in all in which nothing was recorded"
+    ]
+
+
 def test_a_marker_under_two_names_is_refused():
     positions = recording().positions.copy()
     positions[:, 1] = positions[:, 0]

@@ -35,6 +35,20 @@ def test_nothing_and_three_zeros_are_missing_and_one_zero_is_not(tmp_path):
     assert raw.positions[4, 2, 1] == 0.0
 
 
+def test_numbers_and_missing_values_may_be_padded_with_blanks(tmp_path):
+    positions = POSITIONS.copy()
+    positions[5, 1] = np.nan
+    cells = [line.split("\t") for line in trc_text(positions, NAMES).splitlines()]
+    padded = [["" if i < 6 else "   ", "       nan"][i % 2] for i in range(len(cells))]
+    lines = [
+        "\t".join(cell if i < 6 else f"{cell or padded[i]:>12}" for cell in row)
+        for i, row in enumerate(cells)
+    ]
+    raw = read(tmp_path, "\n".join(lines) + "\n")
+    assert np.argwhere(np.isnan(raw.positions).all(axis=2)).tolist() == [[5, 1]]
+    np.testing.assert_allclose(raw.positions[6], positions[6], atol=1e-6)
+
+
 def test_a_missing_unit_is_remarked(tmp_path):
     raw = read(tmp_path, trc_text(POSITIONS, NAMES, values={"Units": None}))
     assert raw.unit == "mm"

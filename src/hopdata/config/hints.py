@@ -7,7 +7,7 @@ from typing import Any
 
 from hopdata.errors import did_you_mean
 
-_WITH_UNIT = re.compile(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\d\s].*)")
+_WITH_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.].*)")
 _OTHER_LENGTHS = {"cm", "dm", "km", "um", "in", "inch", "ft"}
 _COMMA = re.compile(r"[-+]?\d+,\d+")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
@@ -89,8 +90,15 @@ def _with_defaults(value: Any, schema: dict[str, Any]) -> Any:
     if isinstance(value, list | tuple):
         return [_with_defaults(v, schema.get("items", {})) for v in value]
     if isinstance(value, str) and "number" in schema.get("type", ()) and _POWER.fullmatch(value):
-        return float(value)  # YAML 1.1 takes 1e-3 for text, 1.0e-3 for a number
+        value = float(value)  # YAML 1.1 takes 1e-3 for text, 1.0e-3 for a number
+    if isinstance(value, float) and value.is_integer() and _is_whole(schema):
+        return int(value)  # the schema takes 1000.0 for a whole number, Python does not
     return value
+
+
+def _is_whole(schema: dict[str, Any]) -> bool:
+    """Whether numbers of this key are whole."""
+    return "integer" in schema.get("type", ()) and "number" not in schema.get("type", ())
 
 
 def _schema_mistakes(config: dict[str, Any], schema: dict[str, Any]) -> list[str]:
@@ -234,12 +242,22 @@ def _recording_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _repeated_files(config: dict[str, Any]) -> Iterator[str]:
-    """Yield files that one recording names twice: its landings would count twice."""
-    for i, recording in enumerate(config["recordings"]):
-        names = files_of(recording)
-        for k, name in enumerate(names):
-            if name in names[:k]:
-                yield f"recordings[{i}].file[{k}]: expected each file once, found '{name}' twice"
+    """Yield files that are named twice: their landings would count twice."""
+    known: dict[str, str] = {}
+    for key, name in _recording_files(config):
+        first = known.setdefault(os.path.realpath(name), key)
+        if first != key:
+            yield f"{key}: expected each file once, found '{name}' in {first} as well"
+
+
+def _enough_flips(config: dict[str, Any]) -> Iterator[str]:
+    """Yield a number of sign flips with which no p-value can be small enough."""
+    flips, confidence = (config["verdict"][key] for key in ("flips", "confidence"))
+    if (1 + flips) * (1 - confidence) <= 1:
+        yield (
+            f"verdict.flips: expected more than {1 / (1 - confidence) - 1:.0f}, with fewer no "
+            f"p-value is below {1 - confidence:.3g}, found {flips}"
+        )
 
 
 def _near(file: Path) -> str:
@@ -265,5 +283,6 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _simulated_files,
     external_mistakes,
     _repeated_files,
+    _enough_flips,
     steering_mistakes,
 ]

@@ -26,6 +26,8 @@ def height_noise(heights: FloatArray) -> float:
     """
     seen = np.flatnonzero(~np.isnan(heights).all(axis=1))
     step = int(np.median(np.diff(seen))) if len(seen) > 1 else 1
+    if len(heights) <= 3 * step:
+        return float("nan")
     z0, z1, z2, z3 = (heights[k * step : len(heights) - (3 - k) * step] for k in range(4))
     third = z3 - 3 * z2 + 3 * z1 - z0
     third = np.abs(third[~np.isnan(third)])

@@ -133,9 +133,9 @@ def learn(sums: Moments) -> Population:
     Place and velocity have flat priors, so that the likelihood is the restricted one. Only
     landings in which each marker has more frames than coefficients teach.
     """
-    rows = np.unique(np.linspace(0, len(sums.frames) - 1, LEARN_FROM).round().astype(int))
-    rows = rows[(sums.frames[rows] > sums.terms).all(axis=1)]
-    sums = sums.some(rows)
+    teaching = np.flatnonzero((sums.frames > sums.terms).all(axis=1))
+    spaced = np.unique(np.linspace(0, len(teaching) - 1, LEARN_FROM).round().astype(int))
+    sums = sums.some(teaching[spaced])
     population = _first_guess(sums)
     for _ in range(STEPS):
         population = _improved(sums, population)

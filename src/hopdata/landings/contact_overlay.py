@@ -82,7 +82,7 @@ def compare_contacts(
     at, of = match_instants(
         external.instant[judged], found["found_s"].to_numpy()[shown], window_s=window_s
     )
-    if not len(at) and len(judged):
+    if not len(at) and len(judged) and len(found):
         raise _nothing_near(
             recording, external, external.instant[judged], found["found_s"], window_s
         )

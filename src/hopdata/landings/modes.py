@@ -16,6 +16,9 @@ _FINEST_M = 1e-5  # no optical system resolves less; keeps data without noise fr
 _NORMAL_MEDIAN = 0.67449  # median of |z| for a standard normal z
 _LEAST_SAMPLES = 20
 _COARSE = 0.04  # coarse bandwidth, as a share of the range from the 2 % to the 98 % quantile
+_STEP_REACH_M = 5e-3  # about the mode, in which printed steps are looked for
+_COARSE_STEP_M = 1e-4  # finer steps are below the noise of cameras
+_TIES, _LEAST_TIES = 20, 2  # heights a level, mean and median, above which they come in steps
 _LARGE = 0.2  # a mode counts from this share of the highest density on
 
 
@@ -106,10 +109,22 @@ def _densest(values: FloatArray) -> float:
 
 def _left_flank(values: FloatArray, place: float) -> float:
     """Robust deviation of what lies below `place`, taken as half of a normal, m."""
+    least = max(_FINEST_M, 0.5 * _printed_step(values, place))
     below = values[: np.searchsorted(values, place)]
     if below.size == 0:
-        return _FINEST_M
-    return max(float(place - np.median(below)) / _NORMAL_MEDIAN, _FINEST_M)
+        return least
+    return max(float(place - np.median(below)) / _NORMAL_MEDIAN, least)
+
+
+def _printed_step(values: FloatArray, place: float) -> float:
+    """Return the step in which heights near `place` were printed, m; 0 if none is to be seen."""
+    first, last = np.searchsorted(values, (place - _STEP_REACH_M, place + _STEP_REACH_M))
+    near = np.round(values[first:last], 6)
+    levels, ties = np.unique(near, return_counts=True)
+    if len(levels) < 2 or ties.mean() <= _TIES or np.median(ties) <= _LEAST_TIES:
+        return 0.0
+    step = float(np.median(np.diff(levels)))
+    return step if step >= _COARSE_STEP_M else 0.0
 
 
 def _highest_near(values: FloatArray, place: float, *, reach: float, bandwidth: float) -> float:

@@ -52,10 +52,12 @@ def example_landing(
     row = matched.sort_values("difference_s", kind="stable").iloc[(len(matched) - 1) // 2]
     same = overlay[(overlay["index"] == row["index"]) & (overlay["status"] == MATCHED)]
     origin = float(same["external_s"].min())
-    feet = [foot for foot in recording.names("foot") if foot in " ".join(same["feet"]).split()]
+    known = recording.names("foot")
+    told = f" {' '.join(same['feet'])} "
+    feet = [foot for foot in known if f" {foot} " in told]
     pieces = _heights(recording, feet, origin)
     for one in same.to_dict("records"):
-        name = str(one["feet"] if " " not in one["feet"] else one["column"])
+        name = str(one["feet"] if one["feet"] in known else one["column"])
         pieces.append(_instant("external", name, float(one["external_s"]) - origin))
         pieces.append(_instant("found", str(one["first_foot"]), float(one["found_s"]) - origin))
     for signal in signals:

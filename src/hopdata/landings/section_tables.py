@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 _FOOT_BANDWIDTH = 0.5  # in deviations of the ground mode: widens it by 12 %
+_FINEST = 1e-5  # of the range of heights: the least bandwidth
 
 
 def section_densities(
@@ -88,6 +89,8 @@ def _foot_curves(
     lowest = finite(np.concatenate([h.min_foot for h in heights]))
     highest = finite(np.concatenate([h.max_foot for h in heights]))
     widths = [_FOOT_BANDWIDTH * m.sigma_m for m in (sections.min_foot_mode, sections.max_foot_mode)]
+    least = _FINEST * float(highest.max() - lowest.min())
+    widths = [max(width, least) for width in widths]  # heights without noise
     margin = 4 * max(widths)
     grid = np.linspace(lowest.min() - margin, highest.max() + margin, nodes)
     return {

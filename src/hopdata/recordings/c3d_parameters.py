@@ -162,7 +162,7 @@ class _Section:
         if kind == -1:
             width = sizes[0] if sizes else 1
             pieces = range(0, len(data), width) if width else []
-            return [decoded(data[i : i + width]).strip(" \0") for i in pieces]
+            return [decoded(data[i : i + width].split(b"\0")[0]).strip(" ") for i in pieces]
         if kind == 1:
             return np.frombuffer(data, dtype=np.int8)
         return self.processor.whole(data) if kind == 2 else self.processor.floats(data)

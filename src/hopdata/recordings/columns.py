@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,7 +57,9 @@ class ColumnTable:
             ).to_numpy()[:, 0]  # fmt: skip
         except (ValueError, OverflowError):  # pandas' own errors are ValueErrors
             return self._numbers_one_by_one(name)
-        return self._numbers_one_by_one(name) if np.isinf(values).any() else values
+        if np.isinf(values).any():
+            return self._numbers_one_by_one(name)
+        return values[: len(values) - _empty_lines_at_the_end(self.path)]
 
     def texts(self, name: str) -> list[str]:
         """Read a column as text, without the blanks about its cells; short rows have empty ones.
@@ -67,8 +70,7 @@ class ColumnTable:
             If there is no such column.
         """
         place = self.place_of(name)
-        lines = _lines(self.path)[1:]
-        rows = [line.split(self.delimiter) for line in lines]
+        rows = [_cells(line, self.delimiter) for line in _lines(self.path)[1:]]
         while rows and rows[-1] == [""]:
             rows.pop()
         return [_plain(row[place]) if place < len(row) else "" for row in rows]
@@ -127,7 +129,7 @@ def open_table(path: str | Path) -> ColumnTable:
         raise RecordingError(f"{path}: expected a file, found none{near}")
     first = next(iter(_lines(path)), "")
     delimiter = next((mark for mark in DELIMITERS if mark in first), "\t")
-    names = tuple(_plain(cell) for cell in first.split(delimiter))
+    names = tuple(_plain(cell) for cell in _cells(first, delimiter))
     if not any(name and not is_number(name) for name in names):
         raise RecordingError(
             f"{path}, line 1: expected names of columns, found '{first[:40]}'; "
@@ -148,6 +150,16 @@ def _lines(path: Path) -> list[str]:
     except UnicodeDecodeError:
         raise RecordingError(f"{path}: expected a text table in UTF-8, found other bytes") from None
     return text.splitlines()
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    """Split a line; a delimiter between quotes belongs to its cell."""
+    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), None) or [""]
+
+
+def _empty_lines_at_the_end(path: Path) -> int:
+    content = path.read_bytes()
+    return max(len(content[len(content.rstrip(b"\r\n")) :].splitlines()) - 1, 0)
 
 
 def _plain(cell: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.columns import FloatArray, listed, open_table
 from hopdata.recordings.external import Column, ContactTimes, columns_of
+from hopdata.recordings.qtm_header import KEYS
 
 SECONDS_PER_UNIT = {"s": 1.0, "ms": 1e-3}
 WITH_EVENTS = (".c3d", ".mat")  # a text file is looked into
@@ -105,7 +107,8 @@ def _by_label(
 
 def _is_recording(path: Path) -> bool:
     """Whether a file is motion capture with events in it, rather than a table of instants."""
-    if path.suffix.lower() != ".tsv" or not path.is_file():
+    if path.suffix.lower() not in (".tsv", ".txt") or not path.is_file():
         return path.suffix.lower() in WITH_EVENTS
     with path.open("rb") as file:
-        return file.readline().startswith(b"NO_OF_FRAMES")
+        first = file.readline().removeprefix(codecs.BOM_UTF8)
+    return first.split(b"\t")[0].strip() in [key.encode() for key in KEYS]

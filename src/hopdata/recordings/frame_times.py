@@ -34,19 +34,34 @@ def settle(
         s.
     remarks : tuple of str
     """
-    grid: FloatArray = stamps[0] + (number - number[0]) / rate_hz
-    if on_the_grid(stamps, grid, rate_hz):
-        return grid, ()
+    fitting = _fitting_grid(stamps, number, rate_hz)
+    if fitting is not None:
+        return fitting, ()
     own = rate_of(stamps, number, whole=False)
     if own is None or abs(own - rate_hz) > RATE_TOLERANCE * rate_hz:
         return stamps, ()
-    if not on_the_grid(stamps, stamps[0] + (number - number[0]) / own, own):
+    if _fitting_grid(stamps, number, own) is None:
         return stamps, ()
+    grid: FloatArray = stamps[0] + (number - number[0]) / rate_hz
     return grid, (
         f"{place}: time stamps run evenly at {own:.7g} Hz up to {stamps[-1]:.6g} s, but at the "
         f"rate of {rate_hz:g} Hz they would end at {grid[-1]:.6g} s; all {len(grid)} are taken "
         "from the rate",
     )
+
+
+def _fitting_grid(stamps: FloatArray, number: FloatArray, rate_hz: float) -> FloatArray | None:
+    """Return the grid of which the stamps are the rounded times; None if there is none.
+
+    It begins at the first stamp or, since that is rounded too, midway between the bounds that all
+    stamps set.
+    """
+    ticks: FloatArray = (number - number[0]) / rate_hz
+    late = stamps - ticks
+    for begin in (stamps[0], 0.5 * (late.min() + late.max())):
+        if on_the_grid(stamps, begin + ticks, rate_hz):
+            return begin + ticks
+    return None
 
 
 def on_the_grid(stamps: FloatArray, grid: FloatArray, rate_hz: float) -> bool:

@@ -182,7 +182,7 @@ def _events(export: dict[str, Any], place: str) -> tuple[Event, ...]:
             raise RecordingError(
                 f"{place}.Events: expected a Label and a Time each, found {_kind(label)} and {time}"
             )
-        events.append(Event(label, time))
+        events.append(Event(label.split("\0")[0].strip(), time))
     return tuple(events)
 
 

@@ -9,6 +9,7 @@ from hopdata.recordings.recording import Recording
 from hopdata.recordings.span import body_over_feet, fraction_seen
 
 MISSING_NOTE_FRACTION = 0.1
+PAUSE_S = 1.0  # longer than this no frames are missing: nothing was recorded
 HIGH_FOOT = 0.2  # of the body's height over the feet: no mount and no floor is so uneven
 
 
@@ -31,9 +32,21 @@ def notes(recording: Recording) -> list[str]:
         f"{recording.place}: {remark}; does it touch the ground?"
         for remark in high_feet(recording.feet[:, :, 2], recording.names("foot"), above_m=high)
     ]
-    steps = np.diff(recording.time) * recording.rate_hz
-    dropped = int(np.sum(np.round(steps[steps > 1.5]) - 1))
+    return remarks + [f"{recording.place}: {remark}" for remark in _missing_times(recording)]
+
+
+def _missing_times(recording: Recording) -> list[str]:
+    """Say how many frames are missing, and how often and how long nothing was recorded."""
+    steps = np.diff(recording.time)
+    pauses = steps[steps > PAUSE_S]
+    short = steps[(steps * recording.rate_hz > 1.5) & (steps <= PAUSE_S)]
+    dropped = int(np.sum(np.round(short * recording.rate_hz) - 1))
+    remarks = []
     if dropped:
         frames = "1 frame is" if dropped == 1 else f"{dropped} frames are"
-        remarks.append(f"{recording.place}: {frames} missing between the time stamps")
+        remarks.append(f"{frames} missing between the time stamps")
+    if len(pauses):
+        longer = f"1 pause of {pauses[0]:.6g} s" if len(pauses) == 1 else f"{len(pauses)} pauses"
+        total = "" if len(pauses) == 1 else f" of {pauses.sum():.6g} s in all"
+        remarks.append(f"{longer}{total} in which nothing was recorded")
     return remarks

@@ -75,6 +75,7 @@ class Rows:
                     na_values=list(MISSING),
                     keep_default_na=False,
                     quoting=QUOTE_NONE,
+                    skipinitialspace=True,
                 )
             except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
                 raise self._bad_row(str(error)) from None
@@ -181,7 +182,7 @@ def _fault(fields: list[str], width: int) -> str:
     if len(fields) != width:
         return f": expected {width} columns, found {len(fields)}"
     for k, text in enumerate(fields):
-        if text not in MISSING and not (is_number(text) and np.isfinite(float(text))):
+        if text.strip(" ") not in MISSING and not (is_number(text) and np.isfinite(float(text))):
             comma = "; write decimals with a point" if "," in text else ""
             return f", column {k + 1}: expected a number, found '{text[:40]}'{comma}"
     return ""

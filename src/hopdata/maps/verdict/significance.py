@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from hopdata.maps.verdict.estimate import KinkFit
 
+_AT_ONCE = 4000  # sign patterns in memory
+
 Floats = NDArray[np.float64]
 
 
@@ -61,11 +63,20 @@ def flip_signs(fit: KinkFit, *, generator: np.random.Generator, flips: int = 199
     scores = fit.null_scores
     root = np.linalg.cholesky(scores.T @ scores + fit.curvature)
     statistic = float(np.sum(np.linalg.solve(root, fit.coefficients.ravel()) ** 2))
-    signs = 2.0 * generator.integers(0, 2, size=(flips, len(scores))) - 1.0
-    drawn = signs @ scores + draws(fit.curvature, flips, generator)
+    drawn = _signed_sums(scores, flips, generator) + draws(fit.curvature, flips, generator)
     null = np.sum(np.linalg.solve(root, drawn.T) ** 2, axis=0)
     p_value = (1 + int(np.sum(null >= statistic))) / (1 + flips)
     return KinkTest(statistic, fit.coefficients.size, p_value, flips)
+
+
+def _signed_sums(scores: Floats, count: int, generator: np.random.Generator) -> Floats:
+    """Return sums of the scores (n, m) with random signs, (count, m)."""
+    sums = np.empty((count, scores.shape[1]))
+    for first in range(0, count, _AT_ONCE):
+        some = sums[first : first + _AT_ONCE]
+        signs = 2.0 * generator.integers(0, 2, size=(len(some), len(scores))) - 1.0
+        some[:] = signs @ scores
+    return sums
 
 
 def draws(covariance: Floats, count: int, generator: np.random.Generator) -> Floats:

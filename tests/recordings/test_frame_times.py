@@ -1,0 +1,24 @@
+"""Time stamps are put back onto the grid that they were rounded from."""
+
+import numpy as np
+import pytest
+
+from hopdata.recordings.frame_times import settle
+
+
+@pytest.mark.parametrize("rate_hz", [50, 100, 120, 150, 180, 240, 300, 360])
+@pytest.mark.parametrize("decimals", [3, 4, 5])
+@pytest.mark.parametrize("first", [0, 1, 2, 5, 7])
+def test_rounded_stamps_of_a_part_of_a_recording(rate_hz, decimals, first):
+    number = np.arange(first, first + 2000, dtype=float)
+    stamps = np.round(number / rate_hz, decimals)
+    time, remarks = settle("a.trc", stamps, number, rate_hz)
+    assert remarks == ()
+    np.testing.assert_allclose(np.diff(time), 1 / rate_hz, rtol=1e-9)
+    np.testing.assert_allclose(time, number / rate_hz, atol=0.5001 * 10.0**-decimals)
+
+
+def test_a_dropped_frame_stays_as_it_is():
+    stamps = np.delete(np.round(np.arange(300) / 150, 3), 100)
+    time, _ = settle("a.trc", stamps, np.arange(299.0), 150.0)
+    np.testing.assert_array_equal(time, stamps)
