@@ -104,8 +104,11 @@ class FloorModel:
 
 def design(scaled: FloatArray, terms: Terms) -> FloatArray:
     """Columns u^i v^j for places (P, 2) in scaled coordinates, (P, T)."""
-    u, v = scaled[:, 0], scaled[:, 1]
-    return np.stack([u**i * v**j for i, j in terms], axis=1)
+    highest = max((max(term) for term in terms), default=0)
+    powers = [np.ones_like(scaled)]
+    for _ in range(highest):
+        powers.append(powers[-1] * scaled)
+    return np.stack([powers[i][:, 0] * powers[j][:, 1] for i, j in terms], axis=1)
 
 
 def polynomial_terms(degree: int) -> Terms:
