@@ -188,11 +188,11 @@ rule verdict:
     output:
         verdict=f"{RESULTS}/verdict.json",
         windows=f"{RESULTS}/tables/verdict_windows.csv",
-    priority: 1  # the longest of the stages that wait for nothing else
     log:
         f"{RESULTS}/logs/verdict.log",
     benchmark:
         f"{RESULTS}/benchmarks/verdict.tsv"
+    priority: 1  # the longest of the stages that wait for nothing else
     params:
         options=STUDY["verdict"],
         seed=STUDY["seed"],
