@@ -4,15 +4,15 @@
 
 One row for each scene, solver and tolerance. `error_max` is the largest deviation of the final
 state from the exact one, in the scene's own units; times are of one call from Python (mean of
-five in a row), median and quartiles over the repeats, all in one process on one thread, the
-solvers taken in turn. `field_ns` is the time of one evaluation of the field alone, called by its
-address in a loop along the trajectory, and `over_evaluations` the time of a call over that of its
-evaluations; `empty_call_us` is a call of our solver for an empty time span. `bare_step_ns` and
-`bare_over_evaluations` are of the method's steps alone, in one loop with the field compiled into
-it (`bare.py`): no driver can be faster than its method. `over_bare` is the time of a call over that
-of as many bare steps as its evaluations make. On the hopper in one dimension,
-`hand_written_step_ns` is a step written by hand for its two states (`hand_written.py`), and
-`inlined_field_ns` an evaluation compiled into its loop, without a call.
+calls in a row, after one that is not timed), median and quartiles over the repeats, all in one
+process on one thread, the solvers taken in turn. `field_ns` is the time of one evaluation of the
+field alone, called by its address in a loop along the trajectory, and `over_evaluations` the time
+of a call over that of its evaluations; `empty_call_us` is a call of our solver for an empty time
+span. `bare_step_ns` and `bare_over_evaluations` are of the method's steps alone, in one loop with
+the field compiled into it (`bare.py`): no driver can be faster than its method. `over_bare` is the
+time of a call over that of as many bare steps as its evaluations make. On the hopper in one
+dimension, `hand_written_step_ns` is a step written by hand for its two states (`hand_written.py`),
+and `inlined_field_ns` an evaluation compiled into its loop, without a call.
 
 Both solvers use the same methods, and call the same Numba-compiled field and guards. scipy stops at
 each event (a terminal event per guard, in the direction that its lock leaves open) and is started
@@ -51,7 +51,8 @@ FloatArray = NDArray[np.float64]
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 EQUAL_ERROR = 1e-9
 EMPTY_CALLS = 1000  # in a row
-CALLS = 5  # in a row, for each timing
+TURN_S = 5e-3  # for each timing calls follow one another so long, or five of them
+LEAST_CALLS = 5
 EXACT = {"rtol": 1e-14, "atol": 1e-16, "method": "dop853"}
 HOPPER, BY_HAND = "vertical_hopper", "hopdata DOPRI5"
 TABLEAUS = {BY_HAND: DOPRI5, "hopdata DOP853": DOP853}
@@ -180,12 +181,14 @@ def measure(case: Case, repeats: int) -> list[dict[str, object]]:
         runs = solvers(case)
         times: dict[str, list[float]] = {name: [] for name in runs}
         ends = {name: run(tolerance) for name, run in runs.items()}  # warms up, too
+        calls = {name: calls_in_a_turn(run, tolerance) for name, run in runs.items()}
         for _ in range(repeats):
             for name, run in runs.items():
+                run(tolerance)  # the peer before has taken the caches
                 start = time.perf_counter()
-                for _ in range(CALLS):
+                for _ in range(calls[name]):
                     run(tolerance)
-                times[name].append(1e6 * (time.perf_counter() - start) / CALLS)
+                times[name].append(1e6 * (time.perf_counter() - start) / calls[name])
         for name, (end, evaluations) in ends.items():
             low, median, high = np.percentile(times[name], [25, 50, 75])
             row = (case.name, name, tolerance, float(np.abs(end - case.exact).max()))
@@ -196,6 +199,13 @@ def measure(case: Case, repeats: int) -> list[dict[str, object]]:
             timed += by_hand if name == BY_HAND else nowhere
             rows.append(dict(zip(COLUMNS, (*row, *timed), strict=True)))
     return rows
+
+
+def calls_in_a_turn(run: Callable[[float], tuple[FloatArray, int]], tolerance: float) -> int:
+    """Return how many calls take as long as a turn is to last."""
+    start = time.perf_counter()
+    run(tolerance)
+    return max(LEAST_CALLS, int(TURN_S / (time.perf_counter() - start)))
 
 
 def time_at(rows: pd.DataFrame, error: float) -> float:

@@ -35,6 +35,7 @@ from peers.solver import FloatArray, Solver
 
 FAR_OFF = 0.1  # no tolerance here explains it
 BLOCK_S = 500e-6  # calls in a row, at least so long, for one timing
+MOST_TRIES = 20
 BUDGET_S = 0.06  # for all timings of a solver at a setting, ...
 FEWEST = 3  # ... but at least so many
 COLUMNS = (
@@ -58,8 +59,9 @@ class Entry:
     times: list[float] = field(default_factory=list)
 
     def time_block(self) -> None:
-        """Add one timing: the mean of some calls in a row."""
+        """Add one timing: the mean of some calls in a row, after one that finds its code again."""
         assert self.run is not None
+        self.run()
         start = time.process_time()
         for _ in range(self.calls):
             self.run()
@@ -68,23 +70,32 @@ class Entry:
 
 
 def entered(solver: Solver, problem: Problem, setting: float, turns: int) -> Entry:
-    """Prepare a solver and run it twice: for its error, and to see how long it takes."""
+    """Prepare a solver and run it: for its error, and to see how long it takes."""
     entry, start = Entry(solver, setting), time.perf_counter()
     try:
         entry.run = solver.prepare(setting)
         entry.error = float(np.abs(entry.run() - problem.end).max())
         first = time.perf_counter() - start
-        entry.run()
+        warm = least_time(entry.run)
     except Exception as error:  # whatever a peer raises is its result
         entry.run, entry.status = None, f"failed: {type(error).__name__}: {error}".splitlines()[0]
         return entry
-    second = time.perf_counter() - start - first
-    entry.compile_s = max(first - second, 0.0)
-    entry.calls = max(1, round(BLOCK_S / second))
-    entry.wanted = int(np.clip(BUDGET_S / (entry.calls * second), FEWEST, turns))
+    entry.compile_s = max(first - warm, 0.0)
+    entry.calls = max(1, round(BLOCK_S / warm))
+    entry.wanted = int(np.clip(BUDGET_S / (entry.calls * warm), FEWEST, turns))
     if not entry.error < FAR_OFF:
         entry.status = "far off: perhaps an event was lost"
     return entry
+
+
+def least_time(run: Callable[[], FloatArray]) -> float:
+    """Return the shortest of some calls, s: the first are slower than those in a row will be."""
+    times = []
+    while sum(times) < BLOCK_S and len(times) < MOST_TRIES:
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return min(times)
 
 
 def measure(problem: Problem, turns: int) -> list[tuple[object, ...]]:
