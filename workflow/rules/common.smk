@@ -84,7 +84,7 @@ wildcard_constraints:
 def code(script):
     """Digest of a script and the library code it uses: a rule runs again when it changes.
 
-    Worked out when a job of the rule is planned: reading all code takes a second.
+    Worked out only for jobs that are planned, since to read all code takes a second.
     """
     return lambda wildcards: code_digest(SCRIPTS / f"{script}.py")
 
