@@ -22,3 +22,11 @@ def test_a_dropped_frame_stays_as_it_is():
     stamps = np.delete(np.round(np.arange(300) / 150, 3), 100)
     time, _ = settle("a.trc", stamps, np.arange(299.0), 150.0)
     np.testing.assert_array_equal(time, stamps)
+
+
+@pytest.mark.parametrize(("rate_hz", "decimals"), [(100, 2), (100, 3), (150, 3), (360, 3)])
+def test_a_repeated_stamp_stays_as_it_is(rate_hz, decimals):
+    stamps = np.round(np.arange(40) / rate_hz, decimals)
+    stamps[9] = stamps[8]
+    time, _ = settle("a.trc", stamps, np.arange(40.0), float(rate_hz))
+    np.testing.assert_array_equal(time, stamps)

@@ -7,6 +7,7 @@ import numpy as np
 from hopdata.recordings.raw import RATE_TOLERANCE, Event, FloatArray
 
 SNAP = 0.05  # of a frame: time stamps this near to the nominal grid are its rounded values
+FINER = 0.9  # of a frame: the last decimal of stamps that are not printed to whole frames
 _MOST_DECIMALS = 6
 
 
@@ -54,14 +55,15 @@ def _fitting_grid(stamps: FloatArray, number: FloatArray, rate_hz: float) -> Flo
     """Return the grid of which the stamps are the rounded times; None if there is none.
 
     It begins at the first stamp or, since that is rounded too, midway between the bounds that all
-    stamps set.
+    stamps set. (Not where they are printed to whole frames: a stamp that is repeated would pass.)
     """
     ticks: FloatArray = (number - number[0]) / rate_hz
     late = stamps - ticks
-    for begin in (stamps[0], 0.5 * (late.min() + late.max())):
-        if on_the_grid(stamps, begin + ticks, rate_hz):
-            return begin + ticks
-    return None
+    begins = [stamps[0]]
+    if printed_digit(stamps) * rate_hz < FINER:
+        begins.append(0.5 * (late.min() + late.max()))
+    fitting = (begin + ticks for begin in begins)
+    return next((grid for grid in fitting if on_the_grid(stamps, grid, rate_hz)), None)
 
 
 def on_the_grid(stamps: FloatArray, grid: FloatArray, rate_hz: float) -> bool:
