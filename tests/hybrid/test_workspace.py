@@ -98,7 +98,7 @@ def test_arrays_that_may_not_be_written_to():
     "state", [[0.0], [0.0, 0.0, 0.0], [[0.0], [0.0]], [[0.0, 0.0]], 0.0, ["a", "b"]]
 )
 def test_a_state_of_another_shape(state):
-    with pytest.raises(ValueError, match=r"y0: expected shape \(2,\)|could not convert"):
+    with pytest.raises(ValueError, match=r"y0: expected shape \(2,\)|expected numbers"):
         solve(ladder(1), (0, 1), state, params=(5.0, 1.0))
 
 
