@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from hopdata.recordings.joining import PAUSE_S
 from hopdata.recordings.quality.resting import high_feet
 from hopdata.recordings.recording import Recording
 from hopdata.recordings.span import body_over_feet, fraction_seen
 
 MISSING_NOTE_FRACTION = 0.1
-PAUSE_S = 1.0  # longer than this no frames are missing: nothing was recorded
 HIGH_FOOT = 0.2  # of the body's height over the feet: no mount and no floor is so uneven
 
 
@@ -38,8 +38,9 @@ def notes(recording: Recording) -> list[str]:
 def _missing_times(recording: Recording) -> list[str]:
     """Say how many frames are missing, and how often and how long nothing was recorded."""
     steps = np.diff(recording.time)
-    pauses = steps[steps > PAUSE_S]
-    short = steps[(steps * recording.rate_hz > 1.5) & (steps <= PAUSE_S)]
+    is_pause = steps > PAUSE_S - 0.5 / recording.rate_hz  # also the one between joined files
+    pauses = steps[is_pause]
+    short = steps[(steps * recording.rate_hz > 1.5) & ~is_pause]
     dropped = int(np.sum(np.round(short * recording.rate_hz) - 1))
     remarks = []
     if dropped:
