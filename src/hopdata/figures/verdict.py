@@ -194,7 +194,7 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     labels = (
         f"estimate, {sure} interval\n{estimate:.2g} ({low:.2g} to {high:.2g})",
         f"excluded at {sure}\nabove {bound:.2g}",
-        f"a typical one would be\nfound from {seen:.2g}",
+        f"kinks of random kind\nfound from {seen:.2g}",
     )
     axes.set_yticks(range(3), labels)
     axes.set_ylim(2.6, -0.6)
