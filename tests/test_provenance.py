@@ -1,3 +1,5 @@
+import pytest
+
 from hopdata.provenance import code_digest, provenance
 
 
@@ -5,6 +7,27 @@ def copied_script(tmp_path, text):
     script = tmp_path / "script.py"
     script.write_text(text)
     return script
+
+
+def forget_sources(module):
+    for remembered in (module._imports, module._module_files, module._sources):
+        remembered.cache_clear()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import hopdata.landings.floor\n",
+        "from hopdata.landings import (\n    density,\n    floor,  # both\n)\n",
+        "if True:\n\tfrom hopdata.landings import density, floor as ground\n",
+        "import hopdata.errors, hopdata.landings.floor as f\n",
+    ],
+)
+def test_imports_are_found_however_they_are_written(tmp_path, text):
+    import hopdata.provenance as module
+
+    found = module._imports(copied_script(tmp_path, text))
+    assert module.PACKAGE / "landings" / "floor.py" in found
 
 
 def test_digest_follows_imports_and_only_those(tmp_path):
@@ -29,14 +52,14 @@ def test_digest_changes_with_a_library_file(tmp_path, monkeypatch):
     (package / "landings" / "density.py").write_text("a = 1\n")
     (package / "landings" / "other.py").write_text("a = 1\n")
     monkeypatch.setattr(module, "PACKAGE", package)
+    forget_sources(module)
     script = copied_script(tmp_path, "from hopdata.landings.floor import fit\n")
-    module._imports.cache_clear()
     before = code_digest(script)
     (package / "landings" / "other.py").write_text("a = 2\n")
     assert code_digest(script) == before
     (package / "landings" / "density.py").write_text("a = 2\n")
     assert code_digest(script) != before
-    module._imports.cache_clear()
+    forget_sources(module)
 
 
 def test_provenance_names_seed_inputs_versions_and_times(tmp_path):
