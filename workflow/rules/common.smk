@@ -78,7 +78,6 @@ DAMAGE_SUITE = Path("tests/recordings")  # and another this
 
 wildcard_constraints:
     recording="|".join(RECORDINGS),
-    method="|".join(METHODS),
 
 
 def code(script):

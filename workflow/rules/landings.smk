@@ -71,17 +71,18 @@ rule sections:
 
 
 rule touchdowns:
-    """Contact instants, mode schedules and exclusions of one recording."""
+    """Contact instants, mode schedules and exclusions of one recording, by each method wanted."""
     input:
         recording=READY,
         sections=rules.sections.output.sections,
     output:
-        touchdowns=f"{RESULTS}/landings/{{method}}/{{recording}}.csv",
+        touchdowns=[f"{RESULTS}/landings/{method}/{{recording}}.csv" for method in SCORED_METHODS],
     log:
-        f"{RESULTS}/logs/touchdowns_{{method}}_{{recording}}.log",
+        f"{RESULTS}/logs/touchdowns_{{recording}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/touchdowns_{{method}}_{{recording}}.tsv"
+        f"{RESULTS}/benchmarks/touchdowns_{{recording}}.tsv"
     params:
+        methods=SCORED_METHODS,
         options=STUDY["touchdowns"],
         largest_share=STUDY["filling"]["largest_share"],
         code=code("touchdowns"),

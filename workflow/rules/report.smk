@@ -279,7 +279,6 @@ rule report:
                 expand(
                     [stage.benchmark for stage in STAGES + (STEERING_STAGES if IN_REPORT else [])],
                     recording=RECORDINGS,
-                    method=SCORED_METHODS,
                     experiment=EXPERIMENTS,
                 )
             )

@@ -7,13 +7,13 @@ from hopdata.recordings.hdf5 import read_recording
 
 with reported(snakemake.log[0]):
     sections = read_json(snakemake.input.sections)
-    options = {**snakemake.params.options, "method": snakemake.wildcards.method}
     recording = read_recording(snakemake.input.recording)
-    table = touchdown_table(
-        recording,
-        pre_height_m=sections["pre_height_m"],
-        post_height_m=sections["post_height_m"],
-        **options,
-    )
-    table = mark_filled(recording, table, largest_share=snakemake.params.largest_share)
-    write_table(snakemake.output.touchdowns, table)
+    for method, path in zip(snakemake.params.methods, snakemake.output.touchdowns, strict=True):
+        table = touchdown_table(
+            recording,
+            pre_height_m=sections["pre_height_m"],
+            post_height_m=sections["post_height_m"],
+            **{**snakemake.params.options, "method": method},
+        )
+        table = mark_filled(recording, table, largest_share=snakemake.params.largest_share)
+        write_table(path, table)
