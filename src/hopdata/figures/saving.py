@@ -70,12 +70,17 @@ def save_figure(
 
 @contextmanager
 def _laid_out(figure: Figure) -> Iterator[None]:
-    """Lay the figure out once for all formats, not once in each."""
+    """Lay the figure out once for all formats, not once in each, nor drawn in vain for it."""
+    import matplotlib
+
     engine = figure.get_layout_engine()
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
+    if engine is not None:
+        engine.execute(figure)
     try:
-        yield
+        # No engine at all: for the placeholder that "none" leaves, each format is drawn twice.
+        with matplotlib.rc_context({"figure.constrained_layout.use": False}):
+            figure.set_layout_engine(None)
+            yield
     finally:
         figure.set_layout_engine(engine)
 
