@@ -170,8 +170,8 @@ def _add_file(command: argparse.ArgumentParser) -> None:
     command.add_argument("--unit", choices=("mm", "m"), help="unit of the file; else guessed")
     command.add_argument(
         "--vertical-axis",
-        choices=("x", "y", "z"),
-        help="axis of the file that points up; else guessed",
+        choices=("x", "y", "z", "-x", "-y", "-z"),
+        help="direction of the file that is up, as in --vertical-axis=-z; else guessed",
     )
     command.add_argument(
         "--rate", type=_positive, metavar="HZ", help="frame rate, if the file does not state it"

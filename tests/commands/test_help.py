@@ -27,7 +27,10 @@ def test_help_has_examples_and_exit_codes(command, capsys):
         (["inspect", "x.tsv", "--unit", "cm"], ["expected one of mm, m", "found 'cm'"]),
         (["inspect", "x.tsv", "--rate", "-5"], ["expected a number above 0, found '-5'"]),
         (["inspect", "x.tsv", "--rate", "fast"], ["expected a number above 0, found 'fast'"]),
-        (["init", "x.tsv", "--vertical-axis", "up"], ["expected one of x, y, z", "found 'up'"]),
+        (
+            ["init", "x.tsv", "--vertical-axis", "up"],
+            ["expected one of x, y, z, -x, -y, -z", "found 'up'"],
+        ),
     ],
 )
 def test_a_wrong_command_line_is_told_with_exit_code_2(arguments, parts, capsys):

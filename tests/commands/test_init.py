@@ -50,6 +50,13 @@ def test_a_file_in_mm_with_y_up_becomes_a_sound_study(folder, capsys):
     assert main(["check", "config/mine.yaml"]) == 0
 
 
+def test_a_file_with_z_down_becomes_a_sound_study(folder):
+    export(folder, hopping(1)[1] * [-1, 1, -1])
+    assert main(["init", "monday.tsv"]) == 0
+    assert load_config("config/monday.yaml")["input"]["vertical_axis"] == "-z"
+    assert main(["check", "config/monday.yaml"]) == 0
+
+
 def test_every_guess_has_its_reason_above_it(folder):
     export(folder)
     main(["init", "monday.tsv"])

@@ -232,6 +232,9 @@ def test_an_exception_of_python_is_raised_unchanged(place):
         ({"t_eval": [3.0]}, "t_eval"),
         ({"method": "dop835"}, "did you mean 'dop853'"),
         ({"max_steps": 0}, "max_steps"),
+        ({"workers": "two"}, "workers: expected a number"),
+        ({"workers": 1.5}, "workers: expected a whole number"),
+        ({"jacobian": "yes"}, "jacobian: expected True or False"),
         ({"jacobian": True, "method": "rosenbrock"}, "jacobian"),
     ],
 )

@@ -194,6 +194,8 @@ def test_the_initial_state_is_not_changed():
         ({"t_eval": "now"}, "t_eval"),
         ({"method": np.array(["dopri5", "taylor"])}, "method"),
         ({"method": ["dopri5"]}, "method"),
+        ({"jacobian": np.eye(2)}, "jacobian: expected True or False"),
+        ({"jacobian": None}, "jacobian"),
         ({"method": "dopri"}, "did you mean 'dopri5'"),
     ],
 )

@@ -67,7 +67,7 @@ def _draft(
     if inspection.unit.is_sure and inspection.unit.value in READABLE_UNITS:
         settings["input"]["unit"] = inspection.unit.value
         reasons["input.unit"] = f"{inspection.unit.reason}."
-    if inspection.up.value in ("x", "y"):
+    if inspection.up.value != "z":
         settings["input"]["vertical_axis"] = inspection.up.value
         reasons["input.vertical_axis"] = f"{inspection.up.reason}."
     if options.rate is not None:
@@ -109,9 +109,7 @@ def _remarks(inspection: Inspection) -> list[str]:
         remarks.append(f"the numbers look like {unit.value} ({unit.reason}): export in mm or m")
     elif not unit.is_sure:
         remarks.append(f"input.unit: {unit.value} is not sure ({unit.reason})")
-    if up.value.startswith("-"):
-        remarks.append(f"{up.value} points up ({up.reason}): turn the axes in the export")
-    elif not up.is_sure:
+    if not up.is_sure:
         remarks.append(f"input.vertical_axis: {up.value} is not sure ({up.reason})")
     found = suspects(inspection)
     if found:

@@ -43,7 +43,7 @@ def check_numbers(
     relative = _number("rtol", rtol)
     if not 0 <= relative < 1:
         raise ValueError(f"rtol: expected a number in [0, 1), found {rtol}")
-    counts = _count("max_steps", max_steps), _count("max_events", max_events)
+    counts = check_count("max_steps", max_steps), check_count("max_events", max_events)
     return t_start, t_end, max(relative, SMALLEST_RTOL), largest, first, *counts
 
 
@@ -55,12 +55,19 @@ def _number(name: str, value: Any) -> float:
         raise ValueError(f"{name}: expected a number, found {value!r}") from None
 
 
-def _count(name: str, value: Any) -> int:
+def check_count(name: str, value: Any) -> int:
     """Return a whole number from 1 to the largest that 8 bytes hold."""
     number = _number(name, value)
     if not 1 <= number < 2**63 or number != int(number):
         raise ValueError(f"{name}: expected a whole number > 0, found {value!r}")
     return int(value)
+
+
+def check_flag(name: str, value: Any) -> bool:
+    """Return a truth, given as True or False, of Python or of NumPy, or as 0 or 1."""
+    if not isinstance(value, bool | int | np.bool_ | np.integer) or value not in (0, 1):
+        raise ValueError(f"{name}: expected True or False, found {value!r}")
+    return bool(value)
 
 
 def numbers_of(name: str, value: ArrayLike) -> FloatArray:

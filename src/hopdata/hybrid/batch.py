@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.hybrid.arguments import (
+    check_count,
+    check_flag,
     check_numbers,
     check_times,
     numbers_of,
@@ -165,8 +167,9 @@ def solve_batch(
         Whatever the system's functions raise.
     """
     options = check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
-    if workers is not None and workers < 1:
-        raise ValueError(f"workers: expected at least 1, found {workers}")
+    if workers is not None:
+        workers = check_count("workers", workers)
+    jacobian = check_flag("jacobian", jacobian)
     states = _states(y0, system.n_states)
     numbers = with_memory(_parameters(params, len(states)), memory, system.n_memory)
     system.check_params_length(numbers.shape[1])

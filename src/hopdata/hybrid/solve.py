@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.hybrid.arguments import (
     Limits,
+    check_flag,
     check_numbers,
     check_times,
     set_mode,
@@ -97,7 +98,7 @@ def solve(
     work, flags = system.take_workspace(), 0
     try:
         as_before = type(method) is str and method == work.ready_for
-        if jacobian or t_eval is not None or not as_before:
+        if jacobian is not False or t_eval is not None or not as_before:
             _begin(system, work, t_span, limits, method, t_eval, jacobian)
         work.ask(system, t_span, y0, params, memory, limits, t_eval is None)
         work.set_tolerance(atol)
@@ -119,7 +120,8 @@ def _begin(
     """Get the workspace ready for an integration of another kind than its last one."""
     t_start, t_end, *_ = check_numbers(t_span, *limits)
     times = None if t_eval is None else check_times(t_eval, t_start, t_end)
-    work.begin(system.methods(method, jacobian), times, jacobian)
+    wanted = check_flag("jacobian", jacobian)
+    work.begin(system.methods(method, wanted), times, wanted)
 
 
 def _run(work: Workspace, flags: int) -> int:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hopdata import __version__
 from hopdata.errors import RecordingError
 from hopdata.jobs import whole_file
+from hopdata.recordings.axes import FILE_AXES
 from hopdata.recordings.hdf5_content import number, numbers, stored_texts, text, texts
 from hopdata.recordings.raw import Event
 from hopdata.recordings.recording import ROLES, Recording
@@ -74,7 +75,7 @@ def read_recording(path: str | Path) -> Recording:
         )
         for key, values, choices in (
             ("roles", recording.roles, ROLES),
-            ("vertical_axis", (recording.vertical_axis,), ("x", "y", "z")),
+            ("vertical_axis", (recording.vertical_axis,), tuple(FILE_AXES)),
         ):
             for value in set(values) - set(choices):
                 raise ValueError(f"{key}: expected any of {', '.join(choices)}, found '{value}'")

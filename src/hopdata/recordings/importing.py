@@ -8,18 +8,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from hopdata.errors import RecordingError, did_you_mean
+from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.formats import read_raw, suffixes
 from hopdata.recordings.joining import join
-from hopdata.recordings.plausibility import FILE_AXES, PLAUSIBLE_EXTENT_M
+from hopdata.recordings.plausibility import PLAUSIBLE_EXTENT_M
 from hopdata.recordings.raw import METRES_PER_UNIT, FloatArray, RawRecording
 from hopdata.recordings.recording import Recording
 from hopdata.recordings.span import extent
 from hopdata.recordings.truth import Truth
 
-__all__ = ["choose_unit", "import_recording", "read_raw", "rotate_up", "sha256", "suffixes"]
+__all__ = ["choose_unit", "import_recording", "read_raw", "sha256", "suffixes"]
 
 ROLE_OF_KEY = {"body": "body", "feet": "foot", "boom": "boom"}
 
@@ -50,7 +49,7 @@ def import_recording(
     unit : {"auto", "m", "mm"}
         Unit of the file's positions; ``"auto"`` takes the format's own unit, or the other one if
         only that gives a plausible size.
-    vertical_axis : {"x", "y", "z"}
+    vertical_axis : {"x", "y", "z", "-x", "-y", "-z"}
         Axis of the file that points up.
     rate_hz : float, optional
         Frame rate, for files that do not state it.
@@ -112,16 +111,6 @@ def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
     size = extent(positions)
     fitting = [u for u, metres in METRES_PER_UNIT.items() if low <= size * metres <= high]
     return fitting[0] if fitting else nominal
-
-
-def rotate_up(positions: FloatArray, vertical_axis: str) -> FloatArray:
-    """Turn (..., 3) positions so that the axis that pointed up becomes z.
-
-    The axes are exchanged in a circle, which is a proper rotation: handedness is kept, and no
-    number changes.
-    """
-    order = ["xyz".index(axis) for axis in FILE_AXES[vertical_axis]]
-    return positions if order == [0, 1, 2] else np.ascontiguousarray(positions[..., order])
 
 
 def sha256(path: Path) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from hopdata.errors import RecordingError
+from hopdata.recordings.axes import FILE_AXES, along_file, opposite
 from hopdata.recordings.quality.free_fall import free_fall
 from hopdata.recordings.quality.rigid import frame_noise, pair_distances
 from hopdata.recordings.raw import FloatArray
@@ -35,9 +36,6 @@ WRONG_UNITS = {
 }
 AS_READ = "as read"
 CLEARLY = 5.0  # so many times the free fall must be seen in another unit than the one taken
-
-# Canonical x, y, z as axes of the file, for each axis that pointed up there (cyclic, so proper).
-FILE_AXES = {"x": "yzx", "y": "zxy", "z": "xyz"}
 
 
 def check_plausible(
@@ -162,14 +160,12 @@ def check_upright(recording: Recording) -> None:
     up, best = offset[2], int(np.argmax(np.abs(offset)))
     if np.isnan(up) or abs(offset[best]) <= TILT_LIMIT * up:
         return
-    axes = FILE_AXES[recording.vertical_axis]
-    found = ", ".join(f"{offset[axes.index(axis)]:+.3g} m along {axis}" for axis in "xyz")
+    in_file = along_file(offset, recording.vertical_axis)
+    found = ", ".join(f"{value:+.3g} m along {axis}" for axis, value in in_file.items())
     if offset[best] > 0:
-        hint = f"; set input.vertical_axis: {axes[best]}?"
-    elif axis := _falls_along(recording):
-        hint = (
-            f"; the markers fall along +{axis}: turn the axes in the export, so that {axis} is up"
-        )
+        hint = f"; set input.vertical_axis: {FILE_AXES[recording.vertical_axis][best]}?"
+    elif axis := _up_by_fall(recording):
+        hint = f"; the markers fall against {axis}: set input.vertical_axis: {axis}"
     else:
         hint = "; no axis of the file points up: do markers.body and markers.feet fit?"
     raise RecordingError(
@@ -178,12 +174,12 @@ def check_upright(recording: Recording) -> None:
     )
 
 
-def _falls_along(recording: Recording) -> str:
-    """Axis of the file whose positive end is clearly down, or an empty string."""
+def _up_by_fall(recording: Recording) -> str:
+    """Direction of the file that is up, if that is clearly against an axis of the recording."""
     fall = free_fall(recording.positions, recording.rate_hz, units={AS_READ: 1.0})
     if not fall.is_clear or not fall.up.startswith("-"):
         return ""
-    return FILE_AXES[recording.vertical_axis]["xyz".index(fall.up[1])]
+    return opposite(FILE_AXES[recording.vertical_axis]["xyz".index(fall.up[1])])
 
 
 def check_fall(recording: Recording) -> None:

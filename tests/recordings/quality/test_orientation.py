@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from made_up_hopper import MARKERS, hopping
 
+from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.quality.free_fall import free_fall
-from hopdata.recordings.quality.inspection import upright
 from hopdata.recordings.quality.orientation import guess_unit_and_up
 from hopdata.recordings.raw import RawRecording
 
@@ -28,13 +28,13 @@ def test_the_unit_is_found_by_free_fall(unit, seed, rate_hz):
 
 @pytest.mark.parametrize("up", ["x", "-x", "y", "-y", "z", "-z"])
 def test_the_axis_is_found_and_turned_up(up):
-    """The file's axes are those that `upright` turns back, and it keeps handedness."""
+    """The file's axes are those that `rotate_up` turns back, and it keeps handedness."""
     positions = hopping(1)[1]
-    turn = upright(np.eye(3), up)  # rows: where the file's axes go
+    turn = rotate_up(np.eye(3), up)  # rows: where the file's axes go
     assert np.linalg.det(turn) == pytest.approx(1.0)
     in_file = positions @ np.linalg.inv(turn)
     assert guess_unit_and_up(raw(in_file))[1].value == up
-    np.testing.assert_allclose(upright(in_file, up), positions, atol=1e-12)
+    np.testing.assert_allclose(rotate_up(in_file, up), positions, atol=1e-12)
 
 
 def walking(seed=1, n_frames=2000):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import RecordingError
-from hopdata.recordings.importing import rotate_up
+from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.quality.free_fall import UNITS_IN_M
 from hopdata.recordings.quality.frozen import Frozen, frozen_markers
 from hopdata.recordings.quality.gaps import MarkerGaps, marker_gaps
@@ -158,7 +158,7 @@ def _inspected(
 ) -> Inspection:
     progress("looking for free fall, to find the unit and the vertical axis")
     unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up)
-    positions = upright(raw.positions * UNITS_IN_M[unit_guess.value], up_guess.value)
+    positions = rotate_up(raw.positions * UNITS_IN_M[unit_guess.value], up_guess.value)
     positions[np.isinf(positions)] = np.nan
     progress("measuring distances between markers")
     noise = frame_noise(positions)
@@ -202,13 +202,3 @@ def _told_elsewhere(
         column = mask[:, markers.index(stretch.marker)]
         column[max(0, stretch.start - STENCIL) : stretch.stop + STENCIL] = True
     return mask
-
-
-def upright(positions: FloatArray, up: str) -> FloatArray:
-    """Turn (..., 3) positions so that the direction `up`, such as ``"y"`` or ``"-z"``, becomes z.
-
-    For a direction against an axis, the first of the two others is mirrored as well, so that
-    right stays right.
-    """
-    turned = rotate_up(positions, up[-1])
-    return turned * np.array([-1.0, 1.0, -1.0]) if up.startswith("-") else turned
