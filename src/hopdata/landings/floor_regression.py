@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.landings.rest import RestPoints
+from hopdata.landings.robust_regression import robust_regression
 from hopdata.landings.surface import (
     Terms,
     design,
@@ -86,7 +86,7 @@ def regress_floor(
         spread = _floor_spread(columns[near], design(rim, terms))
         if tried > 0 and not np.isfinite(spread):
             continue
-        estimate = _robust_fit(rest.points[near, 2], columns[near], norm)
+        estimate = robust_regression(columns[near], rest.points[near, 2], norm=norm)
         residuals = rest.points[:, 2] - columns @ estimate
         error_m = robust_rms(residuals[near]) * spread / np.sqrt(independent_share)
         if tried == 0 or error_m <= largest_error_m:
@@ -104,20 +104,6 @@ def floor_columns(rest: RestPoints, scaled: FloatArray, terms: Terms) -> FloatAr
 def robust_rms(residuals: FloatArray) -> float:
     """Deviation about zero that half the residuals keep to, taken as of a normal."""
     return float(np.median(np.abs(residuals))) / _NORMAL_MEDIAN
-
-
-def _robust_fit(heights: FloatArray, columns: FloatArray, norm: str) -> FloatArray:
-    """Coefficients of the robust regression of `heights` on `columns`."""
-    from statsmodels.robust import norms
-    from statsmodels.robust.robust_linear_model import RLM
-    from statsmodels.tools.sm_exceptions import ConvergenceWarning
-
-    kinds = {"tukey": norms.TukeyBiweight, "huber": norms.HuberT}
-    if norm not in kinds:
-        raise ValueError(f"norm: expected 'tukey' or 'huber', found {norm!r}")
-    with np.errstate(invalid="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # a perfect fit, without noise
-        return np.asarray(RLM(heights, columns, M=kinds[norm]()).fit().params, dtype=np.float64)
 
 
 def _floor_spread(columns: FloatArray, rim: FloatArray) -> float:

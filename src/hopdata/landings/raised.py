@@ -7,19 +7,18 @@ then stays there. The start here is a low quantile, which most of the rests may 
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.landings.modes import ground_mode
+from hopdata.landings.quantile_regression import quantile_regression
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 _QUANTILE = 0.05
 _START_POINTS = 2000  # enough to start from
-_MOST_STEPS = 300
+_MOST_FITS = 300
 _SIGMAS = 4.0  # of the ground mode's left flank: what is farther above it is raised
 _ROUNDS = 4
 _LEAST_POINTS = 20  # that a ground mode is found from
@@ -47,8 +46,8 @@ def raised_rests(heights: FloatArray, columns: FloatArray, *, band_m: float) -> 
 
     Notes
     -----
-    Start by quantile regression (Koenker and Bassett 1978; `statsmodels.api.QuantReg`), then least
-    squares of the points about the mode, a few times.
+    Start by quantile regression (`hopdata.landings.quantile_regression`), then least squares of the
+    points about the mode, a few times.
     """
     residuals = heights - columns @ _low_surface(heights, columns)
     raised = np.zeros(len(heights), dtype=bool)
@@ -67,13 +66,8 @@ def raised_rests(heights: FloatArray, columns: FloatArray, *, band_m: float) -> 
 
 
 def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
-    """Coefficients of the surface that a twentieth of the points is below."""
-    from statsmodels.regression.quantile_regression import QuantReg
-    from statsmodels.tools.sm_exceptions import IterationLimitWarning
-
+    """Coefficients of the surface that a twentieth of the points is below; nearly the optimum."""
     step = max(1, len(heights) // _START_POINTS)
-    model = QuantReg(heights[::step], columns[::step])
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", IterationLimitWarning)  # a start need not be the optimum
-        warnings.simplefilter("ignore", RuntimeWarning)  # a perfect fit, without noise
-        return np.asarray(model.fit(q=_QUANTILE, max_iter=_MOST_STEPS).params, dtype=np.float64)
+    return quantile_regression(
+        columns[::step], heights[::step], quantile=_QUANTILE, most_fits=_MOST_FITS
+    )
