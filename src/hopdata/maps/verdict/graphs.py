@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.maps.verdict.leading import leading_spaces
 from hopdata.maps.verdict.membership import large_classes
 from hopdata.maps.verdict.residuals import Residuals, shuffled
 
@@ -130,12 +131,10 @@ def _distances(halvings: list[list[Half]], scale: Floats, outcomes: Floats, rank
     distances = np.empty((len(halvings), len(outcomes), 2))
     for number, halves in enumerate(halvings):
         first, second = np.split(_graphs(halves, scale, outcomes, rank), 2)
-        between = np.einsum("apdk,bpdl->pabkl", first, second, optimize=True)
-        cosines = np.linalg.svd(between, compute_uv=False)
-        lengths = np.sqrt(np.sum(np.arccos(cosines.clip(0.0, 1.0)) ** 2, axis=3))
+        lengths = _arc_lengths(first[:, np.newaxis], second)
         same = np.eye(len(first), dtype=bool)
-        distances[number, :, 0] = lengths[:, same].mean(axis=1)
-        distances[number, :, 1] = lengths[:, ~same].mean(axis=1)
+        distances[number, :, 0] = lengths[same].mean(axis=0)
+        distances[number, :, 1] = lengths[~same].mean(axis=0)
     mean: Floats = distances.mean(axis=0)
     return mean
 
@@ -143,14 +142,30 @@ def _distances(halvings: list[list[Half]], scale: Floats, outcomes: Floats, rank
 def _graphs(halves: list[Half], scale: Floats, outcomes: Floats, rank: int) -> Floats:
     """Return the leading directions (halves, P, D, k) of the pairs of each half."""
     covariances = [_covariances(white * scale, outcomes[:, rows]) for rows, white in halves]
-    leading: Floats = np.linalg.eigh(np.stack(covariances))[1][..., ::-1][..., :rank]
-    return leading
+    return leading_spaces(np.stack(covariances), rank)
+
+
+def _arc_lengths(first: Floats, second: Floats) -> Floats:
+    """Return the distances (...) of spaces with orthonormal bases (..., D, k).
+
+    The squared cosines of their angles are right to rounding, and so are the squared angles: a
+    length is, unless it is below 1e-6 or so, which spaces from different landings never are.
+    """
+    cosines = np.swapaxes(first, -1, -2) @ second
+    squared = np.linalg.eigvalsh(np.swapaxes(cosines, -1, -2) @ cosines)
+    angles = np.arccos(np.sqrt(squared.clip(0.0, 1.0)))
+    lengths: Floats = np.sqrt(np.sum(angles**2, axis=-1))
+    return lengths
 
 
 def _covariances(inputs: Floats, outcomes: Floats) -> Floats:
     """Return scatter matrices (P, p + q, p + q) of centred inputs (m, p), outcomes (P, m, q)."""
     centred = outcomes - outcomes.mean(axis=1, keepdims=True)
-    across = inputs.T @ centred
-    own = np.broadcast_to(inputs.T @ inputs, (len(outcomes), *[inputs.shape[1]] * 2))
-    turned = np.swapaxes(across, 1, 2)
-    return np.block([[own, across], [turned, np.swapaxes(centred, 1, 2) @ centred]])
+    turned = np.swapaxes(centred, 1, 2)
+    p = inputs.shape[1]
+    scatter = np.empty((len(outcomes), p + centred.shape[2], p + centred.shape[2]))
+    scatter[:, :p, :p] = inputs.T @ inputs
+    scatter[:, p:, :p] = turned @ inputs
+    scatter[:, :p, p:] = np.swapaxes(scatter[:, p:, :p], 1, 2)
+    scatter[:, p:, p:] = turned @ centred
+    return scatter
