@@ -85,24 +85,31 @@ def free_fall(
     FreeFall
         The best guess; see `FreeFall.is_clear`.
     """
-    measured = accelerations(positions, rate_hz)
-    shares = {
-        unit: {up: _share(measured * metres, up) for up in DIRECTIONS}
-        for unit, metres in units.items()
-    }
+    shares = _shares(accelerations(positions, rate_hz), units)
     unit = max(shares, key=lambda u: max(shares[u].values()))
     ranked = sorted(shares[unit].items(), key=lambda item: -item[1])
     return FreeFall(unit, ranked[0][0], ranked[0][1], ranked[1][1])
 
 
-def _share(measured: FloatArray, up: str) -> float:
-    """Share of the accelerations (K, M, 3), m/s², that are free fall, mean over markers seen."""
-    fall = np.zeros(3)
-    fall["xyz".index(up[-1])] = GRAVITY_M_S2 if up.startswith("-") else -GRAVITY_M_S2
-    known = np.isfinite(measured).all(axis=2)
-    near = np.zeros(known.shape, dtype=bool)
-    near[known] = np.linalg.norm(measured[known] - fall, axis=1) < WITHIN * GRAVITY_M_S2
-    counts = known.sum(axis=0)
-    return (
-        float(np.mean(near.sum(axis=0)[counts > 0] / counts[counts > 0])) if counts.any() else 0.0
-    )
+def _shares(measured: FloatArray, units: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Share of the accelerations (K, M, 3), per s², that are free fall, mean over markers seen.
+
+    For every unit and direction. With g in the unit, ``|a - g|² < (c g)²`` is looked at as
+    ``|a|² - 2 a·g < (c² - 1) g²``, so that squares are formed once for all.
+    """
+    known = np.asarray(np.isfinite(measured).all(axis=2))
+    seen = known.any(axis=0)
+    counts = known.sum(axis=0)[seen]
+    measured = np.where(known[..., np.newaxis], measured, np.nan)
+    squares: FloatArray = np.einsum("kmi,kmi->km", measured, measured)
+    shares: dict[str, dict[str, float]] = {unit: {} for unit in units}
+    for up in DIRECTIONS:
+        along: FloatArray = np.ascontiguousarray(measured[..., "xyz".index(up[-1])])
+        for unit, metres in units.items():
+            gravity = GRAVITY_M_S2 / metres
+            turned = -2 * gravity if up.startswith("-") else 2 * gravity
+            beyond = squares + turned * along
+            near = np.asarray(beyond < (WITHIN**2 - 1) * gravity**2)
+            found = np.count_nonzero(near[:, seen], axis=0)
+            shares[unit][up] = float(np.mean(found / counts)) if seen.any() else 0.0
+    return shares
