@@ -71,23 +71,43 @@ rule sections:
 
 
 rule touchdowns:
-    """Contact instants, mode schedules and exclusions of one recording, by each method wanted."""
+    """Contact instants, mode schedules and exclusions of one recording."""
     input:
         recording=READY,
         sections=rules.sections.output.sections,
     output:
-        touchdowns=[f"{RESULTS}/landings/{method}/{{recording}}.csv" for method in SCORED_METHODS],
+        touchdowns=[f"{RESULTS}/landings/{METHOD}/{{recording}}.csv"],
     log:
         f"{RESULTS}/logs/touchdowns_{{recording}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/touchdowns_{{recording}}.tsv"
+    priority: 1  # more waits for it than for a figure
     params:
-        methods=SCORED_METHODS,
+        methods=[METHOD],
         options=STUDY["touchdowns"],
         largest_share=STUDY["filling"]["largest_share"],
         code=code("touchdowns"),
     script:
         "../scripts/touchdowns.py"
+
+
+if COMPARED_METHODS:
+
+    use rule touchdowns as compared_touchdowns with:
+        output:
+            touchdowns=[
+                f"{RESULTS}/landings/{method}/{{recording}}.csv" for method in COMPARED_METHODS
+            ],
+        log:
+            f"{RESULTS}/logs/compared_touchdowns_{{recording}}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/compared_touchdowns_{{recording}}.tsv"
+        priority: 0
+        params:
+            methods=COMPARED_METHODS,
+            options=STUDY["touchdowns"],
+            largest_share=STUDY["filling"]["largest_share"],
+            code=code("touchdowns"),
 
 
 rule pairs:
@@ -104,6 +124,7 @@ rule pairs:
         f"{RESULTS}/logs/pairs.log",
     benchmark:
         f"{RESULTS}/benchmarks/pairs.tsv"
+    priority: 1  # more waits for it than for a figure
     params:
         home=STUDY["home"],
         states=STUDY["states"],

@@ -9,6 +9,7 @@ rule units:
         f"{RESULTS}/logs/units.log",
     benchmark:
         f"{RESULTS}/benchmarks/units.tsv"
+    priority: 1  # more waits for it than for a figure
     params:
         options=STUDY["units"],
         code=code("units"),
@@ -28,6 +29,7 @@ rule prediction:
         f"{RESULTS}/logs/prediction.log",
     benchmark:
         f"{RESULTS}/benchmarks/prediction.tsv"
+    priority: 1  # more waits for it than for a figure
     params:
         options=STUDY["prediction"],
         seed=STUDY["seed"],
@@ -47,6 +49,7 @@ rule subspaces:
         f"{RESULTS}/logs/subspaces.log",
     benchmark:
         f"{RESULTS}/benchmarks/subspaces.tsv"
+    priority: 1  # more waits for it than for a figure
     params:
         options=STUDY["subspaces"],
         seed=STUDY["seed"],
@@ -67,6 +70,7 @@ rule distances:
         f"{RESULTS}/logs/distances.log",
     benchmark:
         f"{RESULTS}/benchmarks/distances.tsv"
+    priority: 1  # more waits for it than for a figure
     threads: workflow.cores if STUDY["distances"]["all_pairs"] else 1
     params:
         options={k: v for k, v in STUDY["distances"].items() if k != "sensitivity"},
@@ -192,7 +196,7 @@ rule verdict:
         f"{RESULTS}/logs/verdict.log",
     benchmark:
         f"{RESULTS}/benchmarks/verdict.tsv"
-    priority: 1  # the longest of the stages that wait for nothing else
+    priority: 2  # the longest of the stages that wait for nothing else
     params:
         options=STUDY["verdict"],
         seed=STUDY["seed"],
@@ -254,6 +258,7 @@ rule score:
         f"{RESULTS}/logs/score.log",
     benchmark:
         f"{RESULTS}/benchmarks/score.tsv"
+    priority: 1  # more waits for it than for a figure
     params:
         methods=SCORED_METHODS,
         recordings=RECORDINGS,

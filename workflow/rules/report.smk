@@ -193,6 +193,7 @@ STAGES = [
     *([rules.fill, rules.filled] if FILLS else []),
     rules.sections,
     rules.touchdowns,
+    *([rules.compared_touchdowns] if COMPARED_METHODS else []),
     rules.pairs,
     rules.quality,
     rules.figure_quality,
