@@ -12,7 +12,8 @@ from fake_tables import (
     touchdown,
     units,
 )
-from PIL import Image
+from matplotlib.figure import Figure
+from PIL import Image, ImageChops
 
 from hopdata.errors import ConfigError
 from hopdata.figures.distances import distances_figure
@@ -20,6 +21,7 @@ from hopdata.figures.prediction import prediction_figure
 from hopdata.figures.saving import save_figure
 from hopdata.figures.schedule import schedule_figure
 from hopdata.figures.sections import sections_figure
+from hopdata.figures.style import message_figure, style_context
 
 
 def draw(name):
@@ -93,3 +95,29 @@ def test_a_failure_midway_leaves_the_old_files(tmp_path, monkeypatch):
         save_figure(figure, tmp_path / "fig", formats=["svg", "png"])
     assert [path.name for path in tmp_path.iterdir()] == ["fig.svg"]
     assert (tmp_path / "fig.svg").read_bytes() == old
+
+
+@pytest.mark.parametrize("name", ["sections", "schedule", "prediction", "distances"])
+def test_laid_out_once_the_picture_is_matplotlibs_own(tmp_path, name):
+    (ours,) = save_figure(draw(name), tmp_path / "ours", formats=["png"], dpi=100)
+    own = tmp_path / "own.png"
+    with style_context():
+        draw(name).savefig(own, dpi=100)
+    with Image.open(ours) as one, Image.open(own) as other:
+        assert ImageChops.difference(one.convert("RGB"), other.convert("RGB")).getbbox() is None
+
+
+def test_each_format_is_drawn_once_and_the_layout_is_kept(tmp_path, monkeypatch):
+    figure, calls = draw("prediction"), []
+    engine, whole = figure.get_layout_engine(), Figure.draw
+    monkeypatch.setattr(Figure, "draw", lambda *args: calls.append(1) or whole(*args))
+    save_figure(figure, tmp_path / "fig")
+    assert len(calls) == 2
+    assert figure.get_layout_engine() is engine
+    save_figure(figure, tmp_path / "fig")
+    assert len(calls) == 4
+
+
+def test_a_figure_without_axes_is_saved(tmp_path, recwarn):
+    assert len(save_figure(message_figure("nothing to draw"), tmp_path / "fig")) == 2
+    assert not recwarn.list

@@ -70,19 +70,22 @@ def save_figure(
 
 @contextmanager
 def _laid_out(figure: Figure) -> Iterator[None]:
-    """Lay the figure out once for all formats, not once in each, nor drawn in vain for it."""
+    """Lay the figure out once for all formats, not once in each.
+
+    Without an engine, and a style that asks for one, matplotlib draws once to save a format; with
+    one it draws twice.
+    """
     import matplotlib
 
     engine = figure.get_layout_engine()
-    if engine is not None:
+    if engine is not None and figure.axes:
         engine.execute(figure)
-    try:
-        # No engine at all: for the placeholder that "none" leaves, each format is drawn twice.
-        with matplotlib.rc_context({"figure.constrained_layout.use": False}):
-            figure.set_layout_engine(None)
+    with matplotlib.rc_context({"figure.constrained_layout.use": False}):
+        figure.set_layout_engine(None)
+        try:
             yield
-    finally:
-        figure.set_layout_engine(engine)
+        finally:
+            figure.set_layout_engine(engine)
 
 
 def _check(formats: Sequence[str], dpi: float) -> None:
