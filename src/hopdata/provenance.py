@@ -16,7 +16,7 @@ from hopdata import __version__
 PACKAGE = Path(__file__).parent
 ASSETS = {".css", ".j2", ".mplstyle", ".yaml"}
 REPORTED_PACKAGES = (
-    "hopdata", "numpy", "scipy", "pandas", "statsmodels", "matplotlib", "h5py", "numba",
+    "hopdata", "numpy", "scipy", "pandas", "matplotlib", "h5py", "numba",
     "snakemake",
 )  # fmt: skip
 # Statements `from hopdata... import ...`, also over several lines, and `import hopdata...`. To
