@@ -34,7 +34,7 @@ def test_all_figures_and_the_report_are_there(sample):
     assert page.count("<figure") >= len(FIGURES)
     record = json.loads((results / "provenance.json").read_text())
     assert record["study"] == "sample"
-    assert len(record["stage_seconds"]) == 22
+    assert len(record["stage_seconds"]) == 21
     assert not any("simulate" in stage for stage in record["stage_seconds"])
 
 
