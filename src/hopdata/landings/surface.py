@@ -105,10 +105,15 @@ class FloorModel:
 def design(scaled: FloatArray, terms: Terms) -> FloatArray:
     """Columns u^i v^j for places (P, 2) in scaled coordinates, (P, T)."""
     highest = max((max(term) for term in terms), default=0)
-    powers = [np.ones_like(scaled)]
+    u, v = (_powers(np.ascontiguousarray(scaled[:, k]), highest) for k in (0, 1))
+    return np.stack([u[i] * v[j] for i, j in terms]).T
+
+
+def _powers(x: FloatArray, highest: int) -> list[FloatArray]:
+    powers = [np.ones_like(x)]
     for _ in range(highest):
-        powers.append(powers[-1] * scaled)
-    return np.stack([powers[i][:, 0] * powers[j][:, 1] for i, j in terms], axis=1)
+        powers.append(powers[-1] * x)
+    return powers
 
 
 def polynomial_terms(degree: int) -> Terms:
@@ -124,8 +129,11 @@ def rim_of(places: FloatArray, n_directions: int) -> FloatArray:
 
 def within_rim(places: FloatArray, rim: FloatArray) -> FloatArray:
     """Places (P, 2), those beyond the rim moved towards the origin until they stand on it."""
-    beyond = np.max(places @ directions(len(rim)).T / rim, axis=1)
-    return places / np.maximum(beyond, 1.0)[:, np.newaxis]
+    moved = np.array(places)
+    outer = np.flatnonzero(np.einsum("pk,pk->p", places, places) > rim.min() ** 2)
+    beyond = np.max(places[outer] @ directions(len(rim)).T / rim, axis=1)
+    moved[outer] /= np.maximum(beyond, 1.0)[:, np.newaxis]
+    return moved
 
 
 def directions(n: int) -> FloatArray:

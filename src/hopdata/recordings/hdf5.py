@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import h5py
 
 CHUNK_FRAMES = 16384
+COMPRESSION = 6  # of 9, which takes twice the time for 0.2 % of the bytes
 SIGNATURE = b"\x89HDF\r\n\x1a\n"  # with which HDF5 files begin
 _TRUTH_ATTRIBUTES = ("noise_m", "parameters_json")
 _TRUTH_DATASETS = tuple(f.name for f in fields(Truth) if f.name not in _TRUTH_ATTRIBUTES)
@@ -189,6 +190,6 @@ def _dataset(group: h5py.Group, name: str, array: NDArray[Any]) -> None:
         chunks=chunks,
         shuffle=True,
         compression="gzip",
-        compression_opts=9,
+        compression_opts=COMPRESSION,
         track_times=False,
     )
