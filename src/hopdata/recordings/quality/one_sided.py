@@ -146,7 +146,8 @@ def _steps(positions: FloatArray) -> FloatArray:
 
 def _agreed(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return the smaller of two vectors' lengths, 0 where they point apart; (..., 3) to (...)."""
-    length = np.minimum(np.linalg.norm(one, axis=-1), np.linalg.norm(other, axis=-1))
+    squares = [np.einsum("...i,...i->...", vector, vector) for vector in (one, other)]
+    length: FloatArray = np.sqrt(np.minimum(*squares))
     along = np.einsum("...i,...i->...", one, other)
     return np.where(along > 0, length, 0.0 * length)
 
