@@ -1,7 +1,7 @@
 """The pieces of the verdict, each against what is known of it."""
 
 from dataclasses import replace
-from itertools import permutations
+from itertools import combinations_with_replacement, permutations
 
 import numpy as np
 import pytest
@@ -15,7 +15,14 @@ from hopdata.maps.verdict.effect import (
     outcome_variance,
     squared_size,
 )
-from hopdata.maps.verdict.estimate import choose_window, expected_contacts, fit_kinks
+from hopdata.maps.verdict.estimate import (
+    _window,
+    choose_window,
+    expected_contacts,
+    fit_kinks,
+    fit_window,
+    window_kinks,
+)
 from hopdata.maps.verdict.graphs import rank_gap
 from hopdata.maps.verdict.inputs import section_landings
 from hopdata.maps.verdict.kinks import foot_sets, kink_slopes, kinks
@@ -25,6 +32,7 @@ from hopdata.maps.verdict.shrinkage import variance_ratios
 from hopdata.maps.verdict.significance import KinkTest, flip_signs
 from hopdata.maps.verdict.smooth import (
     free_terms,
+    monomials,
     number_of_free_terms,
     shrunk_terms,
 )
@@ -82,6 +90,55 @@ def test_ratios_of_variances_are_found(true, rng):
     found = variance_ratios(tuple(groups), signal + rng.standard_normal((2000, 40)), 0)
     assert np.allclose(np.median(found.ratios, axis=0), true, rtol=0.2, atol=0.01)
     assert np.allclose(found.noise, 1.0, rtol=0.15)
+
+
+def test_variances_are_those_of_the_projections_themselves(rng):
+    """The triangle of terms and outputs together says what projections on the terms say."""
+    groups, outputs = rng.standard_normal((2, 200, 30)), rng.standard_normal((200, 5))
+    found = variance_ratios(tuple(groups), outputs, 10)
+    basis = np.linalg.qr(np.hstack(list(groups)))[0]
+    rest = np.sum(outputs**2, axis=0) - np.sum((basis.T @ outputs) ** 2, axis=0)
+    assert (rest / 190 <= found.noise * (1 + 1e-12)).all()
+    assert (found.noise <= np.sum(outputs**2, axis=0) / 190 * (1 + 1e-12)).all()
+
+
+def test_monomials_are_products_of_columns(rng):
+    x = rng.standard_normal((7, 4))
+    expected = [
+        np.prod(x[:, list(chosen)], axis=1)
+        for degree in (1, 3)
+        for chosen in combinations_with_replacement(range(4), degree)
+    ]
+    np.testing.assert_array_equal(monomials(x, (1, 3)), np.column_stack(expected))
+
+
+def test_kinks_alone_are_those_of_the_whole_fit():
+    data = landings(n=700, strength=0.2, noise=0.02)
+    x = (data.x - data.x.mean(axis=0)) / data.x.std(axis=0)
+    expected = expected_contacts(x, data.instants)
+    rows = np.arange(0, 700, 2)
+    whole = fit_window(x, data.y, expected, rows, 0.5, 2)
+    seen, coefficients = window_kinks(x, data.y, expected, rows, 2)
+    np.testing.assert_array_equal(seen, whole.seen)
+    size = np.abs(whole.coefficients).max()
+    np.testing.assert_allclose(coefficients, whole.coefficients, rtol=0, atol=1e-11 * size)
+
+
+def test_kinks_are_those_of_the_penalised_fit():
+    """Free terms, kinks and shrunk terms at once, each shrunk one with a row of its own."""
+    data = landings(n=700, strength=0.2, noise=0.02)
+    x = (data.x - data.x.mean(axis=0)) / data.x.std(axis=0)
+    expected, rows = expected_contacts(x, data.instants), np.arange(700)
+    part = _window(x, data.y, expected, rows, 2)
+    _, coefficients = window_kinks(x, data.y, expected, rows, 2)
+    for k in (0, 5, 10):
+        spreads = np.sqrt(np.repeat(part.variances.ratios[k], part.sizes))
+        design = np.hstack([part.bends, part.others * spreads])
+        price = np.hstack([np.zeros((len(spreads), part.bends.shape[1])), np.eye(len(spreads))])
+        target = np.concatenate([part.outputs[:, k], np.zeros(len(spreads))])
+        found = np.linalg.lstsq(np.vstack([design, price]), target, rcond=None)[0]
+        direct = found[: part.bends.shape[1]] / part.unit_s
+        np.testing.assert_allclose(coefficients[:, k], direct, atol=1e-9 * np.abs(direct).max())
 
 
 def test_mixed_terms_do_not_depend_on_the_basis_of_the_instants(rng):

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.maps.verdict.estimate import KinkFit, expected_contacts, fit_window
+from hopdata.maps.verdict.estimate import KinkFit, expected_contacts, window_kinks
 from hopdata.maps.verdict.kinks import kinks
 from hopdata.maps.verdict.significance import draws
 
@@ -54,10 +54,9 @@ def attenuation(
     for _ in range(_REPEATS):
         noisier = inputs + draws(input_errors, len(inputs), generator)
         instants = expected + instant_noise_s * generator.standard_normal(expected.shape)
-        again = fit_window(
-            noisier, heights, expected_contacts(noisier, instants), fit.rows, fit.window, fit.degree
-        )
-        total += fit.seen.T @ again.seen @ again.coefficients
+        contacts = expected_contacts(noisier, instants)
+        seen, coefficients = window_kinks(noisier, heights, contacts, fit.rows, fit.degree)
+        total += fit.seen.T @ seen @ coefficients
     return total / _REPEATS
 
 

@@ -120,7 +120,7 @@ def effect_size(
     root = _root(fit.covariance)
     noise = generator.standard_normal((draws, len(found))) @ root.T
     along = noise @ (form @ found) / np.sqrt(square)
-    own = np.einsum("dm,mk,dk->d", noise, form, noise)
+    own = np.sum((noise @ form) * noise, axis=1)
     tail = (1.0 - confidence) / 2.0
     # An estimate smaller than noise alone would give is luck, and excludes nothing more for it.
     least = max(square, float(np.median(own)))
@@ -155,7 +155,7 @@ def detectable_size(
     variation = np.sqrt(np.sum(fit.linear**2, axis=0))
     kinds = generator.standard_normal((_KINDS, m // outputs, outputs)) * variation
     kinds = (np.linalg.pinv(_root(form[::outputs, ::outputs])).T @ kinds).reshape(_KINDS, m)
-    kinds /= np.sqrt(np.einsum("dm,mk,dk->d", kinds, form, kinds))[:, None]
+    kinds /= np.sqrt(np.sum((kinds @ form) * kinds, axis=1))[:, None]
     weights = np.einsum("dm,dm->d", kinds, np.linalg.solve(fit.covariance, kinds.T).T)
     threshold = chdtri(m, level)
 

@@ -10,14 +10,13 @@ which is known, not on curvature.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.maps.verdict.kinks import ALL_SETS_UP_TO, kinks
-from hopdata.maps.verdict.shrinkage import variance_ratios
+from hopdata.maps.verdict.shrinkage import VarianceRatios, variance_ratios
 from hopdata.maps.verdict.smooth import (
     free_terms,
     monomials,
@@ -171,45 +170,116 @@ def fit_window(
     degree
         Order up to which smooth terms are free.
     """
-    times = instants[rows]
-    unit = float(times.std(axis=1).max())
-    inputs = x[rows] - x[rows].mean(axis=0)
-    scale = inputs.std(axis=0)
-    free = free_terms(inputs / scale, times / unit, degree)
-    basis, root = np.linalg.qr(free)
-    bends, outputs = _without(basis, kinks(times / unit)), _without(basis, y[rows])
-    groups = shrunk_terms(inputs / scale, times / unit, degree)
-    others = [_without(basis, group) for group in groups]
-    least = _LEAST_OF_PAIRS if times.shape[1] > ALL_SETS_UP_TO else 0.0
-    seen = _seen_directions(bends, kinks(times / unit), least)
-    bends = np.matmul(bends, seen)
-    bend_basis: Floats = np.linalg.qr(bends)[0]
-    used = basis.shape[1] + bends.shape[1]
-    unseen = [_without(bend_basis, group) for group in others]
-    variances = variance_ratios(unseen, _without(bend_basis, outputs), used)
-    slack = 1.0 - np.sum(basis**2, axis=1)
-    parts = [
-        _one_output(bends, others, outputs[:, k], slack, variances.ratios[k], variances.noise[k])
-        for k in range(y.shape[1])
-    ]
-    coefficients = np.column_stack([part[0] for part in parts])
-    null_scores = _interleaved([part[1] for part in parts])
-    scores = _interleaved([part[2] for part in parts])
-    curvature = _block_diagonal([part[3] for part in parts])
-    smooth = y[rows] - kinks(times / unit) @ seen @ coefficients
-    terms = np.linalg.lstsq(root, basis.T @ smooth, rcond=None)[0]
-    slopes = terms[1 : x.shape[1] + 1] / scale[:, None]
+    part = _window(x, y, instants, rows, degree)
+    slack = 1.0 - np.sum(part.basis**2, axis=1)
+    parts = [_one_output(part, k, slack) for k in range(y.shape[1])]
+    coefficients = np.column_stack([found[0] for found in parts])
+    null_scores = _interleaved([found[1] for found in parts])
+    scores = _interleaved([found[2] for found in parts])
+    curvature = _block_diagonal([found[3] for found in parts])
+    smooth = y[rows] - part.kinks @ part.seen @ coefficients
+    terms = np.linalg.lstsq(part.root, part.basis.T @ smooth, rcond=None)[0]
+    slopes = terms[1 : x.shape[1] + 1] / part.scale[:, None]
+    unit = part.unit_s
     return KinkFit(
         coefficients / unit,
         slopes,
         (scores.T @ scores + curvature) / unit**2,
         null_scores / unit,
         curvature / unit**2,
-        seen,
+        part.seen,
         rows,
         window,
         unit,
         degree,
+    )
+
+
+def window_kinks(
+    x: Floats, y: Floats, instants: Floats, rows: NDArray[np.int64], degree: int
+) -> tuple[Floats, Floats]:
+    """Return `seen` and `coefficients` of the `KinkFit` of a window, and save the rest of it."""
+    part = _window(x, y, instants, rows, degree)
+    found = []
+    for k in range(y.shape[1]):
+        weighted = _weighted_bends(part, *_shrinker(part, k))
+        found.append(np.linalg.solve(part.bends.T @ weighted, weighted.T @ part.outputs[:, k]))
+    return part.seen, np.column_stack(found) / part.unit_s
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Terms of the n landings of a window, with the free ones projected out of all but themselves.
+
+    Attributes
+    ----------
+    unit_s, scale
+        Largest contact spread, s, and (p,) standard deviations of the inputs.
+    basis, root
+        The free terms: an orthonormal basis (n, terms), and what takes it to them.
+    kinks, seen, bends
+        (n, all) kinks as they are, the combinations that are seen, and (n, K) those projected.
+    others, gram, across
+        (n, g) shrunk terms, their products with each other and, (g, K), with the kinks.
+    sizes
+        Number of shrunk terms in each group.
+    outputs
+        (n, q), projected.
+    variances
+        Of noise and of the shrunk terms.
+    """
+
+    unit_s: float
+    scale: Floats
+    basis: Floats
+    root: Floats
+    kinks: Floats
+    seen: Floats
+    bends: Floats
+    others: Floats
+    gram: Floats
+    across: Floats
+    sizes: tuple[int, ...]
+    outputs: Floats
+    variances: VarianceRatios
+
+
+def _window(
+    x: Floats, y: Floats, instants: Floats, rows: NDArray[np.int64], degree: int
+) -> _Window:
+    times = instants[rows]
+    unit = float(times.std(axis=1).max())
+    inputs = x[rows] - x[rows].mean(axis=0)
+    scale = inputs.std(axis=0)
+    free = free_terms(inputs / scale, times / unit, degree)
+    basis, root = np.linalg.qr(free)
+    whole = kinks(times / unit)
+    bends, outputs = _without(basis, whole), _without(basis, y[rows])
+    groups = shrunk_terms(inputs / scale, times / unit, degree)
+    sizes = tuple(group.shape[1] for group in groups)
+    others = _without(basis, np.hstack(groups))
+    least = _LEAST_OF_PAIRS if times.shape[1] > ALL_SETS_UP_TO else 0.0
+    seen = _seen_directions(bends, whole, least)
+    bends = np.matmul(bends, seen)
+    bend_basis: Floats = np.linalg.qr(bends)[0]
+    used = basis.shape[1] + bends.shape[1]
+    unseen = np.split(_without(bend_basis, others), np.cumsum(sizes)[:-1], axis=1)
+    variances = variance_ratios(unseen, _without(bend_basis, outputs), used)
+    gram, across = others.T @ others, others.T @ bends
+    return _Window(
+        unit,
+        scale,
+        basis,
+        root,
+        whole,
+        seen,
+        bends,
+        others,
+        gram,
+        across,
+        sizes,
+        outputs,
+        variances,
     )
 
 
@@ -225,27 +295,36 @@ def _seen_directions(bends: Floats, whole: Floats, least: float) -> Floats:
     return right[values > limit].T
 
 
-def _one_output(
-    bends: Floats,
-    groups: Sequence[Floats],
-    output: Floats,
-    slack: Floats,
-    ratios: Floats,
-    noise: float,
-) -> tuple[Floats, Floats, Floats, Floats]:
+def _shrinker(part: _Window, k: int) -> tuple[Floats, Floats]:
+    """Return the spreads (g,) of the shrunk terms of output k, and what inverts their shrinking.
+
+    Terms u with these spreads s in units of the noise are fitted to a rest r as u s M^-1 s u' r.
+    """
+    spreads = np.sqrt(np.repeat(part.variances.ratios[k], part.sizes))
+    return spreads, spreads[:, None] * part.gram * spreads + np.eye(len(spreads))
+
+
+def _weighted_bends(part: _Window, spreads: Floats, inner: Floats) -> Floats:
+    """Return the kinks (n, K) less the fit of the shrunk terms to them."""
+    own = spreads[:, None] * np.linalg.solve(inner, spreads[:, None] * part.across)
+    weighted: Floats = part.bends - part.others @ own
+    return weighted
+
+
+def _one_output(part: _Window, k: int, slack: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Return coefficients (K,), null scores and scores (n, K), and curvature covariance (K, K)."""
-    shown = [np.sqrt(ratio) * group for group, ratio in zip(groups, ratios, strict=True) if ratio]
-    others = np.hstack(shown) if shown else np.zeros((len(output), 0))
-    shrinker = np.linalg.solve(others.T @ others + np.eye(others.shape[1]), others.T)
-    weighted = bends - others @ (shrinker @ bends)
+    bends, output, noise = part.bends, part.outputs[:, k], float(part.variances.noise[k])
+    spreads, inner = _shrinker(part, k)
+    weighted = _weighted_bends(part, spreads, inner)
     influence = np.linalg.solve(bends.T @ weighted, weighted.T)
     coefficients = influence @ output
     rest = output - bends @ coefficients
-    rest = rest - others @ (shrinker @ rest)
+    shrunk = np.linalg.solve(inner, spreads * (part.others.T @ rest))
+    rest = rest - part.others @ (spreads * shrunk)
     own = slack - np.einsum("nk,kn->n", bends, influence)
     scores = influence.T * (rest / np.sqrt(np.maximum(own, 0.1)))[:, None]
     null_scores = influence.T * (output / np.sqrt(np.maximum(slack, 0.1)))[:, None]
-    missed = influence @ others
+    missed = (influence @ part.others) * spreads
     return coefficients, null_scores, scores, CURVATURE_COUNT * noise * missed @ missed.T
 
 

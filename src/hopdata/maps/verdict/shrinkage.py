@@ -49,11 +49,12 @@ def variance_ratios(groups: Sequence[Floats], outputs: Floats, used: int) -> Var
     used
         Degrees of freedom that the projection took.
     """
-    basis, root = np.linalg.qr(np.hstack(groups))
-    loads = basis.T @ outputs
-    rest = np.maximum(np.sum(outputs**2, axis=0) - np.sum(loads**2, axis=0), 0.0)
-    free = len(outputs) - used
     sizes = [group.shape[1] for group in groups]
+    terms = sum(sizes)
+    triangle = np.asarray(np.linalg.qr(np.hstack([*groups, outputs]), mode="r"), np.float64)
+    root, loads = triangle[:terms, :terms], triangle[:terms, terms:]
+    rest = np.sum(triangle[terms:, terms:] ** 2, axis=0)
+    free = len(outputs) - used
     likelihood, power = np.stack(
         [
             _profile(root * np.sqrt(np.repeat([1.0 - share, share], sizes)), loads, rest, free)

@@ -24,12 +24,16 @@ Floats = NDArray[np.float64]
 
 def monomials(x: Floats, degrees: tuple[int, ...]) -> Floats:
     """Return all products of columns of `x` (n, p) of the given degrees, (n, terms)."""
-    columns = [
-        np.prod(x[:, list(chosen)], axis=1)
-        for degree in degrees
-        for chosen in combinations_with_replacement(range(x.shape[1]), degree)
-    ]
-    return np.column_stack(columns)
+    return np.hstack([_products_of(x, degree) for degree in degrees])
+
+
+def _products_of(x: Floats, degree: int) -> Floats:
+    chosen = list(combinations_with_replacement(range(x.shape[1]), degree))
+    factors = np.array(chosen, dtype=np.int64).reshape(-1, degree).T
+    columns = x[:, factors[0]]
+    for factor in factors[1:]:
+        columns *= x[:, factor]
+    return columns
 
 
 def number_of_free_terms(n_inputs: int, n_feet: int, degree: int) -> int:
