@@ -29,7 +29,7 @@ from hopdata.maps.verdict.kinks import foot_sets, kink_slopes, kinks
 from hopdata.maps.verdict.membership import memberships
 from hopdata.maps.verdict.residuals import shuffled
 from hopdata.maps.verdict.shrinkage import variance_ratios
-from hopdata.maps.verdict.significance import KinkTest, flip_signs
+from hopdata.maps.verdict.significance import KinkTest, draws, flip_signs
 from hopdata.maps.verdict.smooth import (
     free_terms,
     monomials,
@@ -309,3 +309,13 @@ def test_a_verdict_on_other_than_three_feet_says_what_was_not_measured():
 
     assert _feet_notes(3) == []
     assert "6 feet" in _feet_notes(6)[0]["what"]
+
+
+def test_draws_of_a_covariance_do_not_hang_on_the_turn_of_its_eigenvectors():
+    """Its spectrum has a double value: eigenvectors there are whatever rounding makes of them."""
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(4, 4)))[0]
+    covariance = turn @ np.diag([2.0, 2.0, 1.0, 0.0]) @ turn.T
+    nudged = covariance + 1e-15 * np.diag([1.0, -1.0, 1.0, -1.0])
+    one, other = (draws(c, 2000, np.random.default_rng(7)) for c in (covariance, nudged))
+    np.testing.assert_allclose(one, other, atol=1e-6)
+    np.testing.assert_allclose(np.cov(one, rowvar=False), covariance, atol=0.2)

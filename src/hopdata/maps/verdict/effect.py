@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from hopdata.maps.verdict.estimate import KinkFit
 from hopdata.maps.verdict.kinks import Feet, kink_slopes
+from hopdata.maps.verdict.significance import draws, symmetric_root
 
 _BISECTIONS = 60
 _LARGEST = 1e3
@@ -97,7 +98,7 @@ def effect_size(
     generator: np.random.Generator,
     confidence: float = 0.95,
     power: float = 0.8,
-    draws: int = 4000,
+    n_draws: int = 4000,
 ) -> EffectSize:
     """Return the size of the kinks with its interval, by inversion over one family of sizes.
 
@@ -112,13 +113,12 @@ def effect_size(
         Source of the draws.
     confidence, power
         Of the interval and bound, and of the detectable difference.
-    draws
+    n_draws
         Number of random draws of the estimate's error.
     """
     found = fit.coefficients.ravel()
     square = float(found @ form @ found)
-    root = _root(fit.covariance)
-    noise = generator.standard_normal((draws, len(found))) @ root.T
+    noise = draws(fit.covariance, n_draws, generator)
     along = noise @ (form @ found) / np.sqrt(square)
     own = np.sum((noise @ form) * noise, axis=1)
     tail = (1.0 - confidence) / 2.0
@@ -154,7 +154,7 @@ def detectable_size(
     m, outputs = len(form), fit.coefficients.shape[1]
     variation = np.sqrt(np.sum(fit.linear**2, axis=0))
     kinds = generator.standard_normal((_KINDS, m // outputs, outputs)) * variation
-    kinds = (np.linalg.pinv(_root(form[::outputs, ::outputs])).T @ kinds).reshape(_KINDS, m)
+    kinds = (np.linalg.pinv(symmetric_root(form[::outputs, ::outputs])) @ kinds).reshape(_KINDS, m)
     kinds /= np.sqrt(np.sum((kinds @ form) * kinds, axis=1))[:, None]
     weights = np.einsum("dm,dm->d", kinds, np.linalg.solve(fit.covariance, kinds.T).T)
     threshold = chdtri(m, level)
@@ -185,9 +185,3 @@ def _crossing(decreasing: Callable[[float], float]) -> float:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if decreasing(middle) > 0.0 else (low, middle)
     return high
-
-
-def _root(covariance: Floats) -> Floats:
-    values, vectors = np.linalg.eigh(covariance)
-    root: Floats = vectors * np.sqrt(np.maximum(values, 0.0))
-    return root

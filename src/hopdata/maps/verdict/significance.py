@@ -81,7 +81,17 @@ def _signed_sums(scores: Floats, count: int, generator: np.random.Generator) -> 
 
 def draws(covariance: Floats, count: int, generator: np.random.Generator) -> Floats:
     """Return normal draws (count, m) of a covariance that may be singular."""
-    values, vectors = np.linalg.eigh(covariance)
-    normal = generator.standard_normal((count, len(values)))
-    drawn: Floats = normal @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    normal = generator.standard_normal((count, len(covariance)))
+    drawn: Floats = normal @ symmetric_root(covariance)
     return drawn
+
+
+def symmetric_root(covariance: Floats) -> Floats:
+    """Return the symmetric root (m, m) of a covariance that may be singular.
+
+    It is the only one, whereas signs and turns of eigenvectors are left to rounding: with it the
+    same seed gives the same draws wherever the code runs.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    root: Floats = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+    return root
