@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import gaussian_kde
-from timing import quartiles
+from timing import columns_ms, quartiles
 
 from hopdata.landings.density import kde
 
@@ -53,11 +53,7 @@ def compare(samples: FloatArray, bandwidth_m: float, nodes: int) -> dict[str, fl
         "nodes": nodes,
         "bandwidth_m": bandwidth_m,
         "error": float(np.abs(hopdata() - exact).max() / exact.max()),
-        **{
-            f"{name}_{level}_ms": 1e3 * seconds
-            for name, levels in times.items()
-            for level, seconds in zip(("q25", "median", "q75"), levels, strict=True)
-        },
+        **columns_ms(times),
         "ratio": times["scipy"][1] / times["hopdata"][1],
     }
 

@@ -28,7 +28,7 @@ from scipy.sparse import csr_array, hstack, identity
 from statsmodels.regression.quantile_regression import QuantReg
 from statsmodels.robust import norms
 from statsmodels.robust.robust_linear_model import RLM
-from timing import quartiles
+from timing import columns_ms, quartiles
 
 from hopdata.landings.quantile_regression import quantile_regression
 from hopdata.landings.robust_regression import robust_regression
@@ -111,11 +111,7 @@ def compare(
         "unit_m": unit_m,
         "hopdata_error": error(ours()),
         "statsmodels_error": error(peer()),
-        **{
-            f"{name}_{level}_ms": 1e3 * seconds
-            for name, levels in times.items()
-            for level, seconds in zip(("q25", "median", "q75"), levels, strict=True)
-        },
+        **columns_ms(times),
         "ratio": times["statsmodels"][1] / times["hopdata"][1],
     }
 
