@@ -32,8 +32,9 @@ include: "workflow/rules/comparison.smk"
 
 
 onstart:
-    # The limit of starts in time is meant for clusters: here it lets each run wait a second more.
-    if workflow.local_exec:
+    # The limit of starts in time is meant for clusters: here it lets each run wait a second more,
+    # and there is no option without it.
+    if getattr(workflow, "local_exec", False) and hasattr(workflow, "scheduler"):
         workflow.scheduler.job_rate_limiter = None
 
 

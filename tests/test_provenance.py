@@ -1,5 +1,8 @@
+import ast
+
 import pytest
 
+import hopdata.provenance as module
 from hopdata.provenance import code_digest, provenance
 
 
@@ -9,23 +12,49 @@ def copied_script(tmp_path, text):
     return script
 
 
-def forget_sources(module):
-    for remembered in (module._imports, module._module_files, module._sources):
-        remembered.cache_clear()
+@pytest.fixture
+def forgetful():
+    """Nothing that is remembered of one package is taken for another."""
+
+    def forget():
+        for remembered in (module._imports, module._module_files, module._sources):
+            remembered.cache_clear()
+
+    forget()
+    yield
+    forget()
+
+
+def imported_names(source):
+    """Modules that a source imports, by Python's own parser."""
+    names = set()
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names.update([node.module, *(f"{node.module}.{a.name}" for a in node.names)])
+    return names
+
+
+def test_the_pattern_finds_every_import_of_the_package():
+    root = module.PACKAGE.parents[1]
+    sources = [*module.PACKAGE.rglob("*.py"), *(root / "workflow/scripts").glob("*.py")]
+    assert len(sources) > 200
+    for source in sources:
+        files = {path for name in imported_names(source) for path in module._module_files(name)}
+        assert files <= module._imports(source), source
 
 
 @pytest.mark.parametrize(
     "text",
     [
         "import hopdata.landings.floor\n",
-        "from hopdata.landings import (\n    density,\n    floor,  # both\n)\n",
+        "from hopdata.landings import (\n    density,  # fast (compiled)\n    floor,\n)\n",
         "if True:\n\tfrom hopdata.landings import density, floor as ground\n",
         "import hopdata.errors, hopdata.landings.floor as f\n",
     ],
 )
 def test_imports_are_found_however_they_are_written(tmp_path, text):
-    import hopdata.provenance as module
-
     found = module._imports(copied_script(tmp_path, text))
     assert module.PACKAGE / "landings" / "floor.py" in found
 
@@ -41,9 +70,8 @@ def test_digest_follows_imports_and_only_those(tmp_path):
     assert again == floor
 
 
+@pytest.mark.usefixtures("forgetful")
 def test_digest_changes_with_a_library_file(tmp_path, monkeypatch):
-    import hopdata.provenance as module
-
     package = tmp_path / "hopdata"
     (package / "landings").mkdir(parents=True)
     (package / "__init__.py").write_text("")
@@ -52,14 +80,12 @@ def test_digest_changes_with_a_library_file(tmp_path, monkeypatch):
     (package / "landings" / "density.py").write_text("a = 1\n")
     (package / "landings" / "other.py").write_text("a = 1\n")
     monkeypatch.setattr(module, "PACKAGE", package)
-    forget_sources(module)
     script = copied_script(tmp_path, "from hopdata.landings.floor import fit\n")
     before = code_digest(script)
     (package / "landings" / "other.py").write_text("a = 2\n")
     assert code_digest(script) == before
     (package / "landings" / "density.py").write_text("a = 2\n")
     assert code_digest(script) != before
-    forget_sources(module)
 
 
 def test_provenance_names_seed_inputs_versions_and_times(tmp_path):

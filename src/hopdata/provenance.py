@@ -22,7 +22,7 @@ REPORTED_PACKAGES = (
 # Statements `from hopdata... import ...`, also over several lines, and `import hopdata...`. To
 # parse all sources takes half as long as the shortest study.
 IMPORT = re.compile(
-    r"^[ \t]*(?:from[ \t]+(hopdata[\w.]*)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)"
+    r"^[ \t]*(?:from[ \t]+(hopdata[\w.]*)[ \t]+import[ \t]+(\((?:[^)#]|#[^\n]*)*\)|[^\n]*)"
     r"|import[ \t]+(hopdata[^\n]*))",
     re.MULTILINE,
 )

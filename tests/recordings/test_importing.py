@@ -183,7 +183,7 @@ MISTAKES = {
     "upside down": lambda f: (
         write(f, qtm_text(standing() * [1, 1, -1])),
         {},
-        ["vertical axis z", "no axis of the file points up"],
+        ["vertical axis z", "input.vertical_axis: -z, or are markers.body"],
     ),
     "marker never seen": lambda f: (without_back(f), {}, ["'back'", "in none of 40 frames"]),
     "stamps against rate": lambda f: (

@@ -96,9 +96,12 @@ def test_body_beside_the_feet_names_the_axis_of_the_file(vertical_axis, order):
 
 def test_body_below_the_feet():
     positions = recording().positions * [1, -1, -1]
-    assert "no axis of the file points up" in refused(recording(positions=positions))
-    swapped = refused(recording(roles=("foot", "foot", "body", "body", "body")))
-    assert "do markers.body and markers.feet fit?" in swapped
+    hint = "set input.vertical_axis: -z, or are markers.body and markers.feet exchanged?"
+    assert hint in refused(recording(positions=positions))
+    assert hint in refused(recording(roles=("foot", "foot", "body", "body", "body")))
+    assert "set input.vertical_axis: y, or" in refused(
+        recording(positions=positions, vertical_axis="-y")
+    )
 
 
 def test_a_marker_never_seen_is_refused_and_one_often_unseen_is_noted():

@@ -105,9 +105,6 @@ if COMPARED_METHODS:
         priority: 0
         params:
             methods=COMPARED_METHODS,
-            options=STUDY["touchdowns"],
-            largest_share=STUDY["filling"]["largest_share"],
-            code=code("touchdowns"),
 
 
 rule pairs:

@@ -129,7 +129,7 @@ def rim_of(places: FloatArray, n_directions: int) -> FloatArray:
 
 def within_rim(places: FloatArray, rim: FloatArray) -> FloatArray:
     """Places (P, 2), those beyond the rim moved towards the origin until they stand on it."""
-    moved = np.array(places)
+    moved = np.array(places, dtype=np.float64)
     outer = np.flatnonzero(np.einsum("pk,pk->p", places, places) > max(rim.min(), 0.0) ** 2)
     beyond = np.max(places[outer] @ directions(len(rim)).T / rim, axis=1)
     moved[outer] /= np.maximum(beyond, 1.0)[:, np.newaxis]

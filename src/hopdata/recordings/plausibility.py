@@ -167,7 +167,8 @@ def check_upright(recording: Recording) -> None:
     elif axis := _up_by_fall(recording):
         hint = f"; the markers fall against {axis}: set input.vertical_axis: {axis}"
     else:
-        hint = "; no axis of the file points up: do markers.body and markers.feet fit?"
+        up = opposite(FILE_AXES[recording.vertical_axis][best])
+        hint = f"; set input.vertical_axis: {up}, or are markers.body and markers.feet exchanged?"
     raise RecordingError(
         f"{recording.place}: vertical axis {recording.vertical_axis}: "
         f"expected the body above the feet, found the body's mean at {found} from the feet{hint}"

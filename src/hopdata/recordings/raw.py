@@ -54,7 +54,7 @@ class RawRecording:
     unit : str
         Unit that the format prescribes, ``"mm"`` or ``"m"``.
     vertical_axis : str
-        Axis of the original source that pointed up, if the format says so.
+        Direction of the original source that was up, if the format says so.
     roles : tuple of str
         Role of each marker, if the format says so.
     events : tuple of Event

@@ -38,7 +38,7 @@ class Recording:
     source_sha256 : str
         Digest of that file.
     vertical_axis : str
-        Axis of the source file that pointed up (``"x"``, ``"y"`` or ``"z"``).
+        Direction of the source file that was up, such as ``"y"`` or ``"-z"`` (`axes.FILE_AXES`).
     events : tuple of Event
         Events marked in the file, on the same clock as `time`.
     remarks : tuple of str

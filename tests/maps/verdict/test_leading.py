@@ -74,3 +74,27 @@ def test_matrices_without_rank(rank):
     found = leading_spaces(matrices, rank)
     projected = matrices - found @ (np.swapaxes(found, -1, -2) @ matrices)
     assert np.abs(projected).max() < 1e-12
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-12, 1e-8])
+def test_an_invariant_space_of_smaller_eigenvalues_is_noticed(tilt):
+    """In one of the matrices the third direction takes the place of the second."""
+    values = np.tile([1e5, 1e4, 10.0, 1.0, 1.0], (60, 1))
+    values[-1, 2] = 1.01e4
+    matrices = np.stack([np.diag(row) for row in values])
+    turn = np.linalg.qr(np.eye(5) + tilt * np.random.default_rng(1).standard_normal((5, 5)))[0]
+    matrices[-1] = turn @ matrices[-1] @ turn.T
+    check(matrices[np.newaxis], 2, error=1e-9)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_matrix_of_zeros_among_others_is_decomposed():
+    matrices = alike(np.r_[1e5, 1e4, 10.0, 1.0], shape=(1, 30))
+    matrices[0, 7] = 0.0
+    found = leading_spaces(matrices, 2)
+    assert np.isfinite(found).all()
+    assert found.flags.writeable
+
+
+def test_the_whole_space_can_be_written_to():
+    assert leading_spaces(alike(np.r_[3.0, 2.0, 1.0]), 3).flags.writeable

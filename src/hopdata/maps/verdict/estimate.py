@@ -198,7 +198,7 @@ def fit_window(
 def window_kinks(
     x: Floats, y: Floats, instants: Floats, rows: NDArray[np.int64], degree: int
 ) -> tuple[Floats, Floats]:
-    """Return `seen` and `coefficients` of the `KinkFit` of a window, and save the rest of it."""
+    """Return `seen` and `coefficients` of the `KinkFit` of a window, without the rest of it."""
     part = _window(x, y, instants, rows, degree)
     found = []
     for k in range(y.shape[1]):

@@ -148,8 +148,8 @@ def _graphs(halves: list[Half], scale: Floats, outcomes: Floats, rank: int) -> F
 def _arc_lengths(first: Floats, second: Floats) -> Floats:
     """Return the distances (...) of spaces with orthonormal bases (..., D, k).
 
-    The squared cosines of their angles are right to rounding, and so are the squared angles: a
-    length is, unless it is below 1e-6 or so, which spaces from different landings never are.
+    Squared cosines of their angles are right to rounding; a length is right to 1e-8, also where an
+    angle is 0 or a right one, and the better the farther all of them are from both.
     """
     cosines = np.swapaxes(first, -1, -2) @ second
     squared = np.linalg.eigvalsh(np.swapaxes(cosines, -1, -2) @ cosines)

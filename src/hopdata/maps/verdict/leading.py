@@ -30,7 +30,8 @@ def leading_spaces(matrices: Floats, rank: int) -> Floats:
     Returns
     -------
     (..., P, D, k) array
-        Bases, right to 1e-11 rad; `numpy.linalg.eigh` gives other bases of the same spaces.
+        Bases; `numpy.linalg.eigh` gives other bases of the same spaces. What the matrix takes out
+        of a space is below 1e-11 of the k-th eigenvalue of the mean.
     """
     values, vectors = np.linalg.eigh(matrices.mean(axis=-3, keepdims=True))
     values = values[..., ::-1]
@@ -44,19 +45,26 @@ def leading_spaces(matrices: Floats, rank: int) -> Floats:
             spaces = matrices @ (spaces / unit)
         spaces = _orthonormal(spaces)
     wrong = ~(_errors(matrices, spaces, values[..., rank - 1]) <= _LARGEST_ERROR)
+    spaces = np.array(spaces)
     if wrong.any():
-        spaces = np.array(spaces)
         spaces[wrong] = _decomposed(matrices[wrong], rank)
     return spaces
 
 
 def _errors(matrices: Floats, spaces: Floats, unit: Floats) -> Floats:
-    """Return how far (..., P) bases are from orthonormal and from invariant, in rad."""
+    """Return how far (..., P) bases are from orthonormal and from invariant, in rad.
+
+    Infinite where a space might be one of other eigenvalues than the largest.
+    """
     turned_bases = np.swapaxes(spaces, -1, -2)
     turned = matrices @ spaces
-    off = np.abs(turned - spaces @ (turned_bases @ turned)).max(axis=(-2, -1)) / unit
+    within = turned_bases @ turned
+    off = np.abs(turned - spaces @ within).max(axis=(-2, -1)) / unit
     askew = np.abs(turned_bases @ spaces - np.eye(spaces.shape[-1])).max(axis=(-2, -1))
-    return np.maximum(off, askew)
+    others = np.sum(matrices**2, axis=(-2, -1)) - np.sum(within**2, axis=(-2, -1))
+    sound = np.isfinite(within).all(axis=(-2, -1), keepdims=True)
+    least = np.linalg.eigvalsh(np.where(sound, within, 0.0))[..., 0]
+    return np.where(sound[..., 0, 0] & (others <= least**2), np.maximum(off, askew), np.inf)
 
 
 def _multiplications(values: Floats, rank: int) -> int | None:
@@ -83,5 +91,6 @@ def _orthonormal(spaces: Floats) -> Floats:
         if j:
             done = rows[..., :j, :]
             row -= (row @ np.swapaxes(done, -1, -2)) @ done
-        row /= np.sqrt(row @ np.swapaxes(row, -1, -2))
+        with np.errstate(invalid="ignore", divide="ignore"):  # a zero matrix is decomposed later
+            row /= np.sqrt(row @ np.swapaxes(row, -1, -2))
     return np.swapaxes(rows, -1, -2)

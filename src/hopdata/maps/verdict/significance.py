@@ -90,7 +90,7 @@ def symmetric_root(covariance: Floats) -> Floats:
     """Return the symmetric root (m, m) of a covariance that may be singular.
 
     It is the only one, whereas signs and turns of eigenvectors are left to rounding: with it the
-    same seed gives the same draws wherever the code runs.
+    same seed gives the same draws wherever the code runs, but for the root of rounding.
     """
     values, vectors = np.linalg.eigh(covariance)
     root: Floats = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T

@@ -136,7 +136,7 @@ def inspect_recording(
     raw : RawRecording
         As read; its positions are left as they are.
     unit, up : str, optional
-        Unit, and the axis that points up, if the user knows them.
+        Unit, and the direction that is up, if the user knows them.
     progress : callable
         Told each step, in words, before it begins.
 
