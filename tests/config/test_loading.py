@@ -252,6 +252,16 @@ MISTAKES = {
         "  - {name: again, file: ./one.tsv}\nmarkers:",
         ["recordings[1].file: expected each file once", "in recordings[0].file as well"],
     ),
+    "braces": (
+        "file: one.tsv",
+        "file: one.tsv\n    contacts: {file: 'on {1}.csv'}",
+        ["recordings[0].contacts.file: expected a path without braces, found 'on {1}.csv'"],
+    ),
+    "a study of our own": (
+        "study: trial",
+        "study: both_sides",
+        ["study: expected another name than benchmarks and both_sides", "found 'both_sides'"],
+    ),
     "too few sign flips": (
         "markers:",
         "verdict: {flips: 99, confidence: 0.999}\nmarkers:",

@@ -3,10 +3,12 @@
 from hopdata.jobs import reported, write_json, write_table
 from hopdata.landings.section_tables import section_densities, section_frames
 from hopdata.landings.sections import select_sections
+from hopdata.recordings.distinct import require_distinct
 from hopdata.recordings.hdf5 import read_recording
 
 with reported(snakemake.log[0]):
     recordings = [read_recording(path) for path in snakemake.input.recordings]
+    require_distinct(recordings)
     options = dict(snakemake.params.options)
     nodes = options.pop("grid_nodes")
     sections = select_sections(recordings, **options)

@@ -17,6 +17,7 @@ def check(options: argparse.Namespace) -> int:
     """Check a configuration and read all its recordings."""
     from hopdata.config.loading import load_config
     from hopdata.config.recordings import files_of, simulation_of
+    from hopdata.recordings.distinct import require_distinct
     from hopdata.recordings.external_files import describe_external
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible
@@ -27,6 +28,7 @@ def check(options: argparse.Namespace) -> int:
     print(f"study {config['study']}")
     mistakes: list[str] = []
     remarks: list[str] = []
+    sound: list[Recording] = []
     for entry in config["recordings"]:
         files = files_of(entry)
         if not files:
@@ -52,8 +54,13 @@ def check(options: argparse.Namespace) -> int:
             continue
         print("\n".join([_summary(recording, config), *known]))
         remarks += [*notes(recording), *_suspects(recording)]
+        sound.append(recording)
     for remark in remarks:
         print(f"note: {remark}")
+    try:
+        require_distinct(sound)
+    except RecordingError as error:
+        mistakes.append(str(error))
     if mistakes:
         raise RecordingError("\n".join(mistakes))
     print(f"{options.config} is sound")

@@ -21,6 +21,7 @@ from hopdata.config.yaml_file import read_yaml
 from hopdata.errors import ConfigError, did_you_mean
 
 MOST_MISTAKES = 10
+RESERVED_STUDIES = ("benchmarks", "both_sides")  # whose results have these folders already
 _POWER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")
 
 
@@ -250,6 +251,22 @@ def _repeated_files(config: dict[str, Any]) -> Iterator[str]:
             yield f"{key}: expected each file once, found '{name}' in {first} as well"
 
 
+def _braces(config: dict[str, Any]) -> Iterator[str]:
+    """Yield files that the workflow cannot name: it takes what stands in braces for a wildcard."""
+    for key, name in [*_recording_files(config), *external_files(config)]:
+        if "{" in name or "}" in name:
+            yield f"{key}: expected a path without braces, found '{name}'; rename the file"
+
+
+def _reserved_study(config: dict[str, Any]) -> Iterator[str]:
+    """Yield a study whose folder is that of the project's own results."""
+    if config["study"] in RESERVED_STUDIES:
+        yield (
+            f"study: expected another name than {' and '.join(RESERVED_STUDIES)}, whose folders "
+            f"under results/ are taken, found '{config['study']}'"
+        )
+
+
 def _enough_flips(config: dict[str, Any]) -> Iterator[str]:
     """Yield a number of sign flips with which no p-value can be small enough."""
     flips, confidence = (config["verdict"][key] for key in ("flips", "confidence"))
@@ -283,6 +300,8 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _simulated_files,
     external_mistakes,
     _repeated_files,
+    _braces,
+    _reserved_study,
     _enough_flips,
     steering_mistakes,
 ]

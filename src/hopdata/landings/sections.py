@@ -201,10 +201,12 @@ def _require_hopping(pooled: Frames, thresholds: Thresholds, frames: str) -> Non
         if n_up < n_down
         else ("stand on", "max_foot_threshold_m", thresholds.max_foot_m, n_down)
     )
+    walks = "; a walk, in which some foot is always down, has no landing on several feet"
     raise AnalysisError(
         f"sections: the feet never {where} the ground together: expected at least "
         f"{_LEAST_FRAMES} frames, found {n} of {len(pooled.body)} (threshold {value:.4f} m); "
         f"check the foot markers and the floor, or set sections.{name}"
+        f"{walks if where == 'leave' else ''}"
     )
 
 

@@ -7,11 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hopdata.errors import RecordingError
-from hopdata.recordings.raw import RATE_TOLERANCE, Event, RawRecording
+from hopdata.recordings.raw import RATE_TOLERANCE, Event, FloatArray, RawRecording
 
 PAUSE_S = 1.0  # between files that do not say when they began; longer than any landing
+
+
+def is_pause(time: FloatArray, rate_hz: float) -> NDArray[np.bool_]:
+    """Tell which steps of time stamps (N,), s, are pauses, (N - 1,): nothing was recorded then."""
+    pause: NDArray[np.bool_] = np.diff(time) > PAUSE_S - 0.5 / rate_hz
+    return pause
 
 
 def join(paths: Sequence[Path], raws: Sequence[RawRecording]) -> RawRecording:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hopdata.recordings.joining import PAUSE_S
+from hopdata.recordings.joining import is_pause
 from hopdata.recordings.quality.resting import high_feet
 from hopdata.recordings.recording import Recording
 from hopdata.recordings.span import body_over_feet, fraction_seen
@@ -38,9 +38,9 @@ def notes(recording: Recording) -> list[str]:
 def _missing_times(recording: Recording) -> list[str]:
     """Say how many frames are missing, and how often and how long nothing was recorded."""
     steps = np.diff(recording.time)
-    is_pause = steps > PAUSE_S - 0.5 / recording.rate_hz  # also the one between joined files
-    pauses = steps[is_pause]
-    short = steps[(steps * recording.rate_hz > 1.5) & ~is_pause]
+    pause = is_pause(recording.time, recording.rate_hz)
+    pauses = steps[pause]
+    short = steps[(steps * recording.rate_hz > 1.5) & ~pause]
     dropped = int(np.sum(np.round(short * recording.rate_hz) - 1))
     remarks = []
     if dropped:

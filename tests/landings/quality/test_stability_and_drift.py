@@ -96,3 +96,10 @@ def test_too_few_touchdowns_give_an_empty_table(recordings, sections):
     few = tables_of(recordings[:1], sections).head(LEAST - 1)
     assert drift_table(recordings[:1], few).empty
     assert drift_table(recordings[:1], few.head(0)).empty
+
+
+def test_a_single_part_is_compared_with_nothing(recordings, sections):
+    table = tables_of(recordings, sections)
+    other = table["recording"] == recordings[1].name
+    few = pd.concat([table[~other], table[other].head(LEAST - 1)])
+    assert drift_table(recordings, few).empty

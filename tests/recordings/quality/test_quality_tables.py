@@ -66,3 +66,10 @@ def test_dropped_frames_stand_without_a_marker(clean):
     assert list(dropped["marker"]) == [""]
     assert dropped["start_s"].iloc[0] == pytest.approx(9.99)
     assert dropped["remark"].iloc[0] == "3 frames"
+
+
+def test_a_pause_is_no_fault(clean):
+    time = clean.time.copy()
+    time[1000:] += 1.0  # as between joined files
+    paused = Recording("paused", time, clean.positions, clean.markers, clean.roles, clean.rate_hz)
+    assert fault_table([(paused, inspect(paused))]).empty

@@ -107,7 +107,7 @@ def _seen(markers: pd.DataFrame) -> Check:
     missing = used["missing"] / used["frames"]
     worst = used.iloc[int(np.argmax(missing.to_numpy(float)))]
     remark = (
-        f"{worst['marker']} in {worst['recording']}; longest gap {used['longest_s'].max():.3g} s"
+        f"{worst['marker']} in {worst['recording']}; its longest gap {worst['longest_s']:.3g} s"
     )
     share = 100.0 * (1.0 - float(missing.max()))
     return _check("frames seen, worst marker", share, "%", (99.0, 95.0), remark)
@@ -193,7 +193,7 @@ def _sections(stability: pd.DataFrame) -> Check:
         return _check(what, None, "%", (5.0, 15.0), "no variant gives sections")
     worst = others.iloc[int(np.nanargmax(largest.to_numpy(float)))]
     remark = f"{1e3 * float(largest.max()):.2g} mm with {worst['variant']}"
-    remark += f"; {failed} variants give none" if failed else ""
+    remark += f"; {failed} variant{'s' if failed > 1 else ''} without any" if failed else ""
     return _check(what, 100.0 * float(largest.max()) / travel, "%", (5.0, 15.0), remark)
 
 

@@ -44,7 +44,7 @@ def drift_table(recordings: Sequence[Recording], touchdowns: pd.DataFrame) -> pd
         One row a quantity and part: ``quantity, unit, part, touchdowns, median, se`` (of the
         median), ``typical`` (median of all), ``spread`` (robust standard deviation within parts)
         and ``deviation`` of the part's median in spreads. Parts with fewer than five touchdowns
-        are left out.
+        are left out, and there are no rows where fewer than two parts remain.
     """
     import pandas as pd
 
@@ -99,7 +99,7 @@ def _rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:
         for part, group in known.groupby("part", sort=False)
         if len(group) >= LEAST
     }
-    if not parts:
+    if len(parts) < 2:  # nothing to compare
         return []
     within = np.concatenate([np.abs(v - np.median(v)) for v in parts.values()])
     spread = MAD_TO_SD * float(np.median(within))

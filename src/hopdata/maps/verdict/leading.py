@@ -62,9 +62,9 @@ def _errors(matrices: Floats, spaces: Floats, unit: Floats) -> Floats:
     off = np.abs(turned - spaces @ within).max(axis=(-2, -1)) / unit
     askew = np.abs(turned_bases @ spaces - np.eye(spaces.shape[-1])).max(axis=(-2, -1))
     others = np.sum(matrices**2, axis=(-2, -1)) - np.sum(within**2, axis=(-2, -1))
-    sound = np.isfinite(within).all(axis=(-2, -1), keepdims=True)
-    least = np.linalg.eigvalsh(np.where(sound, within, 0.0))[..., 0]
-    return np.where(sound[..., 0, 0] & (others <= least**2), np.maximum(off, askew), np.inf)
+    sound = np.asarray(np.isfinite(within).all(axis=(-2, -1)))
+    least = np.linalg.eigvalsh(np.where(sound[..., np.newaxis, np.newaxis], within, 0.0))[..., 0]
+    return np.where(sound & (others <= least**2), np.maximum(off, askew), np.inf)
 
 
 def _multiplications(values: Floats, rank: int) -> int | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
+from hopdata.recordings.joining import is_pause
 from hopdata.recordings.quality.inspection import Inspection, inspect_recording
 from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.recording import Recording
@@ -62,7 +63,7 @@ def fault_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
     """One row a fault and marker: swaps, spikes, jumps, frozen stretches, faults of the stamps.
 
     Kinds are ``swap, spike, jump, frozen, never seen``, and without a marker ``dropped, irregular,
-    backward``.
+    backward``. A pause, in which nothing was recorded (`joining.is_pause`), is no fault.
     """
     import pandas as pd
 
@@ -70,6 +71,7 @@ def fault_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
         (recording.name, kind, marker, _time(recording, start), _time(recording, stop), remark)
         for recording, found in inspections
         for kind, marker, start, stop, remark in _faults(found)
+        if not (kind == "dropped" and is_pause(recording.time, recording.rate_hz)[start])
     ]
     return pd.DataFrame(rows, columns=list(FAULT_COLUMNS))
 
