@@ -104,6 +104,24 @@ def test_reasons(scene):
     assert (table["reason"] == "").sum() == 113
 
 
+@pytest.mark.parametrize(
+    ("hidden", "where"),
+    [
+        (lambda row: (row["t_pre_s"] + 0.02, row["t_pre_s"] + 0.35), "post"),
+        (lambda row: (row["t_pre_s"] - 0.3, row["t_pre_s"] + 0.01), "pre"),
+    ],
+)
+def test_a_crossing_hidden_by_a_gap_is_not_called_missed(scene, table, hidden, where):
+    recording, row = scene.recording, table.iloc[20]
+    start, stop = np.searchsorted(recording.time, hidden(row))
+    positions = recording.positions.copy()
+    positions[start:stop, 1] = np.nan
+    found = touchdown_table(replace(recording, positions=positions), **SECTIONS)
+    near = found[(found["t_pre_s"] - row["t_pre_s"]).abs() < 0.35]
+    assert f"frames missing at the {where} section" in near["reason"].tolist()
+    assert not near["reason"].str.contains("never reached|stayed below").any()
+
+
 def test_contacts_outside_the_transition_are_left_out(scene):
     late = touchdown_table(scene.recording, **(SECTIONS | {"post_height_m": POST_HEIGHT_M + 0.035}))
     contacts = scene.contact_times

@@ -55,6 +55,29 @@ def test_missing_frames_widen_the_gap():
     assert found.gap_pre[1] == pytest.approx(0.01)
 
 
+def test_where_no_crossing_is_seen_the_gap_is_that_which_may_hide_it():
+    time, height = wave()
+    sound = find_transitions(time, height, **SECTIONS)
+    height[25:90] = np.nan  # from between the sections to above them again
+    hidden = find_transitions(time, height, **SECTIONS)
+    assert np.isnan(hidden.t_post[0])
+    assert hidden.gap_post[0] == pytest.approx(0.66)
+    shallow = find_transitions(time, np.where(time < 1, np.maximum(height, 0), height), **SECTIONS)
+    assert len(sound) == len(hidden) == len(shallow) == 5
+    bounce = find_transitions(*wave(), pre_height_m=0.3, post_height_m=-1.5)
+    assert np.isnan(bounce.t_post).all()
+    np.testing.assert_allclose(bounce.gap_post, 0.01)
+
+
+def test_a_hidden_top_is_told_by_its_gap():
+    time, height = hops([1.0, 0.2, 1.0, 1.0])
+    height[(time > 2.06) & (time < 2.46)] = np.nan  # about the third top
+    low = find_low_flights(time, height, **SECTIONS)
+    gaps = dict(zip(np.round(low.t_pre, 1).tolist(), low.gap_pre.tolist(), strict=True))
+    assert min(gaps.values()) == pytest.approx(time[1] - time[0])
+    assert max(gaps.values()) > 0.1
+
+
 def test_a_recording_that_starts_low_or_ends_in_descent():
     time, height = wave()
     found = find_transitions(time[22:440], height[22:440], **SECTIONS)  # between the sections

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 TREATMENTS = ("keep", "pool", "exclude")  # of ambiguous orders
+HIDDEN_PRE = "frames missing at the pre section"
 LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may be missing
 LONGEST_GAP_S = 0.025  # the same, where frames are many: the body moves no further for them
 LEAST_DOWN_SHARE = 0.15  # of the distance between the sections
@@ -133,7 +134,7 @@ def _with_low_flights(
     table: pd.DataFrame, low: NDArray[np.bool_], *, landed: NDArray[np.bool_]
 ) -> pd.DataFrame:
     """Exclude landings from below the pre section; a sway on feet that stay down is no landing."""
-    table.loc[low, "reason"] = LOW_FLIGHT
+    table.loc[low & (table["reason"] != HIDDEN_PRE), "reason"] = LOW_FLIGHT
     table.loc[low, "excluded"] = True
     table = table[~low | landed].reset_index(drop=True)
     return table.assign(index=np.arange(len(table)))
@@ -208,13 +209,11 @@ def exclusion_reasons(
 
 
 def _transition_reason(transitions: Transitions, row: int, longest_gap_s: float) -> str:
-    if np.isnan(transitions.t_post[row]):
-        return "post section never reached"
     if transitions.gap_pre[row] > longest_gap_s:
-        return "frames missing at the pre section"
+        return HIDDEN_PRE
     if transitions.gap_post[row] > longest_gap_s:
         return "frames missing at the post section"
-    return ""
+    return "post section never reached" if np.isnan(transitions.t_post[row]) else ""
 
 
 def _contact_reason(

@@ -23,7 +23,8 @@ class Transitions:
     t_pre, t_post : (L,) array
         Instants of the descending crossings, s; `t_post` is NaN where the body rose again first.
     gap_pre, gap_post : (L,) array
-        Time between the two frames that bracket each crossing, s.
+        Time between the two frames that bracket each crossing, s; where there is none, the longest
+        time without a frame in which it may be hidden.
     """
 
     t_pre: FloatArray
@@ -91,9 +92,8 @@ def find_transitions(
     last = np.where(reached, after_post, 1) - 1
     t_pre, gap_pre = _crossing(t, h, before_pre, pre_height_m)
     t_post, gap_post = _crossing(t, h, last, post_height_m)
-    return Transitions(
-        t_pre, np.where(reached, t_post, np.nan), gap_pre, np.where(reached, gap_post, np.nan)
-    )
+    gap_post = np.where(reached, gap_post, _longest_step(t, before_pre, end))
+    return Transitions(t_pre, np.where(reached, t_post, np.nan), gap_pre, gap_post)
 
 
 def find_low_flights(
@@ -112,7 +112,7 @@ def find_low_flights(
     Returns
     -------
     Transitions
-        `t_pre` is the instant of the top; `gap_pre` is 0.
+        `t_pre` is the instant of the top.
     """
     seen = np.flatnonzero(~np.isnan(height))
     t, h = time[seen], height[seen]
@@ -125,7 +125,8 @@ def find_low_flights(
     tops = np.array([a + int(np.argmax(h[a:b])) for a, b in zip(starts, falls, strict=True)])
     low = h[tops] < pre_height_m
     t_post, gap_post = _crossing(t, h, falls[low] - 1, post_height_m)
-    return Transitions(t[tops[low]], t_post, np.zeros(int(low.sum())), gap_post)
+    gap_pre = _longest_step(t, starts[low] - 1, tops[low] + 1)
+    return Transitions(t[tops[low]], t_post, gap_pre, gap_post)
 
 
 def together(first: Transitions, second: Transitions) -> tuple[Transitions, BoolArray]:
@@ -152,6 +153,12 @@ def _last_at_or_before(candidates: IntArray, at: IntArray) -> IntArray:
 
 def _first_at_or_after(candidates: IntArray, at: IntArray, missing: int) -> IntArray:
     return np.append(candidates, missing)[np.searchsorted(candidates, at)]
+
+
+def _longest_step(t: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
+    """Longest time from frame to frame, s, between each two frames; `last` may be past the end."""
+    steps = np.diff(t)
+    return np.array([steps[a:b].max(initial=0.0) for a, b in zip(first, last, strict=True)])
 
 
 def _crossing(
