@@ -21,10 +21,10 @@ from hopdata.landings.floor_regression import (
     RIM_DIRECTIONS,
     floor_columns,
     regress_floor,
-    robust_rms,
 )
 from hopdata.landings.raised import raised_rests
 from hopdata.landings.rest import RestPoints, rest_points, thinned
+from hopdata.landings.robust_regression import robust_rms
 from hopdata.landings.surface import FloorModel, polynomial_terms, rim_of
 from hopdata.recordings.recording import Recording
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.landings.rest import RestPoints
-from hopdata.landings.robust_regression import robust_regression
+from hopdata.landings.robust_regression import robust_regression, robust_rms
 from hopdata.landings.surface import (
     Terms,
     design,
@@ -21,7 +21,6 @@ from hopdata.landings.surface import (
 FloatArray = NDArray[np.float64]
 
 RIM_DIRECTIONS = 24  # the polygon overshoots a round rim by at most 0.9 %
-_NORMAL_MEDIAN = 0.67449  # median of |z| for a standard normal z
 _COLLINEAR = 1e-6  # singular value, against the largest, below which columns are one
 
 
@@ -99,11 +98,6 @@ def regress_floor(
 def floor_columns(rest: RestPoints, scaled: FloatArray, terms: Terms) -> FloatArray:
     """Terms of the polynomial at places (P, 2), and contrasts of the mounts, (P, T + n - 1)."""
     return np.hstack([design(scaled, terms), _sum_to_zero(len(rest.start_m))[rest.foot]])
-
-
-def robust_rms(residuals: FloatArray) -> float:
-    """Deviation about zero that half the residuals keep to, taken as of a normal."""
-    return float(np.median(np.abs(residuals))) / _NORMAL_MEDIAN
 
 
 def _floor_spread(columns: FloatArray, rim: FloatArray) -> float:

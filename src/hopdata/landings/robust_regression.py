@@ -57,16 +57,20 @@ def robust_regression(
     residuals = fits.residuals(found)
     rounding = float(np.finfo(float).eps * np.abs(values).max(initial=0.0))
     for _ in range(most_fits - 1):
-        size = np.abs(residuals)
-        scale = float(np.median(size)) / _NORMAL_MEDIAN
+        scale = robust_rms(residuals)
         if scale <= rounding:  # a perfect fit
             break
         before = residuals
-        found = fits.refit(found, residuals, weights(size / scale))
+        found = fits.refit(found, residuals, weights(np.abs(residuals) / scale))
         residuals = fits.residuals(found)
         if np.abs(residuals - before).max() <= tolerance * scale:
             break
     return found
+
+
+def robust_rms(residuals: FloatArray) -> float:
+    """Deviation about zero that half the residuals keep to, taken as of a normal."""
+    return float(np.median(np.abs(residuals))) / _NORMAL_MEDIAN
 
 
 def _tukey(size: FloatArray) -> FloatArray:
