@@ -21,7 +21,7 @@ from hopdata.figures.prediction import prediction_figure
 from hopdata.figures.saving import save_figure
 from hopdata.figures.schedule import schedule_figure
 from hopdata.figures.sections import sections_figure
-from hopdata.figures.style import message_figure, style_context
+from hopdata.figures.style import message_figure, paper_figure, style_context
 
 
 def draw(name):
@@ -121,3 +121,26 @@ def test_each_format_is_drawn_once_and_the_layout_is_kept(tmp_path, monkeypatch)
 def test_a_figure_without_axes_is_saved(tmp_path, recwarn):
     assert len(save_figure(message_figure("nothing to draw"), tmp_path / "fig")) == 2
     assert not recwarn.list
+
+
+def test_last_bits_of_a_place_do_not_show(tmp_path, monkeypatch):
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    execute = ConstrainedLayoutEngine.execute
+
+    def nudged(self, figure):
+        execute(self, figure)
+        for axes in figure.axes:
+            box = axes.get_position(original=True)
+            axes._set_position((box.x0 + nudges[-1], *box.bounds[1:]), which="original")
+
+    monkeypatch.setattr(ConstrainedLayoutEngine, "execute", nudged)
+    texts, nudges = [], [0.0, 3e-16]
+    while nudges:
+        with style_context():
+            figure = paper_figure(80, 60)
+        figure.subplots(1, 2)[0].plot([0, 1, 3], [0, 2, 1])
+        (file,) = save_figure(figure, tmp_path / "nudged", formats=("svg",))
+        texts.append(file.read_text())
+        nudges.pop()
+    assert texts[0] == texts[1]

@@ -21,6 +21,7 @@ METADATA: Mapping[str, Mapping[str, str | None]] = {
     "png": {"Software": "hopdata"},
     "pdf": {"CreationDate": None, "Creator": "hopdata", "Producer": "hopdata"},
 }
+DECIMALS = 9  # of a place, in parts of the figure
 
 
 def save_figure(
@@ -80,12 +81,27 @@ def _laid_out(figure: Figure) -> Iterator[None]:
     engine = figure.get_layout_engine()
     if engine is not None and figure.axes:
         engine.execute(figure)
+        _round_positions(figure)
     with matplotlib.rc_context({"figure.constrained_layout.use": False}):
         figure.set_layout_engine(None)
         try:
             yield
         finally:
             figure.set_layout_engine(engine)
+
+
+def _round_positions(figure: Figure) -> None:
+    """Round the places of the axes: the last bits of a layout differ from process to process.
+
+    In an SVG they would show in the names of clip paths, which are digests of their numbers.
+    """
+    for axes in figure.axes:
+        is_in_layout = axes.get_in_layout()
+        left, bottom, width, height = (
+            round(value, DECIMALS) for value in axes.get_position(original=True).bounds
+        )
+        axes.set_position((left, bottom, width, height))
+        axes.set_in_layout(is_in_layout)  # which `set_position` takes it out of
 
 
 def _check(formats: Sequence[str], dpi: float) -> None:
