@@ -26,6 +26,11 @@ def stage_jacobian(t, dt, rtol, s, mode, params, atol, phi):
     phi[N : 2 * N] = derivative(t)
 
 
+def plain_fma(a, b, c):
+    """The product and sum of compiled code, for plain Python: rounded twice."""
+    return a * b + c
+
+
 class Table(np.ndarray):
     """A table whose rows may be run over, as in compiled code: entry e of a block."""
 
@@ -45,7 +50,7 @@ class Table(np.ndarray):
 def short_flow(dt, rtol=1e-6):
     """The flow's Jacobian over dt, its error by its own account, and the motion squared."""
     names = {"STAGE_JACOBIAN": stage_jacobian, "N": N}
-    add = with_digest(products.add_product_numbers, N=N)
+    add = with_digest(products.add_product_numbers, N=N, fma=plain_fma)
     step = with_digest(short_tangent.short_tangent, ADD_PRODUCT=add, **names)
     phi = np.zeros((ROWS, N)).view(Table)
     phi[:N] = np.eye(N)

@@ -3,7 +3,8 @@
 
 A compiler that does not know that two blocks of a table are apart must write each sum to memory
 before it reads the next factor. Here rows are loaded as vectors once, and stay in registers. Sums
-are rounded in the order of the indices, whatever the width of the machine's vectors.
+are taken in the order of the indices, each product and sum rounded once (see `fused`), whatever the
+width of the machine's vectors.
 """
 
 from __future__ import annotations
@@ -48,6 +49,14 @@ def _spread(builder: Any, value: Any, kind: Any) -> Any:
     return builder.shuffle_vector(first, nothing, places)
 
 
+def _fma(builder: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return a b + c of vectors, rounded once."""
+    kind = c.type
+    name = f"llvm.fma.v{kind.count}f64"
+    signature = ir.FunctionType(kind, [kind] * 3)
+    return builder.call(cgutils.get_or_insert_function(builder.module, signature, name), [a, b, c])
+
+
 def _product_of_columns(
     builder: Any,
     data: Any,
@@ -63,12 +72,15 @@ def _product_of_columns(
         total = None
         for k in range(n):
             one = builder.load(builder.gep(left, [ir.Constant(INDEX, i * n + k)]))
-            term = builder.fmul(_spread(builder, one, target.kind), factors[k])
-            total = term if total is None else builder.fadd(total, term)
+            one = _spread(builder, one, target.kind)
+            first = total is None
+            total = (
+                builder.fmul(one, factors[k]) if first else _fma(builder, one, factors[k], total)
+            )
         if added_to is not None:
             base = _Block(builder, data, added_to[0], n, columns)
             scale = _spread(builder, added_to[1], target.kind)
-            total = builder.fadd(base.load(i), builder.fmul(scale, total))
+            total = _fma(builder, scale, total, base.load(i))
         target.store(i, total)
 
 

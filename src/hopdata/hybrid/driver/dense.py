@@ -48,15 +48,13 @@ def interpolate(p: Problem, m: Memory, theta: float, target: int) -> None:
     """Write the state at the fraction `theta` of the step into a row of the states."""
     s, last = m.states, m.counts[DEGREE] - 1
     rest = theta if p.methods[m.counts[METHOD], IN_POWERS] != 0 else 1.0 - theta
-    odd = last & 1  # from the coefficient below the last one on, in pairs
+    top, square = last | 1, theta * rest
+    full = last == top
     for i in range(s.width):
-        value = s[P1 + last, i]
-        if odd == 1:
-            value = fma(rest, value, s[P1 + last - 1, i])
-        for j in range(last - 1 - odd, 0, -2):
-            value = fma(theta, value, s[P1 + j, i])
-            value = fma(rest, value, s[P1 + j - 1, i])
-        s[target, i] = fma(theta, value, s[Y, i])
+        odd, even = s[P1 + top, i] if full else 0.0, s[P1 + top - 1, i]
+        for j in range(top - 2, 0, -2):
+            odd, even = fma(square, odd, s[P1 + j, i]), fma(square, even, s[P1 + j - 1, i])
+        s[target, i] = fma(theta, fma(rest, odd, even), s[Y, i])
 
 
 @kernel
@@ -64,38 +62,29 @@ def interpolate_with_slope(p: Problem, m: Memory, theta: float, dt: float) -> No
     """Write the state at `theta` into SCRATCH, and its time derivative into SLOPE."""
     last = m.counts[DEGREE] - 1
     if p.methods[m.counts[METHOD], IN_POWERS] != 0:
-        sum_powers(m, theta, 1.0 / dt, last)
+        sum_with_slope(m, theta, theta, 1.0, 1.0 / dt, last)
     elif last == LAST_OF_DOPRI5:
-        sum_alternating(m, theta, 1.0 / dt, LAST_OF_DOPRI5)
+        sum_with_slope(m, theta, 1.0 - theta, -1.0, 1.0 / dt, LAST_OF_DOPRI5)
     else:
-        sum_alternating(m, theta, 1.0 / dt, last)
+        sum_with_slope(m, theta, 1.0 - theta, -1.0, 1.0 / dt, last)
 
 
 @kernel_in_loop
-def sum_powers(m: Memory, theta: float, per_s: float, last: int) -> None:
-    """Sum an interpolant in powers of theta, and its derivative; `per_s` is one over the step."""
-    s = m.states
-    for i in range(s.width):
-        value, slope = s[P1 + last, i], 0.0
-        for j in range(last - 1, -1, -1):
-            slope = fma(theta, slope, value)
-            value = fma(theta, value, s[P1 + j, i])
-        s[SCRATCH, i] = fma(theta, value, s[Y, i])
-        s[SLOPE, i] = fma(theta, slope, value) * per_s
+def sum_with_slope(m: Memory, x: float, r: float, turn: float, per_s: float, last: int) -> None:
+    """Sum an interpolant and its derivative, for r = x or 1 - x, whose derivative is `turn`.
 
-
-@kernel_in_loop
-def sum_alternating(m: Memory, theta: float, per_s: float, last: int) -> None:
-    """Sum an interpolant in theta and 1 - theta by turns, and its derivative."""
-    s, rest = m.states, 1.0 - theta
+    It is Y + x (even + r odd), both sums in powers of x r: two chains that do not wait for each
+    other.
+    """
+    s, top, square, bend = m.states, last | 1, x * r, r + turn * x
+    full = last == top
     for i in range(s.width):
-        value, slope = s[P1 + last, i], 0.0
-        for j in range(last - 1, -1, -1):
-            if j & 1:
-                slope = fma(theta, slope, value)
-                value = fma(theta, value, s[P1 + j, i])
-            else:
-                slope = fma(rest, slope, -value)
-                value = fma(rest, value, s[P1 + j, i])
-        s[SCRATCH, i] = fma(theta, value, s[Y, i])
-        s[SLOPE, i] = fma(theta, slope, value) * per_s
+        odd, even = s[P1 + top, i] if full else 0.0, s[P1 + top - 1, i]
+        odd_slope, even_slope = 0.0, 0.0  # by the square
+        for j in range(top - 2, 0, -2):
+            odd_slope, even_slope = fma(square, odd_slope, odd), fma(square, even_slope, even)
+            odd, even = fma(square, odd, s[P1 + j, i]), fma(square, even, s[P1 + j - 1, i])
+        value = fma(r, odd, even)
+        slope = fma(bend, fma(r, odd_slope, even_slope), turn * odd)
+        s[SCRATCH, i] = fma(x, value, s[Y, i])
+        s[SLOPE, i] = fma(x, slope, value) * per_s

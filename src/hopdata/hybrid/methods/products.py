@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from hopdata.hybrid.compiled.blocks import add_product, multiply
+from hopdata.hybrid.compiled.fused import fma
 from hopdata.hybrid.compiled.views import FloatTable
 
 N = 0  # put in for each scene
@@ -33,7 +34,7 @@ def multiply_numbers(phi: FloatTable, target: int, left: int, right: int) -> Non
         for k in range(1, N):
             one = phi[left + i, k]
             for j in range(N):
-                phi[target + i, j] += one * phi[right + k, j]
+                phi[target + i, j] = fma(one, phi[right + k, j], phi[target + i, j])
 
 
 def add_product_numbers(
@@ -47,9 +48,9 @@ def add_product_numbers(
         for k in range(1, N):
             one = phi[left + i, k]
             for j in range(N):
-                phi[target + i, j] += one * phi[right + k, j]
+                phi[target + i, j] = fma(one, phi[right + k, j], phi[target + i, j])
         for j in range(N):
-            phi[target + i, j] = phi[base + i, j] + factor * phi[target + i, j]
+            phi[target + i, j] = fma(factor, phi[target + i, j], phi[base + i, j])
 
 
 def product_templates(n_states: int) -> dict[str, Any]:

@@ -13,7 +13,14 @@ from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.views import row, square
 from hopdata.hybrid.driver.layout import PHI_ROWS
-from hopdata.hybrid.methods import differences, rosenbrock, short_tangent, tangent, taylor
+from hopdata.hybrid.methods import (
+    differences,
+    rosenbrock,
+    series,
+    short_tangent,
+    tangent,
+    taylor,
+)
 from hopdata.hybrid.methods.explicit import (
     TINY,
     Tableau,
@@ -126,12 +133,12 @@ def taylor_method(scene: Scene) -> Method:
     names = {"AFFINE": scene.affine.dispatcher, "N": n, "row": row, "matrix": matrix}
     return Method(
         name=taylor.NAME,
-        order=taylor.ORDER,
+        order=series.ORDER,
         evaluations=taylor.EVALUATIONS,
         interpolant_evaluations=0,
         interpolant_error=1,
         in_powers=True,
-        step=with_digest(taylor.step, **names),
+        step=series.step_function(n),
         interpolant=with_digest(taylor.interpolant, **names),
         refresh=with_digest(
             taylor.refreshed_disagreement,

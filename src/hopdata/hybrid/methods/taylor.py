@@ -5,8 +5,8 @@ The derivatives follow from one another by a product with A, so a step of degree
 products and no evaluation of the field, and the series is its own dense output. `refresh` fetches
 A and b; it is called at the start and whenever the mode or the parameters may have changed.
 
-`refresh`, `disagreement`, `step` and `interpolant` are templates: AFFINE and N are put in for each
-scene.
+`refresh`, `disagreement` and `interpolant` are templates: AFFINE and N are put in for each scene.
+The step is made by `series`.
 
 The order for step control is that of the first term left out, 33. The error obeys this power
 over many decades, so a step may be chosen very long and is cut to size by one or two rejections, if
@@ -17,40 +17,19 @@ same. The degree that was needed is left in INFO.
 
 from __future__ import annotations
 
-from math import inf, nan, sqrt
+from math import nan
 from typing import Any
 
-from hopdata.hybrid.compiled.fused import fma
-from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.compiled.views import FloatTable, FloatVector
-from hopdata.hybrid.methods.rows import (
-    END,
-    K1,
-    KEND,
-    MOST_COEFFICIENTS,
-    P1,
-    W1,
-    Y,
-    matrix,
-    row,
-)  # fmt: skip
+from hopdata.hybrid.compiled.views import FloatTable
+from hopdata.hybrid.methods.rows import K1, Y, matrix, row
+from hopdata.hybrid.methods.series import DEGREE, EPS, INFO, WEIGHT, A, B
 
 NAME = "taylor"
 EVALUATIONS = 0
-DEGREE = MOST_COEFFICIENTS
 BASIS = "power"
-ORDER = DEGREE + 1
 
 AFFINE: Any = None
 N: int = 0
-
-B, WEIGHT, INFO, A = W1, W1 + 1, W1 + 2, W1 + 3
-
-EPS = 2.0**-52
-SHARP = 64 * EPS  # relative tolerance to which looser ones are tightened
-EARLY = 8  # terms, after which a step that is
-FAR_TOO_LONG = 1e15  # times as wrong as allowed shows it
-TINY = 1e-300
 
 
 def work_rows(n: int) -> int:
@@ -81,67 +60,6 @@ def disagreement(s: FloatTable) -> float:
         if difference != 0.0:
             worst = max(worst, abs(difference) / size)
     return worst
-
-
-def step(
-    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: FloatVector
-) -> float:
-    """Sum the series at `dt`; return the first term left out, in units of the sharper tolerance.
-
-    Terms are added until two in a row are below an eighth of the rounding error of the state. The
-    returned error is that of degree 32 all the same, which is what limits the size of a step.
-    """
-    last, before, older = 0.0, inf, inf
-    for i in range(N):
-        term = dt * s[K1, i]
-        s[P1, i] = term
-        s[WEIGHT, i] = 1.0 / max(rtol * max(abs(s[Y, i]), abs(term)) + atol[i], TINY)
-        last = fma(abs(term), s[WEIGHT, i], last)
-    sharper = max(rtol / SHARP, 1.0)
-    negligible = EPS / 8.0 / max(rtol, EPS)
-    k = 1
-    # Sums, not maxima, as NaN survives in them; and two terms, as one kind of state may rest.
-    while k < DEGREE and last != 0.0 and not (last + before <= negligible):
-        if k == EARLY and left_out(k, last, before, older) * sharper > FAR_TOO_LONG:
-            break
-        scale = dt / (k + 1)
-        older, before, last = before, last, 0.0
-        for i in range(N):
-            total = s[A + i, 0] * s[P1 + k - 1, 0]
-            for j in range(1, N):
-                total = fma(s[A + i, j], s[P1 + k - 1, j], total)
-            term = scale * total
-            s[P1 + k, i] = term
-            last = fma(abs(term), s[WEIGHT, i], last)
-        k += 1
-    s[INFO, 0] = k
-    for i in range(N):
-        total = 0.0
-        for m in range(k - 1, -1, -1):  # the smallest terms first
-            total += s[P1 + m, i]
-        s[END, i] = s[Y, i] + total
-    for i in range(N):
-        total = s[B, i]
-        for j in range(N):
-            total = fma(s[A + i, j], s[END, j], total)
-        s[KEND, i] = total
-    return left_out(k, last, before, older) * sharper
-
-
-@kernel
-def left_out(k: int, last: float, before: float, older: float) -> float:
-    """Return the first term beyond the highest degree, by the last three of k terms.
-
-    They fall like z^k / k!, with z from every second of them: they may alternate.
-    """
-    if last == 0.0:
-        return 0.0
-    squared = k * (k - 1) * last / older
-    z = sqrt(squared)
-    error = max(last, before * z / k)
-    for m in range(k + 1, ORDER, 2):
-        error *= squared / (m * (m + 1))
-    return error * z / ORDER if (ORDER - k) % 2 == 1 else error
 
 
 def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any) -> int:
