@@ -110,21 +110,23 @@ def best_time(run: Callable[[], object], repeats: int) -> float:
     return min(times)
 
 
-def field_time_ns(path: Path, repeats: int) -> float:
-    """Return the time of one evaluation of the field, on the average along the path."""
+def once(run: Callable[[], object], count: int) -> Callable[[], float]:
+    """Return a function that tells what one of `count` in a run takes now, ns."""
+    run()
+    return lambda: 1e9 * best_time(run, 1) / count
+
+
+def field_timer(path: Path) -> Callable[[], float]:
+    """Return a function that times the field: ns for an evaluation, on the average on the path."""
     address = path.system.field.address
     arguments = (address, path.states, path.modes, path.params, path.rounds)
-    _evaluate(*arguments)
-    count = path.rounds * len(path.states) * IN_A_ROW
-    return 1e9 * best_time(lambda: _evaluate(*arguments), repeats) / count
+    return once(lambda: _evaluate(*arguments), path.rounds * len(path.states) * IN_A_ROW)
 
 
-def step_time_ns(path: Path, tableau: Tableau, repeats: int) -> float:
-    """Return the time of one bare step of an explicit method."""
+def step_timer(path: Path, tableau: Tableau) -> Callable[[], float]:
+    """Return a function that times a bare step of an explicit method, ns."""
     n = path.system.n_states
     step = njit(error_model="numpy")(explicit(tableau, Scene(path.system.field, n)).step)
     room, atol = np.zeros((W1 + tableau.work_rows, n)), np.full(n, 1e-9)
     arguments = (step, path.states, path.modes, path.params, room, atol, path.rounds)
-    _take_steps(*arguments)
-    count = path.rounds * len(path.states) * IN_A_ROW
-    return 1e9 * best_time(lambda: _take_steps(*arguments), repeats) / count
+    return once(lambda: _take_steps(*arguments), path.rounds * len(path.states) * IN_A_ROW)
