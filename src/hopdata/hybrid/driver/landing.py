@@ -30,7 +30,7 @@ from hopdata.hybrid.driver.layout import (
 )
 from hopdata.hybrid.driver.linear import has_short_tangent
 from hopdata.hybrid.driver.localisation import CROSSING, DIP, PASS, first_cut
-from hopdata.hybrid.driver.near import gather_reached
+from hopdata.hybrid.driver.near import gather_near, gather_reached
 from hopdata.hybrid.driver.problem import Problem, eval_field, guards_at_end
 from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.driver.surface import (
@@ -128,7 +128,8 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
 def end_at_dips(p: Problem, m: Memory, dt: float) -> tuple[float, int, int, float]:
     """Look for the first cut; at a dip, end the step there: the sign of h there decides.
 
-    Returns the step's length, and kind, guard and place of the cut that remains.
+    Returns the step's length, and kind, guard and place of the cut that remains. The guards that
+    the step may concern are NEAR.
     """
     kind, k, theta = PASS, -1, 1.0
     for _ in range(2 * m.counts[N_AWAKE] + 4):
@@ -138,6 +139,7 @@ def end_at_dips(p: Problem, m: Memory, dt: float) -> tuple[float, int, int, floa
         dt *= theta
         take_step(p, m, m.clock[T], dt)
         guards_at_end(p, m, m.clock[T] + dt)
+        gather_near(p, m, dt)
     return dt, kind, k, theta
 
 
@@ -148,6 +150,8 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
     Marks in DUE the guards that flip at its end; returns its length (0 if they flip at its very
     start) and how many they are.
     """
+    if gather_near(p, m, dt) == 0:  # mostly: what the search needs is not even prepared
+        return dt, 0
     dt, kind, k, theta = end_at_dips(p, m, dt)
     if kind != CROSSING:
         return dt, 0

@@ -23,7 +23,7 @@ from hopdata.hybrid.driver.layout import (
     T,
     index_numbers,
 )
-from hopdata.hybrid.driver.near import GRAZE, gather_near
+from hopdata.hybrid.driver.near import GRAZE
 from hopdata.hybrid.driver.problem import Problem, near_inside
 from hopdata.hybrid.driver.surface import EPS, blur, time_resolution
 
@@ -179,9 +179,7 @@ def crossing(
 
 @kernel
 def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
-    """Return (kind, guard, theta): where the step must end, and why."""
-    if gather_near(p, m, dt) == 0:
-        return PASS, -1, 1.0
+    """Return (kind, guard, theta): where the step must end for a guard in NEAR, and why."""
     kind, k, guess, low, high = first_suspect(p, m, dt, ANY)
     if kind == PASS:
         return PASS, -1, 1.0
