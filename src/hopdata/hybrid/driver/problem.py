@@ -78,7 +78,7 @@ def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
     call_field(p.field, t, m.states, y, p.mode, p.params, m.states, dy)
 
 
-@kernel
+@kernel_in_loop
 def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int) -> None:
     """Evaluate the guards that are awake at rows `y` and `dy` into rows `h` and `rate`."""
     if p.guards != 0:
@@ -87,7 +87,7 @@ def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: 
         eval_listed(p, m, AWAKE, m.counts[N_AWAKE], t, y, dy, h, rate)
 
 
-@kernel
+@kernel_in_loop
 def eval_all(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int) -> None:
     """Evaluate the guards of a system that gives all at once."""
     s, g = m.states, m.guards
