@@ -94,7 +94,7 @@ def costs(contacts: int, starts: int) -> list[tuple[str, str, float, str]]:
 
             return all_starts
 
-        times = quartiles({"state": run(False), "both": run(True)}, fewest=5)
+        times = quartiles({"state": run(False), "both": run(True)}, fewest=25, most=25)
         case = f"plate_{contacts}_{form}"
         state, both = (1e6 * times[name][1] / starts for name in ("state", "both"))
         rows += [

@@ -29,7 +29,7 @@ from hopdata.hybrid.driver.layout import (
     T,
 )
 from hopdata.hybrid.driver.linear import has_short_tangent
-from hopdata.hybrid.driver.localisation import CROSSING, DIP, PASS, first_cut
+from hopdata.hybrid.driver.localisation import CROSSING, DIP, first_cut
 from hopdata.hybrid.driver.near import gather_near, gather_reached
 from hopdata.hybrid.driver.problem import Problem, eval_field, guards_at_end
 from hopdata.hybrid.driver.stepping import take_step
@@ -125,21 +125,21 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
 
 
 @kernel
-def end_at_dips(p: Problem, m: Memory, dt: float) -> tuple[float, int, int, float]:
-    """Look for the first cut; at a dip, end the step there: the sign of h there decides.
+def end_at_dips(
+    p: Problem, m: Memory, dt: float, kind: int, k: int, theta: float
+) -> tuple[float, int, int, float]:
+    """End the step at a dip, if its first cut is one: the sign of h there decides. And so on.
 
-    Returns the step's length, and kind, guard and place of the cut that remains. The guards that
-    the step may concern are NEAR.
+    Returns the step's length, and kind, guard and place of the cut that remains.
     """
-    kind, k, theta = PASS, -1, 1.0
     for _ in range(2 * m.counts[N_AWAKE] + 4):
-        kind, k, theta = first_cut(p, m, dt)
         if kind != DIP or theta * dt <= time_resolution(m.clock[T], dt):
             break
         dt *= theta
         take_step(p, m, m.clock[T], dt)
         guards_at_end(p, m, m.clock[T] + dt)
         gather_near(p, m, dt)
+        kind, k, theta = first_cut(p, m, dt)
     return dt, kind, k, theta
 
 
@@ -152,7 +152,9 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
     """
     if gather_near(p, m, dt) == 0:  # mostly: what the search needs is not even prepared
         return dt, 0
-    dt, kind, k, theta = end_at_dips(p, m, dt)
+    kind, k, theta = first_cut(p, m, dt)
+    if kind == DIP:
+        dt, kind, k, theta = end_at_dips(p, m, dt, kind, k, theta)
     if kind != CROSSING:
         return dt, 0
     for a in range(m.counts[N_NEAR]):
