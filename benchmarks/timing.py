@@ -27,7 +27,15 @@ def timed(run: Callable[[], Result]) -> tuple[float, Result]:
 def quartiles(
     runs: Mapping[str, Callable[[], object]], *, fewest: int = 3, most: int = 15
 ) -> dict[str, tuple[float, float, float]]:
-    """Return quartile, median and quartile of each function's time, s; the functions take turns.
+    """Return quartile, median and quartile of each function's time, s; see `in_turn`."""
+    times = in_turn(runs, fewest=fewest, most=most)
+    return {name: tuple(np.percentile(sample, [25, 50, 75])) for name, sample in times.items()}
+
+
+def in_turn(
+    runs: Mapping[str, Callable[[], object]], *, fewest: int = 3, most: int = 15
+) -> dict[str, list[float]]:
+    """Return the times of each function, s, turn by turn.
 
     All run equally often, `most` times if the slowest takes so little, but `fewest` at least. The
     first run, which warms up, does not count.
@@ -37,13 +45,4 @@ def quartiles(
     for _ in range(int(np.clip(LONGEST_S / slowest, fewest, most))):
         for name, run in runs.items():
             times[name].append(timed(run)[0])
-    return {name: tuple(np.percentile(sample, [25, 50, 75])) for name, sample in times.items()}
-
-
-def columns_ms(times: Mapping[str, tuple[float, float, float]]) -> dict[str, float]:
-    """Return the columns of a table, ms, that `quartiles` fill: ``<name>_median_ms`` and so on."""
-    return {
-        f"{name}_{level}_ms": 1e3 * seconds
-        for name, levels in times.items()
-        for level, seconds in zip(("q25", "median", "q75"), levels, strict=True)
-    }
+    return times
