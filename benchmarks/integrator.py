@@ -7,12 +7,15 @@ state from the exact one, in the scene's own units; times are of one call from P
 calls in a row, after one that is not timed), median and quartiles over the repeats, all in one
 process on one thread, the solvers and their parts taken in turn. `field_ns` is the time of one
 evaluation of the field alone, called by its address in a loop along the trajectory, and
-`over_evaluations` the time of a call over that of its evaluations; `empty_call_us` is a call of our
-solver for an empty time span. `bare_step_ns` and `bare_over_evaluations` are of the method's steps
-alone, in one loop with the field compiled into it (`bare.py`): no driver can be faster than its
-method. `over_bare` is the time of a call over that of as many bare steps as its evaluations make.
-On the hopper in one dimension, `hand_written_step_ns` is a step written by hand for its two states
-(`hand_written.py`), and `inlined_field_ns` an evaluation compiled into its loop, without a call.
+`over_evaluations` the time of a call over that of its evaluations. `bare_step_ns` and
+`bare_over_evaluations` are of the method's steps alone, in one loop with the field compiled into it
+(`bare.py`): no driver can be faster than its method. `over_bare` is the time of a call over that of
+as many bare steps as its evaluations make.
+
+Not in turn, but each the least of its repeats: `empty_call_us` is a call of our solver for an empty
+time span; on the hopper in one dimension, `hand_written_step_ns` is a step written by hand for its
+two states (`hand_written.py`), and `inlined_field_ns` an evaluation compiled into its loop, without
+a call.
 
 Both solvers use the same methods, and call the same Numba-compiled field and guards. scipy stops at
 each event (a terminal event per guard, in the direction that its lock leaves open) and is started

@@ -145,3 +145,31 @@ def test_the_driver_is_found_by_what_python_imports():
             path = origin.removeprefix("hopdata.hybrid.").replace(".", "/") + ".py"
             if origin.startswith("hopdata.hybrid."):
                 assert path in {*sources, *NOT_IN_CODE}
+
+
+INTRINSIC = """
+from numba import types
+from numba.extending import intrinsic
+
+def built(builder, x):
+    return {built}
+
+@intrinsic
+def twice(typing, x):
+    def generate(context, builder, sign, values):
+        return built(builder, values[0])
+    return types.float64(types.float64), generate
+
+def function(x):
+    return twice(x)
+"""
+
+
+def test_sees_what_an_intrinsic_builds_its_code_with(tmp_path, monkeypatch):
+    """By a function that only the one inside of it calls."""
+    monkeypatch.syspath_prepend(tmp_path)
+    digests = []
+    for name, built in (("sums", "builder.fadd(x, x)"), ("products", "builder.fmul(x, x)")):
+        (tmp_path / f"built_by_{name}.py").write_text(INTRINSIC.format(built=built))
+        digests.append(function_digest(importlib.import_module(f"built_by_{name}").function))
+    assert digests[0] != digests[1]

@@ -87,6 +87,17 @@ def test_a_step_is_exact_but_for_rounding(n, dt):
     assert np.abs(one.s[END] - exact).max() < 4 * EPS * np.abs(exact).max()
 
 
+@pytest.mark.parametrize("z", [2.0, 4.0])
+def test_where_a_mode_decays_terms_that_alternate_cost_no_digits(z):
+    """All terms rounded once are exp(z) / 2 eps at most, of which the mean is a small part."""
+    rng, errors = np.random.default_rng(3), []
+    for dt in z * (1.0 + 0.01 * rng.random(100)):
+        one = stepper([[-1.0]], [0.0], [1.0])
+        one.step(dt)
+        errors += [one.s[END, 0] - np.exp(-dt), one.interpolate(1.0)[0] - one.s[END, 0]]
+    assert np.sqrt(np.mean(np.square(errors))) < 0.1 * np.exp(z) * EPS
+
+
 def test_a_flight_is_one_step_of_any_length():
     one = stepper([[0.0, 1.0], [0.0, 0.0]], [0.0, -9.81], [2.0, 3.0])
     for dt in (0.5, 100.0, 1e6):

@@ -11,6 +11,7 @@ from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
+from numba.core.extending import _Intrinsic
 
 DIGITS = 16
 
@@ -95,7 +96,9 @@ def with_digest(function: Any, **names: Any) -> FunctionType:
 
 def _parts(value: Any, seen: set[int]) -> Iterator[bytes]:
     function = getattr(value, "py_func", value)
-    if not isinstance(function, FunctionType):
+    if isinstance(value, _Intrinsic):  # builds code by whatever stands in its module
+        yield _source(value._defn.__code__.co_filename)
+    elif not isinstance(function, FunctionType):
         yield _constant_bytes(value)
     elif id(function) not in seen:
         seen.add(id(function))
@@ -104,6 +107,11 @@ def _parts(value: Any, seen: set[int]) -> Iterator[bytes]:
         for name, reached in _references(function):
             yield name.encode()
             yield from _parts(reached, seen)
+
+
+@cache
+def _source(path: str) -> bytes:
+    return Path(path).read_bytes() if Path(path).is_file() else b""
 
 
 def _code_parts(code: CodeType) -> Iterator[bytes]:

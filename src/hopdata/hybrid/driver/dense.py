@@ -51,10 +51,10 @@ def interpolate(p: Problem, m: Memory, theta: float, target: int) -> None:
     top, square = last | 1, theta * rest
     full = last == top
     for i in range(s.width):
-        odd, even = s[P1 + top, i] if full else 0.0, s[P1 + top - 1, i]
+        value = fma(rest, s[P1 + top, i] if full else 0.0, s[P1 + top - 1, i])
         for j in range(top - 2, 0, -2):
-            odd, even = fma(square, odd, s[P1 + j, i]), fma(square, even, s[P1 + j - 1, i])
-        s[target, i] = fma(theta, fma(rest, odd, even), s[Y, i])
+            value = fma(square, value, fma(rest, s[P1 + j, i], s[P1 + j - 1, i]))
+        s[target, i] = fma(theta, value, s[Y, i])
 
 
 @kernel
@@ -73,18 +73,18 @@ def interpolate_with_slope(p: Problem, m: Memory, theta: float, dt: float) -> No
 def sum_with_slope(m: Memory, x: float, r: float, turn: float, per_s: float, last: int) -> None:
     """Sum an interpolant and its derivative, for r = x or 1 - x, whose derivative is `turn`.
 
-    It is Y + x (even + r odd), both sums in powers of x r: two chains that do not wait for each
-    other.
+    It is Y + x V, where V is a sum of pairs (of a coefficient and r times the next) in powers of
+    x r: half as long a chain as one after the other, and as exact where they alternate.
     """
     s, top, square, bend = m.states, last | 1, x * r, r + turn * x
     full = last == top
     for i in range(s.width):
-        odd, even = s[P1 + top, i] if full else 0.0, s[P1 + top - 1, i]
-        odd_slope, even_slope = 0.0, 0.0  # by the square
+        odd = s[P1 + top, i] if full else 0.0  # the sum of every second coefficient
+        value, value_slope = fma(r, odd, s[P1 + top - 1, i]), 0.0  # its slope by the square
         for j in range(top - 2, 0, -2):
-            odd_slope, even_slope = fma(square, odd_slope, odd), fma(square, even_slope, even)
-            odd, even = fma(square, odd, s[P1 + j, i]), fma(square, even, s[P1 + j - 1, i])
-        value = fma(r, odd, even)
-        slope = fma(bend, fma(r, odd_slope, even_slope), turn * odd)
+            value_slope = fma(square, value_slope, value)
+            value = fma(square, value, fma(r, s[P1 + j, i], s[P1 + j - 1, i]))
+            odd = fma(square, odd, s[P1 + j, i])
+        slope = fma(bend, value_slope, turn * odd)
         s[SCRATCH, i] = fma(x, value, s[Y, i])
         s[SLOPE, i] = fma(x, slope, value) * per_s

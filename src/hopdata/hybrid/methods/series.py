@@ -80,12 +80,16 @@ def left_out(k: int, last: float, before: float, older: float) -> float:
 
 @kernel
 def sum_of_terms(s: FloatTable, k: int, i: int) -> float:
-    """Return the sum of k terms of state `i`, the smallest first, every second one by itself."""
-    one, other = 0.0, 0.0
-    for m in range(k - 1, 0, -2):
-        one += s[P1 + m, i]
-        other += s[P1 + m - 1, i]
-    return one + other if k % 2 == 0 else (one + s[P1, i]) + other
+    """Return the sum of k terms of state `i`, the smallest first.
+
+    Two neighbours are added before: where terms alternate, those of one sign would only add up to
+    what those of the other take away.
+    """
+    first = k - 1 if k % 2 == 0 else k - 2
+    total = 0.0 if k % 2 == 0 else s[P1 + k - 1, i]
+    for m in range(first, 0, -2):
+        total += s[P1 + m, i] + s[P1 + m - 1, i]
+    return total
 
 
 def step_function(n: int) -> FunctionType:
