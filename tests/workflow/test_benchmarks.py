@@ -1,5 +1,6 @@
 """The workflow knows every benchmark: all targets resolve, and figures are drawn."""
 
+import ast
 import os
 import re
 import subprocess
@@ -124,3 +125,29 @@ def test_the_figure_rules_draw_and_the_page_shows_them(linked):
     assert all((linked / target).stat().st_size > 1000 for target in targets)
     text = (linked / page).read_text()
     assert all(f"]({name}.svg)" in text for name in FIGURES.values())
+
+
+def defined_in(module):
+    """Names that a module defines or imports at its top, or within an `if` or `try` there."""
+    names = set()
+    for node in ast.walk(module):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            names.add(node.id)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            names.update(alias.asname or alias.name for alias in node.names)
+    return names
+
+
+@pytest.mark.parametrize(
+    "program", sorted((ROOT / "benchmarks").glob("*.py")), ids=lambda p: p.stem
+)
+def test_what_programs_take_from_each_other_is_there(program):
+    """Without running them: some want packages that are extras."""
+    for node in ast.walk(ast.parse(program.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            source = program.parent / f"{(node.module or '').replace('.', '/')}.py"
+            if source.is_file():
+                taken = {alias.name for alias in node.names}
+                assert taken <= defined_in(ast.parse(source.read_text())), source.name
