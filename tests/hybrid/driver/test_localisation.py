@@ -10,6 +10,7 @@ import pytest
 from hopdata.hybrid import solve
 from hopdata.hybrid.driver import localisation
 from hopdata.hybrid.driver.layout import GUARD_ROWS, H0, RATE, RATE0, SIZE, H
+from hopdata.hybrid.driver.localisation import way_to_root
 from hopdata.scenes.plate import Plate
 
 ROUNDING = 1e-16
@@ -42,6 +43,25 @@ def interpreted(monkeypatch):
 @pytest.mark.parametrize("guess", [0.45, 0.9, 1e-3, 1e-13, 1e-16])
 def test_no_guess_leads_back_to_the_flip_before(interpreted, guess):
     assert interpreted(guess) == pytest.approx(0.5, rel=1e-8)
+
+
+def swing(x):
+    """Return a margin and its slope that fall through zero at 0.7: a part of a swing."""
+    return np.sin(3.0 * (0.7 - x)), -3.0 * np.cos(3.0 * (0.7 - x))
+
+
+@pytest.mark.parametrize("far", [0.2, 0.1, 0.05, -0.05, -0.1])
+def test_the_way_to_the_root_is_as_exact_as_two_places_allow(far):
+    for near in (1e-2, -1e-2, 1e-3, -1e-3):
+        x, x1 = 0.7 + near, 0.7 + far
+        way, exact = way_to_root(x, *swing(x), x1, *swing(x1))
+        assert abs(x + way - 0.7) < 10.0 * (near * far) ** 2
+        assert not exact or abs(x + way - 0.7) < 1e-15
+
+
+def test_where_the_cubic_turns_newton_shows_the_way():
+    x, g, d = 0.5, 0.1, -0.1
+    assert way_to_root(x, g, d, 0.6, 0.2, 1.0) == (pytest.approx(1.0), False)
 
 
 @pytest.mark.parametrize("form", [{}, {"sums": True}, {"sparse": True}])

@@ -1,7 +1,7 @@
 """Find where in a step the first guard flips: judge by a cubic, then search the interpolant.
 
 The Hermite cubic through (h0, hdot0, h1, hdot1) says which guards to look at and where to begin;
-a bracketed Newton iteration on the interpolant finds the root to interpolation error.
+a bracketed iteration on the interpolant finds the root to interpolation error.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ EDGE = 1e-6  # a dip this near to an end of the step is that end
 LEAVING = 1e-12  # a guard that has not left its surface by this part of the step never left
 ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the digits
 JUMP_ACCURACY = 4 * EPS  # of an event function that is not continuous
+MOST_PUT_RIGHT = 0.5  # of Newton's step: beyond, the cubic tells nothing
 MAX_ROOT, MAX_DIP, PATIENCE = 120, 40, 8
 
 
@@ -45,18 +46,16 @@ def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
 
 
 @kernel
-def suspect(
-    g0: float, d0: float, g1: float, d1: float, noise: float
-) -> tuple[int, float, float, float]:
+def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[int, float, float]:
     """Judge a guard by its cubic, which does not stay clear.
 
     Takes margin and slope (per step) at both ends, and what rounding may make of a margin that is
-    zero; returns the kind of suspicion, where to look first, and a bracket.
+    zero; returns the kind of suspicion, where to look first, and a place before that.
     """
     # A guard that has just flipped, and leaves, may still be on its old side by rounding.
     crossed = g1 < -noise or (g1 <= 0.0 and d1 < 0.0)
     if not crossed and d0 >= 0.0 and d1 >= 0.0 and g1 >= g0 + 0.34 * max(d0, d1):
-        return PASS, 1.0, 0.0, 1.0  # monotone (Fritsch and Carlson)
+        return PASS, 1.0, 0.0  # monotone (Fritsch and Carlson)
     top, bottom = turning_points(g0, d0, g1, d1)
     low = top if g0 == 0.0 and top < bottom else 0.0
     deep = NOWHERE
@@ -64,24 +63,22 @@ def suspect(
         deep = cubic(g0, d0, g1, d1, bottom)
     if crossed:
         high = bottom if deep < 0.0 and bottom > low else 1.0
-        return CROSSING, cubic_root(g0, d0, g1, d1, low, high), low, high
+        return CROSSING, cubic_root(g0, d0, g1, d1, low, high), low
     if g0 <= noise and (d0 < 0.0 or g1 <= noise) and deep >= -noise:
-        return PASS, 1.0, 0.0, 1.0  # at its surface for all that rounding can tell, and stays there
+        return PASS, 1.0, 0.0  # at its surface for all that rounding can tell, and stays there
     if deep < GRAZE * max(g0, g1):
-        return DIP, bottom, low, 1.0
-    return PASS, 1.0, 0.0, 1.0
+        return DIP, bottom, low
+    return PASS, 1.0, 0.0
 
 
 @kernel
-def first_suspect(
-    p: Problem, m: Memory, dt: float, among: int
-) -> tuple[int, int, float, float, float]:
-    """Return (kind, guard, guess, low, high) of the suspect guard with the earliest guess.
+def first_suspect(p: Problem, m: Memory, dt: float, among: int) -> tuple[int, int, float, float]:
+    """Return (kind, guard, guess, low) of the suspect guard with the earliest guess.
 
     With ANY all that are near are asked, with PAST those of them past their surface in row H.
     """
     g = m.guards
-    best = (PASS, -1, NOWHERE, 0.0, 1.0)
+    best = (PASS, -1, NOWHERE, 0.0)
     resolution = time_resolution(m.clock[T], dt)
     for a in range(m.counts[N_NEAR]):
         k = m.lists[NEAR, a]
@@ -91,9 +88,9 @@ def first_suspect(
         g0, d0 = max(lock * g[H0, k], 0.0), lock * g[RATE0, k] * dt
         g1, d1 = lock * g[H1, k], lock * g[RATE1, k] * dt
         noise = blur(g[SIZE, k], g[RATE1, k], resolution)
-        kind, guess, low, high = suspect(g0, d0, g1, d1, noise)
+        kind, guess, low = suspect(g0, d0, g1, d1, noise)
         if kind != PASS and guess < best[2]:
-            best = (kind, k, guess, low, high)
+            best = (kind, k, guess, low)
     return best
 
 
@@ -146,41 +143,66 @@ def just_left(p: Problem, m: Memory, dt: float, k: int) -> bool:
 
 
 @kernel
+def way_to_root(
+    x: float, g: float, d: float, x1: float, g1: float, d1: float
+) -> tuple[float, bool]:
+    """Return how far from x a falling function vanishes, and whether that is all but exact.
+
+    Newton's method from x, put right by the cubic through both places, values and slopes: its root
+    as a series. The error is that of Newton's method times the square of the distance to x1.
+    """
+    way, run, rise = -g / d, x1 - x, g1 - g
+    if abs(way) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
+        return way, True
+    per = 1.0 / (d * run)
+    u, ahead, mean = -g * per, d1 * run * per, rise * per
+    bend, twist = 3.0 * mean - 2.0 - ahead, 1.0 + ahead - 2.0 * mean
+    right = u * (bend - u * (2.0 * bend * bend - twist))
+    if not abs(right) <= MOST_PUT_RIGHT:
+        return way, False
+    return way - way * right, abs(way * run) <= ROOT_ACCURACY * x * x
+
+
+@kernel
 def crossing(
-    p: Problem, m: Memory, dt: float, k: int, guess: float, low: float, high: float
+    p: Problem, m: Memory, dt: float, k: int, guess: float, low: float, end: float
 ) -> float:
-    """Return where guard k falls through zero on the interpolant: bracketed Newton."""
-    lock = p.mode[k]
-    if just_left(p, m, dt, k):
-        low = leave(p, m, dt, k, low if low > 0.0 else 0.5 * high)
-        if low == 0.0:
-            return 0.0
-    if high < 1.0:  # so says the cubic; the interpolant may still be above its surface there
-        probe(p, m, dt, high)
-        if lock * m.guards[H, k] > 0.0:
-            low, high = high, 1.0
-    x = guess if low < guess < high else 0.5 * (low + high)
+    """Return where guard k falls through zero on the interpolant: a bracketed iteration.
+
+    At `end` it is past its surface. At `low` it is clear by its cubic; whether by the interpolant,
+    too, is asked where the iteration would go on before: mostly it does not.
+    """
+    lock, inner, high = p.mode[k], low if low > 0.0 else 0.5 * end, end
+    x1, g1, d1 = 1.0, lock * m.guards[H1, k], lock * m.guards[RATE1, k] * dt
+    clear = not just_left(p, m, dt, k)
+    doubt = not clear and not lock * m.guards[RATE0, k] > 0.0
+    x = guess
     for _ in range(MAX_ROOT):
+        if doubt:
+            low, high, clear = leave(p, m, dt, k, inner), end, True
+            if low == 0.0:
+                return 0.0
+        x = x if low < x < high else 0.5 * (low + high)
         probe(p, m, dt, x)
-        value, slope = lock * m.guards[H, k], lock * m.guards[RATE, k] * dt
-        if value > 0.0:
-            low = x
+        g, d = lock * m.guards[H, k], lock * m.guards[RATE, k] * dt
+        if g > 0.0:
+            low, clear = x, True
         else:
             high = x
-        new = x - value / slope if slope < 0.0 else low
-        inside = low < new < high
-        if slope < 0.0 and abs(new - x) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
-            return new if inside else x
+        way, exact = way_to_root(x, g, d, x1, g1, d1) if d < 0.0 else (-x, False)
+        new, x1, g1, d1 = x + way, x, g, d
+        if exact:
+            return new if low < new < high else x
         if high - low <= JUMP_ACCURACY * high:  # the event function jumps: directly behind it
             return high
-        x = new if inside else 0.5 * (low + high)
+        doubt, x = not clear and new <= low, new
     return x
 
 
 @kernel
 def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     """Return (kind, guard, theta): where the step must end for a guard in NEAR, and why."""
-    kind, k, guess, low, high = first_suspect(p, m, dt, ANY)
+    kind, k, guess, low = first_suspect(p, m, dt, ANY)
     if kind == PASS:
         return PASS, -1, 1.0
     prepare_interpolant(p, m, dt)
@@ -189,9 +211,9 @@ def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
         if kind == DIP:
             theta = lowest_point(p, m, dt, k, guess)
         else:
-            theta = crossing(p, m, dt, k, guess, low, high)
-        rival, other, rival_guess, rival_low, rival_high = first_suspect(p, m, dt, PAST)
+            theta = crossing(p, m, dt, k, guess, low, theta)
+        rival, other, rival_guess, rival_low = first_suspect(p, m, dt, PAST)
         if rival != CROSSING or other == k:
             break
-        kind, k, guess, low, high = rival, other, rival_guess, rival_low, min(rival_high, theta)
+        kind, k, guess, low = rival, other, rival_guess, rival_low
     return kind, k, theta

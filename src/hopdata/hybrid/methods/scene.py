@@ -136,7 +136,7 @@ def taylor_method(scene: Scene) -> Method:
         order=series.ORDER,
         evaluations=taylor.EVALUATIONS,
         interpolant_evaluations=0,
-        interpolant_error=1,
+        interpolant_error=0,  # it is the step itself, in powers of a part of its length
         in_powers=True,
         step=series.step_function(n),
         interpolant=with_digest(taylor.interpolant, **names),
