@@ -122,6 +122,25 @@ def test_a_crossing_hidden_by_a_gap_is_not_called_missed(scene, table, hidden, w
     assert not near["reason"].str.contains("never reached|stayed below").any()
 
 
+@pytest.mark.parametrize("part", [(0.0, 0.3), (0.3, 0.7), (0.6, 1.0), (0.41, 0.415)])
+def test_landings_with_the_body_hidden_are_listed_too(scene, table, part):
+    recording, span = scene.recording, scene.recording.time[-1]
+    hidden = (recording.time >= part[0] * span) & (recording.time < part[1] * span)
+    positions = recording.positions.copy()
+    positions[hidden, 2] = np.nan
+    found = touchdown_table(replace(recording, positions=positions), **SECTIONS)
+    assert len(found) == len(table)
+    first_contact = scene.contact_times.min(axis=1)
+    inside = np.interp(first_contact, recording.time, hidden) > 0.5
+    assert inside.sum() == round((part[1] - part[0]) * len(table)) or inside.sum() < 3
+    assert found.loc[inside, "excluded"].all()
+    assert set(found.loc[inside, "reason"]) <= {
+        "frames missing at the pre section",
+        "frames missing at the post section",
+    }
+    assert (found["excluded"] == table["excluded"])[~inside].mean() > 0.95
+
+
 def test_contacts_outside_the_transition_are_left_out(scene):
     late = touchdown_table(scene.recording, **(SECTIONS | {"post_height_m": POST_HEIGHT_M + 0.035}))
     contacts = scene.contact_times

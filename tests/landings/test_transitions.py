@@ -131,8 +131,8 @@ def test_a_hop_that_stays_below_the_pre_section_is_found_at_its_top():
     np.testing.assert_allclose(low.t_pre, [1.25])
     fall = np.sqrt(1 - (-0.3 + 0.6) / (0.2 + 0.6))
     np.testing.assert_allclose(low.t_post, [1.25 + 0.25 * fall], atol=1e-3)
-    both, is_low = together(find_transitions(time, height, **SECTIONS), low)
-    assert is_low.tolist() == [False, True, False, False]
+    both, kind = together(find_transitions(time, height, **SECTIONS), low)
+    assert kind.tolist() == [0, 1, 0, 0]
     assert (np.diff(both.t_pre) > 0).all()
 
 

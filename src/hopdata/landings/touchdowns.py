@@ -18,6 +18,7 @@ from hopdata.landings.approach import (
     height_noise,
 )
 from hopdata.landings.contacts import Contacts, find_contacts
+from hopdata.landings.hidden_landings import find_hidden_landings
 from hopdata.landings.schedules import (
     AMBIGUOUS,
     order_names,
@@ -49,6 +50,7 @@ LEAST_DOWN_SHARE = 0.15  # of the distance between the sections
 LEAST_DOWN_SIGMAS = 4.0
 NO_FOOT_LANDED = "no foot landed"
 LOW_FLIGHT = "body stayed below the pre section"
+LOW = 1  # place of the low flights among all landings
 
 
 def touchdown_table(
@@ -90,8 +92,10 @@ def touchdown_table(
         One row for each descent through the pre section, in order of time: recording, index,
         t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, schedule (the most
         probable one), probability, class (the schedule or ``ambiguous``), runner_up and its
-        runner_up_probability, spread_s, excluded, reason. A landing from a top below the pre
-        section has a row too, in which t_pre_s is the instant of the top; it is excluded.
+        runner_up_probability, spread_s, excluded, reason. Two more kinds of landings have rows, and
+        are excluded: from a top below the pre section, with t_pre_s the instant of the top; and
+        those that only the feet show, as the body is hidden, with t_pre_s the last instant with
+        all feet up.
 
     Raises
     ------
@@ -108,13 +112,10 @@ def touchdown_table(
         )
     heights = recording.feet[:, :, 2]
     sections = {"pre_height_m": pre_height_m, "post_height_m": post_height_m}
-    transitions, low = together(
-        find_transitions(recording.time, recording.body_height, **sections),
-        find_low_flights(recording.time, recording.body_height, **sections),
-    )
     down = down_height_m or max(
         LEAST_DOWN_SHARE * (pre_height_m - post_height_m), LEAST_DOWN_SIGMAS * height_noise(heights)
     )
+    transitions, kind = _all_landings(recording, down, **sections)
     contacts = find_contacts(
         recording.time,
         heights,
@@ -127,7 +128,38 @@ def touchdown_table(
         maximum_misfit=maximum_misfit,
     )
     table = _table(recording, transitions, contacts, ambiguous_below, ambiguous)
-    return _with_low_flights(table, low, landed=(contacts.status == LANDED).any(axis=1))
+    landed = (contacts.status == LANDED).any(axis=1)
+    return _with_low_flights(table, kind == LOW, landed=landed)
+
+
+def _all_landings(
+    recording: Recording, down_height_m: float, *, pre_height_m: float, post_height_m: float
+) -> tuple[Transitions, NDArray[np.int64]]:
+    """Descents of the body, flights below the pre section, and landings with the body hidden."""
+    seen = [
+        find(
+            recording.time,
+            recording.body_height,
+            pre_height_m=pre_height_m,
+            post_height_m=post_height_m,
+        )
+        for find in (find_transitions, find_low_flights)
+    ]
+    hidden = find_hidden_landings(
+        recording.time,
+        recording.feet[:, :, 2],
+        recording.body_height,
+        together(*seen)[0],
+        down_height_m=down_height_m,
+        longest_gap_s=_longest_gap_s(recording),
+    )
+    return together(*seen, hidden)
+
+
+def _longest_gap_s(recording: Recording) -> float:
+    """Longest gap of the body about a crossing that is still seen, s."""
+    frame_s = float(np.median(np.diff(recording.time)))
+    return max(LONGEST_GAP_FRAMES * frame_s, LONGEST_GAP_S)
 
 
 def _with_low_flights(
@@ -154,10 +186,7 @@ def _table(
     probability = order_probability(contacts.instant, contacts.se)
     classes = schedule_classes(names, probability, ambiguous_below=ambiguous_below)
     second, second_probability = runner_up(contacts.instant, contacts.se)
-    frame_s = float(np.median(np.diff(recording.time)))
-    reasons = exclusion_reasons(
-        transitions, contacts, longest_gap_s=max(LONGEST_GAP_FRAMES * frame_s, LONGEST_GAP_S)
-    )
+    reasons = exclusion_reasons(transitions, contacts, longest_gap_s=_longest_gap_s(recording))
     left_out = {AMBIGUOUS: "order ambiguous"} if ambiguous == "exclude" else {}
     reasons = [r or left_out.get(name, "") for r, name in zip(reasons, classes, strict=True)]
     columns = {

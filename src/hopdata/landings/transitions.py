@@ -82,10 +82,10 @@ def find_transitions(
     seen = np.flatnonzero(~np.isnan(height))
     t, h = time[seen], height[seen]
     sunk = pre_height_m - hysteresis * (pre_height_m - post_height_m)
-    falls, rises = _schmitt_edges(h, high=pre_height_m, low=sunk)
+    falls, rises = schmitt_edges(h, high=pre_height_m, low=sunk)
     if len(falls) == 0:
         return Transitions(*np.empty((4, 0)))
-    before_pre = _last_at_or_before(np.flatnonzero(h >= pre_height_m), falls)
+    before_pre = last_at_or_before(np.flatnonzero(h >= pre_height_m), falls)
     end = np.append(rises, len(h))[np.searchsorted(rises, falls)]
     after_post = _first_at_or_after(np.flatnonzero(h <= post_height_m), falls, len(h))
     reached = after_post < end
@@ -117,11 +117,11 @@ def find_low_flights(
     seen = np.flatnonzero(~np.isnan(height))
     t, h = time[seen], height[seen]
     middle = 0.5 * (pre_height_m + post_height_m)
-    falls, rises = _schmitt_edges(h, high=middle, low=post_height_m)
+    falls, rises = schmitt_edges(h, high=middle, low=post_height_m)
     falls = falls[falls > rises[0]] if len(rises) else falls[:0]  # of the first the top is unseen
     if len(falls) == 0:
         return Transitions(*np.empty((4, 0)))
-    starts = _last_at_or_before(rises, falls)
+    starts = last_at_or_before(rises, falls)
     tops = np.array([a + int(np.argmax(h[a:b])) for a, b in zip(starts, falls, strict=True)])
     low = h[tops] < pre_height_m
     t_post, gap_post = _crossing(t, h, falls[low] - 1, post_height_m)
@@ -129,15 +129,16 @@ def find_low_flights(
     return Transitions(t[tops[low]], t_post, gap_pre, gap_post)
 
 
-def together(first: Transitions, second: Transitions) -> tuple[Transitions, BoolArray]:
-    """Both in order of time, and whether each entry is of the second."""
+def together(*parts: Transitions) -> tuple[Transitions, IntArray]:
+    """All parts in order of time, and of which part each entry is."""
     fields = ("t_pre", "t_post", "gap_pre", "gap_post")
-    joined = [np.concatenate([getattr(first, f), getattr(second, f)]) for f in fields]
+    joined = [np.concatenate([getattr(part, f) for part in parts]) for f in fields]
     order = np.argsort(joined[0], kind="stable")
-    return Transitions(*(values[order] for values in joined)), order >= len(first)
+    kind = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    return Transitions(*(values[order] for values in joined)), kind[order]
 
 
-def _schmitt_edges(h: FloatArray, *, high: float, low: float) -> tuple[IntArray, IntArray]:
+def schmitt_edges(h: FloatArray, *, high: float, low: float) -> tuple[IntArray, IntArray]:
     """Find where a Schmitt trigger on `h` goes down (h <= low) and where up (h >= high)."""
     level = np.where(h >= high, 1, np.where(h <= low, -1, 0))
     decided = np.flatnonzero(level)
@@ -147,7 +148,8 @@ def _schmitt_edges(h: FloatArray, *, high: float, low: float) -> tuple[IntArray,
     return at[now < 0], at[now > 0]
 
 
-def _last_at_or_before(candidates: IntArray, at: IntArray) -> IntArray:
+def last_at_or_before(candidates: IntArray, at: IntArray) -> IntArray:
+    """Last of some frames at or before each of others; there must be one."""
     return candidates[np.searchsorted(candidates, at, side="right") - 1]
 
 
