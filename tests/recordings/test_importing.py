@@ -9,7 +9,7 @@ from qtm_files import NAMES, UPRIGHT, data_rows, qtm_text, standing, write
 from hopdata.errors import RecordingError
 from hopdata.recordings.axes import FILE_AXES, rotate_up
 from hopdata.recordings.hdf5 import read_recording, read_truth, write_recording
-from hopdata.recordings.importing import PER_FOOT, choose_unit, import_recording
+from hopdata.recordings.importing import PER_FOOT, import_recording
 from hopdata.recordings.plausibility import check_plausible
 
 MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
@@ -59,14 +59,6 @@ def test_the_unit_is_found_or_given(tmp_path, scale, unit):
     found = imported(path, unit="auto")
     assert np.array_equal(found.positions, imported(path, unit=unit).positions)
     np.testing.assert_allclose(found.body[:, :, 2].mean(), UPRIGHT[:3, 2].mean(), atol=0.02)
-
-
-def test_of_two_units_never_both_fit():
-    for size in np.geomspace(1e-4, 1e5, 200):
-        positions = size * UPRIGHT[np.newaxis]
-        by_mm = choose_unit(positions, unit="auto", nominal="mm")
-        by_m = choose_unit(positions, unit="auto", nominal="m")
-        assert by_mm == by_m or size < 0.1 or size > 10  # outside, the format's own unit stays
 
 
 def test_the_sample_reads_as_it_was_written(tmp_path, sample_path):

@@ -49,10 +49,10 @@ def test_numbers_and_missing_values_may_be_padded_with_blanks(tmp_path):
     np.testing.assert_allclose(raw.positions[6], positions[6], atol=1e-6)
 
 
-def test_a_missing_unit_is_remarked(tmp_path):
+def test_a_missing_unit_is_taken_for_the_usual_one(tmp_path):
     raw = read(tmp_path, trc_text(POSITIONS, NAMES, values={"Units": None}))
-    assert raw.unit == "mm"
-    assert "Units" in raw.remarks[0]
+    assert (raw.unit, raw.unit_is_stated) == ("mm", False)
+    assert read(tmp_path, trc_text(POSITIONS, NAMES)).unit_is_stated
 
 
 def line(text, number, new):

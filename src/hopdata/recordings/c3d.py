@@ -26,6 +26,7 @@ from hopdata.recordings.c3d_parameters import BLOCK, Parameters, read_parameters
 from hopdata.recordings.raw import (
     METRES_PER_UNIT,
     RATE_TOLERANCE,
+    USUAL_UNIT,
     Event,
     FloatArray,
     RawRecording,
@@ -67,7 +68,7 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
         raise RecordingError(f"{path}: expected markers, found none")
     n_frames, remarks = count_frames(header, parameters, end - start)
     markers, more = _markers(parameters, n_points)
-    unit, unit_remark = _unit(parameters)
+    unit = _unit(parameters)
     positions = _positions(path, header, parameters.processor, n_frames)
     rate = resolve_rate(f"{path}: header", stated=frame_rate(header, parameters), given=rate_hz)
     time = (first_frame(header, parameters) - 1 + np.arange(n_frames)) / rate
@@ -76,10 +77,11 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
         time,
         positions,
         rate,
-        unit=unit,
+        unit=unit or USUAL_UNIT,
+        unit_is_stated=bool(unit),
         events=_events(parameters) or header.events,
         stated_up=_stated_up(parameters),
-        remarks=remarks + more + unit_remark,
+        remarks=remarks + more,
     )
 
 
@@ -141,14 +143,13 @@ def _markers(parameters: Parameters, n_points: int) -> tuple[tuple[str, ...], tu
     return distinct_names(place, named), (remark,) if n_nameless else ()
 
 
-def _unit(parameters: Parameters) -> tuple[str, tuple[str, ...]]:
+def _unit(parameters: Parameters) -> str:
+    """Return the unit that the file states; empty if it states none."""
     place, stated = parameters.place("POINT", "UNITS"), parameters.texts("POINT", "UNITS")
     unit = stated[0].lower() if stated else ""
-    if not unit:
-        return "mm", (f"{place}: expected a unit, found none; taken for mm",)
-    if unit not in METRES_PER_UNIT:
+    if unit and unit not in METRES_PER_UNIT:
         raise RecordingError(f"{place}: expected mm or m, found '{stated[0]}'")
-    return unit, ()
+    return unit
 
 
 def _stated_up(parameters: Parameters) -> str:

@@ -12,13 +12,12 @@ from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.formats import read_raw, suffixes
 from hopdata.recordings.joining import join
-from hopdata.recordings.plausibility import PLAUSIBLE_EXTENT_M
-from hopdata.recordings.raw import METRES_PER_UNIT, FloatArray, RawRecording
+from hopdata.recordings.length_unit import choose_unit, unit_remarks
+from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
 from hopdata.recordings.recording import Recording
-from hopdata.recordings.span import extent
 from hopdata.recordings.truth import Truth
 
-__all__ = ["choose_unit", "import_recording", "read_raw", "sha256", "suffixes"]
+__all__ = ["import_recording", "read_raw", "sha256", "suffixes"]
 
 ROLE_OF_KEY = {"body": "body", "feet": "foot", "boom": "boom"}
 
@@ -48,7 +47,7 @@ def import_recording(
         Marker names for each of ``"body"``, ``"feet"``, ``"boom"``; the result keeps this order.
     unit : {"auto", "m", "mm"}
         Unit of the file's positions; ``"auto"`` takes the format's own unit, or the other one if
-        only that gives a plausible size.
+        only that gives a plausible size, which a remark of the recording says.
     vertical_axis : {"x", "y", "z", "-x", "-y", "-z"}
         Axis of the file that points up.
     rate_hz : float, optional
@@ -73,8 +72,11 @@ def import_recording(
     files = [read_raw(p, rate_hz=rate_hz) for p in paths]
     pieces = [_chosen(p, file, markers) for p, file in zip(paths, files, strict=True)]
     raw = pieces[0] if len(pieces) == 1 else join(paths, pieces)
+    sources = [os.fsencode(p.as_posix()).decode(errors="replace") for p in paths]
     positions = raw.positions
-    positions *= METRES_PER_UNIT[choose_unit(positions, unit=unit, nominal=raw.unit)]
+    taken = choose_unit(positions, unit=unit, nominal=raw.unit)
+    guessed = unit_remarks(sources, pieces, raw, taken) if unit == "auto" else ()
+    positions *= METRES_PER_UNIT[taken]
     recording = Recording(
         name=name,
         time=raw.time,
@@ -82,35 +84,15 @@ def import_recording(
         markers=raw.markers,
         roles=_roles(markers),
         rate_hz=raw.rate_hz,
-        source=", ".join(os.fsencode(p.as_posix()).decode(errors="replace") for p in paths),
+        source=", ".join(sources),
         source_sha256=", ".join(sha256(p) for p in paths),
         vertical_axis=vertical_axis if vertical_axis != "z" else raw.vertical_axis,
         events=raw.events,
-        remarks=raw.remarks,
+        remarks=raw.remarks + guessed,
     )
     if len(paths) > 1 or vertical_axis != "z":
         return recording, None
     return recording, _truth(paths[0], files[0], recording)
-
-
-def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
-    """Choose the unit: as given, or for ``"auto"`` the format's unless only another fits.
-
-    Parameters
-    ----------
-    positions : (N, M, 3) array
-        In the unknown unit.
-    unit : {"auto", "m", "mm"}
-        ``input.unit`` of the configuration.
-    nominal : {"m", "mm"}
-        The format's own unit.
-    """
-    if unit != "auto":
-        return unit
-    low, high = PLAUSIBLE_EXTENT_M
-    size = extent(positions)
-    fitting = [u for u, metres in METRES_PER_UNIT.items() if low <= size * metres <= high]
-    return fitting[0] if fitting else nominal
 
 
 def sha256(path: Path) -> str:

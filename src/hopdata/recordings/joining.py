@@ -55,6 +55,7 @@ def join(paths: Sequence[Path], raws: Sequence[RawRecording]) -> RawRecording:
         trajectory_types=first.trajectory_types
         if all(raw.trajectory_types == first.trajectory_types for raw in raws)
         else (),
+        unit_is_stated=all(raw.unit_is_stated for raw in raws),
         remarks=sum((raw.remarks for raw in raws), ()) + remarks,
     )
 

@@ -16,8 +16,10 @@ from hopdata.recordings.qtm_columns import (
 )
 from hopdata.recordings.qtm_dates import moment
 from hopdata.recordings.qtm_header import KEYS, QtmHeader, read_header
-from hopdata.recordings.raw import FloatArray, RawRecording, resolve_rate
+from hopdata.recordings.raw import USUAL_UNIT, FloatArray, RawRecording, resolve_rate
 from hopdata.recordings.text_table import Rows, blank_unseen, require_counters
+
+KEYS_OF_EXPORTS = frozenset(KEYS)  # which are in mm; of a bare table nothing says so
 
 
 def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
@@ -62,7 +64,8 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
         time,
         positions,
         rate,
-        unit="mm",
+        unit=USUAL_UNIT,
+        unit_is_stated=not KEYS_OF_EXPORTS.isdisjoint(header.values),
         events=tuple(header.events),
         trajectory_types=types,
         started=moment((header.values.get("TIME_STAMP") or [""])[0]),

@@ -16,6 +16,7 @@ from hopdata.errors import RecordingError
 FloatArray = NDArray[np.float64]
 
 METRES_PER_UNIT: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
+USUAL_UNIT = "mm"  # of files that may state a unit and do not
 
 FASTEST_HZ = 1e5  # as in the schema of input.rate_hz
 RATE_TOLERANCE = 1e-3  # relative; files round their rate, but not by more than this
@@ -52,7 +53,7 @@ class RawRecording:
     rate_hz : float
         Nominal frame rate, Hz.
     unit : str
-        Unit that the format prescribes, ``"mm"`` or ``"m"``.
+        Unit that the file or its format states, ``"mm"`` or ``"m"``.
     vertical_axis : str
         Direction of the original source that was up, if the format says so.
     roles : tuple of str
@@ -65,6 +66,8 @@ class RawRecording:
         Axis that the file itself says points up; empty if it says nothing.
     started : datetime, optional
         When the measurement began, on the clock of the computer that made it.
+    unit_is_stated : bool
+        Whether it does; otherwise `unit` is only what is usual.
     remarks : tuple of str
         What the file says that does not hold and could be put right, one line each, counted.
     """
@@ -80,6 +83,7 @@ class RawRecording:
     trajectory_types: tuple[str, ...] = ()
     stated_up: str = ""
     started: datetime | None = None
+    unit_is_stated: bool = True
     remarks: tuple[str, ...] = ()
 
 

@@ -12,6 +12,7 @@ from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.frame_times import settle
 from hopdata.recordings.raw import (
     METRES_PER_UNIT,
+    USUAL_UNIT,
     RawRecording,
     distinct_names,
     resolve_rate,
@@ -73,7 +74,7 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
     """
     path = Path(path)
     header = _read_header(path)
-    unit, remarks = _unit(header)
+    unit = _unit(header)
     rate = resolve_rate(
         f"{path}, line 3: DataRate", stated=header.number("DataRate"), given=rate_hz
     )
@@ -89,8 +90,16 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
     n_columns = 2 + 3 * len(header.markers)
     positions = table[:, 2:n_columns].reshape(len(table), len(header.markers), 3)
     blank_unseen(positions)
-    time, more = settle(str(path), table[:, 1].copy(), table[:, 0].copy(), rate)
-    return RawRecording(header.markers, time, positions, rate, unit=unit, remarks=remarks + more)
+    time, remarks = settle(str(path), table[:, 1].copy(), table[:, 0].copy(), rate)
+    return RawRecording(
+        header.markers,
+        time,
+        positions,
+        rate,
+        unit=unit or USUAL_UNIT,
+        unit_is_stated=bool(unit),
+        remarks=remarks,
+    )
 
 
 def _read_header(path: Path) -> _Header:
@@ -176,10 +185,11 @@ def _check_axes(path: Path, fields: list[str], n_markers: int) -> None:
         )
 
 
-def _unit(header: _Header) -> tuple[str, tuple[str, ...]]:
+def _unit(header: _Header) -> str:
+    """Return the unit that the file states; empty if it states none."""
     stated = header.values.get("Units")
     if stated is None:
-        return "mm", (f"{header.path}, line 2: expected the key Units, found none; taken for mm",)
+        return ""
     if stated.lower() not in METRES_PER_UNIT:
         raise RecordingError(f"{header.path}, line 3: Units: expected mm or m, found '{stated}'")
-    return stated.lower(), ()
+    return stated.lower()

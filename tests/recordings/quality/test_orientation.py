@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_up_hopper import MARKERS, hopping
@@ -59,6 +61,12 @@ def test_without_free_fall_the_floor_tells_and_the_size():
     assert "the format's own unit" in found.reason
     found, up = guess_unit_and_up(raw(walking()[..., [1, 2, 0]] * 1000, "mm"))
     assert (found.value, up.value) == ("mm", "y")
+
+
+def test_a_unit_that_the_file_does_not_state_is_not_called_its_own():
+    found, _ = guess_unit_and_up(replace(raw(walking() * 1000, "mm"), unit_is_stated=False))
+    assert found.value == "mm"
+    assert "usual, the file states none; the markers span" in found.reason
 
 
 def test_what_cannot_be_guessed_is_said_to_be_unsure():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hopdata.recordings.importing import choose_unit
+from hopdata.recordings.length_unit import choose_unit
 from hopdata.recordings.plausibility import PLAUSIBLE_EXTENT_M
 from hopdata.recordings.quality.free_fall import UNITS_IN_M, FreeFall, free_fall
 from hopdata.recordings.quality.resting import CLEARER, FLAT, flattest_direction
@@ -67,7 +67,8 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
     size = extent(raw.positions) * UNITS_IN_M[unit]
     low, high = PLAUSIBLE_EXTENT_M
     fits = low <= size <= high
-    why = "the format's own unit" if unit == raw.unit else f"in {raw.unit} the size would be absurd"
+    own = "the format's own unit" if raw.unit_is_stated else "usual, the file states none"
+    why = own if unit == raw.unit else f"in {raw.unit} the size would be absurd"
     return Guess(unit, f"{why}; the markers span {size:.2f} m", is_sure=fits)
 
 

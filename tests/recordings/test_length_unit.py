@@ -1,0 +1,120 @@
+"""The unit of a recording, and what is said where it is a guess."""
+
+import numpy as np
+import pytest
+from qtm_files import NAMES, UPRIGHT, qtm_text, standing, write
+from trc_files import trc_text
+
+from hopdata.recordings.c3d_writing import write_c3d
+from hopdata.recordings.importing import import_recording
+from hopdata.recordings.length_unit import choose_unit
+from hopdata.recordings.raw import RawRecording
+from hopdata.recordings.remarks import notes
+from hopdata.recordings.span import extent
+
+MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
+SILENT = {"Units": None}
+
+
+def imported(path, **options):
+    return import_recording(path, name="trial", markers=MARKERS, **options)[0]
+
+
+def trc(folder, *, scale=1000.0, name="a.trc", positions=None, **options):
+    positions = standing(scale=scale) if positions is None else positions
+    return write(folder, trc_text(positions, NAMES, **options), name)
+
+
+def c3d(folder, *, scale=1000.0, unit="mm", states=True):
+    path = folder / "a.c3d"
+    write_c3d(path, RawRecording(NAMES, np.arange(40) / 100, standing(scale=scale), 100.0, unit))
+    if not states:
+        path.write_bytes(path.read_bytes().replace(b"UNITS", b"OTHER"))
+    return path
+
+
+def table(folder, *, scale=1000.0):
+    """A table that only looks like an export: no key says who wrote it."""
+    keys = ("NO_OF_FRAMES", "NO_OF_CAMERAS", "NO_OF_MARKERS", "FREQUENCY", "NO_OF_ANALOG")
+    keys += ("ANALOG_FREQUENCY", "DESCRIPTION", "TIME_STAMP", "DATA_INCLUDED", "MARKER_NAMES")
+    bare = dict.fromkeys((*keys, "TRAJECTORY_TYPES"))
+    return write(folder, qtm_text(standing(scale=scale, wobble=0.002), header=bare), "a.txt")
+
+
+def test_of_two_units_never_both_fit():
+    for size in np.geomspace(1e-4, 1e5, 200):
+        positions = size * UPRIGHT[np.newaxis]
+        by_mm = choose_unit(positions, unit="auto", nominal="mm")
+        by_m = choose_unit(positions, unit="auto", nominal="m")
+        assert by_mm == by_m or size < 0.1 or size > 10  # outside, the format's own unit stays
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1000.0, "mm"), (1.0, "m")])
+@pytest.mark.parametrize(
+    "silent",
+    [
+        lambda folder, scale: trc(folder, scale=scale, values=SILENT),
+        lambda folder, scale: c3d(folder, scale=scale, states=False),
+        lambda folder, scale: table(folder, scale=scale),
+    ],
+    ids=["trc", "c3d", "table"],
+)
+def test_a_guess_is_said_until_the_unit_is_given(tmp_path, silent, scale, unit):
+    path = silent(tmp_path, scale)
+    guessed, given = imported(path), imported(path, unit=unit)
+    assert np.array_equal(guessed.positions, given.positions)
+    assert given.remarks == ()
+    (remark,) = guessed.remarks
+    assert remark == (
+        f"{path}: unit: expected the file to state it, found none; taken for {unit}, in which the "
+        f"markers span {extent(guessed.positions):.3g} m; input.unit: {unit} makes it certain"
+    )
+    assert remark in notes(guessed)
+
+
+def test_what_the_file_states_or_its_format_prescribes_is_no_guess(tmp_path):
+    files = [
+        trc(tmp_path),
+        c3d(tmp_path),
+        c3d(tmp_path, scale=1.0, unit="m"),
+        write(tmp_path, qtm_text()),
+    ]
+    for path in files:
+        assert imported(path).remarks == ()
+
+
+def test_a_stated_unit_that_cannot_be_is_said(tmp_path):
+    path = trc(tmp_path, scale=1.0)
+    assert imported(path).remarks == (
+        f"{path}: unit: expected mm as stated, found markers that would span 0.000603 m in it; "
+        "taken for m, in which the markers span 0.603 m; input.unit: m makes it certain",
+    )
+    assert imported(path, unit="m").remarks == ()
+
+
+def test_the_fall_is_a_reason(tmp_path):
+    """Every second all markers fly for 0.4 s."""
+    time = np.arange(200) / 100
+    phase = np.clip(time % 1.0, 0, 0.4)
+    height = 0.5 * 9.81 * phase * (0.4 - phase)
+    positions = np.tile(1000 * UPRIGHT, (200, 1, 1))
+    positions[:, :, 2] += 1000 * height[:, None]
+    (remark,) = imported(trc(tmp_path, positions=positions, values=SILENT)).remarks
+    assert "in which the markers span 0.601 m and fall at 9.81 m/s² in 34 %" in remark
+    assert "of the frames; input.unit: mm makes" in remark
+
+
+def test_of_joined_files_those_that_are_silent_are_named(tmp_path):
+    rows = [
+        trc(tmp_path, name="a.trc"),
+        *(trc(tmp_path, name=f"{name}.trc", values=SILENT) for name in "bc"),
+    ]
+    (remark,) = [remark for remark in imported(rows).remarks if "unit" in remark]
+    assert remark.startswith(f"{tmp_path}/b.trc and 1 more: unit: expected the file to state it")
+
+
+def test_a_file_in_which_no_size_is_seen_keeps_the_usual_unit(tmp_path):
+    positions = standing()
+    positions[:, 1:] = np.nan
+    (remark,) = imported(trc(tmp_path, positions=positions, values=SILENT)).remarks
+    assert "taken for mm, which is usual; input.unit: mm makes it certain" in remark
