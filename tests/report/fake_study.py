@@ -197,6 +197,10 @@ def faults(n: int = 2) -> pd.DataFrame:
     )
 
 
+def remarks(n: int = 1) -> pd.DataFrame:
+    return pd.DataFrame({"recording": "hopper", "remark": ["a.trc: unit: taken for mm"] * n})
+
+
 def provenance() -> dict[str, object]:
     return {
         "study": "sample",
@@ -237,6 +241,7 @@ def full_study(**changes: object) -> ReportInputs:
         "verdict": verdict(),
         "quality": quality(),
         "faults": faults(),
+        "remarks": remarks(),
         "notes": [{"what": "splits of 52/18 instead of 120/41", "reason": "class 1>2>3 has 70"}],
     }
     return ReportInputs(**(parts | changes))  # type: ignore[arg-type]

@@ -12,6 +12,7 @@ from fake_study import (
     floors,
     full_study,
     prediction,
+    remarks,
     touchdowns,
 )
 
@@ -106,6 +107,7 @@ def test_every_table_is_there(full):
         "The difference in windows of contact spread",
         "Can these data be trusted?",
         "Faults of the recordings",
+        "Remarks on the recordings",
         "Every touchdown that was left out",
         "Recordings",
         "Floor",
@@ -139,8 +141,14 @@ def test_the_worst_checks_are_named_first():
 
 
 def test_long_lists_of_faults_and_exclusions_end_with_how_many_more():
-    text = Page(build_report(full_study(faults=faults(50)))).text
+    text = Page(build_report(full_study(faults=faults(50), remarks=remarks(40)))).text
     assert "20 more in tables/faults.csv" in text
+    assert "10 more in tables/remarks.csv" in text
+    assert text.count("a.trc: unit: taken for mm") == 30
+
+
+def test_without_remarks_that_is_said():
+    assert "nothing to remark" in Page(build_report(full_study(remarks=remarks(0)))).text
 
 
 def test_the_figures_are_inside_and_described(full):

@@ -143,6 +143,7 @@ rule quality:
         markers=f"{RESULTS}/tables/markers.csv",
         gaps=f"{RESULTS}/tables/gap_times.csv",
         faults=f"{RESULTS}/tables/faults.csv",
+        remarks=f"{RESULTS}/tables/remarks.csv",
         stability=f"{RESULTS}/tables/section_stability.csv",
         drift=f"{RESULTS}/tables/drift.csv",
         landings=f"{RESULTS}/tables/worst_landings.csv",

@@ -252,6 +252,7 @@ rule report:
         verdict=rules.verdict.output.verdict,
         quality=rules.quality.output.checks,
         faults=rules.quality.output.faults,
+        remarks=rules.quality.output.remarks,
         notes=[
             rules.prediction.output.notes,
             rules.subspaces.output.notes,

@@ -7,34 +7,28 @@ from hopdata.landings.quality.stability import section_stability
 from hopdata.landings.quality.worst import landing_samples, worst_landings
 from hopdata.landings.sections import Sections
 from hopdata.recordings.hdf5 import read_recording
-from hopdata.recordings.quality.tables import fault_table, gap_table, inspect, marker_table
+from hopdata.recordings.quality.tables import recording_tables
 
 with reported(snakemake.log[0]):
     source, target, params = snakemake.input, snakemake.output, snakemake.params
-    recordings = [read_recording(path) for path in source.recordings]
-    inspections = [(recording, inspect(recording)) for recording in recordings]
     levelled = [read_recording(path) for path in source.levelled]
     touchdowns = read_table(source.touchdowns)
     sections = Sections.from_dict(read_json(source.sections))
     options = {key: value for key, value in params.sections.items() if key != "grid_nodes"}
     worst = worst_landings(touchdowns, params.number)
     tables = {
-        "markers": marker_table(inspections),
-        "faults": fault_table(inspections),
+        **recording_tables(read_recording(path) for path in source.recordings),
         "stability": section_stability(levelled, sections, options),
         "drift": drift_table(levelled, touchdowns),
+        "landings": worst,
+        "samples": landing_samples(levelled, worst),
     }
     checks = check_study(
         touchdowns=touchdowns,
         expected_noise_m=params.noise_m,
         other_feet=options["frames"] == "landings",
-        **tables,
+        **{name: tables[name] for name in ("markers", "faults", "stability", "drift")},
     )
-    others = {
-        "gaps": gap_table(inspections),
-        "landings": worst,
-        "samples": landing_samples(levelled, worst),
-    }
-    for name, table in {**tables, **others}.items():
+    for name, table in tables.items():
         write_table(getattr(target, name), table)
     write_json(target.checks, [check.to_dict() for check in checks])

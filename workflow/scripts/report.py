@@ -9,6 +9,8 @@ from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
 from hopdata.report.page import build_report
 from hopdata.report.steering import read_sections
 
+TABLES = ("touchdowns", "prediction", "distances", "faults", "remarks")
+
 with reported(snakemake.log[0]):
     source = snakemake.input
     recordings = [read_recording(path) for path in source.recordings]
@@ -22,18 +24,15 @@ with reported(snakemake.log[0]):
             figures=read_figures(source.figures, source.captions),
             recordings=[describe_recording(r) for r in recordings],
             filled=read_table(source.filled[0]) if source.filled else None,
-            touchdowns=read_table(source.touchdowns),
             sections=read_json(source.sections),
             units=read_json(source.units),
             provenance=record,
             floors={r.name: read_json(p) for r, p in zip(recordings, source.floors, strict=True)},
-            prediction=read_table(source.prediction),
-            distances=read_table(source.distances),
             truth=read_json(source.truth),
             verdict=read_json(source.verdict),
             overlay={Path(path).stem: read_table(path) for path in source.overlay},
             quality=read_json(source.quality),
-            faults=read_table(source.faults),
+            **{name: read_table(getattr(source, name)) for name in TABLES},
             notes=[note for path in source.notes for note in read_json(path)],
             steering=read_sections(snakemake.params.study, dict(source.items())),
         )

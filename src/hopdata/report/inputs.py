@@ -105,6 +105,8 @@ class ReportInputs:
         Contents of ``quality.json``: checks with ``what, value, unit, good, poor, status, remark``.
     faults : DataFrame, optional
         ``faults.csv``.
+    remarks : DataFrame, optional
+        ``remarks.csv``.
     notes : sequence
         What could not be done, each a sentence or a mapping with ``what`` and ``reason``.
     steering : SteeringInputs, optional
@@ -127,6 +129,7 @@ class ReportInputs:
     overlay: Mapping[str, pd.DataFrame] = field(default_factory=dict)
     quality: Sequence[Mapping[str, Any]] | None = None
     faults: pd.DataFrame | None = None
+    remarks: pd.DataFrame | None = None
     notes: Sequence[str | Mapping[str, Any]] = ()
     steering: SteeringInputs | None = None
 

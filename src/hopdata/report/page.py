@@ -153,6 +153,7 @@ def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
         "windows": verdict.windows_table(inputs.verdict),
         "quality": quality.quality_table(inputs.quality),
         "faults": quality.faults_table(inputs.faults),
+        "remarks": quality.remarks_table(inputs.remarks),
         "excluded": quality.excluded_table(inputs.touchdowns),
         "recordings": landing_tables.recordings_table(inputs.recordings),
         "filled": landing_tables.filled_table(inputs.filled, inputs.touchdowns),

@@ -84,6 +84,18 @@ def faults_table(faults: pd.DataFrame | None) -> Table | None:
     return Table("Faults of the recordings", head, rows, text_columns=4, note=note)
 
 
+def remarks_table(remarks: pd.DataFrame | None) -> Table | None:
+    """One row a remark on a recording: what was guessed or put right, the first thirty."""
+    if remarks is None or remarks.empty:
+        return None
+    shown = remarks.head(MOST_FAULTS).to_dict("records")
+    rows = tuple((str(row["recording"]), str(row["remark"])) for row in shown)
+    left = len(remarks) - len(rows)
+    note = f"{count(left)} more in tables/remarks.csv." if left > 0 else ""
+    head = ("recording", "remark")
+    return Table("Remarks on the recordings", head, rows, text_columns=2, note=note)
+
+
 def excluded_table(touchdowns: pd.DataFrame | None) -> Table | None:
     """One row a touchdown that was left out, with its reason."""
     if touchdowns is None or touchdowns.empty:

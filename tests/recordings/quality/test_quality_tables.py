@@ -1,10 +1,19 @@
 """Tables of gaps and faults: what was planted in a recording stands in them, and no more."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from hopdata.recordings.hdf5 import read_recording
-from hopdata.recordings.quality.tables import fault_table, gap_table, inspect, marker_table
+from hopdata.recordings.hdf5 import read_recording, write_recording
+from hopdata.recordings.quality.tables import (
+    fault_table,
+    gap_table,
+    inspect,
+    marker_table,
+    recording_tables,
+    remark_table,
+)
 from hopdata.recordings.recording import Recording
 
 
@@ -73,3 +82,23 @@ def test_a_pause_is_no_fault(clean):
     time[1000:] += 1.0  # as between joined files
     paused = Recording("paused", time, clean.positions, clean.markers, clean.roles, clean.rate_hz)
     assert fault_table([(paused, inspect(paused))]).empty
+
+
+def test_remarks_stand_with_their_recording(clean, tmp_path):
+    guessed = replace(clean, name="guessed", remarks=("a.trc: unit: taken for mm",))
+    table = remark_table([clean, guessed])
+    assert list(table.itertuples(index=False, name=None)) == [("guessed", guessed.remarks[0])]
+    path = tmp_path / "guessed.h5"
+    write_recording(path, guessed)
+    assert remark_table([read_recording(path)]).equals(table)
+    assert list(remark_table([clean]).columns) == ["recording", "remark"]
+
+
+def test_all_tables_of_some_recordings(clean, faulty):
+    tables = recording_tables(iter([clean, faulty]))
+    assert {name: set(table["recording"]) for name, table in tables.items()} == {
+        "markers": {"run", "faulty"},
+        "gaps": {"faulty"},
+        "faults": {"faulty"},
+        "remarks": set(),
+    }

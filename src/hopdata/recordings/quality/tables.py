@@ -9,11 +9,13 @@ from hopdata.recordings.joining import is_pause
 from hopdata.recordings.quality.inspection import Inspection, inspect_recording
 from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.recording import Recording
+from hopdata.recordings.remarks import notes
 
 if TYPE_CHECKING:
     import pandas as pd
 
 GAP_COLUMNS = ("recording", "marker", "role", "start_s", "stop_s", "frames")
+REMARK_COLUMNS = ("recording", "remark")
 FAULT_COLUMNS = ("recording", "kind", "marker", "start_s", "stop_s", "remark")
 MARKER_COLUMNS = (
     *("recording", "marker", "role", "duration_s", "frames"),
@@ -29,6 +31,18 @@ def inspect(recording: Recording) -> Inspection:
         recording.markers, recording.time, recording.positions, recording.rate_hz, unit="m"
     )
     return inspect_recording(raw, unit="m", up="z")
+
+
+def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]:
+    """Inspect recordings; return their tables ``markers``, ``gaps``, ``faults``, ``remarks``."""
+    recordings = list(recordings)
+    inspections = [(recording, inspect(recording)) for recording in recordings]
+    return {
+        "markers": marker_table(inspections),
+        "gaps": gap_table(inspections),
+        "faults": fault_table(inspections),
+        "remarks": remark_table(recordings),
+    }
 
 
 def marker_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
@@ -74,6 +88,14 @@ def fault_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
         if not (kind == "dropped" and is_pause(recording.time, recording.rate_hz)[start])
     ]
     return pd.DataFrame(rows, columns=list(FAULT_COLUMNS))
+
+
+def remark_table(recordings: Iterable[Recording]) -> pd.DataFrame:
+    """One row a remark on a recording, as `hopdata check` notes them: a guessed unit, for one."""
+    import pandas as pd
+
+    rows = [(recording.name, note) for recording in recordings for note in notes(recording)]
+    return pd.DataFrame(rows, columns=list(REMARK_COLUMNS))
 
 
 def _faults(found: Inspection) -> Iterator[tuple[str, str, int, int, str]]:
