@@ -1,5 +1,6 @@
 """``hopdata check`` says what was guessed."""
 
+import numpy as np
 import pytest
 from made_up_files import export
 from made_up_hopper import MARKERS, hopping
@@ -42,3 +43,8 @@ def test_a_unit_that_was_guessed_is_noted_with_the_key_that_settles_it(check, tm
 
 def test_a_unit_that_the_format_prescribes_is_not_noted(check, tmp_path):
     assert check(export(tmp_path)) == []
+
+
+def test_whole_millimetres_are_noted(check, tmp_path):
+    (note,) = check(export(tmp_path, np.round(hopping(1)[1], 3)))
+    assert "coordinates are rounded to 1 mm, which adds noise of 0.29 mm" in note

@@ -8,7 +8,7 @@ from hopdata.errors import RecordingError
 from hopdata.recordings.joining import PAUSE_S
 from hopdata.recordings.plausibility import check_plausible
 from hopdata.recordings.recording import Recording
-from hopdata.recordings.remarks import notes
+from hopdata.recordings.remarks import notes, rounded_to
 from hopdata.recordings.span import body_over_feet, extent, fraction_seen
 
 ROLES = ("body", "body", "body", "foot", "foot")
@@ -184,3 +184,26 @@ def test_a_frozen_marker_is_refused_and_one_that_rests_is_not():
     rests = recording()
     rests.positions[:60, 3] = rests.positions[0, 3]
     check_plausible(rests)
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+@pytest.mark.parametrize(
+    ("step", "text"),
+    [(0.01, "10 mm, which adds noise of 2.9 mm"), (0.001, "1 mm, which adds noise of 0.29 mm")],
+)
+def test_whole_millimetres_are_noted(step, text, kind):
+    """Also as a file keeps them, in float32, and far from the origin."""
+    positions = np.round((recording().positions + 5) / step) * step
+    positions[3, 2] = np.nan
+    rounded = recording(positions=positions.astype(kind).astype(float))
+    check_plausible(rounded)
+    assert notes(rounded) == [
+        f"recording 'trial': coordinates are rounded to {text} (standard deviation) to each; "
+        "export more digits"
+    ]
+    positions[50, 1, 2] += 3e-4
+    assert notes(recording(positions=positions)) == []
+
+
+def test_nothing_seen_is_not_rounded():
+    assert rounded_to(np.full((20, 5, 3), np.nan)) is None

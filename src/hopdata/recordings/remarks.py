@@ -6,15 +6,17 @@ import numpy as np
 
 from hopdata.recordings.joining import is_pause
 from hopdata.recordings.quality.resting import high_feet
+from hopdata.recordings.raw import FloatArray
 from hopdata.recordings.recording import Recording
-from hopdata.recordings.span import body_over_feet, fraction_seen
+from hopdata.recordings.span import body_over_feet, fraction_seen, sampled
 
 MISSING_NOTE_FRACTION = 0.1
 HIGH_FOOT = 0.2  # of the body's height over the feet: no mount and no floor is so uneven
+ROUNDED_TO_M = (0.01, 0.001)  # the coarser first; finer is lost in the noise of any camera
 
 
 def notes(recording: Recording) -> list[str]:
-    """Remarks that do not stop the analysis: the reader's, markers often unseen, frames dropped.
+    """Remarks that do not stop the analysis: the reader's, markers unseen, rounding, lost frames.
 
     Returns
     -------
@@ -32,7 +34,38 @@ def notes(recording: Recording) -> list[str]:
         f"{recording.place}: {remark}; does it touch the ground?"
         for remark in high_feet(recording.feet[:, :, 2], recording.names("foot"), above_m=high)
     ]
-    return remarks + [f"{recording.place}: {remark}" for remark in _missing_times(recording)]
+    more = [*_rounding(recording), *_missing_times(recording)]
+    return remarks + [f"{recording.place}: {remark}" for remark in more]
+
+
+def rounded_to(positions: FloatArray) -> float | None:
+    """Step of which all coordinates (N, M, 3), m, are multiples; None if there is none so coarse.
+
+    What float32 makes of a multiple is one.
+    """
+    for step in ROUNDED_TO_M:
+        if all(_all_multiples(part, step) for part in (sampled(positions), positions)):
+            return step
+    return None
+
+
+def _all_multiples(positions: FloatArray, step: float) -> bool:
+    """Tell whether all that is seen is a multiple of a step, and something is seen."""
+    seen = positions[np.isfinite(positions)]
+    off = np.abs(seen - step * np.round(seen / step))
+    return bool(seen.size and np.all(off <= np.finfo(np.float32).eps * np.abs(seen)))
+
+
+def _rounding(recording: Recording) -> list[str]:
+    """Say how coarsely the file's coordinates are rounded, and what noise that is."""
+    step = rounded_to(recording.positions)
+    if step is None:
+        return []
+    noise_mm = 1e3 * step / np.sqrt(12)
+    return [
+        f"coordinates are rounded to {1e3 * step:g} mm, which adds noise of {noise_mm:.2g} mm "
+        "(standard deviation) to each; export more digits"
+    ]
 
 
 def _missing_times(recording: Recording) -> list[str]:
