@@ -25,9 +25,14 @@ class AnalysisError(HopdataError):
 def did_you_mean(name: str, choices: Iterable[str]) -> str:
     """Return ``"; did you mean 'x'?"`` for the nearest of `choices`, or an empty string."""
     choices = list(choices)
-    near = [choice for choice in choices if choice.casefold() == name.casefold()]
+    near = [choice for choice in choices if _plain(choice) == _plain(name)]
     near = near or difflib.get_close_matches(name, choices, n=1, cutoff=0.5)
     return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def _plain(name: str) -> str:
+    """Return a name without what is easily overlooked: case, spaces at its ends, kinds of space."""
+    return " ".join(name.split()).casefold()
 
 
 def require_choice(key: str, value: str, choices: Iterable[str]) -> None:

@@ -61,6 +61,17 @@ def test_the_unit_is_found_or_given(tmp_path, scale, unit):
     np.testing.assert_allclose(found.body[:, :, 2].mean(), UPRIGHT[:3, 2].mean(), atol=0.02)
 
 
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [("hip left ", "'hip left '"), (" HIP LEFT", "' HIP LEFT'"), ("hip\xa0left", r"'hip\xa0left'")],
+)
+def test_a_space_in_a_name_is_seen_and_the_name_without_it_is_suggested(tmp_path, name, shown):
+    path = write(tmp_path, qtm_text())
+    with pytest.raises(RecordingError) as caught:
+        imported(path, {"body": [name, *NAMES[1:3]], "feet": NAMES[3:]})
+    assert str(caught.value).endswith(f"found {shown}; did you mean 'hip left'?")
+
+
 def test_the_sample_reads_as_it_was_written(tmp_path, sample_path):
     markers = {**SAMPLE_MARKERS, "boom": ["boom"]}
     recording = imported(sample_path, markers)

@@ -109,7 +109,7 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
             if marker not in raw.markers:
                 raise RecordingError(
                     f"{path}: markers.{key}: expected a marker of the file "
-                    f"({_listed(raw.markers)}), found '{marker}'{did_you_mean(marker, raw.markers)}"
+                    f"({_listed(raw.markers)}), found {marker!r}{did_you_mean(marker, raw.markers)}"
                 )
             if marker in chosen:
                 raise RecordingError(
