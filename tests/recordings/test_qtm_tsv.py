@@ -305,6 +305,21 @@ def test_a_table_may_spell_its_columns_in_its_own_way(tmp_path, separator):
     np.testing.assert_allclose(raw.positions, ROUNDED, atol=1e-9)
 
 
+@pytest.mark.parametrize("axes", ["XYZ", "xyz"])
+def test_axes_may_be_small_letters(tmp_path, axes):
+    title = ["Time", *(f"{name} {axis}" for name in NAMES for axis in axes)]
+    rows = [row.split("\t", 1)[1] for row in data_rows(POSITIONS)]
+    path = write(tmp_path, "\n".join(["\t".join(title), *rows]), "table.txt")
+    assert read_raw(path).markers == NAMES
+
+
+def test_a_space_behind_a_name_is_none_of_its_letters(tmp_path):
+    names = ("hip left ", *NAMES[1:])
+    raw = read(tmp_path, qtm_text(POSITIONS, names=names))
+    assert raw.markers == NAMES
+    np.testing.assert_allclose(raw.positions, ROUNDED, atol=1e-9)
+
+
 @pytest.mark.parametrize("counters", [True, False])
 def test_nothing_but_numbers_gives_numbered_markers(tmp_path, counters):
     text = "\n".join(data_rows(POSITIONS, counters=counters))

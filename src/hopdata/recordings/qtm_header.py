@@ -170,15 +170,17 @@ def _is_column_row(fields: list[str]) -> bool:
 def coordinate_stems(columns: list[str]) -> list[str] | None:
     """Marker names of columns that come in threes of ``<name> X``, ``Y``, ``Z``, else None.
 
-    Between name and axis may stand a space, a point, an underscore or nothing.
+    Axes may be small letters. Between name and axis may stand a space, a point, an underscore or
+    nothing. Spaces about a name are none of its letters, as in the row of marker names.
     """
     stems = []
     for i in range(0, len(columns) - 2, 3):
         x, y, z = columns[i : i + 3]
-        if (x[-1:], y[-1:], z[-1:]) != ("X", "Y", "Z") or not x[:-1] == y[:-1] == z[:-1]:
+        if x[-1:] + y[-1:] + z[-1:] not in ("XYZ", "xyz") or not x[:-1] == y[:-1] == z[:-1]:
             return None
         stems.append(x[:-1])
     if not stems or len(columns) % 3:
         return None
     ends = {stem[-1:] for stem in stems}
-    return [stem[:-1] for stem in stems] if len(ends) == 1 and ends <= set(" ._") else stems
+    separated = len(ends) == 1 and ends <= set(" ._")
+    return [(stem[:-1] if separated else stem).strip() for stem in stems]
