@@ -9,6 +9,10 @@ from typing import Any
 from hopdata.report.formatting import is_missing, plain
 
 
+#: Characters from which a text needs a column wide enough to read.
+PROSE = 40
+
+
 @dataclass(frozen=True)
 class Table:
     """Cells of text under a title; all but the first `text_columns` columns are numbers."""
@@ -20,10 +24,12 @@ class Table:
     note: str = ""
 
     def kind(self, column: int) -> str:
-        """Class of a column's cells: ``text``, ``number`` or ``unit``."""
+        """Class of a column's cells: ``text``, ``prose`` (long texts), ``number`` or ``unit``."""
         if self.head[column] == "unit":
             return "unit"
-        return "text" if column < self.text_columns else "number"
+        if column >= self.text_columns:
+            return "number"
+        return "prose" if any(len(row[column]) > PROSE for row in self.rows) else "text"
 
 
 def mapping_table(title: str, head: tuple[str, str], entries: Mapping[str, Any]) -> Table | None:
