@@ -73,6 +73,12 @@ def test_at_least_two_ticks_hold_the_boxes_between_them(spread):
     assert top >= high
 
 
+def test_no_whisker_lies_on_the_line_of_an_axis():
+    row = {"model": "all", "p2_5": 0.00102, "q25": 0.01, "median": 0.02, "q75": 0.05}
+    figure = prediction_figure(pd.DataFrame([row | {"p97_5": 0.0984}]), units())
+    assert figure.axes[0].get_ylim() == pytest.approx((0.0005, 0.2))
+
+
 def test_errors_of_zero_do_not_break_the_logarithmic_axis():
     row = {"model": "all", "p2_5": 0.0, "q25": 0.0, "median": 0.0, "q75": 0.0, "p97_5": 0.0}
     figure = prediction_figure(pd.DataFrame([row]), units())

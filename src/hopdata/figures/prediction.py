@@ -39,6 +39,8 @@ MODELS: Mapping[str, str] = {
 AFFINE = ("specialised", "near", "all", "far")
 # A wider gap parts the affine models from the means.
 PLACES = {name: i + 0.4 * (name not in AFFINE) for i, name in enumerate(MODELS)}
+# Free part of the axis beyond the boxes, of their range: no whisker lies on its line.
+ROOM = 0.04
 QUANTILES = ("p2_5", "q25", "median", "q75", "p97_5")
 
 
@@ -141,11 +143,13 @@ def _tick_decades(axes: Axes) -> None:
 
 
 def _round_limits(values: Sequence[float]) -> tuple[float, float]:
-    """Nearest 1, 2 or 5 of a decade below and above all values, so that both ends bear a tick."""
+    """Nearest 1, 2 or 5 of a decade well below and above all values: both ends bear a tick."""
     low, high = min(values), max(values)
     if low <= 0:
         low = high / 1e6 if high > 0 else 1e-6
     high = max(high, low)
+    room = (high / low) ** ROOM
+    low, high = low / room, high * room
     decades = range(math.floor(math.log10(low)) - 1, math.ceil(math.log10(high)) + 2)
     ticks = [step * 10.0**decade for decade in decades for step in (1, 2, 5)]
     return max(t for t in ticks if t < low), min(t for t in ticks if t > high)
