@@ -10,7 +10,7 @@ SENTENCES = {
     "(95 % interval 0.32 to 0.45, p = 0.0005).",
     "no difference": "No difference between the maps of different contact orders larger than 0.12 "
     "of the map, at 95 % confidence (p = 0.73).",
-    "cannot tell": "This data cannot tell: no difference was found (p = 0.95), but one of up to "
+    "cannot tell": "These data cannot tell: no difference was found (p = 0.95), but one of up to "
     "0.33 of the map cannot be excluded, and 0.2 was wanted.",
 }
 EFFECTS = {  # estimate, low, high, upper bound, detectable, p
@@ -135,7 +135,7 @@ def test_one_window_is_enough():
 
 @pytest.mark.parametrize("table", [windows(), windows(5).iloc[:0]])
 def test_without_an_answer_the_picture_says_why(table):
-    sentence = "This data cannot tell: " + 12 * "a reason that is long, " + "and ends."
+    sentence = "These data cannot tell: " + 12 * "a reason that is long, " + "and ends."
     figure = verdict_figure(verdict(effect=None, sentence=sentence), table)
     assert figure.axes == []
     assert " ".join(figure.texts[0].get_text().split()) == sentence

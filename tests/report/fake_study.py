@@ -163,7 +163,7 @@ def no_answer() -> dict[str, object]:
     reason = "120 landings are too few for second-order terms"
     return verdict(
         conclusion="cannot tell",
-        sentence=f"This data cannot tell: {reason}.",
+        sentence=f"These data cannot tell: {reason}.",
         effect=None,
         test=None,
         specialised=None,

@@ -68,7 +68,7 @@ def test_a_study_without_an_answer_has_a_page_that_says_why():
     page = Page(build_report(full_study(verdict=no_answer())))
     assert page.unbalanced == page.open == []
     for words in (
-        "This data cannot tell: 120 landings are too few",
+        "These data cannot tell: 120 landings are too few",
         "No test could be made.",
         "No window holds landings enough.",
         "verdict: 120 landings are too few for second-order terms",

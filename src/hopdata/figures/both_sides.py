@@ -57,5 +57,5 @@ def _in_short(verdict: Mapping[str, Any]) -> str:
     size = {
         "different": f"different by {effect['estimate']:.2g}",
         "no difference": f"no difference above {effect['upper_bound']:.2g}",
-    }.get(verdict["conclusion"], "this data cannot tell")
+    }.get(verdict["conclusion"], "these data cannot tell")
     return f"{size} (p = {test['p_value']:.2g})"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # Estimator: what the reader sees, colour, line style, marker. OLS on rigid-body coordinates is the
 # printed one but for rounding, and is left out.
 LINES: dict[str, tuple[str, str, Any, str]] = {
-    "printed": ("OLS, as printed", GREY, "-", "o"),
+    "printed": ("least squares, as printed", GREY, "-", "o"),
     "corrected": ("corrected for noise", ORANGE, (0, (5, 1.5)), "s"),
     "curved": ("with curvature", BLUE, (0, (1.5, 1.2)), "^"),
     "corrected_curved": ("with both", VERMILION, "-", "D"),

@@ -63,7 +63,7 @@ def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) 
     }
     if len(found) < 2:
         return message_figure("The landing map could not be estimated: too few landings.")
-    maps = {"OLS, as printed": found[PRINTED], "noise and curvature\ncorrected": found[BEST]}
+    maps = {"least squares,\nas printed": found[PRINTED], "noise and curvature\ncorrected": found[BEST]}
     if exact is None:
         differences = {"printed\nminus corrected": found[PRINTED] - found[BEST]}
     else:
@@ -81,7 +81,7 @@ def _draw_all(maps: Mapping[str, Any], differences: Mapping[str, Any]) -> Figure
     panels = figure.subplots(1, len(maps) + len(differences), sharey=True)
     groups = (
         (panels[: len(maps)], maps, "maps (mm per sd of the input)"),
-        (panels[len(maps) :], differences, "differences (mm)"),
+        (panels[len(maps) :], differences, "differences (mm per sd of the input)"),
     )
     for axes, matrices, label in groups:
         limit = max(float(np.abs(matrix).max()) for matrix in matrices.values())

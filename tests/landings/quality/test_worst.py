@@ -36,7 +36,7 @@ def test_one_of_each_reason_then_the_least_sure_in_turn():
     assert found["why"][0] == "excluded (3 times): late"
     assert found["why"][1] == "excluded (once): poor"
     assert list(found["index"][2:]) == [3, 5, 7, 1]  # error 4, p 0.6, error 3, p 0.7
-    assert list(found["why"][2:4]) == ["largest error", "most doubtful order"]
+    assert list(found["why"][2:4]) == ["least sure contact", "most doubtful order"]
 
 
 @pytest.mark.parametrize("number", [1, 2, 50])

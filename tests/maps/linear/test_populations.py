@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from hopdata.maps.linear.populations import (
+    Population,
     common_split,
     large_enough,
     needed_training,
@@ -55,9 +56,18 @@ def test_the_smallest_kept_population_decides_the_split():
     assert notes == []
     sizes, scaled = common_split(kept, 120, 41)
     assert sizes == split_sizes(100, 120, 41)
-    assert scaled[0]["reason"] == "schedule 1>2 has 100 landings"
+    assert scaled[0] == {
+        "what": "All models were trained on 75 and tested on 25 touchdowns instead of 120 and 41",
+        "reason": "the rarest order with a model of its own, 1>2, has only 100",
+    }
     assert common_split(kept[1:], 120, 41) == ((120, 41), [])
     assert common_split([], 120, 41) == ((120, 41), [])
+
+
+@pytest.mark.parametrize(("kind", "words"), [("near", "30 near touchdowns"), ("all", "30 touch")])
+def test_a_split_without_classes_says_how_few_touchdowns_there_are(kind, words):
+    (note,) = common_split([Population(kind, "", np.arange(30))], 120, 41)[1]
+    assert f"there are only {words}" in note["reason"]
 
 
 def test_what_is_too_small_does_not_shrink_the_others():

@@ -104,7 +104,7 @@ def test_splits_are_scaled_alike_for_all_models():
     result = bootstrap_prediction(x, y, schedule, spread, seed=1, bootstraps=10)
     smallest = min(np.unique(schedule, return_counts=True)[1])
     assert (result.errors["n_train"] + result.errors["n_test"] == smallest).all()
-    assert any("instead of 120/41" in note["what"] for note in result.notes)
+    assert any("instead of 120 and 41" in note["what"] for note in result.notes)
 
 
 def test_thirty_nine_landings_give_what_they_can():

@@ -49,7 +49,7 @@ def worst_landings(touchdowns: pd.DataFrame, number: int = 12) -> pd.DataFrame:
     by_error = errors.sort_values(ascending=False, kind="stable").index
     by_order = used["probability"].sort_values(kind="stable").index
     for largest, doubtful in zip(by_error, by_order, strict=True):
-        for row, why in ((largest, "largest error"), (doubtful, "most doubtful order")):
+        for row, why in ((largest, "least sure contact"), (doubtful, "most doubtful order")):
             if len(picked) < number and int(row) not in picked:
                 picked[int(row)] = why
     table = touchdowns.loc[list(picked)].reset_index(drop=True)

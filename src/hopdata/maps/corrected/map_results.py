@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 #: Estimators in the order of the table, with what each is.
 ESTIMATORS = {
-    "printed": "affine OLS on marker coordinates, as printed",
-    "ols": "OLS on rigid-body coordinates",
+    "printed": "affine least squares on marker coordinates, as printed",
+    "ols": "least squares on rigid-body coordinates",
     "corrected": "errors in variables",
     "curved": "curvature-aware",
     "corrected_curved": "errors in variables and curvature-aware",

@@ -118,6 +118,17 @@ def common_split(
     sizes = split_sizes(len(smallest.rows), train, test)
     if sizes == (train, test):
         return sizes, []
-    reason = f"{smallest.name} has {len(smallest.rows)} landings"
-    what = f"splits of {sizes[0]}/{sizes[1]} instead of {train}/{test} for all models"
-    return sizes, [{"what": what, "reason": reason}]
+    what = (
+        f"All models were trained on {sizes[0]} and tested on {sizes[1]} touchdowns instead of "
+        f"{train} and {test}"
+    )
+    return sizes, [{"what": what, "reason": _fewest(smallest)}]
+
+
+def _fewest(smallest: Population) -> str:
+    """Say which landings are so few that they decide the size of the splits."""
+    size = len(smallest.rows)
+    if smallest.kind == "class":
+        return f"the rarest order with a model of its own, {smallest.schedule}, has only {size}"
+    which = "" if smallest.kind == "all" else f"{smallest.kind} "
+    return f"there are only {size} {which}touchdowns"

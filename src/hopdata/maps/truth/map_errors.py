@@ -160,7 +160,7 @@ def score_maps(errors: pd.DataFrame) -> Entries:
             entries[f"map_error_{source}_{model}_{name}"] = entry(
                 float(row["median"]),
                 "1",
-                f"Median relative error of OLS against the exact map: {MODELS[str(model)]}, "
+                f"Median relative error of least squares against the exact map: {MODELS[str(model)]}, "
                 f"{row['landings']} landings, {SOURCES[str(source)]}",
             )
     return entries

@@ -128,7 +128,7 @@ def sentence(
             f"{effect.upper_bound:.2g} of the map, at {sure} confidence ({test.p_text})."
         )
     return (
-        f"This data cannot tell: no difference was found ({test.p_text}), but one of up "
+        f"These data cannot tell: no difference was found ({test.p_text}), but one of up "
         f"to {effect.upper_bound:.2g} of the map cannot be excluded, and {margin:g} was wanted."
     )
 

@@ -203,7 +203,7 @@ def _no_answer(
     reason: str, landings: int, confidence: float, margin: float, power: float, notes: Notes
 ) -> Verdict:
     note = {"what": "verdict", "reason": reason}
-    sentence = f"This data cannot tell: {reason}."
+    sentence = f"These data cannot tell: {reason}."
     return Verdict(
         CANNOT_TELL, sentence, landings, 0, confidence, margin, power, notes=[*notes, note]
     )
