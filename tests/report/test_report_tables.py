@@ -4,6 +4,7 @@ import pytest
 from fake_study import distances, floors, prediction, sections, touchdowns, truth
 
 from hopdata.report import landing_tables, result_tables
+from hopdata.report.quality import quality_table
 from hopdata.report.table import mapping_table
 
 
@@ -123,7 +124,31 @@ def test_truth_reads_as_sentences():
     rows = {row[0]: row[1:] for row in result_tables.truth_table(truth()).rows}
     assert rows["Whether near < all < far"] == ("yes", "")
     assert rows["Rms of fitted minus true floor height"] == ("—", "mm")
-    assert rows["pre section found minus that of the truth"] == ("−0.42", "mm")
+    assert rows["Pre section found minus that of the truth"] == ("−0.42", "mm")
+
+
+def test_truth_is_measured_as_elsewhere_on_the_page():
+    rows = {row[0]: row[1:] for row in result_tables.truth_table(truth()).rows}
+    assert rows["Share of right mode schedules, kink method"] == ("97.9", "%")
+    assert rows["Touchdowns without a true landing nearby"] == ("0", "touchdowns")
+    height = {"section_pre_true": {"value": 0.50318, "unit": "m", "what": "pre section"}}
+    assert result_tables.truth_table(height).rows == (("Pre section", "503.2", "mm"),)
+
+
+def test_what_has_no_truth_and_stands_elsewhere_is_left_out():
+    entry = {"value": 0.00136, "unit": "units²", "what": "Median prediction error"}
+    assert result_tables.truth_table({"mse_all": entry}) is None
+    assert len(result_tables.truth_table(truth() | {"mse_all": entry}).rows) == len(truth())
+
+
+def test_the_worst_coordinate_is_explained():
+    assert "97.5\u00a0% of the bootstraps" in result_tables.prediction_table(prediction()).note
+
+
+def test_a_check_that_must_find_nothing_wants_zero():
+    check = {"what": "faults", "value": 0.0, "unit": "", "status": "good", "remark": ""}
+    assert quality_table([check | {"good": 0.0, "poor": 10.0}]).rows[0][-2:] == ("0", "> 10")
+    assert quality_table([check | {"good": 0.5, "poor": 1.0}]).rows[0][-2:] == ("≤ 0.5", "> 1")
 
 
 def test_times_stand_longest_first():

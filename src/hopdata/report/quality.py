@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hopdata.report.formatting import MISSING, count, fixed, significant, with_unit
+from hopdata.report.formatting import MISSING, NO_BREAK_SPACE, count, fixed, significant, with_unit
 from hopdata.report.landing_tables import excluded
 from hopdata.report.table import Table
 
@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 Checks = Sequence[Mapping[str, Any]]
 
-STATUS = {"good": "● good", "look": "◐ look", "poor": "○ poor", "not known": "– not known"}
+STATUS = {
+    status: f"{sign}{NO_BREAK_SPACE}{status}"
+    for status, sign in {"good": "●", "look": "◐", "poor": "○", "not known": "–"}.items()
+}
 MOST_FAULTS = 30
 MOST_EXCLUDED = 500
 
@@ -57,8 +60,9 @@ def _limits(check: Mapping[str, Any]) -> tuple[str, str]:
     good, poor = float(check["good"]), float(check["poor"])
     signs = ("≤", ">") if good <= poor else ("≥", "<")
     unit = str(check["unit"])
+    none = good == 0.0 and signs[0] == "≤"  # nothing is less than none
     return (
-        f"{signs[0]} {with_unit(f'{good:g}', unit)}",
+        ("" if none else f"{signs[0]} ") + with_unit(f"{good:g}", unit),
         f"{signs[1]} {with_unit(f'{poor:g}', unit)}",
     )
 

@@ -27,6 +27,20 @@ KIND_NAMES = {
 }
 
 
+# Beginnings of names in truth.json that compare with no truth and stand elsewhere on the page.
+NOT_COMPARED = (
+    "mse_",
+    "excluded_",
+    "touchdowns_usable",
+    "body_travel",
+    "specialised_over_mean",
+    "all_over_specialised",
+    "cross_class_auc",
+)
+SHARES = ("labels_right_",)
+COUNTED = ("landings", "touchdowns")
+
+
 def prediction_table(summary: pd.DataFrame | None) -> Table | None:
     """One row a model, in the printed order; a model that was not fitted is listed as such."""
     if summary is None or summary.empty:
@@ -59,6 +73,10 @@ def prediction_table(summary: pd.DataFrame | None) -> Table | None:
     )
     worst = ("worst position (mm)", "worst velocity (m/s)")
     note = f"Quantiles over the bootstraps of the combined MSE, in {power}units²."
+    note += (
+        f" Worst position and velocity: {percent(97.5)} of the bootstraps keep below these with "
+        "the rms error of the coordinate of a marker that they predict worst."
+    )
     note += " A dash: not fitted, too few touchdowns." if len(found) < len(MODEL_NAMES) else ""
     return Table("Prediction errors", (*head, *worst), tuple(rows), note=note)
 
@@ -95,13 +113,28 @@ def distances_table(summary: pd.DataFrame | None) -> Table | None:
 
 def truth_table(truth: Mapping[str, Mapping[str, Any]] | None) -> Table | None:
     """One row a measure: what was found against what the simulator knew."""
-    if not truth:
-        return None
     rows = tuple(
-        (str(entry.get("what") or name), plain(entry.get("value")), _unit(entry.get("unit")))
-        for name, entry in truth.items()
+        (_capital(str(entry.get("what") or name)), *_measured(name, entry))
+        for name, entry in (truth or {}).items()
+        if not name.startswith(NOT_COMPARED)
     )
-    return Table("Found against known", ("quantity", "value", "unit"), rows)
+    return Table("Found against known", ("quantity", "value", "unit"), rows) if rows else None
+
+
+def _measured(name: str, entry: Mapping[str, Any]) -> tuple[str, str]:
+    """Return value and unit as on the rest of the page: lengths in mm, shares in per cent."""
+    value, unit = entry.get("value"), str(entry.get("unit") or "")
+    if name.startswith(SHARES):
+        return fixed(scaled(value, 100), 1), "%"
+    if unit == "m":
+        return plain(scaled(value, 1e3)), "mm"
+    if unit in COUNTED:
+        return count(value), unit
+    return plain(value), "" if unit in ("1", "yes/no") else unit
+
+
+def _capital(words: str) -> str:
+    return words[:1].upper() + words[1:]
 
 
 def times_table(seconds: Mapping[str, Any]) -> Table | None:
@@ -109,7 +142,3 @@ def times_table(seconds: Mapping[str, Any]) -> Table | None:
     ordered = sorted(seconds.items(), key=lambda item: -float(item[1]))
     rows = tuple((name, fixed(value, 2)) for name, value in ordered)
     return Table("Time per job", ("job", "time (s)"), rows) if rows else None
-
-
-def _unit(unit: Any) -> str:
-    return "" if unit in (None, "1", "yes/no") else str(unit)

@@ -112,7 +112,7 @@ def score_contacts(
     bias = mean(errors)
     rms = np.sqrt(mean((errors - bias) ** 2))
     of_all = right.sum() / n_landings if n_landings else float("nan")
-    who = f"{method} method"
+    who = f"{method.replace('_', ' ')} method"
     return {
         f"labels_right_{method}": entry(
             mean(right), "1", f"Share of right mode schedules among usable touchdowns, {who}"

@@ -160,8 +160,8 @@ def score_maps(errors: pd.DataFrame) -> Entries:
             entries[f"map_error_{source}_{model}_{name}"] = entry(
                 float(row["median"]),
                 "1",
-                f"Median relative error of least squares against the exact map: {MODELS[str(model)]}, "
-                f"{row['landings']} landings, {SOURCES[str(source)]}",
+                "Median relative error of least squares against the exact map: "
+                f"{MODELS[str(model)]}, {row['landings']} landings, {SOURCES[str(source)]}",
             )
     return entries
 

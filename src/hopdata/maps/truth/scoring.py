@@ -26,6 +26,16 @@ from hopdata.maps.truth.verdict_truth import score_verdict
 if TYPE_CHECKING:
     import pandas as pd
 
+# Models of Fig. 2.4 in words.
+MODELS = {
+    "specialised": "affine models specialised to the orders",
+    "near": "affine model of the near touchdowns",
+    "all": "affine model of all touchdowns",
+    "far": "affine model of the far touchdowns",
+    "specialised_mean": "means specialised to the orders",
+    "mean": "mean of all touchdowns",
+}
+
 
 def score(
     known: Mapping[str, KnownRecording],
@@ -60,7 +70,7 @@ def score(
     """
     if not known:
         return {}
-    entries: Entries = {}
+    entries: Entries = score_verdict(exact["verdict_errors"]) if exact else {}
     for method, table in tables.items():
         entries |= score_contacts(known, table, feet=feet, method=method)
     entries |= count_touchdowns(touchdowns)
@@ -73,7 +83,6 @@ def score(
         entries |= score_maps(exact["map_errors"])
         entries |= score_scaling(exact["scaling_study"])
         entries |= score_estimates(exact["estimate_errors"])
-        entries |= score_verdict(exact["verdict_errors"])
     return entries
 
 
@@ -81,7 +90,9 @@ def score_predictions(summary: pd.DataFrame) -> Entries:
     """Say what the prediction errors show, of the models that could be fitted."""
     mse = dict(zip(summary["model"], summary["median"], strict=True))
     entries = {
-        f"mse_{model}": entry(value, "squared units", f"Median prediction error, model {model}")
+        f"mse_{model}": entry(
+            value, "units²", f"Median prediction error, {MODELS.get(model, model)}"
+        )
         for model, value in mse.items()
     }
     if {"specialised", "specialised_mean"} <= mse.keys():

@@ -71,10 +71,16 @@ def score_verdict(errors: pd.DataFrame) -> Entries:
     inside = bool(row["low"] <= row["true_effect"] <= row["high"])
     return {
         "verdict_true_effect": entry(
-            float(row["true_effect"]), "1", "Relative difference of the exact maps of the schedules"
+            float(row["true_effect"]),
+            "1",
+            "True relative difference of the maps of the contact orders",
         ),
-        "verdict_effect": entry(float(row["estimate"]), "1", "The same as the verdict found it"),
-        "verdict_p_value": entry(float(row["p_value"]), "1", "Of the test of the kinks"),
+        "verdict_effect": entry(
+            float(row["estimate"]), "1", "Relative difference of these maps that the verdict found"
+        ),
+        "verdict_p_value": entry(
+            float(row["p_value"]), "1", "p-value of the verdict's test of the kinks"
+        ),
         "verdict_interval_covers": entry(
             inside, "yes/no", "Whether the verdict's interval holds the true difference"
         ),
