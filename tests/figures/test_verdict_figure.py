@@ -28,6 +28,7 @@ def verdict(conclusion="no difference", **changes):
         "sentence": SENTENCES[conclusion],
         "confidence": 0.95,
         "margin": 0.2,
+        "power": 0.8,
         "effect": dict(zip(names, sizes, strict=True)),
         "test": {"p_value": p},
         "specialised": {"p_value": 0.23},

@@ -136,6 +136,7 @@ def verdict(**changes: object) -> dict[str, object]:
         "n_schedules": 6,
         "confidence": 0.95,
         "margin": 0.2,
+        "power": 0.8,
         "effect": {
             "estimate": 0.04,
             "low": 0.0,

@@ -6,11 +6,17 @@ from hopdata.report.page import build_report
 from hopdata.report.verdict import notes, table_of_tests, verdict_facts, windows_table
 
 
-def test_the_card_says_effect_interval_p_and_what_could_be_seen():
+def test_the_card_says_effect_interval_p_and_the_bound_that_decides():
     facts = verdict_facts(verdict())
     assert facts["difference"] == "0.04 (0 to 0.13)"
-    assert facts["remark"] == "of the map, 95\u00a0% interval; p = 0.73; detectable from 0.075"
+    bound = "larger than 0.12 excluded (one-sided), 0.2 wanted"
+    assert facts["remark"] == f"of the map, 95\u00a0% interval; p\u00a0=\u00a00.73; {bound}"
     assert facts["found"] is True
+
+
+def test_where_a_difference_was_found_nothing_is_said_to_be_excluded():
+    remark = verdict_facts(verdict(conclusion="different"))["remark"]
+    assert remark == "of the map, 95\u00a0% interval; p\u00a0=\u00a00.73"
 
 
 def test_without_an_answer_or_a_verdict_the_same_keys_are_there():
@@ -47,7 +53,15 @@ def test_the_windows_mark_the_chosen_one():
     assert [row[0] for row in table.rows] == ["100", "71 (the verdict's)", "50"]
     assert {len(row) for row in table.rows} == {len(table.head)}
     one = verdict()["windows"][0] | {"separate": None, "kinks_high": None}
-    assert windows_table(verdict(windows=[one])).rows[0][-2:] == ("—", "—")
+    lacking = windows_table(verdict(windows=[one]))
+    assert lacking.rows[0][-2:] == ("—", "—")
+    assert "A dash" in lacking.note
+    assert "A dash" not in table.note
+
+
+def test_the_windows_say_by_what_the_widest_is_chosen():
+    assert "curvature is little of" in windows_table(verdict()).note
+    assert "at most 3.75\u00a0% of" in windows_table(verdict(curvature_limit=0.0375)).note
 
 
 def test_what_is_missing_has_no_table():

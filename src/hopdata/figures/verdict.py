@@ -192,9 +192,9 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
             axes.plot(top, place, color=colour, marker=">", markersize=4, clip_on=False)
     axes.axvline(_number(verdict, "margin"), zorder=1, **MARGIN)
     labels = (
-        f"estimate, {sure} interval\n{estimate:.2g} ({low:.2g} to {high:.2g})",
-        f"excluded at {sure}\nabove {bound:.2g}",
-        f"kinks of random kind\nfound from {seen:.2g}",
+        f"estimate, two-sided {sure}\n{estimate:.2g} ({low:.2g} to {high:.2g})",
+        f"excluded, one-sided {sure}\nabove {bound:.2g}",
+        f"random kinds of kinks found\nfrom {seen:.2g}{_with_power(verdict)}",
     )
     axes.set_yticks(range(3), labels)
     axes.set_ylim(2.6, -0.6)

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hopdata.report.formatting import MISSING, count, fixed, is_missing, significant, with_unit
+from hopdata.report.formatting import (
+    MISSING,
+    NO_BREAK_SPACE,
+    count,
+    fixed,
+    is_missing,
+    significant,
+    with_unit,
+)
 from hopdata.report.table import Table, scaled
 
 Verdict = Mapping[str, Any]
@@ -37,7 +45,7 @@ def verdict_facts(verdict: Verdict | None) -> dict[str, Any]:
     -------
     dict
         ``sentence``; ``difference``, the effect with its interval; ``remark``, its p-value and the
-        detectable difference; ``confidence``; ``found``, whether there is an effect at all.
+        bound that decides; ``confidence``, ``power``; ``found``, whether there is an effect at all.
     """
     known: Verdict = verdict or {}
     effect = known.get("effect")
@@ -46,17 +54,25 @@ def verdict_facts(verdict: Verdict | None) -> dict[str, Any]:
         "found": effect is not None,
         "difference": None,
         "remark": "",
-        "confidence": _confidence(known),
+        "confidence": _share(known.get("confidence")),
+        "power": _share(known.get("power")),
     }
     if effect is None:
         return facts | {"remark": str(known.get("conclusion", ""))}
     low, high = _number(effect["low"]), _number(effect["high"])
-    p = _number((known.get("test") or {}).get("p_value"))
+    p = NO_BREAK_SPACE.join(("p", "=", _number((known.get("test") or {}).get("p_value"))))
     return facts | {
         "difference": f"{_number(effect['estimate'])} ({low} to {high})",
-        "remark": f"of the map, {facts['confidence']} interval; p = {p}; "
-        f"detectable from {_number(effect['detectable'])}",
+        "remark": f"of the map, {facts['confidence']} interval; {p}{_bound(known)}",
     }
+
+
+def _bound(verdict: Verdict) -> str:
+    """Say what is excluded and what was wanted; nothing where a difference was found."""
+    if verdict.get("conclusion") == "different":
+        return ""
+    excluded = _number(verdict["effect"]["upper_bound"])
+    return f"; larger than {excluded} excluded (one-sided), {_number(verdict.get('margin'))} wanted"
 
 
 def notes(verdict: Verdict | None) -> Sequence[Mapping[str, Any]]:
@@ -124,19 +140,32 @@ def windows_table(verdict: Verdict | None) -> Table | None:
         "largest spread (ms)",
         "curvature in the variance (%)",
         "jump at zero spread",
-        "from",
-        "to",
+        "interval from",
+        "interval to",
         "separate maps differ by",
     )
-    note = f"Differences as shares of the map, with {_confidence(verdict)} intervals."
-    note += " The separate maps differ by curvature too, a part that falls with the spread."
-    return Table("The difference in windows of contact spread", head, rows, note=note)
+    return Table(
+        "The difference in windows of contact spread", head, rows, note=_windows_note(verdict)
+    )
+
+
+def _windows_note(verdict: Verdict) -> str:
+    """Say what the columns are, which window is the verdict's, and what a dash means."""
+    limit = _share(verdict.get("curvature_limit"))
+    little = "little" if limit is None else f"at most {limit}"
+    note = (
+        f"Differences as shares of the map, with {_share(verdict.get('confidence'))} intervals. "
+        f"The verdict rests on the widest window in which curvature is {little} of the variance, "
+        "or else on the narrowest. The separate maps differ by curvature too, a part that falls "
+        "with the spread."
+    )
+    lacking = any(is_missing(row["separate"]) for row in verdict["windows"])
+    return note + (" A dash there: too few landings for them." if lacking else "")
 
 
 def _number(value: Any) -> str:
     return MISSING if is_missing(value) else significant(value, 2)
 
 
-def _confidence(verdict: Verdict) -> str | None:
-    value = verdict.get("confidence")
-    return None if is_missing(value) else with_unit(f"{100 * float(value):g}", "%")  # type: ignore[arg-type]
+def _share(value: Any) -> str | None:
+    return None if is_missing(value) else with_unit(f"{100 * float(value):g}", "%")

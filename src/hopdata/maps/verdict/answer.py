@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.maps.verdict.effect import EffectSize
+from hopdata.maps.verdict.estimate import CURVATURE_SHARE
 from hopdata.maps.verdict.graphs import SubspaceTest
 from hopdata.maps.verdict.significance import KinkTest
 from hopdata.maps.verdict.specialised import SpecialisedTest
@@ -74,6 +75,8 @@ class Verdict:
         The same estimate in every window.
     notes
         What limits the answer, each ``{"what": ..., "reason": ...}``.
+    curvature_limit
+        Share of curvature in the variance up to which a window is taken.
     """
 
     conclusion: str
@@ -89,6 +92,7 @@ class Verdict:
     subspaces: SubspaceTest | None = None
     windows: tuple[WindowResult, ...] = ()
     notes: list[dict[str, str]] = field(default_factory=list)
+    curvature_limit: float = CURVATURE_SHARE
 
     def to_dict(self) -> dict[str, Any]:
         """Return all values, for ``verdict.json``; what is not a number is None."""
