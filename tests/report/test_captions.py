@@ -15,6 +15,11 @@ def test_a_caption_has_title_paragraphs_and_alternative_text():
     assert caption.alt == "A picture."
 
 
+def test_no_line_break_parts_a_number_from_its_per_cent():
+    caption = render_caption("# T\n\nFrom 5 to 95 %, a\n%", {}, name="fig")
+    assert caption.paragraphs == ("From 5 to 95\u00a0%, a %",)
+
+
 def test_a_bare_caption_falls_back_on_the_name():
     caption = render_caption("", {}, name="fig9")
     assert (caption.title, caption.paragraphs, caption.alt) == ("fig9", (), "fig9")
@@ -60,6 +65,20 @@ def test_captions_name_the_numbers_of_the_study():
     assert f"{facts['n_used']} of 431 touchdowns" in shown["fig2_3_schedule"]
     assert "29.1\u00a0mm and 27\u00a0ms" in shown["fig2_4_prediction"]
     assert "3.10 rad" in shown["fig2_5_distances"]
+
+
+def test_one_recording_alone_is_named_only_where_there_are_several():
+    for n, said in ((1, False), (2, True)):
+        facts = study_facts(full_study()) | {"n_recordings": n}
+        caption = render_caption(captions()["stability"], facts, name="stability")
+        assert ("one recording alone" in caption.paragraphs[0]) is said
+
+
+def test_the_caption_of_the_verdict_has_a_paragraph_a_panel():
+    facts = study_facts(full_study())
+    paragraphs = render_caption(captions()["verdict"], facts, name="verdict").paragraphs
+    assert [p[:3] for p in paragraphs[-4:]] == ["(a)", "(b)", "(c)", "(d)"]
+    assert "two-sided 95\u00a0% interval" in paragraphs[-2]
 
 
 def test_the_caption_of_the_maps_gives_their_errors():

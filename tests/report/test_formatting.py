@@ -56,6 +56,8 @@ def test_numbers_keep_their_units():
         ("pre_height_m", None, ("pre height m", "—", "")),
         ("enabled", True, ("enabled", "yes", "")),
         ("frames", "all", ("frames", "all", "")),
+        ("n_frames", 64345, ("n frames", "64\u202f345", "")),
+        ("mode n_used", 64345, ("mode n used", "64\u202f345", "")),
     ],
 )
 def test_keys_in_si_become_words_and_shown_units(key, value, expected):

@@ -163,6 +163,24 @@ def test_the_figures_are_inside_and_described(full):
         assert f"Figure {number}: " in full.text
 
 
+def test_gaps_and_faults_are_drawn_only_where_there_are_any():
+    whole = [full_study().recordings[0] | {"seen": 1.0}]
+    none = Page(build_report(full_study(recordings=whole, faults=faults().iloc[:0])))
+    assert len(none.images) == len(NAMES) - 1
+    assert "Every marker was seen in every frame" in none.text
+    for changes in ({"recordings": whole}, {"faults": faults().iloc[:0]}):
+        page = Page(build_report(full_study(**changes)))
+        assert len(page.images) == len(NAMES)
+        assert "Every marker was seen in every frame" not in page.text
+
+
+def test_simulated_recordings_are_said_to_be_simulated(full, bare):
+    said = "The recordings of this study were simulated"
+    assert said in full.text[: full.text.index("At a glance")]
+    assert said not in bare.text
+    assert said not in Page(build_report(full_study(truth={}))).text
+
+
 def test_key_numbers_open_the_page(full):
     opening = full.text[: full.text.index("What could not be done")]
     for fact in ("29.1 mm and 27 ms", "211 mm", "97.9 %", "of 431 descents", "29 440 frames"):

@@ -63,7 +63,10 @@ def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) 
     }
     if len(found) < 2:
         return message_figure("The landing map could not be estimated: too few landings.")
-    maps = {"least squares,\nas printed": found[PRINTED], "noise and curvature\ncorrected": found[BEST]}
+    maps = {
+        "least squares,\nas printed": found[PRINTED],
+        "noise and curvature\ncorrected": found[BEST],
+    }
     if exact is None:
         differences = {"printed\nminus corrected": found[PRINTED] - found[BEST]}
     else:

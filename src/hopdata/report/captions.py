@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from hopdata.errors import ConfigError
+from hopdata.report.formatting import NO_BREAK_SPACE
 
+PERCENT = re.compile(r"(?<=\d) %")
 SPACES = re.compile(r"[ \t\n]+")  # a no-break space between number and unit stays
 
 
@@ -47,9 +49,14 @@ def render_caption(template: str, facts: Mapping[str, Any], *, name: str) -> Cap
         text = environment.from_string(template).render(facts)
     except TemplateError as error:
         raise ConfigError(f"caption of {name}: {error}") from error
-    blocks = [SPACES.sub(" ", block).strip() for block in text.split("\n\n") if block.strip()]
+    blocks = [_tidied(block) for block in text.split("\n\n") if block.strip()]
     titles = [block[1:].strip() for block in blocks if block.startswith("#")]
     alts = [block.removeprefix("Alt:").strip() for block in blocks if block.startswith("Alt:")]
     body = tuple(block for block in blocks if not block.startswith(("#", "Alt:")))
     title = titles[0] if titles else name
     return Caption(title=title, paragraphs=body, alt=alts[0] if alts else title)
+
+
+def _tidied(block: str) -> str:
+    """Make one line of a paragraph, in which no line break parts a number from its per cent."""
+    return PERCENT.sub(f"{NO_BREAK_SPACE}%", SPACES.sub(" ", block).strip())

@@ -105,7 +105,8 @@ def labelled(key: str, value: Any) -> tuple[str, str, str]:
     for suffix, unit, factor in SHOWN_UNITS:
         if key.endswith(suffix) and isinstance(value, int | float) and not isinstance(value, bool):
             return key.removesuffix(suffix).replace("_", " "), significant(value * factor), unit
-    return key.replace("_", " "), plain(value), ""
+    counted = key.rpartition(" ")[2].startswith("n_") and isinstance(value, int)
+    return key.replace("_", " "), count(value) if counted else plain(value), ""
 
 
 def common_scale(values: Sequence[float | None]) -> tuple[float, str]:

@@ -18,6 +18,7 @@ from hopdata.report.table import Table, mapping_table
 if TYPE_CHECKING:
     import pandas as pd
 
+GAPS = "recording_gaps"
 # The figures that have a section of their own; any other stands at the end.
 PLACES = {
     "verdict": "verdict",
@@ -29,7 +30,7 @@ PLACES = {
     "map_matrices": "prediction",
     "stability": "quality",
     "worst_landings": "quality",
-    "recording_gaps": "quality",
+    GAPS: "quality",
     "map_errors": "truth",
     "scaling_study": "truth",
 }
@@ -55,6 +56,8 @@ def build_report(inputs: ReportInputs) -> str:
         If a caption names a fact that does not exist.
     """
     facts = study_facts(inputs)
+    all_seen = _all_seen(inputs)
+    shown = [f for f in inputs.figures if not (all_seen and f.name == GAPS)]
     return (
         environment()
         .get_template("report.html.j2")
@@ -63,7 +66,8 @@ def build_report(inputs: ReportInputs) -> str:
             facts=facts,
             highlights=_highlights(facts, inputs),
             style=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
-            pictures=_pictures(inputs.figures, facts),
+            pictures=_pictures(shown, facts),
+            all_seen=all_seen,
             tables=_tables(inputs),
             notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
             verdict_notes=[_note(note) for note in verdict.notes(inputs.verdict)],
@@ -72,6 +76,12 @@ def build_report(inputs: ReportInputs) -> str:
             steering=None if inputs.steering is None else steering_content(inputs.steering),
         )
     )
+
+
+def _all_seen(inputs: ReportInputs) -> bool:
+    """Whether there is neither a gap nor a fault, so that a figure of them would be empty."""
+    seen = [item.get("seen") == 1.0 for item in inputs.recordings]
+    return bool(seen) and all(seen) and inputs.faults is not None and inputs.faults.empty
 
 
 def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[str, str, str]]:

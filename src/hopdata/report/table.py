@@ -8,7 +8,6 @@ from typing import Any
 
 from hopdata.report.formatting import is_missing, plain
 
-
 #: Characters from which a text needs a column wide enough to read.
 PROSE = 40
 
