@@ -29,7 +29,8 @@ def test_there_is_none_while_the_body_is_seen():
 
 
 @pytest.mark.parametrize(
-    ("first", "last", "landings"), [(2.1, 6.9, 4), (-1.0, 3.05, 3), (6.05, 11.0, 4), (2.2, 2.8, 0)]
+    ("first", "last", "landings"),
+    [(2.1, 6.9, 4), (-1.0, 3.05, 3), (6.05, 11.0, 4), (2.2, 2.8, 0), (2.3, 2.93, 0)],
 )
 def test_each_has_a_row_but_the_one_that_the_body_shows(first, last, landings):
     found = hidden_landings(without(BODY, first, last))

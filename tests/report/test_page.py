@@ -175,7 +175,7 @@ def test_gaps_and_faults_are_drawn_only_where_there_are_any():
 
 
 def test_simulated_recordings_are_said_to_be_simulated(full, bare):
-    said = "The recordings of this study were simulated"
+    said = "This study has simulated recordings"
     assert said in full.text[: full.text.index("At a glance")]
     assert said not in bare.text
     assert said not in Page(build_report(full_study(truth={}))).text
@@ -183,13 +183,13 @@ def test_simulated_recordings_are_said_to_be_simulated(full, bare):
 
 def test_key_numbers_open_the_page(full):
     opening = full.text[: full.text.index("What could not be done")]
-    for fact in ("29.1 mm and 27 ms", "211 mm", "97.9 %", "of 431 descents", "29 440 frames"):
+    for fact in ("29.1 mm and 27 ms", "211 mm", "97.9 %", "of 431 landings", "29 440 frames"):
         assert fact in opening.replace("\u202f", " ").replace("\u00a0", " ")
 
 
-def test_a_single_descent_is_one_descent():
+def test_a_single_landing_is_one_landing():
     page = Page(build_report(full_study(touchdowns=touchdowns().head(1))))
-    assert "of 1 descent, " in page.text
+    assert "of 1 landing, " in page.text
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,11 @@ def test_the_card_says_effect_interval_p_and_the_bound_that_decides():
     assert facts["found"] is True
 
 
+def test_a_p_value_that_no_random_pattern_reached_is_a_bound():
+    test = {"p_value": 0.0005, "flips": 1999}
+    assert "p\u00a0≤\u00a00.0005" in verdict_facts(verdict(test=test))["remark"]
+
+
 def test_where_a_difference_was_found_nothing_is_said_to_be_excluded():
     remark = verdict_facts(verdict(conclusion="different"))["remark"]
     assert remark == "of the map, 95\u00a0% interval; p\u00a0=\u00a00.73"

@@ -78,13 +78,17 @@ def _longest_gaps(seen: FloatArray, first: FloatArray, last: FloatArray) -> Floa
 
 
 def _have_a_descent(t_pre: FloatArray, t_post: FloatArray, found: Transitions) -> BoolArray:
-    """Tell which landings have a descent: each descent has one, the nearest that it overlaps."""
+    """Tell which landings have a descent: each descent has one, the nearest that it may be of.
+
+    Its crossings may lie anywhere in the gaps about them.
+    """
     have = np.zeros(len(t_pre), dtype=bool)
     middle = 0.5 * (t_pre + t_post)
     until = np.where(found.complete, found.t_post, found.t_pre)
-    for begin, end in zip(found.t_pre, until, strict=True):
-        overlaps = np.flatnonzero((t_pre <= end) & (t_post >= begin))
-        if len(overlaps) > 0:
-            nearest = np.argmin(np.abs(middle[overlaps] - 0.5 * (begin + end)))
-            have[overlaps[nearest]] = True
+    gap_post = np.maximum(found.gap_pre, found.gap_post)
+    for begin, end, before, after in zip(found.t_pre, until, found.gap_pre, gap_post, strict=True):
+        may_be = (t_pre <= end + after) & (t_post >= begin - before) & ~have
+        near = np.flatnonzero(may_be)
+        if len(near) > 0:
+            have[near[np.argmin(np.abs(middle[near] - 0.5 * (begin + end)))]] = True
     return have

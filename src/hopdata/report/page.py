@@ -87,10 +87,8 @@ def _all_seen(inputs: ReportInputs) -> bool:
 def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[str, str, str]]:
     """Name, value and remark of each key number; the value is a dash where it is not known."""
     frames = f"{count(facts['n_frames'])} frames" if facts["n_frames"] else ""
-    descents = f"{count(facts['n_touchdowns'])} descent" + (
-        "s" if facts["n_touchdowns"] != 1 else ""
-    )
-    found = f"of {descents}, {count(facts['n_excluded'])} excluded"
+    listed = f"{count(facts['n_touchdowns'])} landing" + ("s" if facts["n_touchdowns"] != 1 else "")
+    found = f"of {listed}, {count(facts['n_excluded'])} excluded"
     between = f"pre section {facts['pre']}, post section {facts['post']}"
     feet = max((item.get("n_feet") or 0 for item in inputs.recordings), default=0)
     of_all = [f"of {count(math.factorial(feet))} possible"] if feet > 1 else []

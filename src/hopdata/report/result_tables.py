@@ -32,6 +32,7 @@ NOT_COMPARED = (
     "mse_",
     "excluded_",
     "touchdowns_usable",
+    "touchdowns_ambiguous",
     "body_travel",
     "specialised_over_mean",
     "all_over_specialised",

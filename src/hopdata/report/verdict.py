@@ -60,11 +60,18 @@ def verdict_facts(verdict: Verdict | None) -> dict[str, Any]:
     if effect is None:
         return facts | {"remark": str(known.get("conclusion", ""))}
     low, high = _number(effect["low"]), _number(effect["high"])
-    p = NO_BREAK_SPACE.join(("p", "=", _number((known.get("test") or {}).get("p_value"))))
+    p = _p_value(known.get("test") or {})
     return facts | {
         "difference": f"{_number(effect['estimate'])} ({low} to {high})",
         "remark": f"of the map, {facts['confidence']} interval; {p}{_bound(known)}",
     }
+
+
+def _p_value(test: Mapping[str, Any]) -> str:
+    """Return the p-value: a bound where no random sign pattern came as far as the data."""
+    p_value, flips = test.get("p_value"), test.get("flips")
+    is_least = p_value is not None and flips is not None and p_value * (1 + flips) < 1.5
+    return NO_BREAK_SPACE.join(("p", "≤" if is_least else "=", _number(p_value)))
 
 
 def _bound(verdict: Verdict) -> str:
