@@ -9,13 +9,75 @@ import pytest
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.driver import localisation
-from hopdata.hybrid.driver.layout import GUARD_ROWS, H0, RATE, RATE0, SIZE, H
+from hopdata.hybrid.driver.layout import GUARD_ROWS, H0, H1, RATE, RATE0, RATE1, SIZE, H
 from hopdata.hybrid.driver.localisation import way_to_root
 from hopdata.scenes.plate import Plate
 
 ROUNDING = 1e-16
 # Landings where a spring lets go and is met again soon, by number of springs and of the start.
 NEARLY_GRAZING = [(27, 12), (27, 37), (27, 147), (29, 111), (30, 33), (33, 100), (35, 7)]
+
+
+@pytest.fixture
+def search(monkeypatch):
+    """`crossing` for a margin and its slope, as functions of the part of the step."""
+    for name in ("leave", "just_left"):
+        monkeypatch.setattr(localisation, name, getattr(localisation, name).py_func)
+
+    def found(margin, slope, guess):
+        guards = np.zeros((GUARD_ROWS, 1))
+        guards[[H0, H1]] = [[margin(0.0)], [margin(1.0)]]
+        guards[[RATE0, RATE1]] = [[slope(0.0)], [slope(1.0)]]
+        memory = SimpleNamespace(guards=guards, clock=np.zeros(20))
+
+        def probe(p, m, dt, theta):
+            guards[H], guards[RATE] = margin(theta), slope(theta)
+
+        monkeypatch.setattr(localisation, "probe", probe)
+        problem = SimpleNamespace(mode=np.array([1]))
+        return localisation.crossing.py_func(problem, memory, 1.0, 0, guess, 0.0, 1.0)
+
+    return found
+
+
+@pytest.mark.parametrize("place", [0.1, 0.3, 0.7155111958385192, 0.95])
+@pytest.mark.parametrize(("above", "below"), [(0.33122, 3.4427e-6), (1e-3, 1e-3), (1e-6, 0.3)])
+def test_an_event_function_that_jumps_is_past_its_surface_there(search, place, above, below):
+    def margin(x):
+        return above - 0.0734 * (x - place) if x < place else -below - 4.999 * (x - place)
+
+    def slope(x):
+        return -0.0734 if x < place else -4.999
+
+    for guess in np.linspace(0.05, 0.95, 19):
+        assert search(margin, slope, guess) == pytest.approx(place, abs=1e-12)
+
+
+def test_two_roots_that_nearly_meet_are_told_apart(search):
+    a, b, e = 0.9376424853, 0.9376424853 - 2.2e-6, 0.95377
+
+    def margin(x):
+        return -(x - a) * (x - b) * (x - e)
+
+    def slope(x):
+        return -((x - b) * (x - e) + (x - a) * (x - e) + (x - a) * (x - b))
+
+    for guess in (0.93, 0.936, 0.9376, 0.94):
+        place = search(margin, slope, guess)
+        assert min(abs(place - root) for root in (a, b, e)) < 1e-8
+
+
+def test_rates_that_contradict_the_function_lead_to_no_place_before_its_surface(search):
+    place = 0.1388553
+
+    def margin(x):
+        return 2.0130e-7 if x < place else -2.9208e-5
+
+    def slope(x):
+        return 0.0760 if x < place else -0.00266
+
+    for guess in (0.1, 0.5, 0.9):
+        assert place <= search(margin, slope, guess) <= 1.0
 
 
 @pytest.fixture

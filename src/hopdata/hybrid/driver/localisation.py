@@ -35,6 +35,7 @@ LEAVING = 1e-12  # a guard that has not left its surface by this part of the ste
 ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the digits
 JUMP_ACCURACY = 4 * EPS  # of an event function that is not continuous
 MOST_PUT_RIGHT = 0.5  # of Newton's step: beyond, the cubic tells nothing
+LITTLE_PUT_RIGHT = 1e-3  # of Newton's step, up to which the series of the cubic's root is exact
 MAX_ROOT, MAX_DIP, PATIENCE = 120, 40, 8
 
 
@@ -160,7 +161,8 @@ def way_to_root(
     right = u * (bend - u * (2.0 * bend * bend - twist))
     if not abs(right) <= MOST_PUT_RIGHT:
         return way, False
-    return way - way * right, abs(way * run) <= ROOT_ACCURACY * x * x
+    close = abs(way) <= abs(run) and abs(way * run) <= ROOT_ACCURACY * x * x
+    return way - way * right, close and abs(right) <= LITTLE_PUT_RIGHT
 
 
 @kernel
@@ -191,12 +193,14 @@ def crossing(
             high = x
         way, exact = way_to_root(x, g, d, x1, g1, d1) if d < 0.0 else (-x, False)
         new, x1, g1, d1 = x + way, x, g, d
-        if exact:
-            return new if low < new < high else x
+        if exact and low < new < high:
+            return new
+        if exact and abs(way) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
+            return x
         if high - low <= JUMP_ACCURACY * high:  # the event function jumps: directly behind it
             return high
         doubt, x = not clear and new <= low, new
-    return x
+    return high
 
 
 @kernel
