@@ -15,17 +15,15 @@ from __future__ import annotations
 import one_thread  # noqa: F401
 
 # isort: split
-import argparse
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from equal_error import EQUAL_ERROR, OUR_BATCH, OUR_CALL, OURS
 from peers import solvers_of
-from peers.problems import Problem, problems
+from peers.problems import Problem
 from peers.solver import Solver
-from work_precision import Entry, entered
+from work_precision import Entry, asked, entered
 
 TRIAL = 15  # timings by which the fastest is found
 LEVELS = {"q25": 25, "median": 50, "q75": 75}
@@ -92,16 +90,10 @@ def measure(problem: Problem, turns: int) -> list[dict[str, object]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--turns", type=int, default=60, help="timings of each solver")
-    parser.add_argument("--scenes", nargs="*", help="names of scenes; all by default")
-    arguments = parser.parse_args()
+    out, turns, chosen = asked(__doc__, 60)
     warnings.simplefilter("ignore")
-    chosen = [one for one in problems() if not arguments.scenes or one.name in arguments.scenes]
-    table = pd.DataFrame([line for one in chosen for line in measure(one, arguments.turns)])
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(arguments.out, index=False)
+    table = pd.DataFrame([line for one in chosen for line in measure(one, turns)])
+    table.to_csv(out, index=False)
     shown = ["scene", "package", "way", "method", "error_max", "time_median_us", "over_call_median"]
     print(table[[*shown, "over_batch_median", "note"]].to_string(index=False))
 

@@ -139,23 +139,27 @@ def print_ratios(at_equal_error: pd.DataFrame) -> None:
         )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def asked(description: str, turns: int) -> tuple[Path, int, list[Problem]]:
+    """Return what the command line asks for: the file to write, the turns, and the scenes."""
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--turns", type=int, default=15, help="most timings of each solver")
+    parser.add_argument("--turns", type=int, default=turns, help="most timings of each solver")
     parser.add_argument("--scenes", nargs="*", help="names of scenes; all by default")
-    arguments = parser.parse_args()
+    given = parser.parse_args()
+    given.out.parent.mkdir(parents=True, exist_ok=True)
+    chosen = [one for one in problems() if not given.scenes or one.name in given.scenes]
+    return given.out, given.turns, chosen
+
+
+def main() -> None:
+    out, turns, chosen = asked(__doc__, 15)
     warnings.simplefilter("ignore")
-    rows: list[tuple[object, ...]] = []
-    for problem in problems():
-        if not arguments.scenes or problem.name in arguments.scenes:
-            rows += measure(problem, arguments.turns)
+    rows = [line for problem in chosen for line in measure(problem, turns)]
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     at_equal_error = ratios(table)
     at_equal_error["best_of_way"] = best_of_way(at_equal_error)
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(arguments.out, index=False)
-    at_equal_error.to_csv(arguments.out.with_name("ratios.csv"), index=False)
+    table.to_csv(out, index=False)
+    at_equal_error.to_csv(out.with_name("ratios.csv"), index=False)
     print_ratios(at_equal_error)
 
 
