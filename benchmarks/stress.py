@@ -34,6 +34,8 @@ from stress_gaps import gap_cases  # noqa: E402
 from stress_mass import energy, long_case, mass_cases  # noqa: E402
 from stress_random import random_case  # noqa: E402
 from stress_roots import root_cases  # noqa: E402
+from stress_swings import METHODS as SWING_METHODS  # noqa: E402
+from stress_swings import swing_cases  # noqa: E402
 
 from hopdata.hybrid import solve  # noqa: E402
 from hopdata.hybrid.arguments import SMALLEST_RTOL  # noqa: E402
@@ -59,9 +61,8 @@ def single_rows(cases: list[Case]) -> Iterator[Row]:
         yield row_of("hopdata", case.name, case.parameter, judge(case))
 
 
-def block_row(first: int, count: int, *, affine: bool) -> Row:
-    """Return the sums, and the worst, of a block of random systems; the time is their mean."""
-    cases = [random_case(seed, affine=affine) for seed in range(first, first + count)]
+def summed_row(name: str, parameter: str, cases: list[Case]) -> Row:
+    """Return the sums, and the worst, of many cases; the time is their mean."""
     judge(cases[0])
     verdicts = [judge(case) for case in cases]
     wrong = sum(not verdict.right for verdict in verdicts)
@@ -73,8 +74,21 @@ def block_row(first: int, count: int, *, affine: bool) -> Row:
         right_mode=all(v.right_mode for v in verdicts),
         time_us=float(np.mean([v.time_us for v in verdicts])),
     )  # fmt: skip
-    name = cases[0].name
-    return row_of("hopdata", name, f"seeds {first} to {first + count - 1}, {wrong} wrong", total)
+    return row_of("hopdata", name, f"{parameter}, {wrong} wrong", total)
+
+
+def block_row(first: int, count: int, *, affine: bool) -> Row:
+    """Return the row of a block of random event-selected systems."""
+    cases = [random_case(seed, affine=affine) for seed in range(first, first + count)]
+    return summed_row(cases[0].name, f"seeds {first} to {first + count - 1}", cases)
+
+
+def swing_rows(count: int) -> Iterator[Row]:
+    """Yield a row for each method that swings near their guard are integrated by."""
+    cases = swing_cases(count)
+    for method in SWING_METHODS:
+        chosen = [case for case in cases if case.options["method"] == method]
+        yield summed_row("swing", f"{len(chosen)} systems, {method}", chosen)
 
 
 def long_row(hops: int, rtol: float) -> Row:
@@ -157,6 +171,7 @@ def main() -> None:
         for first in range(0, arguments.systems, BLOCK):
             count = min(BLOCK, arguments.systems - first)
             rows.append(block_row(first, count, affine=affine))
+    rows.extend(swing_rows(arguments.systems))
     rows.extend(scipy_rows(cases))
     table = pd.DataFrame(rows)
     arguments.out.parent.mkdir(parents=True, exist_ok=True)

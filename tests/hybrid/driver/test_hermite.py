@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hopdata.hybrid.driver.hermite import NOWHERE, cubic, cubic_root, turning_points
-from hopdata.hybrid.driver.localisation import CROSSING, DIP, GRAZE, PASS, suspect
+from hopdata.hybrid.driver.localisation import CROSSING, DIP, GRAZE, PASS, UNSURE, suspect
 
 
 def ends(polynomial):
@@ -74,5 +74,12 @@ def test_a_guard_that_stays_clear_is_not_suspect(rng):
         assert (kind == CROSSING) == (g1 < 0)
         if g1 >= 0:
             inside = lowest < min(g0, g1) - 1e-12
-            assert (kind == DIP) == (inside and lowest < GRAZE * max(g0, g1))
+            near = lowest < max(GRAZE * max(g0, g1), UNSURE * (min(g0, g1) - lowest))
+            assert (kind == DIP) == (inside and near)
     assert min(kinds.values()) > 100
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3, 1e9])
+def test_what_does_not_turn_is_no_dip_whatever_its_size(size):
+    """An inclined guard far from its surface: there is no place in the step to look at."""
+    assert suspect(1.0 * size, -0.6 * size, 0.3 * size, -0.8 * size, 0.0)[0] == PASS

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hybrid_systems import ball, ladder, ladder_solution, throw
 
-from hopdata.hybrid import solve
+from hopdata.hybrid import System, field, guards, solve
 
 
 def test_impacts_of_a_parabola_are_exact_at_any_tolerance():
@@ -60,3 +60,29 @@ def test_random_throws_are_neither_missed_nor_invented():
             first_step=10.0 ** rng.uniform(-4, 0.3), rtol=10.0 ** -rng.integers(3, 13),
         )  # fmt: skip
         assert solution.events.direction.tolist() == ([] if height > 0 else [1, -1])
+
+
+@field
+def clock_field(t, y, mode, params, dy):
+    dy[0] = 1.0
+
+
+@guards
+def jumping_guard(t, y, dy, mode, params, h, hdot):
+    """A height that falls, jumps through zero, and falls on: place, margins and slopes there."""
+    x = y[0] - params[0]
+    h[0] = params[1] - params[2] * x if x < 0.0 else -params[3] - params[4] * x
+    hdot[0] = -(params[2] if x < 0.0 else params[4]) * dy[0]
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853"])
+def test_an_event_function_that_jumps_while_it_falls_is_landed_on_where_it_jumps(method):
+    """Newton's method on either side of the jump leads away from it."""
+    clock = System(clock_field, jumping_guard, n_states=1, guard_names=("height",))
+    rng = np.random.default_rng(4)
+    for _ in range(300):
+        place = rng.uniform(0.3, 2.7)
+        margins, slopes = 10.0 ** rng.uniform(-6, 0, 2), 10.0 ** rng.uniform(-3, 1, 2)
+        params = [place, margins[0], slopes[0], margins[1], slopes[1]]
+        solution = solve(clock, (0, 3), [0.0], params=params, rtol=1e-9, atol=1e-12, method=method)
+        assert solution.events.time == pytest.approx([place], abs=1e-12), params

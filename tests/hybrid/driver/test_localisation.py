@@ -9,7 +9,20 @@ import pytest
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.driver import localisation
-from hopdata.hybrid.driver.layout import GUARD_ROWS, H0, H1, RATE, RATE0, RATE1, SIZE, H
+from hopdata.hybrid.driver.layout import (
+    CLOCK_SLOTS,
+    COUNT_SLOTS,
+    GUARD_ROWS,
+    H0,
+    H1,
+    PIECE,
+    PIECES,
+    RATE,
+    RATE0,
+    RATE1,
+    SIZE,
+    H,
+)
 from hopdata.hybrid.driver.localisation import way_to_root
 from hopdata.scenes.plate import Plate
 
@@ -18,24 +31,31 @@ ROUNDING = 1e-16
 NEARLY_GRAZING = [(27, 12), (27, 37), (27, 147), (29, 111), (30, 33), (33, 100), (35, 7)]
 
 
+def memory_of(guards):
+    """The driver's memory, as far as a search looks at it: a step of one piece from 0 s."""
+    clock, counts = np.zeros(CLOCK_SLOTS), np.zeros(COUNT_SLOTS, dtype=int)
+    clock[PIECE], counts[PIECES] = 1.0, 1
+    return SimpleNamespace(guards=guards, clock=clock, counts=counts)
+
+
 @pytest.fixture
 def search(monkeypatch):
     """`crossing` for a margin and its slope, as functions of the part of the step."""
-    for name in ("leave", "just_left"):
+    for name in ("leave", "just_left", "knot"):
         monkeypatch.setattr(localisation, name, getattr(localisation, name).py_func)
 
     def found(margin, slope, guess):
         guards = np.zeros((GUARD_ROWS, 1))
         guards[[H0, H1]] = [[margin(0.0)], [margin(1.0)]]
         guards[[RATE0, RATE1]] = [[slope(0.0)], [slope(1.0)]]
-        memory = SimpleNamespace(guards=guards, clock=np.zeros(20))
+        memory = memory_of(guards)
 
         def probe(p, m, dt, theta):
             guards[H], guards[RATE] = margin(theta), slope(theta)
 
         monkeypatch.setattr(localisation, "probe", probe)
         problem = SimpleNamespace(mode=np.array([1]))
-        return localisation.crossing.py_func(problem, memory, 1.0, 0, guess, 0.0, 1.0)
+        return localisation.crossing.py_func(problem, memory, 1.0, 0, guess, 0.0, 0, 1.0)
 
     return found
 
@@ -88,7 +108,7 @@ def interpreted(monkeypatch):
     """
     guards = np.zeros((GUARD_ROWS, 1))
     guards[H0], guards[RATE0], guards[SIZE] = -ROUNDING, -0.5, 1.0
-    memory = SimpleNamespace(guards=guards, clock=np.zeros(20))
+    memory = memory_of(guards)
     problem = SimpleNamespace(mode=np.array([-1]))
 
     def probe(p, m, dt, theta):
@@ -97,9 +117,9 @@ def interpreted(monkeypatch):
         guards[RATE] = -(0.5 - 2.0 * theta)
 
     monkeypatch.setattr(localisation, "probe", probe)
-    for name in ("leave", "just_left"):
+    for name in ("leave", "just_left", "knot"):
         monkeypatch.setattr(localisation, name, getattr(localisation, name).py_func)
-    return lambda guess: localisation.crossing.py_func(problem, memory, 1.0, 0, guess, 0.0, 1.0)
+    return lambda guess: localisation.crossing.py_func(problem, memory, 1.0, 0, guess, 0.0, 0, 1.0)
 
 
 @pytest.mark.parametrize("guess", [0.45, 0.9, 1e-3, 1e-13, 1e-16])

@@ -1,6 +1,7 @@
 """Compiled systems of the stress cases; few of them, steered by their parameters.
 
-`selected`: an affine field for each mode, plane guards. `clock`: a clock x and an integral z of the
+`selected`: an affine field for each mode, plane guards. `swinging`: one affine field that is
+declared as such, one plane guard. `clock`: a clock x and an integral z of the
 locks, guards that are chosen functions of x. `mass`: a mass on a floor with spring and damper.
 """
 
@@ -12,7 +13,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.hybrid import System, field, guards, on_event
+from hopdata.hybrid import System, affine, field, guards, on_event
 
 POWER, JUMP, SINE, PAIR, BOWL, TIME = range(6)  # kinds of the clock's guards
 KIND_WIDTH = 4  # kind, a, b, c
@@ -68,6 +69,46 @@ def selected_params(
     parts = [[matrices is not None], offsets, normals, constants]
     parts += [] if matrices is None else [matrices]
     return np.concatenate([np.ravel(np.asarray(part, dtype=np.float64)) for part in parts])
+
+
+# params: matrix (n, n), constant (n), normal (n), offset
+
+
+@field
+def swinging_field(t, y, mode, params, dy):
+    n = len(y)
+    for i in range(n):
+        dy[i] = params[n * n + i]
+        for j in range(n):
+            dy[i] += params[i * n + j] * y[j]
+
+
+@affine
+def swinging_affine(mode, params, a, b):
+    n = len(b)
+    for i in range(n):
+        b[i] = params[n * n + i]
+        for j in range(n):
+            a[i, j] = params[i * n + j]
+
+
+@guards
+def swinging_guard(t, y, dy, mode, params, h, hdot):
+    n = len(y)
+    normal = n * (n + 1)
+    h[0], hdot[0] = -params[normal + n], 0.0
+    for i in range(n):
+        h[0] += params[normal + i] * y[i]
+        hdot[0] += params[normal + i] * dy[i]
+
+
+@cache
+def swinging(n_states: int) -> System:
+    """Return y' = A y + b, with the plane normal.y = offset as its guard."""
+    return System(
+        swinging_field, swinging_guard, affine=swinging_affine, n_states=n_states,
+        guard_names=names(1),
+    )  # fmt: skip
 
 
 # params: (kind, a, b, c) of each guard, gains (K), what the handler adds to x

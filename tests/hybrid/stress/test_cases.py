@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import pytest
-from stress_case import check, compare, params_of
+from stress_case import check, compare, judge, params_of
 from stress_edges import edge_cases
 from stress_gaps import gap_cases
 from stress_mass import energy, long_case, mass_cases
 from stress_roots import root_cases
+from stress_swings import swing_cases
 
 from hopdata.hybrid import solve
 
@@ -20,6 +21,13 @@ def test_events_that_come_together(case):
 @pytest.mark.parametrize("case", params_of(root_cases()))
 def test_roots_that_are_hard_to_see(case):
     check(case)
+
+
+def test_swings_that_just_reach_a_guard():
+    wrong = [
+        (str(case), verdict) for case in swing_cases(200) if not (verdict := judge(case)).right
+    ]
+    assert wrong == []
 
 
 @pytest.mark.parametrize("case", params_of(edge_cases()))

@@ -6,6 +6,8 @@ h itself, so that time and state of the event have the order of the method, not 
 
 from __future__ import annotations
 
+import numpy as np
+
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.driver.dense import interpolate
 from hopdata.hybrid.driver.layout import (
@@ -94,11 +96,54 @@ def look_at_end(p: Problem, m: Memory, t: float, resolution: float) -> None:
 
 
 @kernel
+def end_at(
+    p: Problem, m: Memory, span: float, on_interpolant: bool, resolution: float, k: int
+) -> float:
+    """Take the first part of the step, look at the guards there; return the margin of guard k."""
+    take_part(p, m, m.clock[T], span, on_interpolant)
+    look_at_end(p, m, m.clock[T] + span, resolution)
+    return p.mode[k] * m.guards[H1, k]
+
+
+@kernel
+def end_behind_jump(
+    p: Problem, m: Memory, k: int, span: float, on_interpolant: bool, resolution: float
+) -> float:
+    """Make the step end directly behind the jump of guard k, near `span`; return its length.
+
+    Where there is none near, it ends at `span`.
+    """
+    past = end_at(p, m, span, on_interpolant, resolution, k) <= 0.0
+    clear, behind, reach = span, span, resolution
+    while clear == behind and reach < FARTHEST * span:
+        there = span - reach if past else span + reach
+        if (end_at(p, m, there, on_interpolant, resolution, k) <= 0.0) != past:
+            clear, behind = (there, span) if past else (span, there)
+        reach *= 2.0
+    while behind - clear > resolution:
+        middle = 0.5 * (clear + behind)
+        if end_at(p, m, middle, on_interpolant, resolution, k) <= 0.0:
+            behind = middle
+        else:
+            clear = middle
+    end_at(p, m, behind, on_interpolant, resolution, k)
+    return behind
+
+
+@kernel
+def beyond_rounding(m: Memory, k: int, resolution: float) -> bool:
+    """Tell whether the step ends farther from guard k than rounding can put it."""
+    g = m.guards
+    return abs(g[H1, k]) > blur(g[SIZE, k], g[RATE1, k], resolution)
+
+
+@kernel
 def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple[float, int]:
     """Make the step end on guard k, about `span` from now.
 
     It is taken again to there, unless the interpolant, which is worst in the middle and as good as
-    the step at both its ends, adds next to nothing to the step's error.
+    the step at both its ends, adds next to nothing to the step's error. Where Newton's method makes
+    it worse the event function jumps.
 
     Returns its length and the guard on which it ends: a rival, if one turns out to be earlier.
     """
@@ -108,13 +153,19 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
     on_interpolant = error * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED and (
         not p.first_order or has_short_tangent(p, m, span)
     )
-    take_part(p, m, t, span, on_interpolant)
-    look_at_end(p, m, t + span, resolution)
+    end_at(p, m, span, on_interpolant, resolution, k)
+    place, aim, left = span, k, np.inf
     for _ in range(MAX_POLISH):
         shift, k = nearest_surface(p, m, k)
-        if not resolution < abs(shift) < last:
+        if k != aim:
+            place, aim, left = span, k, np.inf
+        if not abs(shift) > resolution:
             break
-        last = abs(shift)
+        if not (abs(shift) < last and abs(m.guards[H1, k]) < left):
+            if beyond_rounding(m, k, resolution):
+                span = end_behind_jump(p, m, k, place, on_interpolant, resolution)
+            break
+        last, left = abs(shift), abs(m.guards[H1, k])
         if on_interpolant or p.first_order or abs(shift) > RETAKE_ABOVE * span:
             take_part(p, m, t, span + shift, on_interpolant)
         else:

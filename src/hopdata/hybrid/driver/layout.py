@@ -47,11 +47,11 @@ W1 = P1 + LARGEST_DEGREE
 PHI_ROWS = 9
 GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # of a step, for its short tangent
 
-# Rows of `guards`: event functions and their rates at the start, at the end and inside of a step,
-# the largest |h| over the step, which is the scale of its rounding error, second derivatives, and
-# how far a guard stays from its surface over the step.
-H0, RATE0, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE = index_numbers(9)
-GUARD_ROWS = 9
+# Rows of `guards`: event functions and their rates at the start of a step, at up to two knots in
+# its inside, at its end, and wherever else; the largest |h| over the step, which is the scale of
+# its rounding error, second derivatives, and how far a guard stays from its surface over the step.
+H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE = index_numbers(13)
+GUARD_ROWS = 13
 
 # Rows of `flags`: the number of the instant at which a guard flipped last, how often it has flipped
 # then, and whether its lock was left open at the start.
@@ -99,6 +99,7 @@ METHOD_SLOTS = 18
 # the trajectory, GAP the length of the one before it, TRAVEL what no event function can have
 # changed by more than since the start, and SPEED the bound of their rates now. STIFF_SCORE counts
 # steps that stability limits. MOTION is the fastest motion squared in the last step's Jacobian.
+# PIECE is the part of the step between two of its knots.
 (
     T,
     NEXT_DT,
@@ -114,10 +115,12 @@ METHOD_SLOTS = 18
     STIFF_SCORE,
     GAP,
     MOTION,
-) = index_numbers(14)
-CLOCK_SLOTS = 14
+    PIECE,
+) = index_numbers(15)
+CLOCK_SLOTS = 15
 
-# Slots of `counts`. DEGREE is that of the interpolant, if there is one.
+# Slots of `counts`. DEGREE is that of the interpolant, if there is one, PIECES how many the knots
+# make of a step.
 (
     NFEV,
     NGEV,
@@ -137,8 +140,9 @@ CLOCK_SLOTS = 14
     N_DUE,
     INSTANTS,
     DEGREE,
-) = index_numbers(18)
-COUNT_SLOTS = 18
+    PIECES,
+) = index_numbers(19)
+COUNT_SLOTS = 19
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for steps and events,

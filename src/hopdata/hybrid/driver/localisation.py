@@ -6,24 +6,27 @@ a bracketed iteration on the interpolant finds the root to interpolation error.
 
 from __future__ import annotations
 
+from math import inf
+
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
 from hopdata.hybrid.driver.hermite import NOWHERE, cubic, cubic_root, turning_points
+from hopdata.hybrid.driver.knots import knot, piece_ends
 from hopdata.hybrid.driver.layout import (
     H0,
-    H1,
     N_NEAR,
     NEAR,
+    PIECE,
+    PIECES,
     RATE,
     RATE0,
-    RATE1,
     SIZE,
     H,
     Memory,
     T,
     index_numbers,
 )
-from hopdata.hybrid.driver.near import GRAZE
+from hopdata.hybrid.driver.near import GRAZE, clearance
 from hopdata.hybrid.driver.problem import Problem, near_inside
 from hopdata.hybrid.driver.surface import EPS, blur, time_resolution
 
@@ -31,6 +34,7 @@ PASS, CROSSING, DIP = 0, 1, 2
 ANY, PAST = index_numbers(2)  # which guards to suspect
 
 EDGE = 1e-6  # a dip this near to an end of the step is that end
+UNSURE = 0.5  # of a dip's depth: by so much may its cubic be wrong
 LEAVING = 1e-12  # a guard that has not left its surface by this part of the step never left
 ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the digits
 JUMP_ACCURACY = 4 * EPS  # of an event function that is not continuous
@@ -59,7 +63,7 @@ def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[i
         return PASS, 1.0, 0.0  # monotone (Fritsch and Carlson)
     top, bottom = turning_points(g0, d0, g1, d1)
     low = top if g0 == 0.0 and top < bottom else 0.0
-    deep = NOWHERE
+    deep = inf
     if EDGE < bottom < 1.0 - EDGE:
         deep = cubic(g0, d0, g1, d1, bottom)
     if crossed:
@@ -67,40 +71,59 @@ def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[i
         return CROSSING, cubic_root(g0, d0, g1, d1, low, high), low
     if g0 <= noise and (d0 < 0.0 or g1 <= noise) and deep >= -noise:
         return PASS, 1.0, 0.0  # at its surface for all that rounding can tell, and stays there
-    if deep < GRAZE * max(g0, g1):
+    if deep < max(GRAZE * max(g0, g1), UNSURE * (min(g0, g1) - deep)):
         return DIP, bottom, low
     return PASS, 1.0, 0.0
 
 
 @kernel
-def first_suspect(p: Problem, m: Memory, dt: float, among: int) -> tuple[int, int, float, float]:
-    """Return (kind, guard, guess, low) of the suspect guard with the earliest guess.
+def suspect_by_pieces(
+    m: Memory, k: int, lock: int, dt: float, resolution: float
+) -> tuple[int, float, float, int]:
+    """Judge a guard between each two knots of the step.
+
+    Returns what `suspect` does of the first piece in which it does not stay clear, and that.
+    """
+    g, part = m.guards, m.clock[PIECE]
+    for piece in range(m.counts[PIECES]):
+        g0, d0, g1, d1 = piece_ends(m, k, lock, piece, dt)
+        if clearance(g0, d0, g1, d1) > 0.0:
+            continue
+        noise = blur(g[SIZE, k], g[knot(m, piece + 1) + 1, k], resolution)
+        kind, guess, low = suspect(max(g0, 0.0), d0, g1, d1, noise)
+        if kind != PASS:
+            return kind, (piece + guess) * part, (piece + low) * part, piece
+    return PASS, 1.0, 0.0, 0
+
+
+@kernel
+def first_suspect(
+    p: Problem, m: Memory, dt: float, among: int
+) -> tuple[int, int, float, float, int]:
+    """Return (kind, guard, guess, low, piece) of the suspect guard with the earliest guess.
 
     With ANY all that are near are asked, with PAST those of them past their surface in row H.
     """
     g = m.guards
-    best = (PASS, -1, NOWHERE, 0.0)
+    best = (PASS, -1, NOWHERE, 0.0, 0)
     resolution = time_resolution(m.clock[T], dt)
     for a in range(m.counts[N_NEAR]):
         k = m.lists[NEAR, a]
         lock = p.mode[k]
         if among == PAST and not lock * g[H, k] < 0.0:
             continue
-        g0, d0 = max(lock * g[H0, k], 0.0), lock * g[RATE0, k] * dt
-        g1, d1 = lock * g[H1, k], lock * g[RATE1, k] * dt
-        noise = blur(g[SIZE, k], g[RATE1, k], resolution)
-        kind, guess, low = suspect(g0, d0, g1, d1, noise)
+        kind, guess, low, piece = suspect_by_pieces(m, k, lock, dt, resolution)
         if kind != PASS and guess < best[2]:
-            best = (kind, k, guess, low)
+            best = (kind, k, guess, low, piece)
     return best
 
 
 @kernel
-def lowest_point(p: Problem, m: Memory, dt: float, k: int, theta: float) -> float:
+def lowest_point(p: Problem, m: Memory, dt: float, k: int, theta: float, piece: int) -> float:
     """Refine the minimum of guard k on the interpolant: its rate's root, by bisection at worst."""
-    lock = p.mode[k]
-    low, high = 0.0, 1.0
-    slope_low, slope_high = lock * m.guards[RATE0, k], lock * m.guards[RATE1, k]
+    lock, part = p.mode[k], m.clock[PIECE]
+    low, high = piece * part, (piece + 1) * part
+    _, slope_low, _, slope_high = piece_ends(m, k, lock, piece, 1.0)
     for tries in range(MAX_DIP):
         probe(p, m, dt, theta)
         slope = lock * m.guards[RATE, k]
@@ -167,15 +190,18 @@ def way_to_root(
 
 @kernel
 def crossing(
-    p: Problem, m: Memory, dt: float, k: int, guess: float, low: float, end: float
+    p: Problem, m: Memory, dt: float, k: int, guess: float, low: float, piece: int, end: float
 ) -> float:
     """Return where guard k falls through zero on the interpolant: a bracketed iteration.
 
-    At `end` it is past its surface. At `low` it is clear by its cubic; whether by the interpolant,
-    too, is asked where the iteration would go on before: mostly it does not.
+    At `end` it is past its surface, or where the piece ends. At `low` it is clear by its cubic;
+    whether by the interpolant, too, is asked where the iteration would go on before: mostly it does
+    not.
     """
-    lock, inner, high = p.mode[k], low if low > 0.0 else 0.5 * end, end
-    x1, g1, d1 = 1.0, lock * m.guards[H1, k], lock * m.guards[RATE1, k] * dt
+    lock, x1, last = p.mode[k], (piece + 1) * m.clock[PIECE], knot(m, piece + 1)
+    g1, d1 = lock * m.guards[last, k], lock * m.guards[last + 1, k] * dt
+    end = min(end, x1)
+    inner, high = low if low > 0.0 else 0.5 * end, end
     clear = not just_left(p, m, dt, k)
     doubt = not clear and not lock * m.guards[RATE0, k] > 0.0
     x = guess
@@ -206,18 +232,18 @@ def crossing(
 @kernel
 def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     """Return (kind, guard, theta): where the step must end for a guard in NEAR, and why."""
-    kind, k, guess, low = first_suspect(p, m, dt, ANY)
+    kind, k, guess, low, piece = first_suspect(p, m, dt, ANY)
     if kind == PASS:
         return PASS, -1, 1.0
     prepare_interpolant(p, m, dt)
     theta = 1.0
     for _ in range(m.counts[N_NEAR]):
         if kind == DIP:
-            theta = lowest_point(p, m, dt, k, guess)
+            theta = lowest_point(p, m, dt, k, guess, piece)
         else:
-            theta = crossing(p, m, dt, k, guess, low, theta)
-        rival, other, rival_guess, rival_low = first_suspect(p, m, dt, PAST)
+            theta = crossing(p, m, dt, k, guess, low, piece, theta)
+        rival, other, rival_guess, rival_low, rival_piece = first_suspect(p, m, dt, PAST)
         if rival != CROSSING or other == k:
             break
-        kind, k, guess, low = rival, other, rival_guess, rival_low
+        kind, k, guess, low, piece = rival, other, rival_guess, rival_low, rival_piece
     return kind, k, theta

@@ -7,7 +7,10 @@ by what is known at its start.
 
 from __future__ import annotations
 
+import numpy as np
+
 from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.driver.knots import piece_ends, set_knots
 from hopdata.hybrid.driver.layout import (
     BEND,
     CLEARANCE,
@@ -16,6 +19,7 @@ from hopdata.hybrid.driver.layout import (
     N_AWAKE,
     N_NEAR,
     NEAR,
+    PIECES,
     RATE0,
     RATE1,
     SIZE,
@@ -70,6 +74,9 @@ def gather_unclear(p: Problem, m: Memory, unclear: int) -> int:
 @kernel_in_loop
 def gather_near(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that may flip within the step into NEAR; return how many they are."""
+    set_knots(p, m, dt)
+    if m.counts[PIECES] > 1:
+        return gather_near_by_pieces(p, m, dt)
     g, unclear = m.guards, 0
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
@@ -79,6 +86,21 @@ def gather_near(p: Problem, m: Memory, dt: float) -> int:
             facing(lock, g[H1, k]), facing(lock, g[RATE1, k]) * dt,
         )  # fmt: skip
         unclear += 0 if g[CLEARANCE, k] > 0.0 else 1
+    return gather_unclear(p, m, unclear)
+
+
+@kernel_in_loop
+def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
+    """Do the same for a step with inner knots: a guard must stay clear between all of them."""
+    g, unclear = m.guards, 0
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        lock, least = p.mode[k], np.inf
+        for piece in range(m.counts[PIECES]):
+            g0, d0, g1, d1 = piece_ends(m, k, lock, piece, dt)
+            least = min(least, clearance(g0, d0, g1, d1))
+        g[CLEARANCE, k] = least
+        unclear += 0 if least > 0.0 else 1
     return gather_unclear(p, m, unclear)
 
 
