@@ -5,6 +5,7 @@ import pytest
 from qtm_files import NAMES, UPRIGHT, qtm_text, standing, write
 from trc_files import trc_text
 
+from hopdata.errors import RecordingError
 from hopdata.recordings.c3d_writing import write_c3d
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.length_unit import choose_unit
@@ -111,6 +112,48 @@ def test_of_joined_files_those_that_are_silent_are_named(tmp_path):
     ]
     (remark,) = [remark for remark in imported(rows).remarks if "unit" in remark]
     assert remark.startswith(f"{tmp_path}/b.trc and 1 more: unit: expected the file to state it")
+
+
+def mixed(folder, *, stated, silent):
+    """Two files of one animal, in these units; the second does not say its own."""
+    scale = {"m": 1.0, "mm": 1000.0}
+    return [
+        trc(folder, name="a.trc", scale=scale[stated], values={"Units": stated}),
+        trc(folder, name="b.trc", scale=scale[silent], values=SILENT),
+    ]
+
+
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_a_silent_file_is_joined_in_the_unit_of_the_one_that_states_it(tmp_path, unit):
+    rows = mixed(tmp_path, stated=unit, silent=unit)
+    guessed, given = imported(rows), imported(rows, unit=unit)
+    assert np.array_equal(guessed.positions, given.positions)
+    assert extent(given.positions) == pytest.approx(0.6, abs=0.01)
+    assert not any("unit" in remark for remark in given.remarks)
+    (remark,) = [remark for remark in guessed.remarks if "unit" in remark]
+    assert remark.startswith(f"{tmp_path}/b.trc: unit: expected the file to state it, found none")
+
+
+@pytest.mark.parametrize(("stated", "silent"), [("m", "mm"), ("mm", "m")])
+def test_a_silent_file_of_another_size_is_not_joined(tmp_path, stated, silent):
+    rows = mixed(tmp_path, stated=stated, silent=silent)
+    with pytest.raises(RecordingError) as caught:
+        imported(rows)
+    for part in (f"{rows[1]}: unit: expected {stated} as in {rows[0]}", f"fit {silent} only"):
+        assert part in str(caught.value)
+
+
+def test_of_joined_files_the_silent_and_the_overruled_are_named(tmp_path):
+    rows = [
+        trc(tmp_path, name="a.trc", scale=1.0, values={"Units": "mm"}),
+        trc(tmp_path, name="b.trc", scale=1.0, values=SILENT),
+    ]
+    guessed = imported(rows)
+    assert extent(guessed.positions) == pytest.approx(0.6, abs=0.01)
+    silent, overruled = [remark for remark in guessed.remarks if "unit" in remark]
+    assert silent.startswith(f"{rows[1]}: unit: expected the file to state it, found none")
+    assert overruled.startswith(f"{rows[0]}: unit: expected mm as stated, found markers that would")
+    assert not any("unit" in remark for remark in imported(rows, unit="m").remarks)
 
 
 def test_a_file_in_which_no_size_is_seen_keeps_the_usual_unit(tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.landings.kink_bound import GRAVITY_M_S2
+from hopdata.gravity import GRAVITY_M_S2
 from hopdata.landings.transitions import Transitions
 
 FloatArray = NDArray[np.float64]

@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.gravity import GRAVITY_M_S2
+
 FloatArray = NDArray[np.float64]
 
-GRAVITY_M_S2 = 9.80665
 PHASES = 100
 
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.gravity import GRAVITY_M_S2
 from hopdata.landings.kink import FlightPriors, KinkFits, kink_fits
 from hopdata.landings.kink_learning import learn, pooled_noise
 
 FloatArray = NDArray[np.float64]
 
-GRAVITY_M_S2 = 9.80665
 FLAT_SD, SHARP_SD = 1e4, 1e-3  # m/s^2: as good as no prior, and as good as known
 WEAK_CHANGE_SD, WEAK_JERK_SD = 30.0, 500.0  # m/s^2, m/s^3: pushes not yet learned
 WEAK_CREEP_SD = 0.1  # m/s

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from hopdata.errors import AnalysisError
 from hopdata.landings.density import finite, kde
+from hopdata.landings.robust_regression import NORMAL_MEDIAN
 
 FloatArray = NDArray[np.float64]
 
 _FINEST_M = 1e-5  # no optical system resolves less; keeps data without noise from sigma = 0
-_NORMAL_MEDIAN = 0.67449  # median of |z| for a standard normal z
 _LEAST_SAMPLES = 20
 _COARSE = 0.04  # coarse bandwidth, as a share of the range from the 2 % to the 98 % quantile
 _STEP_REACH_M = 5e-3  # about the mode, in which printed steps are looked for
@@ -113,7 +113,7 @@ def _left_flank(values: FloatArray, place: float) -> float:
     below = values[: np.searchsorted(values, place)]
     if below.size == 0:
         return least
-    return max(float(place - np.median(below)) / _NORMAL_MEDIAN, least)
+    return max(float(place - np.median(below)) / NORMAL_MEDIAN, least)
 
 
 def _printed_step(values: FloatArray, place: float) -> float:

@@ -11,7 +11,7 @@ FloatArray = NDArray[np.float64]
 
 NORMS = ("tukey", "huber")
 _TUKEY, _HUBER = 4.685, 1.345  # 95 % efficiency on normal residuals
-_NORMAL_MEDIAN = 0.6744897501960817  # median of |z| for a standard normal z
+NORMAL_MEDIAN = 0.6744897501960817  # median of |z| for a standard normal z
 
 
 def robust_regression(
@@ -70,7 +70,7 @@ def robust_regression(
 
 def robust_rms(residuals: FloatArray) -> float:
     """Deviation about zero that half the residuals keep to, taken as of a normal."""
-    return float(np.median(np.abs(residuals))) / _NORMAL_MEDIAN
+    return float(np.median(np.abs(residuals))) / NORMAL_MEDIAN
 
 
 def _tukey(size: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ from itertools import takewhile
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.gravity import GRAVITY_M_S2
 from hopdata.landings.coefficients import (
     HORIZONTAL,
     VERTICAL,
@@ -23,7 +24,6 @@ from hopdata.landings.marker_tracks import Moments, Windows, moments
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-GRAVITY_M_S2 = 9.80665
 BALLISTIC_WINDOW_S, WINDOW_S = 0.1, 0.06
 NO_LARGER = 1.1  # ratio of rms residuals up to which a few flights count as ballistic
 WINDOWS_S = (0.06, 0.08, 0.1, 0.12, 0.15, 0.18, 0.22)

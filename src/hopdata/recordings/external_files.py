@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from hopdata.gravity import GRAVITY_M_S2
 from hopdata.recordings.external import ForceSignal
 from hopdata.recordings.external_contacts import read_contact_times
 from hopdata.recordings.force_signals import read_force_signals
 
-GRAVITY_M_S2 = 9.81
 # Mass over the cube of the markers' span, kg/m³: of a runner about 40, of the hopper 20, and of a
 # runner of whom only a shoe is seen 5000. A wrong unit is a factor of 1000.
 PLAUSIBLE_MASS = (1.0, 5000.0)

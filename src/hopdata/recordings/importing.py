@@ -12,7 +12,7 @@ from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.formats import read_raw, suffixes
 from hopdata.recordings.joining import join
-from hopdata.recordings.length_unit import choose_unit, unit_remarks
+from hopdata.recordings.length_unit import choose_unit, speak_for_silent, unit_remarks
 from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
 from hopdata.recordings.recording import Recording
 from hopdata.recordings.truth import Truth
@@ -71,8 +71,10 @@ def import_recording(
         raise RecordingError(f"recording '{name}': expected at least one file, found none")
     files = [read_raw(p, rate_hz=rate_hz) for p in paths]
     pieces = [_chosen(p, file, markers) for p, file in zip(paths, files, strict=True)]
-    raw = pieces[0] if len(pieces) == 1 else join(paths, pieces)
     sources = [os.fsencode(p.as_posix()).decode(errors="replace") for p in paths]
+    raw = pieces[0]
+    if len(pieces) > 1:
+        raw = join(paths, speak_for_silent(sources, pieces, unit))
     positions = raw.positions
     taken = choose_unit(positions, unit=unit, nominal=raw.unit)
     guessed = unit_remarks(sources, pieces, raw, taken) if unit == "auto" else ()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+from hopdata.errors import RecordingError
 from hopdata.recordings.plausibility import PLAUSIBLE_EXTENT_M
 from hopdata.recordings.quality.free_fall import free_fall
 from hopdata.recordings.raw import METRES_PER_UNIT, FloatArray, RawRecording
@@ -29,6 +31,39 @@ def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
     return fitting[0] if fitting else nominal
 
 
+def speak_for_silent(
+    files: Sequence[str], pieces: Sequence[RawRecording], unit: str
+) -> list[RawRecording]:
+    """Give files that do not state their unit that of the others, if these agree on one.
+
+    Parameters
+    ----------
+    files, pieces
+        Names of a recording's files, and what was read from each.
+    unit : {"auto", "m", "mm"}
+        ``input.unit`` of the configuration.
+
+    Raises
+    ------
+    RecordingError
+        If none is given, and by its size a silent file has another unit than those that state it.
+    """
+    stating = [i for i, piece in enumerate(pieces) if piece.unit_is_stated]
+    if len({pieces[i].unit for i in stating}) != 1:
+        return list(pieces)
+    first = stating[0]
+    nominal = pieces[first].unit
+    theirs = choose_unit(pieces[first].positions, unit=unit, nominal=nominal)
+    for file, piece in zip(files, pieces, strict=True):
+        own = choose_unit(piece.positions, unit=unit, nominal=nominal)
+        if not piece.unit_is_stated and own != theirs:
+            raise RecordingError(
+                f"{file}: unit: expected {theirs} as in {files[first]}, found no unit, and markers "
+                f"whose distances fit {own} only; files joined in one recording must agree"
+            )
+    return [replace(piece, unit=nominal) for piece in pieces]
+
+
 def unit_remarks(
     files: Sequence[str], pieces: Sequence[RawRecording], raw: RawRecording, taken: str
 ) -> tuple[str, ...]:
@@ -46,17 +81,21 @@ def unit_remarks(
     Returns
     -------
     tuple of str
-        One line with the reason and the key that settles it; none if all files state `taken`.
+        A line for the files that are silent and one for those that are overruled, with the reason
+        and the key that settles it; none if all files state `taken`.
     """
     silent = [file for file, piece in zip(files, pieces, strict=True) if not piece.unit_is_stated]
+    stating = [file for file in files if file not in silent]
+    faults = []
     if silent:
-        found = "expected the file to state it, found none"
-    elif taken != raw.unit:
+        faults.append((silent, "expected the file to state it, found none"))
+    if stating and taken != raw.unit:
         size = extent(raw.positions) * METRES_PER_UNIT[raw.unit]
         found = f"expected {raw.unit} as stated, found markers that would span {size:.3g} m in it"
-    else:
-        return ()
-    return (f"{_listed(silent or files)}: unit: {found}; {_guess(raw, taken)}",)
+        faults.append((stating, found))
+    return tuple(
+        f"{_listed(named)}: unit: {found}; {_guess(raw, taken)}" for named, found in faults
+    )
 
 
 def _guess(raw: RawRecording, taken: str) -> str:

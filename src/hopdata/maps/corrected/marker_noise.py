@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError
+from hopdata.gravity import GRAVITY_M_S2
 from hopdata.maps.rigid import rigid_states, section_coordinates, split_states
 
-GRAVITY_M_S2 = 9.80665
 #: Landings at which the propagation is linearised, at most; evenly taken from all.
 LINEARISED = 100
 _STEPS = (1e-5, 1e-4)  # of positions, m, and of velocities, m/s

@@ -9,9 +9,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.gravity import GRAVITY_M_S2
+
 FloatArray = NDArray[np.float64]
 
-GRAVITY_M_S2 = 9.81
 HALF_WINDOW_S = 0.04
 WITHIN = 0.25  # of g: how far an acceleration may be from free fall
 LEAST_SHARE = 0.01  # of all frames of a marker, mean over markers

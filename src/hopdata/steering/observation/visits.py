@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.gravity import GRAVITY_M_S2
 from hopdata.steering.observation.bottoms import side_speeds
 
 FloatArray = NDArray[np.float64]
 
 HOLE_S = 0.3  # without a height for so long, anything may have happened
 SIDE_HOLE_S = 0.04
-GRAVITY_M_S2 = 9.81
 SHORTEST, LONGEST = 0.6, 1.5  # time above the threshold over that of free fall from the apex
 
 HELD, HOLE = "held or carried in between", "heights missing in between"
