@@ -1,40 +1,28 @@
-"""Find where in a step the first guard flips: judge by a cubic, then search the interpolant.
+"""Find where in a step the first guard flips: a bracketed search on the interpolant.
 
-The Hermite cubic through (h0, hdot0, h1, hdot1) says which guards to look at and where to begin;
-a bracketed iteration on the interpolant finds the root to interpolation error.
+It begins where the guard's cubic vanishes or is lowest (see `suspicion`).
 """
 
 from __future__ import annotations
 
-from math import inf
-
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
-from hopdata.hybrid.driver.hermite import NOWHERE, cubic, cubic_root, turning_points
 from hopdata.hybrid.driver.knots import knot, piece_ends
 from hopdata.hybrid.driver.layout import (
     H0,
     N_NEAR,
-    NEAR,
     PIECE,
-    PIECES,
     RATE,
     RATE0,
     SIZE,
     H,
     Memory,
     T,
-    index_numbers,
 )
-from hopdata.hybrid.driver.near import GRAZE, clearance
 from hopdata.hybrid.driver.problem import Problem, near_inside
 from hopdata.hybrid.driver.surface import EPS, blur, time_resolution
+from hopdata.hybrid.driver.suspicion import ANY, CROSSING, DIP, EDGE, PASS, PAST, first_suspect
 
-PASS, CROSSING, DIP = 0, 1, 2
-ANY, PAST = index_numbers(2)  # which guards to suspect
-
-EDGE = 1e-6  # a dip this near to an end of the step is that end
-UNSURE = 0.5  # of a dip's depth: by so much may its cubic be wrong
 LEAVING = 1e-12  # a guard that has not left its surface by this part of the step never left
 ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the digits
 JUMP_ACCURACY = 4 * EPS  # of an event function that is not continuous
@@ -48,74 +36,6 @@ def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     """Evaluate the guards on the interpolant at `theta`, into H and RATE."""
     interpolate_with_slope(p, m, theta, dt)
     near_inside(p, m, m.clock[T] + theta * dt)
-
-
-@kernel
-def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[int, float, float]:
-    """Judge a guard by its cubic, which does not stay clear.
-
-    Takes margin and slope (per step) at both ends, and what rounding may make of a margin that is
-    zero; returns the kind of suspicion, where to look first, and a place before that.
-    """
-    # A guard that has just flipped, and leaves, may still be on its old side by rounding.
-    crossed = g1 < -noise or (g1 <= 0.0 and d1 < 0.0)
-    if not crossed and d0 >= 0.0 and d1 >= 0.0 and g1 >= g0 + 0.34 * max(d0, d1):
-        return PASS, 1.0, 0.0  # monotone (Fritsch and Carlson)
-    top, bottom = turning_points(g0, d0, g1, d1)
-    low = top if g0 == 0.0 and top < bottom else 0.0
-    deep = inf
-    if EDGE < bottom < 1.0 - EDGE:
-        deep = cubic(g0, d0, g1, d1, bottom)
-    if crossed:
-        high = bottom if deep < 0.0 and bottom > low else 1.0
-        return CROSSING, cubic_root(g0, d0, g1, d1, low, high), low
-    if g0 <= noise and (d0 < 0.0 or g1 <= noise) and deep >= -noise:
-        return PASS, 1.0, 0.0  # at its surface for all that rounding can tell, and stays there
-    if deep < max(GRAZE * max(g0, g1), UNSURE * (min(g0, g1) - deep)):
-        return DIP, bottom, low
-    return PASS, 1.0, 0.0
-
-
-@kernel
-def suspect_by_pieces(
-    m: Memory, k: int, lock: int, dt: float, resolution: float
-) -> tuple[int, float, float, int]:
-    """Judge a guard between each two knots of the step.
-
-    Returns what `suspect` does of the first piece in which it does not stay clear, and that.
-    """
-    g, part = m.guards, m.clock[PIECE]
-    for piece in range(m.counts[PIECES]):
-        g0, d0, g1, d1 = piece_ends(m, k, lock, piece, dt)
-        if clearance(g0, d0, g1, d1) > 0.0:
-            continue
-        noise = blur(g[SIZE, k], g[knot(m, piece + 1) + 1, k], resolution)
-        kind, guess, low = suspect(max(g0, 0.0), d0, g1, d1, noise)
-        if kind != PASS:
-            return kind, (piece + guess) * part, (piece + low) * part, piece
-    return PASS, 1.0, 0.0, 0
-
-
-@kernel
-def first_suspect(
-    p: Problem, m: Memory, dt: float, among: int
-) -> tuple[int, int, float, float, int]:
-    """Return (kind, guard, guess, low, piece) of the suspect guard with the earliest guess.
-
-    With ANY all that are near are asked, with PAST those of them past their surface in row H.
-    """
-    g = m.guards
-    best = (PASS, -1, NOWHERE, 0.0, 0)
-    resolution = time_resolution(m.clock[T], dt)
-    for a in range(m.counts[N_NEAR]):
-        k = m.lists[NEAR, a]
-        lock = p.mode[k]
-        if among == PAST and not lock * g[H, k] < 0.0:
-            continue
-        kind, guess, low, piece = suspect_by_pieces(m, k, lock, dt, resolution)
-        if kind != PASS and guess < best[2]:
-            best = (kind, k, guess, low, piece)
-    return best
 
 
 @kernel

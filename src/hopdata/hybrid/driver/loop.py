@@ -15,7 +15,7 @@ from hopdata.hybrid.compiled.views import IntVector
 from hopdata.hybrid.driver.choice import choose_after_event, choose_after_step, first_method
 from hopdata.hybrid.driver.desk import desk_log, desk_memory, desk_output, desk_problem
 from hopdata.hybrid.driver.firing import Log, fire_all
-from hopdata.hybrid.driver.landing import end_at_first_flip
+from hopdata.hybrid.driver.first_flip import end_at_first_flip
 from hopdata.hybrid.driver.layout import (
     AWAKE,
     CLOCK_SLOTS,

@@ -1,0 +1,101 @@
+"""Which guards may flip within a step, and about where: judged by the cubics between its knots.
+
+A cubic takes values and rates at both ends of its piece of the step. Where it falls through zero
+the guard is past its surface, where it only comes near the interpolant has to tell.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.driver.hermite import NOWHERE, cubic, cubic_root, turning_points
+from hopdata.hybrid.driver.knots import knot, piece_ends
+from hopdata.hybrid.driver.layout import (
+    N_NEAR,
+    NEAR,
+    PIECE,
+    PIECES,
+    SIZE,
+    H,
+    Memory,
+    T,
+    index_numbers,
+)
+from hopdata.hybrid.driver.near import GRAZE, clearance
+from hopdata.hybrid.driver.problem import Problem
+from hopdata.hybrid.driver.surface import blur, time_resolution
+
+PASS, CROSSING, DIP = 0, 1, 2
+ANY, PAST = index_numbers(2)  # which guards to suspect
+
+EDGE = 1e-6  # a dip this near to an end of its piece is that end
+UNSURE = 0.5  # of a dip's depth: by so much may its cubic be wrong
+
+
+@kernel
+def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[int, float, float]:
+    """Judge a guard by its cubic, which does not stay clear.
+
+    Takes margin and slope (per step) at both ends, and what rounding may make of a margin that is
+    zero; returns the kind of suspicion, where to look first, and a place before that.
+    """
+    # A guard that has just flipped, and leaves, may still be on its old side by rounding.
+    crossed = g1 < -noise or (g1 <= 0.0 and d1 < 0.0)
+    if not crossed and d0 >= 0.0 and d1 >= 0.0 and g1 >= g0 + 0.34 * max(d0, d1):
+        return PASS, 1.0, 0.0  # monotone (Fritsch and Carlson)
+    top, bottom = turning_points(g0, d0, g1, d1)
+    low = top if g0 == 0.0 and top < bottom else 0.0
+    deep = inf
+    if EDGE < bottom < 1.0 - EDGE:
+        deep = cubic(g0, d0, g1, d1, bottom)
+    if crossed:
+        high = bottom if deep < 0.0 and bottom > low else 1.0
+        return CROSSING, cubic_root(g0, d0, g1, d1, low, high), low
+    if g0 <= noise and (d0 < 0.0 or g1 <= noise) and deep >= -noise:
+        return PASS, 1.0, 0.0  # at its surface for all that rounding can tell, and stays there
+    if deep < max(GRAZE * max(g0, g1), UNSURE * (min(g0, g1) - deep)):
+        return DIP, bottom, low
+    return PASS, 1.0, 0.0
+
+
+@kernel
+def suspect_by_pieces(
+    m: Memory, k: int, lock: int, dt: float, resolution: float
+) -> tuple[int, float, float, int]:
+    """Judge a guard between each two knots of the step.
+
+    Returns what `suspect` does of the first piece in which it does not stay clear, and that.
+    """
+    g, part = m.guards, m.clock[PIECE]
+    for piece in range(m.counts[PIECES]):
+        g0, d0, g1, d1 = piece_ends(m, k, lock, piece, dt)
+        if clearance(g0, d0, g1, d1) > 0.0:
+            continue
+        noise = blur(g[SIZE, k], g[knot(m, piece + 1) + 1, k], resolution)
+        kind, guess, low = suspect(max(g0, 0.0), d0, g1, d1, noise)
+        if kind != PASS:
+            return kind, (piece + guess) * part, (piece + low) * part, piece
+    return PASS, 1.0, 0.0, 0
+
+
+@kernel
+def first_suspect(
+    p: Problem, m: Memory, dt: float, among: int
+) -> tuple[int, int, float, float, int]:
+    """Return (kind, guard, guess, low, piece) of the suspect guard with the earliest guess.
+
+    With ANY all that are near are asked, with PAST those of them past their surface in row H.
+    """
+    g = m.guards
+    best = (PASS, -1, NOWHERE, 0.0, 0)
+    resolution = time_resolution(m.clock[T], dt)
+    for a in range(m.counts[N_NEAR]):
+        k = m.lists[NEAR, a]
+        lock = p.mode[k]
+        if among == PAST and not lock * g[H, k] < 0.0:
+            continue
+        kind, guess, low, piece = suspect_by_pieces(m, k, lock, dt, resolution)
+        if kind != PASS and guess < best[2]:
+            best = (kind, k, guess, low, piece)
+    return best
