@@ -18,6 +18,7 @@ from hopdata.hybrid.driver.layout import (
     PIECES,
     SCRATCH,
     SLOPE,
+    H,
     Memory,
     T,
 )
@@ -39,10 +40,30 @@ def piece_ends(
     m: Memory, k: int, lock: int, piece: int, dt: float
 ) -> tuple[float, float, float, float]:
     """Return margin and slope of guard k, per piece, at both ends of a piece of the step."""
-    g, span = m.guards, dt * m.clock[PIECE]
-    start, end = H0 + 2 * piece, knot(m, piece + 1)
+    return ends_between(m, k, lock, H0 + 2 * piece, knot(m, piece + 1), dt * m.clock[PIECE])
+
+
+@kernel
+def ends_between(
+    m: Memory, k: int, lock: int, start: int, end: int, span: float
+) -> tuple[float, float, float, float]:
+    """Return margin and slope of guard k, per `span`, by the rows of its values at two places."""
+    g = m.guards
     g0, d0 = lock * g[start, k], lock * g[start + 1, k] * span
     return g0, d0, lock * g[end, k], lock * g[end + 1, k] * span
+
+
+@kernel
+def piece_before(m: Memory, piece: int, end: float) -> tuple[int, float, float]:
+    """Return where a piece of the step that ends at `end` has its end, as a row, start and length.
+
+    The last piece before `end` is cut off there: the guards have been evaluated there last.
+    """
+    part = m.clock[PIECE]
+    start = piece * part
+    if (piece + 1) * part <= end:
+        return knot(m, piece + 1), start, part
+    return H, start, end - start
 
 
 @kernel

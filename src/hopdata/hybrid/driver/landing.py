@@ -36,6 +36,7 @@ from hopdata.hybrid.driver.surface import blur
 MAX_POLISH = 8
 SPARED = 5e-2  # of the tolerance: error of the interpolant that is not worth another step
 FARTHEST = 0.1  # part of the step by which the interpolant may be wrong: beyond, h is not smooth
+HOVER = 1e-8  # part of the step by which rounding of h itself may move its end
 RETAKE_ABOVE = 1e-4  # part of the step by which its end may be moved by a midpoint step
 
 
@@ -106,7 +107,7 @@ def end_behind_jump(
     past = end_at(p, m, span, on_interpolant, resolution, k) <= 0.0
     clear, behind, reach = span, span, resolution
     while clear == behind and reach < FARTHEST * span:
-        there = span - reach if past else span + reach
+        there = span - reach if past else min(span + reach, p.t_end - m.clock[T])
         if (end_at(p, m, there, on_interpolant, resolution, k) <= 0.0) != past:
             clear, behind = (there, span) if past else (span, there)
         reach *= 2.0
@@ -152,7 +153,7 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
         if not abs(shift) > resolution:
             break
         if not (abs(shift) < last and abs(m.guards[H1, k]) < left):
-            if beyond_rounding(m, k, resolution):
+            if abs(shift) > HOVER * span and beyond_rounding(m, k, resolution):
                 span = end_behind_jump(p, m, k, place, on_interpolant, resolution)
             break
         last, left = abs(shift), abs(m.guards[H1, k])

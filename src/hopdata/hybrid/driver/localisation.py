@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
-from hopdata.hybrid.driver.knots import knot, piece_ends
+from hopdata.hybrid.driver.knots import ends_between, knot, piece_before
 from hopdata.hybrid.driver.layout import (
     H0,
     N_NEAR,
@@ -21,14 +21,14 @@ from hopdata.hybrid.driver.layout import (
 )
 from hopdata.hybrid.driver.problem import Problem, near_inside
 from hopdata.hybrid.driver.surface import EPS, blur, time_resolution
-from hopdata.hybrid.driver.suspicion import ANY, CROSSING, DIP, EDGE, PASS, PAST, first_suspect
+from hopdata.hybrid.driver.suspicion import DIP, EDGE, NONE, PASS, first_suspect
 
 LEAVING = 1e-12  # a guard that has not left its surface by this part of the step never left
 ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the digits
 JUMP_ACCURACY = 4 * EPS  # of an event function that is not continuous
 MOST_PUT_RIGHT = 0.5  # of Newton's step: beyond, the cubic tells nothing
 LITTLE_PUT_RIGHT = 1e-3  # of Newton's step, up to which the series of the cubic's root is exact
-MAX_ROOT, MAX_DIP, PATIENCE = 120, 40, 8
+MAX_ROOT, MAX_DIP, PATIENCE, MOST_RIVALS = 120, 40, 8, 2
 
 
 @kernel
@@ -39,11 +39,17 @@ def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
 
 
 @kernel
-def lowest_point(p: Problem, m: Memory, dt: float, k: int, theta: float, piece: int) -> float:
-    """Refine the minimum of guard k on the interpolant: its rate's root, by bisection at worst."""
-    lock, part = p.mode[k], m.clock[PIECE]
-    low, high = piece * part, (piece + 1) * part
-    _, slope_low, _, slope_high = piece_ends(m, k, lock, piece, 1.0)
+def lowest_point(
+    p: Problem, m: Memory, dt: float, k: int, theta: float, piece: int, end: float
+) -> float:
+    """Refine the minimum of guard k on the interpolant: its rate's root, by bisection at worst.
+
+    It lies in a piece of the step that ends at `end`.
+    """
+    lock = p.mode[k]
+    last, low, part = piece_before(m, piece, end)
+    high = low + part
+    _, slope_low, _, slope_high = ends_between(m, k, lock, H0 + 2 * piece, last, 1.0)
     for tries in range(MAX_DIP):
         probe(p, m, dt, theta)
         slope = lock * m.guards[RATE, k]
@@ -151,19 +157,22 @@ def crossing(
 
 @kernel
 def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
-    """Return (kind, guard, theta): where the step must end for a guard in NEAR, and why."""
-    kind, k, guess, low, piece = first_suspect(p, m, dt, ANY)
-    if kind == PASS:
-        return PASS, -1, 1.0
-    prepare_interpolant(p, m, dt)
-    theta = 1.0
-    for _ in range(m.counts[N_NEAR]):
-        if kind == DIP:
-            theta = lowest_point(p, m, dt, k, guess, piece)
-        else:
-            theta = crossing(p, m, dt, k, guess, low, piece, theta)
-        rival, other, rival_guess, rival_low, rival_piece = first_suspect(p, m, dt, PAST)
-        if rival != CROSSING or other == k:
+    """Return (kind, guard, theta): where the step must end for a guard in NEAR, and why.
+
+    The earliest guess need not be the earliest place: each place that is found is asked for rivals
+    before it.
+    """
+    kind, k, theta = PASS, NONE, 1.0
+    for _ in range(MOST_RIVALS * m.counts[N_NEAR]):
+        rival, other, guess, low, piece = first_suspect(p, m, dt, k, theta)
+        if rival == PASS:
             break
-        kind, k, guess, low, piece = rival, other, rival_guess, rival_low, rival_piece
+        prepare_interpolant(p, m, dt)
+        if rival == DIP:
+            place = lowest_point(p, m, dt, other, guess, piece, theta)
+        else:
+            place = crossing(p, m, dt, other, guess, low, piece, theta)
+        if k != NONE and not place < theta:
+            break
+        kind, k, theta = rival, other, place
     return kind, k, theta

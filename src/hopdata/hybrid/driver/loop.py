@@ -82,7 +82,7 @@ EVENTS_PER_INSTANT = 2  # of each guard, at most
 @kernel
 def move_on(p: Problem, m: Memory, out: Output, dt: float) -> None:
     """Make the end of the step the start of the next, and write it down."""
-    t_new = p.t_end if dt == p.t_end - m.clock[T] else m.clock[T] + dt
+    t_new = p.t_end if dt >= p.t_end - m.clock[T] else m.clock[T] + dt
     sample_step(p, m, out, t_new, dt)
     carry_guards(p, m, dt)
     travel_on(p, m, dt)

@@ -10,24 +10,14 @@ from math import inf
 
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.driver.hermite import NOWHERE, cubic, cubic_root, turning_points
-from hopdata.hybrid.driver.knots import knot, piece_ends
-from hopdata.hybrid.driver.layout import (
-    N_NEAR,
-    NEAR,
-    PIECE,
-    PIECES,
-    SIZE,
-    H,
-    Memory,
-    T,
-    index_numbers,
-)
+from hopdata.hybrid.driver.knots import ends_between, piece_before
+from hopdata.hybrid.driver.layout import H0, N_NEAR, NEAR, PIECES, SIZE, Memory, T
 from hopdata.hybrid.driver.near import GRAZE, clearance
 from hopdata.hybrid.driver.problem import Problem
 from hopdata.hybrid.driver.surface import blur, time_resolution
 
 PASS, CROSSING, DIP = 0, 1, 2
-ANY, PAST = index_numbers(2)  # which guards to suspect
+NONE = -1  # no guard
 
 EDGE = 1e-6  # a dip this near to an end of its piece is that end
 UNSURE = 0.5  # of a dip's depth: by so much may its cubic be wrong
@@ -60,42 +50,43 @@ def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[i
 
 
 @kernel
-def suspect_by_pieces(
-    m: Memory, k: int, lock: int, dt: float, resolution: float
+def suspect_before(
+    m: Memory, k: int, lock: int, dt: float, end: float, resolution: float
 ) -> tuple[int, float, float, int]:
-    """Judge a guard between each two knots of the step.
+    """Judge a guard between each two knots of the step that ends at its part `end`.
 
     Returns what `suspect` does of the first piece in which it does not stay clear, and that.
     """
-    g, part = m.guards, m.clock[PIECE]
+    g = m.guards
     for piece in range(m.counts[PIECES]):
-        g0, d0, g1, d1 = piece_ends(m, k, lock, piece, dt)
+        last, start, part = piece_before(m, piece, end)
+        if not part > 0.0:
+            break
+        g0, d0, g1, d1 = ends_between(m, k, lock, H0 + 2 * piece, last, part * dt)
         if clearance(g0, d0, g1, d1) > 0.0:
             continue
-        noise = blur(g[SIZE, k], g[knot(m, piece + 1) + 1, k], resolution)
+        noise = blur(g[SIZE, k], g[last + 1, k], resolution)
         kind, guess, low = suspect(max(g0, 0.0), d0, g1, d1, noise)
         if kind != PASS:
-            return kind, (piece + guess) * part, (piece + low) * part, piece
+            return kind, start + guess * part, start + low * part, piece
     return PASS, 1.0, 0.0, 0
 
 
 @kernel
 def first_suspect(
-    p: Problem, m: Memory, dt: float, among: int
+    p: Problem, m: Memory, dt: float, but: int, end: float
 ) -> tuple[int, int, float, float, int]:
     """Return (kind, guard, guess, low, piece) of the suspect guard with the earliest guess.
 
-    With ANY all that are near are asked, with PAST those of them past their surface in row H.
+    All that are near are asked, but one, about what they do up to the part `end` of the step.
     """
-    g = m.guards
     best = (PASS, -1, NOWHERE, 0.0, 0)
     resolution = time_resolution(m.clock[T], dt)
     for a in range(m.counts[N_NEAR]):
         k = m.lists[NEAR, a]
-        lock = p.mode[k]
-        if among == PAST and not lock * g[H, k] < 0.0:
+        if k == but:
             continue
-        kind, guess, low, piece = suspect_by_pieces(m, k, lock, dt, resolution)
+        kind, guess, low, piece = suspect_before(m, k, p.mode[k], dt, end, resolution)
         if kind != PASS and guess < best[2]:
             best = (kind, k, guess, low, piece)
     return best
