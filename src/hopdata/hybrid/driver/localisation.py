@@ -21,7 +21,7 @@ from hopdata.hybrid.driver.layout import (
 )
 from hopdata.hybrid.driver.problem import Problem, near_inside
 from hopdata.hybrid.driver.surface import EPS, blur, time_resolution
-from hopdata.hybrid.driver.suspicion import DIP, EDGE, NONE, PASS, first_suspect
+from hopdata.hybrid.driver.suspicion import DIP, EDGE, NONE, PASS, first_rival, first_suspect
 
 LEAVING = 1e-12  # a guard that has not left its surface by this part of the step never left
 ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the digits
@@ -163,8 +163,8 @@ def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     before it.
     """
     kind, k, theta = PASS, NONE, 1.0
+    rival, other, guess, low, piece = first_suspect(p, m, dt)
     for _ in range(MOST_RIVALS * m.counts[N_NEAR]):
-        rival, other, guess, low, piece = first_suspect(p, m, dt, k, theta)
         if rival == PASS:
             break
         prepare_interpolant(p, m, dt)
@@ -175,4 +175,5 @@ def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
         if k != NONE and not place < theta:
             break
         kind, k, theta = rival, other, place
+        rival, other, guess, low, piece = first_rival(p, m, dt, k, theta)
     return kind, k, theta

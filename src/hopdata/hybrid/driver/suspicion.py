@@ -11,7 +11,7 @@ from math import inf
 from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.driver.hermite import NOWHERE, cubic, cubic_root, turning_points
 from hopdata.hybrid.driver.knots import ends_between, piece_before
-from hopdata.hybrid.driver.layout import H0, N_NEAR, NEAR, PIECES, SIZE, Memory, T
+from hopdata.hybrid.driver.layout import CLEARANCE, H0, N_NEAR, NEAR, PIECES, SIZE, H, Memory, T
 from hopdata.hybrid.driver.near import GRAZE, clearance
 from hopdata.hybrid.driver.problem import Problem
 from hopdata.hybrid.driver.surface import blur, time_resolution
@@ -20,7 +20,16 @@ PASS, CROSSING, DIP = 0, 1, 2
 NONE = -1  # no guard
 
 EDGE = 1e-6  # a dip this near to an end of its piece is that end
+STEEPEST = 0.34  # rise over slope, from which a cubic cannot turn back: a third
 UNSURE = 0.5  # of a dip's depth: by so much may its cubic be wrong
+
+
+@kernel
+def is_monotone(rise: float, d0: float, d1: float) -> bool:
+    """Tell whether a cubic with these slopes is sure to be monotone (Fritsch and Carlson)."""
+    if d0 >= 0.0:
+        return d1 >= 0.0 and rise >= STEEPEST * max(d0, d1)
+    return d1 <= 0.0 and rise <= STEEPEST * min(d0, d1)
 
 
 @kernel
@@ -32,8 +41,8 @@ def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[i
     """
     # A guard that has just flipped, and leaves, may still be on its old side by rounding.
     crossed = g1 < -noise or (g1 <= 0.0 and d1 < 0.0)
-    if not crossed and d0 >= 0.0 and d1 >= 0.0 and g1 >= g0 + 0.34 * max(d0, d1):
-        return PASS, 1.0, 0.0  # monotone (Fritsch and Carlson)
+    if not crossed and is_monotone(g1 - g0, d0, d1):
+        return PASS, 1.0, 0.0
     top, bottom = turning_points(g0, d0, g1, d1)
     low = top if g0 == 0.0 and top < bottom else 0.0
     deep = inf
@@ -73,20 +82,40 @@ def suspect_before(
 
 
 @kernel
-def first_suspect(
-    p: Problem, m: Memory, dt: float, but: int, end: float
-) -> tuple[int, int, float, float, int]:
+def first_suspect(p: Problem, m: Memory, dt: float) -> tuple[int, int, float, float, int]:
     """Return (kind, guard, guess, low, piece) of the suspect guard with the earliest guess.
 
-    All that are near are asked, but one, about what they do up to the part `end` of the step.
+    All that are near are asked; those that are suspect have no clearance at all from then on.
     """
-    best = (PASS, -1, NOWHERE, 0.0, 0)
+    best = (PASS, NONE, NOWHERE, 0.0, 0)
     resolution = time_resolution(m.clock[T], dt)
     for a in range(m.counts[N_NEAR]):
         k = m.lists[NEAR, a]
-        if k == but:
+        kind, guess, low, piece = suspect_before(m, k, p.mode[k], dt, 1.0, resolution)
+        if kind != PASS:
+            m.guards[CLEARANCE, k] = -inf
+            if guess < best[2]:
+                best = (kind, k, guess, low, piece)
+    return best
+
+
+@kernel
+def first_rival(
+    p: Problem, m: Memory, dt: float, k: int, end: float
+) -> tuple[int, int, float, float, int]:
+    """Return the same of the guards that may flip before guard k does, at `end`.
+
+    Asked are those that are suspect, and those past their surface in row H.
+    """
+    g = m.guards
+    best = (PASS, NONE, NOWHERE, 0.0, 0)
+    resolution = time_resolution(m.clock[T], dt)
+    for a in range(m.counts[N_NEAR]):
+        j = m.lists[NEAR, a]
+        lock = p.mode[j]
+        if j == k or not (g[CLEARANCE, j] == -inf or lock * g[H, j] < 0.0):
             continue
-        kind, guess, low, piece = suspect_before(m, k, p.mode[k], dt, end, resolution)
+        kind, guess, low, piece = suspect_before(m, j, lock, dt, end, resolution)
         if kind != PASS and guess < best[2]:
-            best = (kind, k, guess, low, piece)
+            best = (kind, j, guess, low, piece)
     return best
