@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.driver.knots import set_knots
 from hopdata.hybrid.driver.landing import land, look_at_end
 from hopdata.hybrid.driver.layout import (
     H0,
@@ -10,6 +11,7 @@ from hopdata.hybrid.driver.layout import (
     N_AWAKE,
     N_NEAR,
     NEAR,
+    PIECES,
     RATE0,
     RATE1,
     SIZE,
@@ -17,7 +19,7 @@ from hopdata.hybrid.driver.layout import (
     T,
 )
 from hopdata.hybrid.driver.localisation import first_cut
-from hopdata.hybrid.driver.near import gather_near
+from hopdata.hybrid.driver.near import gather_near, gather_near_by_pieces
 from hopdata.hybrid.driver.problem import Problem, guards_at_end
 from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.driver.surface import (
@@ -28,6 +30,15 @@ from hopdata.hybrid.driver.surface import (
     time_resolution,
 )
 from hopdata.hybrid.driver.suspicion import CROSSING, DIP
+
+
+@kernel_in_loop
+def gather(p: Problem, m: Memory, dt: float) -> int:
+    """Put the guards that may flip within the step into NEAR; return how many they are."""
+    set_knots(p, m, dt)
+    if m.counts[PIECES] > 1:
+        return gather_near_by_pieces(p, m, dt)
+    return gather_near(p, m, dt)
 
 
 @kernel
@@ -44,7 +55,7 @@ def end_at_dips(
         dt *= theta
         take_step(p, m, m.clock[T], dt)
         guards_at_end(p, m, m.clock[T] + dt)
-        gather_near(p, m, dt)
+        gather(p, m, dt)
         kind, k, theta = first_cut(p, m, dt)
     return dt, kind, k, theta
 
@@ -56,7 +67,7 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
     Marks in DUE the guards that flip at its end; returns its length (0 if they flip at its very
     start) and how many they are.
     """
-    if gather_near(p, m, dt) == 0:  # mostly: what the search needs is not even prepared
+    if gather(p, m, dt) == 0:  # mostly: what the search needs is not even prepared
         return dt, 0
     kind, k, theta = first_cut(p, m, dt)
     if kind == DIP:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
-from hopdata.hybrid.driver.knots import piece_ends, set_knots
+from hopdata.hybrid.driver.knots import piece_ends
 from hopdata.hybrid.driver.layout import (
     BEND,
     CLEARANCE,
@@ -73,10 +73,7 @@ def gather_unclear(p: Problem, m: Memory, unclear: int) -> int:
 
 @kernel_in_loop
 def gather_near(p: Problem, m: Memory, dt: float) -> int:
-    """Put the guards that may flip within the step into NEAR; return how many they are."""
-    set_knots(p, m, dt)
-    if m.counts[PIECES] > 1:
-        return gather_near_by_pieces(p, m, dt)
+    """Put the guards that may flip within the step, by its ends, into NEAR; return their number."""
     g, unclear = m.guards, 0
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
@@ -89,9 +86,9 @@ def gather_near(p: Problem, m: Memory, dt: float) -> int:
     return gather_unclear(p, m, unclear)
 
 
-@kernel_in_loop
+@kernel
 def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
-    """Do the same for a step with inner knots: a guard must stay clear between all of them."""
+    """Do the same by all knots of the step: a guard must stay clear between each two."""
     g, unclear = m.guards, 0
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
