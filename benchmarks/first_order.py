@@ -21,7 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from timing import in_turn
 
-from hopdata.hybrid import Solution, solve
+from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.first_order import check_c1
 from hopdata.scenes.hopper import flight_mode, hopper_system
 from hopdata.scenes.hopper_control import HopperControl, control_system
@@ -85,7 +85,9 @@ def costs(contacts: int, starts: int) -> list[tuple[str, str, float, str]]:
     states = plate.initial_states(starts, 3)
     for form, system in (("plain", plate.system()), ("sums", plate.system(sums=True))):
 
-        def run(wanted: bool, form: str = form, system: object = system) -> Callable[[], object]:
+        def run(wanted: bool, form: str = form, system: System = system) -> Callable[[], object]:
+            system.compile(jacobian=wanted)
+
             def all_starts() -> None:
                 for y in states:
                     memory = plate.memory(y) if form == "sums" else None

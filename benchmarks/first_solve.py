@@ -7,9 +7,8 @@ One row for each case. `install`: nothing is cached, driver and generic methods 
 another process. `new scene, Jacobian` and `known scene, Jacobian`: the same with the flow's
 Jacobian, for which a method and its tangents are compiled for the scene; the fall alone, for a
 bounce resets the state. `new scene, plain Python`: its field uses a dictionary, which Numba does
-not compile; `known scene, plain Python`: the same again. `own code`: the process that compiles the
-two explicit methods for the scene, as one does that takes many steps (`WORTH_COMPILING`); `known
-scene, own code`: the next process.
+not compile; `known scene, plain Python`: the same again. `own code`: `System.compile` before, which
+makes all methods for the scene; `known scene, own code`: the next process.
 
 Times are medians over the repeats, with the smallest and the largest. `imports_s` is the import of
 `hopdata.hybrid`, `first_solve_s` the time from there to the end of the first `solve`: the module's
@@ -82,9 +81,7 @@ imported, cpu = time.perf_counter(), time.process_time()
 from {scene} import ball
 
 if {own_code}:
-    from hopdata.hybrid.methods import table
-
-    table.WORTH_COMPILING = 0
+    ball.compile()
 solve(ball, (0.0, {until}), (1.0, 0.0), jacobian={jacobian})
 solved, cpu = time.perf_counter(), time.process_time() - cpu
 solve(ball, (0.0, {until}), (1.0, 0.0), jacobian={jacobian})

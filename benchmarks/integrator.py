@@ -150,6 +150,7 @@ def cases() -> list[Case]:
 
 def with_hopdata(case: Case, method: str) -> Callable[[float], tuple[FloatArray, int]]:
     """Return a function of the tolerance that gives the final state and the field evaluations."""
+    case.system.compile(method)
 
     def run(tolerance: float) -> tuple[FloatArray, int]:
         solution = solve(

@@ -87,6 +87,7 @@ def with_hopdata(
 ) -> Callable[[FloatArray], Solution]:
     """Return our solver as a function of the start."""
     system, params = plate.system(**form), plate.params
+    system.compile()
 
     def run(start: FloatArray) -> Solution:
         solution = solve(

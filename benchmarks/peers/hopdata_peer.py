@@ -33,6 +33,7 @@ def methods_for(system: System) -> tuple[str, ...]:
 
 def prepare(problem: Problem, system: System, method: str, tolerance: float) -> Run:
     """Return one call."""
+    system.compile(method)
     span, y0, params = problem.t_span, problem.y0, problem.params
 
     def run() -> FloatArray:
@@ -48,6 +49,7 @@ def prepare(problem: Problem, system: System, method: str, tolerance: float) -> 
 
 def prepare_batch(problem: Problem, system: System, method: str, tolerance: float) -> Run:
     """Return a batch of the same trajectory, on one thread."""
+    system.compile(method)
     states, span, params = np.tile(problem.start, (BATCH, 1)), problem.t_span, problem.params
 
     def run() -> FloatArray:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.hybrid.arguments import check_flag
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.signatures import (
     AFFINE,
@@ -18,7 +19,8 @@ from hopdata.hybrid.compiled.signatures import (
     ON_EVENT,
     RATE_BOUND,
 )
-from hopdata.hybrid.driver.entry import run_address
+from hopdata.hybrid.driver.entry import driver_entry, run_address
+from hopdata.hybrid.driver.many import many_entry
 from hopdata.hybrid.methods.scene import Scene
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.workspace import Pool, Workspace
@@ -178,6 +180,27 @@ class System:
             scene = Scene(self.field, self.n_states, self.jacobian, self.affine, guards)
             self._method_tables[key] = MethodTable(choice, scene, jacobian)
         return self._method_tables[key]
+
+    def compile(self, method: str = "auto", *, jacobian: bool = False) -> None:
+        """Compile now whatever `solve` and `solve_batch` may need for this system.
+
+        Otherwise each part is compiled when it is first needed, and the steps of explicit methods
+        only after some millions of them. Results are the same. Takes some seconds, less in a later
+        process: the code is kept.
+
+        Parameters
+        ----------
+        method, jacobian
+            As they will be given to `solve`.
+
+        Raises
+        ------
+        ValueError
+            If there is no method of this name, or it does not suit the system.
+        """
+        driver_entry(), many_entry()
+        self.methods(method, check_flag("jacobian", jacobian)).compile_all()
+        self.idle.append(self.take_workspace())
 
     @cached_property
     def idle(self) -> Pool:

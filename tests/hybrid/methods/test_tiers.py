@@ -165,3 +165,44 @@ def test_jacobians_have_code_of_their_own():
     s = solve(system, (0.0, 0.1), [0.3, 1.0], mode=[1], method="dopri5", jacobian=True)
     assert s.jacobian.shape == (2, 2)
     assert not system.methods("dopri5", True).generic
+
+
+def test_compiled_beforehand(monkeypatch):
+    system = ring(2)
+    generic = outcome(ring(2), "auto")
+    system.compile()
+    monkeypatch.setattr(table.MethodTable, "compile", None)  # nothing is left to compile
+    assert outcome(system, "auto").y.tobytes() == generic.y.tobytes()
+    assert solve_batch(system, (0.0, 6.0), np.ones((3, 2)), mode=[1], method="auto").success
+    assert not tiers(system, "auto")
+
+
+def test_compiled_in_place_of_generic_code(monkeypatch):
+    system = ring(2)
+    generic = outcome(system, "dopri5")
+    assert tiers(system, "dopri5") == {0}
+    system.compile("dopri5")
+    assert not tiers(system, "dopri5")
+    monkeypatch.setattr(table.MethodTable, "compile", None)
+    assert outcome(system, "dopri5").y.tobytes() == generic.y.tobytes()
+
+
+def test_a_field_in_python_can_be_asked_for_beforehand():
+    system = ring(2, compiled=False)
+    system.compile("dopri5")
+    assert tiers(system, "dopri5") == {0}
+    assert outcome(system, "dopri5").success
+
+
+def test_compiles_with_the_jacobian():
+    system = System(decay, n_states=1)
+    system.compile("dop853", jacobian=True)
+    s = solve(system, (0.0, 1.0), [1.0], method="dop853", jacobian=True)
+    np.testing.assert_allclose(s.jacobian, np.exp(-1.0), rtol=1e-8)
+
+
+def test_compile_names_the_method_that_it_does_not_know():
+    with pytest.raises(ValueError, match="did you mean 'dopri5'"):
+        ring(1).compile("dopri")
+    with pytest.raises(ValueError, match="jacobian: expected True or False"):
+        ring(1).compile("dopri5", jacobian="yes")

@@ -4,7 +4,7 @@ There is machine code of two kinds for an explicit method: generic code, the sam
 (see `generic`), which is there at once, and code made for the scene, which is faster and takes a
 second or two to compile. Results have the same bytes. A scene begins with its own code where that
 is in the cache, with generic code where it is not; its own is made when the scene has taken
-`WORTH_COMPILING` steps in this process, or a batch will take so many.
+`WORTH_COMPILING` steps in this process, or a batch will take so many, or the caller asks for it.
 """
 
 from __future__ import annotations
@@ -180,6 +180,14 @@ class MethodTable:
             generic, self.generic = self.generic, set()
             for number in generic:
                 self.compile(number)
+
+    def compile_all(self) -> None:
+        """Compile all methods for the scene, as far as its field is compiled."""
+        make = self.compile if self._scene.field.compiled else self.provide
+        generic, self.generic = self.generic, set()
+        for number in range(len(self._names)):
+            if number in generic or self.rows[number, layout.STEP] == 0:
+                make(number)
 
     def _enter(self, number: int, step: Any, interpolant: Any) -> None:
         """Hand machine code to the driver."""
