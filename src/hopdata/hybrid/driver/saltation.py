@@ -105,8 +105,9 @@ def add_jump(p: Problem, m: Memory) -> None:
     for i in range(n):
         jump = phi[after, i] - phi[before, i]
         phi[before, i] = phi[after, i]
-        for j in range(n):
-            phi[i, j] += jump * phi[along, j]
+        if jump != 0.0:  # as it is of most, where a force comes or goes
+            for j in range(n):
+                phi[i, j] += jump * phi[along, j]
 
 
 @kernel
