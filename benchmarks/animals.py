@@ -29,7 +29,8 @@ import numpy as np
 import pandas as pd
 
 from hopdata.landings.floor import fit_floor, level
-from hopdata.landings.pairs import Pairs, assemble_pairs
+from hopdata.landings.pair_assembly import assemble_pairs
+from hopdata.landings.pairs import Pairs
 from hopdata.landings.sections import select_sections
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.truth.matching import match_landings

@@ -30,7 +30,8 @@ from scipy.interpolate import CubicSpline
 
 from hopdata.landings.filling import fill_gaps, mark_filled
 from hopdata.landings.floor import fit_floor, level
-from hopdata.landings.pairs import Pairs, assemble_pairs, exclude_stateless
+from hopdata.landings.pair_assembly import assemble_pairs, exclude_stateless
+from hopdata.landings.pairs import Pairs
 from hopdata.landings.sections import select_sections
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.truth.state_errors import state_errors, true_rows

@@ -28,7 +28,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from hopdata.landings.pairs import assemble_pairs, contact_instants
+from hopdata.landings.pair_assembly import assemble_pairs
+from hopdata.landings.pairs import contact_instants
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.corrected.map_estimates import estimate_maps
 from hopdata.maps.corrected.regression import curved_map, ols_map

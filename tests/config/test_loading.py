@@ -437,7 +437,7 @@ STAGES = {
     "filling": ("hopdata.landings.filling", "fill_gaps", {"largest_share"}),
     "sections": ("hopdata.landings.sections", "select_sections", {"grid_nodes"}),
     "touchdowns": ("hopdata.landings.touchdowns", "touchdown_table", set()),
-    "states": ("hopdata.landings.pairs", "assemble_pairs", set()),
+    "states": ("hopdata.landings.pair_assembly", "assemble_pairs", set()),
     "units": ("hopdata.maps.units", "choose_units", set()),
     "prediction": ("hopdata.maps.linear.prediction", "bootstrap_prediction", set()),
     "subspaces": ("hopdata.maps.subspaces.constraint", "bootstrap_subspaces", set()),

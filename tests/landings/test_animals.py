@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hopdata.landings.floor import fit_floor, level
-from hopdata.landings.pairs import assemble_pairs
+from hopdata.landings.pair_assembly import assemble_pairs
 from hopdata.landings.sections import select_sections
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.truth.matching import match_landings

@@ -8,7 +8,7 @@ from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 from hopdata.errors import ConfigError
 from hopdata.landings.filled_table import filled_table
 from hopdata.landings.filling import TOO_MUCH_FILLED, fill_gaps, mark_filled
-from hopdata.landings.pairs import assemble_pairs
+from hopdata.landings.pair_assembly import assemble_pairs
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.recordings.hdf5 import read_recording, write_recording
 from hopdata.recordings.importing import import_recording

@@ -9,13 +9,8 @@ from hypothesis import strategies as st
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.errors import AnalysisError, ConfigError
-from hopdata.landings.pairs import (
-    STATELESS,
-    assemble_pairs,
-    exclude_stateless,
-    read_pairs,
-    write_pairs,
-)
+from hopdata.landings.pair_assembly import STATELESS, assemble_pairs, exclude_stateless
+from hopdata.landings.pair_files import read_pairs, write_pairs
 from hopdata.landings.touchdowns import touchdown_table
 
 SECTIONS = {"pre_height_m": PRE_HEIGHT_M, "post_height_m": POST_HEIGHT_M}

@@ -10,8 +10,10 @@ from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 from hopdata.errors import AnalysisError, ConfigError
 from hopdata.landings.approach import LANDED
 from hopdata.landings.contacts import Contacts
+from hopdata.landings.example_touchdown import example_touchdown
+from hopdata.landings.exclusions import exclusion_reasons
 from hopdata.landings.force_onsets import force_onsets
-from hopdata.landings.touchdowns import example_touchdown, exclusion_reasons, touchdown_table
+from hopdata.landings.touchdowns import touchdown_table
 from hopdata.landings.transitions import Transitions
 from hopdata.recordings.recording import Recording
 

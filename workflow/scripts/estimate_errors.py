@@ -3,7 +3,7 @@
 import numpy as np
 
 from hopdata.jobs import read_json, reported, write_table
-from hopdata.landings.pairs import read_pairs
+from hopdata.landings.pair_files import read_pairs
 from hopdata.maps.truth.exact_map import estimate_errors, exact_map
 from hopdata.maps.truth.verdict_truth import true_effect, verdict_errors
 

@@ -1,7 +1,7 @@
 """Compare measured states and fitted maps with the true ones."""
 
 from hopdata.jobs import read_json, read_table, reported, write_table
-from hopdata.landings.pairs import read_pairs
+from hopdata.landings.pair_files import read_pairs
 from hopdata.maps.truth.map_errors import map_error_table
 from hopdata.maps.truth.state_errors import state_errors, true_rows
 from hopdata.recordings.hdf5 import read_truth

@@ -1,7 +1,8 @@
 """Estimate the linear map through the landing."""
 
 from hopdata.jobs import read_json, read_table, reported, write_json, write_table
-from hopdata.landings.pairs import contact_instants, read_pairs
+from hopdata.landings.pair_files import read_pairs
+from hopdata.landings.pairs import contact_instants
 from hopdata.maps.corrected.map_estimates import estimate_maps
 
 with reported(snakemake.log[0]):

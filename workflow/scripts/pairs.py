@@ -1,8 +1,9 @@
 """States at both sections in the home frame of each touchdown."""
 
 from hopdata.jobs import read_json, read_tables, reported, write_table
-from hopdata.landings.pairs import assemble_pairs, exclude_stateless, write_pairs
-from hopdata.landings.touchdowns import example_touchdown
+from hopdata.landings.pair_assembly import assemble_pairs, exclude_stateless
+from hopdata.landings.pair_files import write_pairs
+from hopdata.landings.example_touchdown import example_touchdown
 from hopdata.recordings.hdf5 import read_recording
 
 with reported(snakemake.log[0]):

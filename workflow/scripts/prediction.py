@@ -1,7 +1,7 @@
 """Bootstrap the prediction errors of all models."""
 
 from hopdata.jobs import reported, write_json, write_table
-from hopdata.landings.pairs import read_pairs
+from hopdata.landings.pair_files import read_pairs
 from hopdata.maps.linear.prediction import bootstrap_prediction
 
 with reported(snakemake.log[0]):

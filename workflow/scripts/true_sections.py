@@ -3,7 +3,8 @@
 import numpy as np
 
 from hopdata.jobs import read_json, reported, write_json
-from hopdata.landings.pairs import Pairs, write_pairs
+from hopdata.landings.pair_files import write_pairs
+from hopdata.landings.pairs import Pairs
 from hopdata.recordings.hdf5 import read_truth
 from hopdata.synthesis.known_scene import common_scene
 from hopdata.synthesis.landings import SectionHeights

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.errors import AnalysisError, require_choice
-from hopdata.landings.approach import (
-    ALREADY_DOWN,
-    LANDED,
-    MISSING,
-    NOT_LANDED,
-    POOR_FIT,
-    height_noise,
-)
+from hopdata.landings.approach import LANDED, height_noise
 from hopdata.landings.contacts import Contacts, find_contacts
+from hopdata.landings.exclusions import HIDDEN_PRE, exclusion_reasons
 from hopdata.landings.hidden_landings import find_hidden_landings
 from hopdata.landings.schedules import (
     AMBIGUOUS,
@@ -34,7 +27,6 @@ from hopdata.landings.transitions import (
     find_transitions,
     together,
 )
-from hopdata.landings.velocity_minimum import filter_window, savitzky_golay_velocity
 from hopdata.recordings.recording import Recording
 
 if TYPE_CHECKING:
@@ -43,12 +35,10 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 TREATMENTS = ("keep", "pool", "exclude")  # of ambiguous orders
-HIDDEN_PRE = "frames missing at the pre section"
 LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may be missing
 LONGEST_GAP_S = 0.025  # the same, where frames are many: the body moves no further for them
 LEAST_DOWN_SHARE = 0.15  # of the distance between the sections
 LEAST_DOWN_SIGMAS = 4.0
-NO_FOOT_LANDED = "no foot landed"
 LOW_FLIGHT = "body stayed below the pre section"
 LOW = 1  # place of the low flights among all landings
 
@@ -84,7 +74,7 @@ def touchdown_table(
         Touchdowns whose schedule is less probable are of the class ``ambiguous``.
     ambiguous : {"keep", "pool", "exclude"}
         What becomes of these: they are used by their most probable order, or only where the order
-        does not matter (see `hopdata.landings.pairs`), or left out.
+        does not matter (see `hopdata.landings.pair_assembly`), or left out.
 
     Returns
     -------
@@ -208,121 +198,3 @@ def _table(
         "reason": reasons,
     }
     return pd.DataFrame(columns)
-
-
-def exclusion_reasons(
-    transitions: Transitions, contacts: Contacts, *, longest_gap_s: float
-) -> list[str]:
-    """Say of each touchdown why it is left out, the weightiest reason first; empty if it is used.
-
-    Parameters
-    ----------
-    transitions : Transitions
-        L descents of the body.
-    contacts : Contacts
-        Their contacts.
-    longest_gap_s : float
-        Longest time without a frame over a crossing, s.
-    """
-    return [
-        _transition_reason(transitions, row, longest_gap_s)
-        or _contact_reason(
-            contacts.status[row],
-            contacts.instant[row],
-            contacts.se[row],
-            float(transitions.t_pre[row]),
-            float(transitions.t_post[row]),
-        )
-        for row in range(len(transitions))
-    ]
-
-
-def _transition_reason(transitions: Transitions, row: int, longest_gap_s: float) -> str:
-    if transitions.gap_pre[row] > longest_gap_s:
-        return HIDDEN_PRE
-    if transitions.gap_post[row] > longest_gap_s:
-        return "frames missing at the post section"
-    return "post section never reached" if np.isnan(transitions.t_post[row]) else ""
-
-
-def _contact_reason(
-    status: NDArray[np.int64], instant: FloatArray, se: FloatArray, t_pre: float, t_post: float
-) -> str:
-    if (status == NOT_LANDED).all():
-        return NO_FOOT_LANDED
-    timed = status == LANDED
-    failures = (
-        (status == MISSING, "frames missing at the contact of foot {}"),
-        (status == NOT_LANDED, "foot {} not down by the post section"),
-        (status == ALREADY_DOWN, "foot {} down before the pre section"),
-        (status == POOR_FIT, "poor fit of foot {}"),
-        (timed & np.isnan(instant), "no contact found for foot {}"),
-        (timed & (instant < t_pre), "foot {} down before the pre section"),
-        (timed & (instant > t_post), "foot {} not down by the post section"),
-        # Known no better than that it is somewhere in the transition, or beyond: no kink was seen.
-        (timed & (se > t_post - t_pre), "contact of foot {} not determined"),
-    )
-    for failed, text in failures:
-        if failed.any():
-            return text.format(int(np.argmax(failed)) + 1)
-    return ""
-
-
-def example_touchdown(
-    recordings: Sequence[Recording], table: pd.DataFrame, *, margin_s: float = 0.05
-) -> pd.DataFrame:
-    """Heights and velocities of the feet in one typical touchdown (Fig. 2.3).
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Levelled, with different names.
-    table : pandas.DataFrame
-        Their touchdowns.
-    margin_s : float
-        Time shown before the pre and after the post section, s.
-
-    Returns
-    -------
-    pandas.DataFrame
-        recording, index, time_s (from the pre section), foot, height_m, velocity_m_s (by the filter
-        of the printed method). The touchdown is the one of median spread in the commonest schedule.
-
-    Raises
-    ------
-    AnalysisError
-        If no touchdown is used.
-    """
-    import pandas as pd
-
-    used = table[~table["excluded"].astype(bool)]
-    if used.empty:
-        raise AnalysisError("touchdowns: expected at least one usable one to show, found none")
-    counts = used["schedule"].value_counts(sort=False)
-    commonest = min(counts.index[counts == counts.max()])
-    ranked = used[used["schedule"] == commonest].sort_values(["spread_s", "recording", "index"])
-    row = ranked.iloc[(len(ranked) - 1) // 2]
-    recording = next(r for r in recordings if r.name == row["recording"])
-    time = recording.time
-    frames = (time >= row["t_pre_s"] - margin_s) & (time <= row["t_post_s"] + margin_s)
-    heights = recording.feet[:, :, 2]
-    rate_hz = 1 / float(np.median(np.diff(time)))
-    reach = filter_window(rate_hz)
-    shown = np.flatnonzero(frames)
-    about = slice(max(shown[0] - reach, 0), shown[-1] + reach + 1)
-    velocity = np.full(heights.shape, np.nan)
-    velocity[about] = savitzky_golay_velocity(heights[about], rate_hz)
-    pieces = [
-        pd.DataFrame(
-            {
-                "recording": recording.name,
-                "index": int(row["index"]),
-                "time_s": time[frames] - row["t_pre_s"],
-                "foot": foot,
-                "height_m": heights[frames, i],
-                "velocity_m_s": velocity[frames, i],
-            }
-        )
-        for i, foot in enumerate(recording.names("foot"))
-    ]
-    return pd.concat(pieces, ignore_index=True)

@@ -7,7 +7,8 @@ import pytest
 from kinked_landings import SPREAD_S, landings
 
 from hopdata.maps.verdict.attenuation import attenuation, calibrated
-from hopdata.maps.verdict.estimate import expected_contacts, fit_kinks
+from hopdata.maps.verdict.estimate import fit_kinks
+from hopdata.maps.verdict.expected_contacts import expected_contacts
 from hopdata.maps.verdict.kinks import kinks
 
 NOISE = np.full(8, 0.12)

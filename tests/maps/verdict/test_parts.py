@@ -15,14 +15,8 @@ from hopdata.maps.verdict.effect import (
     outcome_variance,
     squared_size,
 )
-from hopdata.maps.verdict.estimate import (
-    _window,
-    choose_window,
-    expected_contacts,
-    fit_kinks,
-    fit_window,
-    window_kinks,
-)
+from hopdata.maps.verdict.estimate import choose_window, fit_kinks, fit_window, window_kinks
+from hopdata.maps.verdict.expected_contacts import expected_contacts
 from hopdata.maps.verdict.graphs import rank_gap
 from hopdata.maps.verdict.inputs import section_landings
 from hopdata.maps.verdict.kinks import foot_sets, kink_slopes, kinks
@@ -36,6 +30,7 @@ from hopdata.maps.verdict.smooth import (
     number_of_free_terms,
     shrunk_terms,
 )
+from hopdata.maps.verdict.window import landing_window
 
 
 @pytest.fixture
@@ -129,7 +124,7 @@ def test_kinks_are_those_of_the_penalised_fit():
     data = landings(n=700, strength=0.2, noise=0.02)
     x = (data.x - data.x.mean(axis=0)) / data.x.std(axis=0)
     expected, rows = expected_contacts(x, data.instants), np.arange(700)
-    part = _window(x, data.y, expected, rows, 2)
+    part = landing_window(x, data.y, expected, rows, 2)
     _, coefficients = window_kinks(x, data.y, expected, rows, 2)
     for k in (0, 5, 10):
         spreads = np.sqrt(np.repeat(part.variances.ratios[k], part.sizes))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopdata.landings.touchdowns import NO_FOOT_LANDED
+from hopdata.landings.exclusions import NO_FOOT_LANDED
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.maps.verdict.estimate import KinkFit, expected_contacts, window_kinks
+from hopdata.maps.verdict.estimate import KinkFit, window_kinks
+from hopdata.maps.verdict.expected_contacts import expected_contacts
 from hopdata.maps.verdict.kinks import kinks
 from hopdata.maps.verdict.significance import draws
 

@@ -18,7 +18,7 @@ from hopdata.maps.rigid import (
     section_coordinates,
     split_states,
 )
-from hopdata.maps.verdict.estimate import expected_contacts
+from hopdata.maps.verdict.expected_contacts import expected_contacts
 from hopdata.maps.verdict.membership import Memberships, memberships
 
 #: Schedules with fewer landings play no part.

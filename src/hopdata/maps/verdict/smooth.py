@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from hopdata.maps.verdict.kinks import time_differences
 
+#: Landings wanted for each free term.
+LANDINGS_PER_TERM = 2.5
 _FLAT = 1e-9
 
 Floats = NDArray[np.float64]
@@ -39,6 +41,15 @@ def _products_of(x: Floats, degree: int) -> Floats:
 def number_of_free_terms(n_inputs: int, n_feet: int, degree: int) -> int:
     """Return the number of columns of `free_terms`."""
     return comb(n_inputs + degree, degree) + n_feet * (n_feet - 1)
+
+
+def affordable_degree(landings: int, n_inputs: int, n_feet: int) -> int:
+    """Return the order up to which so many landings can have free terms: 3, 2 or 1."""
+    for degree in (3, 2):
+        terms = number_of_free_terms(n_inputs, n_feet, degree)
+        if landings >= LANDINGS_PER_TERM * terms:
+            return degree
+    return 1
 
 
 def free_terms(x: Floats, instants: Floats, degree: int) -> Floats:
