@@ -25,7 +25,9 @@ from hopdata.hybrid.driver.layout import (
     T,
 )
 from hopdata.hybrid.driver.problem import Problem
+from hopdata.hybrid.driver.surface import time_resolution
 from hopdata.hybrid.methods.rosenbrock import JAC, PIVOTS
+from hopdata.hybrid.methods.series import LONGEST
 from hopdata.hybrid.methods.stiffness import (
     STIFF,
     explicit_stiffness,
@@ -37,6 +39,7 @@ TIGHT = 1e-7  # relative tolerance from which the method of highest order takes 
 LONG = 4.0  # steps without an event, after which a method of higher order is worth its cost
 SHORT = 2.5  # steps of the cheaper method: events that are nearer to each other are dense
 EVERY = 16  # steps: one of so many is tested for stiffness, as long as there is no sign of it
+MANY = 1e3  # time resolutions: the shortest step to begin with
 VERY_HIGH_ORDER = 16.0  # from which the error obeys its power over many decades: no limits
 RELIEVED = 1.0  # dt times the fastest rate, below which an explicit step of this length will do
 
@@ -105,12 +108,19 @@ def choose_after_step(p: Problem, m: Memory) -> None:
 
 
 @kernel
+def affine_step(p: Problem, m: Memory) -> float:
+    """Return the first step in an affine mode: to the end, if its fastest motion allows."""
+    left, shortest = p.t_end - m.clock[T], MANY * time_resolution(m.clock[T], 0.0)
+    return min(left, max(m.states[LONGEST, 0], shortest))
+
+
+@kernel
 def choose_after_event(p: Problem, m: Memory) -> None:
     """Change to a cheaper method, if the last event is but a few of its steps ago."""
     method = m.counts[METHOD]
     denser, apart = p.methods[method, DENSER], m.clock[T] - m.clock[SEGMENT]
     m.clock[SEGMENT], m.clock[GAP] = m.clock[T], apart
     if p.methods[method, ORDER] >= VERY_HIGH_ORDER:  # the last mode tells nothing of this one
-        m.clock[NEXT_DT] = p.t_end - m.clock[T]
+        m.clock[NEXT_DT] = affine_step(p, m)
     if denser >= 0 and apart < SHORT * m.clock[NEXT_DT] * step_ratio(p, method, denser):
         change_method(p, m, denser)

@@ -8,7 +8,7 @@ import numpy as np
 
 from hopdata.hybrid.compiled.calls import call_step
 from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
-from hopdata.hybrid.driver.choice import VERY_HIGH_ORDER, watch_stiffness
+from hopdata.hybrid.driver.choice import VERY_HIGH_ORDER, affine_step, watch_stiffness
 from hopdata.hybrid.driver.layout import (
     ERROR,
     EVALUATIONS,
@@ -150,7 +150,7 @@ def first_step(p: Problem, m: Memory) -> float:
     s, t = m.states, m.clock[T]
     longest = min(p.t_end - t, p.max_step)
     if p.methods[m.counts[METHOD], ORDER] >= VERY_HIGH_ORDER:
-        return longest
+        return min(longest, affine_step(p, m))
     size, slope, bend = 0.0, 0.0, 0.0
     for i in range(s.width):
         scale = tolerance(p, i, abs(s[Y, i]))

@@ -33,7 +33,7 @@ from hopdata.hybrid.methods.rows import (
 
 DEGREE = MOST_COEFFICIENTS
 ORDER = DEGREE + 1
-B, WEIGHT, INFO, A = W1, W1 + 1, W1 + 2, W1 + 3
+B, WEIGHT, INFO, LONGEST, A = W1, W1 + 1, W1 + 2, W1 + 3, W1 + 4
 
 EPS = 2.0**-52
 SHARP = 64 * EPS  # relative tolerance to which looser ones are tightened

@@ -17,16 +17,18 @@ same. The degree that was needed is left in INFO.
 
 from __future__ import annotations
 
-from math import nan
+from math import inf, nan, sqrt
 from typing import Any
 
 from hopdata.hybrid.compiled.views import FloatTable
 from hopdata.hybrid.methods.rows import K1, Y, matrix, row
-from hopdata.hybrid.methods.series import DEGREE, EPS, INFO, WEIGHT, A, B
+from hopdata.hybrid.methods.series import DEGREE, EPS, INFO, LONGEST, WEIGHT, A, B
 
 NAME = "taylor"
 EVALUATIONS = 0
 BASIS = "power"
+
+FARTHEST_TURN = 4.5  # radians: nine tenths of z with z^33 / 33! = 64 EPS, the tolerance of a step
 
 AFFINE: Any = None
 N: int = 0
@@ -34,16 +36,24 @@ N: int = 0
 
 def work_rows(n: int) -> int:
     """Return the number of work rows for `n` states."""
-    return 3 + n
+    return 4 + n
 
 
 def refresh(s: FloatTable, mode: Any, params: Any) -> None:
-    """Fetch A and b of the mode; entries that the user's function leaves alone are zero."""
+    """Fetch A and b of the mode; entries that the user's function leaves alone are zero.
+
+    The fastest motion, by the diagonal and by pairs of entries, tells how long a first step may be.
+    """
     for i in range(N):
         s[B, i] = 0.0
         for j in range(N):
             s[A + i, j] = 0.0
     AFFINE(mode, params, matrix(s, A, N), row(s, B))
+    fastest = 0.0
+    for i in range(N):
+        for j in range(i + 1):
+            fastest = max(fastest, abs(s[A + i, j] * s[A + j, i]))
+    s[LONGEST, 0] = FARTHEST_TURN / sqrt(fastest) if 0.0 < fastest < inf else inf
 
 
 def disagreement(s: FloatTable) -> float:
