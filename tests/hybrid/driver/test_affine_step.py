@@ -56,5 +56,5 @@ def test_a_fast_motion_that_rests_costs_a_step_or_two():
 @pytest.mark.parametrize("rate", [1e20, 1e60, 1e160, 1e200])
 def test_a_motion_faster_than_time_can_tell_is_reported(rate):
     found = run([[0.0, rate], [-rate, 0.0]], [1.0, 0.0], 2.0, start=1.0)
-    assert found.status == (STEP_UNDERFLOW if rate < 1e100 else FIELD_NOT_FINITE)
+    assert found.status == (STEP_UNDERFLOW if rate < 1e40 else FIELD_NOT_FINITE)
     assert found.n_steps < 100
