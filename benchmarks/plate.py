@@ -227,7 +227,7 @@ def slopes(n: FloatArray, times: FloatArray) -> FloatArray:
     return np.asarray(times @ centred / (centred @ centred))
 
 
-def over(ratios: FloatArray, draws: NDArray[np.int64]) -> dict[str, float]:
+def median_with_band(ratios: FloatArray, draws: NDArray[np.int64]) -> dict[str, float]:
     """Return the median of ratios (S,), and its 95 % band by bootstrap."""
     low, high = np.percentile(np.median(ratios[draws], axis=1), [2.5, 97.5])
     return {
@@ -246,6 +246,7 @@ def marginal(times: dict[str, FloatArray]) -> pd.DataFrame:
     for name, sample in times.items():
         medians = 1e6 / UNTIL_S * np.median(sample, axis=1)
         drawn = 1e6 / UNTIL_S * np.array([np.median(sample[:, draw], axis=1) for draw in draws])
+        over_ours = median_with_band(slopes(counts, sample.T) / ours, draws)
         windows = [("all", slice(None))] + [
             ("local", slice(at - WINDOW, at + WINDOW + 1))
             for at in range(WINDOW, len(counts) - WINDOW)
@@ -260,7 +261,7 @@ def marginal(times: dict[str, FloatArray]) -> pd.DataFrame:
                     "marginal_us_per_contact_s": float(slopes(counts[part], medians[part])),
                     "low95_us_per_contact_s": low,
                     "high95_us_per_contact_s": high,
-                    **(over(slopes(counts, sample.T) / ours, draws) if kind == "all" else {}),
+                    **(over_ours if kind == "all" else {}),
                 }
             )
     return pd.DataFrame(rows)
@@ -289,7 +290,7 @@ def median_ms(run: Callable[[], Solution]) -> float:
 
 
 def scaling() -> pd.DataFrame:
-    """Time our solver for many contacts; all sizes take turns, a turn for each start."""
+    """Time our solver for many contacts; all sizes take turns, with one start after the other."""
     runs = large_cases()
     events = {case: np.median([len(run().events) for run in own]) for case, own in runs.items()}
     times: dict[Case, list[float]] = {case: [] for case in runs}
