@@ -5,77 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from jacobian_checks import carried, gap
-from scipy.integrate import solve_ivp
+from tangent_flow import CONSTANT, error_of, flow
 
 from hopdata.hybrid import solve
-from hopdata.hybrid.compiled.digest import with_digest
-from hopdata.hybrid.driver.layout import PHI_MOTION, PHI_ROWS
-from hopdata.hybrid.methods import products, short_tangent
+from hopdata.hybrid.methods.short_tangent import short_tangent
 from hopdata.scenes.plate import Plate
-
-N = 3
-CONSTANT, VARYING = np.random.default_rng(7).normal(size=(2, N, N))
-ROWS = (3 + short_tangent.BLOCKS) * N + PHI_ROWS
-
-
-def derivative(t):
-    return CONSTANT + np.sin(3.0 * t) * VARYING
-
-
-def stage_jacobian(t, dt, rtol, s, mode, params, atol, phi):
-    phi[N : 2 * N] = derivative(t)
-
-
-def plain_fma(a, b, c):
-    """The product and sum of compiled code, for plain Python: rounded twice."""
-    return a * b + c
-
-
-class Table(np.ndarray):
-    """A table whose rows may be run over, as in compiled code: entry e of a block."""
-
-    def __getitem__(self, at):
-        if isinstance(at, tuple):
-            row, column = at
-            return self.reshape(-1).view(np.ndarray)[row * N + column]
-        return super().__getitem__(at)
-
-    def __setitem__(self, at, value):
-        if isinstance(at, tuple):
-            self.reshape(-1).view(np.ndarray)[at[0] * N + at[1]] = value
-        else:
-            super().__setitem__(at, value)
-
-
-def short_flow(dt, rtol=1e-6):
-    """The flow's Jacobian over dt, its error by its own account, and the motion squared."""
-    names = {"STAGE_JACOBIAN": stage_jacobian, "N": N}
-    add = with_digest(products.add_product_numbers, N=N, fma=plain_fma)
-    step = with_digest(short_tangent.short_tangent, ADD_PRODUCT=add, **names)
-    phi = np.zeros((ROWS, N)).view(Table)
-    phi[:N] = np.eye(N)
-    error = step(0.0, dt, rtol, np.zeros((40, N)), None, None, None, phi)
-    return np.array(phi[N : 2 * N]), error, phi[3 * N + PHI_MOTION, 0]
-
-
-def exact_flow(dt):
-    def rates(t, phi):
-        return (derivative(t) @ phi.reshape(N, N)).ravel()
-
-    flow = solve_ivp(rates, (0, dt), np.eye(N).ravel(), rtol=1e-13, atol=1e-14, method="DOP853")
-    return flow.y[:, -1].reshape(N, N)
 
 
 def test_it_is_of_fourth_order():
-    errors = [np.abs(short_flow(dt)[0] - exact_flow(dt)).max() for dt in (0.2, 0.1, 0.05)]
+    errors = [error_of(short_tangent, dt) for dt in (0.2, 0.1, 0.05)]
     assert errors[0] < 1e-3
     assert np.log2(errors[0] / errors[1]) == pytest.approx(5.0, abs=0.5)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(5.0, abs=0.5)
 
 
 def test_it_judges_its_error_by_the_fastest_motion():
-    _, loose, fastest = short_flow(0.1, rtol=1e-6)
-    _, tight, _ = short_flow(0.1, rtol=1e-8)
+    _, loose, fastest = flow(short_tangent, 0.1, rtol=1e-6)
+    _, tight, _ = flow(short_tangent, 0.1, rtol=1e-8)
     assert tight == pytest.approx(100.0 * loose)
     assert fastest >= np.abs(np.diag(CONSTANT)).max() ** 2 / 2
 

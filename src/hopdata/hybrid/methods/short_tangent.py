@@ -16,6 +16,7 @@ from typing import Any
 
 from hopdata.hybrid.compiled.views import FloatTable
 from hopdata.hybrid.driver.layout import GAUSS_1, GAUSS_2, PHI_MOTION, PHI_ROWS, SCRATCH, SLOPE
+from hopdata.hybrid.methods.tangent import LOOSER
 
 # Put in for each scene.
 STAGE_JACOBIAN: Any = None
@@ -26,7 +27,6 @@ HIGHEST_ORDER = 5  # of a method: one of higher order takes steps that are long 
 TILT = 0.5 * sqrt(3.0)  # from the mean of the Gauss points to an end, in units of their distance
 BLOCKS = 5  # of the table, behind the single rows
 ERROR = 0.01  # times (step times fastest motion)^5: 1 / 120, and a little for the two points
-LOOSER = 10.0  # as for a method's own tangent
 
 
 def short_tangent(
