@@ -55,13 +55,14 @@ def facing(lock: int, value: float) -> float:
 
 
 @kernel_in_loop
-def gather_unclear(p: Problem, m: Memory, unclear: int) -> int:
+def gather_unclear(p: Problem, m: Memory, unclear: int, first: int) -> int:
     """Put the guards that have no clearance into NEAR; return how many they are: `unclear`.
 
-    The clearances are worked out and counted before, in loops that are compiled into vector
-    instructions, as the one here is not. Mostly there is nothing left to do.
+    The clearances are worked out and counted before, and the `first` place without one is found,
+    in loops that are compiled into vector instructions, as the one here is not. Mostly there is
+    nothing left to do, or a single guard to write down.
     """
-    count, a = 0, 0
+    count, a = 0, first
     while count < unclear:
         k = awake(p, m, a)
         m.lists[NEAR, count] = k
@@ -74,7 +75,7 @@ def gather_unclear(p: Problem, m: Memory, unclear: int) -> int:
 @kernel_in_loop
 def gather_near(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that may flip within the step, by its ends, into NEAR; return their number."""
-    g, unclear = m.guards, 0
+    g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
         lock = p.mode[k]
@@ -83,13 +84,14 @@ def gather_near(p: Problem, m: Memory, dt: float) -> int:
             facing(lock, g[H1, k]), facing(lock, g[RATE1, k]) * dt,
         )  # fmt: skip
         unclear += 0 if g[CLEARANCE, k] > 0.0 else 1
-    return gather_unclear(p, m, unclear)
+        first = min(first, m.counts[N_AWAKE] if g[CLEARANCE, k] > 0.0 else a)
+    return gather_unclear(p, m, unclear, first)
 
 
 @kernel
 def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
     """Do the same by all knots of the step: a guard must stay clear between each two."""
-    g, unclear = m.guards, 0
+    g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
         lock, least = p.mode[k], np.inf
@@ -98,25 +100,27 @@ def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
             least = min(least, clearance(g0, d0, g1, d1))
         g[CLEARANCE, k] = least
         unclear += 0 if least > 0.0 else 1
-    return gather_unclear(p, m, unclear)
+        first = min(first, m.counts[N_AWAKE] if least > 0.0 else a)
+    return gather_unclear(p, m, unclear, first)
 
 
 @kernel_in_loop
 def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
     """Put the guards that are at their surface or past it, by rows `h` and `rate`, into NEAR."""
-    g, unclear = m.guards, 0
+    g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
         noise = blur(g[SIZE, k], g[rate, k], resolution)
         g[CLEARANCE, k] = facing(p.mode[k], g[h, k]) - noise
         unclear += 0 if g[CLEARANCE, k] > 0.0 else 1
-    return gather_unclear(p, m, unclear)
+        first = min(first, m.counts[N_AWAKE] if g[CLEARANCE, k] > 0.0 else a)
+    return gather_unclear(p, m, unclear, first)
 
 
 @kernel
 def gather_coming(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that rate and bend would take to their surface within `dt` into NEAR."""
-    g, unclear = m.guards, 0
+    g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
         lock = p.mode[k]
@@ -124,4 +128,5 @@ def gather_coming(p: Problem, m: Memory, dt: float) -> int:
             facing(lock, g[H0, k]), facing(lock, g[RATE0, k]), facing(lock, g[BEND, k]), dt
         )
         unclear += 0 if g[CLEARANCE, k] > 0.0 else 1
-    return gather_unclear(p, m, unclear)
+        first = min(first, m.counts[N_AWAKE] if g[CLEARANCE, k] > 0.0 else a)
+    return gather_unclear(p, m, unclear, first)

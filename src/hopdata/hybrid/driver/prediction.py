@@ -30,10 +30,10 @@ def carry_guards(p: Problem, m: Memory, dt: float) -> None:
 
     These are secants over the step.
     """
-    g, tells = m.guards, dt > TOO_SHORT * time_resolution(m.clock[T], dt)
+    g, tells, per_s = m.guards, dt > TOO_SHORT * time_resolution(m.clock[T], dt), 1.0 / dt
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
-        g[BEND, k] = (g[RATE1, k] - g[RATE0, k]) / dt if tells else g[BEND, k]
+        g[BEND, k] = (g[RATE1, k] - g[RATE0, k]) * per_s if tells else g[BEND, k]
         g[H0, k], g[RATE0, k] = g[H1, k], g[RATE1, k]
 
 
