@@ -123,6 +123,36 @@ def test_a_foot_that_stays_high_is_noted():
     assert f"above '{NAMES[3]}'; does it touch the ground?" in note
 
 
+def hopping(offset_m, noise_m, *, n_frames=400):
+    """Two feet, the second a copy of the first but for an offset and noise of its own."""
+    sound = recording(n_frames)
+    draws = np.random.default_rng(3).normal(size=(2, n_frames, 3))
+    air = np.maximum(0.0, np.sin(np.arange(n_frames) / 8.0))
+    positions = sound.positions.copy()
+    positions[:, 3, 2] = 0.1 * air
+    positions[:, 3] += 1e-4 * draws[0]
+    positions[:, 4] = positions[:, 3] + offset_m + noise_m * draws[1]
+    return replace(sound, positions=positions)
+
+
+@pytest.mark.parametrize(
+    ("offset_m", "said"), [((0.1, 0.2, 0.0), "always the same"), ((0, 0, 0.012), "12.0 mm apart")]
+)
+def test_feet_that_move_as_one_are_noted(offset_m, said):
+    copied = hopping(offset_m, 0.0)
+    (note,) = notes(copied)
+    assert f"feet '{NAMES[3]}' and '{NAMES[4]}' are always" in note
+    assert said in note
+    assert note.endswith("is one a copy of the other?")
+
+
+def test_feet_that_land_together_are_two_by_their_noise_or_the_flight():
+    assert notes(hopping((0.1, 0.2, 0.0), 1e-4)) == []
+    coarse = hopping((0.1, 0.2, 0.0), 1e-3)
+    coarse = replace(coarse, positions=np.round(coarse.positions, 3))
+    assert not [note for note in notes(coarse) if "copy" in note]
+
+
 def test_dropped_frames_are_noted():
     time = np.arange(103) / 100.0
     time = np.delete(time, [10, 50, 51])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hopdata.recordings.joining import is_pause
-from hopdata.recordings.quality.resting import high_feet
+from hopdata.recordings.quality.resting import feet_as_one, high_feet
 from hopdata.recordings.raw import FloatArray
 from hopdata.recordings.recording import Recording
 from hopdata.recordings.span import body_over_feet, fraction_seen, sampled
@@ -29,10 +29,15 @@ def notes(recording: Recording) -> list[str]:
         for name, fraction in zip(recording.markers, fraction_seen(recording), strict=True)
         if 1 - fraction > MISSING_NOTE_FRACTION
     ]
+    heights, feet = recording.feet[:, :, 2], recording.names("foot")
     high = HIGH_FOOT * body_over_feet(recording)[2]
     remarks += [
         f"{recording.place}: {remark}; does it touch the ground?"
-        for remark in high_feet(recording.feet[:, :, 2], recording.names("foot"), above_m=high)
+        for remark in high_feet(heights, feet, above_m=high)
+    ]
+    remarks += [
+        f"{recording.place}: {remark}; is one a copy of the other?"
+        for remark in feet_as_one(heights, feet)
     ]
     more = [*_rounding(recording), *_missing_times(recording)]
     return remarks + [f"{recording.place}: {remark}" for remark in more]

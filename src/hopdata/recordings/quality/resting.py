@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ WINDOW_S = 0.04
 LEAST_REST_S = 0.03
 FLAT = 0.05  # of the range of heights: the lowest tenth of the frames of a foot spans less
 CLEARER = 2.0
+ONE_M = 1e-5  # no camera system is so exact: heights whose difference varies by less are copies
 
 
 def lowest(heights: FloatArray) -> FloatArray:
@@ -36,6 +38,23 @@ def high_feet(heights: FloatArray, names: Sequence[str], *, above_m: float) -> l
         for name, height in zip(names, low - low[floor], strict=True)
         if height > above_m
     ]
+
+
+def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[str]:
+    """Say which two feet, of heights (N, n) m, are always as far apart in height.
+
+    Markers of their own never are, for their noise. Asked are the frames in which one of the two is
+    off the floor, where rounding alone does not make them equal; the outer tenths may be wrong.
+    """
+    remarks = []
+    up = heights > lowest(heights) + BAND_M
+    for i, j in combinations(range(len(names)), 2):
+        apart = heights[up[:, i] | up[:, j], i] - heights[up[:, i] | up[:, j], j]
+        low, middle, high = _quantiles(apart[:, None], [0.1, 0.5, 0.9])[:, 0]
+        if high - low < ONE_M:
+            where = f"{1e3 * abs(middle):.1f} mm apart" if abs(middle) > ONE_M else "the same"
+            remarks.append(f"the heights of feet '{names[i]}' and '{names[j]}' are always {where}")
+    return remarks
 
 
 def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
