@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.driver.layout import PHI_MOTION, PHI_ROWS
-from hopdata.hybrid.methods import products, short_tangent
+from hopdata.hybrid.methods import motion, products, short_tangent
 
 N = 3
 CONSTANT, VARYING = np.random.default_rng(7).normal(size=(2, N, N))
@@ -48,6 +48,7 @@ def flow(template, dt, rtol=1e-6):
     """The flow's Jacobian over dt, its error by its own account, and the motion squared."""
     names = {"STAGE_JACOBIAN": stage_jacobian, "N": N}
     add = with_digest(products.add_product_numbers, N=N, fma=plain_fma)
+    names["FASTEST_MOTION"] = with_digest(motion.fastest_motion, N=N)
     step = with_digest(template, ADD_PRODUCT=add, **names)
     phi = np.zeros((ROWS, N)).view(Table)
     phi[:N] = np.eye(N)

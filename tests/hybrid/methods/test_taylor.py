@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from method_harness import END, K1, KEND, P1, Stepper, Y, compiled, specialised
 
-from hopdata.hybrid.methods import series, taylor
+from hopdata.hybrid.methods import motion, series, taylor
 
 EPS = 2.0**-52
 
@@ -47,7 +47,9 @@ def stepper(a, b, y, **options):
     made.s[:] = np.nan
     made.params = np.concatenate([a.ravel(), b])
     made.rtol, made.atol = options.get("rtol", 1e-9), np.full(n, options.get("atol", 1e-12))
-    refresh = CODES.setdefault((n, "refresh"), specialised(taylor.refresh, AFFINE=affine, N=n))
+    fastest = specialised(motion.fastest_motion, N=n)
+    names = {"AFFINE": affine, "N": n, "FASTEST_MOTION": fastest}
+    refresh = CODES.setdefault((n, "refresh"), specialised(taylor.refresh, **names))
     refresh(made.s, made.mode, made.params)
     made.start(0.0, y)
     return made

@@ -19,6 +19,7 @@ from hopdata.hybrid.methods.tangent import LOOSER
 # Put in for each scene.
 STAGE_JACOBIAN: Any = None
 ADD_PRODUCT: Any = None
+FASTEST_MOTION: Any = None
 N = 0
 
 ERROR = 0.1  # times (step times fastest motion)^3: a bend of A and its change, 1 / 24 and 1 / 12
@@ -30,12 +31,7 @@ def midpoint_tangent(
     """Write the new Jacobian into the second block; return its error in units of the tolerance."""
     first, second, new = 3 * N + PHI_ROWS, 4 * N + PHI_ROWS, 2 * N
     STAGE_JACOBIAN(t + 0.5 * dt, dt, rtol, s, mode, params, atol, phi)
-    fastest = 0.0
-    for i in range(N):
-        fastest_of_row = 0.0  # the processor works on several rows at a time
-        for j in range(i + 1):
-            fastest_of_row = max(fastest_of_row, abs(phi[N + i, j] * phi[N + j, i]))
-        fastest = max(fastest, fastest_of_row)
+    fastest = FASTEST_MOTION(phi, N)
     ADD_PRODUCT(phi, first, 0, N, 0, dt / 3.0)
     ADD_PRODUCT(phi, second, 0, N, first, 0.5 * dt)
     ADD_PRODUCT(phi, new, 0, N, second, dt)

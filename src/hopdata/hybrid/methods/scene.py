@@ -16,6 +16,7 @@ from hopdata.hybrid.driver.layout import PHI_ROWS
 from hopdata.hybrid.methods import (
     differences,
     midpoint_tangent,
+    motion,
     rosenbrock,
     series,
     short_tangent,
@@ -119,7 +120,11 @@ def _tangent_names(scene: Scene, *, inline: bool) -> dict[str, Any]:
         by_differences = {"FIELD": scene.field.dispatcher, "N": n}
         fill = put_in(tangent.jacobian_by_differences, **names, **by_differences)
     products = {name: put_in(one, N=n) for name, one in product_templates(n).items()}
-    return {"STAGE_JACOBIAN": fill, **products}
+    return {"STAGE_JACOBIAN": fill, **products, **_motion_name(n)}
+
+
+def _motion_name(n: int) -> dict[str, Any]:
+    return {"FASTEST_MOTION": put_in(motion.fastest_motion, inline=True, N=n)}
 
 
 def _of_short_steps(template: Any, tableau: Tableau, scene: Scene) -> Any:
@@ -145,7 +150,7 @@ def taylor_method(scene: Scene) -> Method:
         interpolant=with_digest(taylor.interpolant, **names),
         refresh=with_digest(
             taylor.refreshed_disagreement,
-            REFRESH=put_in(taylor.refresh, **names),
+            REFRESH=put_in(taylor.refresh, **names, **_motion_name(n)),
             DISAGREEMENT=put_in(taylor.disagreement, **names),
         ),
         tangent=with_digest(taylor.tangent, **names),

@@ -21,6 +21,7 @@ from hopdata.hybrid.methods.tangent import LOOSER
 # Put in for each scene.
 STAGE_JACOBIAN: Any = None
 ADD_PRODUCT: Any = None
+FASTEST_MOTION: Any = None
 N = 0
 
 HIGHEST_ORDER = 5  # of a method: one of higher order takes steps that are long for this
@@ -52,12 +53,7 @@ def short_tangent(
     for e in range(N * N):
         phi[second, e] = (phi[second, e] + 2.0 * phi[third, e] + phi[fourth, e] - phi[0, e]) / 3.0
     ADD_PRODUCT(phi, N, second, end, fourth, dt / 6.0)
-    fastest = 0.0
-    for i in range(N):
-        fastest_of_row = 0.0  # the processor works on several rows at a time
-        for j in range(i + 1):
-            fastest_of_row = max(fastest_of_row, abs(phi[middle + i, j] * phi[middle + j, i]))
-        fastest = max(fastest, fastest_of_row)
+    fastest = FASTEST_MOTION(phi, middle)
     phi[3 * N + PHI_MOTION, 0] = fastest
     turn = dt * dt * fastest
     return ERROR * turn * turn * sqrt(turn) / (LOOSER * rtol)

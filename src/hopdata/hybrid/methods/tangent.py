@@ -101,15 +101,11 @@ def _error(tableau: Tableau) -> list[str]:
     """Estimate the error by the fastest motion of the linear flow, whatever the state does.
 
     Where the state rests, its error is no guide; and where a fast motion has died out, only the
-    field's derivative still tells of it: by its diagonal and by pairs of entries, which no choice
-    of units changes.
+    field's derivative still tells of it.
     """
     power = 0.5 * (tableau.order + 1)
     return [
-        "fastest = 0.0",
-        "for i in range(N):",
-        INDENT + "for j in range(i + 1):",
-        2 * INDENT + "fastest = max(fastest, abs(phi[N + i, j] * phi[N + j, i]))",
+        "fastest = FASTEST_MOTION(phi, N)",
         *_matrices("N", tableau.weights),
         f"phi[3 * N + {PHI_MOTION}, 0] = fastest",
         f"error = {error_constant(tableau)!r} * (dt * dt * fastest) ** {power!r}",

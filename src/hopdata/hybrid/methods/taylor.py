@@ -31,6 +31,7 @@ BASIS = "power"
 FARTHEST_TURN = 4.5  # radians: nine tenths of z with z^33 / 33! = 64 EPS, the tolerance of a step
 
 AFFINE: Any = None
+FASTEST_MOTION: Any = None
 N: int = 0
 
 
@@ -42,17 +43,14 @@ def work_rows(n: int) -> int:
 def refresh(s: FloatTable, mode: Any, params: Any) -> None:
     """Fetch A and b of the mode; entries that the user's function leaves alone are zero.
 
-    The fastest motion, by the diagonal and by pairs of entries, tells how long a first step may be.
+    The fastest motion tells how long a first step may be.
     """
     for i in range(N):
         s[B, i] = 0.0
         for j in range(N):
             s[A + i, j] = 0.0
     AFFINE(mode, params, matrix(s, A, N), row(s, B))
-    fastest = 0.0
-    for i in range(N):
-        for j in range(i + 1):
-            fastest = max(fastest, abs(s[A + i, j] * s[A + j, i]))
+    fastest = FASTEST_MOTION(s, A)
     s[LONGEST, 0] = FARTHEST_TURN / sqrt(fastest) if 0.0 < fastest < inf else inf
 
 
