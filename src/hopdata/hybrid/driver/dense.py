@@ -11,12 +11,9 @@ from hopdata.hybrid.compiled.fused import fma
 from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.driver.layout import (
     DEGREE,
-    END,
     IN_POWERS,
     INTERPOLANT,
     INTERPOLANT_EVALUATIONS,
-    K1,
-    KEND,
     METHOD,
     NFEV,
     P1,
@@ -44,14 +41,6 @@ def prepare_interpolant(p: Problem, m: Memory, dt: float) -> None:
     address = p.methods[method, INTERPOLANT]
     m.counts[NFEV] += p.methods[method, INTERPOLANT_EVALUATIONS]
     m.counts[DEGREE] = call_interpolant(address, t, dt, s, p.mode, p.params, p.field)
-
-
-@kernel
-def write_middle(m: Memory, dt: float, target: int) -> None:
-    """Write the state in the middle of the step, by the cubic through its ends, into a row."""
-    s = m.states
-    for i in range(s.width):
-        s[target, i] = 0.5 * (s[Y, i] + s[END, i]) + 0.125 * dt * (s[K1, i] - s[KEND, i])
 
 
 @kernel

@@ -71,8 +71,7 @@ DIRECTION, TERMINAL = index_numbers(2)
 # whether it is in powers of theta, the order by which the step is controlled; the methods to change
 # to where events are sparser or denser, where the field is stiff and where it is not (-1: none);
 # the row of the last stage's slope, the limit of stability, evaluations that a tangent takes; the
-# addresses of the tangents for short and for very short steps (0: none), each with the evaluations
-# that it takes.
+# address of the tangent for short steps (0: none), and evaluations that it takes.
 (
     STEP,
     INTERPOLANT,
@@ -92,10 +91,8 @@ DIRECTION, TERMINAL = index_numbers(2)
     TANGENT_EVALUATIONS,
     SHORT_TANGENT,
     SHORT_TANGENT_EVALUATIONS,
-    MIDPOINT_TANGENT,
-    MIDPOINT_TANGENT_EVALUATIONS,
-) = index_numbers(20)
-METHOD_SLOTS = 20
+) = index_numbers(18)
+METHOD_SLOTS = 18
 
 # Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
 # none, ERROR that step's error in units of the tolerance, SEGMENT the start of the smooth piece of

@@ -1,4 +1,4 @@
-"""The flow's Jacobian over a step: by the method's own tangent, or by one for shorter steps."""
+"""The flow's Jacobian over a step: by the method's own tangent, or by that for short steps."""
 
 from __future__ import annotations
 
@@ -8,14 +8,12 @@ import numpy as np
 
 from hopdata.hybrid.compiled.calls import call_tangent
 from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
-from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant, write_middle
+from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.layout import (
     ERROR,
     GAUSS_1,
     GAUSS_2,
     METHOD,
-    MIDPOINT_TANGENT,
-    MIDPOINT_TANGENT_EVALUATIONS,
     MOTION,
     NEXT_DT,
     NFEV,
@@ -36,7 +34,6 @@ from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST
 
 EASY = 0.2  # of the tolerance: a step with so little error may have the short tangent
 SHORT = 300.0  # relative tolerances: (step times fastest motion)^5, up to which a step is short
-VERY_SHORT = 10.0  # the same of its third power: by its middle alone, the Jacobian errs little
 SMALL = 0.1  # error of the Jacobian, in units of the tolerance, that says nothing of the next step
 
 
@@ -50,38 +47,19 @@ def has_short_tangent(p: Problem, m: Memory, dt: float) -> bool:
 
 
 @kernel
-def is_very_short(p: Problem, m: Memory, dt: float) -> bool:
-    """Tell whether the middle of a short step of `dt` will do."""
-    turn = dt * dt * m.clock[MOTION]
-    return turn * sqrt(turn) <= VERY_SHORT * p.rtol
-
-
-@kernel
-def look_along(p: Problem, m: Memory, dt: float) -> tuple[int, int]:
-    """Write down the states at which a short step is looked at.
-
-    Returns the columns of its tangent and of the evaluations that this takes.
-    """
-    if is_very_short(p, m, dt):
-        write_middle(m, dt, SCRATCH)
-        return MIDPOINT_TANGENT, MIDPOINT_TANGENT_EVALUATIONS
-    prepare_interpolant(p, m, dt)
-    interpolate(p, m, GAUSS_1 * dt / m.clock[SPAN], SCRATCH)
-    interpolate(p, m, GAUSS_2 * dt / m.clock[SPAN], SLOPE)
-    return SHORT_TANGENT, SHORT_TANGENT_EVALUATIONS
-
-
-@kernel
 def tangent(p: Problem, m: Memory, dt: float) -> float:
     """Write the new Jacobian behind the old one; return its error in units of the tolerance.
 
     A step that ends on the interpolant of a longer one has no stages of its own.
     """
     method, t = m.counts[METHOD], m.clock[T]
-    which, evaluations = TANGENT, TANGENT_EVALUATIONS
+    which, evaluations = TANGENT, p.methods[method, TANGENT_EVALUATIONS]
     if m.clock[SPAN] > dt or has_short_tangent(p, m, dt):
-        which, evaluations = look_along(p, m, dt)
-    m.counts[NFEV] += p.methods[method, evaluations]
+        which, evaluations = SHORT_TANGENT, p.methods[method, SHORT_TANGENT_EVALUATIONS]
+        prepare_interpolant(p, m, dt)
+        interpolate(p, m, GAUSS_1 * dt / m.clock[SPAN], SCRATCH)
+        interpolate(p, m, GAUSS_2 * dt / m.clock[SPAN], SLOPE)
+    m.counts[NFEV] += evaluations
     address = p.methods[method, which]
     return call_tangent(address, t, dt, p.rtol, m.states, p.mode, p.params, p.atol, p.tangent)
 

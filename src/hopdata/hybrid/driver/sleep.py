@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from hopdata.hybrid.compiled.calls import call_rate_bound
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.driver.dense import write_middle
 from hopdata.hybrid.driver.heap import pop, push, replace_first
 from hopdata.hybrid.driver.layout import (
     AWAKE,
@@ -56,9 +55,10 @@ def step_travel(p: Problem, m: Memory, dt: float) -> float:
     The middle is that of the cubic through states and slopes at both ends.
     """
     s, t = m.states, m.clock[T]
-    write_middle(m, dt, SCRATCH)
     for i in range(s.width):
-        s[SLOPE, i] = 1.5 * (s[END, i] - s[Y, i]) / dt - 0.25 * (s[K1, i] + s[KEND, i])
+        rise = s[END, i] - s[Y, i]
+        s[SCRATCH, i] = s[Y, i] + 0.5 * rise + 0.125 * dt * (s[K1, i] - s[KEND, i])
+        s[SLOPE, i] = 1.5 * rise / dt - 0.25 * (s[K1, i] + s[KEND, i])
     middle = speed_at(p, m, t + 0.5 * dt, SCRATCH, SLOPE)
     after = speed_at(p, m, t + dt, END, KEND)
     return MARGIN * dt * max(m.clock[SPEED], middle, after)

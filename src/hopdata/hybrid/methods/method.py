@@ -66,10 +66,6 @@ class Method:
         The same for a short step, along its interpolant (see `methods.short_tangent`).
     short_tangent_evaluations : int
         Field evaluations that this takes.
-    midpoint_tangent : callable, optional
-        The same for a very short step, by its middle (see `methods.midpoint_tangent`).
-    midpoint_tangent_evaluations : int
-        Field evaluations that this takes.
     refresh : callable, optional
         ``refresh(s, mode, params)`` is called whenever the mode may have changed; returns by how
         much what the method knows of the field differs from it, relatively.
@@ -90,8 +86,6 @@ class Method:
     tangent_rows: int = 0
     short_tangent: Function | None = None
     short_tangent_evaluations: int = 0
-    midpoint_tangent: Function | None = None
-    midpoint_tangent_evaluations: int = 0
     refresh: Function | None = None
     last_slope_row: int = 0
 

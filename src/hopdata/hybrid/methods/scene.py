@@ -15,7 +15,6 @@ from hopdata.hybrid.compiled.views import row, square
 from hopdata.hybrid.driver.layout import PHI_ROWS
 from hopdata.hybrid.methods import (
     differences,
-    midpoint_tangent,
     motion,
     rosenbrock,
     series,
@@ -103,10 +102,8 @@ def explicit(tableau: Tableau, scene: Scene) -> Method:
         tangent=tangent.tangent_template(tableau, known | _tangent_names(scene, inline=False)),
         tangent_rows=3 * n + PHI_ROWS + n * len(tableau.weights),
         tangent_evaluations=0 if scene.jacobian else 4 * n * len(tableau.weights),
-        short_tangent=_of_short_steps(short_tangent.short_tangent, tableau, scene),
+        short_tangent=_short_tangent(tableau, scene),
         short_tangent_evaluations=0 if scene.jacobian else 8 * n,
-        midpoint_tangent=_of_short_steps(midpoint_tangent.midpoint_tangent, tableau, scene),
-        midpoint_tangent_evaluations=0 if scene.jacobian else 4 * n,
         last_slope_row=tableau.slope_rows[len(tableau.weights) - 1],
     )
 
@@ -127,11 +124,11 @@ def _motion_name(n: int) -> dict[str, Any]:
     return {"FASTEST_MOTION": put_in(motion.fastest_motion, inline=True, N=n)}
 
 
-def _of_short_steps(template: Any, tableau: Tableau, scene: Scene) -> Any:
+def _short_tangent(tableau: Tableau, scene: Scene) -> Any:
     if tableau.order > short_tangent.HIGHEST_ORDER:
         return None
     names = _tangent_names(scene, inline=True)
-    return with_digest(template, N=scene.n_states, **names)
+    return with_digest(short_tangent.short_tangent, N=scene.n_states, **names)
 
 
 def taylor_method(scene: Scene) -> Method:

@@ -138,7 +138,6 @@ class MethodTable:
         self.tangent_rows = max(self.tangent_rows, method.tangent_rows)
         row[layout.TANGENT_EVALUATIONS] = method.tangent_evaluations
         row[layout.SHORT_TANGENT_EVALUATIONS] = method.short_tangent_evaluations
-        row[layout.MIDPOINT_TANGENT_EVALUATIONS] = method.midpoint_tangent_evaluations
         if len(self._names) > 1:
             self._chain(number, row)
 
@@ -214,7 +213,6 @@ class MethodTable:
         if self._jacobian:
             self._compile_tangent(number, layout.TANGENT, method.tangent)
             self._compile_tangent(number, layout.SHORT_TANGENT, method.short_tangent)
-            self._compile_tangent(number, layout.MIDPOINT_TANGENT, method.midpoint_tangent)
         step = compiled_step(method, n_states, cache=cache)
         self._enter(number, step, compiled_interpolant(method, n_states, cache=cache))
 
