@@ -29,18 +29,16 @@ import numpy as np
 import pandas as pd
 
 from hopdata.landings.floor import fit_floor, level
-from hopdata.landings.pair_assembly import assemble_pairs
-from hopdata.landings.pairs import Pairs
-from hopdata.landings.sections import select_sections
+from hopdata.landings.sections.select import select_sections
+from hopdata.landings.states.assemble import assemble_pairs
+from hopdata.landings.states.pairs import Pairs
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.maps.truth.matching import match_landings
-from hopdata.recordings.recording import Recording
-from hopdata.recordings.truth import Truth
+from hopdata.maps.truth.landings import match_landings
+from hopdata.recording import Recording, Truth
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.synthesis.known_scene import known_scene
 from hopdata.synthesis.landings import SectionHeights
+from hopdata.synthesis.scaling import known_scene, true_states
 from hopdata.synthesis.simulate import simulate_recording
-from hopdata.synthesis.true_sections import true_states
 
 FEET, RATES_HZ, MARKERS = (2, 3, 4, 5, 6), (50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0), (4, 5, 8)
 SURE = 0.9

@@ -18,11 +18,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from hopdata.hybrid import System, solve
-from hopdata.hybrid.compiled.calls import call_field
-from hopdata.hybrid.compiled.views import address_of, array_of, int_vector, view
-from hopdata.hybrid.driver.layout import END, K1, KEND, W1, Y
+from hopdata.hybrid.compiled.kernel import call_field
+from hopdata.hybrid.compiled.memory import address_of, array_of, int_vector, view
+from hopdata.hybrid.layout import END, K1, KEND, W1, Y
 from hopdata.hybrid.methods.explicit import Tableau
-from hopdata.hybrid.methods.scene import Scene, explicit
+from hopdata.hybrid.methods.method import Scene, explicit
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from timing import quartiles
 
 from hopdata.hybrid import solve
-from hopdata.scenes.vertical_hopper import VerticalHopper
+from hopdata.scenes.small import VerticalHopper
 
 FloatArray = NDArray[np.float64]
 

@@ -34,12 +34,11 @@ from runner_forces import runner_rows
 from scipy.interpolate import CubicSpline
 from scipy.optimize import curve_fit, least_squares
 
-from hopdata.landings.approach import LANDED
-from hopdata.landings.contacts import LONG_WINDOWS_S, find_contacts
-from hopdata.landings.kink import FlightPriors, kink_fits
+from hopdata.landings.contacts.descents import LANDED, Transitions
+from hopdata.landings.contacts.find import LONG_WINDOWS_S, find_contacts
+from hopdata.landings.contacts.kink import FlightPriors, kink_fits
 from hopdata.landings.kink_bound import mean_kink_bound
 from hopdata.landings.schedules import order_probability
-from hopdata.landings.transitions import Transitions
 
 FloatArray = NDArray[np.float64]
 Found = tuple[FloatArray, FloatArray]  # instants and standard errors, s

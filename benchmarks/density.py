@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import gaussian_kde
 from timing import columns_ms, quartiles
 
-from hopdata.landings.density import kde
+from hopdata.landings.sections.modes import kde
 
 FloatArray = NDArray[np.float64]
 

@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from hopdata.scenes.octant import INITIAL_STATE, T_SPAN
-from hopdata.scenes.vertical_hopper import VerticalHopper
+from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper
 
 FloatArray = NDArray[np.float64]
 

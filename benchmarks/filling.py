@@ -30,18 +30,16 @@ from scipy.interpolate import CubicSpline
 
 from hopdata.landings.filling import fill_gaps, mark_filled
 from hopdata.landings.floor import fit_floor, level
-from hopdata.landings.pair_assembly import assemble_pairs, exclude_stateless
-from hopdata.landings.pairs import Pairs
-from hopdata.landings.sections import select_sections
+from hopdata.landings.sections.select import select_sections
+from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
+from hopdata.landings.states.pairs import Pairs
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.maps.truth.state_errors import state_errors, true_rows
-from hopdata.recordings.quality.gaps import marker_gaps
-from hopdata.recordings.recording import Recording
-from hopdata.recordings.truth import Truth
-from hopdata.synthesis.known_scene import known_scene
+from hopdata.maps.truth.landings import state_errors, true_rows
+from hopdata.recording import Recording, Truth
+from hopdata.recordings.quality.stretches import marker_gaps
 from hopdata.synthesis.landings import SectionHeights
+from hopdata.synthesis.scaling import known_scene, true_states
 from hopdata.synthesis.simulate import simulate_recording
-from hopdata.synthesis.true_sections import true_states
 
 FloatArray = NDArray[np.float64]
 

@@ -26,9 +26,8 @@ from hopdata.hybrid.first_order import check_c1
 from hopdata.scenes.hopper import flight_mode, hopper_system
 from hopdata.scenes.hopper_control import HopperControl, control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 from hopdata.scenes.plate import Plate
-from hopdata.scenes.vertical_hopper import VerticalHopper
+from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 
 Run = Callable[..., Solution]
 TIGHT = {"rtol": 1e-13, "atol": 1e-14}

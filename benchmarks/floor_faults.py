@@ -30,10 +30,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from hopdata.landings.floor import fit_floor
-from hopdata.landings.rest import rest_points, thinned
-from hopdata.landings.surface import FloorModel, design, polynomial_terms
-from hopdata.recordings.recording import Recording
-from hopdata.recordings.truth import Truth
+from hopdata.landings.floor_surface import (
+    FloorModel,
+    design,
+    polynomial_terms,
+    rest_points,
+    thinned,
+)
+from hopdata.recording import Recording, Truth
 from hopdata.synthesis.simulate import simulate_recording
 
 FloatArray = NDArray[np.float64]

@@ -35,41 +35,41 @@ from numpy.typing import NDArray
 from timing import quartiles
 
 from hopdata.steering.excitation import ControlGrid, random_excitation
-from hopdata.steering.frame_change_errors import frame_change_errors
 from hopdata.steering.frame_changes import (
     FrameChanges,
+    frame_change_errors,
     frame_changes,
     frame_changes_at_frames,
     joined,
 )
-from hopdata.steering.models.hyperparameters import regressor_of
-from hopdata.steering.models.kernels import embedded
 from hopdata.steering.models.learning import (
     IN_UNITS,
     UNITS,
     learning_scores,
+    map_table,
     prediction_score,
     random_split,
     score_rows,
+    smooth_truth,
+    smoothness_scores,
+    training_table,
     with_intervals,
 )
-from hopdata.steering.models.map_tables import map_table, training_table
-from hopdata.steering.models.options import (
+from hopdata.steering.models.process import FrameChangeProcess, embedded
+from hopdata.steering.models.tabulated import tabulated, tabulation_errors
+from hopdata.steering.models.training import (
     PRINTED,
     RECOMMENDED,
     WITH_PREVIOUS_CHANGE,
     WITH_PREVIOUS_SWING,
     process_inputs,
+    regressor_of,
+    trained_process,
 )
-from hopdata.steering.models.process import FrameChangeProcess
-from hopdata.steering.models.smoothness import smooth_truth, smoothness_scores
-from hopdata.steering.models.tabulated import tabulated, tabulation_errors
-from hopdata.steering.models.training import trained_process
 from hopdata.steering.observation.calibration import calibrate
-from hopdata.steering.observation.stance_states import observe_stances
-from hopdata.steering.plant.robot import SteeredHopper
-from hopdata.steering.plant.trial import SteeredTrial, record_trial
-from hopdata.steering.plant.true_map import TrueFrameChanges, true_frame_changes
+from hopdata.steering.observation.observe import observe_stances
+from hopdata.steering.robot import SteeredHopper
+from hopdata.steering.trial import SteeredTrial, TrueFrameChanges, record_trial, true_frame_changes
 
 FloatArray = NDArray[np.float64]
 

@@ -20,8 +20,7 @@ import pandas as pd
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.hops import fly_hop, level_state
 from hopdata.synthesis.simulate import first_contacts
-from hopdata.synthesis.tape import Trial
-from hopdata.synthesis.trial import run_trial
+from hopdata.synthesis.trial import Trial, run_trial
 
 DROP_HEIGHT_M = 0.24
 Row = tuple[str, float, str, str]

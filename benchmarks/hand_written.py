@@ -14,7 +14,7 @@ from bare import TINY_STEP, best_time
 from numba import njit
 from numpy.typing import NDArray
 
-from hopdata.hybrid.methods.dopri5 import DOPRI5
+from hopdata.hybrid.methods.explicit import DOPRI5
 
 STEPS = 20_000  # in a row
 (A21,), (A31, A32), (A41, A42, A43), (A51, A52, A53, A54), A6 = DOPRI5.stages
@@ -25,7 +25,7 @@ E1, _, E3, E4, E5, E6, E7 = DOPRI5.errors[0]
 
 @njit(error_model="numpy")
 def _rate(z: float, v: float, lock: int, p: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the field of `hopdata.scenes.vertical_hopper`, of numbers."""
+    """Return the field of `hopdata.scenes.small`, of numbers."""
     gravity, stiffness, rest_length, damping = p[0], p[1], p[2], p[3]
     push = stiffness * (rest_length - z) - damping * v if lock < 0 else 0.0
     return v, push - gravity

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.scenes.vertical_hopper import VerticalHopper
+from hopdata.scenes.small import VerticalHopper
 
 FloatArray = NDArray[np.float64]
 

@@ -42,12 +42,11 @@ from restarted import restarted
 
 from hopdata.hybrid import System, on_event, solve
 from hopdata.hybrid.methods.dop853 import DOP853
-from hopdata.hybrid.methods.dopri5 import DOPRI5
+from hopdata.hybrid.methods.explicit import DOPRI5
 from hopdata.scenes.hopper import flight_mode, hopper_event, hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
 from hopdata.scenes.plate import Plate
-from hopdata.scenes.vertical_hopper import VerticalHopper
+from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 from hopdata.synthesis.hops import level_state
 
 FloatArray = NDArray[np.float64]

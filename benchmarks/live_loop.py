@@ -39,26 +39,23 @@ import numpy as np
 import pandas as pd
 
 from hopdata.jobs import write_table
-from hopdata.recordings.recording import Recording
-from hopdata.steering.control.objectives import WayPoints
+from hopdata.recording import Recording
+from hopdata.steering.control.objectives import WayPointFollower, WayPoints
 from hopdata.steering.control.planner import Planner, planner
-from hopdata.steering.control.way_points import WayPointFollower
 from hopdata.steering.frame_changes import frame_changes_at_frames
-from hopdata.steering.live.boom import UdpBoom, UdpSwings
-from hopdata.steering.live.decisions import Decision
-from hopdata.steering.live.drive import Drive, drive
+from hopdata.steering.live.buffer import Status
+from hopdata.steering.live.drive import Drive, LiveHopper, drive
 from hopdata.steering.live.faults import Faults, Outage
-from hopdata.steering.live.limits import Limits
+from hopdata.steering.live.loop import Decision
+from hopdata.steering.live.safety import Limits, UdpBoom, UdpSwings
 from hopdata.steering.live.server import LoopbackServer
-from hopdata.steering.live.simulated import LiveHopper
-from hopdata.steering.live.states import Status
 from hopdata.steering.models.training import trained_process
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
-from hopdata.steering.observation.motion import hopper_motion
 from hopdata.steering.observation.stances import find_stances
-from hopdata.steering.plant.robot import SteeredHopper
-from hopdata.steering.plant.trial import record_trial
+from hopdata.steering.observation.tracking import hopper_motion
+from hopdata.steering.robot import SteeredHopper
+from hopdata.steering.trial import record_trial
 
 SEED = 20261121
 RATE_HZ = 100.0

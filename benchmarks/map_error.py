@@ -6,12 +6,12 @@ One recording of the C1 hopper on a flat floor, as long as the dissertation's fo
 four levels of noise (the same draws, scaled), its sections where the study `thesis` has them.
 States at the sections are fitted piecewise, split at the contacts (`split_fit`, our default), or by
 a cubic over seven frames (`savitzky_golay`), which is noisier. Each estimator of
-`hopdata.maps.corrected.map_estimates` is fitted to random landings; the last size is all of them.
+`hopdata.maps.corrected.estimates` is fitted to random landings; the last size is all of them.
 
 A second table, `map_error_spread.csv`, has true states whose deviations from the simultaneous
 landing are scaled down: without noise what is left is curvature, which vanishes with the spread.
 
-Errors are relative differences of predictions for the true inputs (`hopdata.maps.truth.exact_map`),
+Errors are relative differences of predictions for the true inputs (`hopdata.maps.truth.maps`),
 with velocities weighed by the time unit that the study `thesis` finds, 13.7 ms: medians over the
 draws, with their 5 and 95 % quantiles.
 """
@@ -28,22 +28,18 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from hopdata.landings.pair_assembly import assemble_pairs
-from hopdata.landings.pairs import contact_instants
+from hopdata.landings.states.assemble import assemble_pairs
+from hopdata.landings.states.pairs import contact_instants
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.maps.corrected.map_estimates import estimate_maps
+from hopdata.maps.coordinates import output_weights
+from hopdata.maps.corrected.estimates import estimate_maps
 from hopdata.maps.corrected.regression import curved_map, ols_map
-from hopdata.maps.rigid import output_weights
-from hopdata.maps.truth.exact_map import exact_map
-from hopdata.maps.truth.map_differences import input_root, relative_difference
-from hopdata.recordings.recording import Recording
-from hopdata.recordings.truth import Truth
+from hopdata.maps.truth.maps import exact_map, input_root, relative_difference
+from hopdata.recording import Recording, Truth
 from hopdata.scenes.hopper_control import HopperControl
-from hopdata.synthesis.known_scene import known_scene
 from hopdata.synthesis.landings import SectionHeights
-from hopdata.synthesis.scaling import scaled_landings
+from hopdata.synthesis.scaling import exact_maps, known_scene, scaled_landings, true_states
 from hopdata.synthesis.simulate import simulate_recording
-from hopdata.synthesis.true_sections import exact_maps, true_states
 
 FloatArray = NDArray[np.float64]
 

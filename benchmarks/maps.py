@@ -29,8 +29,8 @@ from typing import Any, TextIO
 import numpy as np
 from timing import quartiles
 
+from hopdata.maps.affine import affine_test_errors, mean_test_errors
 from hopdata.maps.draws import distinct_draws, named_generator
-from hopdata.maps.linear.affine import affine_test_errors, mean_test_errors
 from hopdata.maps.subspaces.distances import measure_distances
 from hopdata.maps.subspaces.grassmann import arc_length, exact_arc_length, orthonormalised
 

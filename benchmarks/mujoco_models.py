@@ -30,7 +30,7 @@ from numba.extending import intrinsic
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.scenes.plate import Plate
-from hopdata.scenes.vertical_hopper import VerticalHopper
+from hopdata.scenes.small import VerticalHopper
 
 try:
     import mujoco

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from true_tracks import tracks_of
 
-from hopdata.landings.states import section_states
+from hopdata.landings.states.fits import section_states
 from hopdata.synthesis.landings import SectionHeights, TrueLandings
 
 APART_S = 1.0

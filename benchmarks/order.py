@@ -36,10 +36,9 @@ from scipy.integrate import RK45
 
 from hopdata.hybrid import System, field, solve
 from hopdata.hybrid.printed import Dopri5, PrintedOptions, Stepping, integrate, region_of
-from hopdata.hybrid.printed.known_event import turning_point
 from hopdata.hybrid.printed.order import fit_limit, fit_order
-from hopdata.hybrid.printed.theorem import MESHES, Localisation, localise
-from hopdata.scenes.octant import INITIAL_STATE, T_SPAN, octant
+from hopdata.hybrid.printed.theorem import MESHES, Localisation, localise, turning_point
+from hopdata.scenes.small import INITIAL_STATE, T_SPAN, octant
 
 FloatArray = NDArray[np.float64]
 TAYLOR = "taylor"  # the default here; its order is chosen step by step, so that none is fitted

@@ -32,21 +32,20 @@ from numpy.typing import NDArray
 from swinging import N_ANGLES, Landings, Swinging, filmed, landings, swinging
 from timing import quartiles
 
-from hopdata.recordings.recording import Recording
-from hopdata.scenes.rigid_body import rotation_matrices
-from hopdata.steering.observation.calibration import calibrate
-from hopdata.steering.observation.circle import algebraic_circle
+from hopdata.recording import Recording
+from hopdata.rigid import headings, rigid_fit, twists, wrapped
+from hopdata.scenes.hopper import rotation_matrices
+from hopdata.steering.observation.calibration import algebraic_circle, calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.live_stances import StanceDetector
-from hopdata.steering.observation.motion import hopper_motion
-from hopdata.steering.observation.phasors import phasor_poses
-from hopdata.steering.observation.printed_boom import printed_boom_angles
-from hopdata.steering.observation.printed_stances import printed_stance_pairs
-from hopdata.steering.observation.rigid import headings, rigid_fit, twists
+from hopdata.steering.observation.printed import (
+    phasor_poses,
+    printed_boom_angles,
+    printed_stance_pairs,
+)
 from hopdata.steering.observation.stances import find_stances
-from hopdata.steering.observation.tracking import HopperTracker, observe_frame
-from hopdata.steering.se2 import wrapped
-from hopdata.synthesis.options import MarkerOptions
+from hopdata.steering.observation.tracking import HopperTracker, hopper_motion, observe_frame
+from hopdata.synthesis.trial import MarkerOptions
 
 FloatArray = NDArray[np.float64]
 Row = dict[str, object]

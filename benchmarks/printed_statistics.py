@@ -7,13 +7,14 @@ from itertools import combinations
 import numpy as np
 from observed_landings import SeenLandings
 
-from hopdata.landings.home_frame import HomeFrames
 from hopdata.landings.schedules import schedule_names
-from hopdata.maps.linear.affine import fit_affine
-from hopdata.maps.rigid import body_shape, rigid_states, section_coordinates, split_states
+from hopdata.landings.states.assemble import HomeFrames
+from hopdata.maps.affine import fit_affine
+from hopdata.maps.coordinates import rigid_states, section_coordinates, split_states
 from hopdata.maps.subspaces.constraint import bootstrap_subspaces
 from hopdata.maps.subspaces.distances import measure_distances
 from hopdata.maps.units import choose_units
+from hopdata.rigid import body_shape
 
 BOOTSTRAPS, PAIRS, HALVINGS = 100, 300, 5
 

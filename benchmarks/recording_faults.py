@@ -26,11 +26,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from hopdata.recording import Recording
 from hopdata.recordings.plausibility import check_fall, check_rigid
 from hopdata.recordings.quality.inspection import Faults, Inspection, inspect_recording
 from hopdata.recordings.quality.roles import guess_roles
 from hopdata.recordings.raw import RawRecording
-from hopdata.recordings.recording import Recording
 from hopdata.synthesis.simulate import simulate_recording
 
 FloatArray = NDArray[np.float64]

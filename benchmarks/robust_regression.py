@@ -30,9 +30,9 @@ from statsmodels.robust import norms
 from statsmodels.robust.robust_linear_model import RLM
 from timing import columns_ms, quartiles
 
+from hopdata.landings.floor_surface import design, polynomial_terms
 from hopdata.landings.quantile_regression import quantile_regression
 from hopdata.landings.robust_regression import robust_regression
-from hopdata.landings.surface import design, polynomial_terms
 
 FloatArray = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from hopdata.landings.force_onsets import force_onsets
+from hopdata.landings.forces import force_onsets
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.recordings.recording import Recording
+from hopdata.recording import Recording
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = (ROOT / "data/external", ROOT.parent / "shared/recordings/treadmill_running")

@@ -49,16 +49,15 @@ from steering_setting import (
 from timing import timed
 
 from hopdata.steering.control.globalised import GlobalisedController
-from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint
-from hopdata.steering.control.plan import Controller
+from hopdata.steering.control.objectives import Controller, Horizon, ToHeading, ToPoint
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.control.reference import reference_objective
 from hopdata.steering.experiments.closed_loop import ClosedLoopTrial, PoseNoise, closed_loop
-from hopdata.steering.experiments.intervals import rate_interval
+from hopdata.steering.experiments.outcomes import rate_interval
 from hopdata.steering.experiments.tasks import ORIGIN, TURN, Task, errors_of, judged
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated, turn_nodes
-from hopdata.steering.plant.robot import SteeredHopper
+from hopdata.steering.robot import SteeredHopper
 
 FloatArray = NDArray[np.float64]
 OFF = {

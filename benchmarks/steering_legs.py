@@ -29,13 +29,13 @@ import pandas as pd
 from steering_control import to_origin, turning
 from steering_setting import EXCITATIONS, LIMIT, ROBOT, excited
 
+from hopdata.rigid import relative
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import STARTS, PrintedController
-from hopdata.steering.experiments.intervals import rate_interval
+from hopdata.steering.experiments.outcomes import rate_interval
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated
 from hopdata.steering.models.training import trained_process
-from hopdata.steering.plant.robot import SteeredHopper, released, steer_hop
-from hopdata.steering.se2 import relative
+from hopdata.steering.robot import SteeredHopper, released, steer_hop
 
 # Preload of each leg as a share; the default first.
 LEGS = (ROBOT.preload_shares, (0.985, 1.02, 0.995), (1.0, 1.04, 0.96), (1.0, 1.06, 0.94))

@@ -10,19 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from hopdata.steering.excitation import ControlGrid, random_excitation
 from hopdata.steering.experiments.tasks import ORIGIN, board_for
 from hopdata.steering.frame_changes import FrameChanges, frame_changes
-from hopdata.steering.models.hyperparameters import regressor_of
-from hopdata.steering.models.kernels import embedded
 from hopdata.steering.models.learning import random_split
-from hopdata.steering.models.options import RECOMMENDED
-from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.process import FrameChangeProcess, embedded
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated
-from hopdata.steering.models.training import trained_process
+from hopdata.steering.models.training import RECOMMENDED, regressor_of, trained_process
 from hopdata.steering.observation.calibration import calibrate
-from hopdata.steering.observation.stance_states import observe_stances
-from hopdata.steering.plant.obstacle import Board
-from hopdata.steering.plant.robot import SteeredHopper
-from hopdata.steering.plant.trial import record_trial
-from hopdata.steering.plant.true_map import true_frame_changes
+from hopdata.steering.observation.observe import observe_stances
+from hopdata.steering.robot import Board, SteeredHopper
+from hopdata.steering.trial import record_trial, true_frame_changes
 
 FloatArray = NDArray[np.float64]
 

@@ -7,14 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.recordings.recording import Recording
+from hopdata.recording import Recording
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.synthesis.capture import observe
-from hopdata.synthesis.floor import draw_floor
-from hopdata.synthesis.gaps import draw_gaps
-from hopdata.synthesis.markers import MarkerTracks, track_markers
-from hopdata.synthesis.options import FloorOptions, GapOptions, MarkerOptions
-from hopdata.synthesis.trial import Trial, run_trial
+from hopdata.synthesis.camera import MarkerTracks, draw_floor, draw_gaps, observe, track_markers
+from hopdata.synthesis.trial import FloorOptions, GapOptions, MarkerOptions, Trial, run_trial
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -13,11 +13,10 @@ import numpy as np
 
 from hopdata.hybrid import solve_batch
 from hopdata.scenes.hopper import N_STATES
-from hopdata.scenes.hopper_control import HopperControl
-from hopdata.scenes.hopper_landing import NOT_YET, landing_system, landing_vectors
+from hopdata.scenes.hopper_control import NOT_YET, HopperControl, landing_system, landing_vectors
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.synthesis.camera import fixed_markers
 from hopdata.synthesis.hops import Hop
-from hopdata.synthesis.markers import fixed_markers
 from hopdata.synthesis.trial import Trial
 
 PHASES = 16  # of the frames: each landing has one of them

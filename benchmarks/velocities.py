@@ -28,18 +28,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from hopdata.landings.crossings import SectionStates, cross
-from hopdata.landings.section_fits import Tracks, alone
-from hopdata.landings.states import section_states
+from hopdata.landings.states.coefficients import SectionStates, cross
+from hopdata.landings.states.fits import Tracks, alone, section_states
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.maps.rigid import body_shape, rigid_states, split_states
-from hopdata.maps.truth.matching import match_landings
-from hopdata.recordings.recording import Recording
-from hopdata.recordings.truth import Truth
-from hopdata.synthesis.known_scene import known_scene
+from hopdata.maps.coordinates import rigid_states, split_states
+from hopdata.maps.truth.landings import match_landings
+from hopdata.recording import Recording, Truth
+from hopdata.rigid import body_shape
 from hopdata.synthesis.landings import SectionHeights
+from hopdata.synthesis.scaling import known_scene, true_states
 from hopdata.synthesis.simulate import simulate_recording
-from hopdata.synthesis.true_sections import true_states
 
 FloatArray = NDArray[np.float64]
 

@@ -34,15 +34,14 @@ from statsmodels.stats.proportion import proportion_confint
 from true_tracks import Apexes, apexes_of, joined, true_states
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.section_fits import WINDOWS_S
-from hopdata.maps.rigid import output_weights
+from hopdata.landings.states.fits import WINDOWS_S
+from hopdata.maps.coordinates import output_weights
 from hopdata.maps.verdict import judge
 from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.synthesis.exact_maps import section_jacobians
 from hopdata.synthesis.landings import SectionHeights, TrueLandings, true_landings
-from hopdata.synthesis.options import Kicks, MarkerOptions
-from hopdata.synthesis.section_jacobians import section_jacobians
-from hopdata.synthesis.trial import run_trial
+from hopdata.synthesis.trial import Kicks, MarkerOptions, run_trial
 
 POINTS_M = np.array(MarkerOptions().body_m)
 SECTIONS = SectionHeights(0.502, 0.2774, POINTS_M)  # those of the bundled sample
@@ -113,7 +112,7 @@ def apexes(condition: Condition, hops: int, seed: int) -> Apexes:
 
 def true_size(condition: Condition, states: np.ndarray, landings: TrueLandings) -> float:
     """Relative difference of the true derivatives, in the measure of the verdict's effect."""
-    from hopdata.synthesis.section_coordinates import input_coordinates
+    from hopdata.synthesis.landings import input_coordinates
 
     try:
         maps = section_jacobians(condition.hopper, condition.control, states, SECTIONS).maps

@@ -10,7 +10,7 @@ import numpy as np
 from mujoco_models import Setting, hopper_simulation, plate_simulation, steps
 
 from hopdata.scenes.plate import Plate
-from hopdata.scenes.vertical_hopper import VerticalHopper
+from hopdata.scenes.small import VerticalHopper
 from peers.problems import Problem
 from peers.solver import FloatArray, Run, Solver
 

@@ -17,10 +17,9 @@ from exact import hopper_end, octant_end, plate_end
 from numpy.typing import NDArray
 
 from hopdata.hybrid import System
-from hopdata.scenes import octant as octant_scene
-from hopdata.scenes.octant import octant
+from hopdata.scenes import small as octant_scene
 from hopdata.scenes.plate import Plate
-from hopdata.scenes.vertical_hopper import VerticalHopper
+from hopdata.scenes.small import VerticalHopper, octant
 
 FloatArray = NDArray[np.float64]
 Formula = Callable[..., Any]

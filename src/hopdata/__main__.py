@@ -1,7 +1,216 @@
 """`python -m hopdata` is the command `hopdata`."""
 
+from __future__ import annotations
+
+import argparse
+import os
 import sys
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
 
-from hopdata.cli import main
+from hopdata import __version__
+from hopdata.commands.terminal import INTERRUPTED, OK, PROBLEM
+from hopdata.errors import HopdataError, did_you_mean
 
-sys.exit(main())
+# The command ``hopdata``: its command line, and one message instead of a traceback.
+#
+# The commands themselves are in `hopdata.commands`, each imported when it runs, so that
+# ``hopdata --help`` is there at once.
+
+Command = Callable[[argparse.Namespace], int]
+
+EXIT_CODES = """\
+exit codes:
+  0    all is well
+  1    a problem in the configuration or the data, told on stderr or in the listing
+  2    a wrong command line
+  130  interrupted
+"""
+OVERVIEW = (
+    """\
+from a file to a report:
+  hopdata inspect monday.tsv                what is in it, and what looks wrong
+  hopdata init monday.tsv                   write config/monday.yaml, roles guessed
+  hopdata check config/monday.yaml          does it all fit?
+  snakemake --cores 2 --configfile config/monday.yaml
+
+"""
+    + EXIT_CODES
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Command line without the program's name; by default that of the process.
+
+    Returns
+    -------
+    int
+        Exit code: 0, or 1 after a user's mistake, told on stderr, and where the data have a
+        problem; 130 when interrupted. A wrong command line ends in argparse's SystemExit with
+        code 2.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        code: int = options.run(options)
+        sys.stdout.flush()
+        return code
+    except HopdataError as error:
+        print(f"hopdata: error: {error}", file=sys.stderr)
+        return PROBLEM
+    except BrokenPipeError:  # the reader of our output, such as head, has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OK
+    except KeyboardInterrupt:
+        print("hopdata: interrupted", file=sys.stderr)
+        return INTERRUPTED
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that names the nearest command for one that is misspelt."""
+
+    def _check_value(self, action: argparse.Action, value: object) -> None:
+        choices = [str(choice) for choice in action.choices or ()]
+        if choices and value not in (action.choices or ()):
+            raise argparse.ArgumentError(
+                action,
+                f"expected one of {', '.join(choices)}, found '{value}'"
+                f"{did_you_mean(str(value), choices)}",
+            )
+
+
+def _lazily(module: str) -> Command:
+    """Return the command of `hopdata.commands.<module>`, imported when it runs."""
+
+    def run(options: argparse.Namespace) -> int:
+        command: Command = getattr(import_module(f"hopdata.commands.{module}"), module)
+        return command(options)
+
+    return run
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = _Parser(
+        prog="hopdata",
+        description="Is landing on several feet one smooth map? From motion capture to figures.",
+        epilog=OVERVIEW,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"hopdata {__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    _add_inspect(commands)
+    _add_init(commands)
+    _add_check(commands)
+    _add_config_docs(commands)
+    return parser
+
+
+def _command(
+    commands: argparse._SubParsersAction[argparse.ArgumentParser],
+    module: str,
+    summary: str,
+    description: str,
+    examples: str,
+) -> argparse.ArgumentParser:
+    """Add a command with its help, examples and exit codes."""
+    command = commands.add_parser(
+        module.replace("_", "-"),
+        help=summary,
+        description=description,
+        epilog=f"examples:\n{examples}\n{EXIT_CODES}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.set_defaults(run=_lazily(module))
+    return command
+
+
+def _add_inspect(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    command = _command(
+        commands,
+        "inspect",
+        "say what is in a recording, and what looks wrong",
+        "Say what is in a recording: markers, rate, duration, gaps; unit and vertical axis with\n"
+        "the reason for the guess; rigid clusters and noise; and what looks wrong: swapped\n"
+        "markers, spikes, jumps, frozen markers, dropped frames, irregular time stamps.\n"
+        "Nothing is written unless --html asks for it. Exit code 1 if anything looks wrong;\n"
+        "gaps alone do not count.",
+        "  hopdata inspect data/sample/hopper.h5\n"
+        "  hopdata inspect monday.tsv --html monday.html\n"
+        "  hopdata inspect monday.tsv --rate 250        a file that does not state its rate\n",
+    )
+    _add_file(command)
+    command.add_argument("--html", type=Path, metavar="PAGE", help="also write a page with figures")
+
+
+def _add_init(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    command = _command(
+        commands,
+        "init",
+        "write a first configuration for a recording",
+        "Write a configuration with comments, the roles of the markers guessed from their\n"
+        "motion and names, each guess with its reason. Exit code 1 if something must be filled\n"
+        "in by hand.",
+        "  hopdata init data/sample/hopper.h5           writes config/hopper.yaml\n"
+        "  hopdata init monday.tsv -o config/mine.yaml\n",
+    )
+    _add_file(command)
+    command.add_argument(
+        "-o", "--out", type=Path, metavar="CONFIG", help="file to write; else config/FILE.yaml"
+    )
+    command.add_argument("--force", action="store_true", help="replace CONFIG if it is there")
+
+
+def _add_file(command: argparse.ArgumentParser) -> None:
+    """Add the file, and what the user may know better than the guess."""
+    command.add_argument("file", type=Path, metavar="FILE", help="a recording, such as monday.tsv")
+    command.add_argument("--unit", choices=("mm", "m"), help="unit of the file; else guessed")
+    command.add_argument(
+        "--vertical-axis",
+        choices=("x", "y", "z", "-x", "-y", "-z"),
+        help="direction of the file that is up, as in --vertical-axis=-z; else guessed",
+    )
+    command.add_argument(
+        "--rate", type=_positive, metavar="HZ", help="frame rate, if the file does not state it"
+    )
+
+
+def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    command = _command(
+        commands,
+        "check",
+        "check a configuration and its recordings",
+        "Check a configuration, read its recordings, and say what is in them. Exit code 1, and a\n"
+        "line on each mistake, if anything is wrong. Nothing is written.",
+        "  hopdata check config/config.yaml\n",
+    )
+    command.add_argument("config", metavar="CONFIG", help="such as config/config.yaml")
+
+
+def _add_config_docs(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    command = _command(
+        commands,
+        "config_docs",
+        "describe the configuration's keys",
+        "Write the page on all keys of the configuration, as Markdown.",
+        "  hopdata config-docs --out docs/configuration.md\n",
+    )
+    command.add_argument("--out", type=Path, metavar="FILE", help="file to write; else stdout")
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"expected a number above 0, found '{text}'")
+    return value
+
+
+if __name__ == "__main__":
+    sys.exit(main())

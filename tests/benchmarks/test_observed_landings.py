@@ -12,14 +12,13 @@ from observed_landings import see_landings
 from true_tracks import apexes_of, states_at, tracks_of, true_states
 from velocities import POST_M, PRE_M, by_section_states, hopper
 
-from hopdata.landings.section_fits import WINDOWS_S
+from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.landings import SectionHeights, true_landings
-from hopdata.synthesis.options import MarkerOptions
+from hopdata.synthesis.scaling import marker_states
 from hopdata.synthesis.simulate import simulate_recording
-from hopdata.synthesis.trial import run_trial
-from hopdata.synthesis.true_sections import marker_states
+from hopdata.synthesis.trial import MarkerOptions, run_trial
 
 HOPS, SEED, NOISE_M = 400, 7, 0.0006
 POINTS_M = np.array(MarkerOptions().body_m)

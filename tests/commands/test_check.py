@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from external_blocks import block, columns
 from made_up_files import export
 from made_up_hopper import MARKERS, hopping
 from trc_files import trc_text
 
-from hopdata.cli import main
+from hopdata.__main__ import main
+from hopdata.commands.check import describe_external
 
 STUDY = """study: trial
 input: {{unit: {unit}}}
@@ -48,3 +50,56 @@ def test_a_unit_that_the_format_prescribes_is_not_noted(check, tmp_path):
 def test_whole_millimetres_are_noted(check, tmp_path):
     (note,) = check(export(tmp_path, np.round(hopping(1)[1], 3)))
     assert "coordinates are rounded to 1 mm, which adds noise of 0.29 mm" in note
+
+
+# What `hopdata check` says of forces: where they lie beside the recording.
+
+
+@pytest.fixture
+def plate(tmp_path):
+    path = tmp_path / "plate.csv"
+    path.write_text("Fz\n" + "0\n30\n" * 50)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "offset_s", "said"),
+    [
+        (100.0, 0.0, ""),
+        (100.0, 0.2, ""),
+        (50.0, 0.0, "covers 100 % of the recording, 49 % of it lies outside"),
+        (1000.0, 0.0, "covers 10 % of the recording, 0 % of it lies outside"),
+        (100.0, 5.0, "covers 0 % of the recording, 100 % of it lies outside"),
+    ],
+)
+def test_forces_of_a_wrong_clock_are_pointed_out(plate, rate_hz, offset_s, said):
+    forces = block(
+        "forces", file=str(plate), rate_hz=rate_hz, offset_s=offset_s, columns=columns(Fz=["foot1"])
+    )
+    entry = {"contacts": block("contacts"), "forces": forces}
+    (line,) = describe_external(entry, feet=["foot1"], span_s=(0.0, 1.0))
+    assert said in line
+    assert ("outside" in line) == bool(said)
+
+
+@pytest.mark.parametrize(
+    ("unit", "weight_n", "extent_m", "said"),
+    [
+        ("N", None, 0.5, ""),
+        ("N", None, None, ""),
+        ("N", 14.0, 0.5, ""),
+        ("kN", None, 0.5, "1.5e+04 N on the mean, where a body of 0.5 m weighs 1.2 to 6.1e+03 N"),
+        ("N", None, 1.8, "15 N on the mean, where a body of 1.8 m weighs 57 to 2.9e+05 N"),
+        ("kN", 14.0, 0.5, "on the mean 1.07e+03 times the body weight"),
+        ("body_weight", None, 0.5, "on the mean 15 times the body weight"),
+    ],
+)
+def test_forces_in_another_unit_are_pointed_out(plate, unit, weight_n, extent_m, said):
+    forces = block(
+        "forces", file=str(plate), rate_hz=100.0, unit=unit, body_weight_n=weight_n,
+        columns=columns(Fz=["foot1"]),
+    )  # fmt: skip
+    entry = {"contacts": block("contacts"), "forces": forces}
+    (line,) = describe_external(entry, feet=["foot1"], span_s=(0.0, 1.0), extent_m=extent_m)
+    assert said in line
+    assert ("is forces.unit right?" in line) == bool(said)

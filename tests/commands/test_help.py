@@ -2,7 +2,7 @@
 
 import pytest
 
-from hopdata.cli import main
+from hopdata.__main__ import main
 
 
 def ended(arguments, capsys):

@@ -5,8 +5,8 @@ import pytest
 from made_up_files import export
 from made_up_hopper import hopping, with_frozen, with_gap, with_spike, with_swap
 
-from hopdata.cli import main
-from hopdata.commands.listing import listing
+from hopdata.__main__ import main
+from hopdata.commands.terminal import listing
 
 
 @pytest.fixture
@@ -71,8 +71,8 @@ def test_the_picture_shows_a_gap_where_it_is(faulty, capsys):
 
 
 def test_a_terminal_without_these_signs_gets_ascii(faulty):
-    from hopdata.recordings.importing import read_raw
     from hopdata.recordings.quality.inspection import inspect_recording
+    from hopdata.recordings.readers.formats import read_raw
 
     text = listing(inspect_recording(read_raw(faulty)), "faulty.tsv", encoding="ascii")
     assert text.isascii()

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from hopdata.config import load_config
-from hopdata.config.hints import hint
-from hopdata.config.lines import key_lines, place_of
+from hopdata.config.loading import key_lines, place_of
+from hopdata.config.schema import hint
 from hopdata.errors import ConfigError
 
 FILE = """\

@@ -435,15 +435,15 @@ STAGES = {
     "input": ("hopdata.recordings.importing", "import_recording", set()),
     "floor": ("hopdata.landings.floor", "fit_floor", set()),
     "filling": ("hopdata.landings.filling", "fill_gaps", {"largest_share"}),
-    "sections": ("hopdata.landings.sections", "select_sections", {"grid_nodes"}),
+    "sections": ("hopdata.landings.sections.select", "select_sections", {"grid_nodes"}),
     "touchdowns": ("hopdata.landings.touchdowns", "touchdown_table", set()),
-    "states": ("hopdata.landings.pair_assembly", "assemble_pairs", set()),
+    "states": ("hopdata.landings.states.assemble", "assemble_pairs", set()),
     "units": ("hopdata.maps.units", "choose_units", set()),
-    "prediction": ("hopdata.maps.linear.prediction", "bootstrap_prediction", set()),
+    "prediction": ("hopdata.maps.prediction", "bootstrap_prediction", set()),
     "subspaces": ("hopdata.maps.subspaces.constraint", "bootstrap_subspaces", set()),
     "distances": ("hopdata.maps.subspaces.distances", "measure_distances", {"sensitivity"}),
     "scaling_study": ("hopdata.synthesis.scaling", "study_landings", set()),
-    "figures": ("hopdata.figures.saving", "save_figure", set()),
+    "figures": ("hopdata.figures.style", "save_figure", set()),
 }
 
 
@@ -462,12 +462,12 @@ def test_the_keys_of_a_section_are_the_options_of_its_stage(section):
 @pytest.mark.parametrize(
     ("section", "key", "module", "name"),
     [
-        ("touchdowns", "method", "hopdata.landings.contacts", "METHODS"),
-        ("touchdowns", "gravity", "hopdata.landings.contacts", "GRAVITIES"),
+        ("touchdowns", "method", "hopdata.landings.contacts.find", "METHODS"),
+        ("touchdowns", "gravity", "hopdata.landings.contacts.find", "GRAVITIES"),
         ("filling", "method", "hopdata.landings.filling", "METHODS"),
         ("touchdowns", "ambiguous", "hopdata.landings.touchdowns", "TREATMENTS"),
-        ("states", "method", "hopdata.landings.states", "METHODS"),
-        ("states", "gravity", "hopdata.landings.states", "GRAVITIES"),
+        ("states", "method", "hopdata.landings.states.fits", "METHODS"),
+        ("states", "gravity", "hopdata.landings.states.fits", "GRAVITIES"),
     ],
 )
 def test_choices_are_those_of_the_stage(section, key, module, name):

@@ -7,7 +7,7 @@ from types import FunctionType
 import numba
 import numpy as np
 
-from hopdata.hybrid.methods.rows import END, K1, KEND, P1, W1, Y
+from hopdata.hybrid.layout import END, K1, KEND, P1, W1, Y
 
 compiled = numba.njit(error_model="numpy")
 NO_MODE = np.zeros(0, dtype=np.int64)

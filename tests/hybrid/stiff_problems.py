@@ -9,7 +9,8 @@ import mpmath
 import numpy as np
 from method_harness import Stepper, compiled, specialised
 
-from hopdata.hybrid.methods import differences, rosenbrock
+from hopdata.hybrid.methods import stiff as differences
+from hopdata.hybrid.methods import stiff as rosenbrock
 
 SMOOTH, KAPS, FOLLOWER, CONTACT = 0.0, 1.0, 2.0, 3.0
 

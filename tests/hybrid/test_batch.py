@@ -14,7 +14,7 @@ from bent_systems import bent, bent_params
 from hybrid_systems import ball, growth, ladder, py_raising, raising, sliding, throw
 
 from hopdata.hybrid import solve, solve_batch
-from hopdata.hybrid.parallel import run_in_threads
+from hopdata.hybrid.batch import run_in_threads
 from hopdata.scenes.plate import Plate
 
 PARAMS = bent_params(

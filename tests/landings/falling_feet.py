@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.landings.transitions import Transitions
+from hopdata.landings.contacts.descents import Transitions
 
 FloatArray = NDArray[np.float64]
 

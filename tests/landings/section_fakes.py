@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hopdata.recordings.recording import Recording
+from hopdata.recording import Recording
 
 LEG_M, RADIUS_M, STANCE_S, GRAVITY = 0.27, 0.38, 0.245, 9.81
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.recordings.recording import Recording
+from hopdata.recording import Recording
 
 FloatArray = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from hopdata.maps.truth.exact_map import marker_states
+from hopdata.maps.truth.maps import marker_states
 
 POINTS = np.array([(0.13, 0.03, 0.05), (-0.08, 0.11, 0.075), (-0.07, -0.14, 0.055)])
 ARMS = POINTS - POINTS.mean(axis=0)

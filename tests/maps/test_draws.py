@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
 
-from hopdata.maps.draws import distinct_draws, named_generator
+from hopdata.errors import AnalysisError
+from hopdata.maps.affine import affine_test_errors
+from hopdata.maps.draws import MOST_ONE_BY_ONE, distinct_draws, named_generator, rare_notes
+from hopdata.maps.prediction import bootstrap_prediction
+from hopdata.maps.subspaces.constraint import bootstrap_subspaces
+from hopdata.maps.subspaces.distances import measure_distances
 
 
 def test_a_named_stream_depends_on_seed_and_names_only():
@@ -48,3 +53,147 @@ def test_fewer_draws_are_the_first_of_more():
 def test_more_than_there_are_is_refused():
     with pytest.raises(ValueError, match="161 distinct items from 160"):
         distinct_draws(named_generator(1, "x"), 160, (120, 41), 2)
+
+
+# Schedules with too few landings are named while they are few, and counted where they are many.
+
+
+def test_a_few_are_named():
+    sizes = {f"{k}": 10 + k for k in range(MOST_ONE_BY_ONE)}
+    notes = rare_notes("subspaces", sizes, "30 wanted")
+    assert [note["what"] for note in notes] == [f"subspaces of schedule {name}" for name in sizes]
+    assert notes[1]["reason"] == "11 landings, 30 wanted"
+    assert rare_notes("subspaces", {}, "30 wanted") == []
+
+
+def test_many_are_counted():
+    sizes = {f"{k}": 1 + k % 3 for k in range(300)}
+    assert rare_notes("specialised models", sizes, "at least 40 wanted") == [
+        {
+            "what": "specialised models of 300 schedules",
+            "reason": "1 to 3 landings each, 600 in all, at least 40 wanted",
+        }
+    ]
+
+
+# Awkward data through the statistics: the right answer, or a clear refusal.
+
+SCHEDULES = np.array(["1>2>3", "1>3>2", "2>1>3", "2>3>1", "3>1>2", "3>2>1"])
+
+
+def study(seed, sizes=(90,) * 6, latent=11, noise=0.01):
+    """Landings of classes of these sizes, with few true degrees of freedom, and their spread."""
+    rng = np.random.default_rng(seed)
+    schedule = np.repeat(SCHEDULES[: len(sizes)], sizes)
+    x = rng.normal(size=(len(schedule), latent)) @ rng.normal(size=(latent, 18))
+    y = x @ rng.normal(size=(18, 18)) / 4
+    x, y = x + noise * rng.normal(size=x.shape), y + noise * rng.normal(size=y.shape)
+    return x, y, schedule, rng.uniform(0, 0.03, len(x))
+
+
+def predict(x, y, schedule, spread):
+    return bootstrap_prediction(x, y, schedule, spread, seed=1, bootstraps=20)
+
+
+def test_duplicate_touchdowns_predict_as_the_library_does():
+    from sklearn.linear_model import LinearRegression
+
+    x, y = (np.repeat(part, 3, axis=0) for part in study(0, (40,))[:2])
+    train, test = distinct_draws(named_generator(1, "s"), 120, (60, 30), 5)
+    expected = []
+    for fitted, held in zip(train, test, strict=True):
+        model = LinearRegression(tol=1e-13).fit(x[fitted], y[fitted])
+        expected.append(np.mean((y[held] - model.predict(x[held])) ** 2, axis=0))
+    np.testing.assert_allclose(affine_test_errors(x, y, train, test), expected, rtol=1e-9)
+
+
+def test_a_class_of_copies_has_no_subspaces_and_says_so():
+    x, y, schedule, _ = study(1, (60, 60))
+    x[:60], y[:60] = np.repeat(x[:6], 10, axis=0), np.repeat(y[:6], 10, axis=0)
+    found = bootstrap_subspaces(x, y, schedule, seed=1, bootstraps=10)
+    assert list(found.bases) == ["1>3>2"]
+    assert found.notes[0]["reason"] == "10 of 10 draws have fewer than 17 components"
+
+
+def test_a_missing_class_leaves_the_others_as_they_were():
+    x, y, schedule, spread = study(2)
+    part = schedule != "2>1>3"
+    whole = predict(x, y, schedule, spread).errors
+    less = predict(x[part], y[part], schedule[part], spread[part]).errors
+    same = [
+        table[(table["model"] == "specialised") & (table["schedule"] == "3>2>1")]["mse"].to_numpy()
+        for table in (whole, less)
+    ]
+    assert np.array_equal(*same)
+    assert set(less["schedule"]) - {""} == set(SCHEDULES) - {"2>1>3"}
+    bases = bootstrap_subspaces(x[part], y[part], schedule[part], seed=1, bootstraps=6).bases
+    table = measure_distances(bases, (34, 17), seed=1, pairs=8, all_pairs=True).summary
+    assert table.set_index("kind").loc["cross_class", "n"] == 10 * 36
+
+
+def test_a_class_of_five_is_left_out_by_name():
+    x, y, schedule, spread = study(3, (90, 5))
+    assert "1>3>2" not in set(predict(x, y, schedule, spread).errors["schedule"])
+    notes = predict(x, y, schedule, spread).notes
+    assert any(note["what"].endswith("1>3>2") and "5 landings" in note["reason"] for note in notes)
+    found = bootstrap_subspaces(x, y, schedule, seed=1, bootstraps=4)
+    assert list(found.bases) == ["1>2>3"]
+    assert "5 landings, 30 distinct ones wanted" in found.notes[0]["reason"]
+
+
+def test_constant_columns_change_no_prediction_and_no_distance():
+    x, y, schedule, spread = study(4)
+    still = x.copy(), y.copy()
+    still[0][:, 5], still[1][:, 5] = 0.0, 0.0
+    moved = still[0] + 0.499 * (np.arange(18) == 5), still[1] - 7.25 * (np.arange(18) == 5)
+    errors = [predict(*pair, schedule, spread).errors["mse"].to_numpy() for pair in (still, moved)]
+    np.testing.assert_allclose(*errors, rtol=1e-9)
+    tables = []
+    for pair in (still, moved):
+        bases = bootstrap_subspaces(*pair, schedule, seed=1, bootstraps=5).bases
+        tables.append(measure_distances(bases, (34, 17), seed=1, pairs=4).distances["distance_rad"])
+    np.testing.assert_allclose(*tables, atol=1e-9)
+
+
+@pytest.mark.parametrize("condition", [1e4, 1e10])
+def test_units_that_differ_by_the_condition_number_change_no_prediction(condition):
+    x, y, schedule, spread = study(5)
+    scaled = x * np.geomspace(1, 1 / condition, 18)
+    errors = [predict(inputs, y, schedule, spread).errors["mse"] for inputs in (x, scaled)]
+    np.testing.assert_allclose(*errors, rtol=1e-9)
+
+
+def test_single_precision_is_computed_in_double():
+    x, y, schedule, spread = study(6, (60, 60))
+    single = x.astype(np.float32), y.astype(np.float32)
+    double = single[0].astype(float), single[1].astype(float)
+    errors = [predict(*pair, schedule, spread).errors["mse"] for pair in (single, double)]
+    assert np.array_equal(*errors)
+    bases = [
+        bootstrap_subspaces(*pair, schedule, seed=1, bootstraps=5).bases["1>2>3"]
+        for pair in (single, double)
+    ]
+    assert np.array_equal(*bases)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_values_that_are_not_finite_are_refused(value):
+    x, y, schedule, spread = study(7, (60, 60))
+    y[17, 3] = value
+    with pytest.raises(ValueError, match="finite"):
+        predict(x, y, schedule, spread)
+    with pytest.raises(AnalysisError, match="1 landings, the first in row 17"):
+        bootstrap_subspaces(x, y, schedule, seed=1, bootstraps=5)
+
+
+def test_no_true_motion_but_noise_and_none_at_all():
+    rng = np.random.default_rng(8)
+    noise = rng.normal(size=(2, 120, 18))
+    schedule, spread = np.repeat(SCHEDULES[:2], 60), np.linspace(0, 0.03, 120)
+    table = predict(*noise, schedule, spread).summary.set_index("model")
+    assert 1.0 < table.loc["specialised", "median"] < 4.0  # a fit of noise is worse than none
+    still = np.zeros((120, 18))
+    assert (predict(still, still, schedule, spread).errors["mse"] == 0).all()
+    found = bootstrap_subspaces(still, still, schedule, seed=1, bootstraps=5)
+    assert not found.bases
+    assert len(found.notes) == 2

@@ -9,12 +9,12 @@ from qtm_files import NAMES, columns, data_rows, qtm_text, standing
 from trc_files import trc_text
 
 from hopdata.errors import RecordingError
-from hopdata.recordings.c3d_writing import write_c3d
-from hopdata.recordings.hdf5 import write_recording
+from hopdata.recording import Event, Recording
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.plausibility import check_plausible
-from hopdata.recordings.raw import Event, RawRecording
-from hopdata.recordings.recording import Recording
+from hopdata.recordings.raw import RawRecording
+from hopdata.recordings.readers.hdf5 import write_recording
+from hopdata.recordings.readers.writers import write_c3d
 
 N_FRAMES = 24
 EVENTS = (("strike", 0.05), ("toe off", 0.12))

@@ -5,7 +5,8 @@ from datetime import datetime
 import numpy as np
 from hypothesis import strategies as st
 
-from hopdata.recordings.raw import Event, RawRecording
+from hopdata.recording import Event
+from hopdata.recordings.raw import RawRecording
 
 NAMES = st.text(
     st.characters(min_codepoint=33, max_codepoint=0x2FFF, categories=("L", "N", "P", "S")),

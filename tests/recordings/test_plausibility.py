@@ -5,11 +5,9 @@ import pytest
 from qtm_files import NAMES, standing
 
 from hopdata.errors import RecordingError
-from hopdata.recordings.joining import PAUSE_S
-from hopdata.recordings.plausibility import check_plausible
-from hopdata.recordings.recording import Recording
-from hopdata.recordings.remarks import notes, rounded_to
-from hopdata.recordings.span import body_over_feet, extent, fraction_seen
+from hopdata.recording import Recording, body_over_feet, extent, fraction_seen
+from hopdata.recordings.plausibility import check_plausible, notes, rounded_to
+from hopdata.recordings.raw import PAUSE_S
 
 ROLES = ("body", "body", "body", "foot", "foot")
 
@@ -47,7 +45,7 @@ def test_a_sound_recording_passes_without_notes(rate_hz, size):
 
 
 def test_the_sample_is_sound(sample_path):
-    from hopdata.recordings.hdf5 import read_recording
+    from hopdata.recordings.readers.hdf5 import read_recording
 
     check_plausible(read_recording(sample_path))
 

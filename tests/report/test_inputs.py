@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
+from fake_study import NAMES, NUMBERED, captions, full_study, sections
 
-from hopdata.recordings.recording import Recording
-from hopdata.report.inputs import ReportInputs, describe_recording
-from hopdata.report.page import build_report
+from hopdata.errors import ConfigError
+from hopdata.recording import Recording
+from hopdata.report.inputs import ReportInputs, describe_recording, render_caption
+from hopdata.report.page import build_report, study_facts
 
 
 def recording(n=5):
@@ -38,3 +40,99 @@ def test_the_description_reaches_the_page():
     page = build_report(ReportInputs("s", recordings=[describe_recording(recording())]))
     for cell in ("run.tsv", "96.67", "0.0"):
         assert f">{cell}<" in page
+
+
+def test_a_caption_has_title_paragraphs_and_alternative_text():
+    text = "# A\u00a0title\n\nOne\nparagraph of {{ n }}.\n\nAnother.\n\nAlt: A\npicture.\n"
+    caption = render_caption(text, {"n": 3}, name="fig")
+    assert caption.title == "A\u00a0title"
+    assert caption.paragraphs == ("One paragraph of 3.", "Another.")
+    assert caption.alt == "A picture."
+
+
+def test_no_line_break_parts_a_number_from_its_per_cent():
+    caption = render_caption("# T\n\nFrom 5 to 95 %, a\n%", {}, name="fig")
+    assert caption.paragraphs == ("From 5 to 95\u00a0%, a %",)
+
+
+def test_a_bare_caption_falls_back_on_the_name():
+    caption = render_caption("", {}, name="fig9")
+    assert (caption.title, caption.paragraphs, caption.alt) == ("fig9", (), "fig9")
+
+
+@pytest.mark.parametrize("text", ["{{ travvel }}", "{% if %}"])
+def test_a_mistake_in_a_caption_is_named(text):
+    with pytest.raises(ConfigError, match="caption of fig2"):
+        render_caption(text, {"travel": "1 mm"}, name="fig2")
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("inputs", [full_study(), ReportInputs("none")], ids=["full", "bare"])
+def test_the_workflows_captions_can_be_filled_from_any_study(name, inputs):
+    caption = render_caption(captions()[name], study_facts(inputs), name=name)
+    if name in NUMBERED:
+        assert caption.title.startswith(f"Figure {name[3:6].replace('_', '.')}: ")
+    assert caption.paragraphs
+    assert caption.alt != caption.title
+    assert "None" not in " ".join(caption.paragraphs)
+
+
+def test_sections_from_landings_alone_are_said():
+    template = captions()["fig2_2_sections"]
+    for frames, said in (("landings", True), ("all", False)):
+        facts = study_facts(full_study(sections=sections() | {"frames": frames}))
+        text = " ".join(render_caption(template, facts, name="fig2_2").paragraphs)
+        assert ("landings alone" in text) is said
+
+
+def test_one_order_occurs_and_two_occur():
+    for n, words in ((1, "1 order occurs"), (2, "2 orders occur")):
+        facts = study_facts(full_study()) | {"n_schedules": n}
+        text = " ".join(render_caption(captions()["fig2_3_schedule"], facts, name="f").paragraphs)
+        assert f"{words}, and" in text
+
+
+def test_captions_name_the_numbers_of_the_study():
+    facts = study_facts(full_study())
+    shown = {name: " ".join(render_caption(captions()[name], facts, name=name).paragraphs)
+             for name in NAMES}  # fmt: skip
+    assert "211\u00a0mm" in shown["fig2_2_sections"]
+    assert f"{facts['n_used']} of 431 touchdowns" in shown["fig2_3_schedule"]
+    assert "29.1\u00a0mm and 27\u00a0ms" in shown["fig2_4_prediction"]
+    assert "3.10 rad" in shown["fig2_5_distances"]
+
+
+def test_one_recording_alone_is_named_only_where_there_are_several():
+    for n, said in ((1, False), (2, True)):
+        facts = study_facts(full_study()) | {"n_recordings": n}
+        caption = render_caption(captions()["stability"], facts, name="stability")
+        assert ("one recording alone" in caption.paragraphs[0]) is said
+
+
+def test_the_caption_of_the_verdict_has_a_paragraph_a_panel():
+    facts = study_facts(full_study())
+    paragraphs = render_caption(captions()["verdict"], facts, name="verdict").paragraphs
+    assert [p[:3] for p in paragraphs[-4:]] == ["(a)", "(b)", "(c)", "(d)"]
+    assert "two-sided 95\u00a0% interval" in paragraphs[-2]
+
+
+def test_the_caption_of_the_maps_gives_their_errors():
+    errors = {"map_estimate_error_printed": 0.133, "map_estimate_error_corrected_curved": 0.038}
+    truth = {name: {"value": value, "unit": "1", "what": ""} for name, value in errors.items()}
+    shown = {}
+    for name, known in (("simulated", truth), ("real", {})):
+        facts = study_facts(ReportInputs("study", truth=known))
+        caption = render_caption(captions()["map_matrices"], facts, name="map_matrices")
+        shown[name] = " ".join(caption.paragraphs)
+    assert (
+        "printed map has a relative error of 0.13, the corrected one of 0.04" in shown["simulated"]
+    )
+    assert "exact" not in shown["real"]
+
+
+def test_the_caption_of_the_scaling_study_gives_its_slopes():
+    slopes = {"scaling_slope_hopper": 1.947, "scaling_slope_delay": 1.2, "other": 3.0}
+    truth = {name: {"value": value, "unit": "1", "what": ""} for name, value in slopes.items()}
+    facts = study_facts(ReportInputs("study", truth=truth))
+    caption = render_caption(captions()["scaling_study"], facts, name="scaling_study")
+    assert "itself (slopes hopper 1.95, delay 1.20). (b)" in caption.paragraphs[0]

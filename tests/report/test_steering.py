@@ -11,11 +11,12 @@ from hopdata.report.inputs import ReportFigure, ReportInputs, SteeringInputs
 from hopdata.report.page import build_report
 from hopdata.report.steering import (
     build_steering_report,
+    left_out_table,
+    outcomes_table,
     read_sections,
     read_steering,
     steering_facts,
 )
-from hopdata.report.steering_tables import left_out_table, outcomes_table
 
 RUNS = [name for name in FIGURES if name.startswith("fig3_") or name == "steering_film"]
 

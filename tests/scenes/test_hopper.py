@@ -5,18 +5,27 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from hopdata.hybrid import solve
-from hopdata.scenes.boom import boom_motion
+from hopdata.scenes import hopper_parameters as hp
 from hopdata.scenes.hopper import (
+    boom_motion,
+    counterweight_places,
+    cross,
+    euler_rates,
     flight_mode,
+    foot_gap,
     hopper_event,
     hopper_field,
     hopper_guards,
     hopper_system,
+    leg_wrench,
+    rotation_entries,
+    rotation_matrices,
+    solve_with_point_mass,
 )
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.rigid_body import rotation_matrices
 
 SWINGING = HopperParameters(boom_swing_rad=1.1, boom_duration_s=0.3)
 FRICTIONLESS = HopperParameters(damping_n_s_m=0.0, friction=0.0)
@@ -291,3 +300,128 @@ def test_any_number_of_legs_lands_and_takes_off_again(n_legs):
     assert solution.status == 1
     assert sorted(solution.events.guard[solution.events.direction > 0]) == list(range(n_legs))
     assert solution.events.time[-1] == pytest.approx(0.6354, abs=2e-3)
+
+
+BOOM_SWINGING = HopperParameters(boom_swing_rad=1.1, boom_duration_s=0.3)
+
+
+def test_boom_moves_by_its_swing_and_its_rates_are_its_derivatives():
+    p, step = BOOM_SWINGING.vector(), 1e-5
+    for t in (-0.1, 0.05, 0.17, 0.29, 0.5):
+        place, speed, acceleration = (np.array(v) for v in boom_motion.py_func(t, p))
+        before, after = (np.array(boom_motion.py_func(t + s * step, p)[0]) for s in (-1, 1))
+        np.testing.assert_allclose((after - before) / (2 * step), speed, atol=1e-8)
+        np.testing.assert_allclose((after - 2 * place + before) / step**2, acceleration, atol=1e-4)
+    angles = [
+        np.arctan2(place[1], place[0] - BOOM_SWINGING.boom_offset_m)
+        for place in (boom_motion.py_func(t, p)[0] for t in (0.0, 0.3))
+    ]
+    assert (angles[1] - angles[0]) % (2 * np.pi) == pytest.approx(1.1)
+
+
+def test_neutral_boom_holds_the_counterweight_on_the_body_axis():
+    place, speed, acceleration = boom_motion.py_func(0.1, HopperParameters().vector())
+    assert place == pytest.approx((0.0, 0.0, -0.03), abs=1e-15)
+    assert speed == acceleration == (0.0, 0.0, 0.0)
+
+
+def test_places_at_many_times_are_those_at_each():
+    p, times = BOOM_SWINGING.vector(), np.linspace(-0.1, 0.5, 7)
+    single = [boom_motion.py_func(t, p)[0] for t in times]
+    np.testing.assert_allclose(counterweight_places(times, p), single, rtol=1e-15)
+
+
+HOPPER = HopperParameters()
+
+
+def wrench(state, hopper=HOPPER, leg=0):
+    """Force in the world and torque about O in the body."""
+    force, torque = leg_wrench(leg, state, rotation_entries(*state[3:6]), hopper.vector())
+    return rotation_matrices(state[3:6]) @ force, np.array(torque)
+
+
+def level(gap_m, *velocity):
+    state = np.zeros(12)
+    state[2], state[6 : 6 + len(velocity)] = HOPPER.leg_length_m + gap_m, velocity
+    return state
+
+
+def test_gap_and_its_rate_are_those_of_the_rest_foot():
+    rng = np.random.default_rng(1)
+    for leg in range(3):
+        y = 0.3 * rng.normal(size=12)
+        foot, turn = HOPPER.rest_feet()[leg], rotation_matrices(y[3:6])
+        gap, rate = foot_gap(leg, y, rotation_entries(*y[3:6]), HOPPER.vector())
+        assert gap == pytest.approx((y[:3] + turn @ foot)[2])
+        assert rate == pytest.approx((y[6:9] + turn @ np.cross(y[9:12], foot))[2])
+
+
+def test_force_jumps_to_the_preload_and_is_affine_in_compression_and_its_rate():
+    assert wrench(level(0.0))[0] == pytest.approx([0, 0, 22.0])
+    assert wrench(level(-0.05))[0] == pytest.approx([0, 0, 22.0 + 90 * 0.05])
+    assert wrench(level(0.125))[0] == pytest.approx([0, 0, HOPPER.push_at_release_n])
+    assert wrench(level(0.0, 0, 0, -2.0))[0] == pytest.approx([0, 0, 22.0 + 4.8 * 2])
+
+
+def test_friction_opposes_sliding_and_saturates():
+    slow, fast = wrench(level(0.0, 0.17, 0.0))[0], wrench(level(0.0, 3.0, -4.0))[0]
+    assert slow == pytest.approx([-0.4 * 22 / np.sqrt(2), 0, 22])
+    np.testing.assert_allclose(fast[:2], -0.4 * 22 * np.array([0.6, -0.8]), rtol=1e-3)
+    assert np.hypot(*fast[:2]) < 0.4 * 22
+
+
+def test_force_acts_at_the_floor_under_the_foot():
+    state = level(-0.05, 0.1, 0.2, -0.5)
+    state[3:6], state[9:12] = [0.3, 0.1, -0.05], [0.2, -0.1, 0.4]
+    force, torque = wrench(state, leg=1)
+    turn = rotation_matrices(state[3:6])
+    point = (state[:3] + turn @ HOPPER.rest_feet()[1]) * [1, 1, 0]
+    np.testing.assert_allclose(turn @ torque, np.cross(point - state[:3], force), atol=1e-12)
+
+
+def test_each_leg_has_its_own_preload():
+    y, p = level(0.0), HOPPER.vector(np.array([20.0, 21.0, 23.0]))
+    found = [leg_wrench(leg, y, rotation_entries(0.0, 0.0, 0.0), p)[0][2] for leg in range(3)]
+    assert found == pytest.approx([20.0, 21.0, 23.0])
+    assert p[hp.N_LEGS] == 3
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(1)
+
+
+def test_rotation_is_yaw_pitch_roll_from_body_to_world(rng):
+    angles = rng.uniform(-1.4, 1.4, (20, 3))
+    oracle = Rotation.from_euler("ZYX", angles).as_matrix()
+    np.testing.assert_allclose(rotation_matrices(angles), oracle, atol=1e-15)
+    entries = [rotation_entries.py_func(*a) for a in angles]
+    np.testing.assert_allclose(np.reshape(entries, (20, 3, 3)), oracle, atol=1e-15)
+
+
+def test_the_order_of_the_angles_matters(rng):
+    angles = rng.uniform(0.5, 1.0, (5, 3))
+    other = Rotation.from_euler("XYZ", angles[:, ::-1]).as_matrix()
+    assert np.abs(rotation_matrices(angles) - other).max() > 0.1
+
+
+def test_euler_rates_turn_the_body_at_its_angular_velocity(rng):
+    step = 1e-6
+    for _ in range(10):
+        angles, w = rng.uniform(-1.2, 1.2, 3), rng.normal(size=3)
+        rates = np.array(euler_rates.py_func(*angles[1:], *w))
+        ahead, behind = (rotation_matrices(angles + s * step * rates) for s in (1, -1))
+        spin = rotation_matrices(angles).T @ (ahead - behind) / (2 * step)
+        np.testing.assert_allclose([spin[2, 1], spin[0, 2], spin[1, 0]], w, atol=1e-8)
+
+
+def test_cross_product(rng):
+    a, b = rng.normal(size=(2, 3))
+    np.testing.assert_allclose(cross.py_func(*a, *b), np.cross(a, b), rtol=1e-15, atol=1e-15)
+
+
+def test_solve_with_point_mass_solves_the_full_matrix(rng):
+    inertia, c, b = rng.uniform(0.05, 0.2, 3), rng.normal(size=3), rng.normal(size=3)
+    matrix = np.diag(inertia) + 0.7 * (c @ c * np.eye(3) - np.outer(c, c))
+    found = solve_with_point_mass.py_func(*inertia, 0.7, tuple(c), tuple(b))
+    np.testing.assert_allclose(found, np.linalg.solve(matrix, b), rtol=1e-12)

@@ -5,8 +5,14 @@ import pytest
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.first_order import bouligand_derivative
-from hopdata.scenes.boom import boom_motion
-from hopdata.scenes.hopper import flight_mode, hopper_field, hopper_guards, hopper_system
+from hopdata.scenes.hopper import (
+    boom_motion,
+    flight_mode,
+    hopper_field,
+    hopper_guards,
+    hopper_system,
+    rotation_matrices,
+)
 from hopdata.scenes.hopper_control import (
     HopperControl,
     control_event,
@@ -15,7 +21,6 @@ from hopdata.scenes.hopper_control import (
     control_system,
 )
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.rigid_body import rotation_matrices
 
 HOPPER = HopperParameters()
 SWINGING = HopperParameters(boom_swing_rad=1.1, boom_duration_s=0.3)

@@ -5,11 +5,10 @@ from functools import cache
 
 import numpy as np
 
-from hopdata.recordings.recording import Recording
+from hopdata.recording import Recording
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.synthesis.markers import track_markers
-from hopdata.synthesis.options import MarkerOptions
-from hopdata.synthesis.trial import run_trial
+from hopdata.synthesis.camera import track_markers
+from hopdata.synthesis.trial import MarkerOptions, run_trial
 
 SWING = np.deg2rad(67.5)
 

@@ -6,8 +6,7 @@ from steered_hops import chained_hops
 
 from hopdata.errors import RecordingError
 from hopdata.jobs import read_table, write_table
-from hopdata.steering.frame_change_errors import frame_change_errors
-from hopdata.steering.frame_change_tables import from_table, to_table
+from hopdata.rigid import composed
 from hopdata.steering.frame_changes import (
     FAR_SWING,
     NO_BOOM,
@@ -15,14 +14,16 @@ from hopdata.steering.frame_changes import (
     TILTED,
     UPRIGHT_RAD,
     USED,
+    frame_change_errors,
     frame_changes,
     frame_changes_at_frames,
+    from_table,
     joined,
     stance_boom_angles,
+    to_table,
 )
-from hopdata.steering.plant.robot import SteeredHopper
-from hopdata.steering.plant.trial import record_trial
-from hopdata.steering.se2 import composed
+from hopdata.steering.robot import SteeredHopper
+from hopdata.steering.trial import record_trial
 
 RATE = 100.0
 STANCES = np.arange(10, 310, 60)

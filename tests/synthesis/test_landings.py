@@ -7,10 +7,10 @@ import pytest
 
 from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.synthesis.camera import fixed_markers
 from hopdata.synthesis.hops import fly_hop, level_state
 from hopdata.synthesis.landings import EARLY, LATE, NO_POST, NO_PRE, SectionHeights, true_landings
-from hopdata.synthesis.markers import fixed_markers
-from hopdata.synthesis.options import MarkerOptions
+from hopdata.synthesis.trial import MarkerOptions
 
 HOPPER = HopperParameters()
 SWINGING = replace(HOPPER, boom_swing_rad=0.4, boom_duration_s=0.4)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hopdata.recordings.hdf5 import read_recording, read_truth
+from hopdata.recordings.readers.hdf5 import read_recording, read_truth
 from hopdata.synthesis import simulate_recording
 
 SAMPLE = Path(__file__).parents[2] / "data" / "sample" / "hopper.h5"

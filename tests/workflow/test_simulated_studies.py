@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from checkouts import FIGURES, copy_checkout, edit_config, planned_rules, snakemake
 
-from hopdata.recordings.hdf5 import read_recording, read_truth, write_recording
+from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 
 pytestmark = pytest.mark.workflow
 

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from checkouts import FIGURES, ROOT, copy_checkout, edit_config, planned_rules, snakemake
 
-from hopdata.recordings.hdf5 import read_truth
+from hopdata.recordings.readers.hdf5 import read_truth
 
 pytestmark = pytest.mark.workflow
 
@@ -238,7 +238,7 @@ def test_a_mistake_is_one_clear_message_and_nothing_half_written(sample, name):
 def test_the_bundled_sample_is_what_the_committed_rule_makes(sample):
     import numpy as np
 
-    from hopdata.recordings.hdf5 import read_recording, read_truth
+    from hopdata.recordings.readers.hdf5 import read_recording, read_truth
 
     run = snakemake(sample, "results/sample/simulated/hopper.h5")
     assert run.returncode == 0, run.stdout + run.stderr

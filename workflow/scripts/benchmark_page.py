@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from hopdata.jobs import reported, whole_file
-from hopdata.report.captions import render_caption
+from hopdata.report.inputs import render_caption
 
 with reported(snakemake.log[0]):
     parts = []

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from hopdata.figures.both_sides import both_sides_figure
-from hopdata.figures.saving import save_figure
+from hopdata.figures.distances import both_sides_figure
+from hopdata.figures.style import save_figure
 from hopdata.jobs import read_json, read_table, reported
 
 with reported(snakemake.log[0]):

@@ -1,8 +1,8 @@
 """Compare the contacts found with those that are known from elsewhere."""
 
 from hopdata.jobs import read_table, reported, write_table
-from hopdata.landings.external_truth import overlay_external_truth
-from hopdata.recordings.hdf5 import read_recording
+from hopdata.landings.forces import overlay_external_truth
+from hopdata.recordings.readers.hdf5 import read_recording
 
 with reported(snakemake.log[0]):
     overlay = overlay_external_truth(

@@ -3,9 +3,9 @@
 import numpy as np
 
 from hopdata.jobs import read_json, reported, write_table
-from hopdata.landings.pair_files import read_pairs
-from hopdata.maps.truth.exact_map import estimate_errors, exact_map
-from hopdata.maps.truth.verdict_truth import true_effect, verdict_errors
+from hopdata.landings.states.pairs import read_pairs
+from hopdata.maps.truth.maps import estimate_errors, exact_map
+from hopdata.maps.truth.maps import true_effect, verdict_errors
 
 with reported(snakemake.log[0]):
     estimates = read_json(snakemake.input.estimates)

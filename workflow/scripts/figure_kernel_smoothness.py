@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from hopdata.figures.kernel_smoothness import kernel_smoothness_figure
-from hopdata.figures.saving import save_figure
+from hopdata.figures.style import save_figure
 from hopdata.jobs import read_table, reported
 
 with reported(snakemake.log[0]):

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from hopdata.figures.learning_curve import learning_curve_figure
-from hopdata.figures.saving import save_figure
+from hopdata.figures.models import learning_curve_figure
+from hopdata.figures.style import save_figure
 from hopdata.jobs import read_table, reported
 
 with reported(snakemake.log[0]):

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from hopdata.figures.map_error import map_error_figure
-from hopdata.figures.saving import save_figure
+from hopdata.figures.maps import map_error_figure
+from hopdata.figures.style import save_figure
 from hopdata.jobs import read_table, reported
 
 with reported(snakemake.log[0]):

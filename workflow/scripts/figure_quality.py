@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from hopdata.figures.recording_gaps import recording_gaps_figure
-from hopdata.figures.saving import save_figure
-from hopdata.figures.stability import stability_figure
-from hopdata.figures.worst_landings import worst_landings_figure
+from hopdata.figures.quality import recording_gaps_figure
+from hopdata.figures.style import save_figure
+from hopdata.figures.quality import stability_figure
+from hopdata.figures.quality import worst_landings_figure
 from hopdata.jobs import read_table, reported
 
 with reported(snakemake.log[0]):

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hopdata.figures.saving import save_figure
+from hopdata.figures.style import save_figure
 from hopdata.figures.schedule import schedule_figure, touchdown_of
 from hopdata.jobs import read_table, reported
 

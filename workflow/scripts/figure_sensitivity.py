@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from hopdata.figures.saving import save_figure
-from hopdata.figures.sensitivity import sensitivity_figure
+from hopdata.figures.style import save_figure
+from hopdata.figures.distances import sensitivity_figure
 from hopdata.jobs import read_table, reported
 
 with reported(snakemake.log[0]):

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from hopdata.figures.saving import save_figure
-from hopdata.figures.steering_outcomes import steering_outcomes_figure
-from hopdata.figures.steering_run import steering_run_figure
+from hopdata.figures.style import save_figure
+from hopdata.figures.steering import steering_outcomes_figure
+from hopdata.figures.steering import steering_run_figure
 from hopdata.jobs import read_table, reported
 
 with reported(snakemake.log[0]):

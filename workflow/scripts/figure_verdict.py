@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hopdata.figures.saving import save_figure
+from hopdata.figures.style import save_figure
 from hopdata.figures.verdict import verdict_figure
 from hopdata.jobs import read_json, read_table, reported
 

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from hopdata.figures.saving import save_figure
-from hopdata.figures.verdict_power import verdict_power_figure
+from hopdata.figures.style import save_figure
+from hopdata.figures.verdict import verdict_power_figure
 from hopdata.jobs import read_table, reported
 
 with reported(snakemake.log[0]):

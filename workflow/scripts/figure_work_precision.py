@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from hopdata.figures.saving import save_figure
-from hopdata.figures.work_precision import work_precision_figure
+from hopdata.figures.style import save_figure
+from hopdata.figures.integrator import work_precision_figure
 from hopdata.jobs import read_table, reported
 
 with reported(snakemake.log[0]):

@@ -2,7 +2,7 @@
 
 from hopdata.jobs import reported
 from hopdata.landings.filling import fill_gaps
-from hopdata.recordings.hdf5 import read_recording, write_recording
+from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 
 with reported(snakemake.log[0]):
     recording = fill_gaps(

@@ -1,10 +1,10 @@
 """Bring one recording into the form that the analysis reads."""
 
 from hopdata.jobs import logger, reported
-from hopdata.recordings.hdf5 import write_recording
+from hopdata.recordings.readers.hdf5 import write_recording
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.plausibility import check_plausible
-from hopdata.recordings.remarks import notes
+from hopdata.recordings.plausibility import notes
 
 with reported(snakemake.log[0]):
     recording, truth = import_recording(

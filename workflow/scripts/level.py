@@ -2,7 +2,7 @@
 
 from hopdata.jobs import reported, write_json
 from hopdata.landings.floor import fit_floor, level
-from hopdata.recordings.hdf5 import read_recording, write_recording
+from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 
 with reported(snakemake.log[0]):
     recording = read_recording(snakemake.input.recording)

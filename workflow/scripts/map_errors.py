@@ -1,10 +1,10 @@
 """Compare measured states and fitted maps with the true ones."""
 
 from hopdata.jobs import read_json, read_table, reported, write_table
-from hopdata.landings.pair_files import read_pairs
-from hopdata.maps.truth.map_errors import map_error_table
-from hopdata.maps.truth.state_errors import state_errors, true_rows
-from hopdata.recordings.hdf5 import read_truth
+from hopdata.landings.states.pairs import read_pairs
+from hopdata.maps.truth.scaling import map_error_table
+from hopdata.maps.truth.landings import state_errors, true_rows
+from hopdata.recordings.readers.hdf5 import read_truth
 
 with reported(snakemake.log[0]):
     source, output, names = snakemake.input, snakemake.output, snakemake.params.recordings

@@ -1,9 +1,9 @@
 """Estimate the linear map through the landing."""
 
 from hopdata.jobs import read_json, read_table, reported, write_json, write_table
-from hopdata.landings.pair_files import read_pairs
-from hopdata.landings.pairs import contact_instants
-from hopdata.maps.corrected.map_estimates import estimate_maps
+from hopdata.landings.states.pairs import read_pairs
+from hopdata.landings.states.pairs import contact_instants
+from hopdata.maps.corrected.estimates import estimate_maps
 
 with reported(snakemake.log[0]):
     pairs = read_pairs(snakemake.input.pairs)

@@ -1,10 +1,10 @@
 """States at both sections in the home frame of each touchdown."""
 
 from hopdata.jobs import read_json, read_tables, reported, write_table
-from hopdata.landings.pair_assembly import assemble_pairs, exclude_stateless
-from hopdata.landings.pair_files import write_pairs
-from hopdata.landings.example_touchdown import example_touchdown
-from hopdata.recordings.hdf5 import read_recording
+from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
+from hopdata.landings.states.pairs import write_pairs
+from hopdata.landings.contacts.velocity_minimum import example_touchdown
+from hopdata.recordings.readers.hdf5 import read_recording
 
 with reported(snakemake.log[0]):
     recordings = [read_recording(path) for path in snakemake.input.recordings]

@@ -1,8 +1,8 @@
 """Bootstrap the prediction errors of all models."""
 
 from hopdata.jobs import reported, write_json, write_table
-from hopdata.landings.pair_files import read_pairs
-from hopdata.maps.linear.prediction import bootstrap_prediction
+from hopdata.landings.states.pairs import read_pairs
+from hopdata.maps.prediction import bootstrap_prediction
 
 with reported(snakemake.log[0]):
     pairs = read_pairs(snakemake.input.pairs)

@@ -3,7 +3,7 @@
 import pandas as pd
 
 from hopdata.jobs import read_table, reported, write_table
-from hopdata.maps.linear.prediction import error_ratios
+from hopdata.maps.prediction import error_ratios
 
 with reported(snakemake.log[0]):
     files = zip(

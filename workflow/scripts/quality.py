@@ -1,13 +1,13 @@
 """Measure the quality of recordings and landings."""
 
 from hopdata.jobs import read_json, read_table, reported, write_json, write_table
-from hopdata.landings.quality.checks import check_study
-from hopdata.landings.quality.drift import drift_table
-from hopdata.landings.quality.stability import section_stability
-from hopdata.landings.quality.worst import landing_samples, worst_landings
-from hopdata.landings.sections import Sections
-from hopdata.recordings.hdf5 import read_recording
-from hopdata.recordings.quality.tables import recording_tables
+from hopdata.landings.checks import check_study
+from hopdata.landings.stability import drift_table
+from hopdata.landings.stability import section_stability
+from hopdata.landings.stability import landing_samples, worst_landings
+from hopdata.landings.sections.select import Sections
+from hopdata.recordings.readers.hdf5 import read_recording
+from hopdata.recordings.quality.inspection import recording_tables
 
 with reported(snakemake.log[0]):
     source, target, params = snakemake.input, snakemake.output, snakemake.params

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from hopdata.jobs import read_json, read_table, reported, whole_file, write_json
 from hopdata.provenance import provenance
-from hopdata.recordings.hdf5 import read_recording
+from hopdata.recordings.readers.hdf5 import read_recording
 from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
 from hopdata.report.page import build_report
 from hopdata.report.steering import read_sections

@@ -2,7 +2,7 @@
 
 from hopdata.jobs import read_json, reported, write_table
 from hopdata.maps.truth.scaling import scaling_table
-from hopdata.recordings.hdf5 import read_truth
+from hopdata.recordings.readers.hdf5 import read_truth
 from hopdata.synthesis.scaling import study_landings
 
 with reported(snakemake.log[0]):

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from hopdata.jobs import read_json, read_table, read_tables, reported, write_json
-from hopdata.landings.surface import FloorModel
-from hopdata.maps.truth.landing_scores import known_recording
+from hopdata.landings.floor_surface import FloorModel
+from hopdata.maps.truth.landings import known_recording
 from hopdata.maps.truth.scoring import score
-from hopdata.recordings.hdf5 import read_truth
+from hopdata.recordings.readers.hdf5 import read_truth
 
 with reported(snakemake.log[0]):
     source = snakemake.input

@@ -1,10 +1,10 @@
 """Choose the two Poincare sections of a study."""
 
 from hopdata.jobs import reported, write_json, write_table
-from hopdata.landings.section_tables import section_densities, section_frames
-from hopdata.landings.sections import select_sections
-from hopdata.recordings.distinct import require_distinct
-from hopdata.recordings.hdf5 import read_recording
+from hopdata.landings.sections.select import section_densities, section_frames
+from hopdata.landings.sections.select import select_sections
+from hopdata.recording import require_distinct
+from hopdata.recordings.readers.hdf5 import read_recording
 
 with reported(snakemake.log[0]):
     recordings = [read_recording(path) for path in snakemake.input.recordings]

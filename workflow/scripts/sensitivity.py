@@ -1,7 +1,7 @@
 """How each distance between subspaces answers to noise, and every reading of "a SNR of 10"."""
 
 from hopdata.jobs import reported, write_table
-from hopdata.maps.subspaces.sensitivity import noise_sensitivity, snr_readings
+from hopdata.maps.subspaces.distances import noise_sensitivity, snr_readings
 from hopdata.maps.subspaces.constraint import read_bases
 
 with reported(snakemake.log[0]):

@@ -1,7 +1,7 @@
 """Simulate one recording of the hopper."""
 
 from hopdata.jobs import reported
-from hopdata.recordings.hdf5 import write_recording
+from hopdata.recordings.readers.hdf5 import write_recording
 from hopdata.synthesis import simulate_recording
 
 with reported(snakemake.log[0]):

@@ -1,8 +1,8 @@
 """Simulate the trial that the model of steering is learned from."""
 
 from hopdata.jobs import reported, write_table
-from hopdata.recordings.hdf5 import write_recording
-from hopdata.steering.stages.excite import simulate_excitation
+from hopdata.recordings.readers.hdf5 import write_recording
+from hopdata.steering.trial import simulate_excitation
 
 with reported(snakemake.log[0]):
     recording, stances, motion = simulate_excitation(

@@ -1,10 +1,10 @@
 """Run one experiment for all controllers from all starts."""
 
 from hopdata.jobs import read_table, reported, write_table
-from hopdata.steering.models.saving import load_process
+from hopdata.steering.models.process import load_process
 from hopdata.steering.observation.geometry import load_geometry
-from hopdata.steering.stages.experiment import experiment_of
-from hopdata.steering.stages.true_map_table import true_map_of
+from hopdata.steering.experiments.study import experiment_of
+from hopdata.steering.trial import true_map_of
 
 with reported(snakemake.log[0]):
     tables = experiment_of(

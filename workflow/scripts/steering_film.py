@@ -1,6 +1,6 @@
 """Film a typical run to the origin."""
 
-from hopdata.figures.steering_film import save_film
+from hopdata.figures.steering import save_film
 from hopdata.jobs import read_table, reported
 
 with reported(snakemake.log[0]):

@@ -1,8 +1,8 @@
 """How many hops it takes to learn the frame change, and whether the kernel matters."""
 
 from hopdata.jobs import read_table, reported, write_table
-from hopdata.steering.frame_change_tables import from_table
-from hopdata.steering.stages.learning_curve import learning_tables
+from hopdata.steering.frame_changes import from_table
+from hopdata.steering.models.learning import learning_tables
 
 with reported(snakemake.log[0]):
     tables = learning_tables(

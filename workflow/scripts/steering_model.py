@@ -1,10 +1,10 @@
 """Learn the frame change from some of the hops, and test it on the others."""
 
 from hopdata.jobs import read_table, reported, write_table
-from hopdata.steering.frame_change_tables import from_table
-from hopdata.steering.models.map_tables import map_table, training_table
-from hopdata.steering.models.saving import save_process
-from hopdata.steering.stages.learn import learn
+from hopdata.steering.frame_changes import from_table
+from hopdata.steering.models.learning import map_table, training_table
+from hopdata.steering.models.process import save_process
+from hopdata.steering.models.learning import learn
 
 with reported(snakemake.log[0]):
     processes, scores = learn(

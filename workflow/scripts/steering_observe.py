@@ -1,9 +1,9 @@
 """Observe pose, boom angle and stances, and collect the frame changes."""
 
 from hopdata.jobs import reported, write_json, write_table
-from hopdata.recordings.hdf5 import read_recording
-from hopdata.steering.frame_change_tables import to_table
-from hopdata.steering.stages.observe import observe_recordings
+from hopdata.recordings.readers.hdf5 import read_recording
+from hopdata.steering.frame_changes import to_table
+from hopdata.steering.observation.observe import observe_recordings
 
 with reported(snakemake.log[0]):
     observed = observe_recordings(

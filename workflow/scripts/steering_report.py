@@ -4,7 +4,7 @@ from pathlib import Path
 
 from hopdata.jobs import reported, whole_file, write_json
 from hopdata.provenance import provenance
-from hopdata.recordings.hdf5 import read_recording
+from hopdata.recordings.readers.hdf5 import read_recording
 from hopdata.report.steering import build_steering_report, read_steering
 
 with reported(snakemake.log[0]):

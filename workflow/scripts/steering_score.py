@@ -1,9 +1,9 @@
 """Score pose, boom angle, stances and model against the truth of the simulation."""
 
 from hopdata.jobs import read_table, reported, write_json
-from hopdata.steering.models.saving import load_process
-from hopdata.steering.stages.scores import truth_entries
-from hopdata.steering.stages.true_map_table import true_map_of
+from hopdata.steering.models.process import load_process
+from hopdata.steering.experiments.outcomes import truth_entries
+from hopdata.steering.trial import true_map_of
 
 with reported(snakemake.log[0]):
     source = snakemake.input

@@ -1,7 +1,7 @@
 """Bootstrap the constraint subspaces of each mode schedule."""
 
 from hopdata.jobs import reported, write_json
-from hopdata.landings.pair_files import read_pairs
+from hopdata.landings.states.pairs import read_pairs
 from hopdata.maps.subspaces.constraint import bootstrap_subspaces, write_subspaces
 
 with reported(snakemake.log[0]):

@@ -3,7 +3,7 @@
 from hopdata.jobs import read_json, reported, write_table
 from hopdata.landings.filling import mark_filled
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.recordings.hdf5 import read_recording
+from hopdata.recordings.readers.hdf5 import read_recording
 
 with reported(snakemake.log[0]):
     sections = read_json(snakemake.input.sections)

@@ -3,12 +3,12 @@
 import numpy as np
 
 from hopdata.jobs import read_json, reported, write_json
-from hopdata.landings.pair_files import write_pairs
-from hopdata.landings.pairs import Pairs
-from hopdata.recordings.hdf5 import read_truth
-from hopdata.synthesis.known_scene import common_scene
+from hopdata.landings.states.pairs import write_pairs
+from hopdata.landings.states.pairs import Pairs
+from hopdata.recordings.readers.hdf5 import read_truth
+from hopdata.synthesis.scaling import common_scene
 from hopdata.synthesis.landings import SectionHeights
-from hopdata.synthesis.true_sections import exact_maps, true_states
+from hopdata.synthesis.scaling import exact_maps, true_states
 
 with reported(snakemake.log[0]):
     found, body = read_json(snakemake.input.sections), snakemake.params.body

@@ -1,7 +1,7 @@
 """Choose the units of a study and write its pairs in them."""
 
 from hopdata.jobs import reported, write_json
-from hopdata.landings.pair_files import read_pairs, write_pairs
+from hopdata.landings.states.pairs import read_pairs, write_pairs
 from hopdata.maps.units import choose_units
 
 with reported(snakemake.log[0]):

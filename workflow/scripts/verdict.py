@@ -1,8 +1,8 @@
 """Judge whether the map through the landing is C1."""
 
 from hopdata.jobs import read_json, read_table, reported, write_json, write_table
-from hopdata.landings.pair_files import read_pairs
-from hopdata.landings.pairs import contact_instants
+from hopdata.landings.states.pairs import read_pairs
+from hopdata.landings.states.pairs import contact_instants
 from hopdata.maps.verdict import judge
 
 with reported(snakemake.log[0]):

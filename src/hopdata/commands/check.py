@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hopdata.commands.exit_codes import OK
-from hopdata.commands.progress import Progress
+import numpy as np
+
+from hopdata.arrays import GRAVITY_M_S2
+from hopdata.commands.terminal import OK, Progress
 from hopdata.errors import RecordingError
+from hopdata.recordings.external import ForceSignal, read_contact_times, read_force_signals
 
 if TYPE_CHECKING:
-    from hopdata.recordings.recording import Recording
+    from hopdata.recording import Recording
 
 
 def check(options: argparse.Namespace) -> int:
     """Check a configuration and read all its recordings."""
+    from hopdata.config.consistency import files_of, simulation_of
     from hopdata.config.loading import load_config
-    from hopdata.config.recordings import files_of, simulation_of
-    from hopdata.recordings.distinct import require_distinct
-    from hopdata.recordings.external_files import describe_external
+    from hopdata.recording import extent, require_distinct
     from hopdata.recordings.importing import import_recording
-    from hopdata.recordings.plausibility import check_plausible
-    from hopdata.recordings.remarks import notes
-    from hopdata.recordings.span import extent
+    from hopdata.recordings.plausibility import check_plausible, notes
 
     config = load_config(options.config)
     print(f"study {config['study']}")
@@ -69,8 +70,8 @@ def check(options: argparse.Namespace) -> int:
 
 def _suspects(recording: Recording) -> list[str]:
     """Say in a line what looks wrong with the study's markers, if anything does."""
-    from hopdata.commands.listing import answer
-    from hopdata.recordings.quality.tables import inspect
+    from hopdata.commands.terminal import answer
+    from hopdata.recordings.quality.inspection import inspect
 
     with Progress() as progress:
         progress(f"looking for faults in {recording.source}")
@@ -88,7 +89,7 @@ def _length(simulation: dict[str, Any]) -> str:
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:
     """Say in a few lines what a recording holds."""
-    from hopdata.recordings.span import body_over_feet, fraction_seen
+    from hopdata.recording import body_over_feet, fraction_seen
 
     duration = recording.time[-1] - recording.time[0]
     seen = 100 * fraction_seen(recording)
@@ -102,3 +103,97 @@ def _summary(recording: Recording, config: dict[str, Any]) -> str:
         f"least {recording.markers[worst]}, {seen[worst]:.1f} %",
     ]
     return "\n".join(lines)
+
+
+# What the external files of a recording hold, in a few lines.
+
+# Mass over the cube of the markers' span, kg/m³: of a runner about 40, of the hopper 20, and of a
+# runner of whom only a shoe is seen 5000. A wrong unit is a factor of 1000.
+PLAUSIBLE_MASS = (1.0, 5000.0)
+PLAUSIBLE_SHARE = (0.02, 3.0)  # mean force over body weight, also of a plate for one foot
+LEAST_OVERLAP = 0.75  # of the recording and of the signal, below which their clocks are in doubt
+
+
+def describe_external(
+    recording: Mapping[str, Any],
+    *,
+    feet: Sequence[str],
+    span_s: tuple[float, float],
+    rate_hz: float | None = None,
+    extent_m: float | None = None,
+) -> list[str]:
+    """Read the contacts and forces that a recording names, and say what they are.
+
+    Parameters
+    ----------
+    recording : mapping
+        Entry of ``recordings`` in the configuration.
+    feet : sequence of str
+        ``markers.feet``.
+    span_s : tuple of float
+        First and last time of the recording's frames, s.
+    rate_hz : float, optional
+        ``input.rate_hz``.
+    extent_m : float, optional
+        Span of the markers, m, by which a body weight can be or not.
+
+    Returns
+    -------
+    list of str
+        One line a column; none where nothing is known from elsewhere.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read.
+    """
+    lines = []
+    if recording["contacts"]["file"] is not None:
+        for known in read_contact_times(recording["contacts"], feet=feet, rate_hz=rate_hz):
+            first, last = known.span_s
+            lines.append(
+                f"  contacts  {known.column.name}: {len(known.instant)}, {first:.3f} to "
+                f"{last:.3f} s, of {', '.join(known.column.feet)}"
+            )
+    if recording["forces"]["file"] is not None:
+        for signal in read_force_signals(recording["forces"], feet=feet):
+            lines.append(
+                f"  force     {signal.column.name}: {len(signal.time)} samples, "
+                f"{signal.time[0]:.3f} to {signal.time[-1]:.3f} s, up to "
+                f"{np.nanmax(signal.force):.4g} {signal.unit}, of {', '.join(signal.column.feet)}"
+                + _misplaced((float(signal.time[0]), float(signal.time[-1])), span_s)
+                + _misjudged(signal, extent_m)
+            )
+    return lines
+
+
+def _misplaced(span_s: tuple[float, float], recording_s: tuple[float, float]) -> str:
+    """Say if a signal leaves much of the recording out, or is much outside it: a wrong clock."""
+    overlap = max(0.0, min(span_s[1], recording_s[1]) - max(span_s[0], recording_s[0]))
+    covered = overlap / max(recording_s[1] - recording_s[0], 1e-9)
+    inside = overlap / max(span_s[1] - span_s[0], 1e-9)
+    if min(covered, inside) >= LEAST_OVERLAP:
+        return ""
+    return (
+        f" (covers {100 * covered:.0f} % of the recording, {100 * (1 - inside):.0f} % of it lies "
+        "outside: are rate_hz and offset_s right?)"
+    )
+
+
+def _misjudged(signal: ForceSignal, extent_m: float | None) -> str:
+    """Say if the mean force cannot be a body weight: a wrong unit."""
+    mean, weight = float(np.nanmean(signal.force)), signal.options["body_weight_n"]
+    if signal.unit == "body_weight" or weight is not None:
+        share = mean if signal.unit == "body_weight" else mean / weight
+        if PLAUSIBLE_SHARE[0] <= share <= PLAUSIBLE_SHARE[1]:
+            return ""
+        return f" (on the mean {share:.3g} times the body weight: is forces.unit right?)"
+    if extent_m is None or not extent_m > 0:
+        return ""
+    low, high = (GRAVITY_M_S2 * mass * extent_m**3 for mass in PLAUSIBLE_MASS)
+    if low <= mean <= high:
+        return ""
+    return (
+        f" ({mean:.3g} N on the mean, where a body of {extent_m:.2g} m weighs {low:.2g} to "
+        f"{high:.2g} N: is forces.unit right?)"
+    )

@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 from typing import TYPE_CHECKING
 
-from hopdata.commands.exit_codes import OK, PROBLEM
-from hopdata.commands.progress import Progress
-from hopdata.commands.writing import write_text
+import numpy as np
+
+from hopdata.commands.terminal import OK, PROBLEM, Progress, Suspect, answer, suspects, write_text
+from hopdata.report.formatting import Table
+from hopdata.report.quality import InspectionPage, SvgPicture, build_inspection_page
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from hopdata.recordings.quality.inspection import Inspection
 
 
 def inspect(options: argparse.Namespace) -> int:
     """Say what is in a file; exit code 1 if anything looks wrong."""
-    from hopdata.commands.listing import listing
+    from hopdata.commands.terminal import listing
 
     inspection = inspected(options)
     encoding = sys.stdout.encoding or "ascii"
     print(listing(inspection, str(options.file), encoding=encoding))
     if options.html is not None:
-        from hopdata.commands.inspection_html import inspection_html
-
         with Progress() as progress:
             progress("drawing the page")
             page = inspection_html(inspection, options.file.name)
@@ -34,8 +37,8 @@ def inspect(options: argparse.Namespace) -> int:
 
 def inspected(options: argparse.Namespace) -> Inspection:
     """Read and measure the file of ``file``, ``unit``, ``vertical_axis`` and ``rate``."""
-    from hopdata.recordings.importing import read_raw
     from hopdata.recordings.quality.inspection import inspect_recording
+    from hopdata.recordings.readers.formats import read_raw
 
     with Progress() as progress:
         progress(f"reading {options.file}")
@@ -43,3 +46,112 @@ def inspected(options: argparse.Namespace) -> Inspection:
         return inspect_recording(
             raw, unit=options.unit, up=options.vertical_axis, progress=progress
         )
+
+
+# An inspection as one self-contained page.
+
+MM_PER_M = 1000.0
+CAPTION = (
+    "One bar a marker; white is where it was not seen. A gap too short to see is drawn a little "
+    "wider than it is. Signs mark what looks wrong, dotted lines dropped frames."
+)
+
+
+def inspection_html(inspection: Inspection, file: str) -> str:
+    """Write the page on one recording."""
+    found = suspects(inspection)
+    unsure = [
+        f"{what}: {guess.value} is not sure ({guess.reason})"
+        for what, guess in (("unit", inspection.unit), ("vertical axis", inspection.up))
+        if not guess.is_sure
+    ]
+    page = InspectionPage(
+        title=file,
+        answer=answer(inspection),
+        highlights=_highlights(inspection),
+        notes=unsure,
+        pictures=[SvgPicture(_timeline(inspection, found), "Where each marker was seen", CAPTION)],
+        tables=[t for t in (_suspect_table(found), _gap_table(inspection), _rigid_table(inspection))
+                if t.rows],
+    )  # fmt: skip
+    return build_inspection_page(page)
+
+
+def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
+    timing = inspection.timing
+    unit, up = inspection.unit, inspection.up
+    noise = f"{MM_PER_M * inspection.typical_noise_m:.2f} mm"
+    return [
+        ("Frames", f"{len(inspection.time)}", f"{inspection.duration_s:.1f} s"),
+        ("Rate", f"{inspection.rate_hz:g} Hz", f"{timing.n_dropped} frames dropped"),
+        ("Markers", f"{len(inspection.markers)}", ", ".join(inspection.markers)),
+        ("Unit", unit.value, unit.reason),
+        ("Up", up.value, up.reason),
+        ("Noise", noise, "a coordinate, from frame to frame; median of the markers"),
+    ]
+
+
+def _timeline(inspection: Inspection, found: list[Suspect]) -> bytes:
+    import pandas as pd
+
+    from hopdata.figures.quality import gap_timeline_figure
+    from hopdata.figures.style import METADATA, style_context
+
+    time = inspection.time - inspection.time[0]
+    gaps = pd.DataFrame(
+        [
+            (g.marker, time[start], time[min(stop, len(time) - 1)])
+            for g in inspection.gaps
+            for start, stop in g.stretches
+        ],
+        columns=["marker", "start_s", "stop_s"],
+    )
+    figure = gap_timeline_figure(
+        gaps, _signs(found), markers=inspection.markers, duration_s=inspection.duration_s
+    )
+    buffer = io.BytesIO()
+    with style_context():
+        figure.savefig(buffer, format="svg", metadata=dict(METADATA["svg"]))
+    return buffer.getvalue()
+
+
+def _signs(found: list[Suspect]) -> pd.DataFrame:
+    import pandas as pd
+
+    rows = [(name, s.kind, s.time_s) for s in found for name in (s.markers or ("",))]
+    return pd.DataFrame(rows, columns=["marker", "kind", "time_s"])
+
+
+def _suspect_table(found: list[Suspect]) -> Table:
+    rows = tuple((s.kind, s.text, f"{s.frame}", f"{s.time_s:.3f}") for s in found)
+    head = ("kind", "what", "frame", "time (s)")
+    return Table("What looks wrong", head, rows, text_columns=2, note="Frames count from 1.")
+
+
+def _gap_table(inspection: Inspection) -> Table:
+    rows = tuple(
+        (
+            g.marker,
+            f"{g.count}",
+            f"{g.longest}",
+            f"{g.longest / inspection.rate_hz:.3f}",
+            f"{100 * g.share:.2f}",
+            f"{MM_PER_M * noise:.2f}" if np.isfinite(noise) else "—",
+        )
+        for g, noise in zip(inspection.gaps, inspection.noise_m, strict=True)
+    )
+    head = ("marker", "gaps", "longest (frames)", "longest (s)", "unseen (%)", "noise (mm)")
+    return Table("Markers", head, rows, note="Noise of a coordinate, from frame to frame.")
+
+
+def _rigid_table(inspection: Inspection) -> Table:
+    rows = tuple(
+        (", ".join(inspection.markers[m] for m in c.markers), f"{MM_PER_M * c.noise:.2f}")
+        for c in inspection.clusters
+    )
+    return Table(
+        "Rigid clusters",
+        ("markers", "noise (mm)"),
+        rows,
+        note="Noise of a coordinate by the distances within; what bends counts as noise.",
+    )

@@ -3,14 +3,189 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
+from math import pi
+from pathlib import Path
 from typing import Any
 
-from hopdata.config.external import external_files, external_mistakes
-from hopdata.config.files import recording_files
-from hopdata.config.steering import steering_mistakes
 from hopdata.errors import did_you_mean
+
+# Mistakes in what a configuration says of external contacts and forces.
+
+BLOCKS = ("contacts", "forces")
+
+
+def external_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield key and file of each block that names one."""
+    for i, recording in enumerate(config["recordings"]):
+        for block in BLOCKS:
+            if recording[block]["file"] is not None:
+                yield f"recordings[{i}].{block}.file", recording[block]["file"]
+
+
+def external_mistakes(config: dict[str, Any]) -> Iterator[str]:
+    """Yield what is wrong with columns, feet and thresholds."""
+    for i, recording in enumerate(config["recordings"]):
+        for block in BLOCKS:
+            place = f"recordings[{i}].{block}"
+            yield from _wrong_columns(place, recording[block], config["markers"]["feet"])
+        yield from _wrong_options(f"recordings[{i}]", recording)
+
+
+def _wrong_columns(place: str, block: dict[str, Any], feet: list[str]) -> Iterator[str]:
+    if block["columns"] and block["file"] is None:
+        yield f"{place}.file: expected a file beside the columns, found null (nothing)"
+    names = [column["name"] for column in block["columns"]]
+    for k, column in enumerate(block["columns"]):
+        if column["name"] in names[:k]:
+            yield (
+                f"{place}.columns[{k}].name: expected each column once, "
+                f"found '{column['name']}' twice"
+            )
+        for foot in column["feet"] or [column["name"]]:
+            if foot not in feet:
+                yield (
+                    f"{place}.columns[{k}].feet: expected feet of markers.feet "
+                    f"({', '.join(feet)}), found '{foot}'{did_you_mean(foot, feet)}"
+                )
+
+
+def _wrong_options(place: str, recording: dict[str, Any]) -> Iterator[str]:
+    contacts, forces = recording["contacts"], recording["forces"]
+    if contacts["label_column"] is not None and contacts["time_column"] is None:
+        yield (
+            f"{place}.contacts.time_column: expected the column of the instants beside "
+            "label_column, found null (nothing)"
+        )
+    if forces["threshold_n"] is not None and forces["unit"] == "body_weight":
+        yield (
+            f"{place}.forces.threshold_n: expected threshold_share where forces are in "
+            f"body weights, found {forces['threshold_n']:g} N"
+        )
+
+
+# What the configuration says of one recording.
+
+
+def simulation_of(config: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return the block ``simulation`` as it holds for one recording.
+
+    Parameters
+    ----------
+    config : dict
+        As returned by `load_config`.
+    name : str
+        Name of the recording; its own values take the place of the block's where they are given.
+    """
+    own = next(entry["simulation"] for entry in config["recordings"] if entry["name"] == name)
+    given = {key: value for key, value in own.items() if value is not None}
+    return {**config["simulation"], **given}
+
+
+def files_of(entry: Mapping[str, Any]) -> list[str]:
+    """Return the files of one entry of ``recordings``, in order; none if it is simulated."""
+    file = entry.get("file")
+    return [] if file is None else [file] if isinstance(file, str) else list(file)
+
+
+# The files that a configuration names, and whether they are there.
+
+
+def recording_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield key and file of each recording's files."""
+    for i, recording in enumerate(config["recordings"]):
+        for k, name in enumerate(files_of(recording)):
+            which = f"[{k}]" if isinstance(recording["file"], list) else ""
+            yield f"recordings[{i}].file{which}", name
+
+
+def missing_files(config: dict[str, Any]) -> Iterator[str]:
+    """Yield what is said of each file that does not exist."""
+    for key, name in [*recording_files(config), *external_files(config)]:
+        file = Path(name)
+        if file.is_file():
+            continue
+        found = f"the folder '{file}'" if file.is_dir() else f"no '{file}'{_near(file)}"
+        yield f"{key}: expected a file, found {found}"
+
+
+def _near(file: Path) -> str:
+    """Say what there is instead: the nearest name, other recordings, or not even the folder."""
+    folder = file.parent
+    if not folder.is_dir():
+        return f"; there is no folder '{folder}' in {Path.cwd()}"
+    names = sorted(p.name for p in folder.iterdir() if p.is_file())
+    if near := did_you_mean(file.name, names):
+        return near
+    same = [name for name in names if name.endswith(file.suffix)][:3]
+    return f"; in that folder are {', '.join(same)}" if same else f" in {Path.cwd()}"
+
+
+# Mistakes in what a configuration says of steering.
+
+ROUNDING = 1e-9
+
+
+def steering_mistakes(config: dict[str, Any]) -> Iterator[str]:
+    """Yield what does not fit together in the block ``steering``."""
+    steering = config["steering"]
+    if steering["recordings"]:
+        yield from _wrong_recordings(config)
+    else:
+        yield from _wrong_excitation(steering)
+    yield from _wrong_distances(steering["experiments"])
+
+
+def _wrong_recordings(config: dict[str, Any]) -> Iterator[str]:
+    known = [entry["name"] for entry in config["recordings"]]
+    for i, name in enumerate(config["steering"]["recordings"]):
+        if name not in known:
+            yield (
+                f"steering.recordings[{i}]: expected one of the recordings ({', '.join(known)}), "
+                f"found '{name}'{did_you_mean(name, known)}"
+            )
+    if len(config["markers"]["boom"]) != 1:
+        found = ", ".join(config["markers"]["boom"]) or "none"
+        yield (
+            "steering.recordings: expected one marker on the boom (markers.boom), on whose angle "
+            f"the frame changes depend, found {found}"
+        )
+
+
+def _wrong_excitation(steering: dict[str, Any]) -> Iterator[str]:
+    angles, steps, repeats = (
+        steering["excitation"][key] for key in ("n_angles", "n_steps", "repeats")
+    )
+    limit, largest = steering["robot"]["swing_limit_rad"], 2 * pi * steps / angles
+    if largest > limit + ROUNDING:
+        yield (
+            f"steering.excitation.n_steps: expected swings within steering.robot.swing_limit_rad "
+            f"({limit:.4g} rad), found {steps} steps of {2 * pi / angles:.4g} rad"
+        )
+    hops, wanted = angles * (2 * steps + 1) * repeats, steering["model"]["training_hops"]
+    # The first stance ends no hop, and a test takes two.
+    if wanted > hops - 3:
+        yield (
+            f"steering.model.training_hops: expected at most {max(0, hops - 3)} of the {hops} hops "
+            f"of the excitation, so that some are left to test with, found {wanted}"
+        )
+
+
+def _wrong_distances(experiments: dict[str, Any]) -> Iterator[str]:
+    arrived, stay, start = (experiments[key] for key in ("arrived_m", "stay_m", "distance_m"))
+    if stay < arrived:
+        yield (
+            f"steering.experiments.stay_m: expected at least arrived_m ({arrived:g} m), "
+            f"found {stay:g} m"
+        )
+    for key in ("arrived_m", "printed_arrived_m"):
+        if experiments[key] >= start:
+            yield (
+                f"steering.experiments.distance_m: expected more than {key} "
+                f"({experiments[key]:g} m), found {start:g} m"
+            )
+
 
 RESERVED_STUDIES = ("benchmarks", "both_sides")  # whose results have these folders already
 

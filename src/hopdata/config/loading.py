@@ -5,17 +5,131 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
+from functools import lru_cache
 from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from hopdata.config.consistency import CHECKS
-from hopdata.config.files import missing_files
-from hopdata.config.lines import place_of
-from hopdata.config.messages import describe, dotted
-from hopdata.config.schema import load_schema
-from hopdata.config.yaml_file import read_yaml
+from hopdata.config.consistency import CHECKS, missing_files
+from hopdata.config.schema import describe, dotted, load_schema
 from hopdata.errors import ConfigError
+
+# The line of each key of a configuration file.
+
+MOST_DEPTH = 50  # a file within itself has no end
+
+
+def place_of(mistake: str, files: Iterable[str | Path], otherwise: str) -> str:
+    """Name file and line of the key with which a mistake begins.
+
+    Parameters
+    ----------
+    mistake : str
+        Such as ``"verdict.margn: expected ..."``.
+    files : iterable of path
+        Where to look; the last one that has the key counts, as it does for its value.
+    otherwise : str
+        What to return where no file has it, for instance because it is missing.
+    """
+    key, _, told = mistake.partition(": expected")
+    if told.startswith(" this key,"):
+        return otherwise
+    for file in reversed(list(files)):
+        line = key_lines(file).get(key)
+        if line is not None:
+            return f"{file}, line {line}"
+    return otherwise
+
+
+def key_lines(file: str | Path) -> dict[str, int]:
+    """Return the line, from 1, of each key and entry of a YAML file, by its dotted path."""
+    import yaml
+
+    try:
+        root = yaml.compose(Path(file).read_text(encoding="utf-8"), yaml.SafeLoader)
+    except (OSError, ValueError, RecursionError, yaml.YAMLError):
+        return {}
+    return {dotted(path): line for path, line in _lines(root, ())} if root else {}
+
+
+def _lines(node: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], int]]:
+    import yaml
+
+    if len(path) > MOST_DEPTH:
+        return
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            inner = (*path, str(key.value))
+            yield inner, key.start_mark.line + 1
+            yield from _lines(value, inner)
+    elif isinstance(node, yaml.SequenceNode):
+        for i, value in enumerate(node.value):
+            yield (*path, i), value.start_mark.line + 1
+            yield from _lines(value, (*path, i))
+
+
+# YAML as a user writes it: a key that stands twice is a mistake, not a choice.
+
+
+def read_yaml(path: str | Path) -> Any:
+    """Read a YAML file.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, is not YAML, or names a key twice.
+    """
+    import yaml
+
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: expected a readable configuration, found: {error.strerror or error}"
+        ) from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: expected YAML in UTF-8, found other bytes") from None
+    try:
+        return yaml.load(text, Loader=_loader())
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        where = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        hint = _hint(error.problem, text[mark.index : mark.index + 1] if mark else "")
+        raise ConfigError(f"{path}{where}: expected YAML, found: {error.problem}{hint}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise ConfigError(f"{path}: expected YAML, found: {error}") from None
+
+
+def _hint(problem: str | None, character: str) -> str:
+    """Say what usually is behind a message of the YAML parser about this character."""
+    problem = problem or ""
+    if "':'" in problem or "mapping values" in problem:
+        return "; is there a space behind each colon, also in the line above?"
+    if "\\t" in problem or "\t" in problem or character == "\t":
+        return "; indent with spaces, not with tabs"
+    return ""
+
+
+@lru_cache(maxsize=1)
+def _loader() -> Any:
+    """Build the safe loader, which by itself lets the last of two equal keys win."""
+    import yaml
+
+    class StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+        def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+            seen = set()
+            for key_node, _ in node.value:
+                key = str(key_node.value)
+                if key in seen and key != "<<":
+                    raise yaml.constructor.ConstructorError(
+                        None, None, f"the key '{key}' twice in one place", key_node.start_mark
+                    )
+                seen.add(key)
+            return super().construct_mapping(node, deep)
+
+    return StrictLoader
+
 
 MOST_MISTAKES = 10
 _POWER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+")

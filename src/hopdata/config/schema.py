@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
+
+from hopdata.errors import did_you_mean
+
+if TYPE_CHECKING:
+    from jsonschema import ValidationError
 
 SCHEMA_FILE = Path(__file__).with_name("schema.yaml")
 
@@ -70,3 +79,265 @@ def _items_in_words(schema: dict[str, Any]) -> str:
         kind = "entry"
     choices = f", each {in_words(items)}" if "enum" in items else ""
     return words + kind + choices
+
+
+# The page of documentation that the schema makes.
+
+INTRODUCTION = """\
+# Configuration
+
+A study is one YAML file, such as `config/config.yaml`. Keys that it leaves out take the defaults
+below. `hopdata check FILE` tells whether a configuration and its recordings are sound.
+
+This page is made from `src/hopdata/config/schema.yaml`; change it there, then run
+`hopdata config-docs --out docs/configuration.md`.
+"""
+HEAD = "| key | meaning | unit | default | value |\n|---|---|---|---|---|\n"
+
+
+def configuration_page(schema: dict[str, Any] | None = None) -> str:
+    """Write the Markdown page on all keys.
+
+    Parameters
+    ----------
+    schema : dict, optional
+        The JSON schema; by default that of the configuration.
+
+    Returns
+    -------
+    str
+        Markdown, with a table for each section.
+    """
+    schema = load_schema() if schema is None else schema
+    single = {k: s for k, s in schema["properties"].items() if not _is_section(s)}
+    rows = [_row(k, s, k in schema["required"]) for k, s in single.items() if "items" not in s]
+    parts = [INTRODUCTION, HEAD + "".join(rows)]
+    for key, section in schema["properties"].items():
+        if _is_section(section) or "items" in section:
+            parts += _sections(key, section)
+    return "\n".join(parts)
+
+
+def _sections(path: str, section: dict[str, Any]) -> Iterator[str]:
+    """Yield a table for this section, then one for each section within it."""
+    inner = section.get("items", section)
+    heading = f"{path}[]" if "items" in section else path
+    yield f"## `{heading}`\n\n{section['description']}\n"
+    keys = {k: s for k, s in inner["properties"].items() if not _is_section(s)}
+    required = inner.get("required", ())
+    if keys:
+        yield HEAD + "".join(_row(k, s, k in required) for k, s in keys.items())
+    for key, deeper in inner["properties"].items():
+        if _is_section(deeper):
+            yield from _sections(f"{heading}.{key}", deeper)
+
+
+def _row(key: str, schema: dict[str, Any], required: bool) -> str:
+    default = "required" if required else f"`{json.dumps(schema.get('default'))}`"
+    cells = [f"`{key}`", schema["description"], schema.get("x-unit", ""), default, in_words(schema)]
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n"
+
+
+def _is_section(schema: dict[str, Any]) -> bool:
+    entries = schema.get("items", {})
+    return schema.get("type") == "object" or entries.get("type") == "object"
+
+
+# What a user probably meant by a value that the schema rejects.
+
+_WITH_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.].*)")
+_OTHER_LENGTHS = {"cm", "dm", "km", "um", "in", "inch", "ft"}
+QUOTE_TRUTHS = "; yes, no, on and off are true and false unless they are in quotes"
+_COMMA = re.compile(r"[-+]?\d+,\d+")
+
+
+def hint(value: Any, schema: dict[str, Any]) -> str:
+    """Say how to write the value, as the end of a message; empty if nothing comes to mind.
+
+    Parameters
+    ----------
+    value : any
+        What stands in the file.
+    schema : dict
+        Schema of its key.
+    """
+    kinds = schema.get("type", ())
+    kinds = [kinds] if isinstance(kinds, str) else list(kinds)
+    if "enum" in schema:
+        return _of_choice(value, [str(choice) for choice in schema["enum"]])
+    if "array" in kinds:
+        return _of_list(value, schema)
+    if {"number", "integer"} & set(kinds):
+        return _of_number(value, schema)
+    return _of_text(value) if "string" in kinds else ""
+
+
+def _of_text(value: Any) -> str:
+    """Put quotes around a name that YAML reads as something else."""
+    if isinstance(value, bool):
+        return QUOTE_TRUTHS
+    told = isinstance(value, str | list | dict) or value is None  # it is no slip of YAML's
+    return "" if told else "; put it in quotes, as it is to be read"
+
+
+def _of_choice(value: Any, choices: list[str]) -> str:
+    if isinstance(value, bool):
+        return QUOTE_TRUTHS
+    if not isinstance(value, str):
+        return ""
+    if {"mm", "m"} <= set(choices) and value.lower() in _OTHER_LENGTHS:
+        return "; export in mm or m"
+    return did_you_mean(value.lower(), choices)
+
+
+def _of_list(value: Any, schema: dict[str, Any]) -> str:
+    if isinstance(value, dict):
+        return "; begin each entry with '- '"
+    if not isinstance(value, str):
+        return ""
+    if schema.get("items", {}).get("type") == "object":
+        return f"; write each entry in a line of its own, such as '- {_first_key(schema)}: ...'"
+    return f"; write [{value}]"
+
+
+def _first_key(schema: dict[str, Any]) -> str:
+    return str(next(iter(schema["items"].get("properties", {"name": None}))))
+
+
+def _of_number(value: Any, schema: dict[str, Any]) -> str:
+    """Percent, a unit behind the number, a decimal comma."""
+    if isinstance(value, str):
+        if _COMMA.fullmatch(value):
+            return f"; write {value.replace(',', '.')}, with a point"
+        found = _WITH_UNIT.fullmatch(value)
+        if found and found.group(2) == "%":
+            return _as_share(float(found.group(1)))
+        unit = schema.get("x-unit")
+        return f"; write the number alone{f', in {unit}' if unit else ''}" if found else ""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return _percent(float(value), schema)
+    return ""
+
+
+def _percent(value: float, schema: dict[str, Any]) -> str:
+    """Suggest a share for a percentage, where only shares are allowed."""
+    most = schema.get("maximum", float("inf"))
+    is_share = "x-unit" not in schema and most <= 1 and schema.get("minimum", 0) >= 0
+    return _as_share(value) if is_share and value >= 2 and value / 100 <= most else ""
+
+
+def _as_share(percent: float) -> str:
+    return f"; write {percent / 100:g} for {percent:g} %"
+
+
+# From what the schema rejects to a line that a user can act on.
+
+SURE = 0.8  # similarity above which a neighbour is meant, rather than the same key elsewhere
+_OF_VALUE = {
+    "type",
+    "enum",
+    "minimum",
+    "exclusiveMinimum",
+    "maximum",
+    "exclusiveMaximum",
+    "minItems",
+    "maxItems",
+    "pattern",
+    "minLength",
+}
+
+
+def dotted(path: Iterable[str | int]) -> str:
+    """Write a key path as a user would: ``recordings[0].file``."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
+    return text
+
+
+def describe(errors: Iterable[ValidationError], schema: dict[str, Any]) -> list[str]:
+    """One line for each mistake: key, what was expected, what was found.
+
+    Parameters
+    ----------
+    errors : iterable of ValidationError
+        What the schema rejects.
+    schema : dict
+        The whole schema; an unknown key is looked for elsewhere in it.
+    """
+    lines = [line for error in errors for line in _lines(error, schema)]
+    return list(dict.fromkeys(lines))  # 3.5 breaks both type and range of a whole number
+
+
+def _lines(error: ValidationError, schema: dict[str, Any]) -> list[str]:
+    place, local = dotted(error.absolute_path), cast("dict[str, Any]", error.schema)
+    if error.validator in _OF_VALUE:
+        told = f"{place}: expected {in_words(local)}, found {found(error.instance)}"
+        return [told + hint(error.instance, local)]
+    if error.validator == "uniqueItems":
+        return [f"{place}: expected each entry once, found {found(error.instance)}"]
+    if error.validator not in ("additionalProperties", "required"):
+        return [f"{place}: {error.message}"]
+    known = list(local["properties"])
+    present = [str(key) for key in cast("dict[str, Any]", error.instance)]
+    unknown = [key for key in present if key not in known]
+    if error.validator == "additionalProperties":
+        return [_unknown_key(key, place, known, schema) for key in unknown]
+    return [
+        f"{_join(place, key)}: expected this key, found none"
+        for key in local["required"]
+        if key not in present and not did_you_mean(key, unknown)  # a misspelt key is told already
+    ]
+
+
+def found(value: Any) -> str:
+    """Show a value as it stands in the file, shortened."""
+    if value is None:
+        return "null (nothing)"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f"'{value[:60]}'" + (" (text; write it without quotes)" if _is_number(value) else "")
+    if isinstance(value, dict):
+        return "keys with values (" + ", ".join(map(str, list(value)[:4])) + ")"
+    if isinstance(value, list):
+        shown = ", ".join(str(entry) for entry in value[:4])
+        return f"{len(value)} ({shown}{', ...' if len(value) > 4 else ''})" if value else "none"
+    return str(value)
+
+
+def _unknown_key(key: str, place: str, known: Sequence[str], schema: dict[str, Any]) -> str:
+    near = did_you_mean(key, known)
+    if not get_close_matches(key, known, n=1, cutoff=SURE):
+        elsewhere = _elsewhere(key, place, schema)
+        near = f"; did you mean '{elsewhere}'?" if elsewhere else near
+    section, _, inner = key.partition(".")
+    if inner and section in known:
+        near = f"; write '{section}:' and, indented in the next line, '{inner}:'"
+    near = near or f"; the keys here are {', '.join(known)}"
+    return f"{_join(place, key)}: expected a known key, found '{key}'{near}"
+
+
+def _elsewhere(key: str, place: str, schema: dict[str, Any]) -> str:
+    """Find the key in another section, preferably below `place`."""
+    paths = [dotted(path) for path in _paths(schema) if path[-1] == key]
+    below = [path for path in paths if place and path.startswith(f"{place}.")]
+    return next(iter([*below, *paths]), "")
+
+
+def _paths(schema: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    for key, inner in schema.get("properties", {}).items():
+        yield (*path, key)
+        yield from _paths(inner, (*path, key))
+
+
+def _join(place: str, key: str) -> str:
+    return f"{place}.{key}" if place else key
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

@@ -11,7 +11,7 @@ from hopdata.hybrid.compiled.callbacks import (
     on_event,
     rate_bound,
 )
-from hopdata.hybrid.compiled.diagnosis import SlowCallbackWarning
+from hopdata.hybrid.compiled.declare import SlowCallbackWarning
 from hopdata.hybrid.solution import EventLog, Solution
 from hopdata.hybrid.solve import solve
 from hopdata.hybrid.system import System

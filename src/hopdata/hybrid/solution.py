@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.hybrid.driver import layout
-from hopdata.hybrid.status import describe
+from hopdata.hybrid import layout
+from hopdata.hybrid.layout import describe
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

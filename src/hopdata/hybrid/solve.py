@@ -7,24 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.hybrid.arguments import (
-    Limits,
-    check_flag,
-    check_numbers,
-    check_times,
-    set_mode,
-)
-from hopdata.hybrid.compiled.unraisable import catch, stop_catching
-from hopdata.hybrid.driver.layout import GIVEN_MODE, METHOD, RESUMED, STEPS
-from hopdata.hybrid.solution import Solution
-from hopdata.hybrid.status import (
+from hopdata.hybrid.arguments import Limits, check_flag, check_numbers, check_times, set_mode
+from hopdata.hybrid.compiled.callbacks import catch, stop_catching
+from hopdata.hybrid.layout import (
     BAD_NUMBERS,
     BAD_START,
+    GIVEN_MODE,
+    METHOD,
     NEEDS_METHOD,
     NEEDS_ROOM,
     PAUSED,
+    RESUMED,
+    STEPS,
     TERMINATED,
 )
+from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import Workspace
 

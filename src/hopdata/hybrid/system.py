@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hopdata.hybrid.arguments import check_flag
 from hopdata.hybrid.compiled.callbacks import Callback
-from hopdata.hybrid.compiled.signatures import (
+from hopdata.hybrid.compiled.kernel import (
     AFFINE,
     FIELD,
     GUARD,
@@ -19,9 +19,8 @@ from hopdata.hybrid.compiled.signatures import (
     ON_EVENT,
     RATE_BOUND,
 )
-from hopdata.hybrid.driver.entry import driver_entry, run_address
-from hopdata.hybrid.driver.many import many_entry
-from hopdata.hybrid.methods.scene import Scene
+from hopdata.hybrid.driver.loop import driver_entry, many_entry, run_address
+from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.workspace import Pool, Workspace
 

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hopdata.landings.approach import height_noise
-from hopdata.recordings.quality.runs import runs
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from hopdata.arrays import BoolArray, FloatArray
+from hopdata.landings.contacts.descents import height_noise
+from hopdata.recordings.quality.stretches import runs
 
 FLANK = 5  # frames on either side that the cubic is fitted to
 DEGREE = 3

@@ -15,22 +15,126 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import AnalysisError
-from hopdata.landings.floor_notes import degree_notes, raised_notes, slope_notes
-from hopdata.landings.floor_regression import (
+from hopdata.landings.floor_surface import (
     RIM_DIRECTIONS,
+    FloorModel,
+    RestPoints,
     floor_columns,
+    polynomial_terms,
     regress_floor,
+    rest_points,
+    rim_of,
+    thinned,
 )
-from hopdata.landings.raised import raised_rests
-from hopdata.landings.rest import RestPoints, rest_points, thinned
-from hopdata.landings.robust_regression import robust_rms
-from hopdata.landings.surface import FloorModel, polynomial_terms, rim_of
-from hopdata.recordings.recording import Recording
+from hopdata.landings.quantile_regression import quantile_regression
+from hopdata.landings.sections.modes import ground_mode, robust_rms
+from hopdata.recording import Recording
+
+# What is said of a floor beside its numbers.
+
+NOTED_SHARE = 0.05  # of a foot's rests, above the floor, from which that is told
+NOTED_SLOPE_DEG = 1.0  # cameras are levelled better than this
+
+
+def raised_notes(recording: Recording, rest: RestPoints, raised: NDArray[np.bool_]) -> list[str]:
+    """Say which feet often rest above the floor."""
+    names = recording.names("foot")
+    shares = [float(raised[rest.foot == foot].mean()) for foot in range(len(names))]
+    return [
+        f"{name} rests above the floor in {100 * share:.0f} % of its frames at rest, left out"
+        for name, share in zip(names, shares, strict=True)
+        if share >= NOTED_SHARE
+    ]
+
+
+def degree_notes(found: int, wanted: int, largest_error_m: float) -> list[str]:
+    """Say why the degree is lower than asked for."""
+    if found == wanted:
+        return []
+    return [f"the feet at rest do not fix a floor of degree {wanted} to {largest_error_m:g} m"]
+
+
+def slope_notes(places: FloatArray, ground_m: FloatArray, degree: int) -> list[str]:
+    """Say that the floor slopes, if the plane through the feet at rest does and they fix one."""
+    if degree == 0:
+        return []
+    columns = np.column_stack([np.ones(len(places)), places])
+    plane = np.linalg.lstsq(columns, ground_m, rcond=None)[0]
+    slope = np.rad2deg(np.arctan(np.hypot(plane[1], plane[2])))
+    if slope < NOTED_SLOPE_DEG:
+        return []
+    return [
+        f"the floor slopes by {slope:.1f} degrees; turn the file's axes upright, or raise "
+        "floor.rest_band_m if feet at rest are left out"
+    ]
+
+
+# Rests above the floor: of a foot that hangs low or drags, or that stands on something.
+#
+# Nothing is below the floor, so what spoils its fit lies above it, and often in one part of the run
+# or of the ground, where a polynomial can follow it. An M-estimator that starts from least squares
+# then stays there. The start here is a low quantile, which most of the rests may leave upwards.
+
+_QUANTILE = 0.05
+_START_POINTS = 2000  # enough to start from
+_MOST_FITS = 300
+_SIGMAS = 4.0  # of the ground mode's left flank: what is farther above it is raised
+_ROUNDS = 4
+_LEAST_POINTS = 20  # that a ground mode is found from
+_LEAST_SHARE = 0.02  # of the points: the regression deals with fewer by itself
+
+
+def raised_rests(heights: FloatArray, columns: FloatArray, *, band_m: float) -> BoolArray:
+    """Find the rests that are above the floor.
+
+    Parameters
+    ----------
+    heights : (P,) array
+        Of feet at rest, m.
+    columns : (P, T) array
+        Terms of the floor and of the mount heights at each.
+    band_m : float
+        How far from the floor a resting foot may be, m: what is farther away tells nothing of it.
+
+    Returns
+    -------
+    (P,) bool array
+        Those higher above the fitted surface than four standard deviations of the scatter below
+        the mode of all heights above it; none if these are fewer than 2 % of the points, which a
+        robust regression deals with by itself.
+
+    Notes
+    -----
+    Start by quantile regression (`hopdata.landings.quantile_regression`), then least squares of the
+    points about the mode, a few times.
+    """
+    residuals = heights - columns @ _low_surface(heights, columns)
+    raised = np.zeros(len(heights), dtype=bool)
+    for _ in range(_ROUNDS):
+        near = residuals[np.abs(residuals) <= band_m]
+        if len(near) < _LEAST_POINTS:
+            return np.zeros(len(heights), dtype=bool)
+        mode = ground_mode(near)
+        above = (residuals - mode.height_m) / mode.sigma_m
+        raised, core = above > _SIGMAS, np.abs(above) <= _SIGMAS
+        found = np.linalg.lstsq(columns[core], heights[core], rcond=None)[0]
+        residuals = heights - columns @ found
+    near_floor = np.abs(residuals) <= band_m
+    enough = (raised & near_floor).sum() >= _LEAST_SHARE * near_floor.sum()
+    return raised if enough else np.zeros(len(heights), dtype=bool)
+
+
+def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
+    """Coefficients of the surface that a twentieth of the points is below; nearly the optimum."""
+    step = max(1, len(heights) // _START_POINTS)
+    return quantile_regression(
+        columns[::step], heights[::step], quantile=_QUANTILE, most_fits=_MOST_FITS
+    )
+
 
 __all__ = ["FloorModel", "fit_floor", "level"]
-
-FloatArray = NDArray[np.float64]
 
 _OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
 

@@ -7,11 +7,8 @@ Fisher information of the instant and of all else that is unknown with it.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hopdata.gravity import GRAVITY_M_S2
-
-FloatArray = NDArray[np.float64]
+from hopdata.arrays import GRAVITY_M_S2, FloatArray
 
 PHASES = 100
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.landings.reweighted import Reweighted
-
-FloatArray = NDArray[np.float64]
 
 _LEAST_RESIDUAL = 1e-6  # smaller ones weigh as this
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from hopdata.arrays import FloatArray
 
 _SURE = 1e-9  # least over largest eigenvalue down to which the normal equations are solved
 

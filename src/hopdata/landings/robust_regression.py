@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.landings.reweighted import Reweighted
-
-FloatArray = NDArray[np.float64]
+from hopdata.landings.sections.modes import robust_rms
 
 NORMS = ("tukey", "huber")
 _TUKEY, _HUBER = 4.685, 1.345  # 95 % efficiency on normal residuals
-NORMAL_MEDIAN = 0.6744897501960817  # median of |z| for a standard normal z
 
 
 def robust_regression(
@@ -66,11 +64,6 @@ def robust_regression(
         if np.abs(residuals - before).max() <= tolerance * scale:
             break
     return found
-
-
-def robust_rms(residuals: FloatArray) -> float:
-    """Deviation about zero that half the residuals keep to, taken as of a normal."""
-    return float(np.median(np.abs(residuals))) / NORMAL_MEDIAN
 
 
 def _tukey(size: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from hopdata.arrays import FloatArray
 
 AMBIGUOUS = "ambiguous"
 REACH = 8.5  # standard deviations beyond which a normal is nothing

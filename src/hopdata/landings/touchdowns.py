@@ -7,11 +7,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import AnalysisError, require_choice
-from hopdata.landings.approach import LANDED, height_noise
-from hopdata.landings.contacts import Contacts, find_contacts
-from hopdata.landings.exclusions import HIDDEN_PRE, exclusion_reasons
-from hopdata.landings.hidden_landings import find_hidden_landings
+from hopdata.landings.contacts.descents import (
+    ALREADY_DOWN,
+    LANDED,
+    MISSING,
+    NOT_LANDED,
+    POOR_FIT,
+    Transitions,
+    find_low_flights,
+    find_transitions,
+    height_noise,
+    last_at_or_before,
+    schmitt_edges,
+    together,
+)
+from hopdata.landings.contacts.find import Contacts, find_contacts
 from hopdata.landings.schedules import (
     AMBIGUOUS,
     order_names,
@@ -21,18 +33,160 @@ from hopdata.landings.schedules import (
     schedule_names,
     spread,
 )
-from hopdata.landings.transitions import (
-    Transitions,
-    find_low_flights,
-    find_transitions,
-    together,
-)
-from hopdata.recordings.recording import Recording
+from hopdata.recording import Recording
 
 if TYPE_CHECKING:
     import pandas as pd
 
-FloatArray = NDArray[np.float64]
+# Why a touchdown is left out: what was not seen of the body, or of a foot.
+
+HIDDEN_PRE = "frames missing at the pre section"
+NO_FOOT_LANDED = "no foot landed"
+
+
+def exclusion_reasons(
+    transitions: Transitions, contacts: Contacts, *, longest_gap_s: float
+) -> list[str]:
+    """Say of each touchdown why it is left out, the weightiest reason first; empty if it is used.
+
+    Parameters
+    ----------
+    transitions : Transitions
+        L descents of the body.
+    contacts : Contacts
+        Their contacts.
+    longest_gap_s : float
+        Longest time without a frame over a crossing, s.
+    """
+    return [
+        _transition_reason(transitions, row, longest_gap_s)
+        or _contact_reason(
+            contacts.status[row],
+            contacts.instant[row],
+            contacts.se[row],
+            float(transitions.t_pre[row]),
+            float(transitions.t_post[row]),
+        )
+        for row in range(len(transitions))
+    ]
+
+
+def _transition_reason(transitions: Transitions, row: int, longest_gap_s: float) -> str:
+    if transitions.gap_pre[row] > longest_gap_s:
+        return HIDDEN_PRE
+    if transitions.gap_post[row] > longest_gap_s:
+        return "frames missing at the post section"
+    return "post section never reached" if np.isnan(transitions.t_post[row]) else ""
+
+
+def _contact_reason(
+    status: NDArray[np.int64], instant: FloatArray, se: FloatArray, t_pre: float, t_post: float
+) -> str:
+    if (status == NOT_LANDED).all():
+        return NO_FOOT_LANDED
+    timed = status == LANDED
+    failures = (
+        (status == MISSING, "frames missing at the contact of foot {}"),
+        (status == NOT_LANDED, "foot {} not down by the post section"),
+        (status == ALREADY_DOWN, "foot {} down before the pre section"),
+        (status == POOR_FIT, "poor fit of foot {}"),
+        (timed & np.isnan(instant), "no contact found for foot {}"),
+        (timed & (instant < t_pre), "foot {} down before the pre section"),
+        (timed & (instant > t_post), "foot {} not down by the post section"),
+        # Known no better than that it is somewhere in the transition, or beyond: no kink was seen.
+        (timed & (se > t_post - t_pre), "contact of foot {} not determined"),
+    )
+    for failed, text in failures:
+        if failed.any():
+            return text.format(int(np.argmax(failed)) + 1)
+    return ""
+
+
+# Landings while the body is hidden: seen by the feet alone, so that none is left out unlisted.
+
+CLEARLY_UP = 2.0  # times the height below which a foot is down
+
+
+def find_hidden_landings(
+    time: FloatArray,
+    feet: FloatArray,
+    body_height: FloatArray,
+    found: Transitions,
+    *,
+    down_height_m: float,
+    longest_gap_s: float,
+) -> Transitions:
+    """Find landings that have no descent of their own, because the body is hidden meanwhile.
+
+    Of several landings in one gap the body's height tells one at most: it is above the sections
+    before the gap, and below them after it.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Time of each frame, s.
+    feet : (N, F) array
+        Heights of the feet above the floor, m; NaN where unseen.
+    body_height : (N,) array
+        Mean height of the body markers, m; NaN where unseen.
+    found : Transitions
+        The descents of the body that were seen.
+    down_height_m : float
+        A foot below this height is down, m; at twice the height it is up.
+    longest_gap_s : float
+        Shorter gaps of the body hide no landing, s.
+
+    Returns
+    -------
+    Transitions
+        Landings from a frame in which all feet that are seen are up, `t_pre`, to the first in which
+        all are down, `t_post`. Both gaps are the longest of the body that begins or ends between.
+    """
+    starts, ends = _all_up_to_all_down(feet, down_height_m)
+    t_pre, t_post = time[starts], time[ends]
+    gap = _longest_gaps(time[~np.isnan(body_height)], t_pre, t_post)
+    hidden = (gap > longest_gap_s) & ~_have_a_descent(t_pre, t_post, found)
+    return Transitions(t_pre[hidden], t_post[hidden], gap[hidden], gap[hidden])
+
+
+def _all_up_to_all_down(
+    feet: FloatArray, down_height_m: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Last frames with all feet up, and first frames with all of them down after these."""
+    seen = np.flatnonzero(~np.isnan(feet).all(axis=1))
+    lowest, highest = np.nanmin(feet[seen], axis=1), np.nanmax(feet[seen], axis=1)
+    up, down = lowest >= CLEARLY_UP * down_height_m, highest <= down_height_m
+    ends, _ = schmitt_edges(up.astype(float) - down, high=1.0, low=-1.0)
+    if len(ends) == 0:
+        return ends, ends
+    return seen[last_at_or_before(np.flatnonzero(up), ends)], seen[ends]
+
+
+def _longest_gaps(seen: FloatArray, first: FloatArray, last: FloatArray) -> FloatArray:
+    """Longest time without a frame, s, that overlaps each interval; infinite at either end."""
+    edges = np.concatenate([[-np.inf], seen, [np.inf]])
+    gaps = np.diff(edges)
+    begin = np.searchsorted(edges, first, side="right") - 1
+    end = np.searchsorted(edges, last, side="left")
+    return np.array([gaps[a:b].max(initial=0.0) for a, b in zip(begin, end, strict=True)])
+
+
+def _have_a_descent(t_pre: FloatArray, t_post: FloatArray, found: Transitions) -> BoolArray:
+    """Tell which landings have a descent: each descent has one, the nearest that it may be of.
+
+    Its crossings may lie anywhere in the gaps about them.
+    """
+    have = np.zeros(len(t_pre), dtype=bool)
+    middle = 0.5 * (t_pre + t_post)
+    until = np.where(found.complete, found.t_post, found.t_pre)
+    gap_post = np.maximum(found.gap_pre, found.gap_post)
+    for begin, end, before, after in zip(found.t_pre, until, found.gap_pre, gap_post, strict=True):
+        may_be = (t_pre <= end + after) & (t_post >= begin - before) & ~have
+        near = np.flatnonzero(may_be)
+        if len(near) > 0:
+            have[near[np.argmin(np.abs(middle[near] - 0.5 * (begin + end)))]] = True
+    return have
+
 
 TREATMENTS = ("keep", "pool", "exclude")  # of ambiguous orders
 LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may be missing

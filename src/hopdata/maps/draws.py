@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
+
+from hopdata.arrays import IntArray
 
 _CHUNK_BYTES = 4 * 2**20
-
-Indices = NDArray[np.int64]
 
 
 def named_generator(seed: int, *names: str) -> np.random.Generator:
@@ -31,7 +31,7 @@ def named_generator(seed: int, *names: str) -> np.random.Generator:
 
 def distinct_draws(
     generator: np.random.Generator, population: int, sizes: tuple[int, ...], count: int
-) -> tuple[Indices, ...]:
+) -> tuple[IntArray, ...]:
     """Draw `count` times disjoint random sets of the given sizes, without replacement.
 
     Parameters
@@ -68,7 +68,7 @@ def distinct_draws(
     return tuple(np.sort(part, axis=1) for part in parts)
 
 
-def _shuffled(steps: Indices, population: int) -> Indices:
+def _shuffled(steps: IntArray, population: int) -> IntArray:
     """Return the (R, m) items that the steps of R shuffles draw, all rows a step at a time."""
     drawn = np.empty_like(steps)
     items = np.tile(np.arange(population), (len(steps), 1))
@@ -78,3 +78,38 @@ def _shuffled(steps: Indices, population: int) -> Indices:
         drawn[:, k] = items[row, place]
         items[row, place] = items[:, k]  # what step k leaves behind; it is not looked at again
     return drawn
+
+
+# What is said of schedules with too few landings: one by one, or together where they are many.
+
+Notes = list[dict[str, str]]
+
+MOST_ONE_BY_ONE = 6
+
+
+def rare_notes(what: str, sizes: Mapping[str, int], wanted: str) -> Notes:
+    """Note the schedules that are left out.
+
+    Parameters
+    ----------
+    what
+        What they do not have, such as ``"subspaces"``.
+    sizes
+        Schedule -> number of its landings.
+    wanted
+        How many it takes, in words.
+
+    Returns
+    -------
+    list
+        ``{"what", "reason"}`` of each schedule, or, of more than six, of all together: six feet may
+        show hundreds of schedules of a landing or two.
+    """
+    if len(sizes) <= MOST_ONE_BY_ONE:
+        return [
+            {"what": f"{what} of schedule {name}", "reason": f"{size} landings, {wanted}"}
+            for name, size in sizes.items()
+        ]
+    counts = sizes.values()
+    reason = f"{min(counts)} to {max(counts)} landings each, {sum(counts)} in all, {wanted}"
+    return [{"what": f"{what} of {len(sizes)} schedules", "reason": reason}]

@@ -14,12 +14,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
-from hopdata.maps.linear.affine import leave_one_out_residuals
-
-Floats = NDArray[np.float64]
+from hopdata.maps.affine import leave_one_out_residuals
 
 
 @dataclass(frozen=True)
@@ -65,7 +63,7 @@ class Units:
 
 
 def choose_units(
-    x: Floats, y: Floats, *, length_m: float | None = None, time_s: float | None = None
+    x: FloatArray, y: FloatArray, *, length_m: float | None = None, time_s: float | None = None
 ) -> Units:
     """Choose the units of a study from its pairs.
 
@@ -107,7 +105,7 @@ def choose_units(
     )
 
 
-def prediction_errors(x: Floats, y: Floats) -> tuple[Floats, str]:
+def prediction_errors(x: FloatArray, y: FloatArray) -> tuple[FloatArray, str]:
     """Return leave-one-out errors (n, 6B) of the unspecialised map, and the map's name.
 
     Falls back to the mean predictor where the landings are too few for an affine map, or where
@@ -133,10 +131,10 @@ def _time_rule(predictor: str) -> str:
     return f"rms position error over rms velocity error, leave-one-out {predictor} predictor"
 
 
-def _rms(values: Floats) -> float:
+def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _rms_norm(positions: Floats) -> float:
+def _rms_norm(positions: FloatArray) -> float:
     centred = positions - positions.mean(0)
     return float(np.sqrt(np.mean(np.sum(centred**2, axis=1))))

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from hopdata.arrays import FloatArray
+from hopdata.errors import RecordingError, did_you_mean
+from hopdata.recordings.readers.qtm_header import KEYS
+from hopdata.recordings.readers.text import ColumnTable, listed, open_table
 
 
 @dataclass(frozen=True)
@@ -93,3 +97,224 @@ def columns_of(entries: Sequence[Mapping[str, Any]], feet: Sequence[str]) -> tup
     if not entries:
         return tuple(Column(foot, (foot,)) for foot in feet)
     return tuple(Column(e["name"], tuple(e["feet"] or [e["name"]])) for e in entries)
+
+
+# Contact instants from elsewhere: a table, or the events that stand in a recording's file.
+
+SECONDS_PER_UNIT = {"s": 1.0, "ms": 1e-3}
+WITH_EVENTS = (".c3d", ".mat")  # a text file is looked into
+
+
+def read_contact_times(
+    options: Mapping[str, Any], *, feet: Sequence[str], rate_hz: float | None = None
+) -> list[ContactTimes]:
+    """Read the contact instants that a recording's block ``contacts`` names.
+
+    Parameters
+    ----------
+    options : mapping
+        ``recordings[].contacts`` of the configuration: file, columns, label_column, time_column,
+        unit, offset_s.
+    feet : sequence of str
+        Feet of the recording.
+    rate_hz : float, optional
+        ``input.rate_hz``, for files of recordings that state no rate.
+
+    Returns
+    -------
+    list of ContactTimes
+        One a column, on the recording's clock, in s.
+
+    Raises
+    ------
+    RecordingError
+        Naming the file, the column, what was expected and what was found.
+    """
+    path, unit = Path(options["file"]), SECONDS_PER_UNIT[options["unit"]]
+    columns = columns_of(options["columns"], feet)
+    if _is_recording(path):
+        found = _events(path, columns, rate_hz)
+    elif options["label_column"] is not None:
+        found = _labelled(path, columns, options["label_column"], options["time_column"])
+    else:
+        table = open_table(path)
+        found = {column.name: table.numbers(column.name) for column in columns}
+    return [
+        _contact_times(path, column, found[column.name] * unit + options["offset_s"])
+        for column in columns
+    ]
+
+
+def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactTimes:
+    instants = np.sort(instants[~np.isnan(instants)])
+    if not len(instants):
+        raise RecordingError(
+            f"{path}: column '{column.name}': expected at least one contact instant, found none"
+        )
+    span = (float(instants[0]), float(instants[-1]))
+    return ContactTimes(column, instants, "contacts", span)
+
+
+def _labelled(
+    path: Path, columns: Sequence[Column], label_column: str, time_column: str | None
+) -> dict[str, FloatArray]:
+    """Instants by label, from a table with one row a contact."""
+    table = open_table(path)
+    if time_column is None:
+        raise RecordingError(
+            f"{path}: contacts.time_column: expected the column of the instants beside "
+            f"contacts.label_column, found null; the columns are {listed(table.names)}"
+        )
+    labels, times = np.array(table.texts(label_column)), table.numbers(time_column)
+    return _by_label(f"{path}, column '{label_column}'", columns, labels, times)
+
+
+def _events(path: Path, columns: Sequence[Column], rate_hz: float | None) -> dict[str, FloatArray]:
+    """Instants by label, from the events of a file of motion capture."""
+    from hopdata.recordings.readers.formats import read_raw
+
+    events = read_raw(path, rate_hz=rate_hz).events
+    labels = np.array([event.label for event in events])
+    times = np.array([event.time_s for event in events], dtype=np.float64)
+    return _by_label(f"{path}: events", columns, labels, times)
+
+
+def _by_label(
+    place: str, columns: Sequence[Column], labels: np.ndarray[Any, Any], times: FloatArray
+) -> dict[str, FloatArray]:
+    present = tuple(dict.fromkeys(labels.tolist()))
+    for column in columns:
+        if column.name not in present:
+            raise RecordingError(
+                f"{place}: label: expected '{column.name}' among {listed(present) or 'no events'}, "
+                f"found none{did_you_mean(column.name, present)}"
+            )
+    return {column.name: times[labels == column.name] for column in columns}
+
+
+def _is_recording(path: Path) -> bool:
+    """Whether a file is motion capture with events in it, rather than a table of instants."""
+    if path.suffix.lower() not in (".tsv", ".txt") or not path.is_file():
+        return path.suffix.lower() in WITH_EVENTS
+    with path.open("rb") as file:
+        first = file.readline().removeprefix(codecs.BOM_UTF8)
+    return first.split(b"\t")[0].strip() in [key.encode() for key in KEYS]
+
+
+# Vertical forces under the feet, from a text table or the analog channels of a C3D file.
+
+NEWTONS_PER_UNIT = {"N": 1.0, "kN": 1000.0, "body_weight": 1.0}
+LEAST_RATE_HZ = 50.0  # below it an onset is not known to better than a camera knows it
+RATE_TOLERANCE = 1e-3  # relative
+
+
+def read_force_signals(options: Mapping[str, Any], *, feet: Sequence[str]) -> list[ForceSignal]:
+    """Read the forces that a recording's block ``forces`` names.
+
+    Parameters
+    ----------
+    options : mapping
+        ``recordings[].forces`` of the configuration: file, columns, time_column, rate_hz, unit,
+        inverted, offset_s, and the threshold, which is passed on.
+    feet : sequence of str
+        Feet of the recording.
+
+    Returns
+    -------
+    list of ForceSignal
+        One a column, upward force positive, on the recording's clock.
+
+    Raises
+    ------
+    RecordingError
+        Naming the file, the column, what was expected and what was found.
+    """
+    path = Path(options["file"])
+    columns = columns_of(options["columns"], feet)
+    if path.suffix.lower() == ".c3d":
+        return _analog_signals(path, columns, options)
+    table = open_table(path)
+    forces = {column.name: table.numbers(column.name) for column in columns}
+    time = _times(table, options, len(forces[columns[0].name])) + options["offset_s"]
+    return [_signal(path, column, time, forces[column.name], options) for column in columns]
+
+
+def _analog_signals(
+    path: Path, columns: Sequence[Column], options: Mapping[str, Any]
+) -> list[ForceSignal]:
+    """Read forces from analog channels of a C3D file, which has its own clock and units."""
+    from hopdata.recordings.readers.c3d import read_analogs
+
+    analogs = read_analogs(path)
+    if options["rate_hz"] is not None:
+        _check_times(f"{path}: analog rate", analogs.time, options["rate_hz"])
+    signals = []
+    for column in columns:
+        force, unit = analogs.channel(column.name)
+        if unit in NEWTONS_PER_UNIT and unit != options["unit"]:
+            raise RecordingError(
+                f"{path}: channel '{column.name}': expected forces.unit: {unit} as the file "
+                f"states, found {options['unit']}"
+            )
+        time = analogs.time + options["offset_s"]
+        signals.append(_signal(path, column, time, force, options))
+    return signals
+
+
+def _times(table: ColumnTable, options: Mapping[str, Any], n_samples: int) -> FloatArray:
+    """Time of each sample from the start of the file's clock, (K,), s."""
+    rate, name = options["rate_hz"], options["time_column"]
+    if name is None and rate is None:
+        raise RecordingError(
+            f"{table.path}: forces.rate_hz: expected the samples' rate or forces.time_column, "
+            "found neither"
+        )
+    if name is None:
+        return np.arange(n_samples) / float(rate)
+    time = table.numbers(name)
+    _check_times(f"{table.path}, column '{name}'", time, rate)
+    return time
+
+
+def _check_times(place: str, time: FloatArray, rate: float | None) -> None:
+    steps = np.diff(time)
+    if len(time) < 2 or not (steps > 0).all():
+        bad = int(np.flatnonzero(~(steps > 0))[0]) if len(time) > 1 else 0
+        raise RecordingError(
+            f"{place}: expected times in s that increase from row to row, found otherwise "
+            f"at line {bad + 3}"
+        )
+    found = 1 / float(np.median(steps))
+    if rate is not None and abs(found / rate - 1) > RATE_TOLERANCE:
+        raise RecordingError(
+            f"{place}: expected steps of {1 / rate:.6g} s as forces.rate_hz: {rate:g} says, "
+            f"found {1 / found:.6g} s ({found:.6g} Hz)" + _counting(found)
+        )
+    if found < LEAST_RATE_HZ:
+        raise RecordingError(
+            f"{place}: expected at least {LEAST_RATE_HZ:g} samples a second, "
+            f"found {found:.6g}{_counting(found)}"
+        )
+
+
+def _counting(rate: float) -> str:
+    if rate != 1:
+        return ""
+    return "; a column that counts samples is no time: leave it out and give forces.rate_hz"
+
+
+def _signal(
+    path: Path, column: Column, time: FloatArray, force: FloatArray, options: Mapping[str, Any]
+) -> ForceSignal:
+    upward = force * NEWTONS_PER_UNIT[options["unit"]] * (-1.0 if options["inverted"] else 1.0)
+    place = f"{path}: column '{column.name}'"
+    if len(upward) < 2 or np.isnan(upward).all():
+        raise RecordingError(f"{place}: expected a force in each row, found none")
+    low, high = np.nanquantile(upward, [0.02, 0.98])
+    if -low > high:
+        raise RecordingError(
+            f"{place}: expected the upward force on the feet to be positive, found {low:.4g} to "
+            f"{high:.4g}; set forces.inverted: {str(not options['inverted']).lower()}"
+        )
+    unit = "body_weight" if options["unit"] == "body_weight" else "N"
+    return ForceSignal(column, time, upward, unit, options)

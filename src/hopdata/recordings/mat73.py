@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopdata.recordings.hdf5_limits import checked_attribute, whole_array
+from hopdata.recordings.readers.hdf5 import checked_attribute, whole_array
 
 if TYPE_CHECKING:
     import h5py

@@ -11,31 +11,15 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
-
-FloatArray = NDArray[np.float64]
+from hopdata.recording import Event
 
 METRES_PER_UNIT: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
 USUAL_UNIT = "mm"  # of files that may state a unit and do not
 
 FASTEST_HZ = 1e5  # as in the schema of input.rate_hz
 RATE_TOLERANCE = 1e-3  # relative; files round their rate, but not by more than this
-
-
-@dataclass(frozen=True)
-class Event:
-    """An event that an operator or a device marked in the file.
-
-    Parameters
-    ----------
-    label : str
-        Name of the event.
-    time_s : float
-        Time stamp as in the file, s.
-    """
-
-    label: str
-    time_s: float
 
 
 @dataclass(frozen=True)
@@ -158,3 +142,184 @@ def distinct_names(place: str, names: Sequence[str]) -> tuple[str, ...]:
             raise RecordingError(f"{place}: expected each marker name once, found '{name}' twice")
         seen.add(name)
     return tuple(names)
+
+
+# The axes of a file, and those of a recording, where z is up.
+
+# The recording's x, y, z as directions of the file, for each direction that pointed up there. Along
+# an axis they are exchanged in a circle; against one, the first and the last of these are mirrored
+# as well. So all are proper rotations, which keep right from left.
+FILE_AXES = {
+    "x": ("y", "z", "x"),
+    "y": ("z", "x", "y"),
+    "z": ("x", "y", "z"),
+    "-x": ("-y", "z", "-x"),
+    "-y": ("-z", "x", "-y"),
+    "-z": ("-x", "y", "-z"),
+}
+
+
+def rotate_up(positions: FloatArray, vertical_axis: str) -> FloatArray:
+    """Turn (..., 3) positions so that the direction that pointed up, one of `FILE_AXES`, becomes z.
+
+    Numbers are exchanged and mirrored, so that none loses a digit.
+    """
+    axes = FILE_AXES[vertical_axis]
+    if axes == FILE_AXES["z"]:
+        return positions
+    turned = np.ascontiguousarray(positions[..., ["xyz".index(axis[-1]) for axis in axes]])
+    for i, axis in enumerate(axes):
+        if axis.startswith("-"):
+            np.negative(turned[..., i], out=turned[..., i])
+    return turned
+
+
+def opposite(axis: str) -> str:
+    """Return the direction against one of the file's: ``"-x"`` for ``"x"``, and back."""
+    return axis.removeprefix("-") if axis.startswith("-") else f"-{axis}"
+
+
+def along_file(offset: FloatArray, vertical_axis: str) -> dict[str, float]:
+    """Return an offset (3,) of the recording by the axes of the file."""
+    pairs = zip(FILE_AXES[vertical_axis], offset.tolist(), strict=True)
+    parts = {axis[-1]: -value if axis.startswith("-") else value for axis, value in pairs}
+    return {axis: parts[axis] for axis in "xyz"}
+
+
+# Time stamps and frame rate of a file: what agrees, what is only rounded, what is irregular.
+
+SNAP = 0.05  # of a frame: time stamps this near to the nominal grid are its rounded values
+FINER = 0.9  # of a frame: the last decimal of stamps that are not printed to whole frames
+_MOST_DECIMALS = 6
+
+
+def settle(
+    place: str, stamps: FloatArray, number: FloatArray, rate_hz: float
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Put time stamps back onto the grid from which they were printed.
+
+    Exports round the time to 10 us or 1 ms, and some spread N frames over N / rate. Stamps that
+    are evenly spaced but for that are those of the cameras' clock; all others stay as they are,
+    for the checks to judge.
+
+    Parameters
+    ----------
+    place : str
+        The file, for the remark.
+    stamps, number : (N,) array
+        Time of each frame as printed, s, and the frame's number.
+    rate_hz : float
+        The nominal rate, Hz.
+
+    Returns
+    -------
+    time : (N,) array
+        s.
+    remarks : tuple of str
+    """
+    fitting = _fitting_grid(stamps, number, rate_hz)
+    if fitting is not None:
+        return fitting, ()
+    own = rate_of(stamps, number, whole=False)
+    if own is None or abs(own - rate_hz) > RATE_TOLERANCE * rate_hz:
+        return stamps, ()
+    if _fitting_grid(stamps, number, own) is None:
+        return stamps, ()
+    grid: FloatArray = stamps[0] + (number - number[0]) / rate_hz
+    return grid, (
+        f"{place}: time stamps run evenly at {own:.7g} Hz up to {stamps[-1]:.6g} s, but at the "
+        f"rate of {rate_hz:g} Hz they would end at {grid[-1]:.6g} s; all {len(grid)} are taken "
+        "from the rate",
+    )
+
+
+def _fitting_grid(stamps: FloatArray, number: FloatArray, rate_hz: float) -> FloatArray | None:
+    """Return the grid of which the stamps are the rounded times; None if there is none.
+
+    It begins at the first stamp or, since that is rounded too, midway between the bounds that all
+    stamps set. (Not where they are printed to whole frames: a stamp that is repeated would pass.)
+    """
+    ticks: FloatArray = (number - number[0]) / rate_hz
+    late = stamps - ticks
+    begins = [stamps[0]]
+    if printed_digit(stamps) * rate_hz < FINER:
+        begins.append(0.5 * (late.min() + late.max()))
+    fitting = (begin + ticks for begin in begins)
+    return next((grid for grid in fitting if on_the_grid(stamps, grid, rate_hz)), None)
+
+
+def on_the_grid(stamps: FloatArray, grid: FloatArray, rate_hz: float) -> bool:
+    """Tell whether stamps are those of the grid but for the rounding with which they were printed.
+
+    Parameters
+    ----------
+    stamps, grid : (N,) array
+        Time of each frame as printed, and as it would be at the nominal rate, s.
+    rate_hz : float
+        The nominal rate, Hz.
+    """
+    digit = printed_digit(stamps)
+    rounding = 0.5 * digit * (1 + 1e-6) if digit * rate_hz <= 1 else 0.0
+    return bool(np.max(np.abs(stamps - grid)) < max(SNAP / rate_hz, rounding))
+
+
+def printed_digit(stamps: FloatArray) -> float:
+    """Place of the last decimal with which time stamps (N,) were printed, s; at least 1 us."""
+    for decimals in range(_MOST_DECIMALS):
+        if np.allclose(stamps, np.round(stamps, decimals), rtol=1e-12, atol=1e-9):
+            return float(10.0**-decimals)
+    return float(10.0**-_MOST_DECIMALS)
+
+
+def rate_of(stamps: FloatArray, number: FloatArray, *, whole: bool = True) -> float | None:
+    """Frame rate by time stamps and frame numbers (N,), Hz; None if they do not tell.
+
+    With `whole`, a rate within the usual rounding of a whole number is that number.
+    """
+    if len(stamps) < 2 or not (stamps[-1] > stamps[0] and number[-1] > number[0]):
+        return None
+    rate = (number[-1] - number[0]) / (stamps[-1] - stamps[0])
+    nearest = np.round(rate)
+    return float(nearest if whole and abs(rate - nearest) < RATE_TOLERANCE * rate else rate)
+
+
+def irregular(place: str, time: FloatArray, rate_hz: float) -> tuple[str, ...]:
+    """Remark on steps of time that are no whole number of frames.
+
+    Steps of two or more whole frames are dropped frames; `remarks.notes` counts those.
+    """
+    steps = np.diff(time) * rate_hz
+    off = np.abs(steps - np.round(steps))
+    bad = np.flatnonzero(off > SNAP)
+    if not len(bad):
+        return ()
+    worst = int(bad[np.argmax(off[bad])])
+    return (
+        f"{place}: {len(bad)} of {len(steps)} steps of time are no whole number of frames at "
+        f"{rate_hz:g} Hz; the worst, after frame {worst + 1}, is {steps[worst] / rate_hz:.6g} s",
+    )
+
+
+def events_outside(
+    place: str, events: tuple[Event, ...], time: FloatArray, rate_hz: float
+) -> tuple[str, ...]:
+    """Remark on events before the first frame or after the last."""
+    if not len(time):
+        return ()
+    begin, end = time[0] - 1 / rate_hz, time[-1] + 1 / rate_hz
+    outside = sum(not begin <= event.time_s <= end for event in events)
+    if not outside:
+        return ()
+    return (
+        f"{place}: {outside} of {len(events)} events lie outside the recording "
+        f"({time[0]:.6g} to {time[-1]:.6g} s)",
+    )
+
+
+PAUSE_S = 1.0  # between files that do not say when they began; longer than any landing
+
+
+def is_pause(time: FloatArray, rate_hz: float) -> NDArray[np.bool_]:
+    """Tell which steps of time stamps (N,), s, are pauses, (N - 1,): nothing was recorded then."""
+    pause: NDArray[np.bool_] = np.diff(time) > PAUSE_S - 0.5 / rate_hz
+    return pause

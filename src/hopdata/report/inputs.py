@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,8 +12,66 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.errors import ConfigError
+from hopdata.report.formatting import NO_BREAK_SPACE
+
 if TYPE_CHECKING:
     import pandas as pd
+    from jinja2 import Environment
+
+# Captions: short texts beside the workflow, whose numbers are filled in from the tables.
+
+PERCENT = re.compile(r"(?<=\d) %")
+SPACES = re.compile(r"[ \t\n]+")  # a no-break space between number and unit stays
+
+
+@dataclass(frozen=True)
+class Caption:
+    """A caption ready to print: its title, its paragraphs and a text for those who cannot see."""
+
+    title: str
+    paragraphs: tuple[str, ...]
+    alt: str
+
+
+def render_caption(template: str, facts: Mapping[str, Any], *, name: str) -> Caption:
+    """Fill in a caption.
+
+    Parameters
+    ----------
+    template : str
+        Jinja text: a line ``# Title``, then paragraphs; one that begins with ``Alt:`` describes
+        the picture for those who cannot see it.
+    facts : mapping
+        As given by `hopdata.report.facts.study_facts`.
+    name : str
+        Name of the figure: the title and alternative text of a caption that has none, and the
+        place in error messages.
+
+    Raises
+    ------
+    ConfigError
+        If the caption names a fact that does not exist, or is not valid Jinja.
+    """
+    from jinja2 import Environment, StrictUndefined, TemplateError
+
+    environment = Environment(undefined=StrictUndefined, autoescape=False, trim_blocks=True)
+    try:
+        text = environment.from_string(template).render(facts)
+    except TemplateError as error:
+        raise ConfigError(f"caption of {name}: {error}") from error
+    blocks = [_tidied(block) for block in text.split("\n\n") if block.strip()]
+    titles = [block[1:].strip() for block in blocks if block.startswith("#")]
+    alts = [block.removeprefix("Alt:").strip() for block in blocks if block.startswith("Alt:")]
+    body = tuple(block for block in blocks if not block.startswith(("#", "Alt:")))
+    title = titles[0] if titles else name
+    return Caption(title=title, paragraphs=body, alt=alts[0] if alts else title)
+
+
+def _tidied(block: str) -> str:
+    """Make one line of a paragraph, in which no line break parts a number from its per cent."""
+    return PERCENT.sub(f"{NO_BREAK_SPACE}%", SPACES.sub(" ", block).strip())
+
 
 MEDIA_TYPES = {".svg": "image/svg+xml", ".png": "image/png", ".gif": "image/gif"}
 
@@ -209,3 +269,64 @@ def read_figures(
         image = formats[suffix].read_bytes() if suffix else b""
         figures.append(ReportFigure(name, image, MEDIA_TYPES.get(suffix, ""), texts.get(name, "")))
     return figures
+
+
+# Figures as a page needs them: the image within the text, its size on paper, its caption.
+
+DOUBLE_COLUMN_PT = 496.0
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure as the template needs it; `width_pt` is its size on paper."""
+
+    source: str
+    width_pt: float
+    caption: Caption
+
+
+def picture_of(figure: ReportFigure, facts: Mapping[str, Any]) -> Picture:
+    """Fill in the caption and put the image into a URL.
+
+    Raises
+    ------
+    ConfigError
+        If the caption names a fact that does not exist.
+    """
+    caption = render_caption(figure.caption, facts, name=figure.name)
+    source = ""
+    if figure.image:
+        encoded = base64.b64encode(figure.image).decode("ascii")
+        source = f"data:{figure.media_type};base64,{encoded}"
+    return Picture(source, _width_pt(figure), caption)
+
+
+def _width_pt(figure: ReportFigure) -> float:
+    """Width on paper that an SVG asks for; a full text width for anything else."""
+    found = re.search(rb'<svg[^>]*?\swidth="([0-9.]+)pt"', figure.image[:4000])
+    return float(found.group(1)) if found else DOUBLE_COLUMN_PT
+
+
+# Templates: where they are, and how they are filled in.
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+
+def environment() -> Environment:
+    """Return where templates come from and how they are filled in."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    return Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        undefined=StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def as_yaml(config: Any) -> str:
+    """Write a configuration as YAML; nothing for none."""
+    import yaml
+
+    return yaml.safe_dump(config, sort_keys=False, allow_unicode=True) if config else ""

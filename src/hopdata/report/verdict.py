@@ -8,13 +8,14 @@ from typing import Any
 from hopdata.report.formatting import (
     MISSING,
     NO_BREAK_SPACE,
+    Table,
     count,
     fixed,
     is_missing,
+    scaled,
     significant,
     with_unit,
 )
-from hopdata.report.table import Table, scaled
 
 Verdict = Mapping[str, Any]
 

@@ -22,26 +22,213 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes import hopper_parameters as hp
-from hopdata.scenes.boom import boom_motion
-from hopdata.scenes.legs import foot_gap, gap_rate_along, total_wrench
-from hopdata.scenes.rigid_body import (
-    Rotation,
-    Vector,
-    cross,
-    euler_rates,
-    rotation_entries,
-    solve_with_point_mass,
-)
 
-FloatArray = NDArray[np.float64]
-ModeArray = NDArray[np.int64]
+# Attitude of a rigid body by yaw, pitch and roll, and its mass matrix with a point mass.
+#
+# Rotations (z-y'-x'') take body coordinates to world coordinates: ``R = Rz(yaw) Ry(pitch)
+# Rx(roll)``.
+# The compiled helpers work on scalars, so that they allocate nothing inside a vector field,
+# and are compiled with the field that calls them, in whose cache they are kept.
+
+Vector = tuple[float, float, float]
+Rotation = tuple[float, float, float, float, float, float, float, float, float]
+
+
+@njit(error_model="numpy")
+def rotation_entries(yaw: float, pitch: float, roll: float) -> Rotation:
+    """Return the nine entries of R(yaw, pitch, roll), row by row; angles in rad."""
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    cp, sp = math.cos(pitch), math.sin(pitch)
+    cr, sr = math.cos(roll), math.sin(roll)
+    return (
+        cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,
+        sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
+        -sp, cp * sr, cp * cr,
+    )  # fmt: skip
+
+
+@njit(error_model="numpy")
+def euler_rates(pitch: float, roll: float, wx: float, wy: float, wz: float) -> Vector:
+    """Rates of yaw, pitch and roll, rad/s, of a body turning at (wx, wy, wz) in its own axes.
+
+    Singular at a pitch of +-pi/2.
+    """
+    cr, sr = math.cos(roll), math.sin(roll)
+    yaw_rate = (wy * sr + wz * cr) / math.cos(pitch)
+    return yaw_rate, wy * cr - wz * sr, wx + yaw_rate * math.sin(pitch)
+
+
+@njit(error_model="numpy")
+def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vector:
+    """Cross product a x b of two vectors given by their components."""
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@njit(error_model="numpy")
+def solve_with_point_mass(
+    ix: float, iy: float, iz: float, mass: float, c: Vector, b: Vector
+) -> Vector:
+    """Solve ``[diag(ix, iy, iz) + mass (|c|^2 1 - c c^T)] u = b`` for u.
+
+    The matrix is a diagonal one less a dyad, so the Sherman-Morrison formula gives the answer.
+    """
+    cx, cy, cz = c
+    swing = mass * (cx * cx + cy * cy + cz * cz)
+    dx, dy, dz = ix + swing, iy + swing, iz + swing
+    gx, gy, gz = cx / dx, cy / dy, cz / dz
+    ux, uy, uz = b[0] / dx, b[1] / dy, b[2] / dz
+    factor = mass * (cx * ux + cy * uy + cz * uz) / (1.0 - mass * (cx * gx + cy * gy + cz * gz))
+    return ux + factor * gx, uy + factor * gy, uz + factor * gz
+
+
+def rotation_matrices(angles: FloatArray) -> FloatArray:
+    """Rotation matrices, body to world, of many attitudes.
+
+    Parameters
+    ----------
+    angles : (..., 3) array
+        Yaw, pitch and roll, rad.
+
+    Returns
+    -------
+    (..., 3, 3) array
+    """
+    (cy, cp, cr), (sy, sp, sr) = (np.moveaxis(f(angles), -1, 0) for f in (np.cos, np.sin))
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+# The counterweight on its boom: a prescribed swing about a vertical axis of the body.
+
+
+@njit(error_model="numpy")
+def boom_angle(t: float | FloatArray, p: FloatArray) -> tuple[Any, Any, Any]:
+    """Angle of the boom, rad, with its first and second derivative, at a time or an array of times.
+
+    The boom follows a cycloid, whose acceleration is continuous where the move begins and ends.
+    """
+    s = np.minimum(np.maximum((t - p[hp.BOOM_START]) / p[hp.BOOM_DURATION], 0.0), 1.0)
+    swing, turn = p[hp.BOOM_SWING], 2.0 * np.pi
+    angle = p[hp.BOOM_ANGLE] + swing * (s - np.sin(turn * s) / turn)
+    rate = swing * (1.0 - np.cos(turn * s)) / p[hp.BOOM_DURATION]
+    return angle, rate, swing * turn * np.sin(turn * s) / p[hp.BOOM_DURATION] ** 2
+
+
+@njit(error_model="numpy")
+def boom_motion(t: float, p: FloatArray) -> tuple[Vector, Vector, Vector]:
+    """Place, velocity and acceleration of the counterweight in the body frame; m, s."""
+    angle, rate, growth = boom_angle(t, p)
+    x, y = p[hp.BOOM_RADIUS] * np.cos(angle), p[hp.BOOM_RADIUS] * np.sin(angle)
+    return (
+        (p[hp.BOOM_OFFSET] + x, y, p[hp.BOOM_HEIGHT]),
+        (-y * rate, x * rate, 0.0),
+        (-y * growth - x * rate**2, x * growth - y * rate**2, 0.0),
+    )
+
+
+def counterweight_places(t: FloatArray, p: FloatArray) -> FloatArray:
+    """Places of the counterweight in the body frame at many times, (N, 3), m."""
+    angle = boom_angle.py_func(t, p)[0]
+    x = p[hp.BOOM_OFFSET] + p[hp.BOOM_RADIUS] * np.cos(angle)
+    y = p[hp.BOOM_RADIUS] * np.sin(angle)
+    return np.column_stack([x, y, np.full(len(t), p[hp.BOOM_HEIGHT])])
+
+
+# Springy legs: their gaps, and the force of the floor on those in contact.
+
+
+@njit(error_model="numpy")
+def foot_gap(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[float, float]:
+    """Gap of a leg, m, and its rate, m/s."""
+    k = hp.LEGS + hp.LEG_STRIDE * leg
+    px, py, pz = p[k + 1], p[k + 2], -p[hp.LEG_LENGTH]
+    sx, sy, sz = cross(y[9], y[10], y[11], px, py, pz)
+    gap = y[2] + rot[6] * px + rot[7] * py + rot[8] * pz
+    return gap, y[8] + rot[6] * sx + rot[7] * sy + rot[8] * sz
+
+
+@njit(error_model="numpy")
+def vertical_rate(y: FloatArray, dy: FloatArray, rot: Rotation) -> Vector:
+    """Rate of the vertical in body axes (last row of R), when the angles change as `dy` says."""
+    by_pitch, by_roll = dy[4], dy[5]
+    return (
+        -math.cos(y[4]) * by_pitch,
+        rot[6] * math.sin(y[5]) * by_pitch + rot[8] * by_roll,
+        rot[6] * math.cos(y[5]) * by_pitch - rot[7] * by_roll,
+    )
+
+
+@njit(error_model="numpy")
+def gap_rate_along(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
+    """Rate of a leg's gap, m/s, when the state changes at the rate `dy`."""
+    k = hp.LEGS + hp.LEG_STRIDE * leg
+    tx, ty, tz = vertical_rate(y, dy, rot)
+    return dy[2] + tx * p[k + 1] + ty * p[k + 2] - tz * p[hp.LEG_LENGTH]
+
+
+@njit(error_model="numpy")
+def foot_lift(leg: int, y: FloatArray, dy: FloatArray, rot: Rotation, p: FloatArray) -> float:
+    """Acceleration of a leg's gap, m/s^2, when the state changes at the rate `dy`."""
+    k = hp.LEGS + hp.LEG_STRIDE * leg
+    px, py, pz = p[k + 1], p[k + 2], -p[hp.LEG_LENGTH]
+    sx, sy, sz = cross(y[9], y[10], y[11], px, py, pz)
+    ax, ay, az = cross(dy[9], dy[10], dy[11], px, py, pz)
+    tx, ty, tz = vertical_rate(y, dy, rot)
+    turned = tx * sx + ty * sy + tz * sz
+    return dy[8] + turned + rot[6] * ax + rot[7] * ay + rot[8] * az
+
+
+@njit(error_model="numpy")
+def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[Vector, Vector]:
+    """Force of the floor on one leg and its torque about O, both in body axes; N, N m.
+
+    It acts at the floor under the foot; the sliding speed is that of the body there, so that
+    friction takes power from the body whatever its motion.
+    """
+    gap, gap_rate = foot_gap(leg, y, rot, p)
+    k = hp.LEGS + hp.LEG_STRIDE * leg
+    normal = p[k] - p[hp.STIFFNESS] * gap - p[hp.DAMPING] * gap_rate
+    # Arm from O to the floor under the foot, in body axes: rest foot less the gap along world z.
+    qx = p[k + 1] - gap * rot[6]
+    qy = p[k + 2] - gap * rot[7]
+    qz = -p[hp.LEG_LENGTH] - gap * rot[8]
+    sx, sy, sz = cross(y[9], y[10], y[11], qx, qy, qz)
+    vx = y[6] + rot[0] * sx + rot[1] * sy + rot[2] * sz
+    vy = y[7] + rot[3] * sx + rot[4] * sy + rot[5] * sz
+    drag = -p[hp.FRICTION] * normal / math.sqrt(vx * vx + vy * vy + p[hp.SLIP_VELOCITY] ** 2)
+    fx, fy = drag * vx, drag * vy
+    bx = rot[0] * fx + rot[3] * fy + rot[6] * normal
+    by = rot[1] * fx + rot[4] * fy + rot[7] * normal
+    bz = rot[2] * fx + rot[5] * fy + rot[8] * normal
+    return (bx, by, bz), cross(qx, qy, qz, bx, by, bz)
+
+
+@njit(error_model="numpy")
+def total_wrench(
+    y: FloatArray, mode: IntArray, rot: Rotation, p: FloatArray
+) -> tuple[Vector, Vector]:
+    """Sum of force and torque over the legs in contact, in body axes."""
+    fx, fy, fz, tx, ty, tz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for leg in range(int(p[hp.N_LEGS])):
+        if mode[leg] > 0:
+            force, torque = leg_wrench(leg, y, rot, p)
+            fx, fy, fz = fx + force[0], fy + force[1], fz + force[2]
+            tx, ty, tz = tx + torque[0], ty + torque[1], tz + torque[2]
+    return (fx, fy, fz), (tx, ty, tz)
+
+
 N_STATES = 12
 
 
@@ -101,7 +288,7 @@ def fill_rates(
 
 
 @field
-def hopper_field(t: float, y: FloatArray, mode: ModeArray, p: FloatArray, dy: FloatArray) -> None:
+def hopper_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
     """Fill `dy` with the rate of the state (Newton-Euler equations, see the module)."""
     rot = rotation_entries(y[3], y[4], y[5])
     fill_rates(t, y, rot, total_wrench(y, mode, rot, p), p, dy)
@@ -112,7 +299,7 @@ def hopper_guards(
     _t: float,
     y: FloatArray,
     dy: FloatArray,
-    mode: ModeArray,
+    mode: IntArray,
     p: FloatArray,
     h: FloatArray,
     hdot: FloatArray,
@@ -132,7 +319,7 @@ def hopper_guards(
 
 @on_event
 def hopper_event(
-    _t: float, _y: FloatArray, mode: ModeArray, p: FloatArray, guard: int, direction: int
+    _t: float, _y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
 ) -> int:
     """Release the legs once all stand, re-arm a leg when it lifts, stop at an apex or a fall."""
     n = int(p[hp.N_LEGS])
@@ -173,7 +360,7 @@ def hopper_system(n_legs: int = 3) -> System:
     )
 
 
-def flight_mode(n_legs: int, climb_rate_m_s: float) -> ModeArray:
+def flight_mode(n_legs: int, climb_rate_m_s: float) -> IntArray:
     """Mode of an upright hopper in flight, no leg released, that has not touched yet."""
     mode = np.zeros(2 * n_legs + 3, dtype=np.int64)
     mode[: n_legs + 2] = -1

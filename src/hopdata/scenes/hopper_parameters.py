@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.errors import ConfigError
-
-FloatArray = NDArray[np.float64]
 
 # Places in the flat vector: scalars first, then (preload, x, y) of each leg's rest foot.
 N_LEGS, GRAVITY, MASS, COUNTERWEIGHT = 0, 1, 2, 3

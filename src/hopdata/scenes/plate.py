@@ -1,3 +1,4 @@
+# ruff: noqa: ARG001 (the integrator prescribes the signatures of its callbacks)
 # ruff: noqa: ARG001 (the integrator prescribes the signatures of field and guards)
 """A plate that falls onto a bed of springs (dissertation, section 4.4.4): many contacts.
 
@@ -13,19 +14,184 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike
 
-from hopdata.hybrid import System, field, guards, jacobian
+from hopdata.hybrid import System, field, guard, guards, jacobian, on_event, rate_bound
 from hopdata.hybrid.solution import FloatArray, IntArray
-from hopdata.scenes import plate_forces as pf
-from hopdata.scenes.plate_incremental import (
-    N_MEMORY,
-    plate_field_of_sums,
-    plate_guard,
-    plate_jacobian,
-    plate_rate_bound,
-    update_sums,
-)
+
+# Forces of the springs under the plate, and their derivatives, from three sums over contacts.
+#
+# Each spring stands upright at x_i, guided so that its end moves on a vertical line, without mass
+# or
+# friction. The plate's line passes above it at z - tan(theta) (x - x_i), so that its compression is
+#
+#     h_i = L0 + tan(theta) (x - x_i) - z.
+#
+# While h_i > 0 it pushes up with F_i = k h_i + c dh_i/dt. The generalised forces are -F_i Dh_i, the
+# gradient of the potential (k / 2) h_i^2: energy is kept for c = 0. In other words, the reaction is
+# normal to the plate, as it must be without friction, and its vertical part is F_i. Contact depends
+# on position alone: a damped spring pulls a little just before it lets go.
+#
+# With a_i = x - x_i, compression and rate are affine in a_i, and so is F_i = P + Q a_i. All that
+# the
+# plate feels are sums over the contacts of 1, a_i and a_i^2.
+
+# Places in the flat vector of parameters; the i-th spring stands at first + i * spacing.
+GRAVITY, MASS, INERTIA, REST_LENGTH, STIFFNESS, DAMPING, FIRST, SPACING = range(8)
+N_PARAMS = 8
+
+Sums = tuple[float, float, float]  # over the contacts of 1, a and a^2
+
+
+@njit(error_model="numpy")
+def compression(i: float, y: FloatArray, p: FloatArray) -> float:
+    """Compression h_i of spring i, m; negative where the plate is above it."""
+    arm = y[0] - p[FIRST] - i * p[SPACING]
+    return p[REST_LENGTH] + math.tan(y[2]) * arm - y[1]
+
+
+@njit(error_model="numpy")
+def added_up(y: FloatArray, mode: IntArray, p: FloatArray) -> Sums:
+    """Return the sums over the springs whose locks say contact."""
+    count, arms, squares = 0.0, 0.0, 0.0
+    arm = y[0] - p[FIRST]
+    for i in range(len(mode)):
+        if mode[i] > 0:
+            a = arm - i * p[SPACING]
+            count += 1.0
+            arms += a
+            squares += a * a
+    return count, arms, squares
+
+
+@njit(error_model="numpy")
+def push(y: FloatArray, p: FloatArray, slope: float) -> tuple[float, float]:
+    """Coefficients (P, Q) of the force P + Q a of a spring in contact, at this slope."""
+    steepening = (1.0 + slope * slope) * y[5]
+    force = p[STIFFNESS] * (p[REST_LENGTH] - y[1]) + p[DAMPING] * (slope * y[3] - y[4])
+    return force, p[STIFFNESS] * slope + p[DAMPING] * steepening
+
+
+@njit(error_model="numpy")
+def fill_rates(y: FloatArray, p: FloatArray, sums: Sums, dy: FloatArray) -> None:
+    """Fill the rate of the state, (6,)."""
+    slope = math.tan(y[2])
+    at_centre, per_arm = push(y, p, slope)
+    force = at_centre * sums[0] + per_arm * sums[1]
+    moment = at_centre * sums[1] + per_arm * sums[2]
+    dy[0], dy[1], dy[2] = y[3], y[4], y[5]
+    dy[3] = -slope * force / p[MASS]
+    dy[4] = force / p[MASS] - p[GRAVITY]
+    dy[5] = -(1.0 + slope * slope) * moment / p[INERTIA]
+
+
+@njit(error_model="numpy")
+def fill_force_row(y: FloatArray, p: FloatArray, s0: float, s1: float, row: FloatArray) -> None:
+    """Fill the gradient, (6,), of the sum of F_i w_i at fixed weights, sums s0 of w, s1 of w a."""
+    slope, k, c = math.tan(y[2]), p[STIFFNESS], p[DAMPING]
+    grow = 1.0 + slope * slope  # derivative of the slope with respect to the angle
+    row[0] = push(y, p, slope)[1] * s0
+    row[1] = -k * s0
+    row[2] = grow * (c * y[3] * s0 + (k + 2.0 * c * slope * y[5]) * s1)
+    row[3] = c * slope * s0
+    row[4] = -c * s0
+    row[5] = c * grow * s1
+
+
+@njit(error_model="numpy")
+def fill_jacobian(y: FloatArray, p: FloatArray, sums: Sums, jac: FloatArray) -> None:
+    """Fill the derivative of the rates with respect to the state, (6, 6), which begins as zeros."""
+    slope = math.tan(y[2])
+    grow = 1.0 + slope * slope
+    at_centre, per_arm = push(y, p, slope)
+    force = at_centre * sums[0] + per_arm * sums[1]
+    moment = at_centre * sums[1] + per_arm * sums[2]
+    for i in range(3):
+        jac[i, 3 + i] = 1.0
+    fill_force_row(y, p, sums[0], sums[1], jac[4])
+    fill_force_row(y, p, sums[1], sums[2], jac[5])
+    jac[5, 0] += force  # the arms are not fixed: each grows with x
+    for j in range(6):
+        jac[4, j] /= p[MASS]
+        jac[3, j] = -slope * jac[4, j]
+        jac[5, j] *= -grow / p[INERTIA]
+    jac[3, 2] -= grow * force / p[MASS]
+    jac[5, 2] -= 2.0 * slope * grow * moment / p[INERTIA]
+
+
+# The plate for very many springs: rates in constant time, one guard at a time.
+#
+# The field needs only how many springs are in contact, and the sums of their numbers and of the
+# squares of these. The handler keeps the three up to date in the memory behind the parameters. They
+# are whole numbers, so that they stay exact however often springs come and go.
+
+COUNT, NUMBERS, SQUARES = N_PARAMS, N_PARAMS + 1, N_PARAMS + 2
+N_MEMORY = 3
+
+
+@njit(error_model="numpy")
+def sums_of_arms(y: FloatArray, p: FloatArray) -> Sums:
+    """Return the sums over the contacts of 1, a and a^2, where a = x - x_i."""
+    arm, step = y[0] - p[FIRST], p[SPACING]
+    arms = arm * p[COUNT] - step * p[NUMBERS]
+    squares = arm * (arms - step * p[NUMBERS]) + step * step * p[SQUARES]
+    return p[COUNT], arms, squares
+
+
+@field
+def plate_field_of_sums(
+    t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
+) -> None:
+    """Return gravity, and the push of all springs in contact, from the sums."""
+    fill_rates(y, params, sums_of_arms(y, params), dy)
+
+
+@guard
+def plate_guard(
+    t: float,
+    y: FloatArray,
+    dy: FloatArray,
+    mode: IntArray,
+    params: FloatArray,
+    k: int,
+    h: FloatArray,
+    hdot: FloatArray,
+) -> None:
+    """Return the compression of spring k: positive in contact."""
+    slope, arm = math.tan(y[2]), y[0] - params[FIRST] - k * params[SPACING]
+    h[k] = params[REST_LENGTH] + slope * arm - y[1]
+    hdot[k] = slope * dy[0] - dy[1] + (1.0 + slope * slope) * dy[2] * arm
+
+
+@rate_bound
+def plate_rate_bound(
+    t: float, y: FloatArray, dy: FloatArray, mode: IntArray, params: FloatArray
+) -> float:
+    """Return the largest rate of any compression, m/s: that of the first or of the last spring."""
+    slope, arm = math.tan(y[2]), y[0] - params[FIRST]
+    rate, per_arm = slope * dy[0] - dy[1], (1.0 + slope * slope) * dy[2]
+    last = arm - (len(mode) - 1) * params[SPACING]
+    return max(abs(rate + per_arm * arm), abs(rate + per_arm * last))
+
+
+@jacobian
+def plate_jacobian(
+    t: float, y: FloatArray, mode: IntArray, params: FloatArray, jac: FloatArray
+) -> None:
+    """Return the derivative of the field with respect to the state."""
+    fill_jacobian(y, params, sums_of_arms(y, params), jac)
+
+
+@on_event
+def update_sums(
+    t: float, y: FloatArray, mode: IntArray, params: FloatArray, spring: int, direction: int
+) -> int:
+    """Add a spring that touches to the sums, take away one that lets go."""
+    params[COUNT] += direction
+    params[NUMBERS] += direction * spring
+    params[SQUARES] += direction * float(spring) * float(spring)
+    return 0
 
 
 @field
@@ -33,7 +199,7 @@ def plate_field(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
 ) -> None:
     """Return gravity, and the push of every spring in contact."""
-    pf.fill_rates(y, params, pf.added_up(y, mode, params), dy)
+    fill_rates(y, params, added_up(y, mode, params), dy)
 
 
 @jacobian
@@ -41,7 +207,7 @@ def plate_field_jacobian(
     t: float, y: FloatArray, mode: IntArray, params: FloatArray, jac: FloatArray
 ) -> None:
     """Return the derivative of the field with respect to the state."""
-    pf.fill_jacobian(y, params, pf.added_up(y, mode, params), jac)
+    fill_jacobian(y, params, added_up(y, mode, params), jac)
 
 
 @guards
@@ -57,10 +223,10 @@ def plate_guards(
     """Return the compression of every spring: positive in contact."""
     slope = math.tan(y[2])
     steepening = (1.0 + slope * slope) * dy[2]
-    arm = y[0] - params[pf.FIRST]
-    height, rate = params[pf.REST_LENGTH] - y[1], slope * dy[0] - dy[1]
+    arm = y[0] - params[FIRST]
+    height, rate = params[REST_LENGTH] - y[1], slope * dy[0] - dy[1]
     for i in range(len(h)):
-        a = arm - i * params[pf.SPACING]
+        a = arm - i * params[SPACING]
         h[i] = height + slope * a
         hdot[i] = rate + steepening * a
 

@@ -11,12 +11,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import ConfigError
+from hopdata.steering.robot import Options
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+
+def excitation_of(options: Options, rng: np.random.Generator) -> Excitation:
+    """Draw the excitation of the block ``steering.excitation``."""
+    grid = ControlGrid(**{key: options[key] for key in ("n_angles", "n_steps", "repeats")})
+    draw = eulerian_excitation if options["method"] == "eulerian" else random_excitation
+    return draw(grid, rng)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,3 +217,13 @@ def _random_tree(grid: ControlGrid, rng: np.random.Generator, root: int) -> IntA
             in_tree[here] = True
             here = (here + step[here]) % grid.n_angles
     return step
+
+
+# Streams of chance of a steering study: first number of the key under the study's seed.
+
+START = 0  # then the experiment's place and the number of the start
+FLOOR = 1
+BOOTSTRAP = 2
+EXCITATION = 10
+TRIAL = 11
+TRAINING = 12  # then the number of the set of hops

@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.steering.se2 import relative, wrapped
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.errors import RecordingError
+from hopdata.rigid import relative, wrapped
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+if TYPE_CHECKING:
+    import pandas as pd
+
 TextArray = NDArray[np.str_]
 
 USED = ""
@@ -229,3 +233,119 @@ def _taken(values: FloatArray, rows: IntArray) -> FloatArray:
     taken = np.full(values.shape, np.nan)
     taken[rows >= 0] = values[rows[rows >= 0]]
     return taken
+
+
+# Measured frame changes against those that truly happened.
+
+SAME_STANCE_S = 0.1  # a sixth of a hop
+
+
+@dataclass(frozen=True)
+class FrameChangeErrors:
+    """Errors of the hops that were found.
+
+    Parameters
+    ----------
+    boom_angle_rad, swing_rad : (n,) arrays
+        Measured less true.
+    change : (n, 3) array
+        Likewise, m, m, rad.
+    missed, invented : int
+        True hops without a measured one, and measured ones without a true one.
+    """
+
+    boom_angle_rad: FloatArray
+    swing_rad: FloatArray
+    change: FloatArray
+    missed: int
+    invented: int
+
+    def rms(self) -> dict[str, float]:
+        """Return root mean square errors by name, with the unit in it."""
+        columns = {
+            "boom_angle_rad": self.boom_angle_rad,
+            "swing_rad": self.swing_rad,
+            **dict(zip(("dx_m", "dy_m", "dtheta_rad"), self.change.T, strict=True)),
+        }
+        return {name: float(np.sqrt(np.mean(error**2))) for name, error in columns.items()}
+
+
+def frame_change_errors(measured: FrameChanges, true: FrameChanges) -> FrameChangeErrors:
+    """Compare the used hops of a recording with the true ones.
+
+    Parameters
+    ----------
+    measured, true : FrameChanges
+        Of one recording, in order of time; hops whose first stances are within `SAME_STANCE_S` of
+        each other are the same.
+    """
+    seen, real = measured.used(), true.used()
+    if not len(seen) or not len(real):
+        empty = np.zeros(0)
+        return FrameChangeErrors(empty, empty, np.zeros((0, 3)), len(real), len(seen))
+    nearest = np.abs(seen.time_s[:, None] - real.time_s).argmin(axis=1)
+    matched = np.abs(seen.time_s - real.time_s[nearest]) <= SAME_STANCE_S
+    _, first = np.unique(nearest[matched], return_index=True)
+    found = np.flatnonzero(matched)[first]
+    a, b = seen.rows(found), real.rows(nearest[found])
+    change = a.change - b.change
+    change[:, 2] = wrapped(change[:, 2])
+    return FrameChangeErrors(
+        boom_angle_rad=wrapped(a.boom_angle_rad - b.boom_angle_rad),
+        swing_rad=wrapped(a.swing_rad - b.swing_rad),
+        change=change,
+        missed=len(real) - len(found),
+        invented=len(seen) - len(found),
+    )
+
+
+# Tables of frame changes: one hop a row, a unit in the name of each column.
+
+_COLUMNS = {
+    "recording": ("recording",),
+    "time_s": ("time_s",),
+    "boom_angle_rad": ("boom_angle_rad",),
+    "swing_rad": ("swing_rad",),
+    "change": ("dx_m", "dy_m", "dtheta_rad"),
+    "previous_swing_rad": ("previous_swing_rad",),
+    "previous_change": ("previous_dx_m", "previous_dy_m", "previous_dtheta_rad"),
+    "reason": ("reason",),
+}
+
+
+def to_table(changes: FrameChanges) -> pd.DataFrame:
+    """Return the hops as a table with a unit in each column's name."""
+    import pandas as pd
+
+    columns: dict[str, Any] = {}
+    for name, names in _COLUMNS.items():
+        values = getattr(changes, name)
+        columns.update(
+            zip(names, values.T, strict=True) if values.ndim > 1 else [(names[0], values)]
+        )
+    return pd.DataFrame(columns)
+
+
+def from_table(table: pd.DataFrame) -> FrameChanges:
+    """Return the hops of a table that `to_table` made.
+
+    Raises
+    ------
+    RecordingError
+        If a column is missing.
+    """
+    wanted = [name for names in _COLUMNS.values() for name in names]
+    missing = [name for name in wanted if name not in table]
+    if missing:
+        raise RecordingError(
+            f"frame changes: expected the columns {', '.join(wanted)}, missing {', '.join(missing)}"
+        )
+    return FrameChanges(**{name: _values(table, names) for name, names in _COLUMNS.items()})
+
+
+def _values(table: pd.DataFrame, names: tuple[str, ...]) -> Any:
+    """Values of a field, text or numbers, from its columns."""
+    if names[0] in ("recording", "reason"):
+        return table[names[0]].to_numpy(dtype=str)
+    values = table[list(names)].to_numpy(dtype=float)
+    return values if len(names) > 1 else values[:, 0]

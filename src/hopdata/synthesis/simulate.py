@@ -9,31 +9,32 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.errors import ConfigError, did_you_mean
-from hopdata.recordings.recording import Recording
-from hopdata.recordings.truth import Truth
+from hopdata.recording import Recording, Truth
 from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.synthesis.capture import observe
-from hopdata.synthesis.floor import CurvedFloor, draw_floor
-from hopdata.synthesis.gaps import draw_gaps
+from hopdata.synthesis.camera import (
+    CurvedFloor,
+    MarkerTracks,
+    draw_floor,
+    draw_gaps,
+    observe,
+    track_markers,
+)
 from hopdata.synthesis.hops import rest_foot
-from hopdata.synthesis.markers import MarkerTracks, track_markers
-from hopdata.synthesis.options import (
+from hopdata.synthesis.trial import (
     FloorOptions,
     GapOptions,
     Kicks,
     MarkerOptions,
     Operator,
+    Trial,
     from_mapping,
     require,
+    run_trial,
 )
-from hopdata.synthesis.tape import Trial
-from hopdata.synthesis.trial import run_trial
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

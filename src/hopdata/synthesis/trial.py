@@ -4,21 +4,280 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
-from dataclasses import replace
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.errors import ConfigError, did_you_mean
+from hopdata.scenes.hopper import counterweight_places
 from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.synthesis.control_hops import control_hop
-from hopdata.synthesis.hops import fly_hop, level_state
-from hopdata.synthesis.options import Kicks, Operator
-from hopdata.synthesis.tape import Tape, Trial
+from hopdata.synthesis.hops import Hop, control_hop, fly_hop, level_state, pose_rate
 
-FloatArray = NDArray[np.float64]
+# Options of a synthetic recording, as they stand in the configuration.
+
+Options = TypeVar("Options")
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kicks:
+    """Random disturbance at each apex, each normal with mean zero and this standard deviation.
+
+    Parameters
+    ----------
+    velocity_m_s : float
+        Added to each component of the velocity.
+    angular_velocity_rad_s : float
+        Added to each component of the angular velocity.
+    preload_fraction : float
+        Relative change of each leg's preload, drawn anew for every hop.
+    """
+
+    velocity_m_s: float = 0.05
+    angular_velocity_rad_s: float = 0.25
+    preload_fraction: float = 0.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class Operator:
+    """The person who releases the hopper, and carries it back when it has strayed or fallen.
+
+    Parameters
+    ----------
+    release_height_m : float
+        Height of the feet above the floor at which the hopper is let go, at rest and level.
+    release_spread_m : float
+        It is let go within this distance of the centre, in x and in y.
+    arena_m : float
+        The hopper is carried back at the first apex farther than this from the centre, in x or y.
+    carry_s : float
+        How long that takes.
+    hop_limit_s : float
+        Time without an apex after which it has fallen.
+    """
+
+    release_height_m: float = 0.24
+    release_spread_m: float = 0.1
+    arena_m: float = 0.9
+    carry_s: float = 1.5
+    hop_limit_s: float = 3.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class FloorOptions:
+    """Curvature of the measured floor: a bowl and a few waves of random direction and phase.
+
+    Parameters
+    ----------
+    bowl_depth_m, bowl_radius_m : float
+        Rise of the bowl far from the centre, and the distance at which half of it is reached.
+    waves : int
+        Number of waves.
+    wave_amplitude_m, wave_length_m : float
+        Amplitude of each wave, and the shortest wave length; the longest is 1.5 times that.
+    """
+
+    bowl_depth_m: float = 0.004
+    bowl_radius_m: float = 1.2
+    waves: int = 3
+    wave_amplitude_m: float = 0.001
+    wave_length_m: float = 2.4
+
+
+@dataclass(frozen=True, kw_only=True)
+class GapOptions:
+    """Drop-outs: stretches of frames in which a marker is not seen.
+
+    Parameters
+    ----------
+    rate_per_min : float
+        Mean number of drop-outs of each marker per minute; 0 for none.
+    mean_s : float
+        Mean length of a drop-out (geometric distribution, at least one frame).
+    """
+
+    rate_per_min: float = 0.0
+    mean_s: float = 0.08
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkerOptions:
+    """Where the markers are glued, and how fast a leg draws back after lift-off.
+
+    Parameters
+    ----------
+    body_m : tuple of (x, y, z)
+        Body markers, body frame.
+    boom_m : (x, y, z)
+        Boom marker relative to the counterweight, body axes.
+    retraction_s : float
+        Time in which a leg extended at lift-off comes back to its rest length.
+    """
+
+    body_m: tuple[Point, ...] = ((0.13, 0.03, 0.05), (-0.08, 0.11, 0.075), (-0.07, -0.14, 0.055))
+    boom_m: Point = (0.0, 0.0, 0.0)
+    retraction_s: float = 0.15
+
+
+def from_mapping(kind: type[Options], values: Mapping[str, Any] | None, where: str) -> Options:
+    """Build options from a mapping of some of their fields; the others keep their defaults.
+
+    Raises
+    ------
+    ConfigError
+        If a key is not a field of `kind`.
+    """
+    names = [f.name for f in fields(kind)]  # type: ignore[arg-type]
+    for key in values or {}:
+        if key not in names:
+            raise ConfigError(f"{where}.{key}: no such key{did_you_mean(key, names)}")
+    return kind(**{key: _frozen(value) for key, value in (values or {}).items()})
+
+
+def require(holds: bool, key: str, expected: str, found: Any) -> None:
+    """Raise a ConfigError that names the key, unless the condition holds."""
+    if not holds:
+        raise ConfigError(f"{key}: expected {expected}, found {found}")
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(_frozen(v) for v in value) if isinstance(value, list | tuple) else value
+
+
+# What happens in a trial, written down while the clock runs: frames, hops and contacts.
+
+
+@dataclass(frozen=True)
+class Trial:
+    """States at every frame, all hops, and all contacts, on one clock.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Frame rate, Hz; frame k is at k / rate_hz.
+    states : (N, 12) array
+        State at each frame.
+    boom : (N, 3) array
+        Place of the counterweight at each frame, body frame, m.
+    hops : tuple of Hop
+        Hops that ended before the last frame, in order.
+    hop_start_s : (L,) array
+        Time of the apex at which each hop began, s.
+    apex_s : (A,) array
+        The same of every hop, also of one that was cut off, s.
+    event_time, event_leg, event_down, event_state
+        All contact events, (E,), (E,), (E,) and (E, 12), ordered in time.
+    n_carries : int
+        How often the operator carried the hopper back.
+    """
+
+    rate_hz: float
+    states: FloatArray
+    boom: FloatArray
+    hops: tuple[Hop, ...]
+    hop_start_s: FloatArray
+    apex_s: FloatArray
+    event_time: FloatArray
+    event_leg: IntArray
+    event_down: BoolArray
+    event_state: FloatArray
+    n_carries: int
+
+
+class Tape:
+    """Collects frames, hops and contact events while the clock runs."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self.rate_hz, self.clock, self.n_frames = rate_hz, 0.0, 0
+        self.states: list[FloatArray] = []
+        self.boom: list[FloatArray] = []
+        self.hops: list[Hop] = []
+        self.starts: list[float] = []
+        self.events: list[tuple[FloatArray, IntArray, BoolArray, FloatArray]] = []
+        self.n_carries = 0
+
+    def frames_within(self, duration_s: float) -> FloatArray:
+        """Frame times still to come within this duration, counted from the clock, s."""
+        last = math.ceil((self.clock + duration_s) * self.rate_hz)
+        return np.maximum(np.arange(self.n_frames, last) / self.rate_hz - self.clock, 0.0)
+
+    def add_frames(self, states: FloatArray, boom: FloatArray) -> None:
+        """Keep the states and the places of the counterweight of the next frames."""
+        self.states.append(states)
+        self.boom.append(boom)
+        self.n_frames += len(states)
+
+    def add_hop(self, hop: Hop) -> None:
+        """Keep a hop that began at the clock, and set the clock to its end."""
+        self.add_frames(hop.states, hop.boom)
+        self.hops.append(hop)
+        self.starts.append(self.clock)
+        at = self.clock + hop.event_time
+        self.events.append((at, hop.event_leg, hop.event_down, hop.event_state))
+        self.clock += hop.end_time_s
+
+    def lift(self, legs: IntArray, state: FloatArray) -> None:
+        """Log that the operator takes these legs off the floor now."""
+        when, up = np.full(len(legs), self.clock), np.zeros(len(legs), dtype=bool)
+        self.events.append((when, legs, up, np.tile(state, (len(legs), 1))))
+
+    def carry(
+        self, hop: Hop, release: FloatArray, carry_s: float, parameters: HopperParameters
+    ) -> None:
+        """Log the operator's handling after a hop; the counterweight stays where it is."""
+        frames = self.frames_within(carry_s)
+        boom = counterweight_places(frames, replace(parameters, boom_swing_rad=0.0).vector())
+        self.lift(hop.legs_down(), hop.end_state)
+        self.add_frames(carried(hop.end_state, release, carry_s, frames), boom)
+        self.clock += carry_s
+        self.n_carries += 1
+
+    def trial(self, duration_s: float) -> Trial:
+        """Return what is on the tape, cut at this time."""
+        time, leg, down, state = (np.concatenate(part) for part in zip(*self.events, strict=True))
+        frames = min(self.n_frames, math.ceil(min(self.clock, duration_s) * self.rate_hz))
+        ends = np.array(self.starts) + [hop.end_time_s for hop in self.hops]
+        n_whole = int(np.sum(ends <= duration_s))
+        return Trial(
+            rate_hz=self.rate_hz,
+            states=np.concatenate(self.states)[:frames],
+            boom=np.concatenate(self.boom)[:frames],
+            hops=tuple(self.hops[:n_whole]),
+            hop_start_s=np.array(self.starts[:n_whole]),
+            apex_s=np.array(self.starts),
+            event_time=time,
+            event_leg=leg,
+            event_down=down,
+            event_state=state,
+            n_carries=self.n_carries,
+        )
+
+
+def carried(
+    state: FloatArray, release: FloatArray, duration_s: float, times_s: FloatArray
+) -> FloatArray:
+    """States, (K, 12), of a body moved by hand: cubic in each coordinate, with no jump in speed.
+
+    It starts with the motion of `state` and ends with that of `release`; `times_s` (K,) count from
+    the start. The angular velocity of these states is not used by anybody and left at zero.
+    """
+    s = np.clip(times_s / duration_s, 0.0, 1.0)[:, None]
+    start, end = state[:6], release[:6]
+    leaving, arriving = pose_rate(state), pose_rate(release)
+    blend = s * s * (3.0 - 2.0 * s)
+    slide, brake = s * (1.0 - s) ** 2 * duration_s, s * s * (s - 1.0) * duration_s
+    states = np.zeros((len(s), 12))
+    states[:, :6] = start + (end - start) * blend + leaving * slide + arriving * brake
+    speed = (end - start) * 6.0 * s * (1.0 - s) / duration_s
+    speed += leaving * (1.0 - s) * (1.0 - 3.0 * s) + arriving * s * (3.0 * s - 2.0)
+    states[:, 6:9] = speed[:, :3]
+    return states
+
+
 _TO_AND_FRO = np.array([1.0, -1.0])
 
 

@@ -11,7 +11,7 @@ import pytest
 from numba import njit
 
 import hopdata.hybrid
-from hopdata.hybrid.compiled.digest import (
+from hopdata.hybrid.compiled.cache import (
     NOT_IN_CODE,
     driver_digest,
     driver_sources,

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 import pytest
-from hybrid_systems import ball
+from hybrid_systems import ball, ladder, sliding
+from scipy.integrate import solve_ivp
 
-from hopdata.hybrid import System, field, guards, on_event
-from hopdata.hybrid.first_order import NotTransversalError, saltation_matrix, saltation_product
-from hopdata.scenes.octant import octant
+from hopdata.hybrid import System, field, guards, on_event, solve
+from hopdata.hybrid.first_order import (
+    NotTransversalError,
+    bouligand_derivative,
+    project_onto_section,
+    saltation_matrix,
+    saltation_product,
+)
+from hopdata.scenes.hopper import flight_mode, hopper_system
+from hopdata.scenes.hopper_control import HopperControl, control_system
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.small import octant
 
 
 def test_bounce_is_the_textbook_one():
@@ -87,3 +99,247 @@ def test_it_takes_the_field_before_to_the_field_after():
 def test_a_guard_at_rest_is_refused():
     with pytest.raises(NotTransversalError):
         saltation_matrix([1.0, 0.0], [2.0, 0.0], [0.0, 1.0])
+
+
+# D_v against differences of `solve` through states at which guards meet.
+
+HOPPER = HopperParameters()
+FEET = ("foot1", "foot2", "foot3")
+
+
+def octant_case():
+    return octant(), np.zeros(3), (), [-1, -1, -1], ("x", "y", "z")
+
+
+def hopper_case():
+    y = np.array([0, 0, 0.27, 0, 0, 0, 0.05, -0.03, -2.1, 0.1, -0.2, 0.05])
+    return hopper_system(), y, HOPPER.vector(), flight_mode(3, -1.0), FEET
+
+
+def control_case(control):
+    y = np.zeros(12)
+    y[2], y[6:9] = 0.27 + 2.1 * control.delay_s, [0.05, -0.03, -2.1]
+    return control_system(), y, control.vector(HOPPER), flight_mode(3, -1.0), FEET
+
+
+CASES = {
+    "octant": octant_case,
+    "hopper": hopper_case,
+    "coupling": lambda: control_case(HopperControl(coupling=0.1)),
+    "delay": lambda: control_case(HopperControl(delay_s=0.005)),
+    "impulse": lambda: control_case(HopperControl(impulse=0.1)),
+}
+
+
+def derivative(case):
+    system, state, params, mode, names = case
+    return bouligand_derivative(system, state, params=params, mode=mode, guards=names)
+
+
+def backwards(system, y, params, mode, duration):
+    """Follow the field of one mode backwards in time; guards are ignored."""
+
+    def rate(t, y):
+        dy = np.zeros_like(y)
+        system.field.function(0.0, y, mode, params, dy)
+        return -dy
+
+    span = (0.0, duration)
+    return solve_ivp(rate, span, y, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+
+
+def carried_through(case, state, duration):
+    """Take a state back by the first field, forward by `solve`, back by the last field."""
+    system, _, params, mode, names = case
+    numbers, locks = np.array(params, dtype=float), np.array(mode)
+    before = backwards(system, state, numbers, locks, duration)
+    there = solve(
+        system, (0, 2 * duration), before, params=params, mode=mode, rtol=1e-13, atol=1e-14
+    )
+    crossed = [system.guard_names[k] for k in there.events.guard]
+    assert sorted(crossed) == sorted(names)
+    return backwards(system, there.y_end, numbers, there.mode, duration), there.events.guard
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_differences_of_the_flow_approach_it_in_every_direction(name):
+    case = CASES[name]()
+    d = derivative(case)
+    rng = np.random.default_rng(11)
+    errors, orders = [], set()
+    for v in rng.normal(size=(12, len(case[1]))):
+        v = v / np.linalg.norm(v)
+        order = d.order(v)
+        end = d.tree.node(order).here.instant.y
+        error = []
+        for eps in (1e-4, 1e-5):
+            image, guards = carried_through(case, case[1] + eps * v, 0.02)
+            error.append((image - end) / eps - d(v))
+            assert tuple(guards) == order
+        errors.append(error)
+        orders.add(order)
+    coarse, fine = np.array(errors).swapaxes(0, 1)
+    first, then, rest = (
+        np.linalg.norm(e, axis=1) for e in (coarse, fine, (10 * fine - coarse) / 9)
+    )
+    assert len(orders) >= 4
+    assert (then < 0.15 * first + 1e-7).all()
+    assert rest.max() < 1e-4
+
+
+@pytest.mark.parametrize(("name", "linear"), [("octant", 0), ("hopper", 1), ("coupling", 0)])
+def test_only_a_c1_flow_has_one_matrix_for_all_directions(name, linear):
+    d = derivative(CASES[name]())
+    v = np.random.default_rng(12).normal(size=(d.tree.system.n_states, 50))
+    first = d.pieces()[0].matrix
+    off = np.linalg.norm(first @ v - d(v), axis=0) / np.linalg.norm(v, axis=0)
+    assert (off.max() < 1e-13) == bool(linear)
+    assert linear or off.max() > 0.03
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_pieces_meet_continuously_unless_the_state_jumps(name):
+    """Between the insides of two cones a straight line of deviations has no jump of D_v."""
+    d = derivative(CASES[name]())
+    rng, steps = np.random.default_rng(13), np.linspace(0, 1, 2001)
+    a, b = rng.normal(size=(2, d.tree.system.n_states))
+    images = d(np.outer(a, 1 - steps) + np.outer(b, steps))
+    jump = np.linalg.norm(np.diff(images, axis=1), axis=0).max()
+    limit = 3 * np.linalg.norm(b - a) / 2000 * max(np.linalg.norm(p.matrix, 2) for p in d.pieces())
+    assert (jump < limit) == (name != "impulse")
+
+
+def test_homogeneous_but_not_additive():
+    d = derivative(octant_case())
+    v = np.array([0.3, -0.2, 0.1])
+    np.testing.assert_allclose(d(3.0 * v), 3.0 * d(v), rtol=1e-15)
+    assert np.abs(d(v) + d(-v)).max() > 0.01
+
+
+def test_one_direction_is_a_column_of_many():
+    d = derivative(octant_case())
+    v = np.random.default_rng(14).normal(size=(3, 5))
+    assert d(v).shape == (3, 5)
+    assert d(v[:, 2]).tolist() == d(v)[:, 2].tolist()
+    assert d(np.zeros((3, 0))).shape == (3, 0)
+
+
+def test_shape_is_checked():
+    with pytest.raises(ValueError, match="deviations"):
+        derivative(octant_case())(np.zeros(4))
+
+
+# Orders of crossing: which occur, and what they do.
+
+
+@field
+def bar_field(t, y, mode, params, dy):
+    dy[0], dy[1] = y[2], y[3]
+    dy[2], dy[3] = -9.81, 0.0
+    for k in range(len(params)):
+        if mode[k] > 0:
+            dy[2] += 20.0
+            dy[3] += 60.0 * params[k]
+
+
+@guards
+def bar_guards(t, y, dy, mode, params, h, hdot):
+    for k in range(len(params)):
+        h[k] = -y[0] - params[k] * np.sin(y[1])
+        hdot[k] = -dy[0] - params[k] * np.cos(y[1]) * dy[1]
+
+
+def pieces_of_bar(places):
+    """A bar (height, angle, velocities) that falls on contacts at these places, all at once."""
+    names = tuple(f"contact{k}" for k in range(len(places)))
+    system = System(bar_field, bar_guards, n_states=4, guard_names=names)
+    state, mode = [0.0, 0.0, -1.0, 0.0], [-1] * len(places)
+    return bouligand_derivative(system, state, params=places, mode=mode)
+
+
+def test_octant_has_six_orders_and_two_products():
+    orders = bouligand_derivative(octant(), [0, 0, 0], mode=[-1, -1, -1]).pieces()
+    assert {order.guards for order in orders} == set(permutations(range(3)))
+    distinct = {order.matrix.tobytes() for order in orders}
+    assert len(distinct) == 2
+    for order in orders:
+        first_x = order.guards.index(0) < order.guards.index(1)
+        expected = np.eye(3)
+        if first_x:
+            expected[1, :2] = 0.5
+        np.testing.assert_allclose(order.matrix, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize("places", [(-1.0, 0.5), (-1.0, 0.2, 1.0), (-1.0, -0.3, 0.2, 0.7)])
+def test_a_bar_meets_its_contacts_from_one_end_to_the_other(places):
+    """Contacts on a line: height and angle leave the two monotone orders and no other."""
+    d = pieces_of_bar(places)
+    n = len(places)
+    orders = d.pieces()
+    ascending = tuple(range(n))
+    assert {order.guards for order in orders} == {ascending, ascending[::-1]}
+    for order in orders:
+        assert d.order(order.direction) == order.guards
+        assert np.linalg.norm(order.direction) == pytest.approx(1.0)
+        np.testing.assert_allclose(order.matrix, orders[0].matrix, atol=1e-13)
+
+
+def test_guards_with_one_surface_are_crossed_together():
+    d = bouligand_derivative(ladder(2), [1.0, 0.0], params=(1, 1, 0.5, 2.0), mode=[-1, -1])
+    orders = d.pieces()
+    assert len(orders) == 2
+    np.testing.assert_allclose(orders[0].matrix, orders[1].matrix, atol=1e-15)
+    np.testing.assert_allclose(orders[0].matrix[0, 0], 3.5)
+
+
+def test_a_guard_that_is_not_approached_is_refused():
+    left = bouligand_derivative(sliding(), [0.0], params=(1.0, 2.0), mode=[-1])
+    np.testing.assert_allclose(left([1.0]), [-0.5])
+    leaving = bouligand_derivative(sliding(), [0.0], params=(1.0, -2.0), mode=[-1])
+    with pytest.raises(NotTransversalError, match="guard origin: expected to be approached"):
+        leaving([1.0])
+
+
+def test_many_guards_are_found_by_random_deviations():
+    bar = pieces_of_bar(tuple(np.linspace(-1, 1, 9)))
+    assert {order.guards for order in bar.pieces()} == {tuple(range(9)), tuple(range(8, -1, -1))}
+    for order in bar.pieces():
+        assert bar.order(order.direction) == order.guards
+
+
+# Impact states of a falling ball, whose derivative is known.
+
+G = 9.81
+
+
+def impact(height, speed, floor_speed):
+    """State where a ball meets a floor that rises from 0 at t = 0, and the time."""
+    down = speed - floor_speed
+    t = (down + np.sqrt(down**2 + 2 * G * height)) / G
+    return np.array([floor_speed * t, speed - G * t]), t
+
+
+@pytest.mark.parametrize("floor_speed", [0.0, 0.3])
+def test_derivative_of_the_impact_state(floor_speed):
+    start, step = np.array([1.2, 0.4]), 1e-6
+    state, t = impact(*start, floor_speed)
+    flow, rate = np.array([[1, t], [0, 1]]), np.array([state[1], -G])
+    found = project_onto_section(flow, rate, [-1.0, 0.0], time_rate=floor_speed)
+    columns = [
+        (impact(*(start + step * e), floor_speed)[0] - impact(*(start - step * e), floor_speed)[0])
+        / (2 * step)
+        for e in np.eye(2)
+    ]
+    np.testing.assert_allclose(found, np.array(columns).T, atol=1e-8)
+
+
+def test_a_section_at_rest_maps_into_itself():
+    rng = np.random.default_rng(2)
+    flow, rate, slope = rng.normal(size=(4, 4)), rng.normal(size=4), rng.normal(size=4)
+    np.testing.assert_allclose(slope @ project_onto_section(flow, rate, slope), 0, atol=1e-13)
+    np.testing.assert_allclose(project_onto_section(np.eye(4), rate, slope) @ rate, 0, atol=1e-13)
+
+
+def test_grazing_is_refused():
+    with pytest.raises(NotTransversalError):
+        project_onto_section(np.eye(2), [0.0, 1.0], [1.0, 0.0])

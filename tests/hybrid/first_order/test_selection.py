@@ -8,9 +8,15 @@ from hybrid_systems import ball, ladder, relay, sliding, throw
 
 from hopdata.hybrid import System, field
 from hopdata.hybrid.first_order import check_event_selected
-from hopdata.hybrid.first_order.liveness import draw_around
-from hopdata.hybrid.first_order.modes import lock_combinations
-from hopdata.scenes.octant import octant, octant_guards
+from hopdata.hybrid.first_order.linearise import lock_combinations
+from hopdata.hybrid.first_order.selection import (
+    above,
+    at_most,
+    draw_around,
+    findings_table,
+    not_computed,
+)
+from hopdata.scenes.small import octant, octant_guards
 
 FREE = [-1, -1, -1]
 
@@ -129,3 +135,27 @@ def test_draws_fill_the_ball():
 def test_there_must_be_a_guard():
     with pytest.raises(ValueError, match="guards"):
         check_event_selected(octant(), [1, 1, 1], mode=FREE)
+
+
+# Findings and their table.
+
+
+def test_bounds():
+    assert at_most("a", 1.0, 1.0, "").passed
+    assert not at_most("a", 1.1, 1.0, "").passed
+    assert not above("a", 1.0, 1.0, "").passed
+    assert above("a", 1.1, 1.0, "").passed
+    assert not at_most("a", np.nan, 1.0, "").passed
+    assert not above("a", np.nan, 1.0, "").passed
+    assert not not_computed("a", "x", "why").passed
+
+
+def test_columns_are_aligned():
+    table = findings_table(
+        [at_most("short", 0.123456, 1, "one"), not_computed("longer", "x", "two")]
+    )
+    assert table.split("\n") == [
+        "     condition  found  needed  the number is",
+        "yes  short      0.123  <= 1    one",
+        "NO   longer     -      x       two",
+    ]

@@ -8,12 +8,18 @@ from hybrid_systems import ball, ladder, sliding
 
 from hopdata.hybrid import System, field, guards
 from hopdata.hybrid.first_order import check_c1
-from hopdata.hybrid.first_order.conditions import ONE_PRODUCT
+from hopdata.hybrid.first_order.linearise import Linearisation
+from hopdata.hybrid.first_order.smoothness import (
+    ONE_PRODUCT,
+    additive_residual,
+    increments,
+    largest_relative,
+    spread,
+)
 from hopdata.scenes.hopper import flight_mode, hopper_system
 from hopdata.scenes.hopper_control import HopperControl, control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.octant import octant
-from hopdata.scenes.vertical_hopper import VerticalHopper
+from hopdata.scenes.small import VerticalHopper, octant
 
 HOPPER = HopperParameters()
 FEET = ("foot1", "foot2", "foot3")
@@ -169,3 +175,38 @@ def test_the_table_reads_as_a_checklist():
     assert [line[:3] for line in lines[4:10]] == ["yes"] * 6
     assert [line[:3].strip() for line in lines[11:]] == ["yes"] * 4 + ["NO"] * 2
     assert len({line.find("<=") for line in lines if "<=" in line}) == 1
+
+
+# Measures of additivity on numbers that are known.
+
+
+def modes(rates):
+    return {
+        crossed: Linearisation(None, np.array(rate, dtype=float), np.eye(2), np.zeros(2))
+        for crossed, rate in rates.items()
+    }
+
+
+ADDITIVE = {(): [1, 0], (3,): [1, 2], (5,): [1, -7], (3, 5): [1, -5]}
+
+
+def test_sums_of_single_changes():
+    assert additive_residual(modes(ADDITIVE)) == 0
+    changed = modes(ADDITIVE | {(3, 5): [1, -4.3]})
+    assert additive_residual(changed) == pytest.approx(0.1)
+    single, size = increments(changed)
+    assert single.tolist() == [[0, 2], [0, -7]]
+    assert size.tolist() == [1, 7]
+
+
+def test_two_that_vanish_are_equal():
+    assert largest_relative(np.array([0.0, 1.0]), np.array([0.0, 4.0])) == 0.25
+    assert largest_relative(np.zeros(2), np.zeros(2)) == 0
+
+
+def test_spread_is_relative_to_the_effect():
+    one = np.array([[1.0, 0.0], [3.0, 1.0]])
+    other = np.array([[1.0, 0.0], [4.0, 1.0]])
+    assert spread([one, other, one]) == pytest.approx(0.25)
+    assert spread([one, one]) == 0
+    assert spread([np.eye(2)]) == 0

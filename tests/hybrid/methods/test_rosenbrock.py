@@ -7,8 +7,8 @@ import pytest
 from method_harness import END, KEND, Y
 from stiff_problems import CONTACT, FOLLOWER, KAPS, SMOOTH, damped_contact, exact, field, stepper
 
-from hopdata.hybrid.methods import rosenbrock
-from hopdata.hybrid.methods.rodas5p import GAMMA, STAGES, TIME, A, C, D, H
+from hopdata.hybrid.methods import stiff as rosenbrock
+from hopdata.hybrid.methods.stiff import GAMMA, STAGES, TIME, A, C, D, H
 
 BOTH = pytest.mark.parametrize("given", [True, False], ids=["given", "differences"])
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from hybrid_systems import ladder
+from numba import config
 
-from hopdata.hybrid import solve, solve_batch
-from hopdata.hybrid.methods.table import CHOICES
+from hopdata.hybrid import System, field, guards, on_event, solve, solve_batch
+from hopdata.hybrid.methods import table
+from hopdata.hybrid.methods.dop853 import DOP853
+from hopdata.hybrid.methods.explicit import DOPRI5
+from hopdata.hybrid.methods.table import CHOICES, generic_interpolant, generic_step
 
 OPTIONS = {"params": (0.5, 1.0)}
 
@@ -43,3 +48,201 @@ def test_an_error_leaves_the_system_usable():
     with pytest.raises(ValueError, match="method"):
         solve(system, (0, 1), [0.0, 0.0], method="taylor", **OPTIONS)
     assert solve(system, (0, 1), [0.0, 0.0], **OPTIONS).y_end[0] == pytest.approx(1.5)
+
+
+# Generic code and a scene's own give the same bytes; which of them runs is a matter of steps.
+
+
+@pytest.fixture(autouse=True)
+def empty_cache(tmp_path, monkeypatch):
+    """Scenes here are new to the cache, and leave nothing in it."""
+    for tableau in (DOPRI5, DOP853):
+        generic_step(tableau), generic_interpolant(tableau)
+    solve(ring(1), (0.0, 0.1), [1.0])  # the driver comes from the cache of the install
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
+
+
+def ring(n, compiled=True):
+    """Coupled motions in a ring with a drive, which the handler switches on and off."""
+
+    @field(compiled=compiled)
+    def swing(t, y, mode, params, dy):
+        for i in range(n):
+            dy[i] = np.sin(3.0 * y[(i + 1) % n]) - 0.3 * y[i] ** 3 + mode[1] * np.cos(5.0 * t)
+
+    @guards(compiled=compiled)
+    def switch(t, y, dy, mode, params, h, hdot):
+        h[0] = np.sin(4.0 * t) + 0.1 * y[0] - 0.05
+        hdot[0] = 4.0 * np.cos(4.0 * t) + 0.1 * dy[0]
+
+    @on_event(compiled=compiled)
+    def flip(t, y, mode, params, guard, direction):
+        mode[1] = 1 - mode[1]
+        y[n - 1] += 1e-3
+        return 0
+
+    return System(swing, switch, flip, n_states=n, guard_names=("switch",), n_extra_modes=1)
+
+
+def outcome(system, method, **options):
+    y0 = np.linspace(0.3, 1.0, system.n_states)
+    s = solve(system, (0.0, 6.0), y0, mode=[1], method=method, **options)
+    assert s.status == 0
+    return s
+
+
+def tiers(system, method):
+    """Return what is generic now, by number."""
+    return system.methods(method, False).generic
+
+
+SIZES = {"dopri5": (1, 2, 3, 4, 6, 8, 12), "dop853": (1, 2, 5, 12)}
+
+
+@pytest.mark.parametrize(("method", "n"), [(name, n) for name in SIZES for n in SIZES[name]])
+def test_same_bytes(monkeypatch, method, n):
+    system = ring(n)
+    generic = outcome(system, method)
+    assert tiers(system, method)
+    monkeypatch.setattr(table, "WORTH_COMPILING", 1)
+    own = outcome(system, method)
+    assert not tiers(system, method)
+    assert len(generic.events) > 5
+    assert generic.t.tobytes() == own.t.tobytes()
+    assert generic.y.tobytes() == own.y.tobytes()
+    assert generic.events.time.tobytes() == own.events.time.tobytes()
+    assert generic.nfev == own.nfev
+
+
+def test_same_bytes_with_tolerances_of_zero_and_dense_output(monkeypatch):
+    system, options = ring(3), {"atol": 0.0, "rtol": 1e-5, "t_eval": np.linspace(0.0, 6.0, 77)}
+    generic = outcome(system, "auto", **options)
+    monkeypatch.setattr(table, "WORTH_COMPILING", 1)
+    assert outcome(system, "auto", **options).y.tobytes() == generic.y.tobytes()
+    assert not tiers(system, "auto")
+
+
+def test_a_field_in_python_never_has_code_of_its_own(monkeypatch):
+    plain, compiled = ring(2, compiled=False), ring(2)
+    monkeypatch.setattr(table, "WORTH_COMPILING", 1)
+    first, second = outcome(plain, "dopri5"), outcome(plain, "dopri5")
+    assert tiers(plain, "dopri5") == {0}
+    other = outcome(compiled, "dopri5")
+    assert first.y.tobytes() == second.y.tobytes()
+    assert np.abs(first.y_end - other.y_end).max() < 1e-8
+
+
+def test_changes_within_an_integration(monkeypatch):
+    """When it returns for more room, the driver goes on with the scene's own code."""
+    system, whole = ring(2), outcome(ring(2), "dopri5", max_step=0.01)
+    monkeypatch.setattr(table, "WORTH_COMPILING", 100)
+    changed = outcome(system, "dopri5", max_step=0.01)
+    assert not tiers(system, "dopri5")
+    assert changed.y.tobytes() == whole.y.tobytes()
+
+
+def test_counts_the_steps_of_all_integrations(monkeypatch):
+    system = ring(2)
+    steps = outcome(system, "dopri5").n_steps
+    monkeypatch.setattr(table, "WORTH_COMPILING", 2 * steps)
+    outcome(system, "dopri5")
+    assert tiers(system, "dopri5") == {0}  # still while the second began
+    outcome(system, "dopri5")
+    assert not tiers(system, "dopri5")
+
+
+def test_a_new_process_begins_with_what_is_in_the_cache(monkeypatch):
+    system = scene_of_this_file()
+    outcome(system, "dopri5")
+    system.methods("dopri5", False).compile(0)
+    again = scene_of_this_file()
+    outcome(again, "dopri5")
+    assert not tiers(again, "dopri5")
+
+
+@field
+def decay(t, y, mode, params, dy):
+    dy[0] = -y[0]
+
+
+def scene_of_this_file():
+    return System(decay, n_states=1, n_extra_modes=1)
+
+
+def test_a_large_batch_is_worth_compiling_a_small_one_is_not(monkeypatch):
+    system = ring(2)
+    y0 = np.array([[0.3, 1.0 + 0.01 * k] for k in range(70)])
+    small = solve_batch(system, (0.0, 6.0), y0, mode=[1], method="dopri5")
+    assert tiers(system, "dopri5") == {0}
+    monkeypatch.setattr(table, "WORTH_COMPILING", 1 + 2 * int(small.n_steps.sum()))
+    large = solve_batch(system, (0.0, 6.0), np.tile(y0, (2, 1)), mode=[1], method="dopri5")
+    assert not tiers(system, "dopri5")
+    assert large.y_end[:70].tobytes() == small.y_end.tobytes()
+
+
+def test_an_empty_batch():
+    assert len(solve_batch(ring(2), (0.0, 1.0), np.empty((0, 2)), mode=[1])) == 0
+
+
+@pytest.mark.parametrize("limit", [0, 10**9])
+def test_what_the_field_raises_reaches_the_caller(monkeypatch, limit):
+    @field
+    def breaks(t, y, mode, params, dy):
+        if t > 0.5:
+            raise ZeroDivisionError("too late")
+        dy[0] = 1.0
+        dy[1] = y[0]
+
+    system = System(breaks, n_states=2)
+    monkeypatch.setattr(table, "WORTH_COMPILING", limit)
+    with pytest.raises(ZeroDivisionError, match="too late"):
+        solve(system, (0.0, 1.0), [0.0, 0.0], method="dopri5")
+    assert len(tiers(system, "dopri5")) == (limit > 0)
+
+
+def test_jacobians_have_code_of_their_own():
+    system = ring(2)
+    s = solve(system, (0.0, 0.1), [0.3, 1.0], mode=[1], method="dopri5", jacobian=True)
+    assert s.jacobian.shape == (2, 2)
+    assert not system.methods("dopri5", True).generic
+
+
+def test_compiled_beforehand(monkeypatch):
+    system = ring(2)
+    generic = outcome(ring(2), "auto")
+    system.compile()
+    monkeypatch.setattr(table.MethodTable, "compile", None)  # nothing is left to compile
+    assert outcome(system, "auto").y.tobytes() == generic.y.tobytes()
+    assert solve_batch(system, (0.0, 6.0), np.ones((3, 2)), mode=[1], method="auto").success
+    assert not tiers(system, "auto")
+
+
+def test_compiled_in_place_of_generic_code(monkeypatch):
+    system = ring(2)
+    generic = outcome(system, "dopri5")
+    assert tiers(system, "dopri5") == {0}
+    system.compile("dopri5")
+    assert not tiers(system, "dopri5")
+    monkeypatch.setattr(table.MethodTable, "compile", None)
+    assert outcome(system, "dopri5").y.tobytes() == generic.y.tobytes()
+
+
+def test_a_field_in_python_can_be_asked_for_beforehand():
+    system = ring(2, compiled=False)
+    system.compile("dopri5")
+    assert tiers(system, "dopri5") == {0}
+    assert outcome(system, "dopri5").success
+
+
+def test_compiles_with_the_jacobian():
+    system = System(decay, n_states=1)
+    system.compile("dop853", jacobian=True)
+    s = solve(system, (0.0, 1.0), [1.0], method="dop853", jacobian=True)
+    np.testing.assert_allclose(s.jacobian, np.exp(-1.0), rtol=1e-8)
+
+
+def test_compile_names_the_method_that_it_does_not_know():
+    with pytest.raises(ValueError, match="did you mean 'dopri5'"):
+        ring(1).compile("dopri")
+    with pytest.raises(ValueError, match="jacobian: expected True or False"):
+        ring(1).compile("dopri5", jacobian="yes")

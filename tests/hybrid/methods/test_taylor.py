@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from method_harness import END, K1, KEND, P1, Stepper, Y, compiled, specialised
 
-from hopdata.hybrid.methods import motion, series, taylor
+from hopdata.hybrid.methods import taylor
+from hopdata.hybrid.methods import taylor as motion
+from hopdata.hybrid.methods import taylor as series
 
 EPS = 2.0**-52
 

@@ -5,10 +5,10 @@ import pytest
 from made_up_landings import ARMS, landings, noisy
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.states import section_states
+from hopdata.landings.states.fits import section_states
+from hopdata.maps.coordinates import rigid_states, section_coordinates
 from hopdata.maps.corrected.marker_noise import InputErrors, MarkerNoise, input_errors, marker_noise
-from hopdata.maps.rigid import rigid_states, section_coordinates
-from hopdata.maps.truth.exact_map import marker_states
+from hopdata.maps.truth.maps import marker_states
 
 
 def coordinates(before, after, shape=ARMS):

@@ -2,13 +2,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.maps.subspaces.baselines import noised_identity, random
 from hopdata.maps.subspaces.distances import (
+    NOISE_SDS,
+    PairLengths,
     auc,
     measure_distances,
+    noise_sensitivity,
+    snr_readings,
     summarise_distances,
 )
-from hopdata.maps.subspaces.grassmann import arc_length, orthonormalised
+from hopdata.maps.subspaces.grassmann import (
+    DISTANCES,
+    arc_length,
+    noised_identity,
+    orthonormalised,
+    random,
+)
 
 
 def clouds(rng, centres, count=40, scatter=0.05):
@@ -111,3 +120,95 @@ def test_all_pairs_change_the_summary_and_not_the_table():
     assert rows.loc["cross_class", "q25"] == pytest.approx(np.quantile(lengths, 0.25), rel=1e-12)
     every = measure_distances(bases, (12, 5), seed=1, pairs=1000).summary
     pd.testing.assert_frame_equal(every[:2], whole.summary[:2], rtol=1e-9)
+
+
+def bases(counts, seed=0):
+    rng = np.random.default_rng(seed)
+    return {name: orthonormalised(rng.normal(size=(n, 12, 5))) for name, n in counts.items()}
+
+
+def test_all_pairs_are_used_once_where_they_are_few():
+    draws = bases({"a": 5, "b": 3})
+    a, b = draws.values()
+    for all_pairs in (False, True):
+        found = PairLengths(draws, all_pairs=all_pairs)
+        lengths = found.in_class(np.random.default_rng(5), "a", 1000)
+        expected = [arc_length(a[i], a[j]) for i in range(5) for j in range(i + 1, 5)]
+        np.testing.assert_allclose(np.sort(lengths), np.sort(expected), atol=1e-14)
+        lengths = found.cross_class(np.random.default_rng(5), "a", "b", 1000)
+        expected = [arc_length(i, j) for i in a for j in b]
+        np.testing.assert_allclose(np.sort(lengths), np.sort(expected), atol=1e-14)
+
+
+def test_in_class_never_compares_a_draw_with_itself():
+    found = PairLengths(bases({"a": 30}))
+    assert found.in_class(np.random.default_rng(7), "a", 400).min() > 0.1
+
+
+def test_a_summary_has_what_was_measured():
+    draws = bases({"a": 9, "b": 8, "c": 7})
+    some, whole = PairLengths(draws), PairLengths(draws, all_pairs=True, workers=2)
+    chosen = [found.cross_class(np.random.default_rng(1), "b", "c", 10) for found in (some, whole)]
+    np.testing.assert_allclose(*chosen, rtol=0, atol=1e-12)
+    assert (some.sums["cross_class"].count, whole.sums["cross_class"].count) == (10, 56)
+    assert np.array_equal(np.sort(some.lengths("cross_class")), np.sort(chosen[0]))
+    assert len(whole.lengths("cross_class")) == 56
+    assert len(whole.lengths("in_class")) == 0
+
+
+def test_progress_is_shown(capsys):
+    PairLengths(bases({"a": 4}), all_pairs=True, progress=True).in_class(
+        np.random.default_rng(0), "a", 2
+    )
+    assert capsys.readouterr().err == "distances: 6 of 6 pairs\n"
+
+
+@pytest.fixture(scope="module")
+def table():
+    return noise_sensitivity((12, 5), seed=1, pairs=300)
+
+
+def column(table, distance, name="mean"):
+    return table[table["distance"] == distance].set_index("noise_sd")[name]
+
+
+def test_one_row_a_distance_and_level(table):
+    assert len(table) == len(DISTANCES) * len(NOISE_SDS)
+    assert 0.1 in NOISE_SDS
+    assert table["doubling"].isna().sum() == 2 * len(DISTANCES)
+
+
+def test_little_noise_makes_every_distance_grow_in_proportion(table):
+    for distance in DISTANCES:
+        means = column(table, distance)
+        assert means.iloc[2] / means.iloc[0] == pytest.approx(2, rel=0.06)
+
+
+def test_the_arc_length_is_the_largest_at_any_noise(table):
+    for distance in DISTANCES:
+        assert (column(table, "arc_length") >= column(table, distance) - 1e-12).all()
+
+
+def test_much_noise_makes_subspaces_random_and_bounded_distances_blind(table):
+    shares = column(table, "arc_length", "share_of_random")
+    assert shares.iloc[-1] == pytest.approx(1, abs=0.03)
+    blind = {name: column(table, name, "doubling").loc[0.2] for name in DISTANCES}
+    assert blind["arc_length"] > blind["fubini_study"]
+    assert blind["arc_length"] > blind["projection_2"]
+
+
+def test_a_level_does_not_depend_on_the_others(table):
+    alone = noise_sensitivity((12, 5), seed=1, pairs=300, noise_sds=(0.1, 0.2))
+    assert column(alone, "chordal_f").loc[0.1] == column(table, "chordal_f").loc[0.1]
+
+
+def test_readings_mark_the_printed_one_and_only_it_gives_the_printed_distance():
+    readings = snr_readings((34, 17), seed=1, pairs=300)
+    assert readings["printed"].sum() == 1
+    row = readings[readings["printed"]].iloc[0]
+    assert (row["kind"], row["noise_sd"]) == ("noised_identity", 0.1)
+    assert row["mean"] == pytest.approx(2.268, abs=0.025)
+    near = np.abs(readings["mean"] - 2.268) < 0.3
+    assert near.sum() == 1
+    assert readings["kind"].tolist()[-1] == "random"
+    assert readings["mean"].iloc[-1] == pytest.approx(3.7605, abs=0.025)

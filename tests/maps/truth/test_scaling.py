@@ -3,9 +3,12 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from hopdata.maps.truth.scaling import scaling_table, score_scaling
+from hopdata.errors import AnalysisError
+from hopdata.maps.truth.landings import score_states, state_errors, true_rows
+from hopdata.maps.truth.scaling import map_error_table, scaling_table, score_maps, score_scaling
 
 SCALES = (1.0, 0.5, 0.25, 0.125)
 MATRIX = np.random.default_rng(1).normal(size=(11, 8))
@@ -94,3 +97,150 @@ def test_the_entries_name_case_strength_and_scale():
     assert "coupled forces (kappa 0.2)" in entries["scaling_slope_coupling"]["what"]
     assert "at 0.125 of the spread" in entries["scaling_map_difference_hopper"]["what"]
     assert entries["exact_map_difference_coupling"]["value"] > 0.01
+
+
+# Errors of states and maps on made-up rigid bodies whose maps are known.
+
+POINTS = np.array([(0.13, 0.03, 0.05), (-0.08, 0.11, 0.075), (-0.07, -0.14, 0.055)])
+ARMS = POINTS - POINTS.mean(axis=0)
+FEET = ("a", "b", "c")
+COUNT = 700
+MAP = np.random.default_rng(1).normal(size=(11, 8))
+MAP[3:5] *= 0.05
+
+
+def rotations(yaw, pitch, roll):
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_euler("ZYX", np.column_stack([yaw, pitch, roll])).as_matrix()
+
+
+def markers(centre, angles, velocity, spin):
+    """Marker states (n, 18) of a rigid body; the velocity is that of the centre, in the world."""
+    turn = rotations(*angles.T)
+    place = centre[:, None] + np.einsum("nij,bj->nbi", turn, ARMS)
+    moving = np.cross(spin[:, None], ARMS[None])
+    speed = velocity[:, None] + np.einsum("nij,nbj->nbi", turn, moving)
+    return np.hstack([place.reshape(len(turn), -1), speed.reshape(len(turn), -1)])
+
+
+def study(kink=0.0):
+    """True pairs whose outcome is linear in the inputs on either side of x[0] = 0."""
+    rng = np.random.default_rng(5)
+    x = 0.05 * rng.normal(size=(COUNT, 8))
+    yaw = rng.uniform(-3, 3, COUNT)
+    place = np.column_stack([rng.uniform(-1, 1, (COUNT, 2)), np.full(COUNT, 0.5)])
+    first = x[:, 0] > 0
+    maps = np.array([MAP, MAP.copy()])
+    maps[0, :, 0] += kink
+    maps[1, :, 0] -= kink
+    y = np.einsum("nqp,np->nq", maps[np.where(first, 0, 1)], x)
+    heading = rotations(yaw, 0 * yaw, 0 * yaw)
+
+    def in_world(vectors):
+        return np.einsum("nij,nj->ni", heading, vectors)
+
+    pre = markers(place, np.column_stack([yaw, x[:, :2]]), in_world(x[:, 2:5]), x[:, 5:])
+    step = in_world(np.column_stack([y[:, :2], np.full(COUNT, -0.2)]))
+    angles = np.column_stack([yaw + y[:, 2], y[:, 3:5]])
+    post = markers(place + step, angles, in_world(y[:, 5:8]), y[:, 8:])
+    true = SimpleNamespace(
+        x=pre,
+        y=post,
+        schedule=np.where(first, "1>2>3", "3>2>1"),
+        recording=np.full(COUNT, "one"),
+        index=np.arange(COUNT),
+    )
+    exact = {"body_points_m": POINTS.tolist(), "maps": maps, "schedules": ["1>2>3", "3>2>1"]}
+    return true, exact
+
+
+def homed(states, turn, shift):
+    """Marker states in another frame of the plane, (n, 18)."""
+    parts = states.reshape(len(states), 6, 3) @ turn
+    parts[:, :3, :2] += shift
+    return parts.reshape(len(states), -1)
+
+
+def measured(true, noise=0.0):
+    rng = np.random.default_rng(8)
+    turn = rotations(np.array([0.6]), np.zeros(1), np.zeros(1))[0]
+    x, y = (homed(states, turn, [0.3, -2.0]) for states in (true.x, true.y))
+    x, y = (states + noise * rng.normal(size=states.shape) for states in (x, y))
+    return SimpleNamespace(x=x, y=y, recording=true.recording, index=true.index + 5)
+
+
+def test_states_in_another_frame_have_no_error_and_noise_has_its_own():
+    true, _ = study()
+    rows = np.arange(COUNT)
+    exactly = state_errors(measured(true), true, rows)
+    assert exactly["section"].tolist() == ["pre", "post"]
+    assert exactly[["position_rms_mm", "velocity_rms_mm_s"]].to_numpy().max() < 1e-9
+    noisy = state_errors(measured(true, 0.001), true, rows)
+    np.testing.assert_allclose(noisy["velocity_rms_mm_s"], 1.0, rtol=0.02)
+    np.testing.assert_allclose(noisy["position_rms_mm"], np.sqrt(15 / 18), rtol=0.02)
+
+
+def test_touchdowns_find_their_true_landing_by_time():
+    true, _ = study()
+    kept = np.arange(COUNT) != 7
+    true = SimpleNamespace(**{name: value[kept] for name, value in vars(true).items()})
+    instants = np.arange(COUNT)[:, None] * 0.6 + [0.0, 0.01, 0.02]
+    pairs = SimpleNamespace(recording=np.full(4, "one"), index=np.array([9, 2, 4, 3]))
+    table = pd.DataFrame({"recording": "one", "index": [2, 3, 4, 9], "excluded": False})
+    table[[f"contact_{foot}_s" for foot in FEET]] = instants[[11, 7, 20, 3]] + 0.004
+    table.loc[2, "contact_a_s"] += 3000.0
+    rows = true_rows(pairs, table, true, {"one": instants}, FEET)
+    assert rows.tolist() == [3, 10, -1, -1]
+
+
+def test_ols_finds_a_linear_map_exactly_and_a_noisy_one_the_better_the_more_landings():
+    true, exact = study()
+    rows = np.arange(COUNT)
+    table = map_error_table(measured(true, 0.001), true, rows, exact, time_unit_s=0.02, seed=1)
+    clean, noisy = (table[table["source"] == source] for source in ("noise_free", "measured"))
+    assert clean["median"].max() < 1e-9
+    pooled = noisy[noisy["model"] == "pooled"]
+    assert pooled["landings"].tolist() == [30, 60, 120, 240, 480, COUNT]
+    assert np.all(np.diff(pooled["median"]) < 0)
+    assert (pooled["draws"] == [200] * 5 + [1]).all()
+    assert ((table["q05"] <= table["median"]) & (table["median"] <= table["q95"])).all()
+
+
+def test_a_map_of_one_schedule_is_compared_with_its_own():
+    true, exact = study(kink=0.4)
+    table = map_error_table(
+        measured(true), true, np.arange(COUNT), exact, time_unit_s=0.02, seed=1
+    ).set_index(["source", "model"])
+    assert table.loc[("noise_free", "specialised"), "median"].max() < 1e-9
+    assert table.loc[("noise_free", "pooled"), "median"].min() > 0.01
+
+
+def test_the_same_seed_gives_the_same_table():
+    true, exact = study()
+    made = [
+        map_error_table(
+            measured(true, 0.001), true, np.arange(COUNT), exact, time_unit_s=0.02, seed=seed
+        )
+        for seed in (1, 1, 2)
+    ]
+    assert made[0].equals(made[1])
+    assert not made[0].equals(made[2])
+
+
+def test_without_a_true_landing_there_is_nothing_to_compare():
+    true, exact = study()
+    with pytest.raises(AnalysisError, match="found none"):
+        map_error_table(measured(true), true, np.full(COUNT, -1), exact, time_unit_s=0.02, seed=1)
+
+
+def test_the_entries_name_source_model_and_number():
+    true, exact = study()
+    rows = np.arange(COUNT)
+    noisy = measured(true, 0.001)
+    table = map_error_table(noisy, true, rows, exact, time_unit_s=0.02, seed=1)
+    entries = score_maps(table) | score_states(state_errors(noisy, true, rows))
+    assert entries["velocity_rms_post"]["value"] == pytest.approx(1.0, rel=0.05)
+    assert entries["map_error_measured_pooled_120"]["value"] > 0
+    all_of_them = entries["map_error_noise_free_pooled_all"]
+    assert f"one map for all schedules, {COUNT} landings, without noise" in all_of_them["what"]

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from hopdata.landings.schedules import schedule_names
-from hopdata.maps.truth.landing_scores import (
+from hopdata.maps.truth.landings import (
     KnownRecording,
     count_touchdowns,
     score_contacts,

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopdata.maps.verdict.kinks import kinks
+from hopdata.maps.coordinates import kinks
 
 SHAPE = np.array([[0.13, 0.03, -0.01], [-0.07, 0.11, 0.02], [-0.06, -0.14, -0.01]])
 SPREAD_S = 0.01

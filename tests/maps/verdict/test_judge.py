@@ -9,7 +9,7 @@ import pytest
 from kinked_landings import landings
 
 from hopdata.maps.verdict import judge
-from hopdata.maps.verdict.significance import KinkTest
+from hopdata.maps.verdict.test import KinkTest
 
 OPTIONS = {"seed": 3, "time_unit_s": 0.05, "flips": 499, "permutations": 99}
 

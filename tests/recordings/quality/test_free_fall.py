@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from hopdata.gravity import GRAVITY_M_S2
-from hopdata.recordings.quality import free_fall
-from hopdata.recordings.quality.free_fall import DIRECTIONS, UNITS_IN_M, WITHIN
+from hopdata.arrays import GRAVITY_M_S2
+from hopdata.recordings.quality import orientation as free_fall
+from hopdata.recordings.quality.orientation import DIRECTIONS, UNITS_IN_M, WITHIN
 
 
 def falling(n=400, n_markers=3, seed=0):

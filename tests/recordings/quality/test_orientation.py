@@ -3,11 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up_hopper import MARKERS, hopping
+from qtm_files import NAMES, UPRIGHT, qtm_text, standing, write
+from trc_files import trc_text
 
-from hopdata.recordings.axes import rotate_up
-from hopdata.recordings.quality.free_fall import free_fall
-from hopdata.recordings.quality.orientation import guess_unit_and_up
-from hopdata.recordings.raw import RawRecording
+from hopdata.errors import RecordingError
+from hopdata.recording import extent
+from hopdata.recordings.importing import import_recording
+from hopdata.recordings.plausibility import notes
+from hopdata.recordings.quality.orientation import choose_unit, free_fall, guess_unit_and_up
+from hopdata.recordings.raw import RawRecording, rotate_up
+from hopdata.recordings.readers.writers import write_c3d
 
 UNITS = {"m": 1.0, "mm": 1000.0, "cm": 100.0, "inch": 1 / 0.0254}
 
@@ -87,3 +92,155 @@ def test_no_frames_no_fall():
     fall = free_fall(np.zeros((3, 2, 3)), 100.0)
     assert fall.share == 0.0
     assert not fall.is_clear
+
+
+# The unit of a recording, and what is said where it is a guess.
+
+LENGTH_UNIT_MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
+SILENT = {"Units": None}
+
+
+def imported(path, **options):
+    return import_recording(path, name="trial", markers=LENGTH_UNIT_MARKERS, **options)[0]
+
+
+def trc(folder, *, scale=1000.0, name="a.trc", positions=None, **options):
+    positions = standing(scale=scale) if positions is None else positions
+    return write(folder, trc_text(positions, NAMES, **options), name)
+
+
+def c3d(folder, *, scale=1000.0, unit="mm", states=True):
+    path = folder / "a.c3d"
+    write_c3d(path, RawRecording(NAMES, np.arange(40) / 100, standing(scale=scale), 100.0, unit))
+    if not states:
+        path.write_bytes(path.read_bytes().replace(b"UNITS", b"OTHER"))
+    return path
+
+
+def table(folder, *, scale=1000.0):
+    """A table that only looks like an export: no key says who wrote it."""
+    keys = ("NO_OF_FRAMES", "NO_OF_CAMERAS", "NO_OF_MARKERS", "FREQUENCY", "NO_OF_ANALOG")
+    keys += ("ANALOG_FREQUENCY", "DESCRIPTION", "TIME_STAMP", "DATA_INCLUDED", "MARKER_NAMES")
+    bare = dict.fromkeys((*keys, "TRAJECTORY_TYPES"))
+    return write(folder, qtm_text(standing(scale=scale, wobble=0.002), header=bare), "a.txt")
+
+
+def test_of_two_units_never_both_fit():
+    for size in np.geomspace(1e-4, 1e5, 200):
+        positions = size * UPRIGHT[np.newaxis]
+        by_mm = choose_unit(positions, unit="auto", nominal="mm")
+        by_m = choose_unit(positions, unit="auto", nominal="m")
+        assert by_mm == by_m or size < 0.1 or size > 10  # outside, the format's own unit stays
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1000.0, "mm"), (1.0, "m")])
+@pytest.mark.parametrize(
+    "silent",
+    [
+        lambda folder, scale: trc(folder, scale=scale, values=SILENT),
+        lambda folder, scale: c3d(folder, scale=scale, states=False),
+        lambda folder, scale: table(folder, scale=scale),
+    ],
+    ids=["trc", "c3d", "table"],
+)
+def test_a_guess_is_said_until_the_unit_is_given(tmp_path, silent, scale, unit):
+    path = silent(tmp_path, scale)
+    guessed, given = imported(path), imported(path, unit=unit)
+    assert np.array_equal(guessed.positions, given.positions)
+    assert given.remarks == ()
+    (remark,) = guessed.remarks
+    assert remark == (
+        f"{path}: unit: expected the file to state it, found none; taken for {unit}, in which the "
+        f"markers span {extent(guessed.positions):.3g} m; input.unit: {unit} makes it certain"
+    )
+    assert remark in notes(guessed)
+
+
+def test_what_the_file_states_or_its_format_prescribes_is_no_guess(tmp_path):
+    files = [
+        trc(tmp_path),
+        c3d(tmp_path),
+        c3d(tmp_path, scale=1.0, unit="m"),
+        write(tmp_path, qtm_text()),
+    ]
+    for path in files:
+        assert imported(path).remarks == ()
+
+
+def test_a_stated_unit_that_cannot_be_is_said(tmp_path):
+    path = trc(tmp_path, scale=1.0)
+    assert imported(path).remarks == (
+        f"{path}: unit: expected mm as stated, found markers that would span 0.000603 m in it; "
+        "taken for m, in which the markers span 0.603 m; input.unit: m makes it certain",
+    )
+    assert imported(path, unit="m").remarks == ()
+
+
+def test_the_fall_is_a_reason(tmp_path):
+    """Every second all markers fly for 0.4 s."""
+    time = np.arange(200) / 100
+    phase = np.clip(time % 1.0, 0, 0.4)
+    height = 0.5 * 9.81 * phase * (0.4 - phase)
+    positions = np.tile(1000 * UPRIGHT, (200, 1, 1))
+    positions[:, :, 2] += 1000 * height[:, None]
+    (remark,) = imported(trc(tmp_path, positions=positions, values=SILENT)).remarks
+    assert "in which the markers span 0.601 m and fall at 9.81 m/s² in 34 %" in remark
+    assert "of the frames; input.unit: mm makes" in remark
+
+
+def test_of_joined_files_those_that_are_silent_are_named(tmp_path):
+    rows = [
+        trc(tmp_path, name="a.trc"),
+        *(trc(tmp_path, name=f"{name}.trc", values=SILENT) for name in "bc"),
+    ]
+    (remark,) = [remark for remark in imported(rows).remarks if "unit" in remark]
+    assert remark.startswith(f"{tmp_path}/b.trc and 1 more: unit: expected the file to state it")
+
+
+def mixed(folder, *, stated, silent):
+    """Two files of one animal, in these units; the second does not say its own."""
+    scale = {"m": 1.0, "mm": 1000.0}
+    return [
+        trc(folder, name="a.trc", scale=scale[stated], values={"Units": stated}),
+        trc(folder, name="b.trc", scale=scale[silent], values=SILENT),
+    ]
+
+
+@pytest.mark.parametrize("unit", ["m", "mm"])
+def test_a_silent_file_is_joined_in_the_unit_of_the_one_that_states_it(tmp_path, unit):
+    rows = mixed(tmp_path, stated=unit, silent=unit)
+    guessed, given = imported(rows), imported(rows, unit=unit)
+    assert np.array_equal(guessed.positions, given.positions)
+    assert extent(given.positions) == pytest.approx(0.6, abs=0.01)
+    assert not any("unit" in remark for remark in given.remarks)
+    (remark,) = [remark for remark in guessed.remarks if "unit" in remark]
+    assert remark.startswith(f"{tmp_path}/b.trc: unit: expected the file to state it, found none")
+
+
+@pytest.mark.parametrize(("stated", "silent"), [("m", "mm"), ("mm", "m")])
+def test_a_silent_file_of_another_size_is_not_joined(tmp_path, stated, silent):
+    rows = mixed(tmp_path, stated=stated, silent=silent)
+    with pytest.raises(RecordingError) as caught:
+        imported(rows)
+    for part in (f"{rows[1]}: unit: expected {stated} as in {rows[0]}", f"fit {silent} only"):
+        assert part in str(caught.value)
+
+
+def test_of_joined_files_the_silent_and_the_overruled_are_named(tmp_path):
+    rows = [
+        trc(tmp_path, name="a.trc", scale=1.0, values={"Units": "mm"}),
+        trc(tmp_path, name="b.trc", scale=1.0, values=SILENT),
+    ]
+    guessed = imported(rows)
+    assert extent(guessed.positions) == pytest.approx(0.6, abs=0.01)
+    silent, overruled = [remark for remark in guessed.remarks if "unit" in remark]
+    assert silent.startswith(f"{rows[1]}: unit: expected the file to state it, found none")
+    assert overruled.startswith(f"{rows[0]}: unit: expected mm as stated, found markers that would")
+    assert not any("unit" in remark for remark in imported(rows, unit="m").remarks)
+
+
+def test_a_file_in_which_no_size_is_seen_keeps_the_usual_unit(tmp_path):
+    positions = standing()
+    positions[:, 1:] = np.nan
+    (remark,) = imported(trc(tmp_path, positions=positions, values=SILENT)).remarks
+    assert "taken for mm, which is usual; input.unit: mm makes it certain" in remark

@@ -3,8 +3,7 @@ import pytest
 from made_up_hopper import MARKERS, hopping
 
 from hopdata.recordings.quality.inspection import inspect_recording
-from hopdata.recordings.quality.names import part_by_name
-from hopdata.recordings.quality.roles import guess_roles
+from hopdata.recordings.quality.roles import guess_roles, part_by_name
 from hopdata.recordings.raw import RawRecording
 
 
@@ -85,7 +84,7 @@ def test_the_file_s_order_is_kept():
 
 def test_the_sample_s_roles_are_those_of_its_configuration(sample_path):
     from hopdata.config import load_config
-    from hopdata.recordings.importing import read_raw
+    from hopdata.recordings.readers.formats import read_raw
 
     config = load_config(sample_path.parents[2] / "config/config.yaml", check_files=False)
     found = guess_roles(inspect_recording(read_raw(sample_path)))
@@ -93,7 +92,7 @@ def test_the_sample_s_roles_are_those_of_its_configuration(sample_path):
 
 
 def test_a_runner_s_right_foot_and_pelvis(external_recording):
-    from hopdata.recordings.importing import read_raw
+    from hopdata.recordings.readers.formats import read_raw
 
     found = guess_roles(inspect_recording(read_raw(external_recording)))
     assert found.body == ("body1", "body2", "body3")

@@ -7,8 +7,13 @@ from control_models import LIMIT, ClosedForm, random_states, table
 from hopdata.errors import ConfigError
 from hopdata.steering.control.coarse_kernel import coarse_table, lowest_dips
 from hopdata.steering.control.globalised import GlobalisedController, Search
-from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, objective_value
-from hopdata.steering.control.plan import PlanningError
+from hopdata.steering.control.objectives import (
+    Horizon,
+    PlanningError,
+    ToHeading,
+    ToPoint,
+    objective_value,
+)
 from hopdata.steering.control.printed import objective_and_gradient, predicted_poses
 from hopdata.steering.control.reference import reference_objective
 from hopdata.steering.control.rollout_kernel import rollout, target_of

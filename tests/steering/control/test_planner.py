@@ -7,14 +7,26 @@ import pytest
 from control_models import LIMIT, ClosedForm, random_states, table
 
 from hopdata.errors import ConfigError
-from hopdata.steering.control.cost_to_go import HeadingGrid, PointGrid, StageCost
-from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, WayPoints, errors_left
-from hopdata.steering.control.plan import PlanningError
+from hopdata.rigid import composed
+from hopdata.steering.control.objectives import (
+    Horizon,
+    PlanningError,
+    ToHeading,
+    ToPoint,
+    WayPointFollower,
+    WayPoints,
+    errors_left,
+)
 from hopdata.steering.control.planner import PlannerOptions, planner
-from hopdata.steering.control.point_value_kernel import distances_of, point_value, stage_cost
+from hopdata.steering.control.planner_values import (
+    HeadingGrid,
+    PointGrid,
+    StageCost,
+    distances_of,
+    point_value,
+    stage_cost,
+)
 from hopdata.steering.control.printed import predicted_poses
-from hopdata.steering.control.way_points import WayPointFollower
-from hopdata.steering.se2 import composed
 
 TABLE = table()
 COARSE = PlannerOptions(

@@ -7,14 +7,19 @@ import pytest
 from control_models import LIMIT, ClosedForm, random_states
 
 from hopdata.errors import ConfigError
-from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, objective_value
-from hopdata.steering.control.plan import PlanningError
+from hopdata.rigid import composed
+from hopdata.steering.control.objectives import (
+    Horizon,
+    PlanningError,
+    ToHeading,
+    ToPoint,
+    objective_value,
+)
 from hopdata.steering.control.printed import (
     PrintedController,
     objective_and_gradient,
     predicted_poses,
 )
-from hopdata.steering.se2 import composed
 
 MODEL = ClosedForm()
 OBJECTIVES = [

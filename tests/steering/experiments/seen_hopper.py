@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from hopdata.steering.control.plan import Plan
-from hopdata.steering.experiments.starts import Start
-from hopdata.steering.experiments.watched import Sight
+from hopdata.steering.control.objectives import Plan
+from hopdata.steering.experiments.run import Sight
+from hopdata.steering.experiments.tasks import Start
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
-from hopdata.steering.plant.robot import SteeredHopper
-from hopdata.synthesis.floor import draw_floor
-from hopdata.synthesis.options import FloorOptions, GapOptions
+from hopdata.steering.robot import SteeredHopper
+from hopdata.synthesis.camera import draw_floor
 from hopdata.synthesis.simulate import MotionCapture
+from hopdata.synthesis.trial import FloorOptions, GapOptions
 
 ROBOT = SteeredHopper()
 FLAT = FloorOptions(bowl_depth_m=0.0, waves=0)

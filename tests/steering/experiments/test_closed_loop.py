@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 
-from hopdata.steering.control.objectives import ToPoint, errors_left
-from hopdata.steering.control.plan import Plan, PlanningError, checked_state
+from hopdata.steering.control.objectives import (
+    Plan,
+    PlanningError,
+    ToPoint,
+    checked_state,
+    errors_left,
+)
 from hopdata.steering.experiments.closed_loop import PoseNoise, closed_loop
-from hopdata.steering.plant.obstacle import Board
-from hopdata.steering.plant.robot import SteeredHopper
+from hopdata.steering.robot import Board, SteeredHopper
 
 ROBOT = SteeredHopper()
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from seen_hopper import ROBOT, Swings, gaps, sight, start
 
-from hopdata.steering.control.plan import PlanningError
-from hopdata.steering.experiments.pure_simulation import simulated
+from hopdata.rigid import wrapped
+from hopdata.steering.control.objectives import PlanningError
 from hopdata.steering.experiments.run import run_task
+from hopdata.steering.experiments.study import simulated
 from hopdata.steering.experiments.tasks import FELL, Task, board_for
-from hopdata.steering.se2 import wrapped
 
 TASK = Task(manoeuvre="origin", near=0.01, hops=8)
 

@@ -6,9 +6,8 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from hopdata.steering.live.patience import Patience
 from hopdata.steering.live.server import LoopbackServer
-from hopdata.steering.live.stream import MarkerStream
+from hopdata.steering.live.stream import MarkerStream, Patience
 
 LABELS = ("body1", "body2", "body3", "boom")
 LONG_S = 30.0  # a time-out that a loaded machine does not reach

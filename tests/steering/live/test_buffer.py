@@ -1,10 +1,12 @@
+import asyncio
 import threading
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from loopback import LONG_S, our_threads, wait_until
 
-from hopdata.steering.live.buffer import FrameBuffer
+from hopdata.steering.live.buffer import FrameBuffer, LoopThread, StatusLog
 
 
 def write(buffer, k):
@@ -69,3 +71,49 @@ def test_readers_get_whole_frames_in_order_while_the_writer_runs():
 def test_a_buffer_holds_at_least_one_frame():
     with pytest.raises(ValueError, match="capacity"):
         FrameBuffer(0)
+
+
+async def forever():
+    await asyncio.Event().wait()
+
+
+def test_it_runs_until_it_is_stopped():
+    thread, called = LoopThread("hopdata-test", forever), threading.Event()
+    thread.start()
+    thread.call(called.set)
+    assert called.wait(LONG_S)
+    assert thread.alive
+    thread.stop()
+    thread.stop()
+    thread.call(called.set)  # ignored
+    assert not thread.alive
+    assert thread.failure is None
+    assert our_threads() == []
+
+
+def test_a_failure_is_kept():
+    async def fails():
+        raise RuntimeError("broken")
+
+    thread = LoopThread("hopdata-test", fails)
+    thread.start()
+    wait_until(lambda: not thread.alive)
+    assert str(thread.failure) == "broken"
+    thread.stop()
+
+
+def test_states_are_kept_in_order_with_their_reasons():
+    log = StatusLog()
+    log.report("connecting")
+    log.report("lost", "gone")
+    assert [s.state for s in log.history()] == ["idle", "connecting", "lost"]
+    assert log.status.message == "gone"
+    times = [s.at_s for s in log.history()]
+    assert times == sorted(times)
+
+
+def test_waiting_for_a_state():
+    log = StatusLog()
+    threading.Timer(0.02, log.report, ("streaming",)).start()
+    assert log.wait_for("streaming", "failed", timeout_s=LONG_S).state == "streaming"
+    assert log.wait_for("lost", timeout_s=0.01) is None

@@ -5,12 +5,19 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 from loopback import LONG_S, our_threads, wait_until
 
-from hopdata.steering.live.buffer import FrameBuffer
-from hopdata.steering.live.limits import Limits
-from hopdata.steering.live.loop import ControlLoop
+from hopdata.steering.live.buffer import FrameBuffer, StatusLog
+from hopdata.steering.live.loop import (
+    DECISION_COLUMNS,
+    ControlLoop,
+    Decision,
+    write_decisions,
+    write_states,
+)
+from hopdata.steering.live.safety import Limits
 
 PERIOD_S = 0.01
 LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S)  # a loaded machine may pause
@@ -312,3 +319,42 @@ def test_closing_ends_the_thread_at_once():
     assert time.monotonic() - start < LONG_S
     bench.loop.close()
     Bench().loop.close()
+
+
+PLANNED = Decision(
+    stance_s=1.25,
+    told_s=1.27,
+    epoch=0,
+    pose=(0.1, -0.2, 3.0),
+    boom_angle_rad=2.5,
+    pose_age_s=0.001,
+    boom_age_s=0.011,
+    outcome="planned",
+    command_rad=-0.5,
+    planning_s=0.002,
+    latency_s=0.003,
+    since_stance_s=0.023,
+    reason="",
+)
+
+
+def test_the_log_of_decisions_can_be_read_back(tmp_path):
+    held = Decision(**(vars(PLANNED) | {"outcome": "held", "reason": 'failed: "a, b"'}))
+    write_decisions(tmp_path / "decisions.csv", [PLANNED, held])
+    table = pd.read_csv(tmp_path / "decisions.csv", keep_default_na=False)
+    assert tuple(table.columns) == DECISION_COLUMNS
+    assert list(table.outcome) == ["planned", "held"]
+    assert table.y_m[0] == -0.2
+    assert table.reason[1] == 'failed: "a, b"'
+    assert [p.name for p in tmp_path.iterdir()] == ["decisions.csv"]
+
+
+def test_the_log_of_states_can_be_read_back(tmp_path):
+    log = StatusLog()
+    log.report("connecting")
+    log.report("lost", "the server has hung up")
+    write_states(tmp_path / "states.csv", log.history())
+    table = pd.read_csv(tmp_path / "states.csv")
+    assert list(table.state) == ["idle", "connecting", "lost"]
+    assert table.message[2] == "the server has hung up"
+    assert math.isfinite(table.at_s[0])

@@ -1,6 +1,9 @@
+import asyncio
+
 import numpy as np
 import pytest
 from qtm_rt.packet import QRTComponentType, QRTPacket
+from qtm_rt.protocol import QTMProtocol
 
 from hopdata.steering.live import packets
 from hopdata.steering.live.packets import (
@@ -8,10 +11,21 @@ from hopdata.steering.live.packets import (
     EVENT,
     HEADER,
     XML,
+    GarbageError,
+    LabelError,
+    Screen,
+    SettingsError,
     StreamFrame,
+    StreamParameters,
+    check_settings,
+    event,
+    find_labels,
     frame_3d,
     header_fault,
+    packet,
+    parameters_xml,
     payload_fault,
+    read_parameters,
 )
 
 MARKERS = np.array([[0.1, -0.2, 0.3], [np.nan, 1.0, 2.0], [1.25, 2.5, -0.125]])
@@ -86,3 +100,149 @@ def test_events_and_texts_are_checked():
     assert payload_fault(EVENT, b"") == "an unknown event"
     assert payload_fault(XML, b"<a/>") == "text without its end"
     assert payload_fault(XML, b"<a/>\0") == ""
+
+
+def test_labels_and_rate_come_back():
+    document = parameters_xml(["body <1>", "boom"], 99.5, parts=["general", "3d"])
+    parameters = read_parameters(document)
+    assert parameters.labels == ("body <1>", "boom")
+    assert parameters.rate_hz == 99.5
+
+
+def test_only_the_parts_asked_for_are_sent():
+    assert read_parameters(parameters_xml(["a"], 100, parts=["general"])).labels == ()
+    assert read_parameters(parameters_xml(["a"], 100, parts=["3d"])).rate_hz is None
+
+
+def test_what_is_not_xml_is_an_error():
+    with pytest.raises(GarbageError, match="expected XML"):
+        read_parameters(b"<QTM")
+
+
+def test_our_own_settings_are_sound():
+    parameters = read_parameters(parameters_xml(["a"], 100, parts=["all"]))
+    assert parameters.upwards == "+Z"
+    check_settings(parameters, 100.0)
+    check_settings(parameters, None)
+    check_settings(StreamParameters(("a",), None), 100.0)  # says nothing
+
+
+def test_another_axis_or_rate_is_an_error():
+    with pytest.raises(SettingsError, match=r"points up in the stream: expected \+Z, found \+Y"):
+        check_settings(StreamParameters(("a",), 100.0, "+Y"), 100.0)
+    with pytest.raises(SettingsError, match="expected 100 Hz, found 300 Hz"):
+        check_settings(StreamParameters(("a",), 300.0, "+Z"), 100.0)
+
+
+def test_markers_are_found_by_label():
+    assert find_labels(["c", "a"], ["a", "b", "c"]) == [2, 0]
+
+
+def test_a_missing_label_is_named_with_the_nearest():
+    with pytest.raises(LabelError, match=r"marker 'bodi1' .*\(body1, boom\); did you mean 'body1'"):
+        find_labels(["boom", "bodi1"], ["body1", "boom"])
+
+
+def test_a_label_that_stands_twice_is_refused():
+    with pytest.raises(LabelError, match="more than once"):
+        find_labels(["a"], ["a", "a"])
+
+
+SOUND = [frame_3d(StreamFrame(k / 100, k, np.ones((2, 3)))) for k in range(1, 4)]
+
+
+class Inner(asyncio.Protocol):
+    def __init__(self, fail=False):
+        self.got, self.fail = [], fail
+
+    def data_received(self, data):
+        self.got.append(data)
+        if self.fail:
+            raise KeyError("unheard of")
+
+
+class Transport(asyncio.Transport):
+    aborted = False
+
+    def abort(self):
+        self.aborted = True
+
+
+def screened(pieces, inner=None):
+    """Push pieces of bytes through a screen."""
+
+    async def push():
+        inner_ = inner or Inner()
+        faults, transport = [], Transport()
+        screen = Screen(inner_, faults.append)
+        screen.connection_made(transport)
+        for piece in pieces:
+            screen.data_received(piece)
+        return inner_.got, faults, screen.error, transport.aborted
+
+    return asyncio.run(push())
+
+
+@pytest.mark.parametrize("step", [1, 7, 8, 50, 10_000])
+def test_packets_are_whole_however_they_come(step):
+    stream = b"".join(SOUND)
+    pieces = [stream[k : k + step] for k in range(0, len(stream), step)]
+    assert screened(pieces) == (SOUND, [], None, False)
+
+
+def test_a_damaged_packet_is_left_out_and_those_after_it_come():
+    damaged = [packet(DATA, b"short"), packet(EVENT, b"\x63"), event(3)]
+    got, faults, error, aborted = screened([b"".join([SOUND[0], *damaged, SOUND[1]])])
+    assert got == [SOUND[0], event(3), SOUND[1]]
+    assert faults == ["a frame cut short", "an unknown event"]
+    assert (error, aborted) == (None, False)
+
+
+@pytest.mark.parametrize("header", [bytes(8), HEADER.pack(7, 3), HEADER.pack(2**32 - 1, 3)])
+def test_a_header_that_cannot_be_ends_the_connection(header):
+    got, _, error, aborted = screened([SOUND[0] + header, SOUND[1]])
+    assert got == SOUND[:1]  # and nothing after it
+    assert "the stream is not of the protocol: packet of" in str(error)
+    assert aborted
+
+
+def test_a_packet_that_the_client_cannot_read_ends_the_connection():
+    _, _, error, aborted = screened(SOUND, Inner(fail=True))
+    assert "KeyError('unheard of')" in str(error)
+    assert aborted
+
+
+def mangled(rng):
+    """A stream of packets with bytes replaced, taken out and put in."""
+    stream = bytearray(b"".join([*SOUND, event(3), *SOUND]))
+    for _ in range(rng.integers(1, 6)):
+        place, kind = rng.integers(len(stream)), rng.integers(3)
+        if kind == 0:
+            stream[place] = rng.choice([0, 1, 3, 6, 255, rng.integers(256)])
+        elif kind == 1:
+            del stream[place : place + rng.integers(1, 20)]
+        else:
+            stream[place:place] = rng.bytes(rng.integers(1, 20)) * rng.integers(0, 2) or bytes(8)
+    return bytes(stream)
+
+
+def test_the_real_client_survives_whatever_comes_through():
+    """Mangled streams end in sound packets or an error, never in an exception or for ever."""
+    rng = np.random.default_rng(np.random.SeedSequence(17))
+
+    async def push():
+        read, errors = 0, 0
+        for _ in range(1000):
+            got = []
+            client = QTMProtocol(loop=asyncio.get_running_loop())
+            client.set_on_packet(lambda packet, got=got: got.append(packet.get_3d_markers()))
+            screen = Screen(client, [].append)
+            screen.connection_made(Transport())
+            screen.data_received(mangled(rng))
+            assert "client cannot read" not in str(screen.error)
+            read, errors = read + len(got), errors + (screen.error is not None)
+        return read, errors
+
+    read, errors = asyncio.run(asyncio.wait_for(push(), 30))
+    assert read > 2000
+    assert errors > 200

@@ -7,29 +7,30 @@ import pytest
 from steered_hops import LIMIT, chained_hops, smooth_change
 
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
-from hopdata.steering.models.hyperparameters import (
-    fitted_regressor,
-    hyper_parameters,
-    regressor_of,
-)
-from hopdata.steering.models.kernels import (
+from hopdata.steering.models.process import (
     SMOOTHNESSES,
+    FrameChangeProcess,
     correlation,
     correlation_and_slope,
     embedded,
     kernel_code,
+    load_process,
+    save_process,
 )
-from hopdata.steering.models.options import (
+from hopdata.steering.models.training import (
     PRINTED,
     RECOMMENDED,
     WITH_PREVIOUS_CHANGE,
     WITH_PREVIOUS_SWING,
     ProcessOptions,
+    fitted_regressor,
+    hyper_parameters,
+    input_units,
     process_inputs,
+    regressor_of,
+    trained_process,
+    training_set,
 )
-from hopdata.steering.models.process import FrameChangeProcess
-from hopdata.steering.models.saving import load_process, save_process
-from hopdata.steering.models.training import input_units, trained_process, training_set
 
 NOISE = np.array([2e-3, 2e-3, 1e-2])
 HOPS = chained_hops(60, noise=NOISE, memory=0.01)

@@ -5,7 +5,6 @@ import pytest
 from steered_hops import LIMIT, chained_hops, smooth_change
 
 from hopdata.errors import AnalysisError
-from hopdata.steering.models.options import WITH_PREVIOUS_SWING
 from hopdata.steering.models.tabulated import (
     TabulatedMap,
     tabulated,
@@ -13,7 +12,7 @@ from hopdata.steering.models.tabulated import (
     tabulation_errors,
     turn_nodes,
 )
-from hopdata.steering.models.training import trained_process
+from hopdata.steering.models.training import WITH_PREVIOUS_SWING, trained_process
 
 
 class Smooth:

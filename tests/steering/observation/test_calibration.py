@@ -5,11 +5,18 @@ import pytest
 from steered_hopper import rms, steered
 
 from hopdata.errors import AnalysisError, ConfigError
-from hopdata.steering.observation.boom_circle import fit_boom_circle
-from hopdata.steering.observation.calibration import calibrate
-from hopdata.steering.observation.motion import hopper_motion
-from hopdata.steering.se2 import wrapped
-from hopdata.synthesis.options import MarkerOptions
+from hopdata.rigid import rigid_fit, wrapped
+from hopdata.scenes.hopper import rotation_matrices
+from hopdata.steering.observation.calibration import (
+    algebraic_circle,
+    arc_span,
+    calibrate,
+    fit_boom_circle,
+    geometric_circle,
+    marker_shape,
+)
+from hopdata.steering.observation.tracking import hopper_motion
+from hopdata.synthesis.trial import MarkerOptions
 
 BODY = np.array(MarkerOptions().body_m)
 
@@ -159,3 +166,112 @@ def test_errors_are_rms_of_the_noise_alone():
     arms = BODY - BODY.mean(axis=0)
     bound = 0.0006 / np.sqrt(np.sum(arms[:, :2] ** 2))
     assert rms(wrapped(motion.pose[:, 2] - hopper.yaw)) < 1.05 * bound
+
+
+def arc(span, n=400, noise=0.0, seed=1):
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    angle = np.linspace(0.3, 0.3 + span, n)
+    points = 0.25 * np.column_stack([np.cos(angle), np.sin(angle)]) + [1.0, -2.0]
+    return points + noise * rng.standard_normal(points.shape)
+
+
+@pytest.mark.parametrize("fit", [algebraic_circle, geometric_circle])
+@pytest.mark.parametrize("span", [0.5, 2.0, 6.2])
+def test_exact_points_give_the_circle(fit, span):
+    centre, radius = fit(arc(span))
+    np.testing.assert_allclose(centre, [1.0, -2.0], atol=1e-9)
+    assert radius == pytest.approx(0.25, abs=1e-9)
+
+
+def test_on_a_short_arc_with_noise_the_algebraic_circle_is_too_small():
+    radii = {
+        fit: np.mean([fit(arc(0.8, noise=0.002, seed=s))[1] for s in range(60)])
+        for fit in (algebraic_circle, geometric_circle)
+    }
+    assert radii[algebraic_circle] < 0.25 - 0.003
+    assert abs(radii[geometric_circle] - 0.25) < 0.3 * (0.25 - radii[algebraic_circle])
+
+
+@pytest.mark.parametrize("span", [0.2, 1.0, 3.0, 5.5])
+def test_the_span_of_an_arc(span):
+    assert arc_span(arc(span), np.array([1.0, -2.0])) == pytest.approx(span)
+
+
+def generator(seed):
+    return np.random.default_rng(np.random.SeedSequence(seed))
+
+
+def seen(shape, n=600, noise=0.0006, seed=1):
+    rng = generator(seed)
+    angles = rng.uniform(-1, 1, (n, 3)) * [3.0, 0.3, 0.3]
+    markers = np.einsum("nij,bj->nbi", rotation_matrices(angles), shape)
+    return markers + rng.uniform(-1, 1, (n, 1, 3)) + noise * rng.standard_normal((n, len(shape), 3))
+
+
+def misfit(found, shape):
+    """Largest distance between two shapes, whatever their attitude."""
+    centred = shape - shape.mean(axis=0)
+    fit = rigid_fit(found[None], centred)
+    return np.abs(found - fit.centre[0] - centred @ fit.rotation[0].T).max()
+
+
+@pytest.mark.parametrize("number", [3, 4, 6])
+def test_the_shape_is_found_whatever_the_attitudes(number):
+    shape = generator(number).uniform(-0.2, 0.2, (number, 3))
+    found, noise = marker_shape(seen(shape))
+    assert misfit(found, shape) < 0.0001
+    assert noise == pytest.approx(0.0006, rel=0.05)
+    np.testing.assert_allclose(found.mean(axis=0), 0, atol=1e-12)
+
+
+def test_a_shape_is_not_taken_for_its_mirror_image():
+    shape = np.array([[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1], [0.0, 0.0, 0.0], [0.02, 0.07, -0.1]])
+    for mirrored in (shape, shape * [1, 1, -1]):
+        assert misfit(marker_shape(seen(mirrored))[0], mirrored) < 0.0001
+
+
+def test_unseen_markers_are_left_out():
+    shape = generator(5).uniform(-0.2, 0.2, (4, 3))
+    markers = seen(shape)
+    markers[generator(6).random(markers.shape[:2]) < 0.2] = np.nan
+    assert misfit(marker_shape(markers)[0], shape) < 0.0002
+
+
+def test_no_frame_need_show_all_markers():
+    shape = generator(7).uniform(-0.2, 0.2, (5, 3))
+    markers = seen(shape)
+    markers[np.arange(600), np.arange(600) % 5] = np.nan
+    assert misfit(marker_shape(markers)[0], shape) < 0.0002
+
+
+def test_three_of_four_cannot_tell_a_shape_from_its_mirror_image():
+    markers = seen(generator(7).uniform(-0.2, 0.2, (4, 3)))
+    markers[np.arange(600), np.arange(600) % 4] = np.nan
+    with pytest.raises(AnalysisError, match="mirror image"):
+        marker_shape(markers)
+
+
+def test_exchanged_markers_in_a_fifth_of_the_frames_do_no_harm():
+    shape = generator(8).uniform(-0.2, 0.2, (3, 3))
+    markers = seen(shape)
+    markers[::5] = markers[::5, [1, 0, 2]]
+    found, noise = marker_shape(markers)
+    assert misfit(found, shape) < 0.0001
+    assert noise < 0.0007
+
+
+def test_markers_on_a_line_are_refused():
+    with pytest.raises(AnalysisError, match="off one line"):
+        marker_shape(seen(np.array([[0.0, 0, 0], [0.1, 0, 0], [0.25, 0, 0]])))
+
+
+def test_two_markers_are_refused():
+    with pytest.raises(AnalysisError, match="expected at least 3, found 2"):
+        marker_shape(np.zeros((100, 2, 3)))
+
+
+def test_hardly_any_frames_are_refused():
+    markers = seen(generator(9).uniform(-0.2, 0.2, (3, 3)))
+    markers[10:, 0] = np.nan
+    with pytest.raises(AnalysisError, match="found 10 of 600"):
+        marker_shape(markers)

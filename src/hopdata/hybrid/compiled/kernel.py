@@ -1,8 +1,330 @@
+# ruff: noqa: ARG001 (Numba reads the arguments from the signatures of intrinsics)
 """How the parts of the driver are compiled."""
 
 from __future__ import annotations
 
-from numba import njit
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from hopdata.hybrid.compiled.memory import INDEX, View, lower_row
+
+# Products of small matrices that stand in one table, in vector instructions.
+#
+# A compiler that does not know that two blocks of a table are apart must write each sum to memory
+# before it reads the next factor. Here rows are loaded as vectors once, and stay in registers. Sums
+# are taken in the order of the indices, each product and sum rounded once (see `fused`), whatever
+# the
+# width of the machine's vectors.
+
+DOUBLE, BLOCKS_INDEX, LANE = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
+ALIGNMENT = 8  # of a row, in bytes
+WIDEST = 8  # columns that are worked on at a time
+
+
+class _Block:
+    """Some columns of n rows of a table, from a row on."""
+
+    def __init__(self, builder: Any, data: Any, row: Any, n: int, columns: range) -> None:
+        self._builder, self._n, self._first = builder, n, columns.start
+        self._start = builder.gep(data, [builder.mul(row, ir.Constant(BLOCKS_INDEX, n))])
+        self.kind = ir.VectorType(DOUBLE, len(columns))
+
+    def _place(self, i: int) -> Any:
+        offset = ir.Constant(BLOCKS_INDEX, i * self._n + self._first)
+        place = self._builder.gep(self._start, [offset])
+        return self._builder.bitcast(place, self.kind.as_pointer())
+
+    def load(self, i: int) -> Any:
+        return self._builder.load(self._place(i), align=ALIGNMENT)
+
+    def store(self, i: int, value: Any) -> None:
+        self._builder.store(value, self._place(i), align=ALIGNMENT)
+
+
+def _spread(builder: Any, value: Any, kind: Any) -> Any:
+    """Return a vector with this number in each place."""
+    nothing = ir.Constant(kind, ir.Undefined)
+    first = builder.insert_element(nothing, value, ir.Constant(LANE, 0))
+    places = ir.Constant(ir.VectorType(LANE, kind.count), [0] * kind.count)
+    return builder.shuffle_vector(first, nothing, places)
+
+
+def _fma(builder: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return a b + c of vectors, rounded once."""
+    kind = c.type
+    name = f"llvm.fma.v{kind.count}f64"
+    signature = ir.FunctionType(kind, [kind] * 3)
+    return builder.call(cgutils.get_or_insert_function(builder.module, signature, name), [a, b, c])
+
+
+def _product_of_columns(
+    builder: Any,
+    data: Any,
+    rows: list[Any],
+    added_to: tuple[Any, Any] | None,
+    n: int,
+    columns: range,
+) -> None:
+    target, right = (_Block(builder, data, rows[k], n, columns) for k in (0, 2))
+    left = builder.gep(data, [builder.mul(rows[1], ir.Constant(BLOCKS_INDEX, n))])
+    factors = [right.load(k) for k in range(n)]
+    for i in range(n):
+        total = None
+        for k in range(n):
+            one = builder.load(builder.gep(left, [ir.Constant(BLOCKS_INDEX, i * n + k)]))
+            one = _spread(builder, one, target.kind)
+            first = total is None
+            total = (
+                builder.fmul(one, factors[k]) if first else _fma(builder, one, factors[k], total)
+            )
+        if added_to is not None:
+            base = _Block(builder, data, added_to[0], n, columns)
+            scale = _spread(builder, added_to[1], target.kind)
+            total = _fma(builder, scale, total, base.load(i))
+        target.store(i, total)
+
+
+def _product(
+    context: Any, builder: Any, kind: Any, table: Any, rows: list[Any], added_to: Any, n: int
+) -> Any:
+    data = cgutils.create_struct_proxy(kind)(context, builder, table).data
+    for first in range(0, n, WIDEST):
+        columns = range(first, min(first + WIDEST, n))
+        _product_of_columns(builder, data, rows, added_to, n, columns)
+    return context.get_dummy_value()
+
+
+@intrinsic(prefer_literal=True)
+def _multiply(typing: Any, table: Any, target: Any, left: Any, right: Any, n: Any) -> Any:
+    """Write left right into the block `target`, which is neither; all are (n, n)."""
+    if not isinstance(n, types.IntegerLiteral):
+        return None
+    size, row = n.literal_value, types.int64
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        return _product(context, builder, sign.args[0], values[0], values[1:4], None, size)
+
+    return types.none(table, row, row, row, n), generate
+
+
+@intrinsic(prefer_literal=True)
+def _add_product(
+    typing: Any, table: Any, target: Any, base: Any, left: Any, right: Any, factor: Any, n: Any
+) -> Any:
+    """Write base + factor left right into the block `target`; all are (n, n), n is a constant.
+
+    Blocks are named by their first rows. The target is none of the others.
+    """
+    if not isinstance(n, types.IntegerLiteral):
+        return None
+    size, row = n.literal_value, types.int64
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        rows, added_to = [values[1], *values[3:5]], (values[2], values[5])
+        return _product(context, builder, sign.args[0], values[0], rows, added_to, size)
+
+    return types.none(table, row, row, row, row, types.float64, n), generate
+
+
+multiply: Any = _multiply
+add_product: Any = _add_product
+
+
+# The user's functions: what they are called with, in Python and in machine code.
+#
+# One table. A new kind of function is a new entry here and a decorator in `callbacks`.
+
+STATE = types.float64[::1]
+MODE = types.int64[::1]
+MATRIX = types.float64[:, ::1]
+
+
+@dataclass(frozen=True)
+class Signature:
+    """What a kind of function is called with.
+
+    Parameters
+    ----------
+    name : str
+        The decorator's.
+    arguments : tuple of str
+        Names by which the documentation calls the arguments.
+    native : Numba signature
+        Their types, and that of the result.
+    fills : tuple of str
+        The arrays that the function fills in place.
+    """
+
+    name: str
+    arguments: tuple[str, ...]
+    native: Any
+    fills: tuple[str, ...] = ()
+
+    def call(self, function_name: str) -> str:
+        """Write the call as a user would."""
+        return f"{function_name}({', '.join(self.arguments)})"
+
+
+TYPES = {
+    "t": types.float64,
+    **dict.fromkeys(("y", "dy", "params", "h", "hdot", "b"), STATE),
+    "mode": MODE,
+    **dict.fromkeys(("k", "guard", "direction"), types.int64),
+    **dict.fromkeys(("jac", "a"), MATRIX),
+}
+
+
+def _kind(name: str, arguments: str, *, fills: str = "", returns: Any = types.void) -> Signature:
+    names = tuple(arguments.split())
+    native = returns(*(TYPES[name] for name in names))
+    return Signature(name, names, native, tuple(fills.split()))
+
+
+FIELD = _kind("field", "t y mode params dy", fills="dy")
+GUARDS = _kind("guards", "t y dy mode params h hdot", fills="h hdot")
+GUARD = _kind("guard", "t y dy mode params k h hdot", fills="h hdot")
+RATE_BOUND = _kind("rate_bound", "t y dy mode params", returns=types.float64)
+ON_EVENT = _kind("on_event", "t y mode params guard direction", returns=types.int64)
+JACOBIAN = _kind("jacobian", "t y mode params jac", fills="jac")
+AFFINE = _kind("affine", "mode params a b", fills="a b")
+
+SIGNATURES = {
+    kind.name: kind for kind in (FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, JACOBIAN, AFFINE)
+}
+
+
+# Calls of machine code by its address, from the driver.
+#
+# A Numba function passed as an argument would compile the driver anew for each scene, in each
+# process. Called by its address instead, it leaves the driver as it is: one driver serves all.
+#
+# The driver hands over views; what is called takes arrays (the user's functions) or the addresses
+# and widths of views (steps, interpolants and tangents of a method).
+
+FLOATS, INTEGERS = View(types.float64, 1), View(types.int64, 1)
+TABLE = View(types.float64, 2)
+
+# How an argument is handed over: as it is; the row of a table, which takes two arguments, as an
+# array; a vector as an array; a view as its address; a vector as its address and width.
+VALUE, ROW, VECTOR, ADDRESS, SPAN = range(5)
+
+Plan = tuple[tuple[Any, int], ...]
+
+
+def _row(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
+    return [lower_row(context, builder, kind, *values)]
+
+
+def _address(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
+    proxy = cgutils.create_struct_proxy(kind)(context, builder, values[0])
+    return [builder.ptrtoint(proxy.data, context.get_value_type(INDEX))]
+
+
+def _span(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
+    proxy = cgutils.create_struct_proxy(kind)(context, builder, values[0])
+    return [*_address(context, builder, kind, values), proxy.width]
+
+
+def _value(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
+    return values
+
+
+LOWER = {VALUE: _value, ROW: _row, VECTOR: _row, ADDRESS: _address, SPAN: _span}
+
+
+def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
+    """Return a function for compiled code, which takes an address and what the plan says.
+
+    Parameters
+    ----------
+    native : Numba signature
+        Of the machine code at the address.
+    *plan : tuple
+        For each argument its Numba type and the way in which it is handed over.
+    """
+    kinds = [k for kind, way in plan for k in ((kind, INDEX) if way == ROW else (kind,))]
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        from llvmlite import ir
+
+        rest, arguments = list(values[1:]), []
+        for kind, way in plan:
+            count = 2 if way == ROW else 1
+            arguments += LOWER[way](context, builder, kind, rest[:count])
+            rest = rest[count:]
+        taken = [context.get_value_type(kind) for kind in native.args]
+        given = context.get_value_type(native.return_type)
+        target = builder.inttoptr(values[0], ir.FunctionType(given, taken).as_pointer())
+        result = builder.call(target, arguments)
+        return context.get_dummy_value() if native.return_type == types.void else result
+
+    # Numba wants an intrinsic whose arguments have names.
+    names = ", ".join(f"a{k}" for k in range(len(kinds)))
+    known = {"sign": native.return_type(INDEX, *kinds), "generate": generate}
+    return intrinsic(eval(f"lambda typing, address, {names}: (sign, generate)", known))  # type: ignore[no-any-return]
+
+
+_T = (types.float64, VALUE)
+_STATE, _GUARDS, _MODE, _PARAMS = (TABLE, ROW), (TABLE, ROW), (INTEGERS, VECTOR), (FLOATS, VECTOR)
+_NUMBER = (types.int64, VALUE)
+
+# call_field(address, t, s, y, mode, params, s, dy): y and dy are rows of the table s.
+call_field = caller(FIELD.native, _T, _STATE, _MODE, _PARAMS, _STATE)
+# call_guards(address, t, s, y, s, dy, mode, params, g, h, g, hdot)
+call_guards = caller(GUARDS.native, _T, _STATE, _STATE, _MODE, _PARAMS, _GUARDS, _GUARDS)
+# call_guard(address, t, s, y, s, dy, mode, params, k, g, h, g, hdot)
+call_guard = caller(GUARD.native, _T, _STATE, _STATE, _MODE, _PARAMS, _NUMBER, _GUARDS, _GUARDS)
+# call_rate_bound(address, t, s, y, s, dy, mode, params)
+call_rate_bound = caller(RATE_BOUND.native, _T, _STATE, _STATE, _MODE, _PARAMS)
+# call_on_event(address, t, s, y, mode, params, guard, direction)
+call_on_event = caller(ON_EVENT.native, _T, _STATE, _MODE, _PARAMS, _NUMBER, _NUMBER)
+
+_FLOAT, _INT = types.float64, types.int64
+_VIEWS = (_INT,) * 5  # addresses of states, mode and its width, params and their width
+_SPANS = (_INT,) * 6  # the same, with the width of the states
+STEP_NATIVE = _FLOAT(_FLOAT, _FLOAT, _FLOAT, *_SPANS, _INT, _INT)
+INTERPOLANT_NATIVE = _INT(_FLOAT, _FLOAT, *_SPANS, _INT)
+REFRESH_NATIVE = _FLOAT(*_VIEWS)
+TANGENT_NATIVE = _FLOAT(_FLOAT, _FLOAT, _FLOAT, *_VIEWS, _INT, _INT)
+_LAID_OUT = ((TABLE, ADDRESS), (INTEGERS, SPAN), (FLOATS, SPAN))
+_SPREAD = ((TABLE, SPAN), *_LAID_OUT[1:])
+
+# call_step(address, t, dt, rtol, s, mode, params, atol, field): the field's own address
+call_step = caller(STEP_NATIVE, _T, _T, _T, *_SPREAD, (FLOATS, ADDRESS), _NUMBER)
+# call_interpolant(address, t, dt, s, mode, params, field)
+call_interpolant = caller(INTERPOLANT_NATIVE, _T, _T, *_SPREAD, _NUMBER)
+# call_tangent(address, t, dt, rtol, s, mode, params, atol, phi)
+call_tangent = caller(TANGENT_NATIVE, _T, _T, _T, *_LAID_OUT, (FLOATS, ADDRESS), (TABLE, ADDRESS))
+# call_refresh(address, s, mode, params)
+call_refresh = caller(REFRESH_NATIVE, *_LAID_OUT)
+
+
+# A product and a sum, rounded once.
+#
+# Where a compiler is free to contract them, it depends on what stands around an expression, and on
+# the processor, which of them it rounds. Said outright, it is the same everywhere.
+
+FLOAT = types.float64
+
+
+@intrinsic
+def _fma_fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return a b + c, rounded once: one instruction, if the processor has it."""
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        return builder.fma(*values)
+
+    return FLOAT(FLOAT, FLOAT, FLOAT), generate
+
+
+fma: Any = _fma_fused
+
 
 # Division by zero gives infinity or NaN, which the driver looks for anyway, instead of an
 # exception, for which each division would be guarded by a branch.

@@ -8,72 +8,140 @@ address and is compiled once per install (see `compiled`). Arrays reach it by th
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable
+from functools import cache
+from math import inf
+from typing import Any
 
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
-from hopdata.hybrid.compiled.views import IntVector
-from hopdata.hybrid.driver.choice import choose_after_event, choose_after_step, first_method
-from hopdata.hybrid.driver.desk import desk_log, desk_memory, desk_output, desk_problem
-from hopdata.hybrid.driver.firing import Log, fire_all
-from hopdata.hybrid.driver.first_flip import end_at_first_flip
-from hopdata.hybrid.driver.layout import (
-    AWAKE,
-    CLOCK_SLOTS,
-    COUNT_SLOTS,
-    CULPRIT,
-    END,
-    EVENT_ROWS,
-    EVENTS,
-    GIVEN_MODE,
-    GUARD_ROWS,
-    H0,
-    INSTANT,
-    K1,
-    KEND,
-    LAST_FLIP,
-    LAST_LOG_ERROR,
-    METHOD,
-    MOTION,
-    N_AWAKE,
-    NEXT_DT,
-    RATE0,
-    REJECTED,
-    RESUMED,
-    ROWS,
-    SEGMENT,
-    SIZE,
-    STEP,
-    STEPS,
-    Memory,
-    T,
-    Y,
+import numpy as np
+from numba import cfunc, njit, types
+
+from hopdata.hybrid import layout as at
+from hopdata.hybrid.arguments import SMALLEST_RTOL
+from hopdata.hybrid.compiled.cache import cache_directory, driver_digest
+from hopdata.hybrid.compiled.kernel import VALUE, caller, kernel, kernel_in_loop
+from hopdata.hybrid.compiled.memory import (
+    FloatVector,
+    IntVector,
+    address_of,
+    float_table,
+    float_vector,
+    int_vector,
+    reader,
+    view,
 )
-from hopdata.hybrid.driver.linear import carry_jacobian
-from hopdata.hybrid.driver.near import gather_reached
-from hopdata.hybrid.driver.output import Output, rewrite_row, sample_start, sample_step, write_row
-from hopdata.hybrid.driver.prediction import carry_guards
-from hopdata.hybrid.driver.problem import Problem, copy_row, fill_row, first_not_finite
+from hopdata.hybrid.driver.dense import Output, rewrite_row, sample_start, sample_step, write_row
+from hopdata.hybrid.driver.end_step import end_at_first_flip
+from hopdata.hybrid.driver.instant import Log, fire_all, settle_locks
+from hopdata.hybrid.driver.jacobian import carry_jacobian
+from hopdata.hybrid.driver.problem import (
+    Problem,
+    copy_row,
+    fill_row,
+    first_not_finite,
+    mark_due,
+    time_resolution,
+)
 from hopdata.hybrid.driver.sleep import travel_on
-from hopdata.hybrid.driver.start import settle_locks
 from hopdata.hybrid.driver.stepping import (
     LOG_ERROR_FLOOR,
     STEP_FLOOR,
     accepted_step,
+    choose_after_event,
+    choose_after_step,
+    first_method,
     first_step,
 )
-from hopdata.hybrid.driver.surface import mark_due, time_resolution
-from hopdata.hybrid.status import (
+from hopdata.hybrid.driver.watch import carry_guards, gather_reached
+from hopdata.hybrid.layout import (
+    AWAKE,
+    BAD_NUMBERS,
     BAD_START,
+    CLOCK,
+    CLOCK_SLOTS,
+    COUNT_SLOTS,
+    COUNTS,
+    CULPRIT,
+    DESK_SLOTS,
+    EACH_STEP,
+    END,
+    EVENT_ROWS,
+    EVENTS,
     FINISHED,
+    FIRST_STEP,
+    GIVEN_MODE,
+    GUARD_ROWS,
+    H0,
+    INSTANT,
     JACOBIAN_NOT_FINITE,
+    K1,
+    KEND,
+    LAST_FLIP,
+    LAST_LOG_ERROR,
+    MAX_EVENTS,
+    MAX_STEP,
+    MAX_STEPS,
+    METHOD,
+    MODE,
+    MOTION,
+    N_AWAKE,
     NEEDS_METHOD,
     NEEDS_ROOM,
+    NEXT_DT,
+    PARAMS,
     PAUSED,
+    RATE0,
+    RATE_ABOVE,
+    RATE_BELOW,
+    REJECTED,
+    RESUMED,
+    ROWS,
+    RTOL,
+    RUN,
     RUNNING,
+    SAMPLE_TABLE,
+    SEGMENT,
+    SIZE,
+    START_STATE,
+    STATE_TABLE,
+    STEP,
     STEP_UNDERFLOW,
+    STEPS,
+    T_END,
+    T_START,
+    TANGENT_TABLE,
     TOO_MANY_EVENTS,
     TOO_MANY_STEPS,
+    WANTED,
+    FloatArray,
+    IntArray,
+    Memory,
+    T,
+    Y,
 )
+
+# The desk: a table of addresses, on which the driver finds its callbacks and arrays.
+
+desk_problem = reader(
+    Problem,
+    field=at.FIELD, guards=at.GUARDS, guard=at.GUARD, rate_bound=at.RATE_BOUND,
+    on_event=at.ON_EVENT, methods=at.METHOD_TABLE, params=at.PARAMS, mode=at.MODE, rules=at.RULES,
+    rtol=at.RTOL, atol=at.ATOL, max_step=at.MAX_STEP, t_end=at.T_END, tangent=at.TANGENT_TABLE,
+    first_order=at.TANGENT_TABLE, t_start=at.T_START, first_step=at.FIRST_STEP,
+    max_steps=at.MAX_STEPS, max_events=at.MAX_EVENTS, start_state=at.START_STATE,
+)  # fmt: skip
+desk_memory = reader(
+    Memory,
+    states=at.STATE_TABLE, guards=at.GUARD_TABLE, flags=at.FLAG_TABLE, lists=at.LIST_TABLE,
+    wake_at=at.WAKE_AT, clock=at.CLOCK, counts=at.COUNTS,
+)  # fmt: skip
+desk_output = reader(
+    Output,
+    wanted=at.WANTED, samples=at.SAMPLE_TABLE, rows=at.ROW_TABLE, n_rows=at.N_ROWS,
+    every_step=at.EACH_STEP,
+)  # fmt: skip
+desk_log = reader(Log, floats=at.LOG_TABLE, integers=at.LOG_TABLE, n_rows=at.N_LOG_ROWS)
+
 
 STEPS_PER_CALL = 200_000  # then return to Python for a moment
 EVENTS_PER_INSTANT = 2  # of each guard, at most
@@ -204,3 +272,142 @@ def run(desk: IntVector, flags: int) -> int:
             return TOO_MANY_EVENTS
         status = advance(p, m, out, log)
     return status
+
+
+# Python's way into the driver: one integration, or many in a row.
+#
+# The driver itself is compiled once per install, as a C function; what calls it is small.
+
+_INT, _FLOAT = types.int64, types.float64
+
+RUN_NATIVE = _INT(_INT, _INT)
+
+call_run = caller(RUN_NATIVE, *((kind, VALUE) for kind in RUN_NATIVE.args))
+
+
+@kernel
+def can_be_done(desk: IntVector, numbers: FloatVector) -> bool:
+    """Tell whether the numbers on the desk can be asked for, as `arguments.check_numbers` does.
+
+    A relative tolerance below rounding is raised to it.
+    """
+    in_order = -inf < numbers[T_START] <= numbers[T_END] < inf
+    positive = numbers[MAX_STEP] > 0.0 and desk[MAX_STEPS] >= 1 and desk[MAX_EVENTS] >= 1
+    rtol_is_right = 0.0 <= numbers[RTOL] < 1.0
+    numbers[RTOL] = max(numbers[RTOL], SMALLEST_RTOL)
+    return in_order and positive and rtol_is_right
+
+
+def _run(desk: int, flags: int) -> int:
+    """Run the driver on what stands on the desk at this address."""
+    return run(int_vector(desk, DESK_SLOTS), flags)
+
+
+def _enter(desk: int, flags: int) -> int:
+    """Run the driver on the desk at this address, if what is asked for there can be done."""
+    slots = int_vector(desk, DESK_SLOTS)
+    if flags & RESUMED == 0 and not can_be_done(slots, float_vector(desk, DESK_SLOTS)):
+        return BAD_NUMBERS
+    return call_run(slots[RUN], desk, flags)
+
+
+@cache
+def compiled_run() -> Any:
+    """Return the driver's machine code: from the cache, or compiled now (some seconds)."""
+    with cache_directory(_run, driver_digest()) as cached:
+        return cfunc(RUN_NATIVE, cache=cached, error_model="numpy")(_run)
+
+
+def run_address() -> int:
+    """Return the address of the driver."""
+    return int(compiled_run().address)
+
+
+def compiled_entry(function: Callable[..., Any], native: Any) -> Any:
+    """Return a small compiled function which releases the interpreter's lock."""
+    with cache_directory(function, driver_digest()) as cached:
+        return njit(native, cache=cached, nogil=True, error_model="numpy")(function)
+
+
+@cache
+def driver_entry() -> Callable[..., int]:
+    """Return `_enter` without the search for a signature that fits: arguments must be exact."""
+    (compiled,) = compiled_entry(_enter, RUN_NATIVE).overloads.values()
+    entry: Callable[..., int] = compiled.entry_point
+    return entry
+
+
+# Many integrations in a row, without Python in between.
+
+_INTS, _FLOATS = types.int64[:, ::1], types.float64[:, ::1]
+BYTES = 8
+END_STATE = 3  # column of `ends` where the state begins, behind time and the culprit's rates
+
+MANY_NATIVE = _INT(
+    types.int64[::1], _INT, _INT, _FLOATS, _FLOATS, _INTS,
+    _INTS, _FLOATS, _INTS, _INTS, types.float64[:, :, ::1], types.float64[:, :, ::1],
+    _FLOAT, _FLOAT, _FLOAT, _FLOAT, _FLOAT, _INT, _INT,
+)  # fmt: skip
+
+
+def _enter_many(
+    desk: IntArray, first: int, last: int, y0: FloatArray, params: FloatArray, modes: IntArray,
+    status: IntArray, ends: FloatArray, end_modes: IntArray,
+    counts: IntArray, samples: FloatArray, jacobians: FloatArray,
+    t_start: float, t_end: float, rtol: float, max_step: float, step: float,
+    max_steps: int, max_events: int,
+) -> int:  # fmt: skip
+    """Integrate from the rows `first` to `last` of y0; return the row that could not be done.
+
+    Rows of `params` and `modes` are taken in turn or, if there is one, again and again. `ends`
+    receives time, rates and state, `counts` the driver's counters, `samples` and `jacobians`, if
+    they have any room, the states at the wanted times and the flow's Jacobians.
+    """
+    n, n_modes, n_params = y0.shape[1], modes.shape[1], params.shape[1]
+    mode, clock = int_vector(desk[MODE], n_modes), float_vector(desk[CLOCK], 0)
+    count, state = int_vector(desk[COUNTS], 0), float_table(desk[STATE_TABLE], n)
+    start = float_vector(desk[START_STATE], n)
+    phi, n_wanted = float_table(desk[TANGENT_TABLE], n), desk[WANTED + 1]
+    here, own = address_of(view(desk)), float_vector(desk[PARAMS], n_params)
+    numbers = float_vector(here, len(desk))
+    numbers[T_START], numbers[T_END], numbers[RTOL] = t_start, t_end, rtol
+    numbers[MAX_STEP], numbers[FIRST_STEP] = max_step, step
+    desk[MAX_STEPS], desk[MAX_EVENTS], desk[EACH_STEP] = max_steps, max_events, 0
+    for b in range(first, last):
+        for i in range(n_params):
+            own[i] = params[b % len(params), i]
+        for i in range(n_modes):
+            mode[i] = modes[b % len(modes), i]
+        if n_wanted > 0:
+            desk[SAMPLE_TABLE] = address_of(view(samples)) + b * n_wanted * n * BYTES
+        for i in range(n if len(jacobians) > 0 else 0):
+            for j in range(n):
+                phi[i, j] = 1.0 if i == j else 0.0
+        for i in range(n):
+            start[i] = y0[b, i]
+        code = call_run(desk[RUN], here, GIVEN_MODE)
+        while code in (NEEDS_ROOM, PAUSED):
+            count[EVENT_ROWS] = 0 if code == NEEDS_ROOM else count[EVENT_ROWS]
+            code = call_run(desk[RUN], here, RESUMED)
+        if code == NEEDS_METHOD:
+            return b
+        status[b, 0], ends[b, 0] = code, clock[T]
+        ends[b, 1], ends[b, 2] = clock[RATE_BELOW], clock[RATE_ABOVE]
+        for i in range(n):
+            ends[b, END_STATE + i] = state[Y, i]
+        for i in range(n_modes):
+            end_modes[b, i] = mode[i]
+        for i in range(counts.shape[1]):
+            counts[b, i] = count[i]
+        for i in range(n if len(jacobians) > 0 else 0):
+            for j in range(n):
+                jacobians[b, i, j] = phi[i, j]
+    return last
+
+
+@cache
+def many_entry() -> Callable[..., int]:
+    """Return `_enter_many` without the search for a signature: arguments must be exact."""
+    (compiled,) = compiled_entry(_enter_many, MANY_NATIVE).overloads.values()
+    entry: Callable[..., int] = compiled.entry_point
+    return entry

@@ -9,20 +9,148 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isnan
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.hybrid.first_order.findings import Finding, above, at_most, findings_table
-from hopdata.hybrid.first_order.liveness import Liveness, draw_around
-from hopdata.hybrid.first_order.local import (
+from hopdata.hybrid.first_order.linearise import (
+    Combination,
     FloatArray,
+    Instant,
+    Linearisation,
     active_guards,
+    guards_at,
     instant,
     linearise,
+    mode_fields,
     state_scale,
 )
 from hopdata.hybrid.system import System
+
+# Findings of a check, and the table that shows them.
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One condition: what was found, and what is needed.
+
+    Parameters
+    ----------
+    condition : str
+        What should hold.
+    passed : bool
+        Whether it does.
+    value : float
+        What was found; NaN if it could not be computed.
+    needed : str
+        What the value has to be.
+    detail : str
+        What the value is.
+    """
+
+    condition: str
+    passed: bool
+    value: float
+    needed: str
+    detail: str
+
+    def cells(self) -> tuple[str, ...]:
+        """Return the row of a table."""
+        value = "-" if isnan(self.value) else f"{self.value:.3g}"
+        return ("yes" if self.passed else "NO", self.condition, value, self.needed, self.detail)
+
+
+def at_most(condition: str, value: float, bound: float, detail: str) -> Finding:
+    """Return a finding that passes if the value is not above a bound."""
+    return Finding(condition, bool(value <= bound), float(value), f"<= {bound:g}", detail)
+
+
+def above(condition: str, value: float, bound: float, detail: str) -> Finding:
+    """Return a finding that passes if the value is above a bound."""
+    return Finding(condition, bool(value > bound), float(value), f"> {bound:g}", detail)
+
+
+def not_computed(condition: str, needed: str, why: str) -> Finding:
+    """Return a finding that fails since there is nothing to compute."""
+    return Finding(condition, False, float("nan"), needed, why)
+
+
+def findings_table(findings: Sequence[Finding]) -> str:
+    """Return findings as aligned lines."""
+    rows = [("", "condition", "found", "needed", "the number is"), *(f.cells() for f in findings)]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = ("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
+    return "\n".join(line.rstrip() for line in lines)
+
+
+# How the active guards are crossed around one state, in all combinations of their locks.
+
+
+def draw_around(states: FloatArray, radii: FloatArray, n: int, seed: int) -> FloatArray:
+    """Return states (m, n_states) and behind them n uniform draws from an ellipsoid around each."""
+    rng = np.random.default_rng(seed)
+    count, size = states.shape
+    directions = rng.normal(size=(count, n, size))
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    lengths = rng.random((count, n, 1)) ** (1 / size)
+    drawn = states[:, None, :] + radii * lengths * directions
+    return np.concatenate([states, drawn.reshape(-1, size)])
+
+
+class Liveness:
+    """The active guards in all modes at one state; the attributes are those of `EventSelection`."""
+
+    def __init__(
+        self,
+        system: System,
+        start: Instant,
+        active: Sequence[int],
+        scale: FloatArray,
+        seed: int,
+    ) -> None:
+        self.system, self.scale, self.active = system, scale, list(active)
+        self.modes = mode_fields(system, start, active, scale, seed)
+        self.side = -start.mode[self.active]
+        self.start = start
+        passing = {c: self.side * v.guard_rates[self.active] for c, v in self.modes.items()}
+        self.rates = np.min(list(passing.values()), axis=0)
+        self.margins = np.min([self._margin(passing[c], v) for c, v in self.modes.items()], axis=0)
+        self.kept = np.array([self._kept(passing, i) for i in range(len(self.active))])
+        self.jump = max(self._jump(v.instant) for v in self.modes.values())
+        self.wrong_way = max(self._wrong_way(c) for c in self.modes)
+
+    def _margin(self, passing: FloatArray, view: Linearisation) -> FloatArray:
+        size = view.guard_scales[self.active]
+        return np.divide(passing, size, out=np.zeros_like(passing), where=size > 0)
+
+    def _kept(self, passing: dict[Combination, FloatArray], i: int) -> float:
+        """Return the smallest ratio of rates around the crossing of active guard number i."""
+        ratios = []
+        for before, rates in passing.items():
+            after = tuple(sorted({*before, self.active[i]}))
+            if after != before and after in passing and rates[i] != 0:
+                ratios.append(passing[after][i] / rates[i])
+        return float(min(ratios, default=0.0))
+
+    def _jump(self, there: Instant) -> float:
+        size = np.maximum(self.scale, np.abs(self.start.y))
+        return float(np.max(np.abs(there.y - self.start.y) / size))
+
+    def _wrong_way(self, crossed: Combination) -> float:
+        """Return how far the handlers have moved a guard against its lock."""
+        there = self.modes[crossed]
+        shift = np.subtract(self._surfaces(there), self._surfaces(self.modes[()]))
+        size = np.maximum(np.abs(there.gradients[self.active]) @ self.scale, np.finfo(float).tiny)
+        has_crossed = np.isin(self.active, crossed)
+        against = np.where(has_crossed, -1, 1) * self.side * shift / size
+        locks = np.where(has_crossed, self.side, -self.side)
+        kept = np.array_equal(there.instant.mode[self.active], locks)
+        return float(max(0.0, against.max())) if kept else np.inf
+
+    def _surfaces(self, view: Linearisation) -> FloatArray:
+        return guards_at(self.system, view.instant, view.rate)[0][self.active]
+
 
 LIVE = 1e-6
 UNCHANGED = 1e-12

@@ -12,15 +12,68 @@ new Jacobian) and M, some single rows, and one block dK for each stage (see `dri
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import factorial
+from math import factorial, sqrt
 from types import FunctionType
 from typing import Any
 
 import numpy as np
 
-from hopdata.hybrid.compiled.views import FloatTable, row, square
-from hopdata.hybrid.driver.layout import K1, PHI_MOTION, PHI_ROWS, SCRATCH, Y
+from hopdata.hybrid.compiled.kernel import add_product, fma, multiply
+from hopdata.hybrid.compiled.memory import FloatTable, row, square
+from hopdata.hybrid.layout import GAUSS_1, GAUSS_2, K1, PHI_MOTION, PHI_ROWS, SCRATCH, SLOPE, Y
 from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination, compose
+
+# Products of the blocks of a tangent's table: in vector instructions where they are small.
+
+LARGEST_IN_VECTORS = 16  # columns; the code of a product grows with the cube of their number
+
+
+def multiply_vectors(phi: FloatTable, target: int, left: int, right: int) -> None:
+    """Write the product of two blocks, named by their first rows, into a third one."""
+    multiply(phi, target, left, right, N)
+
+
+def add_product_vectors(
+    phi: FloatTable, target: int, base: int, left: int, right: int, factor: float
+) -> None:
+    """Write base + factor left right into the block `target`, which is none of them."""
+    add_product(phi, target, base, left, right, factor, N)
+
+
+def multiply_numbers(phi: FloatTable, target: int, left: int, right: int) -> None:
+    """Write the product of two blocks, named by their first rows, into a third one."""
+    for i in range(N):
+        first = phi[left + i, 0]
+        for j in range(N):
+            phi[target + i, j] = first * phi[right, j]
+        for k in range(1, N):
+            one = phi[left + i, k]
+            for j in range(N):
+                phi[target + i, j] = fma(one, phi[right + k, j], phi[target + i, j])
+
+
+def add_product_numbers(
+    phi: FloatTable, target: int, base: int, left: int, right: int, factor: float
+) -> None:
+    """Write base + factor left right into the block `target`, which is none of them."""
+    for i in range(N):
+        first = phi[left + i, 0]
+        for j in range(N):
+            phi[target + i, j] = first * phi[right, j]
+        for k in range(1, N):
+            one = phi[left + i, k]
+            for j in range(N):
+                phi[target + i, j] = fma(one, phi[right + k, j], phi[target + i, j])
+        for j in range(N):
+            phi[target + i, j] = fma(factor, phi[target + i, j], phi[base + i, j])
+
+
+def product_templates(n_states: int) -> dict[str, Any]:
+    """Return the templates of products of matrices of this size."""
+    if n_states <= LARGEST_IN_VECTORS:
+        return {"MULTIPLY": multiply_vectors, "ADD_PRODUCT": add_product_vectors}
+    return {"MULTIPLY": multiply_numbers, "ADD_PRODUCT": add_product_numbers}
+
 
 Function = Callable[..., Any]
 
@@ -133,3 +186,56 @@ def tangent_template(tableau: Tableau, known: dict[str, Any]) -> FunctionType:
     """Return ``tangent(t, dt, rtol, s, mode, params, atol, phi)`` of a method."""
     arguments = "t, dt, rtol, s, mode, params, atol, phi"
     return compose("tangent", arguments, tangent_code(tableau), known)
+
+
+# The flow's Jacobian over a short step, along the interpolant of the state: of order four.
+#
+# Phi' = A(t) Phi, where A, the field's derivative, is taken at the two Gauss points of the step and
+# a
+# straight line between them: its integral and its first moment, on which alone order four depends,
+# are then right (Blanes, Casas, Oteo, Ros 2009, section 5.2). The linear equation is stepped over
+# by
+# the classical Runge-Kutta method. Two evaluations of A and four products do the work of one each
+# for
+# each stage of a method, and the stages need not be those of a step that ends where the flip is.
+#
+# The driver puts the states at the two points into the rows SCRATCH and SLOPE.
+
+# Put in for each scene.
+STAGE_JACOBIAN: Any = None
+ADD_PRODUCT: Any = None
+FASTEST_MOTION: Any = None
+
+HIGHEST_ORDER = 5  # of a method: one of higher order takes steps that are long for this
+TILT = 0.5 * sqrt(3.0)  # from the mean of the Gauss points to an end, in units of their distance
+BLOCKS = 5  # of the table, behind the single rows
+ERROR = 0.01  # times (step times fastest motion)^5: 1 / 120, and a little for the two points
+
+
+def short_tangent(
+    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: Any, phi: Any
+) -> float:
+    """Write the new Jacobian into the second block; return its error in units of the tolerance."""
+    begin, middle = 3 * N + PHI_ROWS, 4 * N + PHI_ROWS  # A there
+    end, second, third, fourth = 5 * N + PHI_ROWS, 6 * N + PHI_ROWS, 7 * N + PHI_ROWS, 2 * N
+    STAGE_JACOBIAN(t + GAUSS_1 * dt, dt, rtol, s, mode, params, atol, phi)
+    for e in range(N * N):
+        phi[begin, e] = phi[N, e]
+    for i in range(N):
+        s[SCRATCH, i] = s[SLOPE, i]
+    STAGE_JACOBIAN(t + GAUSS_2 * dt, dt, rtol, s, mode, params, atol, phi)
+    for e in range(N * N):
+        mean, tilt = 0.5 * (phi[begin, e] + phi[N, e]), TILT * (phi[N, e] - phi[begin, e])
+        phi[begin, e] = mean - tilt
+        phi[middle, e] = mean
+        phi[end, e] = mean + tilt
+    ADD_PRODUCT(phi, second, 0, begin, 0, 0.5 * dt)
+    ADD_PRODUCT(phi, third, 0, middle, second, 0.5 * dt)
+    ADD_PRODUCT(phi, fourth, 0, middle, third, dt)
+    for e in range(N * N):
+        phi[second, e] = (phi[second, e] + 2.0 * phi[third, e] + phi[fourth, e] - phi[0, e]) / 3.0
+    ADD_PRODUCT(phi, N, second, end, fourth, dt / 6.0)
+    fastest = FASTEST_MOTION(phi, middle)
+    phi[3 * N + PHI_MOTION, 0] = fastest
+    turn = dt * dt * fastest
+    return ERROR * turn * turn * sqrt(turn) / (LOOSER * rtol)

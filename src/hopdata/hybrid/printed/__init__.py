@@ -11,13 +11,17 @@ final time and begins from rest. Kept as limits: the step after an event has no 
 signs are compared on the mesh alone.
 """
 
-from hopdata.hybrid.printed.alternation import integrate_alternating
-from hopdata.hybrid.printed.classical import ClassicalSolver, Mesh, Stepping
+from hopdata.hybrid.printed.classical import (
+    ClassicalSolver,
+    Dopri5,
+    Mesh,
+    PrintedOptions,
+    Region,
+    Stepping,
+    region_of,
+)
 from hopdata.hybrid.printed.contacts import resolve_contacts
-from hopdata.hybrid.printed.dopri5 import Dopri5
-from hopdata.hybrid.printed.options import PrintedOptions
-from hopdata.hybrid.printed.region import Region, region_of
-from hopdata.hybrid.printed.supervisor import PrintedSolution, integrate
+from hopdata.hybrid.printed.supervisor import PrintedSolution, integrate, integrate_alternating
 
 __all__ = [
     "ClassicalSolver",

@@ -15,17 +15,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import AnalysisError
-from hopdata.gravity import GRAVITY_M_S2
-from hopdata.maps.rigid import rigid_states, section_coordinates, split_states
+from hopdata.maps.coordinates import rigid_states, section_coordinates, split_states
 
 #: Landings at which the propagation is linearised, at most; evenly taken from all.
 LINEARISED = 100
 _STEPS = (1e-5, 1e-4)  # of positions, m, and of velocities, m/s
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -46,10 +43,10 @@ class MarkerNoise:
     shared: float
     velocity: float
 
-    def covariance(self, n_markers: int) -> Floats:
+    def covariance(self, n_markers: int) -> FloatArray:
         """Return the covariance (6B, 6B) of the state of so many markers."""
         one = np.array([[self.position, self.shared], [self.shared, self.velocity]])
-        whole: Floats = np.kron(one, np.eye(3 * n_markers))
+        whole: FloatArray = np.kron(one, np.eye(3 * n_markers))
         return whole
 
 
@@ -65,10 +62,10 @@ class InputErrors:
         (p, q) covariance of the errors of inputs and outputs.
     """
 
-    inputs: Floats
-    shared: Floats
+    inputs: FloatArray
+    shared: FloatArray
 
-    def scaled(self, inputs: Floats, outputs: Floats) -> InputErrors:
+    def scaled(self, inputs: FloatArray, outputs: FloatArray) -> InputErrors:
         """Return the moments of inputs and outputs multiplied by factors (p,) and (q,)."""
         return InputErrors(
             inputs[:, None] * self.inputs * inputs, inputs[:, None] * self.shared * outputs
@@ -80,7 +77,7 @@ class InputErrors:
         return cls(np.zeros((n_inputs, n_inputs)), np.zeros((n_inputs, n_outputs)))
 
 
-def marker_noise(states: Floats, shape: Floats) -> MarkerNoise:
+def marker_noise(states: FloatArray, shape: FloatArray) -> MarkerNoise:
     """Estimate the noise of markers from what a rigid body cannot explain.
 
     Parameters
@@ -108,7 +105,9 @@ def marker_noise(states: Floats, shape: Floats) -> MarkerNoise:
     return MarkerNoise(*(float(moment / free) for moment in moments))
 
 
-def input_errors(before: Floats, after: Floats, shape: Floats, noise: MarkerNoise) -> InputErrors:
+def input_errors(
+    before: FloatArray, after: FloatArray, shape: FloatArray, noise: MarkerNoise
+) -> InputErrors:
     """Propagate the noise of the states at the pre section to inputs and outputs.
 
     Noise at the post section is that of other frames and plays no part here: it makes outputs
@@ -136,11 +135,11 @@ def input_errors(before: Floats, after: Floats, shape: Floats, noise: MarkerNois
     return InputErrors(mean[:p, :p], mean[:p, p:])
 
 
-def _slopes(before: Floats, after: Floats, shape: Floats) -> Floats:
+def _slopes(before: FloatArray, after: FloatArray, shape: FloatArray) -> FloatArray:
     """Return the derivatives (n, 19, 6B) of all coordinates by the states at the pre section."""
     post = rigid_states(after, shape)
 
-    def coordinates(states: Floats) -> Floats:
+    def coordinates(states: FloatArray) -> FloatArray:
         return np.hstack(section_coordinates(rigid_states(states, shape), post))
 
     half = before.shape[1] // 2
@@ -152,7 +151,7 @@ def _slopes(before: Floats, after: Floats, shape: Floats) -> Floats:
     return np.stack(columns, axis=2)
 
 
-def _at_noisy_instant(states: Floats) -> Floats:
+def _at_noisy_instant(states: FloatArray) -> FloatArray:
     """Return what becomes of errors at a fixed instant, (n, 6B, 6B), at that of the section."""
     _, velocities = split_states(states)
     n, markers, _ = velocities.shape
@@ -163,5 +162,82 @@ def _at_noisy_instant(states: Floats) -> Floats:
     falling = np.tile([0.0, 0.0, -GRAVITY_M_S2], (n, markers, 1))
     motion = np.concatenate([velocities, falling], axis=1).reshape(n, -1)
     late = np.concatenate([height, np.zeros_like(height)]) / sinking[:, None]
-    shift: Floats = np.eye(motion.shape[1]) - motion[:, :, None] * late[:, None, :]
+    shift: FloatArray = np.eye(motion.shape[1]) - motion[:, :, None] * late[:, None, :]
     return shift
+
+
+# What inputs are to be expected given those that were measured with noise.
+#
+# Regression calibration (Carroll, Ruppert, Stefanski and Crainiceanu 2006, ch. 4): least squares on
+# the expected inputs is the moment estimate of errors in variables (Fuller 1987).
+
+#: Share of the variance of the inputs that is taken as more than noise, in every direction: no
+#: coefficient is multiplied by more than its inverse.
+LEAST_RELIABILITY = 0.3
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What inputs are to be expected given the measured ones.
+
+    Attributes
+    ----------
+    slopes
+        (p, p), by which deviations from the mean are multiplied from the right.
+    doubt
+        (p, p) covariance of the inputs about what is expected.
+    drift
+        (p, q) of the outputs' errors: what is expected of them given the measured inputs.
+    removed
+        Share of the noise covariance that was taken off.
+    """
+
+    slopes: FloatArray
+    doubt: FloatArray
+    drift: FloatArray
+    removed: float
+
+
+def calibration(x: FloatArray, errors: InputErrors) -> Calibration:
+    """Return what to expect of inputs measured with noise.
+
+    Moments minus those of the noise need not be positive, and where they nearly vanish the estimate
+    is wild. As Fuller (1987, sec. 2.2) does, only as much noise is then taken off as leaves enough:
+    `LEAST_RELIABILITY` of the variance in every direction.
+
+    Parameters
+    ----------
+    x
+        (n, p) measured inputs.
+    errors
+        Covariances of their errors.
+
+    Raises
+    ------
+    AnalysisError
+        If the inputs do not vary in some direction.
+    ValueError
+        If the covariance does not fit the inputs or is not one.
+    """
+    noise = np.asarray(errors.inputs, float)
+    if noise.shape != (x.shape[1],) * 2 or not np.allclose(noise, noise.T):
+        raise ValueError(f"errors: expected a symmetric matrix for {x.shape[1]} inputs")
+    if not np.isfinite(noise).all() or np.linalg.eigvalsh(noise)[0] < -1e-9 * np.trace(noise):
+        raise ValueError("errors: expected a covariance, found one that is not positive")
+    moments = np.cov(x, rowvar=False).reshape(noise.shape)
+    root = _cholesky(moments)
+    # Share of the noise in the variance, direction by direction.
+    shares = np.linalg.eigvalsh(np.linalg.solve(root, np.linalg.solve(root, noise).T))
+    bearable = 1.0 - LEAST_RELIABILITY
+    removed = 1.0 if shares[-1] <= bearable else bearable / float(shares[-1])
+    share = np.linalg.solve(moments, removed * noise)
+    doubt = removed * noise - removed * noise @ share
+    drift = np.linalg.solve(moments, removed * np.asarray(errors.shared, float))
+    return Calibration(np.eye(len(noise)) - share, doubt, np.asarray(drift, float), removed)
+
+
+def _cholesky(moments: FloatArray) -> FloatArray:
+    try:
+        return np.asarray(np.linalg.cholesky(moments), float)
+    except np.linalg.LinAlgError as error:
+        raise AnalysisError("map: expected inputs that vary in all directions") from error

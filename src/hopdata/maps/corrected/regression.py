@@ -10,22 +10,144 @@ All is in the coordinates of a rigid body on a section: 8 inputs, 11 outputs (`h
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations_with_replacement
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
-from hopdata.maps.corrected.calibration import calibration
-from hopdata.maps.corrected.curvature import (
-    affordable_degree,
-    contact_slopes,
-    mean_terms,
-    simultaneous_point,
-)
-from hopdata.maps.corrected.marker_noise import InputErrors
-from hopdata.maps.linear.affine import checked
+from hopdata.maps.affine import checked
+from hopdata.maps.coordinates import monomials, number_of_free_terms, time_differences
+from hopdata.maps.corrected.marker_noise import InputErrors, calibration
 
-Floats = NDArray[np.float64]
+# Curvature of a landing map that all schedules share, as terms beside the linear ones.
+#
+# Where inputs carry noise, a term is replaced by what it is on average given the measured inputs
+# (regression calibration; Carroll, Ruppert, Stefanski and Crainiceanu 2006, ch. 4). With one linear
+# term this is the moment correction of Fuller (1987). Inputs and their errors are taken as normal.
+#
+# The largest second-order terms of a landing are not products of inputs but ``d |d|``, the squares
+# of
+# the times between two contacts with the sign of their order: a map that is C1 may have them.
+
+#: Landings wanted for each term. Cubic terms of p inputs multiply the variance of a derivative by
+#: 1 + (p + 2) / 2: they are worth it only where landings are many.
+LANDINGS_PER_TERM = 4.0
+_OUTLYING = 5.0
+
+
+def affordable_degree(landings: int, n_inputs: int, n_feet: int) -> int:
+    """Return the order of the terms that so many landings can bear: 3, 2, 1 or 0.
+
+    Three and two are those of all inputs. One has second-order terms of the contact instants only,
+    zero has none but the linear ones.
+    """
+    for degree in (3, 2):
+        if landings >= LANDINGS_PER_TERM * number_of_free_terms(n_inputs, n_feet, degree):
+            return degree
+    few = 1 + n_inputs + n_feet * (n_feet - 1)
+    return 1 if landings >= LANDINGS_PER_TERM * few else 0
+
+
+def mean_terms(x: FloatArray, slopes: FloatArray, degree: int, doubt: FloatArray) -> FloatArray:
+    """Return the curved terms on average over what the inputs may be, (n, terms).
+
+    Parameters
+    ----------
+    x
+        (n, p) inputs to be expected given the measured ones, from the point of expansion.
+    slopes
+        (p, feet) derivatives of the contact instants, in a unit in which they are about one.
+    degree
+        See `affordable_degree`.
+    doubt
+        (p, p) covariance of the inputs given the measured ones.
+    """
+    if degree == 0:
+        return np.empty((len(x), 0))
+    instants = x @ slopes
+    d, steps = time_differences(instants), time_differences(slopes)
+    sd = np.sqrt(np.maximum(np.einsum("pk,pr,rk->k", steps, doubt, steps), 0.0))
+    if degree == 1:
+        u = instants[:, :-1] - instants[:, -1:]
+        return np.column_stack([monomials(u, (2,)), mean_signed_square(d, sd)])
+    blocks = [monomials(x, (2,)), mean_signed_square(d, sd), mean_cube(d, sd)]
+    if degree == 3:
+        blocks.append(_mean_third_order(x, doubt))
+    return np.column_stack(blocks)
+
+
+def mean_signed_square(middle: FloatArray, sd: FloatArray) -> FloatArray:
+    """Return the mean of ``d |d|`` of normal d of this mean and standard deviation."""
+    share, density = _normal(middle, sd)
+    values: FloatArray = (middle**2 + sd**2) * share + 2 * middle * sd * density
+    return values
+
+
+def mean_cube(middle: FloatArray, sd: FloatArray) -> FloatArray:
+    """Return the mean of ``|d|^3`` of normal d of this mean and standard deviation."""
+    share, density = _normal(middle, sd)
+    values: FloatArray = (middle**3 + 3 * middle * sd**2) * share
+    return values + 2 * sd * (middle**2 + 2 * sd**2) * density
+
+
+def contact_slopes(x: FloatArray, instants: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the contact instants at the mean input, (feet,), and their derivatives (p, feet).
+
+    Relative to the mean of all feet. Linear in the inputs: what they are beyond that changes the
+    second-order terms of the map only in third order. Landings whose instants lie far off are left
+    out of the fit.
+
+    Parameters
+    ----------
+    x
+        (n, p) inputs.
+    instants
+        (n, feet) measured contact instants.
+    """
+    times = instants - instants.mean(axis=1, keepdims=True)
+    design = np.column_stack([np.ones(len(x)), x - x.mean(axis=0)])
+    good = np.ones(len(x), dtype=bool)
+    for _ in range(2):
+        fitted = np.linalg.lstsq(design[good], times[good], rcond=None)[0]
+        miss = np.abs(times - design @ fitted).max(axis=1)
+        good = miss <= _OUTLYING * 1.4826 * np.median(miss[good])
+    return fitted[0], fitted[1:]
+
+
+def simultaneous_point(x: FloatArray, middle: FloatArray, slopes: FloatArray) -> FloatArray:
+    """Return the input (p,) nearest to the mean at which all contacts are expected at once.
+
+    Nearest by the covariance of the inputs.
+
+    Parameters
+    ----------
+    x
+        (n, p) inputs.
+    middle, slopes
+        Contact instants at their mean, and their derivatives: see `contact_slopes`.
+    """
+    spread = np.cov(x, rowvar=False)
+    weights = np.linalg.lstsq(slopes.T @ spread @ slopes, -middle, rcond=1e-8)[0]
+    point: FloatArray = x.mean(axis=0) + spread @ slopes @ weights
+    return point
+
+
+def _mean_third_order(x: FloatArray, doubt: FloatArray) -> FloatArray:
+    terms = monomials(x, (3,))
+    for column, (i, j, k) in enumerate(combinations_with_replacement(range(x.shape[1]), 3)):
+        terms[:, column] += x[:, i] * doubt[j, k] + x[:, j] * doubt[i, k] + x[:, k] * doubt[i, j]
+    return terms
+
+
+def _normal(middle: FloatArray, sd: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return P(d > 0) - P(d < 0) and the normal density at zero, times the standard deviation."""
+    from scipy.special import erf
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(sd > 0, middle / sd, np.inf * np.sign(middle))
+    ratio = np.nan_to_num(ratio, nan=0.0, posinf=1e3, neginf=-1e3)
+    return erf(ratio / np.sqrt(2.0)), np.exp(-0.5 * ratio**2) / np.sqrt(2.0 * np.pi)
 
 
 @dataclass(frozen=True)
@@ -46,13 +168,13 @@ class LinearMap:
         more than their noise.
     """
 
-    coefficients: Floats
-    standard_errors: Floats
+    coefficients: FloatArray
+    standard_errors: FloatArray
     degree: int = 0
     removed: float = 0.0
 
 
-def ols_map(x: Floats, y: Floats) -> LinearMap:
+def ols_map(x: FloatArray, y: FloatArray) -> LinearMap:
     """Fit an affine map by ordinary least squares.
 
     Parameters
@@ -64,7 +186,7 @@ def ols_map(x: Floats, y: Floats) -> LinearMap:
     return LinearMap(*_regress(x - x.mean(axis=0), y))
 
 
-def corrected_map(x: Floats, y: Floats, errors: InputErrors) -> LinearMap:
+def corrected_map(x: FloatArray, y: FloatArray, errors: InputErrors) -> LinearMap:
     """Fit an affine map whose inputs carry noise of known covariance.
 
     The coefficients are ``(Sxx - N)^-1 (Sxy - M)`` with the moments S of the data and those of the
@@ -86,12 +208,12 @@ def corrected_map(x: Floats, y: Floats, errors: InputErrors) -> LinearMap:
 
 
 def curved_map(
-    x: Floats,
-    y: Floats,
-    instants: Floats,
+    x: FloatArray,
+    y: FloatArray,
+    instants: FloatArray,
     errors: InputErrors | None = None,
     *,
-    units: Floats | None = None,
+    units: FloatArray | None = None,
 ) -> LinearMap:
     """Fit the derivative where all feet are expected at once, with curvature beside it.
 
@@ -137,7 +259,7 @@ def curved_map(
     )
 
 
-def _least_error(fits: list[LinearMap], units: Floats) -> LinearMap:
+def _least_error(fits: list[LinearMap], units: FloatArray) -> LinearMap:
     """Return the fit of the least expected error, bias and scatter together.
 
     The last one has all terms and counts as unbiased. Another's bias is its distance from that,
@@ -161,11 +283,11 @@ def _least_error(fits: list[LinearMap], units: Floats) -> LinearMap:
 
 
 def _regress(
-    linear: Floats,
-    y: Floats,
-    others: Floats | None = None,
-    astray: tuple[Floats, Floats] | None = None,
-) -> tuple[Floats, Floats]:
+    linear: FloatArray,
+    y: FloatArray,
+    others: FloatArray | None = None,
+    astray: tuple[FloatArray, FloatArray] | None = None,
+) -> tuple[FloatArray, FloatArray]:
     """Return the coefficients of the linear terms, (p, q), and their standard errors.
 
     Where inputs and outputs are those expected given the measured ones, `astray` has what was taken
@@ -175,7 +297,7 @@ def _regress(
     rest = np.ones((len(linear), 1))
     if others is not None:
         rest = np.column_stack([rest, others])
-    basis: Floats = np.linalg.qr(rest)[0]
+    basis: FloatArray = np.linalg.qr(rest)[0]
     linear, y = (part - basis @ (basis.T @ part) for part in (linear, y))
     own, triangle = np.linalg.qr(linear)
     if np.abs(np.diag(triangle)).min() <= 1e-10 * np.abs(np.diag(triangle)).max():
@@ -193,7 +315,7 @@ def _regress(
     return slopes, np.sqrt(np.maximum(square, 0.0))
 
 
-def _enough(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+def _enough(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     x, y = checked(x, y)
     if len(x) < x.shape[1] + 2:
         raise AnalysisError(f"map: {len(x)} landings do not suffice for {x.shape[1]} inputs")

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from hopdata.arrays import FloatArray
 
 _SPLITTER = 134217729.0  # 2^27 + 1: halves a double into two of 26 bits
 
-Floats = NDArray[np.float64]
 
-
-def centred_product(x: Floats, centre: Floats, matrix: Floats, *, compiled: bool = False) -> Floats:
+def centred_product(
+    x: FloatArray, centre: FloatArray, matrix: FloatArray, *, compiled: bool = False
+) -> FloatArray:
     """Return ``(x - centre) @ matrix``, each entry as if computed in 32 digits and rounded.
 
     Parameters
@@ -55,7 +56,7 @@ def centred_product(x: Floats, centre: Floats, matrix: Floats, *, compiled: bool
     return high + low
 
 
-def _halves(values: Floats) -> tuple[Floats, Floats]:
+def _halves(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return two parts of each value, of 26 bits, whose products with others are exact."""
     scaled = values * _SPLITTER
     top = scaled - (scaled - values)

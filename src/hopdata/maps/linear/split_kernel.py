@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.maps.linear.vectors import (
     TILE_ROWS,
     WIDTH,
@@ -15,8 +15,6 @@ from hopdata.maps.linear.vectors import (
     squared_misses,
     subtract_row,
 )
-
-Floats = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True)
@@ -60,7 +58,7 @@ def _solve(count, normal):  # type: ignore[no-untyped-def]
     return smallest / largest
 
 
-def padded_rows(inputs: Floats, outputs: Floats) -> Floats:
+def padded_rows(inputs: FloatArray, outputs: FloatArray) -> FloatArray:
     """Return inputs and outputs side by side, with columns of zeros up to a multiple of `WIDTH`."""
     used = inputs.shape[1] + outputs.shape[1]
     rows = np.zeros((len(inputs), -(-used // WIDTH) * WIDTH))

@@ -13,20 +13,18 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import starmap
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.maps.subspaces.grassmann import exact_arc_length, uncertified
 
 _CHUNK_ROWS = 16
-
-Floats = NDArray[np.float64]
 #: Called with the number of pairs done since the last call.
 Report = Callable[[int], None]
 
 
 def all_arc_lengths(
-    a: Floats, b: Floats | None = None, *, workers: int = 1, report: Report | None = None
-) -> Floats:
+    a: FloatArray, b: FloatArray | None = None, *, workers: int = 1, report: Report | None = None
+) -> FloatArray:
     """Return the arc lengths between all subspaces of one set and all of another.
 
     Parameters
@@ -62,9 +60,10 @@ def all_arc_lengths(
     return lengths
 
 
-def _in_lanes(bases: Floats) -> Floats:
+def _in_lanes(bases: FloatArray) -> FloatArray:
     """Return all bases in lanes, a block in each row: see `angle_kernel.fill_lanes`."""
-    from hopdata.maps.subspaces.angle_kernel import LANES, fill_lanes, lane_space
+    from hopdata.maps.subspaces.angle_kernel import fill_lanes, lane_space
+    from hopdata.maps.subspaces.lanes import LANES
 
     size = len(lane_space(*bases.shape[1:]))
     blocks = np.zeros((-(-len(bases) // LANES), size))
@@ -74,10 +73,18 @@ def _in_lanes(bases: Floats) -> Floats:
 
 
 def _fill_rows(
-    a: Floats, b: Floats, blocks: Floats, lengths: Floats, first: int, last: int, *, within: bool
+    a: FloatArray,
+    b: FloatArray,
+    blocks: FloatArray,
+    lengths: FloatArray,
+    first: int,
+    last: int,
+    *,
+    within: bool,
 ) -> int:
     """Fill rows `first` to `last` of `lengths`; return the number of pairs."""
-    from hopdata.maps.subspaces.angle_kernel import LANES, row_lengths, workspace
+    from hopdata.maps.subspaces.angle_kernel import row_lengths, workspace
+    from hopdata.maps.subspaces.lanes import LANES
 
     x, _, work = workspace(*a.shape[1:])
     bounds = np.zeros((last - first, len(b)))

@@ -12,8 +12,8 @@ from math import acos, sqrt
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.maps.subspaces.lanes import LANES, any_above, load, root, spread, store, where_above
 
 #: Rows and columns of a tile of a product; bases are padded to a multiple of it.
@@ -22,8 +22,6 @@ TILE = 3
 SQUARED_COSINE_ERROR = 16 * 2.0**-52
 _NEGLIGIBLE = 1e-34  # squared off-diagonal element
 _MOST_SWEEPS = 60
-
-Floats = NDArray[np.float64]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -240,12 +238,12 @@ def row_lengths(a, blocks, x, work, lengths, bounds):  # type: ignore[no-untyped
         _lengths(x, blocks[block], count, size, work, lengths[first:last], bounds[first:last])
 
 
-def lane_space(count: int, size: int) -> Floats:
+def lane_space(count: int, size: int) -> FloatArray:
     """Return a flat array for `LANES` bases of a (count, size) shape."""
     return np.zeros(count * -(-size // TILE) * TILE * LANES)
 
 
-def workspace(count: int, size: int) -> tuple[Floats, Floats, tuple[Floats, ...]]:
+def workspace(count: int, size: int) -> tuple[FloatArray, FloatArray, tuple[FloatArray, ...]]:
     """Return what the functions above work in: x, y and work. One for each thread."""
     square = lane_space(-(-size // TILE) * TILE, size)
     columns = (lane_space(1, size) for _ in range(4))

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.jobs import whole_file
-from hopdata.maps.draws import distinct_draws, named_generator
-from hopdata.maps.rare_schedules import Notes, rare_notes
+from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
 from hopdata.maps.subspaces.grassmann import principal_angles
 
 #: Principal components taken for the two Poincaré sections.
@@ -27,8 +27,6 @@ SECTION_COMPONENTS = 2
 #: Singular values below this share of the largest leave a draw without that component.
 _RANK_TOLERANCE = 1e-10
 _CHUNK_BYTES = 2 * 2**20
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -46,10 +44,10 @@ class PooledFrame:
         the dropped components are the section conditions, as the method supposes.
     """
 
-    kept: Floats
-    dropped: Floats
-    standard_deviations: Floats
-    section_angles_rad: Floats
+    kept: FloatArray
+    dropped: FloatArray
+    standard_deviations: FloatArray
+    section_angles_rad: FloatArray
 
 
 @dataclass(frozen=True)
@@ -70,14 +68,14 @@ class SubspaceStudy:
         What was left out, each ``{"what": ..., "reason": ...}``.
     """
 
-    bases: dict[str, Floats]
+    bases: dict[str, FloatArray]
     frame: PooledFrame
     shape: tuple[int, int]
     samples: int
     notes: list[dict[str, str]]
 
 
-def section_normals(n_markers: int) -> Floats:
+def section_normals(n_markers: int) -> FloatArray:
     """Return the (12B, 2) unit normals of the two sections in pair coordinates.
 
     A section fixes the mean height of the B body markers: the normal has equal parts in their
@@ -90,7 +88,7 @@ def section_normals(n_markers: int) -> Floats:
     return normals
 
 
-def pooled_frame(x: Floats, y: Floats) -> PooledFrame:
+def pooled_frame(x: FloatArray, y: FloatArray) -> PooledFrame:
     """Split the space of pairs into its two least varying components and the others.
 
     Parameters
@@ -122,8 +120,8 @@ def pooled_frame(x: Floats, y: Floats) -> PooledFrame:
 
 
 def bootstrap_subspaces(
-    x: Floats,
-    y: Floats,
+    x: FloatArray,
+    y: FloatArray,
     schedule: ArrayLike,
     *,
     seed: int,
@@ -158,7 +156,7 @@ def bootstrap_subspaces(
     frame = pooled_frame(x, y)
     k = components or min(x.shape[1] - 1, samples - 1)
     pairs = np.hstack([x, y]) @ frame.kept
-    bases: dict[str, Floats] = {}
+    bases: dict[str, FloatArray] = {}
     notes, rare = _fewer_components(k, x.shape[1] - 1, components, samples), {}
     for name in sorted(set(names.tolist()) - {""}):
         rows = np.flatnonzero(names == name)
@@ -181,8 +179,8 @@ def bootstrap_subspaces(
 
 
 def leading_subspaces(
-    pairs: Floats, draws: NDArray[np.integer], k: int
-) -> tuple[Floats, NDArray[np.bool_]]:
+    pairs: FloatArray, draws: NDArray[np.integer], k: int
+) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Return the k leading principal components of each draw.
 
     Parameters
@@ -227,7 +225,7 @@ def write_subspaces(path: str | Path, study: SubspaceStudy) -> None:
         file.attrs["samples"] = study.samples
 
 
-def read_bases(path: str | Path) -> tuple[dict[str, Floats], tuple[int, int]]:
+def read_bases(path: str | Path) -> tuple[dict[str, FloatArray], tuple[int, int]]:
     """Read schedule -> (bootstraps, D, k) bases and their shape (D, k)."""
     import h5py
 

@@ -11,20 +11,128 @@ schedules have one map. The AUC is reported as a description, not as a test.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.maps.draws import named_generator
-from hopdata.maps.subspaces.baselines import noised_identity, random
-from hopdata.maps.subspaces.pair_lengths import PairLengths
+from hopdata.maps.subspaces.all_pairs import all_arc_lengths
+from hopdata.maps.subspaces.dyads import PairSums
+from hopdata.maps.subspaces.grassmann import (
+    DISTANCES,
+    PRINTED_READING,
+    READINGS,
+    arc_length,
+    noised_identities,
+    noised_identity,
+    principal_angles,
+    random,
+    random_subspaces,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
+
+# Arc lengths of pairs of draws within and across classes: some pairs, or all of them.
+
+
+class PairLengths:
+    """Measures the pairs that are asked for, and keeps what a summary of each kind needs.
+
+    Parameters
+    ----------
+    bases
+        Schedule -> (R, D, k) orthonormal bases.
+    all_pairs
+        Whether to measure all pairs; else only those that are returned.
+    workers
+        Threads, for all pairs.
+    progress
+        Whether to say on stderr how far it is.
+    """
+
+    def __init__(
+        self,
+        bases: Mapping[str, FloatArray],
+        *,
+        all_pairs: bool = False,
+        workers: int = 1,
+        progress: bool = False,
+    ) -> None:
+        self._bases, self._all, self._workers = bases, all_pairs, workers
+        starts = np.cumsum([0, *map(len, bases.values())])
+        self._start = dict(zip(bases, starts[:-1].tolist(), strict=True))
+        kinds = ("in_class", "cross_class")
+        self.sums = {kind: PairSums(int(starts[-1])) for kind in kinds}
+        self._lengths: dict[str, list[FloatArray]] = {kind: [] for kind in kinds}
+        self._progress = progress and all_pairs
+
+    def in_class(self, generator: np.random.Generator, name: str, pairs: int) -> FloatArray:
+        """Return lengths of up to `pairs` different pairs of different draws of a class."""
+        draws, start, sums = self._bases[name], self._start[name], self.sums["in_class"]
+        first, second = in_class_pairs(generator, len(draws), pairs)
+        if not self._all:
+            lengths = arc_length(draws[first], draws[second])
+            sums.add(lengths, first + start, second + start)
+            return self._keep("in_class", lengths)
+        table = all_arc_lengths(draws, workers=self._workers)
+        sums.add_triangle(table, start)
+        self._keep("in_class", table[np.triu_indices(len(table), 1)])
+        return table[first, second]
+
+    def cross_class(self, generator: np.random.Generator, a: str, b: str, pairs: int) -> FloatArray:
+        """Return lengths of up to `pairs` different pairs, one draw from each of two classes."""
+        one, two, sums = self._bases[a], self._bases[b], self.sums["cross_class"]
+        first, second = cross_class_pairs(generator, len(one), len(two), pairs)
+        if not self._all:
+            lengths = arc_length(one[first], two[second])
+            sums.add(lengths, first + self._start[a], second + self._start[b])
+            return self._keep("cross_class", lengths)
+        table = all_arc_lengths(one, two, workers=self._workers)
+        sums.add_table(table, self._start[a], self._start[b])
+        self._keep("cross_class", table.ravel())
+        return table[first, second]
+
+    def lengths(self, kind: str) -> FloatArray:
+        """Return all lengths of a kind that were measured."""
+        return np.concatenate([np.zeros(0), *self._lengths[kind]])
+
+    def _keep(self, kind: str, lengths: FloatArray) -> FloatArray:
+        self._lengths[kind].append(lengths)
+        if self._progress:
+            done = sum(sums.count for sums in self.sums.values())
+            print(f"distances: {done:,} of {self._total():,} pairs", file=sys.stderr)
+        return lengths
+
+    def _total(self) -> int:
+        draws = sum(map(len, self._bases.values()))
+        return draws * (draws - 1) // 2
+
+
+def in_class_pairs(
+    generator: np.random.Generator, draws: int, pairs: int
+) -> tuple[IntArray, IntArray]:
+    """Choose up to `pairs` different pairs of different draws."""
+    first, second = np.triu_indices(draws, 1)
+    chosen = _some(generator, len(first), pairs)
+    return first[chosen], second[chosen]
+
+
+def cross_class_pairs(
+    generator: np.random.Generator, first: int, second: int, pairs: int
+) -> tuple[IntArray, IntArray]:
+    """Choose up to `pairs` different pairs of one draw from each of two sets."""
+    return np.divmod(_some(generator, first * second, pairs), second)
+
+
+def _some(generator: np.random.Generator, population: int, count: int) -> IntArray:
+    return np.sort(generator.choice(population, min(count, population), replace=False))
+
 
 #: Kinds of distance, in the order of Fig. 2.5.
 KINDS = ("in_class", "cross_class", "noised_identity", "random")
@@ -32,8 +140,6 @@ _SUMMARY_COLUMNS = (
     *("kind", "n", "mean", "mean_se", "sd", "q05", "q25", "median", "q75", "q95"),
     "auc_against_in_class",
 )
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -56,7 +162,7 @@ class DistanceStudy:
 
 
 def measure_distances(
-    bases: Mapping[str, Floats],
+    bases: Mapping[str, FloatArray],
     shape: tuple[int, int],
     *,
     seed: int,
@@ -113,7 +219,7 @@ def measure_distances(
 
 
 def summarise_distances(
-    lengths: Mapping[str, Floats], standard_errors: Mapping[str, float]
+    lengths: Mapping[str, FloatArray], standard_errors: Mapping[str, float]
 ) -> pd.DataFrame:
     """Summarise each kind.
 
@@ -146,7 +252,7 @@ def summarise_distances(
     return pd.DataFrame(rows, columns=list(_SUMMARY_COLUMNS))
 
 
-def auc(values: Floats, reference: Floats) -> float:
+def auc(values: FloatArray, reference: FloatArray) -> float:
     """Return the probability that a value exceeds a reference value; ties count half."""
     if not (len(values) and len(reference)):
         return float("nan")
@@ -159,7 +265,7 @@ def _note(what: str, reason: str) -> dict[str, str]:
     return {"what": what, "reason": reason}
 
 
-def _table(blocks: list[tuple[str, str, str, Floats]]) -> pd.DataFrame:
+def _table(blocks: list[tuple[str, str, str, FloatArray]]) -> pd.DataFrame:
     import pandas as pd
 
     columns = ("schedule_a", "schedule_b", "distance_rad")
@@ -168,3 +274,104 @@ def _table(blocks: list[tuple[str, str, str, Floats]]) -> pd.DataFrame:
         for kind, *block in blocks
     ]
     return pd.concat(frames, ignore_index=True)
+
+
+# How distances between subspaces answer to noise, and what "a signal-to-noise ratio of 10" is.
+#
+# The dissertation takes the arc length since, of the distances that Edelman, Arias and Smith (1998)
+# collate, it is the most sensitive to noise (Sec. 2.2.4): one that makes equal but noisy subspaces
+# look far apart has the better right to call two schedules alike. Here equal subspaces get more and
+# more noise, and two things are measured of each distance: how large it is, and how well a single
+# value tells one level of noise from twice that level.
+
+#: Sd of the noise on each entry, each 2^(1/2) times the last: 0.1 is one of them.
+NOISE_SDS = tuple(0.1 * 2.0 ** (step / 2) for step in range(-12, 7))
+_LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
+
+
+def noise_sensitivity(
+    shape: tuple[int, int],
+    *,
+    seed: int,
+    pairs: int = 400,
+    noise_sds: Sequence[float] = NOISE_SDS,
+) -> pd.DataFrame:
+    """Measure each distance between equal subspaces with more and more noise.
+
+    Parameters
+    ----------
+    shape
+        (D, k) of the subspaces.
+    seed
+        Seed of the study; each level of noise has its own stream.
+    pairs
+        Pairs of noisy subspaces at each level, and of random ones.
+    noise_sds
+        Sd of the noise on each entry of both bases.
+
+    Returns
+    -------
+    DataFrame
+        One row a distance and level: ``distance, noise_sd, mean, sd, q05, q95``;
+        ``share_of_random``, the mean over that of random subspaces; and ``doubling``, the change
+        of the mean from this noise to twice as much in units of the sd (root mean square of both),
+        NaN where twice as much is not among the levels.
+    """
+    import pandas as pd
+
+    generator = named_generator(seed, "sensitivity", "random")
+    unrelated = principal_angles(*random_subspaces(generator, shape, pairs))
+    angles = {sd: _noised_angles(seed, shape, pairs, sd) for sd in noise_sds}
+    rows = []
+    for name, distance in DISTANCES.items():
+        found = {sd: distance(part) for sd, part in angles.items()}
+        scale = distance(unrelated).mean()
+        for sd, values in found.items():
+            twice = next((part for other, part in found.items() if np.isclose(other, 2 * sd)), None)
+            spread = np.quantile(values, [0.05, 0.95])
+            level = (values.mean(), values.std(ddof=1), *spread, values.mean() / scale)
+            rows.append((name, sd, *level, np.nan if twice is None else _separation(values, twice)))
+    columns = ("distance", "noise_sd", "mean", "sd", "q05", "q95", "share_of_random", "doubling")
+    return pd.DataFrame(rows, columns=list(columns))
+
+
+def snr_readings(shape: tuple[int, int], *, seed: int, pairs: int = 1000) -> pd.DataFrame:
+    """Measure the arc lengths of the two baselines, the noised identity in every reading.
+
+    Returns
+    -------
+    DataFrame
+        One row a reading, and one of random subspaces: ``kind, ratio, signal, noised, noise_sd,
+        printed, mean, mean_se, sd, q05, q25, median, q75, q95``, lengths in rad; ``printed`` marks
+        the reading of Fig. 2.5.
+    """
+    import pandas as pd
+
+    rows = []
+    for reading in READINGS:
+        names = (reading.ratio, reading.signal, str(reading.noised))
+        sd = reading.noise_sd(shape)
+        generator = named_generator(seed, "snr", *names)
+        lengths = noised_identity(generator, shape, pairs, sd, reading.noised)
+        known = ("noised_identity", *names, sd, reading == PRINTED_READING)
+        rows.append((*known, *_summary(lengths)))
+    lengths = random(named_generator(seed, "snr", "random"), shape, pairs)
+    rows.append(("random", "", "", "", np.nan, False, *_summary(lengths)))
+    columns = ("kind", "ratio", "signal", "noised", "noise_sd", "printed")
+    levels = ("mean", "mean_se", "sd", "q05", "q25", "median", "q75", "q95")
+    return pd.DataFrame(rows, columns=[*columns, *levels])
+
+
+def _noised_angles(seed: int, shape: tuple[int, int], pairs: int, noise_sd: float) -> FloatArray:
+    generator = named_generator(seed, "sensitivity", f"{noise_sd:.9g}")
+    return principal_angles(*noised_identities(generator, shape, pairs, noise_sd))
+
+
+def _separation(values: FloatArray, twice: FloatArray) -> float:
+    spread = np.sqrt((values.var(ddof=1) + twice.var(ddof=1)) / 2)
+    return float((twice.mean() - values.mean()) / spread)
+
+
+def _summary(values: FloatArray) -> tuple[float, ...]:
+    spread = values.std(ddof=1)
+    return (values.mean(), spread / len(values) ** 0.5, spread, *np.quantile(values, _LEVELS))

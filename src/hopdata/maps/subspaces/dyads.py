@@ -10,10 +10,8 @@ For all pairs of a set it agrees with the jackknife over draws and with Hoeffdin
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Indices = NDArray[np.integer]
+from hopdata.arrays import FloatArray, IntArray
 
 
 class PairSums:
@@ -29,7 +27,7 @@ class PairSums:
         self.count, self.total, self.squares = 0, 0.0, 0.0
         self._counts, self._sums = np.zeros(draws), np.zeros(draws)
 
-    def add(self, values: Floats, first: Indices, second: Indices) -> None:
+    def add(self, values: FloatArray, first: IntArray, second: IntArray) -> None:
         """Add (N,) pairs of draws `first` and `second`."""
         self._add(values)
         for index in (first, second):
@@ -37,7 +35,7 @@ class PairSums:
             self._counts += np.bincount(index, minlength=size)
             self._sums += np.bincount(index, values, size)
 
-    def add_table(self, values: Floats, first: int, second: int) -> None:
+    def add_table(self, values: FloatArray, first: int, second: int) -> None:
         """Add all pairs of draws from `first` on (rows) and from `second` on (columns)."""
         self._add(values.ravel())
         for start, axis in ((first, 1), (second, 0)):
@@ -45,7 +43,7 @@ class PairSums:
             self._counts[place] += values.shape[axis]
             self._sums[place] += values.sum(axis=axis)
 
-    def add_triangle(self, values: Floats, first: int) -> None:
+    def add_triangle(self, values: FloatArray, first: int) -> None:
         """Add all pairs of draws from `first` on; `values` (R, R) is zero but for i < j."""
         place = slice(first, first + len(values))
         self._add(values[np.triu_indices(len(values), 1)])
@@ -70,7 +68,7 @@ class PairSums:
         shared = float(of_draws @ of_draws) - independent
         return float(np.sqrt(max(shared, independent))) / self.count
 
-    def _add(self, values: Floats) -> None:
+    def _add(self, values: FloatArray) -> None:
         self.count += values.size
         self.total += float(values.sum())
         self.squares += float(values @ values)

@@ -9,19 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hopdata.maps.truth.entries import Entries, entry
-from hopdata.maps.truth.exact_map import score_estimates
-from hopdata.maps.truth.landing_scores import (
+from hopdata.maps.truth.landings import (
     KnownRecording,
     count_touchdowns,
     score_contacts,
     score_floor,
     score_sections,
+    score_states,
 )
-from hopdata.maps.truth.map_errors import score_maps
-from hopdata.maps.truth.scaling import score_scaling
-from hopdata.maps.truth.state_errors import score_states
-from hopdata.maps.truth.verdict_truth import score_verdict
+from hopdata.maps.truth.maps import Entries, entry, score_estimates, score_verdict
+from hopdata.maps.truth.scaling import score_maps, score_scaling
 
 if TYPE_CHECKING:
     import pandas as pd

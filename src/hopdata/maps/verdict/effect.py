@@ -13,17 +13,15 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
+from hopdata.maps.coordinates import Feet, kink_slopes
 from hopdata.maps.verdict.estimate import KinkFit
-from hopdata.maps.verdict.kinks import Feet, kink_slopes
-from hopdata.maps.verdict.significance import draws, symmetric_root
+from hopdata.maps.verdict.test import draws, symmetric_root
 
 _BISECTIONS = 60
 _LARGEST = 1e3
 _KINDS = 400
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,9 @@ class EffectSize:
     detectable: float
 
 
-def outcome_variance(fit: KinkFit, x: Floats, instants: Floats, schedules: list[Feet]) -> float:
+def outcome_variance(
+    fit: KinkFit, x: FloatArray, instants: FloatArray, schedules: list[Feet]
+) -> float:
     """Return the mean square outcome of the linear map: the mean of the schedules' derivatives.
 
     Parameters
@@ -68,7 +68,9 @@ def outcome_variance(fit: KinkFit, x: Floats, instants: Floats, schedules: list[
     return float(np.sum(np.var(outcome, axis=0, ddof=1)))
 
 
-def squared_size(fit: KinkFit, instants: Floats, schedules: list[Feet], outcome: float) -> Floats:
+def squared_size(
+    fit: KinkFit, instants: FloatArray, schedules: list[Feet], outcome: float
+) -> FloatArray:
     """Return the matrix (m, m) of the squared effect size as a form in the coefficients.
 
     Parameters
@@ -93,7 +95,7 @@ def squared_size(fit: KinkFit, instants: Floats, schedules: list[Feet], outcome:
 
 def effect_size(
     fit: KinkFit,
-    form: Floats,
+    form: FloatArray,
     *,
     generator: np.random.Generator,
     confidence: float = 0.95,
@@ -143,7 +145,7 @@ def agreeing(effect: EffectSize, p_value: float, level: float) -> EffectSize:
 
 
 def detectable_size(
-    fit: KinkFit, form: Floats, generator: np.random.Generator, level: float, power: float
+    fit: KinkFit, form: FloatArray, generator: np.random.Generator, level: float, power: float
 ) -> float:
     """Return the size at which the test finds kinks of a random kind with this power.
 
@@ -165,7 +167,7 @@ def detectable_size(
     return _crossing(missed)
 
 
-def _length(square: float, along: Floats, own: Floats, share: float) -> float:
+def _length(square: float, along: FloatArray, own: FloatArray, share: float) -> float:
     """Return the true length from which this share of the draws lies below the one found."""
 
     def excess(length: float) -> float:

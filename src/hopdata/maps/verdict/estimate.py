@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.maps.verdict.smooth import affordable_degree
-from hopdata.maps.verdict.window import Window, landing_window, shrinker, weighted_bends
+from hopdata.arrays import FloatArray
+from hopdata.maps.coordinates import affordable_degree
+from hopdata.maps.verdict.model import Window, landing_window, shrinker, weighted_bends
 
 #: Shares of the landings, nearest to the simultaneous contact, that may be the window.
 WINDOWS = (1.0, 0.71, 0.5, 0.35, 0.25)
@@ -24,8 +25,6 @@ WINDOWS = (1.0, 0.71, 0.5, 0.35, 0.25)
 CURVATURE_SHARE = 0.0375
 #: How often the variance of the shrunk terms is counted: orders that are not fitted come on top.
 CURVATURE_COUNT = 1.5
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -55,12 +54,12 @@ class KinkFit:
         Order up to which smooth terms are free.
     """
 
-    coefficients: Floats
-    linear: Floats
-    covariance: Floats
-    null_scores: Floats
-    curvature: Floats
-    seen: Floats
+    coefficients: FloatArray
+    linear: FloatArray
+    covariance: FloatArray
+    null_scores: FloatArray
+    curvature: FloatArray
+    seen: FloatArray
     rows: NDArray[np.int64]
     window: float
     largest_spread_s: float
@@ -77,7 +76,9 @@ class KinkFit:
         return self.curvature_share <= CURVATURE_SHARE
 
 
-def fit_kinks(x: Floats, y: Floats, instants: Floats, *, all_windows: bool = True) -> list[KinkFit]:
+def fit_kinks(
+    x: FloatArray, y: FloatArray, instants: FloatArray, *, all_windows: bool = True
+) -> list[KinkFit]:
     """Fit the kinks in every window that has enough landings, widest first.
 
     Parameters
@@ -107,7 +108,12 @@ def choose_window(fits: list[KinkFit]) -> KinkFit:
 
 
 def fit_window(
-    x: Floats, y: Floats, instants: Floats, rows: NDArray[np.int64], window: float, degree: int
+    x: FloatArray,
+    y: FloatArray,
+    instants: FloatArray,
+    rows: NDArray[np.int64],
+    window: float,
+    degree: int,
 ) -> KinkFit:
     """Fit the kinks in one window.
 
@@ -148,8 +154,8 @@ def fit_window(
 
 
 def window_kinks(
-    x: Floats, y: Floats, instants: Floats, rows: NDArray[np.int64], degree: int
-) -> tuple[Floats, Floats]:
+    x: FloatArray, y: FloatArray, instants: FloatArray, rows: NDArray[np.int64], degree: int
+) -> tuple[FloatArray, FloatArray]:
     """Return `seen` and `coefficients` of the `KinkFit` of a window, without the rest of it."""
     part = landing_window(x, y, instants, rows, degree)
     found = []
@@ -159,7 +165,9 @@ def window_kinks(
     return part.seen, np.column_stack(found) / part.unit_s
 
 
-def _one_output(part: Window, k: int, slack: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def _one_output(
+    part: Window, k: int, slack: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return coefficients (K,), null scores and scores (n, K), and curvature covariance (K, K)."""
     bends, output, noise = part.bends, part.outputs[:, k], float(part.variances.noise[k])
     spreads, inner = shrinker(part, k)
@@ -176,13 +184,13 @@ def _one_output(part: Window, k: int, slack: Floats) -> tuple[Floats, Floats, Fl
     return coefficients, null_scores, scores, CURVATURE_COUNT * noise * missed @ missed.T
 
 
-def _interleaved(parts: list[Floats]) -> Floats:
+def _interleaved(parts: list[FloatArray]) -> FloatArray:
     """Return (n, K q) of q arrays (n, K), in the order of the flattened coefficients (K, q)."""
-    stacked: Floats = np.stack(parts, axis=2).reshape(len(parts[0]), -1)
+    stacked: FloatArray = np.stack(parts, axis=2).reshape(len(parts[0]), -1)
     return stacked
 
 
-def _block_diagonal(blocks: list[Floats]) -> Floats:
+def _block_diagonal(blocks: list[FloatArray]) -> FloatArray:
     """Return (K q, K q) of q covariances (K, K) of outputs that have nothing in common."""
     size, q = len(blocks[0]), len(blocks)
     whole = np.zeros((size, q, size, q))

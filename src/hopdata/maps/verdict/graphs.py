@@ -12,18 +12,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.maps.verdict.inputs import large_classes
 from hopdata.maps.verdict.leading import leading_spaces
-from hopdata.maps.verdict.membership import large_classes
 from hopdata.maps.verdict.residuals import Residuals, shuffled
 
 HALVINGS = 4
 _AT_ONCE = 50  # shuffled data sets in memory
-
-Floats = NDArray[np.float64]
-Rows = NDArray[np.int64]
-Half = tuple[Rows, Floats]
+Half = tuple[IntArray, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -55,8 +52,8 @@ class SubspaceTest:
 
 def compare_subspaces(
     residuals: Residuals,
-    weights: Floats,
-    input_noise: Floats,
+    weights: FloatArray,
+    input_noise: FloatArray,
     *,
     generator: np.random.Generator,
     permutations: int = 199,
@@ -96,12 +93,12 @@ def compare_subspaces(
     return SubspaceTest(rank, float(found[0]), float(found[1]), excess, high, p_value, len(classes))
 
 
-def signal_to_noise(input_noise: Floats) -> Floats:
+def signal_to_noise(input_noise: FloatArray) -> FloatArray:
     """Return the spread of the inputs in units of their noise, at least 1, (p,)."""
     return np.maximum(1.0 / np.maximum(input_noise, 1e-3), 1.0)
 
 
-def rank_gap(pairs: Floats) -> int:
+def rank_gap(pairs: FloatArray) -> int:
     """Return after how many singular values of the centred pairs (n, D) the largest drop comes."""
     values = np.linalg.svd(pairs - pairs.mean(axis=0), compute_uv=False)
     values = values[values > 1e-10 * values[0]]
@@ -110,7 +107,9 @@ def rank_gap(pairs: Floats) -> int:
     return int(np.argmax(values[:-1] / values[1:])) + 1
 
 
-def _halving(classes: list[Rows], inputs: Floats, generator: np.random.Generator) -> list[Half]:
+def _halving(
+    classes: list[IntArray], inputs: FloatArray, generator: np.random.Generator
+) -> list[Half]:
     """Return rows and whitened inputs of the first halves of all classes, then of the second."""
     mixed = [generator.permutation(rows) for rows in classes]
     firsts = [rows[: len(rows) // 2] for rows in mixed]
@@ -118,15 +117,17 @@ def _halving(classes: list[Rows], inputs: Floats, generator: np.random.Generator
     return [(rows, _white(inputs[rows])) for rows in (*firsts, *seconds)]
 
 
-def _white(x: Floats) -> Floats:
+def _white(x: FloatArray) -> FloatArray:
     """Return centred inputs (m, p) with unit covariance."""
     centred = x - x.mean(axis=0)
     left, _, right = np.linalg.svd(centred, full_matrices=False)
-    white: Floats = np.sqrt(len(x)) * left @ right
+    white: FloatArray = np.sqrt(len(x)) * left @ right
     return white
 
 
-def _distances(halvings: list[list[Half]], scale: Floats, outcomes: Floats, rank: int) -> Floats:
+def _distances(
+    halvings: list[list[Half]], scale: FloatArray, outcomes: FloatArray, rank: int
+) -> FloatArray:
     """Return the mean arc lengths within and across schedules, (P, 2), of outcomes (P, n, q)."""
     distances = np.empty((len(halvings), len(outcomes), 2))
     for number, halves in enumerate(halvings):
@@ -135,17 +136,17 @@ def _distances(halvings: list[list[Half]], scale: Floats, outcomes: Floats, rank
         same = np.eye(len(first), dtype=bool)
         distances[number, :, 0] = lengths[same].mean(axis=0)
         distances[number, :, 1] = lengths[~same].mean(axis=0)
-    mean: Floats = distances.mean(axis=0)
+    mean: FloatArray = distances.mean(axis=0)
     return mean
 
 
-def _graphs(halves: list[Half], scale: Floats, outcomes: Floats, rank: int) -> Floats:
+def _graphs(halves: list[Half], scale: FloatArray, outcomes: FloatArray, rank: int) -> FloatArray:
     """Return the leading directions (halves, P, D, k) of the pairs of each half."""
     covariances = [_covariances(white * scale, outcomes[:, rows]) for rows, white in halves]
     return leading_spaces(np.stack(covariances), rank)
 
 
-def _arc_lengths(first: Floats, second: Floats) -> Floats:
+def _arc_lengths(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the distances (...) of spaces with orthonormal bases (..., D, k).
 
     Squared cosines of their angles are right to rounding; a length is right to 1e-8, also where an
@@ -154,11 +155,11 @@ def _arc_lengths(first: Floats, second: Floats) -> Floats:
     cosines = np.swapaxes(first, -1, -2) @ second
     squared = np.linalg.eigvalsh(np.swapaxes(cosines, -1, -2) @ cosines)
     angles = np.arccos(np.sqrt(squared.clip(0.0, 1.0)))
-    lengths: Floats = np.sqrt(np.sum(angles**2, axis=-1))
+    lengths: FloatArray = np.sqrt(np.sum(angles**2, axis=-1))
     return lengths
 
 
-def _covariances(inputs: Floats, outcomes: Floats) -> Floats:
+def _covariances(inputs: FloatArray, outcomes: FloatArray) -> FloatArray:
     """Return scatter matrices (P, p + q, p + q) of centred inputs (m, p), outcomes (P, m, q)."""
     centred = outcomes - outcomes.mean(axis=1, keepdims=True)
     turned = np.swapaxes(centred, 1, 2)

@@ -7,13 +7,14 @@ question in the dissertation's ways (`specialised`, `graphs`).
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass, field, fields
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.draws import named_generator
-from hopdata.maps.verdict.answer import CANNOT_TELL, Verdict, WindowResult, conclude, sentence
-from hopdata.maps.verdict.attenuation import attenuation, calibrated
 from hopdata.maps.verdict.effect import (
     EffectSize,
     agreeing,
@@ -21,15 +22,157 @@ from hopdata.maps.verdict.effect import (
     outcome_variance,
     squared_size,
 )
-from hopdata.maps.verdict.estimate import WINDOWS, KinkFit, choose_window, fit_kinks
+from hopdata.maps.verdict.estimate import (
+    CURVATURE_SHARE,
+    WINDOWS,
+    KinkFit,
+    choose_window,
+    fit_kinks,
+)
 from hopdata.maps.verdict.graphs import SubspaceTest, compare_subspaces
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings, section_landings
 from hopdata.maps.verdict.residuals import smooth_residuals
 from hopdata.maps.verdict.separate import separate_difference
-from hopdata.maps.verdict.significance import flip_signs
 from hopdata.maps.verdict.specialised import SpecialisedTest, compare_specialised
+from hopdata.maps.verdict.test import KinkTest, attenuation, calibrated, flip_signs
 
-Floats = NDArray[np.float64]
+if TYPE_CHECKING:
+    import pandas as pd
+
+# The form of a verdict: its numbers, and the one sentence that they amount to.
+
+DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = "different", "no difference", "cannot tell"
+
+
+@dataclass(frozen=True)
+class WindowResult:
+    """Difference of the maps in one window of contact spread.
+
+    Attributes
+    ----------
+    window, landings, degree
+        Share and number of the landings, and order of the free smooth terms.
+    mean_spread_ms, largest_spread_ms
+        Contact spread expected for these landings.
+    curvature_share
+        Share of unmodelled curvature in the variance of the kinks.
+    kinks, kinks_low, kinks_high
+        Relative difference of the derivatives at zero spread, with its interval.
+    separate
+        Relative difference of linear maps fitted to each schedule on its own.
+    chosen
+        Whether the verdict rests on this window.
+    """
+
+    window: float
+    landings: int
+    degree: int
+    mean_spread_ms: float
+    largest_spread_ms: float
+    curvature_share: float
+    kinks: float
+    kinks_low: float
+    kinks_high: float
+    separate: float
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Answer of a study.
+
+    Attributes
+    ----------
+    conclusion
+        ``"different"``, ``"no difference"`` (larger than the margin) or ``"cannot tell"``.
+    sentence
+        The same in one sentence, with its numbers.
+    n_landings, n_schedules
+        Landings and schedules that it rests on.
+    confidence, margin, power
+        Of the interval, the difference that the study wants to exclude, and the power with which
+        the detectable one would have been found.
+    effect, test
+        Size and significance of the kinks in the chosen window; None if there is no answer.
+    specialised, subspaces
+        The two other tests; None where landings do not suffice.
+    windows
+        The same estimate in every window.
+    notes
+        What limits the answer, each ``{"what": ..., "reason": ...}``.
+    curvature_limit
+        Share of curvature in the variance up to which a window is taken.
+    """
+
+    conclusion: str
+    sentence: str
+    n_landings: int
+    n_schedules: int
+    confidence: float
+    margin: float
+    power: float
+    effect: EffectSize | None = None
+    test: KinkTest | None = None
+    specialised: SpecialisedTest | None = None
+    subspaces: SubspaceTest | None = None
+    windows: tuple[WindowResult, ...] = ()
+    notes: list[dict[str, str]] = field(default_factory=list)
+    curvature_limit: float = CURVATURE_SHARE
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all values, for ``verdict.json``; what is not a number is None."""
+        content = asdict(self)
+        content["windows"] = [asdict(row) for row in self.windows]
+        finite: dict[str, Any] = _finite(content)
+        return finite
+
+    def windows_table(self) -> pd.DataFrame:
+        """Return the windows as a table, one row each."""
+        import pandas as pd
+
+        columns = [one.name for one in fields(WindowResult)]
+        return pd.DataFrame([asdict(row) for row in self.windows], columns=columns)
+
+
+def conclude(test: KinkTest, effect: EffectSize, level: float, margin: float) -> str:
+    """Return the conclusion from the test and the one-sided bound of the effect."""
+    if test.p_value < level:
+        return DIFFERENT
+    return NO_DIFFERENCE if effect.upper_bound <= margin else CANNOT_TELL
+
+
+def sentence(
+    conclusion: str, effect: EffectSize, test: KinkTest, confidence: float, margin: float
+) -> str:
+    """Say a conclusion in one sentence."""
+    sure = f"{100 * confidence:g} %"
+    if conclusion == DIFFERENT:
+        return (
+            f"The maps of different contact orders are different: by {effect.estimate:.2g} of the "
+            f"map ({sure} interval {effect.low:.2g} to {effect.high:.2g}, {test.p_text})."
+        )
+    if conclusion == NO_DIFFERENCE:
+        return (
+            f"No difference between the maps of different contact orders larger than "
+            f"{effect.upper_bound:.2g} of the map, at {sure} confidence ({test.p_text})."
+        )
+    return (
+        f"These data cannot tell: no difference was found ({test.p_text}), but one of up "
+        f"to {effect.upper_bound:.2g} of the map cannot be excluded, and {margin:g} was wanted."
+    )
+
+
+def _finite(value: Any) -> Any:
+    """Return a nested structure with None for every number that JSON cannot hold."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value
+
+
 Notes = list[dict[str, str]]
 
 MEASURED_FEET = 3  # of the studies on which the verdict's power was measured

@@ -7,17 +7,16 @@ space of the mean into that of each; the result is checked, and what fails is de
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+
+from hopdata.arrays import FloatArray
 
 _ROUNDING = 1e-14  # what the multiplications are to leave of a deviation
 _MOST = 12  # multiplications that are still cheaper than to decompose
 _AT_ONCE = 3  # multiplications before the columns lean on the first too much
 _LARGEST_ERROR = 1e-11  # rad
 
-Floats = NDArray[np.float64]
 
-
-def leading_spaces(matrices: Floats, rank: int) -> Floats:
+def leading_spaces(matrices: FloatArray, rank: int) -> FloatArray:
     """Return orthonormal bases of the spaces of the largest eigenvalues.
 
     Parameters
@@ -51,7 +50,7 @@ def leading_spaces(matrices: Floats, rank: int) -> Floats:
     return spaces
 
 
-def _errors(matrices: Floats, spaces: Floats, unit: Floats) -> Floats:
+def _errors(matrices: FloatArray, spaces: FloatArray, unit: FloatArray) -> FloatArray:
     """Return how far (..., P) bases are from orthonormal and from invariant, in rad.
 
     Infinite where a space might be one of other eigenvalues than the largest.
@@ -67,7 +66,7 @@ def _errors(matrices: Floats, spaces: Floats, unit: Floats) -> Floats:
     return np.where(sound & (others <= least**2), np.maximum(off, askew), np.inf)
 
 
-def _multiplications(values: Floats, rank: int) -> int | None:
+def _multiplications(values: FloatArray, rank: int) -> int | None:
     """Return how many it takes, from falling eigenvalues of the means; None if too many."""
     if not (values[..., rank - 1] > 0.0).all():
         return None
@@ -78,12 +77,12 @@ def _multiplications(values: Floats, rank: int) -> int | None:
     return int(np.ceil(times)) if times <= _MOST else None
 
 
-def _decomposed(matrices: Floats, rank: int) -> Floats:
-    spaces: Floats = np.linalg.eigh(matrices)[1][..., ::-1][..., :rank]
+def _decomposed(matrices: FloatArray, rank: int) -> FloatArray:
+    spaces: FloatArray = np.linalg.eigh(matrices)[1][..., ::-1][..., :rank]
     return spaces
 
 
-def _orthonormal(spaces: Floats) -> Floats:
+def _orthonormal(spaces: FloatArray) -> FloatArray:
     """Return orthonormal bases (..., D, k) of the spaces of columns, by Gram and Schmidt."""
     rows = np.ascontiguousarray(np.swapaxes(spaces, -1, -2))
     for j in range(rows.shape[-2]):

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
+from hopdata.maps.coordinates import free_terms
 from hopdata.maps.verdict.estimate import KinkFit
-from hopdata.maps.verdict.smooth import free_terms
 
 #: Landings of similar contact spread that may change places, at least.
 STRATUM = 40
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -34,14 +33,14 @@ class Residuals:
         (n,) number of the stratum of contact spread of each landing.
     """
 
-    basis: Floats
-    values: Floats
-    inputs: Floats
-    linear: Floats
+    basis: FloatArray
+    values: FloatArray
+    inputs: FloatArray
+    linear: FloatArray
     strata: NDArray[np.int64]
 
 
-def smooth_residuals(fit: KinkFit, x: Floats, y: Floats, instants: Floats) -> Residuals:
+def smooth_residuals(fit: KinkFit, x: FloatArray, y: FloatArray, instants: FloatArray) -> Residuals:
     """Project the smooth terms of a fit out of its landings.
 
     Parameters

@@ -11,21 +11,19 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hopdata.maps.linear.affine import fit_affine
-from hopdata.maps.verdict.membership import large_classes
+from hopdata.arrays import FloatArray
+from hopdata.maps.affine import fit_affine
+from hopdata.maps.verdict.inputs import large_classes
 
 HALVINGS = 10
 
-Floats = NDArray[np.float64]
-
 
 def separate_difference(
-    x: Floats,
-    y: Floats,
-    weights: Floats,
-    covariance: Floats,
+    x: FloatArray,
+    y: FloatArray,
+    weights: FloatArray,
+    covariance: FloatArray,
     *,
     generator: np.random.Generator,
 ) -> float:

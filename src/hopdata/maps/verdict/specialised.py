@@ -10,11 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.maps.verdict.residuals import Residuals, shuffled
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -39,7 +37,7 @@ class SpecialisedTest:
 
 def compare_specialised(
     residuals: Residuals,
-    weights: Floats,
+    weights: FloatArray,
     *,
     generator: np.random.Generator,
     permutations: int = 499,
@@ -67,17 +65,17 @@ def compare_specialised(
     return SpecialisedTest(found, float(np.quantile(null, 0.95)), p_value)
 
 
-def _specialised_basis(residuals: Residuals, weights: Floats) -> Floats:
+def _specialised_basis(residuals: Residuals, weights: FloatArray) -> FloatArray:
     """Return an orthonormal basis (n, r) of what specialised maps add to the smooth terms."""
     inputs = np.column_stack([np.ones(len(weights)), residuals.inputs])
     terms = (weights[:, :, None] * inputs[:, None, :]).reshape(len(weights), -1)
     terms = terms - residuals.basis @ (residuals.basis.T @ terms)
     left, values, _ = np.linalg.svd(terms, full_matrices=False)
-    basis: Floats = left[:, values > 1e-8 * max(values[0], 1.0)]
+    basis: FloatArray = left[:, values > 1e-8 * max(values[0], 1.0)]
     return basis
 
 
-def _error_ratio(own: Floats, values: Floats, smooth: Floats, free: int) -> float:
+def _error_ratio(own: FloatArray, values: FloatArray, smooth: FloatArray, free: int) -> float:
     """Return the ratio for one data set, mean over the outputs."""
     pooled = np.sum(values**2, axis=0) - np.sum((smooth.T @ values) ** 2, axis=0)
     gained = np.sum((own.T @ values) ** 2, axis=0)

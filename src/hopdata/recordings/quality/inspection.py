@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
-from hopdata.recordings.axes import rotate_up
-from hopdata.recordings.quality.free_fall import UNITS_IN_M
-from hopdata.recordings.quality.frozen import Frozen, frozen_markers
-from hopdata.recordings.quality.gaps import MarkerGaps, marker_gaps
-from hopdata.recordings.quality.one_sided import surprises
-from hopdata.recordings.quality.orientation import Guess, guess_unit_and_up
+from hopdata.recording import Recording
+from hopdata.recordings.plausibility import notes
+from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_unit_and_up
 from hopdata.recordings.quality.rigid import (
     Cluster,
     PairDistances,
@@ -22,12 +21,21 @@ from hopdata.recordings.quality.rigid import (
     pair_distances,
     rigid_clusters,
 )
-from hopdata.recordings.quality.spikes import Jump, Spike, find_jumps, find_spikes
+from hopdata.recordings.quality.spikes import Jump, Spike, find_jumps, find_spikes, surprises
+from hopdata.recordings.quality.stretches import (
+    Frozen,
+    MarkerGaps,
+    Timing,
+    check_stamps,
+    frozen_markers,
+    marker_gaps,
+)
 from hopdata.recordings.quality.swaps import Swap, explained_frames, find_swaps
-from hopdata.recordings.quality.timing import Timing, check_stamps
-from hopdata.recordings.raw import RawRecording
+from hopdata.recordings.raw import RawRecording, is_pause, rotate_up
 
-FloatArray = NDArray[np.float64]
+if TYPE_CHECKING:
+    import pandas as pd
+
 Progress = Callable[[str], None]
 
 RATE_TOLERANCE = 0.02  # relative, of the rate by the time stamps
@@ -202,3 +210,124 @@ def _told_elsewhere(
         column = mask[:, markers.index(stretch.marker)]
         column[max(0, stretch.start - STENCIL) : stretch.stop + STENCIL] = True
     return mask
+
+
+# Gaps, faults and noise of the recordings of a study; times are from the first frame.
+
+GAP_COLUMNS = ("recording", "marker", "role", "start_s", "stop_s", "frames")
+REMARK_COLUMNS = ("recording", "remark")
+FAULT_COLUMNS = ("recording", "kind", "marker", "start_s", "stop_s", "remark")
+MARKER_COLUMNS = (
+    *("recording", "marker", "role", "duration_s", "frames"),
+    *("missing", "gaps", "longest_s", "noise_m"),
+)
+
+Inspected = tuple[Recording, Inspection]
+
+
+def inspect(recording: Recording) -> Inspection:
+    """Inspect a recording whose unit and vertical axis are settled."""
+    raw = RawRecording(
+        recording.markers, recording.time, recording.positions, recording.rate_hz, unit="m"
+    )
+    return inspect_recording(raw, unit="m", up="z")
+
+
+def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]:
+    """Inspect recordings; return their tables ``markers``, ``gaps``, ``faults``, ``remarks``."""
+    recordings = list(recordings)
+    inspections = [(recording, inspect(recording)) for recording in recordings]
+    return {
+        "markers": marker_table(inspections),
+        "gaps": gap_table(inspections),
+        "faults": fault_table(inspections),
+        "remarks": remark_table(recordings),
+    }
+
+
+def marker_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
+    """One row a marker of each recording: frames missing, longest gap, noise of a coordinate."""
+    import pandas as pd
+
+    rows = []
+    for recording, found in inspections:
+        for role, gaps, noise in zip(recording.roles, found.gaps, found.noise_m, strict=True):
+            longest = gaps.longest / recording.rate_hz
+            counts = (gaps.n_frames, gaps.missing, gaps.count)
+            rows.append(
+                (recording.name, gaps.marker, role, found.duration_s, *counts, longest, noise)
+            )
+    return pd.DataFrame(rows, columns=list(MARKER_COLUMNS))
+
+
+def gap_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
+    """One row a gap of each marker, from its first missing frame to the next seen one."""
+    import pandas as pd
+
+    rows = []
+    for recording, found in inspections:
+        for role, gaps in zip(recording.roles, found.gaps, strict=True):
+            for start, stop in gaps.stretches:
+                times = (_time(recording, int(start)), _time(recording, int(stop)))
+                rows.append((recording.name, gaps.marker, role, *times, int(stop - start)))
+    return pd.DataFrame(rows, columns=list(GAP_COLUMNS))
+
+
+def fault_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
+    """One row a fault and marker: swaps, spikes, jumps, frozen stretches, faults of the stamps.
+
+    Kinds are ``swap, spike, jump, frozen, never seen``, and without a marker ``dropped, irregular,
+    backward``. A pause, in which nothing was recorded (`joining.is_pause`), is no fault.
+    """
+    import pandas as pd
+
+    rows = [
+        (recording.name, kind, marker, _time(recording, start), _time(recording, stop), remark)
+        for recording, found in inspections
+        for kind, marker, start, stop, remark in _faults(found)
+        if not (kind == "dropped" and is_pause(recording.time, recording.rate_hz)[start])
+    ]
+    return pd.DataFrame(rows, columns=list(FAULT_COLUMNS))
+
+
+def remark_table(recordings: Iterable[Recording]) -> pd.DataFrame:
+    """One row a remark on a recording, as `hopdata check` notes them: a guessed unit, for one."""
+    import pandas as pd
+
+    rows = [(recording.name, note) for recording in recordings for note in notes(recording)]
+    return pd.DataFrame(rows, columns=list(REMARK_COLUMNS))
+
+
+def _faults(found: Inspection) -> Iterator[tuple[str, str, int, int, str]]:
+    faults, timing, n = found.faults, found.timing, len(found.time)
+    for swap in faults.swaps:
+        ends = n if swap.stop is None else swap.stop
+        for marker in swap.markers:
+            others = ", ".join(name for name in swap.markers if name != marker)
+            yield "swap", marker, swap.start, ends, f"with {others}"
+    for spike in faults.spikes:
+        yield "spike", spike.marker, spike.start, spike.stop, f"{1e3 * spike.size:.1f} mm"
+    for jump in faults.jumps:
+        yield "jump", jump.marker, jump.frame, jump.frame + 1, f"{1e3 * jump.size:.1f} mm"
+    for frozen in faults.frozen:
+        yield "frozen", frozen.marker, frozen.start, frozen.stop, ""
+    for marker in faults.never_seen:
+        yield "never seen", marker, 0, n, ""
+    for frame, missing in timing.drops:
+        yield (
+            "dropped",
+            "",
+            int(frame),
+            int(frame) + 1,
+            "1 frame" if missing == 1 else f"{int(missing)} frames",
+        )
+    for kind, frames in (("irregular", timing.irregular), ("backward", timing.backward)):
+        for frame in frames:
+            yield kind, "", int(frame), int(frame) + 1, "time stamp"
+
+
+def _time(recording: Recording, frame: int) -> float:
+    """Return the time of a frame from the first one, s; of the one after the last by the rate."""
+    if frame < len(recording.time):
+        return float(recording.time[frame] - recording.time[0])
+    return float(recording.time[-1] - recording.time[0]) + 1.0 / recording.rate_hz

@@ -2,14 +2,237 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
-from hopdata.recordings.length_unit import choose_unit
-from hopdata.recordings.plausibility import PLAUSIBLE_EXTENT_M
-from hopdata.recordings.quality.free_fall import UNITS_IN_M, FreeFall, free_fall
-from hopdata.recordings.quality.resting import CLEARER, FLAT, flattest_direction
-from hopdata.recordings.raw import RawRecording
-from hopdata.recordings.span import extent
+import numpy as np
+
+from hopdata.arrays import GRAVITY_M_S2, FloatArray
+from hopdata.errors import RecordingError
+from hopdata.recording import extent
+from hopdata.recordings.quality.stretches import CLEARER, FLAT, flattest_direction
+from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
+
+# The range spans a factor of less than 1000, so of mm and m at most one can be plausible.
+PLAUSIBLE_EXTENT_M = (0.015, 12.0)
+
+
+# Which way is up, and the unit, from markers in free fall: they accelerate by g, downwards.
+
+HALF_WINDOW_S = 0.04
+WITHIN = 0.25  # of g: how far an acceleration may be from free fall
+LEAST_SHARE = 0.01  # of all frames of a marker, mean over markers
+FREE_FALL_CLEARER = (
+    2.0  # the best guess must have more frames in free fall than the next by this factor
+)
+MOST_FRAMES = 20_000  # evaluated, evenly spaced
+
+UNITS_IN_M: Mapping[str, float] = MappingProxyType(
+    {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "m": 1.0}
+)
+DIRECTIONS = ("x", "-x", "y", "-y", "z", "-z")
+
+
+@dataclass(frozen=True)
+class FreeFall:
+    """How much of a recording looks like free fall.
+
+    Parameters
+    ----------
+    unit : str
+        The unit that shows most of it.
+    up : str
+        The direction away from which it falls: ``"z"``, ``"-y"`` and so on.
+    share : float
+        Share of the frames in free fall, mean over the markers.
+    next_share : float
+        The same for the best other direction in this unit.
+    """
+
+    unit: str
+    up: str
+    share: float
+    next_share: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether there is enough free fall, and much more than along any other direction."""
+        return self.share >= LEAST_SHARE and self.share > FREE_FALL_CLEARER * self.next_share
+
+
+def accelerations(positions: FloatArray, rate_hz: float) -> FloatArray:
+    """Second derivative of (N, M, 3) positions by parabolas over 80 ms, (K, M, 3), per s².
+
+    At most about `MOST_FRAMES` evenly spaced frames are evaluated.
+    """
+    half = max(2, round(HALF_WINDOW_S * rate_hz))
+    time = np.arange(-half, half + 1) / rate_hz
+    weights = 2 * np.linalg.pinv(np.stack([np.ones_like(time), time, time**2], axis=1))[2]
+    n = len(positions) - 2 * half
+    if n < 1:
+        return np.zeros((0, *positions.shape[1:]))
+    stride = max(1, n // MOST_FRAMES)
+    return sum(weight * positions[k : k + n : stride] for k, weight in enumerate(weights))
+
+
+def free_fall(
+    positions: FloatArray, rate_hz: float, *, units: Mapping[str, float] = UNITS_IN_M
+) -> FreeFall:
+    """Look for free fall in every direction and unit.
+
+    Parameters
+    ----------
+    positions : (N, M, 3) array
+        In the unknown unit, along the file's axes.
+    rate_hz : float
+        Frame rate, Hz.
+    units : mapping
+        Units to try, in m.
+
+    Returns
+    -------
+    FreeFall
+        The best guess; see `FreeFall.is_clear`.
+    """
+    shares = _shares(accelerations(positions, rate_hz), units)
+    unit = max(shares, key=lambda u: max(shares[u].values()))
+    ranked = sorted(shares[unit].items(), key=lambda item: -item[1])
+    return FreeFall(unit, ranked[0][0], ranked[0][1], ranked[1][1])
+
+
+def _shares(measured: FloatArray, units: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Share of the accelerations (K, M, 3), per s², that are free fall, mean over markers seen.
+
+    For every unit and direction. With g in the unit, ``|a - g|² < (c g)²`` is looked at as
+    ``|a|² - 2 a·g < (c² - 1) g²``, so that squares are formed once for all.
+    """
+    known = np.asarray(np.isfinite(measured).all(axis=2))
+    seen = known.any(axis=0)
+    counts = known.sum(axis=0)[seen]
+    measured = np.where(known[..., np.newaxis], measured, np.nan)
+    squares: FloatArray = np.einsum("kmi,kmi->km", measured, measured)
+    shares: dict[str, dict[str, float]] = {unit: {} for unit in units}
+    for up in DIRECTIONS:
+        along: FloatArray = np.ascontiguousarray(measured[..., "xyz".index(up[-1])])
+        for unit, metres in units.items():
+            gravity = GRAVITY_M_S2 / metres
+            turned = -2 * gravity if up.startswith("-") else 2 * gravity
+            beyond = squares + turned * along
+            near = np.asarray(beyond < (WITHIN**2 - 1) * gravity**2)
+            found = np.count_nonzero(near[:, seen], axis=0)
+            shares[unit][up] = float(np.mean(found / counts)) if seen.any() else 0.0
+    return shares
+
+
+# The unit of a file's positions: as given, as stated or by their size, and what is said of it.
+
+
+def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
+    """Choose the unit: as given, or for ``"auto"`` the format's unless only another fits.
+
+    Parameters
+    ----------
+    positions : (N, M, 3) array
+        In the unknown unit.
+    unit : {"auto", "m", "mm"}
+        ``input.unit`` of the configuration.
+    nominal : {"m", "mm"}
+        The format's own unit.
+    """
+    if unit != "auto":
+        return unit
+    size = extent(positions)
+    fitting = [u for u, metres in METRES_PER_UNIT.items() if _fits(size * metres)]
+    return fitting[0] if fitting else nominal
+
+
+def speak_for_silent(
+    files: Sequence[str], pieces: Sequence[RawRecording], unit: str
+) -> list[RawRecording]:
+    """Give files that do not state their unit that of the others, if these agree on one.
+
+    Parameters
+    ----------
+    files, pieces
+        Names of a recording's files, and what was read from each.
+    unit : {"auto", "m", "mm"}
+        ``input.unit`` of the configuration.
+
+    Raises
+    ------
+    RecordingError
+        If none is given, and by its size a silent file has another unit than those that state it.
+    """
+    stating = [i for i, piece in enumerate(pieces) if piece.unit_is_stated]
+    if len({pieces[i].unit for i in stating}) != 1:
+        return list(pieces)
+    first = stating[0]
+    nominal = pieces[first].unit
+    theirs = choose_unit(pieces[first].positions, unit=unit, nominal=nominal)
+    for file, piece in zip(files, pieces, strict=True):
+        own = choose_unit(piece.positions, unit=unit, nominal=nominal)
+        if not piece.unit_is_stated and own != theirs:
+            raise RecordingError(
+                f"{file}: unit: expected {theirs} as in {files[first]}, found no unit, and markers "
+                f"whose distances fit {own} only; files joined in one recording must agree"
+            )
+    return [replace(piece, unit=nominal) for piece in pieces]
+
+
+def unit_remarks(
+    files: Sequence[str], pieces: Sequence[RawRecording], raw: RawRecording, taken: str
+) -> tuple[str, ...]:
+    """Say that the unit is a guess: the files do not state it, or state one that cannot be.
+
+    Parameters
+    ----------
+    files, pieces
+        Names of a recording's files, and what was read from each.
+    raw : RawRecording
+        The whole recording.
+    taken : {"m", "mm"}
+        What `choose_unit` chose without being given a unit.
+
+    Returns
+    -------
+    tuple of str
+        A line for the files that are silent and one for those that are overruled, with the reason
+        and the key that settles it; none if all files state `taken`.
+    """
+    silent = [file for file, piece in zip(files, pieces, strict=True) if not piece.unit_is_stated]
+    stating = [file for file in files if file not in silent]
+    faults = []
+    if silent:
+        faults.append((silent, "expected the file to state it, found none"))
+    if stating and taken != raw.unit:
+        size = extent(raw.positions) * METRES_PER_UNIT[raw.unit]
+        found = f"expected {raw.unit} as stated, found markers that would span {size:.3g} m in it"
+        faults.append((stating, found))
+    return tuple(
+        f"{_listed(named)}: unit: {found}; {_guess(raw, taken)}" for named, found in faults
+    )
+
+
+def _guess(raw: RawRecording, taken: str) -> str:
+    """Say which unit was taken, what speaks for it and how to settle it."""
+    size = extent(raw.positions) * METRES_PER_UNIT[taken]
+    fall = free_fall(raw.positions, raw.rate_hz, units=METRES_PER_UNIT)
+    reason = f"in which the markers span {size:.3g} m" if _fits(size) else "which is usual"
+    if _fits(size) and fall.is_clear and fall.unit == taken:
+        reason += f" and fall at 9.81 m/s² in {100 * fall.share:.0f} % of the frames"
+    return f"taken for {taken}, {reason}; input.unit: {taken} makes it certain"
+
+
+def _fits(size_m: float) -> bool:
+    """Whether an animal or a robot can have this size."""
+    low, high = PLAUSIBLE_EXTENT_M
+    return low <= size_m <= high
+
+
+def _listed(files: Sequence[str]) -> str:
+    more = f" and {len(files) - 1} more" if len(files) > 1 else ""
+    return f"{files[0]}{more}"
 
 
 @dataclass(frozen=True)

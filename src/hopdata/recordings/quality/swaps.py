@@ -2,20 +2,161 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hopdata.recordings.quality.exchanged_distances import exchanged_stretches
-from hopdata.recordings.quality.exchanges import LONGEST_GAP_S, Exchange, exchanges
-from hopdata.recordings.quality.gaps import seen
-from hopdata.recordings.quality.one_sided import Surprises
-from hopdata.recordings.quality.rigid import Cluster, PairDistances
+from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.recordings.quality.rigid import Cluster, PairDistances, exchanged_stretches
+from hopdata.recordings.quality.spikes import Surprises
+from hopdata.recordings.quality.stretches import seen
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+# Frames at which markers go on from one another's places instead of their own.
+
+BETTER = 0.2  # the exchanged places must fit better than the own ones by this factor
+LONGEST_GAP_S = 0.5  # after a longer one nobody can tell where a marker should be
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """Markers that go on from one another's places.
+
+    Parameters
+    ----------
+    cycle : tuple of int
+        Indices; each goes on from the place of the next, the last from that of the first.
+    frame : int
+        First frame of the exchanged names, from 0.
+    """
+
+    cycle: tuple[int, ...]
+    frame: int
+
+
+def exchanges(positions: FloatArray, missed: Surprises, *, rate_hz: float) -> list[Exchange]:
+    """Test every frame at which a marker jumps or comes back from a gap.
+
+    Parameters
+    ----------
+    positions : (N, M, 3) array
+        NaN where a marker was not seen.
+    missed : Surprises
+        Of the same positions.
+    rate_hz : float
+        Frame rate, Hz.
+    """
+    is_seen = seen(positions)
+    back = np.zeros_like(is_seen)
+    back[1:] = is_seen[1:] & ~is_seen[:-1]
+    moved = back | missed.is_step
+    moved[1:] |= missed.is_spike[1:] != missed.is_spike[:-1]
+    with np.errstate(invalid="ignore"):
+        moved |= _steps_beside_gaps(positions, is_seen, missed.limit)
+    last = _last_seen(is_seen)
+    longest = max(1, round(LONGEST_GAP_S * rate_hz))
+    found: list[Exchange] = []
+    for frame in np.flatnonzero(moved.any(axis=1)):
+        for cycle in _cycles_at(int(frame), positions, moved, last, missed.limit, longest):
+            found.append(Exchange(cycle, int(frame)))
+    return found
+
+
+def _steps_beside_gaps(positions: FloatArray, is_seen: BoolArray, limit: FloatArray) -> BoolArray:
+    """Find steps (N, M) where the three frames that a parabola needs are not seen on one side."""
+    steps = np.zeros_like(is_seen)
+    steps[2:] = np.linalg.norm(np.diff(positions, 2, axis=0), axis=2) > 2 * limit
+    whole = is_seen.copy()
+    for shift in range(1, 4):
+        whole[shift:] &= is_seen[:-shift]
+        whole[:-shift] &= is_seen[shift:]
+    whole[:3] = whole[-3:] = False
+    return steps & ~whole
+
+
+def _last_seen(is_seen: BoolArray) -> IntArray:
+    """Frame at which each marker was last seen before each frame, (N, M); -1 if never."""
+    number = np.where(is_seen, np.arange(len(is_seen))[:, None], -1)
+    last = np.full(is_seen.shape, -1, dtype=np.int64)
+    last[1:] = np.maximum.accumulate(number, axis=0)[:-1]
+    return last
+
+
+def _cycles_at(
+    frame: int,
+    positions: FloatArray,
+    moved: BoolArray,
+    last: IntArray,
+    limit: FloatArray,
+    longest: int,
+) -> Iterator[tuple[int, ...]]:
+    """Yield the circles of markers that fit one another's tracks at a frame."""
+    from scipy.optimize import linear_sum_assignment
+
+    present = np.isfinite(positions[frame, :, 0])
+    recent = (last[frame] >= 0) & (frame - last[frame] <= longest)
+    taking = np.flatnonzero(moved[frame] & present & recent)
+    if len(taking) < 2:
+        return
+    cost = _misses(frame, positions, taking, last)
+    rows, columns = linear_sum_assignment(cost)
+    own = np.diag(cost)
+    goes_to = dict(zip(taking[rows].tolist(), taking[columns].tolist(), strict=True))
+    miss = dict(zip(taking.tolist(), cost[rows, columns].tolist(), strict=True))
+    at_home = dict(zip(taking.tolist(), own.tolist(), strict=True))
+    for cycle in _cycles(goes_to):
+        gross = all(at_home[m] > limit[m] for m in cycle)
+        if gross and sum(miss[m] for m in cycle) < BETTER * sum(at_home[m] for m in cycle):
+            yield cycle
+
+
+def _misses(frame: int, positions: FloatArray, taking: IntArray, last: IntArray) -> FloatArray:
+    """How far each marker (row) is from where each track (column) should be, (K, K).
+
+    A track goes on as it did, or as the marker that takes it over goes on, or with all others
+    that were seen at both ends of a gap: whatever fits best, in the same way for all pairs.
+    """
+    here = positions[frame, taking]
+    ends = last[frame, taking]
+    place = positions[ends, taking]
+    steps = (frame - ends)[:, None]
+    before = np.where(ends[:, None] > 0, place - positions[ends - 1, taking], np.nan) * steps
+    after = np.full_like(place, np.nan)
+    if frame + 1 < len(positions):
+        after = positions[frame + 1, taking] - here
+    still = np.zeros_like(place)
+    common = np.stack([_common_move(positions, int(end), frame, taking) for end in ends])
+    guesses = [
+        place[None] + still[None],
+        place[None] + before[None],
+        place[None] + after[:, None] * steps[None],
+        place[None] + common[None],
+    ]
+    misses = [np.linalg.norm(here[:, None] - guess, axis=2) for guess in guesses]
+    result: FloatArray = np.nanmin(misses, axis=0)
+    return result
+
+
+def _common_move(positions: FloatArray, start: int, stop: int, without: IntArray) -> FloatArray:
+    """Median displacement of all other markers between two frames, (3,); 0 if none was seen."""
+    move = positions[stop] - positions[start]
+    move[without] = np.nan
+    move = move[np.isfinite(move).all(axis=1)]
+    return np.median(move, axis=0) if len(move) else np.zeros(3)
+
+
+def _cycles(goes_to: dict[int, int]) -> Iterator[tuple[int, ...]]:
+    """Yield the circles of a permutation that are longer than one."""
+    left = set(goes_to)
+    while left:
+        first = min(left)
+        cycle = [first]
+        while (following := goes_to[cycle[-1]]) != first:
+            cycle.append(following)
+        left -= set(cycle)
+        if len(cycle) > 1:
+            yield tuple(cycle)
+
 
 CONTINUITY, DISTANCES = "continuity", "pair distances"
 NEAR = 3  # frames by which the two tests may differ in when

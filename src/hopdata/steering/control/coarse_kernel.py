@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from hopdata.steering.control.rollout_kernel import penalty
-from hopdata.steering.models.compiled_spline import spline_change
+from hopdata.steering.models.tabulated import spline_change
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

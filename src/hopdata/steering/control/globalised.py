@@ -9,19 +9,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hopdata.errors import ConfigError
 from hopdata.steering.control.coarse_kernel import coarse_table, lowest_dips
-from hopdata.steering.control.objectives import Horizon, Objective, ToPoint
-from hopdata.steering.control.plan import Plan, checked_state
+from hopdata.steering.control.objectives import Horizon, Objective, Plan, ToPoint, checked_state
+from hopdata.steering.control.planner import table_of
 from hopdata.steering.control.polish_kernel import polish
 from hopdata.steering.control.rollout_kernel import target_of
-from hopdata.steering.control.tables import table_of
-from hopdata.steering.models.interface import FrameChangeMap
-from hopdata.steering.models.tabulated import TabulatedMap
-
-FloatArray = NDArray[np.float64]
+from hopdata.steering.models.tabulated import FrameChangeMap, TabulatedMap
 
 #: Swings of each hop in the table, by the number of hops: 10^4 sequences or so.
 SWINGS_IN_TABLE = {1: 101, 2: 65, 3: 25, 4: 11, 5: 7, 6: 5}

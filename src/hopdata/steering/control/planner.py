@@ -7,29 +7,137 @@ brings it nearer, and hops on the spot. The cost-to-go knows the way round.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from math import cos, sin
+from typing import TypeGuard
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numba import njit
+from numpy.typing import ArrayLike
 
+from hopdata.arrays import FloatArray
 from hopdata.errors import ConfigError
-from hopdata.steering.control.cost_to_go import (
+from hopdata.rigid import wrapped
+from hopdata.steering.control.objectives import (
+    Horizon,
+    Objective,
+    Plan,
+    ToHeading,
+    ToPoint,
+    checked_state,
+)
+from hopdata.steering.control.planner_values import (
     CostToGo,
     HeadingGrid,
     PointGrid,
     StageCost,
+    heading_value,
+    point_value,
+    stage_cost,
     to_a_heading,
     to_a_point,
+    wrap,
 )
-from hopdata.steering.control.lookahead_kernel import best_ahead
-from hopdata.steering.control.objectives import Horizon, Objective, ToHeading, ToPoint
-from hopdata.steering.control.plan import Plan, checked_state
 from hopdata.steering.control.printed import predicted_poses
-from hopdata.steering.control.tables import table_of
-from hopdata.steering.models.interface import FrameChangeMap
-from hopdata.steering.models.tabulated import TabulatedMap
-from hopdata.steering.se2 import wrapped
+from hopdata.steering.models.tabulated import FrameChangeMap, TabulatedMap, spline_change, tabulated
 
-FloatArray = NDArray[np.float64]
+# Compiled search for the next swings with the cost-to-go at the end of a short look ahead.
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _hop(error, change, is_heading, after):  # type: ignore[no-untyped-def]
+    """Fill `after` (3,): what is left of the way to the goal, in the body frame, after a hop."""
+    dx, dy, turn = change
+    if is_heading:
+        after[0], after[1], after[2] = 0.0, 0.0, wrap(error[2] - turn)
+        return
+    c, s = cos(turn), sin(turn)
+    px, py = error[0] - dx, error[1] - dy
+    after[0], after[1], after[2] = c * px + s * py, c * py - s * px, 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _ahead(values, farthest, error, boom, is_heading):  # type: ignore[no-untyped-def]
+    if is_heading:
+        return heading_value(values[0], error[2], boom)
+    return point_value(values, farthest, error[0], error[1], boom)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _stage(error, width):  # type: ignore[no-untyped-def]
+    return stage_cost(error[0] ** 2 + error[1] ** 2 + error[2] ** 2, width)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def cost_of(  # type: ignore[no-untyped-def]
+    coefficients, limit, values, farthest, width, discount, is_heading, error, boom, swings, errors
+):
+    """Cost of swings (H,) and of all that comes after; `errors` (H + 1, 3) is filled."""
+    errors[0] = error
+    total, weight = 0.0, 1.0
+    change, gradient = np.empty(3), np.empty((3, 2))
+    for k in range(swings.size):
+        spline_change(coefficients, limit, boom, swings[k], change, gradient)
+        _hop(errors[k], change, is_heading, errors[k + 1])
+        boom += swings[k]
+        total += weight * _stage(errors[k + 1], width)
+        weight *= discount
+    return total + weight * _ahead(values, farthest, errors[swings.size], boom, is_heading)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def best_ahead(  # type: ignore[no-untyped-def]
+    coefficients, limit, values, farthest, width, discount, is_heading, error, boom, n, swings
+):
+    """Fill `swings` (H,) with the best of all sequences of `n` swings a hop, then refined."""
+    horizon = swings.size
+    trial, errors = np.empty(horizon), np.empty((horizon + 1, 3))
+    best = np.inf
+    for row in range(n**horizon):
+        place = row
+        for k in range(horizon):
+            trial[k] = -limit + (place % n) * 2.0 * limit / (n - 1)
+            place //= n
+        value = cost_of(
+            coefficients, limit, values, farthest, width, discount, is_heading, error, boom,
+            trial, errors,
+        )  # fmt: skip
+        if value < best:
+            best = value
+            swings[:] = trial
+    step = limit / (n - 1)
+    while step > 2e-3:
+        improved = False
+        for k in range(horizon):
+            for side in (-1.0, 1.0):
+                trial[:] = swings
+                trial[k] = min(max(swings[k] + side * step, -limit), limit)
+                value = cost_of(
+                    coefficients, limit, values, farthest, width, discount, is_heading, error,
+                    boom, trial, errors,
+                )  # fmt: skip
+                if value < best:
+                    best, improved = value, True
+                    swings[:] = trial
+        if not improved:
+            step *= 0.5
+    return best
+
+
+# Models as the tables that the compiled controllers take.
+
+
+def table_of(model: FrameChangeMap, swing_limit_rad: float) -> TabulatedMap:
+    """Tabulate a model unless it is a table of boom angle and swing with this limit."""
+    if _fits(model, swing_limit_rad):
+        return model
+    return tabulated(model, swing_limit_rad)
+
+
+def _fits(model: FrameChangeMap, swing_limit_rad: float) -> TypeGuard[TabulatedMap]:
+    if not isinstance(model, TabulatedMap):
+        return False
+    return model.values.ndim == 3 and model.swing_limit_rad == swing_limit_rad
+
 
 #: Swings of each hop that are tried before refinement, by the number of hops.
 SWINGS_TRIED = {1: 101, 2: 31, 3: 13}

@@ -7,22 +7,22 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hopdata.arrays import FloatArray
 from hopdata.errors import require_choice
+from hopdata.rigid import composed, wrapped
 from hopdata.steering.control.objectives import (
     Horizon,
     Objective,
+    Plan,
     ToHeading,
     ToPoint,
+    checked_state,
     errors_left,
     objective_value,
 )
-from hopdata.steering.control.plan import Plan, checked_state
-from hopdata.steering.models.interface import FrameChangeMap
-from hopdata.steering.se2 import composed, wrapped
-
-FloatArray = NDArray[np.float64]
+from hopdata.steering.models.tabulated import FrameChangeMap
 
 GRADIENTS = ("numerical", "closed form")
 STARTS = ("several", "previous swing", "rest")

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
+from hopdata.rigid import composed
 from hopdata.steering.control.objectives import Horizon, Objective, errors_left
 from hopdata.steering.control.printed import objective_and_gradient
-from hopdata.steering.models.interface import FrameChangeMap
-from hopdata.steering.se2 import composed
-
-FloatArray = NDArray[np.float64]
+from hopdata.steering.models.tabulated import FrameChangeMap
 
 
 def reference_objective(

@@ -8,16 +8,15 @@ is smaller by at most `smooth`.
 
 from __future__ import annotations
 
-from math import cos, pi, sin, sqrt
+from math import cos, sin, sqrt
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.steering.control.objectives import Objective, ToHeading
-from hopdata.steering.models.compiled_spline import spline_change
-
-FloatArray = NDArray[np.float64]
+from hopdata.steering.control.planner_values import wrap
+from hopdata.steering.models.tabulated import spline_change
 
 
 def target_of(objective: Objective) -> FloatArray:
@@ -26,12 +25,6 @@ def target_of(objective: Objective) -> FloatArray:
     if isinstance(objective, ToHeading):
         return np.array([1.0, 0.0, 0.0, objective.heading_rad, square, last])
     return np.array([0.0, *objective.point_m, 0.0, square, last])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def wrap(angle):  # type: ignore[no-untyped-def]
-    """Bring an angle to [-pi, pi)."""
-    return (angle + pi) % (2.0 * pi) - pi
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -6,14 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hopdata.steering.control.plan import Controller, Plan, PlanningError
-from hopdata.steering.plant.obstacle import Board, steer_past
-from hopdata.steering.plant.robot import Stance, SteeredHopper, released
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from hopdata.arrays import BoolArray, FloatArray
+from hopdata.steering.control.objectives import Controller, Plan, PlanningError
+from hopdata.steering.robot import Board, Stance, SteeredHopper, released, steer_past
 
 #: Makes of a stance what is measured of it: the pose (3,) and the boom angle, rad.
 Observe = Callable[[Stance, np.random.Generator], tuple[FloatArray, float]]

@@ -2,17 +2,110 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from hopdata.steering.experiments.intervals import median_interval, rate_interval, ratio_interval
-from hopdata.steering.experiments.policies import CEILING, PLANNER, PRINTED
-from hopdata.steering.experiments.tasks import ANY, FACING, FELL, LATE, LEFT
-from hopdata.steering.streams import BOOTSTRAP
+from hopdata.arrays import FloatArray
+from hopdata.rigid import wrapped
+from hopdata.steering.excitation import BOOTSTRAP
+from hopdata.steering.experiments.tasks import (
+    ANY,
+    CEILING,
+    FACING,
+    FELL,
+    LATE,
+    LEFT,
+    PLANNER,
+    PRINTED,
+)
+from hopdata.steering.frame_changes import SAME_STANCE_S
+from hopdata.steering.models.tabulated import FrameChangeMap
+from hopdata.steering.trial import TrueFrameChanges
 
 if TYPE_CHECKING:
     import pandas as pd
+
+# Intervals for few runs: of a rate, of a median, of a ratio of medians.
+
+
+def rate_interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Return the interval of a rate after Clopper and Pearson (1934), never too narrow.
+
+    Parameters
+    ----------
+    successes, runs : int
+    confidence : float
+        Of the two-sided interval.
+    """
+    from scipy.special import betaincinv
+
+    tail = (1 - confidence) / 2
+    low = 0.0 if successes == 0 else float(betaincinv(successes, runs - successes + 1, tail))
+    high = (
+        1.0 if successes == runs else float(betaincinv(successes + 1, runs - successes, 1 - tail))
+    )
+    return low, high
+
+
+def median_interval(values: ArrayLike, confidence: float = 0.95) -> tuple[float, float]:
+    """Return the interval of a median by order statistics, whatever the distribution.
+
+    Parameters
+    ----------
+    values : (n,) array
+    confidence : float
+        At least this; NaN if `values` are too few for it.
+    """
+    from scipy.special import bdtr
+
+    ordered = np.sort(np.asarray(values, dtype=float))
+    n = len(ordered)
+    outside = bdtr(np.arange(max(n, 1)), max(n, 1), 0.5)  # P(at most r of n are below the median)
+    far = np.flatnonzero(outside <= (1 - confidence) / 2)
+    if n == 0 or not len(far):
+        return float("nan"), float("nan")
+    r = int(far[-1])
+    return float(ordered[r]), float(ordered[n - 1 - r])
+
+
+def ratio_interval(
+    values: ArrayLike,
+    others: ArrayLike,
+    *,
+    rng: np.random.Generator,
+    confidence: float = 0.95,
+    draws: int = 2000,
+) -> tuple[float, float, float]:
+    """Return the ratio of two medians over paired runs, with its bootstrap interval.
+
+    Parameters
+    ----------
+    values, others : (n,) arrays
+        Pairs: both of one start.
+    rng : numpy Generator
+        Source of the draws of pairs.
+    confidence : float
+    draws : int
+
+    Returns
+    -------
+    ratio, low, high : float
+        NaN without pairs; the interval, too, if they are so few that the medians have none.
+    """
+    pairs = np.column_stack([np.asarray(values, dtype=float), np.asarray(others, dtype=float)])
+    if not len(pairs):
+        return float("nan"), float("nan"), float("nan")
+    drawn = np.median(pairs[rng.integers(0, len(pairs), (draws, len(pairs)))], axis=1)
+    tail = (1 - confidence) / 2
+    low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [tail, 1 - tail])
+    medians = np.median(pairs, axis=0)
+    if np.isnan(median_interval(pairs[:, 0], confidence)[0]):  # a few draws would look certain
+        low = high = np.nan
+    return float(medians[0] / medians[1]), float(low), float(high)
+
 
 # What is asked of whom: the least share of runs that succeed.
 ASKED = {
@@ -108,3 +201,100 @@ def _met(row: dict[str, Any], asked: dict[str, float]) -> str:
     often = row["rate"] >= asked["asked_rate"] - 1e-9
     soon = np.isnan(asked["asked_ratio"]) or row["hops_ratio"] <= asked["asked_ratio"]
     return "yes" if often and soon else "no"
+
+
+# What was observed and learned against what the simulator knows.
+
+COMPONENTS = (("x", "mm", 1e3), ("y", "mm", 1e3), ("heading", "deg", 180 / np.pi))
+
+
+def truth_entries(
+    motion: pd.DataFrame,
+    true_motion: pd.DataFrame,
+    stances: pd.DataFrame,
+    true_stances: pd.DataFrame,
+    model: FrameChangeMap,
+    true_map: TrueFrameChanges,
+) -> dict[str, dict[str, Any]]:
+    """Return name to ``value, unit, what`` of each score.
+
+    Parameters
+    ----------
+    motion, true_motion : DataFrame
+        One row a frame: pose and ``boom_angle_rad``; the true one with ``tilt_rad``.
+    stances, true_stances : DataFrame
+        One row a stance, ``time_s`` and ``follows``: whether the stance before is a hop before.
+    model : FrameChangeMap
+    true_map : TrueFrameChanges
+    """
+    return {
+        **_pose_scores(motion, true_motion),
+        **_stance_scores(stances, true_stances),
+        **_model_scores(model, true_map),
+    }
+
+
+def _entry(value: float, unit: str, what: str) -> dict[str, Any]:
+    return {"value": float(value), "unit": unit, "what": what}
+
+
+def _rms(errors: FloatArray) -> float:
+    return float(np.sqrt(np.nanmean(errors**2)))
+
+
+def _pose_scores(motion: pd.DataFrame, true: pd.DataFrame) -> Mapping[str, Any]:
+    away = motion[["x_m", "y_m"]].to_numpy() - true[["x_m", "y_m"]].to_numpy()
+    turned = wrapped((motion["heading_rad"] - true["heading_rad"]).to_numpy())
+    boom = wrapped((motion["boom_angle_rad"] - true["boom_angle_rad"]).to_numpy())
+    offset = float(np.nanmean(turned))
+    return {
+        "position_rms": _entry(1e3 * _rms(away), "mm", "position per axis, rms error"),
+        "heading_rms": _entry(
+            1e3 * _rms(turned - offset), "mrad", "heading, rms error about its mean"
+        ),
+        "heading_offset": _entry(1e3 * offset, "mrad", "heading, mean error"),
+        "boom_angle_rms": _entry(1e3 * _rms(boom), "mrad", "boom angle, rms error"),
+        "tilt_rms": _entry(1e3 * _rms(true["tilt_rad"].to_numpy()), "mrad", "tilt, rms"),
+        "frames_without_pose": _entry(
+            float(motion["x_m"].isna().sum()), "1", "frames without a pose"
+        ),
+    }
+
+
+def _stance_scores(stances: pd.DataFrame, true: pd.DataFrame) -> Mapping[str, Any]:
+    """Pairs of stances that were missed, and that were invented."""
+    found = _pair_times(stances)
+    real = _pair_times(true)
+    apart = np.abs(found[:, None] - real).max(axis=2, initial=0.0)
+    same = apart <= SAME_STANCE_S
+    return {
+        "true_pairs": _entry(float(len(real)), "1", "consecutive stances, true pairs"),
+        "missed_pairs": _entry(
+            float(len(real) - same.any(axis=0).sum()), "1", "pairs of stances missed"
+        ),
+        "invented_pairs": _entry(
+            float(len(found) - same.any(axis=1).sum()), "1", "pairs of stances invented"
+        ),
+    }
+
+
+def _pair_times(stances: pd.DataFrame) -> FloatArray:
+    time, second = stances["time_s"].to_numpy(), np.flatnonzero(stances["follows"].astype(bool))
+    return np.column_stack([time[second - 1], time[second]])
+
+
+def _model_scores(model: FrameChangeMap, true_map: TrueFrameChanges) -> Mapping[str, Any]:
+    """Errors of the learned map on the grid of the true one, averaged over the swing before."""
+    angle, swing = np.meshgrid(true_map.boom_angle_rad, true_map.swing_rad, indexing="ij")
+    true = true_map.average().reshape(-1, 3)
+    errors = model.change(angle.ravel(), swing.ravel()) - true
+    scores = {}
+    for j, (name, unit, factor) in enumerate(COMPONENTS):
+        explained = float(1 - np.mean(errors[:, j] ** 2) / np.var(true[:, j]))
+        scores[f"model_{name}_rms"] = _entry(
+            factor * _rms(errors[:, j]), unit, f"frame change in {name}, rms error of the model"
+        )
+        scores[f"model_{name}_r2"] = _entry(
+            explained, "1", f"frame change in {name}, share of the true map explained (R2)"
+        )
+    return scores

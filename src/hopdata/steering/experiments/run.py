@@ -3,18 +3,190 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
-from hopdata.steering.control.plan import Controller, PlanningError
-from hopdata.steering.experiments.starts import Start
-from hopdata.steering.experiments.tasks import Outcome, Task, decided, errors_of, judged
-from hopdata.steering.experiments.watched import Sight, WatchedHopper, WatchedStance
-from hopdata.steering.plant.obstacle import Board
-from hopdata.steering.plant.robot import SteeredHopper
+from hopdata.arrays import BoolArray, FloatArray
+from hopdata.steering.control.objectives import Controller, PlanningError
+from hopdata.steering.experiments.tasks import Outcome, Start, Task, decided, errors_of, judged
+from hopdata.steering.observation.geometry import HopperGeometry
+from hopdata.steering.observation.live_stances import StanceDetector
+from hopdata.steering.observation.tracking import HopperTracker, Observation
+from hopdata.steering.robot import Apex, Board, SteeredHop, SteeredHopper, released, steer_past
+from hopdata.synthesis.camera import CurvedFloor, draw_gaps, observe
+from hopdata.synthesis.simulate import MotionCapture
 
-FloatArray = NDArray[np.float64]
+# The simulated hopper as a controller knows it: through motion capture, frame by frame.
+
+_Frame: TypeAlias = tuple[float, FloatArray, Observation | None]
+
+NEAR_S = 0.05  # a pose so far from the lowest point is that of the stance
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How the hopper is seen in all runs of an experiment.
+
+    Parameters
+    ----------
+    camera : MotionCapture
+        Rate, noise, resolution and gaps.
+    geometry : HopperGeometry
+        What calibration has found out about the markers.
+    floor : CurvedFloor
+        The floor as the cameras see it.
+    """
+
+    camera: MotionCapture
+    geometry: HopperGeometry
+    floor: CurvedFloor
+
+
+@dataclass(frozen=True)
+class WatchedStance:
+    """One stance, as it was and as it was seen.
+
+    Parameters
+    ----------
+    hop : SteeredHop
+        The hop that ended in it, with its true stance.
+    seen : Observation or None
+        What the frame nearest to the lowest point told, or the nearest with a pose; None if no
+        stance was recognised or no frame near it had a pose.
+    time_s : float
+        Instant of the stance as it was recognised; NaN if it was not.
+    board : Board or None
+        The board as the hop left it.
+    """
+
+    hop: SteeredHop
+    seen: Observation | None
+    time_s: float
+    board: Board | None
+
+    @property
+    def fell(self) -> bool:
+        """Whether the hopper fell."""
+        return self.hop.stance.fell
+
+
+class WatchedHopper:
+    """A hopper that is released, told its swings, and watched.
+
+    Parameters
+    ----------
+    robot : SteeredHopper
+    sight : Sight
+    start : (3,) array
+        Pose at the release, m, m, rad.
+    most_hops : int
+        Gaps are drawn for so many hops.
+    kicks, noise, gaps : numpy Generator
+        Streams of chance of their own.
+    board : Board, optional
+        What stands in the way.
+    frames : list, optional
+        Takes time, s, and markers (M, 3), m, of each frame as the cameras saw it.
+    """
+
+    def __init__(
+        self,
+        robot: SteeredHopper,
+        sight: Sight,
+        start: ArrayLike,
+        *,
+        most_hops: int,
+        kicks: np.random.Generator,
+        noise: np.random.Generator,
+        gaps: np.random.Generator,
+        board: Board | None = None,
+        frames: list[tuple[float, FloatArray]] | None = None,
+    ) -> None:
+        self.robot, self.sight, self.board = robot, sight, board
+        self._kicks, self._noise, self._frames = kicks, noise, frames
+        self._apex: Apex = released(robot, start, robot.hopper.boom_angle_rad)
+        camera, body = sight.camera, robot.markers.body_m
+        markers = [f"body{i + 1}" for i in range(len(body))] + ["boom"]
+        self._hidden: BoolArray = draw_gaps(
+            camera.gaps,
+            frames=round(most_hops * robot.hop_limit_s * camera.rate_hz),
+            markers=len(markers),
+            rate_hz=camera.rate_hz,
+            rng=gaps,
+        )
+        self._tracker = HopperTracker(sight.geometry, markers)
+        self._body = sight.geometry.body_places(markers)
+        self._detector = StanceDetector.of(sight.geometry, rate_hz=camera.rate_hz)
+
+    def hop(self, swing_rad: float) -> WatchedStance:
+        """Make one hop with this swing of the boom, rad, and watch it."""
+        rate, apex = self.sight.camera.rate_hz, self._apex
+        first = int(np.ceil(apex.time_s * rate - 1e-9))
+        frames = np.arange(first, first + int(self.robot.hop_limit_s * rate))
+        hop, self.board = steer_past(
+            self.robot,
+            apex,
+            swing_rad,
+            self.board,
+            rng=self._kicks,
+            frame_times_s=frames / rate,
+        )
+        self._apex = hop.end
+        time_s, seen = self._watched(hop)
+        return WatchedStance(hop, seen, time_s, self.board)
+
+    def _watched(self, hop: SteeredHop) -> tuple[float, Observation | None]:
+        """Return the time of the stance, and the frame with a pose that was nearest to it then."""
+        past: list[_Frame] = []
+        found: tuple[float, Observation | None] = (np.nan, None)
+        for now, markers in zip(hop.frame_time_s.tolist(), self._seen(hop), strict=True):
+            if self._frames is not None:
+                self._frames.append((now, markers))
+            height, told = self._height(now, markers, past)
+            past.append((now, markers, told))
+            stance = self._detector.feed(now, height)
+            if stance is not None:
+                found = (stance.time_s, self._nearest(past, stance.time_s))
+        return found
+
+    def _height(
+        self, now: float, markers: FloatArray, past: list[_Frame]
+    ) -> tuple[float, Observation | None]:
+        """Height of the body, m; what the tracker said, if it had to be asked.
+
+        Where all body markers are seen their mean is the height, whatever the attitude.
+        """
+        if np.isfinite(markers[self._body]).all():
+            return float(markers[self._body, 2].mean()), None
+        if past and past[-1][2] is None:  # to lean on
+            self._tracker.feed(*past[-1][:2])
+        told = self._tracker.feed(now, markers)
+        return told.height_m, told
+
+    def _nearest(self, past: list[_Frame], time_s: float) -> Observation | None:
+        """Return the nearest frame with a pose, if one is near."""
+        for now, markers, told in sorted(past, key=lambda frame: abs(frame[0] - time_s)):
+            if abs(now - time_s) > NEAR_S:
+                return None
+            frame = told or self._tracker.feed(now, markers)
+            if frame.known:
+                return frame
+        return None
+
+    def _seen(self, hop: SteeredHop) -> FloatArray:
+        """Markers (K, M, 3) as the cameras report them."""
+        camera = self.sight.camera
+        index = np.round(hop.frame_time_s * camera.rate_hz).astype(int) % len(self._hidden)
+        return observe(
+            hop.markers,
+            floor=self.sight.floor,
+            noise_m=camera.noise_m,
+            resolution_m=camera.resolution_m,
+            hidden=self._hidden[index],
+            rng=self._noise,
+        )
 
 
 @dataclass(frozen=True)

@@ -7,27 +7,76 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from hopdata.steering.experiments.policies import Policy
-from hopdata.steering.experiments.pure_simulation import simulated
-from hopdata.steering.experiments.run import Run, run_task
-from hopdata.steering.experiments.starts import Start, draw_starts
+from hopdata.rigid import composed, inverse
+from hopdata.steering.control.objectives import Controller
+from hopdata.steering.experiments.run import Run, Sight, run_task
 from hopdata.steering.experiments.tasks import (
     ANY,
     BOARD,
     EXPERIMENTS,
     TURN,
+    Policy,
+    Start,
+    Task,
     board_for,
+    decided,
+    draw_starts,
+    errors_of,
+    floor_stream,
     goal_of,
+    policies,
     tasks_of,
 )
-from hopdata.steering.experiments.watched import Sight
-from hopdata.steering.plant.obstacle import Board
-from hopdata.steering.plant.robot import SteeredHopper
-from hopdata.steering.se2 import composed, inverse
+from hopdata.steering.models.tabulated import FrameChangeMap
+from hopdata.steering.observation.geometry import HopperGeometry
+from hopdata.steering.robot import Board, SteeredHopper, camera_of, robot_of
+from hopdata.steering.trial import TrueFrameChanges
+from hopdata.synthesis.camera import draw_floor
 
 if TYPE_CHECKING:
     import pandas as pd
+
+# A run in which the model stands in for the hopper: what would happen were it right.
+
+
+def simulated(controller: Controller, task: Task, start: ArrayLike, run: Run) -> pd.DataFrame:
+    """Let controller and model go on alone from the first measured stance of a run.
+
+    Parameters
+    ----------
+    controller : Controller
+        Its own predictions are taken for what happens.
+    task : Task
+        Ends it, when it is decided.
+    start : (3,) array
+        Pose at the release, for the goal.
+    run : Run
+        Gives the first stance, and the time that a hop takes (its mean).
+
+    Returns
+    -------
+    DataFrame
+        ``curve`` ("pure"), ``stance, time_s, x_m, y_m, heading_rad``.
+    """
+    import pandas as pd
+
+    seen = np.isfinite(run.measured[:, 0])
+    pose = np.array(run.measured[seen][0] if seen.any() else start, dtype=float)
+    boom = float(run.boom_angle_rad[seen][0]) if seen.any() else np.pi
+    hop_s = float(np.diff(run.time_s).mean()) if len(run.time_s) > 1 else np.nan
+    poses, errors, swing = [pose], [float(errors_of(task.manoeuvre, start, pose))], None
+    while not decided(task, errors):
+        plan = controller.plan(pose, boom, swing)
+        pose, swing = plan.poses[1], plan.swing_rad
+        boom += swing
+        poses.append(pose)
+        errors.append(float(errors_of(task.manoeuvre, start, pose)))
+    stances = np.arange(len(poses))
+    table = pd.DataFrame(np.array(poses), columns=["x_m", "y_m", "heading_rad"])
+    return table.assign(curve="pure", stance=stances, time_s=stances * hop_s)
+
 
 FILM_HZ = 10.0
 POSE = ("x_m", "y_m", "heading_rad")
@@ -234,4 +283,53 @@ def _curves(run: Run) -> pd.DataFrame:
             )
             for name, poses in (("measured", run.measured), ("response", run.predicted))
         ]
+    )
+
+
+# One experiment from the blocks of the configuration.
+
+
+def experiment_of(
+    experiment: str,
+    steering: Mapping[str, Any],
+    motion_capture: Mapping[str, Any],
+    *,
+    models: Sequence[FrameChangeMap],
+    truth: TrueFrameChanges,
+    geometry: HopperGeometry,
+    seed: int,
+) -> ExperimentTables:
+    """Run an experiment on the simulated robot.
+
+    Parameters
+    ----------
+    experiment : str
+        A name of `EXPERIMENTS`.
+    steering, motion_capture : mapping
+        These blocks of the configuration.
+    models : sequence of FrameChangeMap
+        What was learned, from one set of hops each; the starts take turns with them.
+    truth : TrueFrameChanges
+        For the policy that knows it.
+    geometry : HopperGeometry
+        From the calibration.
+    seed : int
+        The study's.
+    """
+    camera = camera_of(motion_capture)
+    robot = robot_of(steering["robot"], camera)
+    return run_experiment(
+        experiment,
+        steering["experiments"],
+        policies(
+            steering["control"],
+            EXPERIMENTS[experiment][0],
+            models=models,
+            truth=truth,
+            swing_limit_rad=robot.swing_limit_rad,
+        ),
+        shown=steering["control"]["controller"],
+        robot=robot,
+        sight=Sight(camera, geometry, draw_floor(camera.floor, floor_stream(seed))),
+        seed=seed,
     )

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from hopdata.steering.control.objectives import Objective, ToHeading, ToPoint
-from hopdata.steering.plant.obstacle import Board
-from hopdata.steering.se2 import wrapped
-
-FloatArray = NDArray[np.float64]
+from hopdata.arrays import FloatArray
+from hopdata.rigid import wrapped
+from hopdata.steering.control.globalised import GlobalisedController
+from hopdata.steering.control.objectives import Controller, Horizon, Objective, ToHeading, ToPoint
+from hopdata.steering.control.planner import planner
+from hopdata.steering.control.printed import PrintedController
+from hopdata.steering.excitation import FLOOR, START
+from hopdata.steering.models.tabulated import FrameChangeMap, TabulatedMap
+from hopdata.steering.robot import Board
+from hopdata.steering.trial import TrueFrameChanges
 
 ORIGIN, TURN = "origin", "turn"
 FREE, BOARD = "free", "board"
@@ -165,3 +170,125 @@ def decided(task: Task, errors: ArrayLike) -> bool:
     if not len(near):
         return len(left) > task.hops
     return len(left) > near[0] + task.stay_hops
+
+
+# Who steers: the printed controller, the one that is recommended, and one that knows the truth.
+
+Policy: TypeAlias = Callable[[Objective], Controller]
+
+PRINTED, PLANNER, GLOBALISED, CEILING = "printed", "planner", "globalised", "ceiling"
+
+
+def policies(
+    options: Mapping[str, Any],
+    manoeuvre: str,
+    *,
+    models: Sequence[FrameChangeMap],
+    truth: TrueFrameChanges,
+    swing_limit_rad: float,
+) -> dict[tuple[str, str], list[Policy]]:
+    """Return what makes a controller for a goal, by start and name of the controller.
+
+    There is one for each model, with which the starts take turns.
+
+    Parameters
+    ----------
+    options : mapping
+        The config's ``steering.control``.
+    manoeuvre : {"origin", "turn"}
+    models : sequence of FrameChangeMap
+        What was learned, from one set of hops each.
+    truth : TrueFrameChanges
+        What the ceiling knows: the true frame change, averaged over the swing before.
+    swing_limit_rad : float
+    """
+    horizon = Horizon(hops=options["horizon"], swing_limit_rad=swing_limit_rad)
+    true_map = TabulatedMap(truth.average(), swing_limit_rad)
+
+    printed = [_printed(model, horizon) for model in models]
+    starts = {(FACING, PRINTED): printed} if manoeuvre == ORIGIN else {}
+    return starts | {
+        (ANY, PRINTED): printed,
+        (ANY, options["controller"]): [
+            _recommended(options, manoeuvre, model, horizon) for model in models
+        ],
+        (ANY, CEILING): [_recommended(options, manoeuvre, true_map, horizon)],
+    }
+
+
+def _printed(model: FrameChangeMap, horizon: Horizon) -> Policy:
+    return PrintedController(model=model, horizon=horizon).towards
+
+
+def _recommended(
+    options: Mapping[str, Any], manoeuvre: str, model: FrameChangeMap, horizon: Horizon
+) -> Policy:
+    """Return what makes the recommended controller; what takes long is computed here, once."""
+    if options["controller"] == GLOBALISED:
+        return GlobalisedController(model=model, horizon=horizon).towards
+    return planner(
+        model,
+        ToPoint() if manoeuvre == ORIGIN else ToHeading(),
+        horizon=replace(horizon, hops=options["planner_horizon"]),
+    ).towards
+
+
+# Random starts: poses at which the operator lets the hopper go, and the chance of each run.
+
+
+@dataclass(frozen=True)
+class Start:
+    """One start: its number, its pose (3,) m, m, rad, and the seed of all chance after it.
+
+    Runs of different controllers from one start meet the same kicks and the same noise.
+    """
+
+    number: int
+    pose: FloatArray
+    seed: np.random.SeedSequence
+
+    def streams(self) -> tuple[np.random.Generator, np.random.Generator, np.random.Generator]:
+        """Return generators of kicks, noise and gaps, new ones at every call."""
+        fresh = np.random.SeedSequence(self.seed.entropy, spawn_key=self.seed.spawn_key)
+        kicks, noise, gaps = (np.random.default_rng(one) for one in fresh.spawn(3))
+        return kicks, noise, gaps
+
+
+def draw_starts(
+    experiment: str, heading: str, number: int, *, distance_m: float, seed: int
+) -> list[Start]:
+    """Draw the starts of an experiment.
+
+    Parameters
+    ----------
+    experiment : str
+        A name of `EXPERIMENTS`. To the origin they lie at `distance_m` in any direction, turns
+        begin at the origin.
+    heading : {"facing", "any"}
+        Whether the hopper faces the origin at first.
+    number : int
+        How many; the first ones are the same whatever the number.
+    distance_m : float
+    seed : int
+        The study's.
+    """
+    manoeuvre, _ = EXPERIMENTS[experiment]
+    place = list(EXPERIMENTS).index(experiment)
+    starts = []
+    for k in range(number):
+        stream = np.random.SeedSequence(seed, spawn_key=(START, place, k))
+        bearing, turn = np.random.default_rng(stream).uniform(-np.pi, np.pi, 2)
+        x, y = distance_m * np.array([np.cos(bearing), np.sin(bearing)])
+        if manoeuvre != ORIGIN:
+            pose = np.array([0.0, 0.0, turn])
+        elif heading == FACING:
+            pose = np.array([x, y, np.arctan2(-y, -x)])
+        else:
+            pose = np.array([x, y, turn])
+        starts.append(Start(k, pose, stream))
+    return starts
+
+
+def floor_stream(seed: int) -> np.random.Generator:
+    """Return the stream from which the floor of all experiments is drawn."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FLOOR,)))

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
-from collections.abc import Callable
+import time
+from collections import deque
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
+from typing import Any, Literal
 
-from hopdata.steering.live.packets import FloatArray
+from hopdata.arrays import FloatArray
+from hopdata.steering.live.packets import LiveError
 
 
 @dataclass(frozen=True)
@@ -109,3 +114,158 @@ class FrameBuffer:
         """Make those who wait look again. The lock is only ever held for a look at the count."""
         with self._news:
             self._news.notify_all()
+
+
+# What is counted on the way.
+
+
+@dataclass
+class ServerCounts:
+    """What the server has done so far, in frames, markers and connections."""
+
+    frames: int = 0
+    dropped: int = 0
+    hidden_markers: int = 0
+    garbled: int = 0
+    skipped: int = 0
+    connections: int = 0
+    refused_packets: int = 0
+
+
+@dataclass
+class StreamCounts:
+    """What came, in frames, markers, packets and connections, and what did not.
+
+    `missing` frames are those whose numbers were skipped; `garbled` packets were damaged and left
+    out, and so were frames with implausible numbers, times or positions; in `broken` connections
+    it was lost where packets begin.
+    """
+
+    frames: int = 0
+    missing: int = 0
+    late: int = 0
+    hidden_markers: int = 0
+    garbled: int = 0
+    connections: int = 0
+    losses: int = 0
+    broken: int = 0
+
+
+@dataclass
+class LoopCounts:
+    """Frames read, frames that were overwritten before, and frames that could not be understood."""
+
+    frames: int = 0
+    overrun: int = 0
+    failed: int = 0
+
+
+# A thread with an event loop of its own that runs one coroutine until it is told to stop.
+
+JOIN_S = 10.0
+
+
+class LoopThread:
+    """Runs `main` in a thread; `failure` is the exception that ended it, if any."""
+
+    def __init__(self, name: str, main: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        self.failure: BaseException | None = None
+        self._main, self._begun = main, threading.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._task: asyncio.Task[Any] | None = None
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    @property
+    def alive(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread.is_alive()
+
+    def start(self) -> None:
+        """Start the thread, and return when its loop runs."""
+        self._thread.start()
+        self._begun.wait()
+
+    def call(self, function: Callable[..., object], *arguments: object) -> None:
+        """Call a function in the thread, soon; nothing happens if the thread has ended."""
+        try:
+            if self._loop is not None:
+                self._loop.call_soon_threadsafe(function, *arguments)
+        except RuntimeError:  # the loop is closed
+            return
+
+    def stop(self) -> None:
+        """Cancel the coroutine and wait for the end of the thread; a second call does nothing.
+
+        Raises
+        ------
+        LiveError
+            If the thread does not end.
+        """
+        if self._thread.ident is None:
+            return
+        if self._task is not None:
+            self.call(self._task.cancel)
+        self._thread.join(JOIN_S)
+        if self._thread.is_alive():
+            raise LiveError(f"thread {self._thread.name!r} has not ended within {JOIN_S:g} s")
+
+    def _run(self) -> None:
+        try:
+            asyncio.run(self._watched())
+        except asyncio.CancelledError:
+            return
+        except BaseException as error:
+            self.failure = error
+        finally:
+            self._begun.set()
+
+    async def _watched(self) -> None:
+        self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
+        self._begun.set()
+        await self._main()
+
+
+# States of a live stream, with a log of when each began and why.
+
+State = Literal["idle", "connecting", "streaming", "stale", "lost", "failed", "closed"]
+
+LONGEST_LOG = 10_000
+
+
+@dataclass(frozen=True)
+class Status:
+    """State of the stream from `at_s` on the monotonic clock, s, and what brought it about."""
+
+    state: State
+    at_s: float
+    message: str = ""
+
+
+class StatusLog:
+    """The present state, and the last ones; safe to use from several threads."""
+
+    def __init__(self) -> None:
+        self._log: deque[Status] = deque([Status("idle", time.monotonic())], LONGEST_LOG)
+        self._changed = threading.Condition()
+
+    @property
+    def status(self) -> Status:
+        """The present state."""
+        return self._log[-1]
+
+    def history(self) -> tuple[Status, ...]:
+        """Return all states so far, oldest first."""
+        with self._changed:
+            return tuple(self._log)
+
+    def report(self, state: State, message: str = "") -> None:
+        """Begin a state."""
+        with self._changed:
+            self._log.append(Status(state, time.monotonic(), message))
+            self._changed.notify_all()
+
+    def wait_for(self, *states: State, timeout_s: float) -> Status | None:
+        """Wait until the state is one of these; None if that does not come about in time."""
+        with self._changed:
+            reached = self._changed.wait_for(lambda: self.status.state in states, timeout_s)
+            return self.status if reached else None

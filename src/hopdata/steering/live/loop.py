@@ -7,25 +7,118 @@ the log.
 
 from __future__ import annotations
 
+import csv
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 
-from hopdata.steering.live.boom import Boom
-from hopdata.steering.live.buffer import Frame, FrameBuffer
-from hopdata.steering.live.counts import LoopCounts
-from hopdata.steering.live.decisions import Decision, Outcome
-from hopdata.steering.live.errors import LiveError
-from hopdata.steering.live.interfaces import Controller, Detector, ToldStance, Tracker
-from hopdata.steering.live.limits import Limits
-from hopdata.steering.live.loop_thread import JOIN_S
-from hopdata.steering.se2 import wrapped
+from hopdata.jobs import whole_file
+from hopdata.rigid import wrapped
+from hopdata.steering.live.buffer import JOIN_S, Frame, FrameBuffer, LoopCounts, Status
+from hopdata.steering.live.packets import LiveError
+from hopdata.steering.live.safety import Boom, Controller, Detector, Limits, ToldStance, Tracker
+
+# What was decided at each stance, and why; and the table of it.
+
+Outcome = Literal["planned", "cut", "held", "overtaken"]
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One stance, and the command that followed.
+
+    Parameters
+    ----------
+    stance_s : float
+        Instant of the stance, camera time, s.
+    told_s : float
+        Camera time of the frame that established it, s.
+    epoch : int
+        Which camera clock that is; see `hopdata.steering.live.buffer.Frame`.
+    pose : (x_m, y_m, heading_rad)
+        Newest pose; NaN if there was none.
+    boom_angle_rad : float
+        Newest boom angle.
+    pose_age_s, boom_age_s : float
+        How old they were at planning, s.
+    outcome : str
+        "planned": the command is the controller's. "cut": it is, but cut to the limit. "held": the
+        boom was told to stay, for `reason`. "overtaken": nothing was sent, since another stance
+        had been seen in the meantime.
+    command_rad : float
+        Swing that was sent, rad; NaN if none.
+    planning_s : float
+        Time that the controller took, s; NaN if it was not asked.
+    latency_s : float
+        From the arrival of the frame that established the stance to the command, s.
+    since_stance_s : float
+        From the stance itself to the command, s.
+    reason : str
+        Why it was not simply planned and sent.
+    """
+
+    stance_s: float
+    told_s: float
+    epoch: int
+    pose: tuple[float, float, float]
+    boom_angle_rad: float
+    pose_age_s: float
+    boom_age_s: float
+    outcome: Outcome
+    command_rad: float
+    planning_s: float
+    latency_s: float
+    since_stance_s: float
+    reason: str
+
+
+DECISION_COLUMNS = (
+    "stance_s",
+    "told_s",
+    "epoch",
+    "x_m",
+    "y_m",
+    "heading_rad",
+    "boom_angle_rad",
+    "pose_age_s",
+    "boom_age_s",
+    "outcome",
+    "command_rad",
+    "planning_s",
+    "latency_s",
+    "since_stance_s",
+    "reason",
+)
+
+
+def write_decisions(path: str | Path, decisions: Iterable[Decision]) -> None:
+    """Write the log of a run as CSV, one row a stance; columns as in `Decision`."""
+    rows = []
+    for decision in decisions:
+        values = dict(vars(decision))
+        values |= zip(("x_m", "y_m", "heading_rad"), values.pop("pose"), strict=True)
+        rows.append([values[column] for column in DECISION_COLUMNS])
+    _write(path, DECISION_COLUMNS, rows)
+
+
+def write_states(path: str | Path, states: Iterable[Status]) -> None:
+    """Write the states of a stream as CSV, one row a change; times on the monotonic clock."""
+    _write(path, ("at_s", "state", "message"), [[s.at_s, s.state, s.message] for s in states])
+
+
+def _write(path: str | Path, columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    with whole_file(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(rows)
+
 
 LOOK_UP_S = 0.5
 SAME_CLOCK_S = 0.5

@@ -6,24 +6,195 @@ are compiled: a controller asks for few points at a time.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
+from math import cos, exp, sin, sqrt
+from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numba import njit
+from numpy.typing import ArrayLike
 
-from hopdata.errors import AnalysisError
-from hopdata.steering.models.arguments import input_rows
-from hopdata.steering.models.compiled_mean import mean, mean_and_gradient
-from hopdata.steering.models.kernels import (
-    correlation,
-    embedded,
-    embedded_scales,
-    kernel_code,
-    squared_distances,
-)
+from hopdata.arrays import FloatArray
+from hopdata.errors import AnalysisError, ConfigError, RecordingError
+from hopdata.jobs import whole_file
 
-FloatArray = NDArray[np.float64]
+# Arguments of maps: as many inputs as the map has, a number or an array of one a hop each.
+
+
+def input_rows(inputs: tuple[ArrayLike, ...], wanted: int) -> FloatArray:
+    """Return the inputs as rows (d, n); a single number holds for all hops.
+
+    Raises
+    ------
+    AnalysisError
+        If there are more inputs or fewer, or of different lengths.
+    """
+    if len(inputs) != wanted:
+        raise AnalysisError(f"frame change: expected {wanted} inputs, found {len(inputs)}")
+    arrays = [np.asarray(values, dtype=float).ravel() for values in inputs]
+    sizes = {array.size for array in arrays} - {1} or {1}
+    if len(sizes) > 1:
+        raise AnalysisError(f"frame change: expected inputs of one length, found {sorted(sizes)}")
+    rows = np.empty((wanted, sizes.pop()))
+    for row, array in zip(rows, arrays, strict=True):
+        row[:] = array
+    return rows
+
+
+# Covariance functions of boom angle, swing and what came before.
+#
+# A kernel is a function of the scaled squared distance between two hops,
+# ``s = sum of (difference / length scale)^2``. In the boom angle the difference is that of the
+# angles
+# themselves, or the chord between their points on the unit circle, which makes all predictions
+# periodic without any copies of the data.
+#
+# The Matern family (Rasmussen and Williams 2006, Sec. 4.2) is here for smoothness 1/2, 3/2, 5/2
+# and,
+# as its limit, the Gaussian kernel ("rbf", infinity).
+
+SMOOTHNESSES = (0.5, 1.5, 2.5, np.inf)
+
+_ROOT3, _ROOT5 = sqrt(3.0), sqrt(5.0)
+
+
+def kernel_code(smoothness: float) -> int:
+    """Return the number by which compiled code knows a smoothness: its place in SMOOTHNESSES.
+
+    Raises
+    ------
+    ConfigError
+        If it is none of them.
+    """
+    if smoothness not in SMOOTHNESSES:
+        raise ConfigError(
+            f"smoothness: expected one of {', '.join(map(str, SMOOTHNESSES))}, found {smoothness}"
+        )
+    return SMOOTHNESSES.index(smoothness)
+
+
+def embedded(inputs: ArrayLike, periodic: bool) -> FloatArray:
+    """Return inputs (n, d) with the boom angle, the first, as a point on the circle: (n, d + 1).
+
+    Left as they are unless `periodic`.
+    """
+    inputs = np.asarray(inputs, dtype=float)
+    if not periodic:
+        return inputs
+    angle = inputs[:, :1]
+    return np.concatenate([np.cos(angle), np.sin(angle), inputs[:, 1:]], axis=1)
+
+
+def embedded_scales(length_scales: ArrayLike, periodic: bool) -> FloatArray:
+    """Return the length scales (..., d) of the embedded inputs: cosine and sine share theirs."""
+    scales = np.asarray(length_scales, dtype=float)
+    return np.concatenate([scales[..., :1], scales], axis=-1) if periodic else scales
+
+
+def squared_distances(a: FloatArray, b: FloatArray, scales: FloatArray) -> FloatArray:
+    """Return scaled squared distances (n, m) of embedded inputs (n, e) and (m, e)."""
+    squared = np.zeros((len(a), len(b)))
+    for column_a, column_b in zip((a / scales).T, (b / scales).T, strict=True):
+        squared += (column_a[:, None] - column_b) ** 2
+    return squared
+
+
+def correlation(squared: FloatArray, smoothness: float) -> FloatArray:
+    """Return the kernel, 1 at distance zero, of scaled squared distances."""
+    if smoothness == np.inf:
+        return np.asarray(np.exp(-squared / 2))
+    r = np.sqrt(2 * smoothness * squared)
+    polynomial = {0.5: 1.0, 1.5: 1 + r, 2.5: 1 + r + r**2 / 3}[smoothness]
+    return np.asarray(polynomial * np.exp(-r))
+
+
+@njit(cache=True, error_model="numpy")
+def correlation_and_slope(squared, code):  # type: ignore[no-untyped-def]
+    """Return the kernel and its derivative by the squared distance; `code` is `kernel_code`.
+
+    At distance zero the kernel of smoothness 1/2 has a kink, and its derivative is given as 0.
+    """
+    if code == 1:
+        r = _ROOT3 * sqrt(squared)
+        decay = exp(-r)
+        return (1.0 + r) * decay, -1.5 * decay
+    if code == 2:
+        r = _ROOT5 * sqrt(squared)
+        decay = exp(-r)
+        return (1.0 + r + r * r / 3.0) * decay, -(5.0 / 6.0) * (1.0 + r) * decay
+    if code == 3:
+        decay = exp(-0.5 * squared)
+        return decay, -0.5 * decay
+    r = sqrt(squared)
+    decay = exp(-r)
+    return decay, (-0.5 * decay / r if r > 0.0 else 0.0)
+
+
+# Mean of the three processes and its gradient, compiled: a few points cost microseconds.
+
+
+@njit(cache=True, error_model="numpy")
+def accumulate(  # type: ignore[no-untyped-def]
+    point, train, weights, inverse_squares, offset, code, periodic, value, gradient
+):
+    """Write mean (3,) and gradient (3, d) at one point (d,).
+
+    `train` (m, 2 + d) holds cosine and sine of the boom angle, and the inputs; `weights` (3, m) and
+    `offset` (3,) are in units of the output; `inverse_squares` (3, d) are of the length scales.
+    """
+    d = len(point)
+    c, s = cos(point[0]), sin(point[0])
+    squares, slopes = np.empty(d), np.empty(d)
+    for j in range(3):
+        value[j] = offset[j]
+        for a in range(d):
+            gradient[j, a] = 0.0
+    for i in range(len(train)):
+        if periodic:
+            x, y = c - train[i, 0], s - train[i, 1]
+            squares[0] = x * x + y * y
+            slopes[0] = 2.0 * (s * train[i, 0] - c * train[i, 1])
+        for a in range(1 if periodic else 0, d):
+            difference = point[a] - train[i, 2 + a]
+            squares[a] = difference * difference
+            slopes[a] = 2.0 * difference
+        for j in range(3):
+            squared = 0.0
+            for a in range(d):
+                squared += squares[a] * inverse_squares[j, a]
+            k, slope = correlation_and_slope(squared, code)
+            value[j] += weights[j, i] * k
+            for a in range(d):
+                gradient[j, a] += weights[j, i] * slope * slopes[a] * inverse_squares[j, a]
+
+
+@njit(cache=True, error_model="numpy")
+def mean_and_gradient(  # type: ignore[no-untyped-def]
+    points, train, weights, inverse_squares, offset, code, periodic
+):
+    """Return means (n, 3) and gradients (n, 3, d) at points (n, d); see `accumulate`."""
+    n, d = points.shape
+    values, gradients = np.empty((n, 3)), np.empty((n, 3, d))
+    for p in range(n):
+        accumulate(
+            points[p], train, weights, inverse_squares, offset, code, periodic,
+            values[p], gradients[p],
+        )  # fmt: skip
+    return values, gradients
+
+
+@njit(cache=True, error_model="numpy")
+def mean(points, train, weights, inverse_squares, offset, code, periodic):  # type: ignore[no-untyped-def]
+    """Return means (n, 3) at points (n, d); see `accumulate`."""
+    values, gradient = np.empty((len(points), 3)), np.empty((3, points.shape[1]))
+    for p in range(len(points)):
+        accumulate(
+            points[p], train, weights, inverse_squares, offset, code, periodic, values[p], gradient
+        )
+    return values
+
 
 TURN = 2 * np.pi
 
@@ -169,3 +340,39 @@ def _inverse_factor(covariance: FloatArray) -> FloatArray:
             "the noise is too small for hops that are so much alike"
         ) from error
     return np.asarray(solve_triangular(factor, np.eye(len(factor)), lower=True))
+
+
+# Trained processes on disk: one `.npz` file, written whole or not at all.
+
+# What reading a folder, a text, a picture, a single array or an archive of others ends in.
+FOREIGN = (OSError, KeyError, ValueError, TypeError, AttributeError, EOFError, BadZipFile)
+
+
+def save_process(path: str | Path, process: FrameChangeProcess) -> None:
+    """Write a process; its fields are the arrays of the file."""
+    arrays = {field.name: getattr(process, field.name) for field in fields(process)}
+    with whole_file(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **arrays)
+
+
+def load_process(path: str | Path) -> FrameChangeProcess:
+    """Read a process that `save_process` wrote.
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing or holds something else.
+    """
+    names = [field.name for field in fields(FrameChangeProcess)]
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in names}
+        arrays["smoothness"] = float(arrays["smoothness"])
+        arrays["periodic"] = bool(arrays["periodic"])
+        return FrameChangeProcess(**arrays)
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: expected a trained process, found no such file") from None
+    except FOREIGN as error:
+        raise RecordingError(
+            f"{path}: expected a trained process with {', '.join(names)}, found another file"
+        ) from error

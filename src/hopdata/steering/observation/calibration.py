@@ -3,18 +3,266 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import BoolArray, FloatArray
 from hopdata.errors import AnalysisError, require_choice
-from hopdata.recordings.recording import Recording
-from hopdata.steering.observation.boom_circle import fit_boom_circle
-from hopdata.steering.observation.geometry import HopperGeometry
-from hopdata.steering.observation.height_band import height_band
-from hopdata.steering.observation.reference import marker_shape
-from hopdata.steering.observation.rigid import RigidFit, rigid_fit
+from hopdata.recording import Recording
+from hopdata.rigid import RigidFit, rigid_fit
+from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry, height_band
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+# Circles through points in a plane or in space.
+
+
+def algebraic_circle(points: FloatArray) -> tuple[FloatArray, float]:
+    """Fit a circle by linear least squares on squared distances (Kasa 1976).
+
+    Exact without noise; on a short arc the noise makes the circle too small.
+
+    Parameters
+    ----------
+    points : (N, 2) array, m
+
+    Returns
+    -------
+    (2,) array
+        Centre, m.
+    float
+        Radius, m.
+    """
+    middle = points.mean(axis=0)
+    x = points - middle
+    design = np.column_stack([2 * x, np.ones(len(x))])
+    (a, b, c), *_ = np.linalg.lstsq(design, (x**2).sum(axis=1), rcond=None)
+    return middle + np.array([a, b]), float(np.sqrt(c + a**2 + b**2))
+
+
+def geometric_circle(points: FloatArray) -> tuple[FloatArray, float]:
+    """Fit a circle by least squares on distances from it; see `algebraic_circle`."""
+    from scipy.optimize import least_squares
+
+    centre, radius = algebraic_circle(points)
+
+    def misses(parameters: FloatArray) -> FloatArray:
+        arms = points - parameters[:2]
+        return np.asarray(np.hypot(arms[:, 0], arms[:, 1]) - parameters[2])
+
+    def slopes(parameters: FloatArray) -> FloatArray:
+        arms = points - parameters[:2]
+        directions = arms / np.linalg.norm(arms, axis=1, keepdims=True)
+        return np.column_stack([-directions, -np.ones(len(arms))])
+
+    found = least_squares(misses, [*centre, radius], jac=slopes, x_scale=max(radius, 1e-9)).x
+    return np.asarray(found[:2]), float(abs(found[2]))
+
+
+def arc_span(points: FloatArray, centre: FloatArray) -> float:
+    """Angle that points (N, 2) span about a centre, rad: a turn less the widest gap."""
+    arms = points - centre
+    angles = np.sort(np.arctan2(arms[:, 1], arms[:, 0]))
+    gaps = np.diff(np.append(angles, angles[0] + 2 * np.pi))
+    return float(2 * np.pi - gaps.max())
+
+
+# The circle of the boom marker in the body (dissertation, Algorithm 3).
+
+MOST_POINTS = 20000
+LEAST_POINTS = 30
+LEAST_ARC_RAD = np.deg2rad(30.0)
+LEAST_RADIUS_RESIDUALS = 10.0  # else an angle read from the circle errs by more than 0.1 rad
+OUTLIER_SIGMAS = 5.0
+ROUNDS = 5
+TRIES = 300
+
+
+def fit_boom_circle(boom: FloatArray, noise_m: float) -> BoomCircle:
+    """Fit the circle to the places of the boom marker.
+
+    The plane is that of the two leading principal components of the centred points, its normal the
+    last; the circle in it is fitted by distances, which unlike an algebraic fit has no bias on a
+    short arc to speak of. Points beyond five times the typical distance, at first from the best of
+    many circles through three points, are set aside.
+
+    Parameters
+    ----------
+    boom : (N, 3) array
+        Boom marker in body axes, m; NaN where unknown.
+    noise_m : float
+        Noise per coordinate of a marker, m.
+
+    Raises
+    ------
+    AnalysisError
+        If the boom is hardly seen, does not move (a circle through noise is hardly larger than
+        the distances from it), or spans less than 30 degrees.
+    """
+    points = boom[np.isfinite(boom).all(axis=1)]
+    if len(points) < LEAST_POINTS:
+        raise AnalysisError(
+            f"boom: expected its marker in at least {LEAST_POINTS} frames with a pose, "
+            f"found {len(points)}"
+        )
+    points = points[:: -(-len(points) // MOST_POINTS)]
+    start = _start(points)
+    if not np.isfinite(start.radius_m):
+        raise AnalysisError("boom: expected it to move, found all its places in one or on a line")
+    kept = _near(points, start, 4 * noise_m)
+    for _ in range(ROUNDS):
+        circle = _circle_through(kept)
+        kept = _near(points, circle, noise_m)
+    _require_motion(circle, kept)
+    return circle
+
+
+def _near(points: FloatArray, circle: BoomCircle, noise_m: float) -> FloatArray:
+    misses = circle.misses(points)
+    return points[misses <= OUTLIER_SIGMAS * max(float(np.median(misses)), noise_m)]
+
+
+def _start(points: FloatArray) -> BoomCircle:
+    """Return the circle through three points to which three quarters of all are nearest."""
+    rng = np.random.default_rng(np.random.SeedSequence(0))
+    circles = [_through_three(*points[rng.integers(0, len(points), 3)]) for _ in range(TRIES)]
+    few = points[:: -(-len(points) // 1000)]
+
+    def size(circle: BoomCircle) -> float:
+        return float(np.nan_to_num(np.percentile(circle.misses(few), 75), nan=np.inf))
+
+    return min(circles, key=size)
+
+
+def _through_three(a: FloatArray, b: FloatArray, c: FloatArray) -> BoomCircle:
+    """Return the circle through three points; NaN if they are on a line."""
+    u, v = b - a, c - a
+    normal = np.cross(u, v)
+    square = float(normal @ normal)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        arm = np.cross((u @ u) * v - (v @ v) * u, normal) / (-2 * square)
+        return BoomCircle(a + arm, normal / np.sqrt(square), float(np.linalg.norm(arm)))
+
+
+def _circle_through(points: FloatArray) -> BoomCircle:
+    middle = points.mean(axis=0)
+    _, _, (along, across, normal) = np.linalg.svd(points - middle, full_matrices=False)
+    plane = np.stack([along, across])
+    centre, radius = geometric_circle((points - middle) @ plane.T)
+    return BoomCircle(middle + centre @ plane, normal if normal[2] > 0 else -normal, radius)
+
+
+def _require_motion(circle: BoomCircle, points: FloatArray) -> None:
+    """Refuse the circle that noise makes of a boom at rest, and one of which too little is seen."""
+    residual = float(np.sqrt(np.mean(circle.misses(points) ** 2)))
+    if not circle.radius_m > LEAST_RADIUS_RESIDUALS * residual:
+        raise AnalysisError(
+            "boom: expected it to move on a circle about the body of more than "
+            f"{LEAST_RADIUS_RESIDUALS:.0f} times the rms distance of its places from it, found "
+            f"{1e3 * circle.radius_m:.2g} mm at {1e3 * residual:.2g} mm: does the boom move in "
+            "this recording?"
+        )
+    span = arc_span((points - circle.centre_m) @ circle.axes.T, np.zeros(2))
+    if span < LEAST_ARC_RAD:
+        raise AnalysisError(
+            f"boom: expected it to move through at least {np.rad2deg(LEAST_ARC_RAD):.0f} degrees "
+            f"to define a circle, found {np.rad2deg(span):.1f}"
+        )
+
+
+# Where the body markers are in the body: from the recording itself, robustly.
+
+MOST_FRAMES = 4000
+LEAST_FRAMES = 20
+REFERENCE_ROUNDS = 10
+REFERENCE_OUTLIER_SIGMAS = 4.0
+ON_A_LINE = 0.02  # width of the markers across their line, relative to along it
+
+
+def marker_shape(markers: FloatArray) -> tuple[FloatArray, float]:
+    """Estimate the shape of a rigid set of markers, and the noise.
+
+    It starts from the median distances between markers and is refined by generalised Procrustes
+    alignment (Gower 1975) with unseen markers left out. Frames that do not fit, such as those with
+    two markers exchanged, are set aside: their residual is beyond four times what is typical.
+
+    Parameters
+    ----------
+    markers : (N, B, 3) array
+        Positions, m; NaN where unseen. B is at least three.
+
+    Returns
+    -------
+    (B, 3) array
+        Positions, m, from their mean; the attitude is arbitrary.
+    float
+        Standard deviation of the noise per coordinate, m.
+
+    Raises
+    ------
+    AnalysisError
+        If there are too few markers or frames, the markers lie on a line, or of four and more
+        hardly ever four are seen at once.
+    """
+    number = markers.shape[1]
+    if number < 3:
+        raise AnalysisError(f"body markers: expected at least 3, found {number}")
+    frames = _usable(markers)
+    shape = _handed(frames, _from_distances(frames))
+    kept = frames
+    for _ in range(REFERENCE_ROUNDS):
+        residual = rigid_fit(frames, shape).residual_m
+        kept = frames[residual <= REFERENCE_OUTLIER_SIGMAS * np.median(residual)]
+        shape = _mean_shape(kept, shape)
+    residual = rigid_fit(kept, shape).residual_m
+    return shape, float(np.sqrt(np.mean(residual**2)))
+
+
+def _handed(frames: FloatArray, shape: FloatArray) -> FloatArray:
+    """Return the shape or its mirror image, which have the same distances."""
+    widths = np.linalg.norm(shape, axis=0)
+    if widths[2] < ON_A_LINE * widths[0]:
+        return shape
+    both = [shape, shape * [1, 1, -1]]
+    residuals = [float(np.median(rigid_fit(frames, one).residual_m)) for one in both]
+    if min(residuals) > 0.5 * max(residuals):
+        raise AnalysisError(
+            "body markers: expected four off one plane in sight together in most frames, to tell "
+            "their shape from its mirror image; found them too seldom"
+        )
+    return both[int(np.argmin(residuals))]
+
+
+def _usable(markers: FloatArray) -> FloatArray:
+    """Return at most so many frames, evenly taken from those with three markers or more."""
+    seen = np.isfinite(markers).all(axis=2)
+    usable = np.flatnonzero(seen.sum(axis=1) >= 3)
+    together = seen.T.astype(int) @ seen.astype(int)
+    if len(usable) < LEAST_FRAMES or together.min() == 0:
+        raise AnalysisError(
+            f"body markers: expected {LEAST_FRAMES} frames with three of them in sight, and each "
+            f"pair in sight together, found {len(usable)} of {len(markers)} frames"
+        )
+    step = -(-len(usable) // MOST_FRAMES)
+    return markers[usable[::step]]
+
+
+def _from_distances(frames: FloatArray) -> FloatArray:
+    """Return a shape with the median distances, by classical scaling (Torgerson 1952)."""
+    apart = np.linalg.norm(frames[:, :, None] - frames[:, None], axis=3)
+    square = np.nanmedian(apart, axis=0) ** 2
+    centring = np.eye(len(square)) - 1.0 / len(square)
+    values, vectors = np.linalg.eigh(-0.5 * centring @ square @ centring)
+    largest = np.argsort(values)[: -len(square) - 1 : -1][:3]
+    width = np.sqrt(np.maximum(values[largest], 0.0))
+    if width[1] < ON_A_LINE * width[0]:
+        raise AnalysisError("body markers: expected them off one line, found them on it")
+    return np.asarray(vectors[:, largest] * width)
+
+
+def _mean_shape(frames: FloatArray, shape: FloatArray) -> FloatArray:
+    fit = rigid_fit(frames, shape)
+    known = fit.known
+    arms = frames[known] - fit.centre[known, None]
+    aligned = np.nanmean(np.einsum("nji,nbj->nbi", fit.rotation[known], arms), axis=0)
+    return np.asarray(aligned - aligned.mean(axis=0))
+
 
 LEAST_LENGTH_M = 1e-3
 LEVELS = ("auto", "feet", "median")

@@ -6,12 +6,9 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hopdata.steering.observation.bottoms import LEAST_BEND_M_S2
 from hopdata.steering.observation.geometry import HopperGeometry
-
-FloatArray = NDArray[np.float64]
+from hopdata.steering.observation.stances import LEAST_BEND_M_S2
 
 WINDOW_S = 0.055  # of frames through which a parabola is laid,
 WINDOW_FRAMES = 3.5  # but at least so many

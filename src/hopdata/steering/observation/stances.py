@@ -8,13 +8,253 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.steering.observation.bottoms import BOTTOM_UNSEEN, NO_BOUNCE, Bottom, find_bottom
-from hopdata.steering.observation.height_band import height_band
-from hopdata.steering.observation.visits import HELD, HOLE, Visits, find_visits, not_a_hop
+from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray, IntArray
+from hopdata.steering.observation.geometry import height_band
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+# Polynomials through the frames near an instant, which need not be evenly spaced.
+
+
+@dataclass(frozen=True)
+class LocalFit:
+    """A polynomial in the time from `middle_s`.
+
+    Parameters
+    ----------
+    middle_s : float
+    first_s, last_s : float
+        Times of the outermost frames.
+    coefficients : (d + 1,) or (d + 1, m) array
+        From the constant on; a column for each of m quantities.
+    """
+
+    middle_s: float
+    first_s: float
+    last_s: float
+    coefficients: FloatArray
+
+    def at(self, time_s: float, derivative: int = 0) -> FloatArray:
+        """Value, or a derivative, at a time, () or (m,)."""
+        found = np.polynomial.polynomial.polyder(self.coefficients, derivative)
+        return np.asarray(np.polynomial.polynomial.polyval(time_s - self.middle_s, found))
+
+    def lowest(self) -> float | None:
+        """Instant of the minimum of a parabola or cubic, s; None unless it is within the frames."""
+        c, b, a = np.polynomial.polynomial.polyder(np.append(self.coefficients, [0.0, 0.0])[:4])
+        square = b * b - 4 * a * c  # of the curvature at the extrema
+        if square <= 0:
+            return None
+        bend = np.sqrt(square)
+        if b + bend > 0:
+            instant = self.middle_s - 2 * c / (b + bend)
+        elif a != 0:
+            instant = self.middle_s + (bend - b) / (2 * a)
+        else:
+            return None
+        return float(instant) if self.first_s <= instant <= self.last_s else None
+
+
+def local_fit(
+    time: FloatArray, values: FloatArray, begin_s: float, end_s: float, *, degree: int
+) -> LocalFit | None:
+    """Fit polynomials by least squares to the frames between two times.
+
+    Parameters
+    ----------
+    time : (N,) array
+        In order, s.
+    values : (N,) or (N, m) array
+        All known.
+    begin_s, end_s : float
+        Ends of the window, s; frames on them count.
+    degree : int
+
+    Returns
+    -------
+    LocalFit or None
+        None if there are too few frames.
+    """
+    first, last = np.searchsorted(time, [begin_s - 1e-9, end_s + 1e-9])
+    if last - first < degree + 1:
+        return None
+    half_s, middle_s = 0.5 * (end_s - begin_s), 0.5 * (begin_s + end_s)
+    powers = np.arange(degree + 1)
+    design = ((time[first:last] - middle_s) / half_s)[:, None] ** powers
+    found = np.linalg.lstsq(design, values[first:last], rcond=None)[0]
+    scaled = (found.T * half_s ** -powers.astype(float)).T
+    return LocalFit(middle_s, float(time[first]), float(time[last - 1]), scaled)
+
+
+# The lowest point of a stance, between frames, and also where frames are missing.
+
+BOTTOM_S = 0.045  # half the window of the fit at the lowest point
+SIDE_S = 0.05  # window of the fit beside a hole
+WIDEST_HOLE_FRAMES = 3.5  # beside the lowest point, for the fit through it
+LONGEST_BRIDGE_S = 0.2
+LEAST_BEND_M_S2 = 5.0  # half of g: a floor throws back harder than a hand lifts
+
+BOTTOM_UNSEEN, NO_BOUNCE = "lowest point not seen", "no bounce"
+
+
+@dataclass(frozen=True)
+class Bottom:
+    """A lowest point: its instant, s, its height, m, and whether it fell into a hole."""
+
+    time_s: float
+    height_m: float
+    bridged: bool = False
+
+
+def find_bottom(time: FloatArray, height: FloatArray, lowest: int, frame_s: float) -> Bottom | str:
+    """Find the lowest point near the lowest frame, or say why it is none.
+
+    It is the minimum of a cubic through the frames there. If too many of these are missing, it is
+    where the speed passes zero, on a line from its value before the hole to that after it. Either
+    way the acceleration must be half of g at least.
+
+    Parameters
+    ----------
+    time, height : (N,) array
+        Frames with a known height; s, m.
+    lowest : int
+        Number of the lowest one.
+    frame_s : float
+        Time between frames, s.
+    """
+    begin, end = time[lowest] - BOTTOM_S, time[lowest] + BOTTOM_S
+    first, last = np.searchsorted(time, [begin - 1e-9, end + 1e-9])
+    waits = np.diff(np.concatenate([[begin], time[first:last], [end]]))
+    fit = local_fit(time, height, begin, end, degree=3)
+    if fit is None or waits.max() > WIDEST_HOLE_FRAMES * frame_s:
+        return _bridged(time, height, lowest)
+    instant = fit.lowest()
+    if instant is None or fit.at(instant, 2) < LEAST_BEND_M_S2:
+        return NO_BOUNCE
+    return Bottom(instant, float(fit.at(instant)))
+
+
+def _bridged(time: FloatArray, height: FloatArray, lowest: int) -> Bottom | str:
+    """Find the lowest point in the widest hole beside the lowest frame."""
+    if lowest == 0 or lowest == len(time) - 1:
+        return BOTTOM_UNSEEN
+    before = (
+        lowest - 1 if time[lowest] - time[lowest - 1] > time[lowest + 1] - time[lowest] else lowest
+    )
+    out_s, in_s = time[before], time[before + 1]
+    if in_s - out_s > LONGEST_BRIDGE_S:
+        return BOTTOM_UNSEEN
+    fall, rise = side_speeds(time, height, before)
+    if not (fall < 0 < rise):
+        return BOTTOM_UNSEEN
+    if (rise - fall) / (in_s - out_s) < LEAST_BEND_M_S2:
+        return NO_BOUNCE
+    after = (in_s - out_s) * fall / (fall - rise)
+    return Bottom(float(out_s + after), float(height[before] + 0.5 * fall * after), bridged=True)
+
+
+def side_speeds(time: FloatArray, height: FloatArray, before: int) -> tuple[float, float]:
+    """Speed in the last frame before a hole and in the first after it, m/s; NaN if unknown."""
+    speeds = []
+    for frame, begin, end in ((before, -SIDE_S, 0.0), (before + 1, 0.0, SIDE_S)):
+        at = time[frame]
+        fit = local_fit(time, height, at + begin, at + end, degree=2) or local_fit(
+            time, height, at + begin, at + end, degree=1
+        )
+        speeds.append(float("nan") if fit is None else float(fit.at(at, 1)))
+    return speeds[0], speeds[1]
+
+
+# Visits of a height below a threshold, and what lies between them.
+
+HOLE_S = 0.3  # without a height for so long, anything may have happened
+SIDE_HOLE_S = 0.04
+SHORTEST, LONGEST = 0.6, 1.5  # time above the threshold over that of free fall from the apex
+
+HELD, HOLE = "held or carried in between", "heights missing in between"
+
+
+@dataclass(frozen=True)
+class Visits:
+    """Visits below one threshold, each before the height is above the other one again.
+
+    Parameters
+    ----------
+    first, last : (V,) array of int
+        Outermost frames below the threshold.
+    lowest : (V,) array of int
+        The lowest frame.
+    after_hole : (V,) bool array
+        Whether heights are missing for long between the visit before and this one.
+    """
+
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+    lowest: NDArray[np.int64]
+    after_hole: NDArray[np.bool_]
+
+
+def find_visits(time: FloatArray, height: FloatArray, below_m: float, above_m: float) -> Visits:
+    """Find the visits below a threshold, with the other one as hysteresis.
+
+    A long hole ends a visit.
+
+    Parameters
+    ----------
+    time, height : (N,) array
+        Frames with a known height; s, m.
+    below_m, above_m : float
+        The two thresholds.
+    """
+    side = np.where(height < below_m, -1, np.where(height > above_m, 1, 0))
+    outside = np.flatnonzero(side)
+    hole = np.cumsum(np.diff(time, prepend=time[:1]) > HOLE_S)[outside]
+    low = side[outside] < 0
+    begins = low.copy()
+    begins[1:] &= ~low[:-1] | (hole[1:] > hole[:-1])
+    number = np.cumsum(begins)[low] - 1
+    inside = outside[low]
+    first = inside[np.flatnonzero(np.diff(number, prepend=-1))]
+    last = inside[np.flatnonzero(np.diff(number, append=number[-1:] + 1))]
+    lowest = [a + int(np.argmin(height[a : b + 1])) for a, b in zip(first, last, strict=True)]
+    holes = np.cumsum(np.diff(time, prepend=time[:1]) > HOLE_S)
+    after_hole = np.zeros(len(first), dtype=bool)
+    after_hole[1:] = holes[first[1:]] > holes[last[:-1]]
+    return Visits(first, last, np.array(lowest, dtype=int), after_hole)
+
+
+def not_a_hop(
+    time: FloatArray, height: FloatArray, leave: int, back: int, above_m: float
+) -> str | None:
+    """Say why the frames between two visits are no flight; None if they are one.
+
+    The time above the threshold is compared with that of free fall from the apex, which is where
+    the height before or after a hole leads if it is higher than all that is seen.
+
+    Parameters
+    ----------
+    time, height : (N,) array
+        Frames with a known height; s, m.
+    leave, back : int
+        Last frame of one visit and first of the next.
+    above_m : float
+    """
+    high = leave + np.flatnonzero(height[leave : back + 1] > above_m)
+    up = _crossing(time, height, int(high[0]) - 1, above_m)
+    down = _crossing(time, height, int(high[-1]), above_m)
+    top = float(height[high].max())
+    for before in high[0] - 1 + np.flatnonzero(np.diff(time[high[0] - 1 : back + 1]) > SIDE_HOLE_S):
+        rise, fall = side_speeds(time, height, int(before))
+        for speed, frame in ((rise, before), (-fall, before + 1)):
+            if speed > 0:
+                top = max(top, float(height[frame] + speed**2 / (2 * GRAVITY_M_S2)))
+    free = 2 * np.sqrt(2 * (top - above_m) / GRAVITY_M_S2)
+    return None if SHORTEST * free <= down - up <= LONGEST * free else HELD
+
+
+def _crossing(time: FloatArray, height: FloatArray, frame: int, level_m: float) -> float:
+    """Time at which a level is crossed between a frame and the next, s."""
+    share = (level_m - height[frame]) / (height[frame + 1] - height[frame])
+    return float(time[frame] + share * (time[frame + 1] - time[frame]))
+
 
 NO_STANCE = "one of them no stance"
 REASONS = (BOTTOM_UNSEEN, NO_BOUNCE, NO_STANCE, HOLE, HELD)

@@ -1,0 +1,286 @@
+"""An inspection as text for a terminal."""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hopdata.errors import HopdataError
+
+if TYPE_CHECKING:
+    from hopdata.recordings.quality.inspection import Inspection
+    from hopdata.recordings.quality.stretches import MarkerGaps
+
+# What a command's exit code says; argparse itself ends with 2 on a wrong command line.
+
+OK, PROBLEM, USAGE, INTERRUPTED = 0, 1, 2, 130
+
+
+# Numbers and the words behind them.
+
+
+def counted(number: int, word: str) -> str:
+    """Write ``1 frame``, ``2 frames``."""
+    return f"{number} {word}" + ("" if number == 1 else "s")
+
+
+# Faults of an inspection, one line each, in the order of time.
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """One thing that looks wrong.
+
+    Parameters
+    ----------
+    kind : str
+        ``swap``, ``spike``, ``jump``, ``frozen``, ``unseen``, ``dropped``, ``rate`` or ``time``.
+    markers : tuple of str
+        Those concerned; none for the time stamps.
+    frame : int
+        First frame, from 1 as in the file.
+    time_s : float
+        Time after the first frame, s.
+    text : str
+        What was found.
+    """
+
+    kind: str
+    markers: tuple[str, ...]
+    frame: int
+    time_s: float
+    text: str
+
+
+def suspects(inspection: Inspection) -> list[Suspect]:
+    """List all faults, the earliest first."""
+    return sorted(_all(inspection), key=lambda s: (s.frame, s.kind, s.markers))
+
+
+def _all(inspection: Inspection) -> Iterator[Suspect]:
+    faults, timing = inspection.faults, inspection.timing
+
+    def suspect(kind: str, markers: tuple[str, ...], frame: int, text: str) -> Suspect:
+        time = float(inspection.time[frame] - inspection.time[0])
+        return Suspect(kind, markers, frame + 1, time, text)
+
+    for swap in faults.swaps:
+        names = " and ".join(swap.markers) if len(swap.markers) == 2 else ", ".join(swap.markers)
+        until = "to the end" if swap.stop is None else f"to frame {swap.stop}"
+        text = f"{names} exchanged {until} (by {' and '.join(swap.found_by)})"
+        yield suspect("swap", swap.markers, swap.start, text)
+    for spike in faults.spikes:
+        length = counted(spike.stop - spike.start, "frame")
+        text = f"{spike.marker} is {_mm(spike.size)} off for {length}"
+        yield suspect("spike", (spike.marker,), spike.start, text)
+    for jump in faults.jumps:
+        text = f"{jump.marker} jumps by {_mm(jump.size)}"
+        yield suspect("jump", (jump.marker,), jump.frame, text)
+    for frozen in faults.frozen:
+        text = f"{frozen.marker} repeats one position in {frozen.stop - frozen.start} frames"
+        yield suspect("frozen", (frozen.marker,), frozen.start, text)
+    for name in faults.never_seen:
+        yield suspect("unseen", (name,), 0, f"{name} is in no frame")
+    if inspection.has_wrong_rate:
+        found, stated = timing.rate_hz, inspection.rate_hz
+        text = f"the time stamps run at {found:g} Hz, and the frame rate stated is {stated:g} Hz"
+        yield suspect("rate", (), 0, text)
+    for frame, missing in timing.drops.tolist():
+        text = f"{counted(missing, 'frame')} dropped after this one"
+        yield suspect("dropped", (), int(frame), text)
+    for frame in timing.irregular:
+        yield suspect("time", (), int(frame), "irregular step of the time stamps after this one")
+    for frame in timing.backward:
+        yield suspect("time", (), int(frame), "the next time stamp is not later")
+
+
+def _mm(metres: float) -> str:
+    return f"{metres * MM_PER_M:.1f} mm"
+
+
+WIDTH, COLUMNS, MOST_SUSPECTS = 100, 50, 20
+SEEN, PARTLY, UNSEEN = "█", "▒", "·"
+PLAIN = {SEEN: "#", PARTLY: "+", UNSEEN: "."}
+MM_PER_M = 1000.0
+
+
+def listing(inspection: Inspection, file: str, *, encoding: str = "utf-8") -> str:
+    """Say what is in a recording.
+
+    Parameters
+    ----------
+    inspection : Inspection
+        What was measured.
+    file : str
+        The file, for the first line.
+    encoding : str
+        Of the terminal; the picture is drawn in ASCII where it needs to be.
+    """
+    lines = [file, *_facts(inspection), "", *_rigid(inspection), "", *_gaps(inspection), ""]
+    text = "\n".join([*lines, *_suspects(inspection)])
+    try:
+        text.encode(encoding)
+    except (UnicodeEncodeError, LookupError):
+        for drawn, plain in PLAIN.items():
+            text = text.replace(drawn, plain)
+        text = text.encode("ascii", errors="replace").decode("ascii")
+    return text
+
+
+def answer(inspection: Inspection) -> str:
+    """Say in one sentence whether there is anything wrong."""
+    n = inspection.n_problems
+    if not n:
+        return "No swapped or frozen markers, spikes, jumps, dropped frames or irregular stamps."
+    kinds: dict[str, int] = {}
+    for suspect in suspects(inspection):
+        kinds[suspect.kind] = kinds.get(suspect.kind, 0) + 1
+    parts = ", ".join(f"{count} {_plural(kind, count)}" for kind, count in kinds.items())
+    return f"{counted(n, 'suspect')}: {parts}."
+
+
+def _plural(kind: str, count: int) -> str:
+    words = {
+        "frozen": ("frozen marker", "frozen markers"),
+        "unseen": ("marker never seen", "markers never seen"),
+        "dropped": ("place with dropped frames", "places with dropped frames"),
+        "rate": ("wrong frame rate", "wrong frame rates"),
+        "time": ("irregular time stamp", "irregular time stamps"),
+    }
+    return words.get(kind, (kind, f"{kind}s"))[count > 1]
+
+
+def _facts(inspection: Inspection) -> list[str]:
+    timing = inspection.timing
+    stamps = f"time stamps regular to {1e3 * timing.jitter_s:.3f} ms"
+    if timing.n_dropped:
+        stamps = f"{timing.n_dropped} frames dropped"
+    rate = f"{len(inspection.time)} at {inspection.rate_hz:g} Hz, {inspection.duration_s:.1f} s"
+    unit, up = inspection.unit, inspection.up
+    names = ", ".join(inspection.markers)
+    return [
+        _line("frames", f"{rate}; {stamps}"),
+        *_wrapped("markers", f"{len(inspection.markers)}: {names}"),
+        *_wrapped("unit", f"{unit.value}: {unit.reason}" + _unsure(unit.is_sure)),
+        *_wrapped("up", f"{up.value}: {up.reason}" + _unsure(up.is_sure)),
+    ]
+
+
+def _unsure(is_sure: bool) -> str:
+    return "" if is_sure else " (not sure)"
+
+
+def _rigid(inspection: Inspection) -> list[str]:
+    white = MM_PER_M * inspection.typical_noise_m
+    noise = f"{white:.2f} mm a coordinate from frame to frame (median of the markers)"
+    lines = _wrapped("noise", noise if np.isfinite(white) else "no five frames in a row")
+    for cluster in inspection.clusters:
+        names = ", ".join(inspection.markers[m] for m in cluster.markers)
+        noise = f"{MM_PER_M * cluster.noise:.2f} mm a coordinate by its distances"
+        lines += _wrapped("rigid", f"{names}; {noise}")
+    if not inspection.clusters:
+        lines += _wrapped("rigid", "no three markers that keep their distances")
+    return lines
+
+
+def _gaps(inspection: Inspection) -> list[str]:
+    """One bar a marker, and its gaps in numbers."""
+    width = max(map(len, inspection.markers), default=0)
+    n_columns = max(1, min(COLUMNS, len(inspection.time)))
+    column = inspection.duration_s / n_columns
+    head = f"  gaps (a column is {column:.3g} s; {SEEN} seen, {PARTLY} partly, {UNSEEN} unseen)"
+    lines = [head]
+    for gaps in inspection.gaps:
+        numbers = "no gap"
+        if gaps.count:
+            longest = (
+                f"{counted(gaps.longest, 'frame')} ({gaps.longest / inspection.rate_hz:.3g} s)"
+            )
+            share = f"{100 * gaps.share:.2g} % unseen"
+            numbers = f"{counted(gaps.count, 'gap')}, longest {longest}, {share}"
+        lines.append(f"  {gaps.marker:{width}} {_bar(gaps, n_columns)} {numbers}")
+    return lines
+
+
+def _bar(gaps: MarkerGaps, n_columns: int) -> str:
+    """Draw one bar; a column is partly seen if a single frame in it is missing."""
+    unseen = np.zeros(gaps.n_frames, dtype=bool)
+    for start, stop in gaps.stretches:
+        unseen[start:stop] = True
+    columns = np.array_split(unseen, n_columns)
+    return "".join(UNSEEN if c.all() else PARTLY if c.any() else SEEN for c in columns)
+
+
+def _suspects(inspection: Inspection) -> list[str]:
+    found = suspects(inspection)
+    lines = [f"  {answer(inspection)}"]
+    for suspect in found[:MOST_SUSPECTS]:
+        where = f"frame {suspect.frame} ({suspect.time_s:.3f} s)"
+        lines.append(f"    {suspect.kind:8} {where:24} {suspect.text}")
+    if len(found) > MOST_SUSPECTS:
+        lines.append(f"    and {len(found) - MOST_SUSPECTS} more; --html lists all")
+    return lines
+
+
+def _line(key: str, text: str) -> str:
+    return f"  {key:8} {text}"
+
+
+def _wrapped(key: str, text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent=f"  {key:8} ", subsequent_indent=" " * 11)
+
+
+# Progress on stderr: one line that is replaced, only where a person looks.
+
+CLEAR_LINE = "\r\033[K"
+
+
+class Progress:
+    """Shows the step at hand; a context manager that leaves an empty line behind."""
+
+    def __init__(self) -> None:
+        self._shown = sys.stderr.isatty()
+
+    def __call__(self, step: str) -> None:
+        """Show a step, in words."""
+        if self._shown:
+            print(f"{CLEAR_LINE}{step} ...", end="", file=sys.stderr, flush=True)
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._shown:
+            print(CLEAR_LINE, end="", file=sys.stderr, flush=True)
+
+
+# Files that a command writes: whole or not at all, or one clear message.
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file and the folders on its way.
+
+    Raises
+    ------
+    HopdataError
+        If the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise HopdataError(
+            f"{path}: expected a file that can be written, found: {error.strerror}"
+        ) from None

@@ -1,0 +1,370 @@
+"""The scaling study: what linear maps leave over as landings draw together, case by case."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.figures.style import (
+    BLUE,
+    DOUBLE_COLUMN_MM,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PURPLE,
+    SINGLE_COLUMN_MM,
+    VERMILION,
+    banded_line,
+    letter,
+    message_figure,
+    paper_figure,
+    plain_numbers,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Error of the estimated landing map by number of landings, for levels of noise.
+
+# Estimator: what the reader sees, colour, line style, marker. OLS on rigid-body coordinates is the
+# printed one but for rounding, and is left out.
+LINES: dict[str, tuple[str, str, Any, str]] = {
+    "printed": ("least squares, as printed", GREY, "-", "o"),
+    "corrected": ("corrected for noise", ORANGE, (0, (5, 1.5)), "s"),
+    "curved": ("with curvature", BLUE, (0, (1.5, 1.2)), "^"),
+    "corrected_curved": ("with both", VERMILION, "-", "D"),
+}
+STATES = {"split_fit": "states split at contacts", "savitzky_golay": "states by 7-frame cubic"}
+
+
+@styled
+def map_error_figure(table: pd.DataFrame) -> Figure:
+    """Draw the errors, a row of panels for each way of fitting states, a column for each noise.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row a setting: ``states`` (of `STATES`), ``noise_mm``, ``estimator`` (of `LINES`;
+        others are left out), ``landings``, and over the draws ``median, q05, q95``.
+
+    Returns
+    -------
+    Figure
+        Logarithmic axes; bands from 5 to 95 %.
+    """
+    ways = [way for way in STATES if (table["states"] == way).any()]
+    if not ways:
+        return message_figure("No errors of maps to show.")
+    noises = sorted(table["noise_mm"].unique())
+    figure = paper_figure(DOUBLE_COLUMN_MM, 20.0 + 47.0 * len(ways))
+    panels = figure.subplots(len(ways), len(noises), sharex=True, sharey=True, squeeze=False)
+    letters = iter("abcdefghijklmnopqrstuvwxyz")
+    for row, way in zip(panels, ways, strict=True):
+        for axes, noise in zip(row, noises, strict=True):
+            _draw(axes, table[(table["states"] == way) & (table["noise_mm"] == noise)])
+            letter(axes, next(letters))
+        row[0].set_ylabel(f"relative error of the map\n{STATES[way]}")
+    for axes, noise in zip(panels[0], noises, strict=True):
+        axes.set_title(f"{noise:g} mm" if noise > 0 else "no noise")
+    for axes in panels[-1]:
+        axes.set_xlabel("landings")
+    _ticks(panels[0, 0])
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    return figure
+
+
+def _draw(axes: Axes, table: pd.DataFrame) -> None:
+    for estimator, line in LINES.items():
+        rows = table[table["estimator"] == estimator].sort_values("landings")
+        if rows.empty:
+            continue
+        banded_line(axes, rows["landings"], rows["median"], (rows["q05"], rows["q95"]), line)
+    axes.grid(axis="y")
+
+
+def _ticks(axes: Axes) -> None:
+    """Plain numbers on both logarithmic axes, which all panels share."""
+    from matplotlib.ticker import FixedLocator, LogLocator
+
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.xaxis.set_major_locator(FixedLocator([60, 250, 1000, 3000]))
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    for axis in (axes.xaxis, axes.yaxis):
+        plain_numbers(axis)
+
+
+# How close fitted maps come to the exact ones, by the number of landings.
+
+SOURCES = {"noise_free": (BLUE, "without noise"), "measured": (VERMILION, "as measured")}
+MODELS: Mapping[str, tuple[str | tuple[float, tuple[float, ...]], str, str]] = {
+    "pooled": ("-", "o", "one map"),
+    "specialised": ((0, (4, 1.5)), "s", "one a schedule"),
+}
+
+
+@styled
+def map_errors_figure(errors: pd.DataFrame) -> Figure:
+    """Draw errors of fitted maps over the number of landings.
+
+    Parameters
+    ----------
+    errors : DataFrame
+        Table ``map_errors``, see `hopdata.maps.truth.map_errors`.
+
+    Returns
+    -------
+    Figure
+        Median and 5 to 95 % of the error of least squares.
+    """
+    figure = paper_figure(SINGLE_COLUMN_MM, 70.0)
+    axes = figure.subplots()
+    for model in MODELS:
+        for source in SOURCES:
+            _draw_map_errors(
+                axes, errors[(errors["source"] == source) & (errors["model"] == model)]
+            )
+    _label(axes)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    return figure
+
+
+def _draw_map_errors(axes: Axes, rows: pd.DataFrame) -> None:
+    if rows.empty:
+        return
+    (colour, data), (dash, marker, which) = (
+        SOURCES[rows["source"].iloc[0]],
+        MODELS[rows["model"].iloc[0]],
+    )
+    ordered = rows.sort_values("landings")
+    n = ordered["landings"].to_numpy()
+    axes.fill_between(n, ordered["q05"], ordered["q95"], color=colour, alpha=0.15, linewidth=0)
+    axes.loglog(
+        n, ordered["median"], color=colour, linestyle=dash, marker=marker, markersize=3,
+        label=f"{which}, {data}",
+    )  # fmt: skip
+
+
+def _label(axes: Axes) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set_xlabel("landings that a map is fitted to")
+    axes.set_ylabel("error relative to the exact map")
+    for axis, steps in ((axes.yaxis, (1.0, 2.0, 5.0)), (axes.xaxis, (1.0, 3.0))):
+        axis.set_major_locator(LogLocator(subs=steps))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+    axes.grid(axis="y", which="major")
+
+
+# The landing map as a picture: what is true, what was estimated, and the difference.
+
+INPUTS = {
+    "pitch_rad": "pitch",
+    "roll_rad": "roll",
+    "forward_m_s": "forward",
+    "sideways_m_s": "sideways",
+    "climb_m_s": "climb",
+    "spin_x_rad_s": "spin x",
+    "spin_y_rad_s": "spin y",
+    "spin_z_rad_s": "spin z",
+}
+OUTPUTS = {"step_x_m": "step x", "step_y_m": "step y", "turn_rad": "turn", **INPUTS}
+PRINTED, BEST = "printed", "corrected_curved"
+FIRST_VELOCITY = 5  # rows above are displacements, rows below come from velocities
+COLOURS = "RdBu_r"
+
+
+@styled
+def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) -> Figure:
+    """Draw maps as images, 8 inputs across and 11 outputs down.
+
+    Parameters
+    ----------
+    estimates : DataFrame
+        ``estimator, input, output, standardised``: displacement of the markers, mm, by one standard
+        deviation of the input. ``printed`` and ``corrected_curved`` are drawn.
+    exact : DataFrame, optional
+        The same without ``estimator``, where the exact map is known.
+
+    Returns
+    -------
+    Figure
+        Maps on the left, on one scale; differences on the right, on another: both estimates minus
+        the exact map, or, where it is not known, the printed one minus the corrected one.
+    """
+    found = {
+        name: _matrix(estimates[estimates["estimator"] == name])
+        for name in (PRINTED, BEST)
+        if (estimates["estimator"] == name).any()
+    }
+    if len(found) < 2:
+        return message_figure("The landing map could not be estimated: too few landings.")
+    maps = {
+        "least squares,\nas printed": found[PRINTED],
+        "noise and curvature\ncorrected": found[BEST],
+    }
+    if exact is None:
+        differences = {"printed\nminus corrected": found[PRINTED] - found[BEST]}
+    else:
+        true = _matrix(exact)
+        maps = {"exact": true, **maps}
+        differences = {
+            "printed\nminus exact": found[PRINTED] - true,
+            "corrected\nminus exact": found[BEST] - true,
+        }
+    return _draw_all(maps, differences)
+
+
+def _draw_all(maps: Mapping[str, Any], differences: Mapping[str, Any]) -> Figure:
+    figure = paper_figure(DOUBLE_COLUMN_MM, 82.0)
+    panels = figure.subplots(1, len(maps) + len(differences), sharey=True)
+    groups = (
+        (panels[: len(maps)], maps, "maps (mm per sd of the input)"),
+        (panels[len(maps) :], differences, "differences (mm per sd of the input)"),
+    )
+    for axes, matrices, label in groups:
+        limit = max(float(np.abs(matrix).max()) for matrix in matrices.values())
+        for one, (title, matrix) in zip(axes, matrices.items(), strict=True):
+            image = _draw_map_matrices(one, matrix, limit)
+            one.set_title(title)
+        figure.colorbar(
+            image, ax=list(axes), location="bottom", label=label, shrink=0.8, aspect=30, pad=0.02
+        )
+    panels[0].set_yticks(range(len(OUTPUTS)), list(OUTPUTS.values()))
+    panels[0].set_ylabel("state after the landing")
+    for one in panels:
+        one.set_xlabel("state before")
+    for name, one in zip("abcde", panels, strict=False):
+        letter(one, name)
+    return figure
+
+
+def _draw_map_matrices(axes: Axes, matrix: NDArray[np.float64], limit: float) -> Any:
+    image = axes.imshow(matrix, cmap=COLOURS, vmin=-limit, vmax=limit, aspect="auto")
+    axes.set_xticks(range(len(INPUTS)), list(INPUTS.values()), rotation=90)
+    axes.tick_params(length=0)
+    axes.axhline(FIRST_VELOCITY - 0.5, color=INK, linewidth=0.5)
+    return image
+
+
+def _matrix(table: pd.DataFrame) -> NDArray[np.float64]:
+    """Return the outputs (11) by the inputs (8)."""
+    wide = table.pivot_table(index="output", columns="input", values="standardised")
+    matrix: NDArray[np.float64] = wide.loc[list(OUTPUTS), list(INPUTS)].to_numpy(float)
+    return matrix
+
+
+# Name, strength and its column, colour and marker of each case, in the order of the legend.
+CASES = {
+    "hopper": ("hopper", "", BLUE, "o"),
+    "coupling": ("coupled forces", "coupling", VERMILION, "s"),
+    "impulse": ("rigid impulses", "impulse", GREEN, "^"),
+    "delay": ("contact by velocity", "delay_s", ORANGE, "D"),
+    "study": ("this study's control", "", PURPLE, "v"),
+}
+SYMBOLS = {"coupling": "κ = {:g}", "impulse": "ε = {:g}", "delay_s": "τ = {:g} s"}
+PANELS = {
+    "pooled_rms": "error of one map for all orders\n(rms, in sd of the outcomes)",
+    "pooled_over_specialised": "MSE of one map\nover one for each order",
+    "map_difference": "largest difference between\nthe maps of two orders (relative)",
+}
+SEEN = 1e-6  # an exact difference below this is zero
+
+
+@styled
+def scaling_study_figure(table: pd.DataFrame) -> Figure:
+    """Draw three panels over the scale of the deviations, one line a case.
+
+    Parameters
+    ----------
+    table : DataFrame
+        As `hopdata.maps.truth.scaling.scaling_table` writes it.
+
+    Returns
+    -------
+    Figure
+        (a) Error of the pooled map, with its slope; (b) its mean square over that of the maps of
+        the schedules; (c) largest difference between these, dashed that of the exact maps.
+    """
+    figure = paper_figure(DOUBLE_COLUMN_MM, 78.0)
+    panels = figure.subplots(1, 3)
+    cases = [case for case in CASES if (table["case"] == case).any()]
+    for axes, (column, label), name in zip(panels, PANELS.items(), "abc", strict=True):
+        for case in cases:
+            _draw_scaling_study(axes, table[table["case"] == case], case, column)
+        _label_scaling_study(axes, table, label)
+        letter(axes, name)
+    _draw_guides(panels[0], table)
+    for case in cases:
+        exact = float(table.loc[table["case"] == case, "exact_difference"].median())
+        if exact > SEEN:
+            panels[2].axhline(exact, color=CASES[case][2], linestyle=(0, (4, 2)), linewidth=0.8)
+    panels[2].text(0.97, 0.03, "dashed: exact maps", transform=panels[2].transAxes, ha="right",
+                   fontsize=6, color=GREY)  # fmt: skip
+    figure.legend(
+        *panels[0].get_legend_handles_labels(),
+        loc="outside upper center",
+        ncols=len(cases),
+        frameon=False,
+    )
+    return figure
+
+
+def _draw_scaling_study(axes: Axes, rows: pd.DataFrame, case: str, column: str) -> None:
+    name, strength, colour, marker = CASES[case]
+    slope = float(rows["slope"].iloc[0])
+    label = f"{name}, " + (
+        f"slope {slope:.2f}" if np.isfinite(slope) else "not between the sections"
+    )
+    if strength:
+        label = (
+            f"{name}, {SYMBOLS[strength].format(rows[strength].iloc[0])}\n" + label[len(name) + 2 :]
+        )
+    axes.loglog(
+        rows["scale"], rows[column], marker=marker, markersize=3.5, color=colour, label=label
+    )
+
+
+def _draw_guides(axes: Axes, table: pd.DataFrame) -> None:
+    """Lines of slope 1 and 2, as a measure for the eye, below all curves."""
+    scales = np.array([table["scale"].min(), table["scale"].max()])
+    place = float(scales[1] ** 0.8 * scales[0] ** 0.2)
+    for power, share in ((1, 1.0), (2, 0.3)):
+        start = share * float(table["pooled_rms"].min())
+        axes.plot(
+            scales, start * (scales / scales[0]) ** power, color=GREY, linewidth=0.7, linestyle=":"
+        )
+        axes.annotate(
+            f"slope {power}",
+            xy=(place, start * (place / scales[0]) ** power),
+            xytext=(4, -2),
+            textcoords="offset points",
+            va="top",
+            fontsize=6,
+            color=GREY,
+        )
+
+
+def _label_scaling_study(axes: Axes, table: pd.DataFrame, label: str) -> None:
+    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+    axes.xaxis.set_major_locator(FixedLocator(sorted(set(table["scale"]))))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _fraction(value)))
+    axes.set_xlabel("scale of the deviations")
+    axes.set_ylabel(label)
+    axes.grid(axis="y", which="major")
+
+
+def _fraction(value: float) -> str:
+    """Write a scale as 1/n where it is one."""
+    whole = round(1 / value)
+    return f"1/{whole}" if whole > 1 and abs(whole * value - 1) < 1e-9 else f"{value:g}"

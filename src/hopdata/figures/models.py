@@ -1,0 +1,192 @@
+"""Figure 3.3: the frame change of a hop over boom angle and swing, and how sure it is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.figures.style import (
+    BLUE,
+    DOUBLE_COLUMN_MM,
+    GREEN,
+    GREY,
+    INK,
+    VERMILION,
+    banded_line,
+    letter,
+    message_figure,
+    paper_figure,
+    plain_numbers,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Column of the tables: what the reader sees, its unit, whether zero is a middle.
+COMPONENTS = {
+    "dx_mm": ("forward", r"$\Delta x$ (mm)", False),
+    "dy_mm": ("sideways", r"$\Delta y$ (mm)", True),
+    "dtheta_deg": ("turn", r"$\Delta\theta$ (degrees)", True),
+}
+ONE_SIDED, ABOUT_ZERO, SPREAD = "cividis", "RdBu_r", "Greys"
+
+
+@styled
+def frame_change_figure(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
+    """Draw three maps above their standard deviations, with the hops behind them.
+
+    Parameters
+    ----------
+    maps : DataFrame
+        One row a node of an even grid: ``boom_angle_rad``, ``swing_rad``, the predictions ``dx_mm,
+        dy_mm, dtheta_deg``, and their standard deviations, with ``_sd``.
+    hops : DataFrame
+        Hops learned from: the same columns but the standard deviations.
+
+    Returns
+    -------
+    Figure
+        Each panel has a scale of its own. Dots are hops, in the colour of what was measured.
+    """
+    if maps.empty:
+        return message_figure("No map of frame changes to show.")
+    figure = paper_figure(DOUBLE_COLUMN_MM, 88.0)
+    panels = figure.subplots(2, len(COMPONENTS), sharex=True, sharey=True)
+    for column, (name, (title, label, centred)) in zip(panels.T, COMPONENTS.items(), strict=True):
+        upper, lower = column
+        colours, limits = _colours(maps[name], hops[name], centred)
+        image = _draw(upper, maps, name, colours, limits)
+        upper.scatter(
+            hops["boom_angle_rad"], hops["swing_rad"], c=hops[name], cmap=colours,
+            vmin=limits[0], vmax=limits[1], s=5, linewidths=0.3, edgecolors=INK,
+        )  # fmt: skip
+        upper.set_title(title)
+        figure.colorbar(image, ax=upper, location="bottom", label=label, aspect=25, pad=0.03)
+        spread = maps[f"{name}_sd"]
+        image = _draw(lower, maps, f"{name}_sd", SPREAD, (spread.min(), spread.max()))
+        lower.scatter(
+            hops["boom_angle_rad"], hops["swing_rad"], color=VERMILION, s=1.5, linewidths=0
+        )
+        figure.colorbar(
+            image, ax=lower, location="bottom", label=f"sd of {label}", aspect=25, pad=0.03
+        )
+    _axes(panels)
+    for axes, name in zip(panels.ravel(), "abcdef", strict=True):
+        letter(axes, name)
+    return figure
+
+
+def _colours(
+    predicted: pd.Series, measured: pd.Series, centred: bool
+) -> tuple[str, tuple[float, float]]:
+    """Colour map and its limits, wide enough for map and all but the most extreme hops."""
+    values = np.concatenate([predicted, np.quantile(measured, [0.02, 0.98])])
+    low, high = float(values.min()), float(values.max())
+    if centred:
+        return ABOUT_ZERO, (-max(abs(low), abs(high)), max(abs(low), abs(high)))
+    return ONE_SIDED, (low, high)
+
+
+def _draw(
+    axes: Axes, maps: pd.DataFrame, name: str, colours: str, limits: tuple[float, float]
+) -> Any:
+    wide = maps.pivot_table(index="swing_rad", columns="boom_angle_rad", values=name)
+    angle, swing = wide.columns.to_numpy(float), wide.index.to_numpy(float)
+    return axes.imshow(
+        wide.to_numpy(float),
+        cmap=colours,
+        vmin=limits[0],
+        vmax=limits[1],
+        aspect="auto",
+        origin="lower",
+        interpolation="bilinear",
+        extent=(*_edges(angle), *_edges(swing)),
+    )
+
+
+def _edges(nodes: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the ends of the cells around even nodes."""
+    half = (nodes[-1] - nodes[0]) / (len(nodes) - 1) / 2
+    return float(nodes[0] - half), float(nodes[-1] + half)
+
+
+def _axes(panels: Any) -> None:
+    turns = [-2, -1, 0, 1, 2, 3, 4]
+    labels = [r"$-2\pi$", "", "0", "", r"$2\pi$", "", r"$4\pi$"]
+    for axes in panels.ravel():
+        for turn in (0.0, 2 * np.pi):
+            axes.axvline(turn, color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
+        axes.set_xticks([turn * np.pi for turn in turns], labels)
+        axes.set_yticks([-1, 0, 1])
+    for axes in panels[0]:
+        axes.tick_params(labelbottom=False)
+    for axes in panels[-1]:
+        axes.set_xlabel(r"boom angle $\phi$ (rad)")
+    for axes in panels[:, 0]:
+        axes.set_ylabel(r"swing $\Delta\phi$ (rad)")
+
+
+# Error of predicted frame changes by the number of hops learned from.
+
+# Model: what the reader sees, colour, line style, marker.
+LINES: dict[str, tuple[str, str, Any, str]] = {
+    "printed": ("as printed", GREY, "-", "o"),
+    "recommended": ("periodic, standardised", BLUE, "-", "s"),
+    "previous swing": ("and previous swing", GREEN, (0, (5, 1.5)), "^"),
+    "previous change": ("and previous frame change", VERMILION, (0, (1.5, 1.2)), "D"),
+}
+PANELS = {"dx": "forward (mm)", "dy": "sideways (mm)", "dtheta": "turn (degrees)"}
+
+
+@styled
+def learning_curve_figure(table: pd.DataFrame) -> Figure:
+    """Draw the errors of three components, a panel each.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row a setting: ``model`` (of `LINES`; others are left out), ``component`` (of
+        `PANELS`), ``hops``, and over random sets of hops ``rmse, rmse_q05, rmse_q95``.
+
+    Returns
+    -------
+    Figure
+        Logarithmic numbers of hops; means, and bands from 5 to 95 % of the sets.
+    """
+    if not table["model"].isin(LINES).any():
+        return message_figure("No learning curve to show.")
+    figure = paper_figure(DOUBLE_COLUMN_MM, 62.0)
+    panels = figure.subplots(1, len(PANELS))
+    for axes, (component, label) in zip(panels, PANELS.items(), strict=True):
+        _draw_learning_curve(axes, table[table["component"] == component])
+        axes.set_title(label)
+        _hops_axis(axes, sorted(table["hops"].unique()))
+    panels[0].set_ylabel("rms error of a hop")
+    for axes, name in zip(panels, "abc", strict=True):
+        letter(axes, name)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    return figure
+
+
+def _draw_learning_curve(axes: Axes, table: pd.DataFrame) -> None:
+    for model, line in LINES.items():
+        rows = table[table["model"] == model].sort_values("hops")
+        if rows.empty:
+            continue
+        band = (rows["rmse_q05"], rows["rmse_q95"])
+        banded_line(axes, rows["hops"], rows["rmse"], band, line)
+    axes.grid(axis="y")
+
+
+def _hops_axis(axes: Axes, hops: list[int]) -> None:
+    from matplotlib.ticker import FixedLocator
+
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(FixedLocator(hops))
+    plain_numbers(axes.xaxis)
+    axes.set_xlabel("hops learned from")

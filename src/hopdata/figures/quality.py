@@ -1,0 +1,315 @@
+"""How stable the sections are, and what drifts between parts of a study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.figures.style import (
+    BLUE,
+    DOUBLE_COLUMN_MM,
+    GREY,
+    INK,
+    MM_PER_M,
+    MS_PER_S,
+    ON_WHITE,
+    ORANGE,
+    PURPLE,
+    VERMILION,
+    YELLOW,
+    foot_colour,
+    foot_dash,
+    letter,
+    message_figure,
+    paper_figure,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Where each marker was seen, and what looks wrong there, over the time of a recording.
+
+ROW_MM, MARGIN_MM = 4.2, 20.0
+BAR = 0.62
+TIME = "time after the first frame (s)"
+SHORTEST = 0.0015  # of the duration: a shorter stretch is drawn this long, or nobody would see it
+# kind: colour, sign, what it means.
+SIGNS = {
+    "swap": (VERMILION, "v", "swapped markers"),
+    "spike": (INK, "x", "spike"),
+    "jump": (PURPLE, ">", "jump"),
+    "frozen": (ORANGE, "s", "frozen"),
+}
+
+
+@styled
+def gap_timeline_figure(
+    gaps: pd.DataFrame, faults: pd.DataFrame, *, markers: Sequence[str], duration_s: float
+) -> Figure:
+    """Draw one bar a marker: seen in blue, gaps left white, faults as signs.
+
+    Parameters
+    ----------
+    gaps : DataFrame
+        ``marker``, ``start_s``, ``stop_s`` of each gap, from the first frame.
+    faults : DataFrame
+        ``marker`` (empty: of all), ``kind`` (a key of `SIGNS`, or ``"dropped"``), ``time_s``.
+    markers : sequence of str
+        All names, the first on top.
+    duration_s : float
+        Time from the first frame to the last, s.
+    """
+    if not len(markers) or not duration_s > 0:
+        return message_figure("No marker, or no time, to show.")
+    figure = paper_figure(DOUBLE_COLUMN_MM, MARGIN_MM + ROW_MM * len(markers))
+    axes = figure.subplots()
+    draw_timeline(axes, gaps, faults, markers=markers, duration_s=duration_s)
+    axes.set_xlabel(TIME)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=6)
+    return figure
+
+
+def draw_timeline(
+    axes: Axes,
+    gaps: pd.DataFrame,
+    faults: pd.DataFrame,
+    *,
+    markers: Sequence[str],
+    duration_s: float,
+) -> None:
+    """Draw the bars of one recording; arguments as for `gap_timeline_figure`."""
+    for row, marker in enumerate(markers):
+        _draw_gaps(axes, row, gaps[gaps["marker"] == marker], duration_s)
+    _draw_faults(axes, faults, markers)
+    axes.set_yticks(range(len(markers)), list(markers))
+    axes.set_ylim(len(markers) - 0.4, -0.6)
+    axes.set_xlim(0.0, duration_s)
+    axes.spines["left"].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+
+
+def _draw_gaps(axes: Axes, row: int, gaps: pd.DataFrame, duration_s: float) -> None:
+    """Draw the bar of one marker, and its gaps upon it."""
+    label = "seen" if row == 0 else None
+    axes.barh(row, duration_s, height=BAR, color=BLUE, alpha=0.55, linewidth=0, label=label)
+    stretches = [
+        (start, max(stop - start, SHORTEST * duration_s))
+        for start, stop in zip(gaps["start_s"], gaps["stop_s"], strict=True)
+    ]
+    axes.broken_barh(stretches, (row - BAR / 2, BAR), facecolors="white", linewidth=0)
+
+
+def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> None:
+    """Draw a sign for each fault in its marker's row, a line through all for dropped frames."""
+    for kind, (colour, sign, meaning) in SIGNS.items():
+        found = faults[faults["kind"] == kind]
+        if len(found):
+            rows = [list(markers).index(name) for name in found["marker"]]
+            (line,) = axes.plot(found["time_s"], rows, sign, color=colour, label=meaning)
+            line.set(markersize=3.5, markeredgewidth=0.9, zorder=3, clip_on=False)
+    dropped = faults.loc[faults["kind"] == "dropped", "time_s"]
+    for i, time in enumerate(dropped):
+        axes.axvline(
+            time, color=GREY, linewidth=0.7, linestyle=":", label="frames dropped" if i == 0 else ""
+        )
+
+
+# When each marker of each recording of a study was not seen, and where there are faults.
+
+BETWEEN_MM, LEGEND_MM = 14.0, 8.0
+
+
+@styled
+def recording_gaps_figure(
+    markers: pd.DataFrame, gaps: pd.DataFrame, faults: pd.DataFrame
+) -> Figure:
+    """Draw a line of time for each marker of each recording.
+
+    Parameters
+    ----------
+    markers : DataFrame
+        ``recording, marker, duration_s``: one row a line.
+    gaps : DataFrame
+        ``recording, marker, start_s, stop_s``, from the first frame of the recording.
+    faults : DataFrame
+        ``recording, kind, marker, start_s``; kinds as in `hopdata.figures.gap_timeline`.
+    """
+    if gaps.empty and faults.empty:
+        return message_figure("Every marker was seen in every frame, and no faults were found.")
+    rows = markers["recording"].value_counts(sort=False)
+    height = LEGEND_MM + BETWEEN_MM * len(rows) + ROW_MM * len(markers)
+    figure = paper_figure(DOUBLE_COLUMN_MM, height)
+    grid = figure.subplots(len(rows), 1, squeeze=False, height_ratios=list(rows))[:, 0]
+    signs = {}
+    for axes, recording in zip(grid, rows.index, strict=True):
+        own, missing, wrong = (t[t["recording"] == recording] for t in (markers, gaps, faults))
+        draw_timeline(
+            axes,
+            missing,
+            wrong.rename(columns={"start_s": "time_s"}),
+            markers=list(own["marker"]),
+            duration_s=float(own["duration_s"].max()),
+        )
+        axes.set_title(str(recording), loc="left")
+        handles, labels = axes.get_legend_handles_labels()
+        signs.update(dict(zip(labels, handles, strict=True)))
+    grid[-1].set_xlabel(TIME)
+    figure.legend(signs.values(), signs.keys(), loc="outside upper right", ncols=6)
+    return figure
+
+
+STABILITY_ROW_MM = 5.5
+STABILITY_MARGIN_MM = 26.0
+SECTIONS = (
+    ("pre_height_m", "pre section", BLUE, "o"),
+    ("post_height_m", "post section", VERMILION, "D"),
+)
+MARKS = "osD^vPX<>"
+MOST_IN_LEGEND = 6
+
+
+@styled
+def stability_figure(stability: pd.DataFrame, drift: pd.DataFrame) -> Figure:
+    """Draw the sections of other bandwidths and parts, and the drift between parts.
+
+    Parameters
+    ----------
+    stability : DataFrame
+        ``kind, variant, pre_height_m, post_height_m``; the first row is what was chosen.
+    drift : DataFrame
+        ``quantity, part, deviation, se, spread``.
+
+    Returns
+    -------
+    Figure
+        (a) change of both sections, mm, a row a variant; (b) medians of the parts, in spreads
+        between touchdowns from the typical one, with two standard errors each way.
+    """
+    rows = max(len(stability) - 1, 2 * drift["quantity"].nunique(), 6)
+    figure = paper_figure(DOUBLE_COLUMN_MM, STABILITY_MARGIN_MM + STABILITY_ROW_MM * rows)
+    left, right = figure.subplots(1, 2)
+    _draw_sections(left, stability)
+    _draw_drift(right, drift)
+    for axes, text in ((left, "a"), (right, "b")):
+        letter(axes, text)
+        axes.axvline(0.0, color=GREY, linewidth=0.8, zorder=1)
+        axes.tick_params(axis="y", length=0)
+        axes.locator_params(axis="x", nbins=5)
+    return figure
+
+
+def _draw_sections(axes: Axes, stability: pd.DataFrame) -> None:
+    chosen, others = stability.iloc[0], stability.iloc[1:]
+    place = np.arange(len(others))
+    for column, label, colour, mark in SECTIONS:
+        moved = MM_PER_M * (others[column].to_numpy(float) - float(chosen[column]))
+        axes.plot(moved, place, linestyle="", marker=mark, color=colour, label=label, markersize=4)
+    for row in np.flatnonzero(others["pre_height_m"].isna()):
+        axes.text(0.0, float(row), "none", ha="center", va="center", color=GREY, bbox=ON_WHITE)
+    axes.set_yticks(place, list(others["variant"]))
+    axes.set_ylim(len(others) - 0.4, -0.6)
+    reach = 1.08 * max(map(abs, axes.get_xlim()))
+    axes.set_xlim(-reach, reach)
+    axes.set_xlabel("change of the section (mm)")
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+
+
+def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
+    quantities = list(dict.fromkeys(drift["quantity"]))
+    parts = list(dict.fromkeys(drift["part"]))
+    step = 0.7 / max(len(parts), 1)
+    for number, part in enumerate(parts):
+        own = drift[drift["part"] == part]
+        place = [
+            quantities.index(q) + step * (number - (len(parts) - 1) / 2) for q in own["quantity"]
+        ]
+        spread = own["spread"].to_numpy(float)
+        error = 2.0 * own["se"].to_numpy(float) / np.where(spread > 0, spread, np.inf)
+        axes.errorbar(
+            own["deviation"], place, xerr=error, linestyle="", capsize=0, markersize=3.5,
+            marker=MARKS[number % len(MARKS)], color=foot_colour(number), label=part,
+        )  # fmt: skip
+    axes.set_yticks(range(len(quantities)), [_wrapped(q) for q in quantities])
+    axes.set_ylim(max(len(quantities), 1) - 0.4, -0.6)
+    reach = max(1.0, *map(abs, axes.get_xlim()))
+    axes.set_xlim(-reach, reach)
+    axes.set_xlabel("median of a part from that of all\n(in spreads between touchdowns)")
+    if 0 < len(parts) <= MOST_IN_LEGEND:
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(parts), 2))
+
+
+def _wrapped(words: str) -> str:
+    """Break a name near its middle."""
+    from textwrap import wrap
+
+    return "\n".join(wrap(words, max(12, (len(words) + 1) // 2 + 4)))
+
+
+# Thumbnails of the landings that deserve a look.
+
+ACROSS = 3
+WORST_LANDINGS_ROW_MM = 38.0
+TITLE_WIDTH = 40
+
+
+@styled
+def worst_landings_figure(landings: pd.DataFrame, samples: pd.DataFrame) -> Figure:
+    """Draw foot heights and contacts of each landing.
+
+    Parameters
+    ----------
+    landings : DataFrame
+        ``landing, why, recording, index, t_pre_s, t_post_s``, ``contact_<foot>_s`` and
+        ``se_<foot>_s`` of each foot.
+    samples : DataFrame
+        ``landing, foot, time_s`` (from the pre section), ``height_m``.
+    """
+    if landings.empty:
+        return message_figure("No landing to show.")
+    rows = -(-len(landings) // ACROSS)
+    figure = paper_figure(DOUBLE_COLUMN_MM, 12.0 + WORST_LANDINGS_ROW_MM * rows)
+    grid = figure.subplots(rows, ACROSS, squeeze=False)
+    feet = list(dict.fromkeys(samples["foot"]))
+    for axes, row in zip(grid.flat, landings.to_dict("records"), strict=False):
+        own = samples[samples["landing"] == row["landing"]]
+        _draw(axes, {str(key): value for key, value in row.items()}, own, feet)
+    for axes in grid.flat[len(landings) :]:
+        axes.set_visible(False)
+    for axes in grid[:, 0]:
+        axes.set_ylabel("foot height (mm)")
+    last = [
+        grid[min(rows - 1, (len(landings) - 1 - k) // ACROSS), k]
+        for k in range(min(ACROSS, len(landings)))
+    ]
+    for axes in last:
+        axes.set_xlabel("time after the pre section (ms)")
+    figure.legend(
+        *grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(feet)
+    )
+    return figure
+
+
+def _draw(axes: Axes, row: Mapping[str, Any], samples: pd.DataFrame, feet: list[str]) -> None:
+    for number, foot in enumerate(feet):
+        own = samples[samples["foot"] == foot]
+        colour = foot_colour(number)
+        axes.plot(
+            MS_PER_S * own["time_s"], MM_PER_M * own["height_m"], color=colour,
+            linestyle=foot_dash(number), marker="o", markersize=1.6, linewidth=0.8, label=foot,
+        )  # fmt: skip
+        contact = MS_PER_S * (float(row[f"contact_{foot}_s"]) - float(row["t_pre_s"]))
+        if np.isfinite(contact):
+            axes.axvline(contact, color=colour, linestyle=foot_dash(number), linewidth=0.7)
+    end = MS_PER_S * (float(row["t_post_s"]) - float(row["t_pre_s"]))
+    if np.isfinite(end):
+        axes.axvspan(0.0, end, color=YELLOW, alpha=0.25, linewidth=0, zorder=0)
+    else:
+        axes.axvline(0.0, color=YELLOW, linewidth=2.0, zorder=0)
+    title = f"{row['recording']}, landing {int(row['index'])}: {row['why']}"
+    axes.set_title(fill(title, TITLE_WIDTH), loc="left", fontsize=6)

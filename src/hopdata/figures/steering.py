@@ -1,0 +1,408 @@
+"""A run as a short film: from above, with path, body and boom, and from the side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.errors import AnalysisError
+from hopdata.figures.style import (
+    BLUE,
+    DOUBLE_COLUMN_MM,
+    GREEN,
+    GREY,
+    INK,
+    VERMILION,
+    letter,
+    message_figure,
+    paper_figure,
+    style_context,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from PIL import Image as Images
+
+WIDTH_MM, HEIGHT_MM, DPI = 90.0, 112.0, 110.0
+SPEED = 2.0  # how much faster than it was
+COLOURS = 48
+MARGIN_M = 0.25
+LAST_S = 1.5  # how long the last picture stays
+
+
+def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> None:
+    """Write a film of one run as an animated GIF, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+    film : DataFrame
+        Markers of the run in evenly spaced frames: ``time_s, marker, x_m, y_m, z_m``; body markers,
+        and the boom's as ``boom``.
+    curves : DataFrame
+        The same run's stances, as for `hopdata.figures.steering_run`: the rows of "measured".
+
+    Raises
+    ------
+    AnalysisError
+        If there are fewer than two frames.
+    """
+    from hopdata.jobs import whole_file
+
+    times = film["time_s"].drop_duplicates().to_numpy()
+    if len(times) < 2:
+        raise AnalysisError(f"film: expected frames of a run, found {len(times)}")
+    with style_context():
+        pictures = _pictures(film, curves[curves["curve"] == "measured"], times)
+    duration_ms = round(1000 * float(np.diff(times).mean()) / SPEED)
+    durations = [duration_ms] * (len(pictures) - 1) + [round(1000 * LAST_S)]
+    with whole_file(path) as temporary:
+        pictures[0].save(
+            temporary, format="GIF", save_all=True, append_images=pictures[1:],
+            duration=durations, loop=0, optimize=False, disposal=1,
+        )  # fmt: skip
+
+
+def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Images.Image]:
+    """Draw all frames: what stands still once, what moves on top of it."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
+
+    names = list(film["marker"].unique())
+    places = film[["x_m", "y_m", "z_m"]].to_numpy().reshape(len(times), len(names), 3)
+    figure, axes, moving = _stage(places, stances)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    still = canvas.copy_from_bbox(figure.bbox)  # type: ignore[attr-defined]
+    palette: Images.Image | None = None
+    pictures = []
+    for time, markers in zip(times, places, strict=True):
+        canvas.restore_region(still)  # type: ignore[attr-defined]
+        _move(moving, time, markers, stances)
+        for panel, artists in zip(axes, moving["by_panel"], strict=True):
+            for artist in artists:
+                panel.draw_artist(artist)
+        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+        if palette is None:
+            palette = picture.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE)
+        pictures.append(picture.quantize(palette=palette, dither=Image.Dither.NONE))
+    return pictures
+
+
+def _stage(places: Any, stances: pd.DataFrame) -> tuple[Figure, Any, dict[str, Any]]:
+    """Return the empty stage: figure, the panels from above and from the side, what moves."""
+    figure = paper_figure(WIDTH_MM, HEIGHT_MM)
+    figure.set_dpi(DPI)
+    above, side = figure.subplots(2, 1, sharex=True, height_ratios=(4.2, 1))
+    low = np.fmin(np.nanmin(places, axis=(0, 1))[:2], 0) - MARGIN_M
+    high = np.fmax(np.nanmax(places, axis=(0, 1))[:2], 0) + MARGIN_M
+    middle, half = (low + high) / 2, max(high - low) / 2
+    above.set_xlim(middle[0] - half, middle[0] + half)
+    above.set_ylim(middle[1] - half, middle[1] + half)
+    above.set_aspect("equal")
+    above.set_ylabel("y (m)")
+    side.set_ylim(-0.05, 1.1 * float(np.nanmax(places[..., 2])))
+    side.axhline(0.0, color=INK, linewidth=0.8)
+    side.set_ylabel("height (m)")
+    side.set_xlabel("x (m)")
+    above.plot(0, 0, marker="*", color=VERMILION, mec="white", ms=12)
+    moving = _moving(above, side)
+    moving["board"] = _board_ends(stances, 4 * half)
+    return figure, (above, side), moving
+
+
+def _moving(above: Any, side: Any) -> dict[str, Any]:
+    """Return what moves, made for drawing on top of the still picture."""
+    parts: dict[str, Any] = {
+        "board_line": above.plot([], [], color="#8a6d2f", lw=3, animated=True)[0],
+        "path": above.plot([], [], "o-", color=GREY, ms=2.5, lw=0.9, animated=True)[0],
+        "body": above.fill([0, 0, 0], [0, 0, 0], color=BLUE, alpha=0.75, animated=True)[0],
+        "boom": above.plot([], [], "o-", color=INK, lw=1.6, ms=5, markevery=[1], animated=True)[0],
+        "time": above.text(0.02, 0.98, "", transform=above.transAxes, va="top", animated=True),
+        "side_body": side.plot([], [], "o-", color=BLUE, lw=2, ms=3, animated=True)[0],
+        "side_boom": side.plot([], [], "o-", color=INK, lw=1.2, ms=4, markevery=[1],
+                               animated=True)[0],
+    }  # fmt: skip
+    first: list[Artist] = [parts[name] for name in ("board_line", "path", "body", "boom", "time")]
+    parts["by_panel"] = (first, [parts["side_body"], parts["side_boom"]])
+    return parts
+
+
+def _board_ends(stances: pd.DataFrame, width: float) -> Any:
+    """Return direction and half width vector of the board, None without one."""
+    way = stances[["board_x", "board_y"]].iloc[0].to_numpy(dtype=float)
+    if not np.isfinite(way).all():
+        return None
+    return way, np.array([-way[1], way[0]]) * width / 2
+
+
+def _move(moving: dict[str, Any], time: float, markers: Any, stances: pd.DataFrame) -> None:
+    """Bring everything to where it was at this time."""
+    body, boom = markers[:-1], markers[-1]
+    centre = body.mean(axis=0)
+    past = stances[stances["time_s"] <= time]
+    ring = np.concatenate([body, body[:1]])
+    moving["path"].set_data(past["x_m"], past["y_m"])
+    moving["body"].set_xy(ring[:, :2])
+    moving["boom"].set_data([centre[0], boom[0]], [centre[1], boom[1]])
+    moving["time"].set_text(f"hop {max(0, len(past) - 1)}, {max(0.0, time):.1f} s")
+    moving["side_body"].set_data(ring[:, 0], ring[:, 2])
+    moving["side_boom"].set_data([centre[0], boom[0]], [centre[2], boom[2]])
+    if moving["board"] is not None:
+        way, across = moving["board"]
+        place = float(stances["board_first_m"].iloc[0]) if past.empty else past["board_m"].iloc[-1]
+        ends = np.stack([place * way - across, place * way + across])
+        moving["board_line"].set_data(ends[:, 0], ends[:, 1])
+
+
+# Success rates and hops to the goal of all controllers, side by side, with intervals.
+
+LOOKS = {
+    "printed": ("printed controller", VERMILION, "s"),
+    "planner": ("planner", BLUE, "o"),
+    "globalised": ("globalised controller", BLUE, "o"),
+    "ceiling": ("policy that knows the true map", GREEN, "D"),
+}
+TASKS = {
+    ("origin", "facing"): "to the origin,\nfacing it",
+    ("origin", "any"): "to the origin,\nany heading",
+    ("origin_board", "facing"): "facing it,\nboard in the way",
+    ("origin_board", "any"): "any heading,\nboard in the way",
+    ("turn", "any"): "half turn",
+    ("turn_board", "any"): "half turn,\nboard in the way",
+}
+APART = 0.22  # between controllers of one task
+
+
+@styled
+def steering_outcomes_figure(outcomes: pd.DataFrame, runs: pd.DataFrame) -> Figure:
+    """Draw the outcomes.
+
+    Parameters
+    ----------
+    outcomes : DataFrame
+        As from `hopdata.steering.experiments.outcomes.outcome_table`.
+    runs : DataFrame
+        One row a run: ``experiment, start, controller, success, hops``.
+
+    Returns
+    -------
+    Figure
+        (a) Share of the runs that succeeded, with intervals, and the target; (b) hops of those
+        runs, each a dot, and their median with its interval.
+    """
+    if outcomes.empty:
+        return message_figure("No run was made.")
+    keys = list(zip(outcomes["experiment"], outcomes["start"], strict=True))
+    tasks = [task for task in TASKS if task in keys]
+    figure = paper_figure(DOUBLE_COLUMN_MM, 22.0 + 14.0 * len(tasks))
+    rates, hops = figure.subplots(1, 2, sharey=True)
+    for row, task in enumerate(tasks):
+        chosen = outcomes[[key == task for key in keys]]
+        offsets = APART * (np.arange(len(chosen)) - (len(chosen) - 1) / 2)
+        for offset, entry in zip(offsets, chosen.to_dict("records"), strict=True):
+            _draw_rate(rates, entry, row + offset)
+            _draw_hops(hops, entry, runs, row + offset)
+    _finish(rates, hops, tasks)
+    for name in outcomes["controller"].unique():
+        label, colour, mark = LOOKS[name]
+        rates.plot([], [], mark, color=colour, ms=4, label=label)
+    if outcomes["asked_rate"].notna().any():
+        rates.plot([], [], "|", color=INK, ms=8, mew=1.4, label="target")
+    figure.legend(*rates.get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    letter(rates, "a")
+    letter(hops, "b")
+    return figure
+
+
+def _draw_rate(axes: Axes, entry: dict[Any, Any], place: float) -> None:
+    _, colour, mark = LOOKS[entry["controller"]]
+    rate, low, high = (100 * entry[key] for key in ("rate", "rate_low", "rate_high"))
+    axes.errorbar(
+        rate, place, xerr=[[rate - low], [high - rate]], fmt=mark, color=colour, ms=4,
+        capsize=2, elinewidth=0.9,
+    )  # fmt: skip
+    axes.annotate(
+        f"{entry['succeeded']}/{entry['runs']}", (1, place), xycoords=axes.get_yaxis_transform(),
+        xytext=(3, 0), textcoords="offset points", ha="left", va="center", fontsize=6,
+        color=INK,
+    )  # fmt: skip
+    if np.isfinite(entry["asked_rate"]):
+        axes.plot(100 * entry["asked_rate"], place, "|", color=INK, ms=8, mew=1.4, zorder=4)
+
+
+def _draw_hops(axes: Axes, entry: dict[Any, Any], runs: pd.DataFrame, place: float) -> None:
+    _, colour, mark = LOOKS[entry["controller"]]
+    own = (
+        (runs["experiment"] == entry["experiment"])
+        & (runs["start"] == entry["start"])
+        & (runs["controller"] == entry["controller"])
+        & runs["success"].astype(bool)
+    )
+    axes.plot(
+        runs.loc[own, "hops"], np.full(own.sum(), place), ".", color=colour, ms=3.5, mew=0,
+        alpha=0.35,
+    )  # fmt: skip
+    if not own.any():
+        return
+    middle, low, high = (entry[key] for key in ("hops", "hops_low", "hops_high"))
+    known = np.isfinite(low) and np.isfinite(high)
+    axes.errorbar(
+        middle, place, xerr=[[middle - low], [high - middle]] if known else None, fmt=mark,
+        color=colour, mec="white", mew=0.4, ms=4.5, capsize=2, elinewidth=0.9,
+    )  # fmt: skip
+
+
+def _finish(rates: Axes, hops: Axes, tasks: list[tuple[str, str]]) -> None:
+    rates.set_yticks(range(len(tasks)), [TASKS[task] for task in tasks])
+    rates.set_ylim(len(tasks) - 0.5, -0.5)
+    rates.set_xlim(-3, 103)
+    rates.set_xlabel("runs that succeeded (%)")
+    hops.set_xlabel("hops to the goal")
+    hops.set_xlim(0, 1.05 * hops.dataLim.x1 if np.isfinite(hops.dataLim.x1) else 1)
+    for axes in (rates, hops):
+        axes.tick_params(axis="y", length=0)
+        for between in range(1, len(tasks)):
+            axes.axhline(between - 0.5, color=GREY, linewidth=0.3)
+
+
+# Figs. 3.5, 3.6, 3.8 and 3.9: one run in the arena and over time, beside what the model says.
+
+# Curve: its name, colour, line and mark. Drawn in this order, the measured motion on top.
+CURVES: dict[str, tuple[str, str, Any, str]] = {
+    "pure": ("pure simulation", VERMILION, (0, (1.2, 1.2)), ""),
+    "response": ("simulated control response", BLUE, (0, (4, 1.5)), "x"),
+    "measured": ("measured motion", INK, "-", "o"),
+}
+TICK_M = 0.07  # length of the line that shows a heading
+BESIDE_M = 0.12  # how far the board is drawn beyond the path on both sides
+
+
+@styled
+def steering_run_figure(curves: pd.DataFrame) -> Figure:
+    """Draw one run.
+
+    Parameters
+    ----------
+    curves : DataFrame
+        Three curves of one run, as from `hopdata.steering.experiments.study.run_experiment`.
+
+    Returns
+    -------
+    Figure
+        (a) The arena: path, headings, goal, and the board where it stood and where it was pushed
+        to; (b) x, (c) y and (d) heading over time.
+    """
+    if curves.empty:
+        return message_figure("No run was made.")
+    turn = str(curves["experiment"].iloc[0]).startswith("turn")
+    figure = paper_figure(DOUBLE_COLUMN_MM, 88.0)
+    panels = figure.subplot_mosaic("ax;ay;ah", width_ratios=(1.15, 1))
+    _draw_arena(panels["a"], curves, turn)
+    for panel, column, label, factor in (
+        ("x", "x_m", "x (m)", 1.0),
+        ("y", "y_m", "y (m)", 1.0),
+        ("h", "heading_rad", "heading (°)", 180 / np.pi),
+    ):
+        _draw_over_time(panels[panel], curves, column, factor)
+        panels[panel].set_ylabel(label)
+    _draw_goals(panels, curves, turn)
+    panels["h"].set_xlabel("time (s)")
+    for above in "xy":
+        panels[above].sharex(panels["h"])
+        panels[above].tick_params(labelbottom=False)
+    figure.align_ylabels([panels[name] for name in "xyh"])
+    for text, name in zip("abcd", "axyh", strict=True):
+        letter(panels[name], text)
+    handles, labels = panels["x"].get_legend_handles_labels()
+    places, names = panels["a"].get_legend_handles_labels()
+    figure.legend(
+        [*handles[::-1], *places], [*labels[::-1], *names], loc="outside upper center", ncols=7
+    )
+    return figure
+
+
+def _curve(curves: pd.DataFrame, name: str) -> pd.DataFrame:
+    return curves[curves["curve"] == name]
+
+
+def _draw_over_time(axes: Axes, curves: pd.DataFrame, column: str, factor: float) -> None:
+    for name, (label, colour, dash, mark) in CURVES.items():
+        rows = _curve(curves, name)
+        axes.plot(
+            rows["time_s"], rows[column] * factor, color=colour, linestyle=dash, marker=mark,
+            ms=2.2 if mark == "o" else 3, mew=0.7, label=label,
+        )  # fmt: skip
+    axes.margins(y=0.12)
+
+
+def _draw_goals(panels: dict[str, Axes], curves: pd.DataFrame, turn: bool) -> None:
+    """Draw the goal as a thin line: zero in x and y, or half a turn to the side that was turned."""
+    if not turn:
+        for name in "xy":
+            panels[name].axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
+        return
+    last = _curve(curves, "measured")["heading_rad"].dropna().iloc[-1]
+    panels["h"].axhline(np.sign(last) * 180, color=GREY, linewidth=0.6, zorder=0)
+
+
+def _draw_arena(axes: Axes, curves: pd.DataFrame, turn: bool) -> None:
+    for name, (_, colour, dash, mark) in CURVES.items():
+        rows = _curve(curves, name)
+        axes.plot(
+            rows["x_m"], rows["y_m"], color=colour, linestyle=dash, marker=mark,
+            ms=2.2 if mark == "o" else 3, mew=0.7,
+        )  # fmt: skip
+    measured = _curve(curves, "measured")
+    _draw_headings(axes, measured)
+    _draw_board(axes, measured)
+    if not turn:
+        axes.plot(0, 0, "*", color=VERMILION, mec="white", mew=0.5, ms=10, zorder=5, label="goal")
+        angle = np.linspace(0, 2 * np.pi, 73)
+        near = float(curves["near"].iloc[0])
+        axes.plot(near * np.cos(angle), near * np.sin(angle), color=GREY, linewidth=0.6, zorder=0)
+    _draw_start(axes, measured)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.08)
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+
+
+def _draw_headings(axes: Axes, measured: pd.DataFrame) -> None:
+    x, y, heading = (measured[name].to_numpy() for name in ("x_m", "y_m", "heading_rad"))
+    dx, dy = TICK_M * np.cos(heading), TICK_M * np.sin(heading)
+    axes.plot(np.stack([x, x + dx]), np.stack([y, y + dy]), color=INK, linewidth=0.5, zorder=1)
+
+
+def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
+    """Draw the board, as wide as the path: pale where it stood, dark where it was pushed to."""
+    first, last = measured["board_first_m"].iloc[0], measured["board_m"].dropna()
+    if np.isnan(first) or last.empty:
+        return
+    way = measured[["board_x", "board_y"]].iloc[0].to_numpy(dtype=float)
+    across = np.array([-way[1], way[0]])
+    sideways = measured[["x_m", "y_m"]].dropna().to_numpy() @ across
+    sides = (sideways.min() - BESIDE_M, sideways.max() + BESIDE_M)
+    for place, colour, label in (
+        (float(first), "#d8c9a8", "board at first"),
+        (float(last.iloc[-1]), "#8a6d2f", "board in the end"),
+    ):
+        ends = np.stack([place * way + side * across for side in sides])
+        axes.plot(
+            ends[:, 0], ends[:, 1], color=colour, linewidth=3, solid_capstyle="butt", zorder=0,
+            label=label,
+        )  # fmt: skip
+
+
+def _draw_start(axes: Axes, measured: pd.DataFrame) -> None:
+    start = measured.dropna(subset=["x_m"]).iloc[0]
+    axes.plot(
+        start["x_m"], start["y_m"], "o", color="white", mec=INK, ms=5, mew=0.9, zorder=4,
+        label="start",
+    )  # fmt: skip

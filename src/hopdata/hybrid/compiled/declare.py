@@ -1,0 +1,279 @@
+"""Check a user's function when it is declared: its arguments, and the arrays that it fills."""
+
+from __future__ import annotations
+
+import builtins
+import dis
+import inspect
+import re
+import warnings
+from collections.abc import Callable
+from types import FunctionType
+from typing import Any
+
+from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
+
+Function = Callable[..., Any]
+
+WANTED_RESULT = {
+    "on_event": "return 0 to go on, 1 to stop, on every path",
+    "rate_bound": "return a number on every path",
+}
+
+
+def function_name(function: Function) -> str:
+    """Return the name by which messages call a function."""
+    return getattr(function, "__name__", type(function).__name__)
+
+
+def place(function: Function, signature: Signature) -> str:
+    """Return what is declared, its name and where it stands, to begin a message."""
+    code = getattr(function, "__code__", None)
+    where = "" if code is None else f" ({code.co_filename}:{code.co_firstlineno})"
+    return f"{signature.name} {function_name(function)!r}{where}"
+
+
+def check_declaration(function: Any, signature: Signature) -> None:
+    """Raise TypeError if a function cannot be called as the decorator's signature says.
+
+    Parameters
+    ----------
+    function : object
+        What the decorator stands above.
+    signature : Signature
+        The decorator's entry in the table.
+    """
+    if not callable(function):
+        raise TypeError(f"@{signature.name}: expected a function, found {function!r}")
+    try:
+        parameters = list(inspect.signature(function).parameters.values())
+    except (TypeError, ValueError):  # some built-in functions do not tell
+        return
+    _check_count(function, signature, parameters)
+    _check_names(function, signature, [one.name for one in parameters])
+    if isinstance(function, FunctionType):
+        _check_arrays(function, signature, parameters)
+
+
+def return_error(function: Function, signature: Signature, found: str) -> TypeError:
+    """Return the exception for a function that returns what it should not."""
+    if signature.fills:
+        wanted = f"fill {' and '.join(signature.fills)} in place and return nothing"
+    else:
+        wanted = WANTED_RESULT.get(signature.name, "return nothing")
+    words = {"none": "None", "NoneType": "None", "ndarray": "an array"}
+    what = "an array" if found.startswith("array(") else words.get(found, found)
+    return TypeError(f"{place(function, signature)} returns {what}; {wanted}")
+
+
+def _check_count(
+    function: Function, signature: Signature, parameters: list[inspect.Parameter]
+) -> None:
+    kinds = {one.kind for one in parameters}
+    needed = [one for one in parameters if one.default is one.empty and one.kind in _POSITIONAL]
+    taken = [one for one in parameters if one.kind in _POSITIONAL]
+    wanted, open_ended = len(signature.arguments), inspect.Parameter.VAR_POSITIONAL in kinds
+    if len(needed) > wanted or (len(taken) < wanted and not open_ended):
+        n = len(taken)
+        raise TypeError(
+            f"{place(function, signature)} takes {n} argument{'s' * (n != 1)}; "
+            f"expected {_call(function, signature)}{_hint(parameters)}"
+        )
+
+
+def _check_names(function: Function, signature: Signature, names: list[str]) -> None:
+    """Tell a function whose arguments are, by name and order, those of another decorator."""
+    found = tuple(names)
+    kinds = [kind.name for kind in SIGNATURES.values() if kind.arguments == found]
+    if kinds and signature.name not in kinds:
+        raise TypeError(
+            f"{place(function, signature)} has the arguments of @{kinds[0]}; "
+            f"expected {_call(function, signature)}"
+        )
+
+
+def _check_arrays(
+    function: FunctionType, signature: Signature, parameters: list[inspect.Parameter]
+) -> None:
+    """See that each array to fill is used, and used before its name is given to something else."""
+    if any(one.kind not in _POSITIONAL for one in parameters):
+        return
+    for wanted in signature.fills:
+        name = parameters[signature.arguments.index(wanted)].name
+        use = _first_use(function, name)
+        if use != "LOAD":
+            what = "never uses" if use is None else "gives something else the name"
+            raise TypeError(
+                f"{place(function, signature)} {what} {name}; "
+                f"fill it in place: {name}[:] = ..., and return nothing"
+            )
+
+
+def _first_use(function: FunctionType, name: str) -> str | None:
+    """Return what the bytecode first does to an argument: LOAD, STORE or nothing."""
+    if name in function.__code__.co_cellvars:  # handed to a function within
+        return "LOAD"
+    for step in dis.get_instructions(function):
+        if "_FAST" in step.opname:
+            names = step.argval if isinstance(step.argval, tuple) else (step.argval,)
+            actions = re.findall("LOAD|STORE|DELETE", step.opname)
+            for action, used in zip(actions, names, strict=False):
+                if used == name:
+                    return str(action)
+    return None
+
+
+def _call(function: Function, signature: Signature) -> str:
+    return signature.call(function_name(function))
+
+
+def _hint(parameters: list[inspect.Parameter]) -> str:
+    found = tuple(one.name for one in parameters)
+    others = [kind.name for kind in SIGNATURES.values() if kind.arguments == found]
+    return f" (its arguments are those of @{others[0]})" if others else ""
+
+
+_POSITIONAL = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+
+
+# Why Numba cannot compile a function, in one line out of its many, and what to do.
+
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+_RETURNS = re.compile(r"No conversion from (.+) to \w+ for '\$\w*return")
+_LINE = re.compile(r'File ".*", line (\d+)')
+_CALL = re.compile(r">>> (.+)")
+_UNTYPED = re.compile(r"Untyped global name '(\w+)'.*<class 'function'>")
+LONGEST = 160  # characters of a reason
+
+
+class SlowCallbackWarning(UserWarning):
+    """A function of the user's runs as plain Python, many times slower than compiled."""
+
+
+def warn_slow(function: Function, signature: Signature, reason: str, advice: str) -> None:
+    """Warn, at the place of the function, that it runs as plain Python."""
+    code = getattr(function, "__code__", None)
+    text = (
+        f"{place(function, signature)} runs as plain Python, many times slower, because "
+        f"Numba cannot compile it: {reason}. To do: {advice}, or declare it by "
+        f"@{signature.name}(compiled=False) to have it so without this warning."
+    )
+    if code is None:
+        warnings.warn(text, SlowCallbackWarning, stacklevel=2)
+        return
+    registry = getattr(function, "__globals__", {}).setdefault("__warningregistry__", {})
+    warnings.warn_explicit(
+        text, SlowCallbackWarning, code.co_filename, code.co_firstlineno, registry=registry
+    )
+
+
+def raise_if_mistaken(function: Function, signature: Signature, error: Exception) -> None:
+    """Raise, instead of running slowly, if the function would fail in Python, too."""
+    returned = _RETURNS.search(_COLOUR.sub("", str(error)))
+    if returned:
+        raise return_error(function, signature, returned[1]) from None
+    for name in _undefined(function):
+        raise NameError(f"{place(function, signature)}: name {name!r} is not defined") from None
+
+
+def reason_and_advice(error: Exception) -> tuple[str, str]:
+    """Return what Numba stumbled over, in one line, and what the user can do about it."""
+    text = _COLOUR.sub("", str(error))
+    lines = [line.strip() for line in text.splitlines()]
+    told = [one for one in lines if one and not one.startswith(("Failed in", "During", "File "))]
+    reason = told[0] if told else f"{type(error).__name__} inside Numba"
+    call = _CALL.search(text)
+    if reason.startswith("No implementation of function") and call:
+        reason = f"it does not know {call[1]}"
+    reason = reason.split(". Raised from")[0].rstrip(".: ")
+    reason = reason if len(reason) <= LONGEST else reason[:LONGEST].rstrip() + " ..."
+    number = _LINE.search(text)
+    helper = _UNTYPED.search(text)
+    advice = f"decorate {helper[1]!r} by @numba.njit" if helper else _ADVICE
+    return f"{reason} (line {number[1]})" if number else reason, advice
+
+
+_ADVICE = "use only numbers, NumPy and functions decorated by @numba.njit in it"
+
+
+def _undefined(function: Function) -> list[str]:
+    """Return the global names that the function's own code reads and nobody has defined."""
+    import dis
+
+    if not hasattr(function, "__code__"):
+        return []
+    known = {**vars(builtins), **function.__globals__}
+    steps = dis.get_instructions(function)
+    return [x.argval for x in steps if x.opname == "LOAD_GLOBAL" and x.argval not in known]
+
+
+# Find the elements that a function's code names by number.
+#
+# To compare them with what is there: machine code does not look whether an element exists; beyond
+# the end of an array it reads, and writes, whatever stands there. And to know what cannot matter:
+# elements that a function never names.
+
+
+def largest_subscripts(function: Callable[..., Any]) -> dict[str, int]:
+    """Return, for each argument that the code indexes by literal numbers, the largest of them.
+
+    Parameters
+    ----------
+    function : callable
+        A Python function. One that asks for a length may know what it does: it has none.
+    """
+    if not isinstance(function, FunctionType) or "len" in function.__code__.co_names:
+        return {}
+    code, largest = function.__code__, dict[str, int]()
+    steps = list(dis.get_instructions(code))
+    stored = {name for step in steps if "STORE_FAST" in step.opname for name in _names(step)}
+    arguments = set(code.co_varnames[: code.co_argcount]) - stored
+    for name, number in _literal_subscripts(steps):
+        if name in arguments:
+            largest[name] = max(number, largest.get(name, -1))
+    return {name: number for name, number in largest.items() if number >= 0}
+
+
+def elements_named(function: Callable[..., Any], position: int) -> frozenset[int] | None:
+    """Return which elements of an argument a function's code names, if it names all by numbers.
+
+    None if the argument is used in another way (indexed by a variable or from the end, handed on),
+    so that any element may matter.
+
+    Parameters
+    ----------
+    function : callable
+        A Python function.
+    position : int
+        The argument's, among the positional ones.
+    """
+    if not isinstance(function, FunctionType) or position >= function.__code__.co_argcount:
+        return None
+    argument, steps = function.__code__.co_varnames[position], list(dis.get_instructions(function))
+    numbers = [number for name, number in _literal_subscripts(steps) if name == argument]
+    mentions = sum(_names(step).count(argument) for step in steps)
+    return frozenset(numbers) if mentions == len(numbers) and min(numbers, default=0) >= 0 else None
+
+
+def _literal_subscripts(steps: list[dis.Instruction]) -> list[tuple[Any, int]]:
+    """Return the name and the number at each place where something is indexed by a literal."""
+    return [
+        (_names(array)[-1], index.argval)
+        for array, index, use in zip(steps, steps[1:], steps[2:], strict=False)
+        if _is_literal(index) and _is_subscript(use)
+    ]
+
+
+def _is_literal(step: dis.Instruction) -> bool:
+    return step.opname.startswith("LOAD_") and type(step.argval) is int
+
+
+def _is_subscript(step: dis.Instruction) -> bool:
+    """Tell whether an instruction indexes, or (COPY) keeps array and index for doing so twice."""
+    if step.opname == "BINARY_OP":  # that of Python 3.14
+        return step.argrepr == "[]"
+    return step.opname in ("BINARY_SUBSCR", "STORE_SUBSCR", "COPY")
+
+
+def _names(step: dis.Instruction) -> tuple[str, ...]:
+    return step.argval if isinstance(step.argval, tuple) else (step.argval,)

@@ -1,0 +1,286 @@
+"""What happens at an instant: flip the locks, tell the scene, look again, until nothing flips."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from hopdata.hybrid.compiled.kernel import call_on_event, call_refresh, kernel, kernel_in_loop
+from hopdata.hybrid.compiled.memory import FloatTable, IntTable
+from hopdata.hybrid.driver.jacobian import saltate, saltate_handlers
+from hopdata.hybrid.driver.problem import (
+    Problem,
+    eval_field,
+    first_not_finite,
+    guards_at_start,
+    guards_inside,
+    mark_due,
+    next_due,
+    remember_residuals,
+    time_resolution,
+)
+from hopdata.hybrid.driver.sleep import speed_at, wake_all
+from hopdata.hybrid.driver.watch import gather_reached
+from hopdata.hybrid.layout import (
+    AFFINE_DIFFERS,
+    CROWD,
+    CULPRIT,
+    DIRECTION,
+    DUE,
+    EVENT_ROWS,
+    EVENTS,
+    FIELD_NOT_FINITE,
+    FLIPS,
+    GUARD_NOT_FINITE,
+    H0,
+    INSTANT,
+    INSTANTS,
+    JUMPS,
+    K1,
+    LAST_FLIP,
+    LOG_DIRECTION,
+    LOG_GUARD,
+    LOG_STATES,
+    LOG_TIME,
+    METHOD,
+    N_DUE,
+    OPEN,
+    RATE,
+    RATE0,
+    RATE_ABOVE,
+    RATE_BELOW,
+    REFRESH,
+    RESET_IN_JACOBIAN,
+    RUNNING,
+    SCRATCH,
+    SLIDING,
+    SLOPE,
+    SPEED,
+    TERMINAL,
+    TERMINATED,
+    TIE_IN_JACOBIAN,
+    ZENO,
+    Memory,
+    T,
+    Y,
+)
+
+FLIPS_AT_ONCE = 2  # there and back, as at an impact; a third flip means that the guard is not live
+CROWDED = 1000  # instants nearer than this many time resolutions are a crowd
+CROWD_BASE, CROWD_PER_GUARD = 100, 10
+DISAGREEMENT = 1e-9  # of the field and its affine form, relative to their terms
+
+
+class Log(NamedTuple):
+    """Room for events, one row each; floats and integers are views of the same memory."""
+
+    floats: FloatTable
+    integers: IntTable
+    n_rows: int
+
+
+@kernel
+def flips_alone(m: Memory, k: int) -> bool:
+    """Tell whether no other guard than k has flipped at this instant."""
+    for other in range(m.flags.width):
+        if other != k and m.flags[LAST_FLIP, other] == m.counts[INSTANTS]:
+            return False
+    return True
+
+
+@kernel
+def flip(p: Problem, m: Memory) -> int:
+    """Flip the locks of all guards that are due; refuse the third flip at one instant."""
+    now = m.counts[INSTANTS]
+    for a in range(m.counts[N_DUE]):
+        k = m.lists[DUE, a]
+        side = RATE_BELOW if p.mode[k] < 0 else RATE_ABOVE
+        m.clock[side] = m.guards[RATE0, k]
+        m.flags[FLIPS, k] = m.flags[FLIPS, k] + 1 if m.flags[LAST_FLIP, k] == now else 1
+        m.flags[LAST_FLIP, k] = now
+        p.mode[k] = -p.mode[k]
+        if m.flags[FLIPS, k] > FLIPS_AT_ONCE:
+            m.counts[CULPRIT] = k
+            into_surface = m.clock[RATE_BELOW] > 0.0 and m.clock[RATE_ABOVE] < 0.0
+            return SLIDING if into_surface and flips_alone(m, k) else ZENO
+    return RUNNING
+
+
+@kernel_in_loop
+def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
+    """Tell the scene that guard k has flipped, if that is an event, and log it.
+
+    Returns TERMINATED if it ends the integration, else RUNNING.
+    """
+    direction = p.mode[k]
+    if p.rules[DIRECTION, k] != 0 and p.rules[DIRECTION, k] != direction:
+        return RUNNING
+    row, n = m.counts[EVENT_ROWS], m.states.width
+    for i in range(n):
+        log.floats[row, LOG_STATES + i] = m.states[Y, i]
+    stop = p.rules[TERMINAL, k]
+    if p.on_event != 0:
+        stop |= call_on_event(p.on_event, m.clock[T], m.states, Y, p.mode, p.params, k, direction)
+    log.floats[row, LOG_TIME] = m.clock[T]
+    log.integers[row, LOG_GUARD], log.integers[row, LOG_DIRECTION] = k, direction
+    jumped = False
+    for i in range(n):
+        jumped = jumped or m.states[Y, i] != log.floats[row, LOG_STATES + i]
+        log.floats[row, LOG_STATES + n + i] = m.states[Y, i]
+    if jumped:
+        m.counts[JUMPS] += 1
+        wake_all(m)
+    first = LOG_STATES + 2 * n
+    n_logged = log.floats.width - first
+    for i in range(n_logged):
+        log.integers[row, first + i] = p.mode[p.mode.width - n_logged + i]
+    m.counts[EVENT_ROWS] += 1
+    m.counts[EVENTS] += 1
+    return TERMINATED if stop != 0 else RUNNING
+
+
+@kernel_in_loop
+def fire_due(p: Problem, m: Memory, log: Log) -> int:
+    """Fire all guards that have just flipped, in their order."""
+    status, k = RUNNING, next_due(m, -1)
+    while k >= 0:
+        ended = fire_one(p, m, log, k) == TERMINATED
+        if ended or status == RUNNING:
+            m.counts[CULPRIT] = k
+        status = TERMINATED if ended else status
+        k = next_due(m, k)
+    return status
+
+
+@kernel_in_loop
+def refresh(p: Problem, m: Memory) -> int:
+    """Evaluate field and guards anew at the present state and mode."""
+    eval_field(p, m, m.clock[T], Y, K1)
+    m.clock[SPEED] = speed_at(p, m, m.clock[T], Y, K1)
+    if first_not_finite(m.states, K1) >= 0 or first_not_finite(m.states, Y) >= 0:
+        return FIELD_NOT_FINITE
+    address = p.methods[m.counts[METHOD], REFRESH]
+    if address != 0 and not call_refresh(address, m.states, p.mode, p.params) < DISAGREEMENT:
+        return AFFINE_DIFFERS
+    return RUNNING if guards_at_start(p, m, m.clock[T]) else GUARD_NOT_FINITE
+
+
+@kernel
+def too_crowded(m: Memory, resolution: float) -> bool:
+    """Count instants that follow each other too closely; tell whether there are too many."""
+    n_guards = m.flags.width
+    gap = m.clock[T] - m.clock[INSTANT]
+    if gap > resolution:
+        m.counts[INSTANTS] += 1
+    m.counts[CROWD] = m.counts[CROWD] + 1 if gap <= CROWDED * resolution else 0
+    m.clock[INSTANT] = m.clock[T]
+    return m.counts[CROWD] > CROWD_BASE + CROWD_PER_GUARD * n_guards
+
+
+@kernel
+def keep_culprit(m: Memory) -> None:
+    """Remember the first guard that is due as the one to report."""
+    m.counts[CULPRIT] = next_due(m, -1)
+
+
+@kernel_in_loop
+def fire_all(p: Problem, m: Memory, log: Log) -> int:
+    """Let all guards in DUE flip, and those that their handlers push across; refresh the field.
+
+    Expects the instant's state in Y, its time in the clock, and its guards in H0 and RATE0.
+    """
+    resolution = time_resolution(m.clock[T], 0.0)
+    if too_crowded(m, resolution):
+        keep_culprit(m)
+        return ZENO
+    while True:
+        if p.first_order:
+            saltate(p, m)
+        status = flip(p, m)
+        if status == RUNNING:
+            status = fire_due(p, m, log)
+        ended = status == TERMINATED
+        if status == RUNNING or (ended and p.first_order):
+            status = refresh(p, m)
+        if p.first_order and status == RUNNING:
+            if m.counts[JUMPS] > 0:
+                return RESET_IN_JACOBIAN
+            if not saltate_handlers(p, m):
+                return TIE_IN_JACOBIAN
+        if ended and status == RUNNING:
+            status = TERMINATED
+        if status != RUNNING:
+            return status
+        gather_reached(p, m, H0, RATE0, resolution)
+        if mark_due(p, m, H0, RATE0, resolution) == 0:
+            return status
+        remember_residuals(p, m, H0)
+
+
+# Locks at the start: decided by the sign of h, on the surface by its rate, and then its bend.
+
+PASSES = 4  # rates on the surface may depend on the other locks: go round until they agree
+LOOK_AHEAD = 1e-6  # of the way to the end of t_span
+
+
+@kernel
+def decide(h: float, rate: float, bend: float) -> int:
+    """Return the lock of a guard with these values; exactly zero passes the question on."""
+    if h != 0.0:
+        return 1 if h > 0.0 else -1
+    if rate != 0.0:
+        return 1 if rate > 0.0 else -1
+    return 1 if bend > 0.0 else -1
+
+
+@kernel
+def look_ahead(p: Problem, m: Memory) -> None:
+    """Put the guards' rates a short way ahead into RATE: for a guard at rest, where it bends."""
+    s = m.states
+    ahead = LOOK_AHEAD * min(p.t_end - m.clock[T], p.max_step)
+    for i in range(s.width):
+        s[SCRATCH, i] = s[Y, i] + ahead * s[K1, i]
+    eval_field(p, m, m.clock[T] + ahead, SCRATCH, SLOPE)
+    guards_inside(p, m, m.clock[T] + ahead)
+
+
+@kernel
+def decide_locks(p: Problem, m: Memory) -> bool:
+    """Set each lock that was left open; tell whether one has changed."""
+    g, changed = m.guards, False
+    for k in range(g.width):
+        if m.flags[OPEN, k] != 0:
+            if g[H0, k] == 0.0 and g[RATE0, k] == 0.0:
+                look_ahead(p, m)
+            lock = decide(g[H0, k], g[RATE0, k], g[RATE, k])
+            changed = changed or lock != p.mode[k]
+            p.mode[k] = lock
+    return changed
+
+
+@kernel
+def lock_by_side(p: Problem, m: Memory) -> None:
+    """Set open locks by the sign of h alone: the field may exist on its own side only."""
+    for i in range(m.states.width):
+        m.states[K1, i] = 0.0
+    guards_at_start(p, m, m.clock[T])
+    for k in range(m.guards.width):
+        if m.flags[OPEN, k] != 0 and m.guards[H0, k] > 0.0:
+            p.mode[k] = 1
+
+
+@kernel
+def settle_locks(p: Problem, m: Memory) -> int:
+    """Decide each lock that the caller left open (0), and evaluate field and guards."""
+    open_ones = 0
+    for k in range(m.guards.width):
+        m.flags[OPEN, k] = 1 if p.mode[k] == 0 else 0
+        if p.mode[k] == 0:
+            p.mode[k] = -1
+            open_ones += 1
+    if open_ones > 0:
+        lock_by_side(p, m)
+    for _ in range(PASSES):
+        status = refresh(p, m)
+        if status != RUNNING or not decide_locks(p, m):
+            return status
+    return refresh(p, m)

@@ -1,0 +1,233 @@
+"""The flow's Jacobian through an instant: one saltation matrix for each guard that flips.
+
+At a crossing of h, Phi becomes Phi + (f+ - f-) (Dh Phi) / (Dh f- + dh/dt), with the field before
+and after it (Aizerman and Gantmakher 1958; Kong et al. 2024). Of guards that flip at one instant,
+each is given the field that the locks before it name; what a handler adds, by the memory for
+instance, is put to the guard that has flipped, if there is only one.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from hopdata.hybrid.compiled.kernel import (
+    call_field,
+    call_guard,
+    call_guards,
+    call_tangent,
+    kernel,
+    kernel_in_loop,
+)
+from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
+from hopdata.hybrid.driver.problem import Problem, next_due
+from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST
+from hopdata.hybrid.layout import (
+    ALONG,
+    COLUMN,
+    DUE,
+    ERROR,
+    F_AFTER,
+    F_BEFORE,
+    GAUSS_1,
+    GAUSS_2,
+    K1,
+    METHOD,
+    MOTION,
+    N_DUE,
+    NEXT_DT,
+    NFEV,
+    ORDER,
+    PHI_MOTION,
+    RATE,
+    RATE0,
+    RATE_INPUTS,
+    SCRATCH,
+    SHORT_TANGENT,
+    SHORT_TANGENT_EVALUATIONS,
+    SLOPE,
+    SPAN,
+    STEADY,
+    TANGENT,
+    TANGENT_EVALUATIONS,
+    H,
+    Memory,
+    T,
+    Y,
+)
+
+# The flow's Jacobian over a step: by the method's own tangent, or by that for short steps.
+
+EASY = 0.2  # of the tolerance: a step with so little error may have the short tangent
+SHORT = 300.0  # relative tolerances: (step times fastest motion)^5, up to which a step is short
+SMALL = 0.1  # error of the Jacobian, in units of the tolerance, that says nothing of the next step
+
+
+@kernel
+def has_short_tangent(p: Problem, m: Memory, dt: float) -> bool:
+    """Tell whether the short tangent will do for a step of `dt`, by the last step's motion."""
+    if p.methods[m.counts[METHOD], SHORT_TANGENT] == 0 or m.clock[ERROR] > EASY:
+        return False
+    turn = dt * dt * m.clock[MOTION]
+    return turn * turn * sqrt(turn) <= SHORT * p.rtol
+
+
+@kernel
+def tangent(p: Problem, m: Memory, dt: float) -> float:
+    """Write the new Jacobian behind the old one; return its error in units of the tolerance.
+
+    A step that ends on the interpolant of a longer one has no stages of its own.
+    """
+    method, t = m.counts[METHOD], m.clock[T]
+    which, evaluations = TANGENT, p.methods[method, TANGENT_EVALUATIONS]
+    if m.clock[SPAN] > dt or has_short_tangent(p, m, dt):
+        which, evaluations = SHORT_TANGENT, p.methods[method, SHORT_TANGENT_EVALUATIONS]
+        prepare_interpolant(p, m, dt)
+        interpolate(p, m, GAUSS_1 * dt / m.clock[SPAN], SCRATCH)
+        interpolate(p, m, GAUSS_2 * dt / m.clock[SPAN], SLOPE)
+    m.counts[NFEV] += evaluations
+    address = p.methods[method, which]
+    return call_tangent(address, t, dt, p.rtol, m.states, p.mode, p.params, p.atol, p.tangent)
+
+
+@kernel_in_loop
+def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
+    """Multiply the flow's Jacobian by that of the step that ends at END.
+
+    Returns the part of the step by which it must be taken again, as the Jacobian errs by too much;
+    1 if it does not, NaN if it is not finite. One that errs by less may yet limit the next step.
+    """
+    phi, n = p.tangent, m.states.width
+    error = tangent(p, m, dt)
+    m.clock[MOTION] = phi[3 * n + PHI_MOTION, 0]
+    if error > SMALL:
+        part = max(SHRINK_MOST, SAFETY / error ** (1.0 / p.methods[m.counts[METHOD], ORDER]))
+        if error > 1.0:
+            return part
+        m.clock[NEXT_DT] = min(m.clock[NEXT_DT], part * dt)
+    wrong = 0
+    for e in range(n * n):
+        wrong += 0 if abs(phi[n, e]) < np.inf else 1
+        phi[0, e] = phi[n, e]
+    return 1.0 if wrong == 0 else np.nan
+
+
+@kernel
+def single_row(m: Memory, row: int) -> int:
+    """Return where a single row stands in the tangent's table."""
+    return 3 * m.states.width + row
+
+
+@kernel
+def rate_along(p: Problem, m: Memory, k: int, row: int) -> float:
+    """Return the rate of guard k when the state moves along a row of the tangent's table."""
+    t, s, g = m.clock[T], m.states, m.guards
+    if p.guards != 0:
+        call_guards(p.guards, t, s, Y, p.tangent, row, p.mode, p.params, g, H, g, RATE)
+    else:
+        call_guard(p.guard, t, s, Y, p.tangent, row, p.mode, p.params, k, g, H, g, RATE)
+    return g[RATE, k]
+
+
+@kernel
+def largest_input(p: Problem, m: Memory) -> int:
+    """Return the largest component of f- on which the guards' rates may depend; -1 if all are 0."""
+    phi, largest, found = p.tangent, 0.0, -1
+    before, inputs = single_row(m, F_BEFORE), single_row(m, RATE_INPUTS)
+    for i in range(m.states.width):
+        if phi[inputs, i] != 0.0 and abs(phi[before, i]) > largest:
+            largest, found = abs(phi[before, i]), i
+    return found
+
+
+@kernel
+def add_part(p: Problem, m: Memory, i: int, part: float) -> None:
+    """Add `part` times row i of Phi to the row ALONG."""
+    phi, along = p.tangent, single_row(m, ALONG)
+    for j in range(m.states.width):
+        phi[along, j] += part * phi[i, j]
+
+
+@kernel
+def project(p: Problem, m: Memory, k: int, rate: float) -> None:
+    """Write Dh Phi / rate of guard k into the row ALONG, for its rate Dh f- + dh/dt.
+
+    The rate is affine in f-: Dh comes by changing one component of it after the other, those alone
+    that the guards' code may use, by the size of the largest. What belongs to the largest is what
+    is left of the rate, if time does not matter.
+    """
+    phi, n = p.tangent, m.states.width
+    moved, before, inputs = (
+        single_row(m, COLUMN), single_row(m, F_BEFORE), single_row(m, RATE_INPUTS),
+    )  # fmt: skip
+    for i in range(n):
+        phi[moved, i] = phi[before, i]
+        phi[single_row(m, ALONG), i] = 0.0
+    largest, left = largest_input(p, m), 1.0
+    change = abs(phi[before, largest]) if largest >= 0 else 1.0
+    last = largest if phi[single_row(m, STEADY), 0] != 0.0 else -1
+    for i in range(n):
+        if phi[inputs, i] != 0.0 and i != last:
+            phi[moved, i] += change
+            part = (rate_along(p, m, k, moved) - rate) / (phi[moved, i] - phi[before, i]) / rate
+            phi[moved, i] = phi[before, i]
+            left -= part * phi[before, i]
+            add_part(p, m, i, part)
+    if last >= 0:
+        add_part(p, m, last, left / phi[before, last])
+
+
+@kernel
+def add_jump(p: Problem, m: Memory) -> None:
+    """Add (f_after - f_before) times ALONG to the Jacobian; f_after becomes f_before."""
+    phi, n = p.tangent, m.states.width
+    before, after, along = single_row(m, F_BEFORE), single_row(m, F_AFTER), single_row(m, ALONG)
+    for i in range(n):
+        jump = phi[after, i] - phi[before, i]
+        phi[before, i] = phi[after, i]
+        if jump != 0.0:  # as it is of most, where a force comes or goes
+            for j in range(n):
+                phi[i, j] += jump * phi[along, j]
+
+
+@kernel
+def saltate(p: Problem, m: Memory) -> None:
+    """Pass all guards that are due, one after the other, by their locks alone.
+
+    A single one is only projected: `saltate_handlers` adds its jump, with what handlers make of it.
+    """
+    phi, before, after = p.tangent, single_row(m, F_BEFORE), single_row(m, F_AFTER)
+    for i in range(m.states.width):
+        phi[before, i] = m.states[K1, i]
+    k = next_due(m, -1)
+    rate = m.guards[RATE0, k]
+    if m.counts[N_DUE] == 1:
+        project(p, m, k, rate)
+        return
+    while k >= 0:
+        project(p, m, k, rate)
+        p.mode[k] = -p.mode[k]
+        m.counts[NFEV] += 1
+        call_field(p.field, m.clock[T], m.states, Y, p.mode, p.params, phi, after)
+        add_jump(p, m)
+        k = next_due(m, k)
+        rate = rate_along(p, m, k, before) if k >= 0 else 0.0
+    for a in range(m.counts[N_DUE]):  # they flip in earnest afterwards
+        k = m.lists[DUE, a]
+        p.mode[k] = -p.mode[k]
+
+
+@kernel
+def saltate_handlers(p: Problem, m: Memory) -> bool:
+    """Add how the field has changed since, as part of the last guard's flip.
+
+    Tells whether that is right: not if several guards have flipped, whose shares are unknown.
+    """
+    before, after = single_row(m, F_BEFORE), single_row(m, F_AFTER)
+    changed = False
+    for i in range(m.states.width):
+        p.tangent[after, i] = m.states[K1, i]
+        changed = changed or p.tangent[after, i] != p.tangent[before, i]
+    add_jump(p, m)
+    return m.counts[N_DUE] <= 1 or not changed

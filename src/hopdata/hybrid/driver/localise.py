@@ -1,0 +1,363 @@
+"""Find where in a step the first guard flips: a bracketed search on the interpolant.
+
+It begins where the guard's cubic vanishes or is lowest (see `suspicion`).
+"""
+
+from __future__ import annotations
+
+from math import inf, sqrt
+
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
+from hopdata.hybrid.driver.problem import EPS, Problem, blur, near_inside, time_resolution
+from hopdata.hybrid.driver.watch import GRAZE, clearance, ends_between, knot, piece_before
+from hopdata.hybrid.layout import (
+    CLEARANCE,
+    H0,
+    N_NEAR,
+    NEAR,
+    PIECE,
+    PIECES,
+    RATE,
+    RATE0,
+    SIZE,
+    H,
+    Memory,
+    T,
+)
+
+# Where the cubic through two values and two slopes of an event function turns, or vanishes.
+#
+# All functions work on the unit interval: slopes are per step, not per second.
+
+NOWHERE = 2.0
+ITERATIONS, ACCURACY = 40, 1e-4  # of the last root but one: Newton doubles the digits
+
+
+@kernel
+def cubic(g0: float, d0: float, g1: float, d1: float, x: float) -> float:
+    """Return the value at `x` of the cubic with values g0, g1 and slopes d0, d1 at 0 and 1."""
+    rise = g1 - g0
+    return g0 + x * (d0 + x * (3.0 * rise - 2.0 * d0 - d1 + x * (d0 + d1 - 2.0 * rise)))
+
+
+@kernel
+def turning_points(g0: float, d0: float, g1: float, d1: float) -> tuple[float, float]:
+    """Return where in (0, 1) the cubic has its maximum and its minimum; NOWHERE if it has none."""
+    rise = g1 - g0
+    a = 3.0 * (d0 + d1 - 2.0 * rise)
+    b = 3.0 * rise - 2.0 * d0 - d1  # slope = d0 + 2 b x + a x^2
+    root = b * b - a * d0
+    if root <= 0.0:
+        return NOWHERE, NOWHERE
+    # At the minimum the slope rises, 2 b + 2 a x = +2 sqrt(root); at the maximum it falls.
+    q = -(b + sqrt(root)) if b >= 0.0 else sqrt(root) - b
+    near, far = d0 / q, NOWHERE
+    if a != 0.0:
+        far = q / a
+    minimum, maximum = (near, far) if b >= 0.0 else (far, near)
+    if not 0.0 < minimum < 1.0:
+        minimum = NOWHERE
+    if not 0.0 < maximum < 1.0:
+        maximum = NOWHERE
+    return maximum, minimum
+
+
+@kernel
+def falling_root(g0: float, d0: float, g1: float, d1: float) -> float:
+    """Return about where a function that falls from g0 > 0 to g1 < 0 vanishes; else NOWHERE.
+
+    By the cubic through places and slopes of the inverse function: no iteration.
+    """
+    if d0 < 0.0 and d1 < 0.0 and g1 < 0.0 < g0:
+        rise = g1 - g0
+        return cubic(0.0, rise / d0, 1.0, rise / d1, -g0 / rise)
+    return NOWHERE
+
+
+@kernel
+def cubic_root(g0: float, d0: float, g1: float, d1: float, low: float, high: float) -> float:
+    """Return a root in [low, high], where the cubic falls from above to below zero."""
+    rise = g1 - g0
+    b, a = 3.0 * rise - 2.0 * d0 - d1, 3.0 * (d0 + d1 - 2.0 * rise)
+    x = falling_root(g0, d0, g1, d1)
+    if not low < x < high:
+        x = 0.5 * (low + high)
+    for _ in range(ITERATIONS):
+        value, slope = cubic(g0, d0, g1, d1, x), d0 + x * (2.0 * b + x * a)
+        if value > 0.0:
+            low = x
+        else:
+            high = x
+        new = x - value / slope if slope < 0.0 else NOWHERE  # a rise leads away from the root
+        inside = low < new < high
+        if abs(new - x) <= ACCURACY * x:
+            return new if inside else x
+        x = new if inside else 0.5 * (low + high)
+    return x
+
+
+# Which guards may flip within a step, and about where: judged by the cubics between its knots.
+#
+# A cubic takes values and rates at both ends of its piece of the step. Where it falls through zero
+# the guard is past its surface, where it only comes near the interpolant has to tell.
+
+PASS, CROSSING, DIP = 0, 1, 2
+NONE = -1  # no guard
+
+EDGE = 1e-6  # a dip this near to an end of its piece is that end
+STEEPEST = 0.34  # rise over slope, from which a cubic cannot turn back: a third
+UNSURE = 0.5  # of a dip's depth: by so much may its cubic be wrong
+
+
+@kernel
+def is_monotone(rise: float, d0: float, d1: float) -> bool:
+    """Tell whether a cubic with these slopes is sure to be monotone (Fritsch and Carlson)."""
+    if d0 >= 0.0:
+        return d1 >= 0.0 and rise >= STEEPEST * max(d0, d1)
+    return d1 <= 0.0 and rise <= STEEPEST * min(d0, d1)
+
+
+@kernel
+def suspect(g0: float, d0: float, g1: float, d1: float, noise: float) -> tuple[int, float, float]:
+    """Judge a guard by its cubic, which does not stay clear.
+
+    Takes margin and slope (per step) at both ends, and what rounding may make of a margin that is
+    zero; returns the kind of suspicion, where to look first, and a place before that.
+    """
+    # A guard that has just flipped, and leaves, may still be on its old side by rounding.
+    crossed = g1 < -noise or (g1 <= 0.0 and d1 < 0.0)
+    if not crossed and is_monotone(g1 - g0, d0, d1):
+        return PASS, 1.0, 0.0
+    top, bottom = turning_points(g0, d0, g1, d1)
+    low = top if g0 == 0.0 and top < bottom else 0.0
+    deep = inf
+    if EDGE < bottom < 1.0 - EDGE:
+        deep = cubic(g0, d0, g1, d1, bottom)
+    if crossed:
+        high = bottom if deep < 0.0 and bottom > low else 1.0
+        return CROSSING, cubic_root(g0, d0, g1, d1, low, high), low
+    if g0 <= noise and (d0 < 0.0 or g1 <= noise) and deep >= -noise:
+        return PASS, 1.0, 0.0  # at its surface for all that rounding can tell, and stays there
+    if deep < max(GRAZE * max(g0, g1), UNSURE * (min(g0, g1) - deep)):
+        return DIP, bottom, low
+    return PASS, 1.0, 0.0
+
+
+@kernel
+def suspect_before(
+    m: Memory, k: int, lock: int, dt: float, end: float, resolution: float
+) -> tuple[int, float, float, int]:
+    """Judge a guard between each two knots of the step that ends at its part `end`.
+
+    Returns what `suspect` does of the first piece in which it does not stay clear, and that.
+    """
+    g = m.guards
+    for piece in range(m.counts[PIECES]):
+        last, start, part = piece_before(m, piece, end)
+        if not part > 0.0:
+            break
+        g0, d0, g1, d1 = ends_between(m, k, lock, H0 + 2 * piece, last, part * dt)
+        if clearance(g0, d0, g1, d1) > 0.0:
+            continue
+        noise = blur(g[SIZE, k], g[last + 1, k], resolution)
+        kind, guess, low = suspect(max(g0, 0.0), d0, g1, d1, noise)
+        if kind != PASS:
+            return kind, start + guess * part, start + low * part, piece
+    return PASS, 1.0, 0.0, 0
+
+
+@kernel
+def first_suspect(p: Problem, m: Memory, dt: float) -> tuple[int, int, float, float, int]:
+    """Return (kind, guard, guess, low, piece) of the suspect guard with the earliest guess.
+
+    All that are near are asked; those that are suspect have no clearance at all from then on.
+    """
+    best = (PASS, NONE, NOWHERE, 0.0, 0)
+    resolution = time_resolution(m.clock[T], dt)
+    for a in range(m.counts[N_NEAR]):
+        k = m.lists[NEAR, a]
+        kind, guess, low, piece = suspect_before(m, k, p.mode[k], dt, 1.0, resolution)
+        if kind != PASS:
+            m.guards[CLEARANCE, k] = -inf
+            if guess < best[2]:
+                best = (kind, k, guess, low, piece)
+    return best
+
+
+@kernel
+def first_rival(
+    p: Problem, m: Memory, dt: float, k: int, end: float
+) -> tuple[int, int, float, float, int]:
+    """Return the same of the guards that may flip before guard k does, at `end`.
+
+    Asked are those that are suspect, and those past their surface in row H.
+    """
+    g = m.guards
+    best = (PASS, NONE, NOWHERE, 0.0, 0)
+    resolution = time_resolution(m.clock[T], dt)
+    for a in range(m.counts[N_NEAR]):
+        j = m.lists[NEAR, a]
+        lock = p.mode[j]
+        if j == k or not (g[CLEARANCE, j] == -inf or lock * g[H, j] < 0.0):
+            continue
+        kind, guess, low, piece = suspect_before(m, j, lock, dt, end, resolution)
+        if kind != PASS and guess < best[2]:
+            best = (kind, j, guess, low, piece)
+    return best
+
+
+LEAVING = 1e-12  # a guard that has not left its surface by this part of the step never left
+ROOT_ACCURACY = 1e-8  # of the last but one approximation; Newton doubles the digits
+JUMP_ACCURACY = 4 * EPS  # of an event function that is not continuous
+MOST_PUT_RIGHT = 0.5  # of Newton's step: beyond, the cubic tells nothing
+LITTLE_PUT_RIGHT = 1e-3  # of Newton's step, up to which the series of the cubic's root is exact
+MAX_ROOT, MAX_DIP, PATIENCE, MOST_RIVALS = 120, 40, 8, 2
+
+
+@kernel
+def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
+    """Evaluate the guards on the interpolant at `theta`, into H and RATE."""
+    interpolate_with_slope(p, m, theta, dt)
+    near_inside(p, m, m.clock[T] + theta * dt)
+
+
+@kernel
+def lowest_point(
+    p: Problem, m: Memory, dt: float, k: int, theta: float, piece: int, end: float
+) -> float:
+    """Refine the minimum of guard k on the interpolant: its rate's root, by bisection at worst.
+
+    It lies in a piece of the step that ends at `end`.
+    """
+    lock = p.mode[k]
+    last, low, part = piece_before(m, piece, end)
+    high = low + part
+    _, slope_low, _, slope_high = ends_between(m, k, lock, H0 + 2 * piece, last, 1.0)
+    for tries in range(MAX_DIP):
+        probe(p, m, dt, theta)
+        slope = lock * m.guards[RATE, k]
+        if slope < 0.0:
+            low, slope_low = theta, slope
+        else:
+            high, slope_high = theta, slope
+        if not slope_low < 0.0 <= slope_high:
+            return theta
+        guess = low - slope_low * (high - low) / (slope_high - slope_low)
+        if high - low < 4.0 * EDGE or slope == 0.0:
+            return guess
+        if tries >= PATIENCE or not low < guess < high:
+            guess = 0.5 * (low + high)
+        elif abs(guess - theta) < EDGE:  # as good as there, unless the rate is flat: bracket it
+            guess += EDGE if slope < 0.0 else -EDGE
+        theta = guess
+    return theta
+
+
+@kernel
+def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
+    """Return a theta, at most `low`, where guard k is clear of its surface; 0 if there is none."""
+    while low > LEAVING:
+        probe(p, m, dt, low)
+        if p.mode[k] * m.guards[H, k] > 0.0:
+            return low
+        low *= 0.25
+    return 0.0
+
+
+@kernel
+def just_left(p: Problem, m: Memory, dt: float, k: int) -> bool:
+    """Tell whether guard k is at its surface since its last flip, for all that rounding can tell.
+
+    At the start of such a step the sign of h says nothing: to go by it is to flip the guard back.
+    """
+    margin, rate = p.mode[k] * m.guards[H0, k], p.mode[k] * m.guards[RATE0, k]
+    noise = blur(m.guards[SIZE, k], rate, time_resolution(m.clock[T], dt))
+    return margin <= 0.0 or (margin <= noise and rate > 0.0)
+
+
+@kernel
+def way_to_root(
+    x: float, g: float, d: float, x1: float, g1: float, d1: float
+) -> tuple[float, bool]:
+    """Return how far from x a falling function vanishes, and whether that is all but exact.
+
+    Newton's method from x, put right by the cubic through both places, values and slopes: its root
+    as a series. The error is that of Newton's method times the square of the distance to x1.
+    """
+    way, run, rise = -g / d, x1 - x, g1 - g
+    if abs(way) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
+        return way, True
+    per = 1.0 / (d * run)
+    u, ahead, mean = -g * per, d1 * run * per, rise * per
+    bend, twist = 3.0 * mean - 2.0 - ahead, 1.0 + ahead - 2.0 * mean
+    right = u * (bend - u * (2.0 * bend * bend - twist))
+    if not abs(right) <= MOST_PUT_RIGHT:
+        return way, False
+    close = abs(way) <= abs(run) and abs(way * run) <= ROOT_ACCURACY * x * x
+    return way - way * right, close and abs(right) <= LITTLE_PUT_RIGHT
+
+
+@kernel
+def crossing(
+    p: Problem, m: Memory, dt: float, k: int, guess: float, low: float, piece: int, end: float
+) -> float:
+    """Return where guard k falls through zero on the interpolant: a bracketed iteration.
+
+    At `end` it is past its surface, or where the piece ends. At `low` it is clear by its cubic;
+    whether by the interpolant, too, is asked where the iteration would go on before: mostly it does
+    not.
+    """
+    lock, x1, last = p.mode[k], (piece + 1) * m.clock[PIECE], knot(m, piece + 1)
+    g1, d1 = lock * m.guards[last, k], lock * m.guards[last + 1, k] * dt
+    end = min(end, x1)
+    inner, high = low if low > 0.0 else 0.5 * end, end
+    clear = not just_left(p, m, dt, k)
+    doubt = not clear and not lock * m.guards[RATE0, k] > 0.0
+    x = guess
+    for _ in range(MAX_ROOT):
+        if doubt:
+            low, high, clear = leave(p, m, dt, k, inner), end, True
+            if low == 0.0:
+                return 0.0
+        x = x if low < x < high else 0.5 * (low + high)
+        probe(p, m, dt, x)
+        g, d = lock * m.guards[H, k], lock * m.guards[RATE, k] * dt
+        if g > 0.0:
+            low, clear = x, True
+        else:
+            high = x
+        way, exact = way_to_root(x, g, d, x1, g1, d1) if d < 0.0 else (-x, False)
+        new, x1, g1, d1 = x + way, x, g, d
+        if exact and low < new < high:
+            return new
+        if exact and abs(way) <= max(ROOT_ACCURACY * x, JUMP_ACCURACY):
+            return x
+        if high - low <= JUMP_ACCURACY * high:  # the event function jumps: directly behind it
+            return high
+        doubt, x = not clear and new <= low, new
+    return high
+
+
+@kernel
+def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
+    """Return (kind, guard, theta): where the step must end for a guard in NEAR, and why.
+
+    The earliest guess need not be the earliest place: each place that is found is asked for rivals
+    before it.
+    """
+    kind, k, theta = PASS, NONE, 1.0
+    rival, other, guess, low, piece = first_suspect(p, m, dt)
+    for _ in range(MOST_RIVALS * m.counts[N_NEAR]):
+        if rival == PASS:
+            break
+        prepare_interpolant(p, m, dt)
+        if rival == DIP:
+            place = lowest_point(p, m, dt, other, guess, piece, theta)
+        else:
+            place = crossing(p, m, dt, other, guess, low, piece, theta)
+        if k != NONE and not place < theta:
+            break
+        kind, k, theta = rival, other, place
+        rival, other, guess, low, piece = first_rival(p, m, dt, k, theta)
+    return kind, k, theta

@@ -1,0 +1,293 @@
+"""The guards that a step may concern: of many, only these few are looked at closely.
+
+Left out are guards whose cubic, through values and rates at both ends of the step, stays clear of
+their surface, at an instant those that have not come to it, and before a step those that will not,
+by what is known at its start.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
+from hopdata.hybrid.driver.problem import Problem, awake, blur, eval_guards, time_resolution
+from hopdata.hybrid.driver.sleep import wake_for
+from hopdata.hybrid.layout import (
+    BEND,
+    CLEARANCE,
+    DEGREE,
+    GAP,
+    H0,
+    H1,
+    IN_POWERS,
+    METHOD,
+    N_AWAKE,
+    N_NEAR,
+    NEAR,
+    PIECE,
+    PIECES,
+    RATE0,
+    RATE1,
+    SCRATCH,
+    SIZE,
+    SLOPE,
+    H,
+    Memory,
+    T,
+)
+
+# The knots of a step: where its guards are known, and between which a cubic stands for each.
+#
+# Mostly these are the step's two ends. A series may be good over most of a swing, in which a guard
+# can fall and rise again unseen from the ends: then there are knots inside, too.
+
+# Degrees that a series needs for 1.5 and 3 radians of the fastest motion that shows in it.
+ONE_PIECE, TWO_PIECES = 22, 28
+THIRD = 1.0 / 3.0
+
+
+@kernel
+def knot(m: Memory, number: int) -> int:
+    """Return the row of the guards at a knot; that of their rates comes next."""
+    return H1 if number == m.counts[PIECES] else H0 + 2 * number
+
+
+@kernel
+def piece_ends(
+    m: Memory, k: int, lock: int, piece: int, dt: float
+) -> tuple[float, float, float, float]:
+    """Return margin and slope of guard k, per piece, at both ends of a piece of the step."""
+    return ends_between(m, k, lock, H0 + 2 * piece, knot(m, piece + 1), dt * m.clock[PIECE])
+
+
+@kernel
+def ends_between(
+    m: Memory, k: int, lock: int, start: int, end: int, span: float
+) -> tuple[float, float, float, float]:
+    """Return margin and slope of guard k, per `span`, by the rows of its values at two places."""
+    g = m.guards
+    g0, d0 = lock * g[start, k], lock * g[start + 1, k] * span
+    return g0, d0, lock * g[end, k], lock * g[end + 1, k] * span
+
+
+@kernel
+def piece_before(m: Memory, piece: int, end: float) -> tuple[int, float, float]:
+    """Return where a piece of the step that ends at `end` has its end, as a row, start and length.
+
+    The last piece before `end` is cut off there: the guards have been evaluated there last.
+    """
+    part = m.clock[PIECE]
+    start = piece * part
+    if (piece + 1) * part <= end:
+        return knot(m, piece + 1), start, part
+    return H, start, end - start
+
+
+@kernel
+def set_knots(p: Problem, m: Memory, dt: float) -> None:
+    """Choose the knots of a step, and evaluate the guards at those inside."""
+    m.counts[PIECES], m.clock[PIECE] = 1, 1.0
+    if p.methods[m.counts[METHOD], IN_POWERS] == 0:
+        return
+    prepare_interpolant(p, m, dt)
+    if m.counts[DEGREE] <= ONE_PIECE:
+        return
+    if m.counts[DEGREE] <= TWO_PIECES:
+        m.counts[PIECES], m.clock[PIECE] = 2, 0.5
+    else:
+        m.counts[PIECES], m.clock[PIECE] = 3, THIRD
+    for number in range(1, m.counts[PIECES]):
+        theta, row = number * m.clock[PIECE], H0 + 2 * number
+        interpolate_with_slope(p, m, theta, dt)
+        eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, row, row + 1)
+
+
+GRAZE = 1e-2  # look closer at a dip that comes nearer than this, relative to the step's margins
+
+
+@kernel
+def clearance(g0: float, d0: float, g1: float, d1: float) -> float:
+    """Return a number that is positive if the cubic with these margins and slopes stays clear.
+
+    Slopes are per step. The least of its Bezier points is a lower bound of the cubic.
+    """
+    lowest = min(g0, g0 + THIRD * d0, g1 - THIRD * d1, g1)
+    return lowest - GRAZE * max(g0, g1)
+
+
+@kernel
+def after(g: float, d: float, c: float, dt: float) -> float:
+    """Return the least that a margin with this rate and bend can be within `dt`."""
+    return g + dt * (min(d, 0.0) + 0.5 * dt * min(c, 0.0))
+
+
+@kernel
+def facing(lock: int, value: float) -> float:
+    """Return the value as seen from the lock's side: ``lock * value``, without a conversion."""
+    return value if lock > 0 else -value
+
+
+@kernel_in_loop
+def gather_unclear(p: Problem, m: Memory, unclear: int, first: int) -> int:
+    """Put the guards that have no clearance into NEAR; return how many they are: `unclear`.
+
+    The clearances are worked out and counted before, and the `first` place without one is found,
+    in loops that are compiled into vector instructions, as the one here is not. Mostly there is
+    nothing left to do, or a single guard to write down.
+    """
+    count, a = 0, first
+    while count < unclear:
+        k = awake(p, m, a)
+        m.lists[NEAR, count] = k
+        count += 0 if m.guards[CLEARANCE, k] > 0.0 else 1
+        a += 1
+    m.counts[N_NEAR] = count
+    return count
+
+
+@kernel_in_loop
+def gather_near(p: Problem, m: Memory, dt: float) -> int:
+    """Put the guards that may flip within the step, by its ends, into NEAR; return their number."""
+    g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        lock = p.mode[k]
+        g[CLEARANCE, k] = clearance(
+            facing(lock, g[H0, k]), facing(lock, g[RATE0, k]) * dt,
+            facing(lock, g[H1, k]), facing(lock, g[RATE1, k]) * dt,
+        )  # fmt: skip
+        unclear += 0 if g[CLEARANCE, k] > 0.0 else 1
+        first = min(first, m.counts[N_AWAKE] if g[CLEARANCE, k] > 0.0 else a)
+    return gather_unclear(p, m, unclear, first)
+
+
+@kernel
+def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
+    """Do the same by all knots of the step: a guard must stay clear between each two."""
+    g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        lock, least = p.mode[k], np.inf
+        for piece in range(m.counts[PIECES]):
+            g0, d0, g1, d1 = piece_ends(m, k, lock, piece, dt)
+            least = min(least, clearance(g0, d0, g1, d1))
+        g[CLEARANCE, k] = least
+        unclear += 0 if least > 0.0 else 1
+        first = min(first, m.counts[N_AWAKE] if least > 0.0 else a)
+    return gather_unclear(p, m, unclear, first)
+
+
+@kernel_in_loop
+def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
+    """Put the guards that are at their surface or past it, by rows `h` and `rate`, into NEAR."""
+    g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        noise = blur(g[SIZE, k], g[rate, k], resolution)
+        g[CLEARANCE, k] = facing(p.mode[k], g[h, k]) - noise
+        unclear += 0 if g[CLEARANCE, k] > 0.0 else 1
+        first = min(first, m.counts[N_AWAKE] if g[CLEARANCE, k] > 0.0 else a)
+    return gather_unclear(p, m, unclear, first)
+
+
+@kernel
+def gather_coming(p: Problem, m: Memory, dt: float) -> int:
+    """Put the guards that rate and bend would take to their surface within `dt` into NEAR."""
+    g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        lock = p.mode[k]
+        g[CLEARANCE, k] = after(
+            facing(lock, g[H0, k]), facing(lock, g[RATE0, k]), facing(lock, g[BEND, k]), dt
+        )
+        unclear += 0 if g[CLEARANCE, k] > 0.0 else 1
+        first = min(first, m.counts[N_AWAKE] if g[CLEARANCE, k] > 0.0 else a)
+    return gather_unclear(p, m, unclear, first)
+
+
+# How far to step, if a guard is about to flip: not far past it.
+#
+# A step that spans an event is good only up to there, and the farther past it reaches, the more of
+# it is lost, and the more guards seem to flip in it. So the step is clipped to a little more than
+# the
+# time in which the nearest guard will flip: by its value, its rate, and the bend of the last step.
+
+SOON = 4.0  # times the last two events' distance: the next flip is first looked for within this
+OVERSHOOT = 1.2  # past the predicted flip, so that the step finds it if the guess was a bit short
+# Multiples of the resolution of time. The step that the field would allow is no measure here: in a
+# landing on thousands of springs it is a million times longer than the time between two of them.
+CLIP_MOST = 1e3  # leave events that are nearer to localisation
+TOO_SHORT = 1e6  # the rates at both ends of such a step tell nothing of the bend
+
+
+@kernel
+def carry_guards(p: Problem, m: Memory, dt: float) -> None:
+    """Make the guards at the end of the step those at its start; keep their second derivatives.
+
+    These are secants over the step.
+    """
+    g, tells, per_s = m.guards, dt > TOO_SHORT * time_resolution(m.clock[T], dt), 1.0 / dt
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        g[BEND, k] = (g[RATE1, k] - g[RATE0, k]) * per_s if tells else g[BEND, k]
+        g[H0, k], g[RATE0, k] = g[H1, k], g[RATE1, k]
+
+
+@kernel
+def flip_time(g: float, d: float, c: float) -> float:
+    """Return when g + d t + c t^2 / 2 falls through zero; 0 if it does not."""
+    room = d * d - 2.0 * g * c
+    if room <= 0.0:
+        return 0.0
+    root = sqrt(room)
+    if d < 0.0:
+        return 2.0 * g / (root - d)
+    return -(d + root) / c if c < 0.0 else 0.0
+
+
+@kernel
+def clipped(p: Problem, m: Memory, dt: float) -> float:
+    """Return `dt`, or less if a guard is predicted to flip before.
+
+    Of the guards asleep those that might flip by then wake, the nearest first.
+    """
+    dt = clipped_by_awake(p, m, dt)
+    k = wake_for(p, m, dt)
+    while k >= 0:
+        dt = clipped_by(p, m, k, dt)
+        k = wake_for(p, m, dt)
+    return dt
+
+
+@kernel
+def clipped_by_awake(p: Problem, m: Memory, dt: float) -> float:
+    """Return `dt`, or a little more than the time to the first flip that is predicted before."""
+    soon = SOON * m.clock[GAP]
+    if soon < dt:
+        first = clipped_by_coming(p, m, soon)
+        if first < soon:
+            return first
+    return clipped_by_coming(p, m, dt)
+
+
+@kernel
+def clipped_by_coming(p: Problem, m: Memory, dt: float) -> float:
+    """Return `dt`, or a little more than the time to the first flip before it."""
+    for a in range(gather_coming(p, m, dt)):
+        dt = clipped_by(p, m, m.lists[NEAR, a], dt)
+    return dt
+
+
+@kernel
+def clipped_by(p: Problem, m: Memory, k: int, dt: float) -> float:
+    """Return `dt`, or a little more than the time to the flip of guard k if that is before."""
+    g, lock = m.guards, p.mode[k]
+    value, rate, bend = lock * g[H0, k], lock * g[RATE0, k], lock * g[BEND, k]
+    if after(value, rate, bend, dt) > 0.0:
+        return dt
+    time = OVERSHOOT * flip_time(max(value, 0.0), rate, bend)
+    least = CLIP_MOST * time_resolution(m.clock[T], 0.0)
+    return time if least < time < dt else dt

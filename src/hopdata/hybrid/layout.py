@@ -1,0 +1,303 @@
+"""The driver's memory: which row or slot of its arrays holds what.
+
+All of it lives in arrays, so that the driver can return for more room and go on as if nothing had
+happened.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, IntTable, IntVector
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+def index_numbers(count: int) -> Any:
+    """Return 0, 1, ... as NumPy integers: for literal ones, Numba compiles a function once each."""
+    return np.arange(count, dtype=np.int64)
+
+
+# Rows of `states`: the step from Y to END with the slopes there, room to work in, the coefficients
+# of its interpolant, and the rows that belong to the method (slopes of its stages, for instance).
+Y, K1, END, KEND, SCRATCH, SLOPE, P1 = index_numbers(7)
+LARGEST_DEGREE = 32  # of an interpolant
+W1 = P1 + LARGEST_DEGREE
+
+# Rows of the tangent's table, which are as long as the state: the flow's Jacobian (n rows), two
+# blocks of n rows for the method, these single rows, and what the method has of its own.
+# PHI_MOTION begins with the fastest motion squared, by which the method has judged its error;
+# RATE_INPUTS is 1 where the rates of the guards may depend on that component of the state's rate;
+# STEADY begins with 1 if no guard depends on time.
+(
+    PHI_SHIFTED,
+    PHI_SLOPE,
+    F_BEFORE,
+    F_AFTER,
+    ALONG,
+    COLUMN,
+    PHI_MOTION,
+    RATE_INPUTS,
+    STEADY,
+) = index_numbers(9)
+PHI_ROWS = 9
+GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # of a step, for its short tangent
+
+# Rows of `guards`: event functions and their rates at the start of a step, at up to two knots in
+# its inside, at its end, and wherever else; the largest |h| over the step, which is the scale of
+# its rounding error, second derivatives, and how far a guard stays from its surface over the step.
+H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE = index_numbers(13)
+GUARD_ROWS = 13
+
+# Rows of `flags`: the number of the instant at which a guard flipped last, how often it has flipped
+# then, and whether its lock was left open at the start.
+LAST_FLIP, FLIPS, OPEN = index_numbers(3)
+FLAG_ROWS = 3
+
+# Rows of `lists`: the guards that are awake, the heap of those asleep (see `sleep`), the few that
+# the step may concern (see `near`), and those that flip now.
+AWAKE, HEAP, NEAR, DUE = index_numbers(4)
+LIST_ROWS = 4
+
+# Rows of `rules`: which crossings are events, and whether these end the integration.
+DIRECTION, TERMINAL = index_numbers(2)
+
+# Columns of `methods`: addresses of step, interpolant, tangent and refresh, evaluations that a step
+# and its interpolant take, the interpolant's error in units of the estimated one of the step,
+# whether it is in powers of theta, the order by which the step is controlled; the methods to change
+# to where events are sparser or denser, where the field is stiff and where it is not (-1: none);
+# the row of the last stage's slope, the limit of stability, evaluations that a tangent takes; the
+# address of the tangent for short steps (0: none), and evaluations that it takes.
+(
+    STEP,
+    INTERPOLANT,
+    TANGENT,
+    REFRESH,
+    EVALUATIONS,
+    INTERPOLANT_EVALUATIONS,
+    INTERPOLANT_ERROR,
+    IN_POWERS,
+    ORDER,
+    SPARSER,
+    DENSER,
+    STIFFER,
+    RELAXED,
+    LAST_SLOPE,
+    STIFF_TENTHS,
+    TANGENT_EVALUATIONS,
+    SHORT_TANGENT,
+    SHORT_TANGENT_EVALUATIONS,
+) = index_numbers(18)
+METHOD_SLOTS = 18
+
+# Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
+# none, ERROR that step's error in units of the tolerance, SEGMENT the start of the smooth piece of
+# the trajectory, GAP the length of the one before it, TRAVEL what no event function can have
+# changed by more than since the start, and SPEED the bound of their rates now. STIFF_SCORE counts
+# steps that stability limits. MOTION is the fastest motion squared in the last step's Jacobian.
+# PIECE is the part of the step between two of its knots.
+(
+    T,
+    NEXT_DT,
+    LAST_LOG_ERROR,
+    INSTANT,
+    RATE_BELOW,
+    RATE_ABOVE,
+    SPAN,
+    ERROR,
+    SEGMENT,
+    TRAVEL,
+    SPEED,
+    STIFF_SCORE,
+    GAP,
+    MOTION,
+    PIECE,
+) = index_numbers(15)
+CLOCK_SLOTS = 15
+
+# Slots of `counts`. DEGREE is that of the interpolant, if there is one, PIECES how many the knots
+# make of a step.
+(
+    NFEV,
+    NGEV,
+    STEPS,
+    REJECTED,
+    EVENTS,
+    ROWS,
+    EVENT_ROWS,
+    SAMPLES,
+    CROWD,
+    CULPRIT,
+    METHOD,
+    N_AWAKE,
+    N_ASLEEP,
+    JUMPS,
+    N_NEAR,
+    N_DUE,
+    INSTANTS,
+    DEGREE,
+    PIECES,
+) = index_numbers(19)
+COUNT_SLOTS = 19
+
+
+# Slots of the desk: addresses of the callbacks and of the driver, room for steps and events,
+# address and width of each array, then what is asked for (numbers with a fraction in the memory of
+# integers; whether each step is written down). Behind it stand the initial state and the
+# parameters: a caller writes all that it asks for in one go.
+FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS = index_numbers(8)
+DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 8, 18, 8
+
+# Columns of the log: one row holds an event, as time, guard, direction, state before and after its
+# handler, and mode; integers stand in the memory of floats.
+LOG_TIME, LOG_GUARD, LOG_DIRECTION, LOG_STATES = index_numbers(4)
+
+DESK_ASKED = DESK_ARRAYS + 2 * N_DESK_ARRAYS
+T_START, T_END, RTOL, MAX_STEP, FIRST_STEP, MAX_STEPS, MAX_EVENTS, EACH_STEP = (
+    DESK_ASKED + index_numbers(N_DESK_ASKED)
+)
+DESK_SLOTS = DESK_ASKED + N_DESK_ASKED
+DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
+(
+    PARAMS,
+    MODE,
+    RULES,
+    ATOL,
+    STATE_TABLE,
+    GUARD_TABLE,
+    FLAG_TABLE,
+    LIST_TABLE,
+    WAKE_AT,
+    CLOCK,
+    COUNTS,
+    METHOD_TABLE,
+    TANGENT_TABLE,
+    WANTED,
+    SAMPLE_TABLE,
+    ROW_TABLE,
+    LOG_TABLE,
+    START_STATE,
+) = DESK_PLACES
+
+
+# How a run is asked for: that it goes on where it was, that the mode is given (else it is zeros).
+RESUMED, GIVEN_MODE = 1, 2
+
+
+class Memory(NamedTuple):
+    """All that changes during an integration, but for the mode and the output."""
+
+    states: FloatTable
+    guards: FloatTable
+    flags: IntTable
+    lists: IntTable
+    wake_at: FloatVector  # travel at which each guard in the heap must be looked at
+    clock: FloatVector
+    counts: IntVector
+
+
+# The table of states that a method works on: which row holds what, and rows as arrays.
+#
+# A method reads Y and K1 (the state at the start of the step and its slope) and fills END and KEND.
+# Its interpolant is put into P1 and the rows after it; rows from W1 on are its own.
+
+MOST_COEFFICIENTS = LARGEST_DEGREE
+
+__all__ = [
+    "END",
+    "K1",
+    "KEND",
+    "MOST_COEFFICIENTS",
+    "P1",
+    "SCRATCH",
+    "SLOPE",
+    "W1",
+    "Y",
+    "matrix",
+    "row",
+]
+
+
+@kernel
+def row(s: Any, r: int) -> Any:
+    """Return row `r` of the table as an array (n,)."""
+    return s[r]
+
+
+@kernel
+def matrix(s: Any, first: int, n: int) -> Any:
+    """Return the `n` rows of the table from `first` on as an array (n, n)."""
+    return s[first : first + n]
+
+
+# How an integration ended: codes as in SciPy (0 end, 1 event, negative failure) and words.
+
+FINISHED = 0
+TERMINATED = 1
+STEP_UNDERFLOW = -1
+FIELD_NOT_FINITE = -2
+GUARD_NOT_FINITE = -3
+TOO_MANY_STEPS = -4
+TOO_MANY_EVENTS = -5
+SLIDING = -6
+ZENO = -7
+RESET_IN_JACOBIAN = -8
+AFFINE_DIFFERS = -9
+JACOBIAN_NOT_FINITE = -10
+TIE_IN_JACOBIAN = -11
+
+# Within the driver only.
+RUNNING = 2
+NEEDS_ROOM = 3
+PAUSED = 4
+NEEDS_METHOD = 5
+BAD_START = 6
+BAD_NUMBERS = 7
+
+SENTENCES = {
+    FINISHED: "The integration reached the end of t_span.",
+    TERMINATED: "Event '{guard}' ended the integration at {at}.",
+    STEP_UNDERFLOW: "The step fell below the spacing of floating-point times at {at}: "
+    "the field is stiff or singular there, or the tolerance cannot be met.",
+    FIELD_NOT_FINITE: "The field is NaN or infinite at, or directly after, {at}.",
+    GUARD_NOT_FINITE: "Guard '{guard}' is NaN or infinite at, or directly after, {at}.",
+    TOO_MANY_STEPS: "max_steps was reached at {at}.",
+    TOO_MANY_EVENTS: "max_events was reached at {at}; the last was '{guard}'.",
+    SLIDING: "Guard '{guard}' is not live at {at}: the field points into its surface from "
+    "both sides (rates {below:+.6g} below and {above:+.6g} above, per second), so the "
+    "trajectory would slide along it. Event-selected systems cross their guards.",
+    ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them falls "
+    "below what floating-point numbers resolve (a Zeno sequence, or chattering).",
+    TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the field: how much "
+    "of that belongs to which guard, and so the Jacobian of the flow, is not known.",
+    JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite near {at}.",
+    AFFINE_DIFFERS: "The @affine function does not give the @field function's value at {at}: "
+    "they must be the same field, in every mode.",
+    RESET_IN_JACOBIAN: "The handler changed the state at {at}: the Jacobian of the flow is known "
+    "only through events that leave it continuous.",
+}
+
+
+def describe(status: int, *, time: float, guard: str, rates: tuple[float, float]) -> str:
+    """Say in a sentence how an integration ended.
+
+    Parameters
+    ----------
+    status : int
+        One of the codes of this module.
+    time : float
+        Where it ended, s.
+    guard : str
+        Name of the guard concerned, or an empty string.
+    rates : tuple of float
+        Rates of that guard's event function just before its last two flips, 1/s.
+    """
+    if status == FINISHED:
+        return SENTENCES[status]
+    below, above = rates
+    return SENTENCES[status].format(at=f"t = {time:.17g}", guard=guard, below=below, above=above)

@@ -1,0 +1,209 @@
+"""The quality of a study in a few lines, each with what was found and what would be good."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.landings.touchdowns import NO_FOOT_LANDED
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+GOOD, LOOK, POOR, UNKNOWN = "good", "look", "poor", "not known"
+SURE = 0.9  # probability from which an order counts as sure
+LONG_S = 1.0  # gap of a body marker in which whole descents go unseen
+
+
+@dataclass(frozen=True)
+class Check:
+    """One question to the data.
+
+    Parameters
+    ----------
+    what : str
+        What is asked about.
+    value : float or None
+        What was found, in `unit`; None if it cannot be known.
+    unit : str
+        Unit of the value and the limits.
+    good, poor : float
+        Values from which it is good, and from which it is poor; in between it deserves a look.
+    status : str
+        ``good, look, poor`` or ``not known``.
+    remark : str
+        Where the value comes from, or what to look at.
+    """
+
+    what: str
+    value: float | None
+    unit: str
+    good: float
+    poor: float
+    status: str
+    remark: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain values, for JSON."""
+        return asdict(self)
+
+
+def check_study(
+    markers: pd.DataFrame,
+    faults: pd.DataFrame,
+    touchdowns: pd.DataFrame,
+    stability: pd.DataFrame,
+    drift: pd.DataFrame,
+    *,
+    expected_noise_m: float | None = None,
+    other_feet: bool = False,
+) -> list[Check]:
+    """Judge a study by its tables.
+
+    Parameters
+    ----------
+    markers, faults : DataFrame
+        As from `hopdata.recordings.quality.tables`.
+    touchdowns : DataFrame
+        The study's table of touchdowns.
+    stability, drift : DataFrame
+        As from `.stability.section_stability` and `.drift.drift_table`.
+    expected_noise_m : float, optional
+        Noise of a marker's coordinate that the recording system is known to have, m.
+    other_feet : bool
+        Whether feet land that the study does not follow: descents in which none of its own landed
+        are then theirs, and do not count against it.
+    """
+    return [
+        _seen(markers),
+        _faults(faults),
+        _noise(markers, expected_noise_m),
+        _used(markers, touchdowns, other_feet),
+        *_orders(touchdowns),
+        _sections(stability),
+        _drift(drift),
+    ]
+
+
+def _check(
+    what: str, value: float | None, unit: str, limits: tuple[float, float], remark: str
+) -> Check:
+    """Judge a value by its limits; the larger one is good if it comes first."""
+    good, poor = limits
+    if value is None or not np.isfinite(value):
+        return Check(what, None, unit, good, poor, UNKNOWN, remark)
+    sign = 1.0 if good <= poor else -1.0
+    status = GOOD if sign * value <= sign * good else POOR if sign * value > sign * poor else LOOK
+    return Check(what, float(value), unit, good, poor, status, remark)
+
+
+def _seen(markers: pd.DataFrame) -> Check:
+    used = markers[markers["role"].isin(("body", "foot"))]
+    if used.empty:
+        return _check("frames seen, worst marker", None, "%", (99.0, 95.0), "no markers")
+    missing = used["missing"] / used["frames"]
+    worst = used.iloc[int(np.argmax(missing.to_numpy(float)))]
+    remark = (
+        f"{worst['marker']} in {worst['recording']}; its longest gap {worst['longest_s']:.3g} s"
+    )
+    share = 100.0 * (1.0 - float(missing.max()))
+    return _check("frames seen, worst marker", share, "%", (99.0, 95.0), remark)
+
+
+def _faults(faults: pd.DataFrame) -> Check:
+    kinds = faults["kind"].value_counts()
+    remark = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "none found"
+    return _check("swaps, spikes, jumps, frozen, time", float(len(faults)), "", (0.0, 10.0), remark)
+
+
+def _noise(markers: pd.DataFrame, expected_m: float | None) -> Check:
+    what = "noise of a coordinate over expected"
+    known = markers["noise_m"].dropna()
+    if known.empty:
+        return _check(what, None, "", (1.5, 3.0), "no five frames in a row")
+    found = float(known.median())
+    if expected_m is None:
+        remark = f"{1e3 * found:.2g} mm found; none configured (report.expected_noise_m)"
+        return _check(what, None, "", (1.5, 3.0), remark)
+    remark = f"{1e3 * found:.2g} mm found, {1e3 * expected_m:.2g} mm expected"
+    return _check(what, found / expected_m if expected_m else np.nan, "", (1.5, 3.0), remark)
+
+
+def _unseen(markers: pd.DataFrame) -> str:
+    """Say where there may be descents that no table counts, for want of a height of the body."""
+    body = markers[(markers["role"] == "body") & (markers["longest_s"] > LONG_S)]
+    if body.empty:
+        return ""
+    worst = body.iloc[int(np.argmax((body["missing"] / body["frames"]).to_numpy(float)))]
+    share = 100.0 * float(worst["missing"] / worst["frames"])
+    where = f"{worst['marker']} (missing in {share:.2g} % of {worst['recording']})"
+    return f"; none is found where a body marker is missing for long: {where}"
+
+
+def _used(markers: pd.DataFrame, touchdowns: pd.DataFrame, other_feet: bool) -> Check:
+    what, unseen = "descents used", _unseen(markers)
+    if touchdowns.empty:
+        return _check(what, None, "%", (80.0, 50.0), f"no descent found{unseen}")
+    theirs = other_feet & (touchdowns["reason"] == NO_FOOT_LANDED)
+    if theirs.all():
+        return _check(what, 0.0, "%", (80.0, 50.0), f"{NO_FOOT_LANDED} in any of {len(theirs)}")
+    touchdowns = touchdowns[~theirs]
+    out = touchdowns["excluded"].astype(bool)
+    reasons = touchdowns.loc[out, "reason"].value_counts()
+    remark = f"{int((~out).sum())} of {len(out)}"
+    if len(reasons):
+        remark += f"; most often: {reasons.index[0]} ({int(reasons.iloc[0])})"
+    if theirs.any():
+        remark += f"; not counted: {int(theirs.sum())} of other feet"
+    return _check(what, 100.0 * float((~out).mean()), "%", (80.0, 50.0), remark + unseen)
+
+
+def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
+    used = touchdowns[~touchdowns["excluded"].astype(bool)]
+    errors = used[[c for c in used.columns if c.startswith("se_")]].median()
+    what, limits = "error of a contact over the spread", (0.1, 0.3)
+    if errors.notna().any():
+        worst = int(np.nanargmax(errors.to_numpy(float)))
+        error, spread = float(errors.iloc[worst]), float(used["spread_s"].median())
+        foot = str(errors.index[worst]).removeprefix("se_").removesuffix("_s")
+        remark = f"{1e3 * error:.2g} ms of {1e3 * spread:.2g} ms; worst foot {foot}"
+        yield _check(what, error / spread if spread > 0 else np.nan, "", limits, remark)
+    else:
+        yield _check(what, None, "", limits, "no contact")
+    doubtful = 100.0 * float((used["probability"] < SURE).mean()) if len(used) else np.nan
+    yield _check(
+        f"orders less sure than {SURE:g}", doubtful, "%", (10.0, 30.0), "of the touchdowns used"
+    )
+
+
+def _sections(stability: pd.DataFrame) -> Check:
+    what = "sections move, over their distance"
+    chosen = stability.iloc[0]
+    travel = float(chosen["pre_height_m"] - chosen["post_height_m"])
+    others = stability.iloc[1:]
+    moved = others[["pre_height_m", "post_height_m"]].sub(
+        chosen[["pre_height_m", "post_height_m"]].astype(float)
+    )
+    largest = moved.abs().max(axis=1)
+    failed = int(others["note"].fillna("").astype(bool).sum())
+    if largest.notna().sum() == 0 or not travel > 0:
+        return _check(what, None, "%", (5.0, 15.0), "no variant gives sections")
+    worst = others.iloc[int(np.nanargmax(largest.to_numpy(float)))]
+    remark = f"{1e3 * float(largest.max()):.2g} mm with {worst['variant']}"
+    remark += f"; {failed} variant{'s' if failed > 1 else ''} without any" if failed else ""
+    return _check(what, 100.0 * float(largest.max()) / travel, "%", (5.0, 15.0), remark)
+
+
+def _drift(drift: pd.DataFrame) -> Check:
+    what = "drift, in spreads"
+    sure = drift[(drift["median"] - drift["typical"]).abs() > 3.0 * drift["se"]]
+    if drift.empty:
+        return _check(what, None, "", (0.5, 1.0), "too few touchdowns")
+    if sure.empty:
+        return _check(what, 0.0, "", (0.5, 1.0), "nothing beyond three standard errors")
+    worst = sure.iloc[int(np.argmax(sure["deviation"].abs().to_numpy(float)))]
+    remark = f"{worst['quantity']} in {worst['part']}"
+    return _check(what, abs(float(worst["deviation"])), "", (0.5, 1.0), remark)

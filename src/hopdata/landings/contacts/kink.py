@@ -1,0 +1,233 @@
+"""Contact instants of largest likelihood: a flight curve that ends in a kink on the floor.
+
+With s = t - tau, the height of foot i about its contact at tau is modelled as
+
+    z = c + b s + a s^2 / 2 + sum_j [a_j d_j2(t) + s_j d_j3(t)]     before,
+    z = c + b T (1 - exp(-s / T)) + r s                             after,
+
+with d_jk(t) = ((t - tau_j)_+^k - (tau - tau_j)^k) / k! - s (tau - tau_j)^(k-1) / (k - 1)! for the
+feet j that touched earlier: their springy legs push the body, so the acceleration of a foot still
+in flight changes by a_j and its jerk by s_j while its velocity is continuous. T is the compliance
+of the contact, the same in all landings (0: the foot stops at once), and r the creep of a foot that
+stands. Frames that are missing are absent from the likelihood, and the coefficients are integrated
+out: at its largest over them alone, a late contact could hide behind the pushes. Normal priors
+reach from flat (free curvature) to sharp (known gravity); `kink_learning` takes them from the
+recording itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hopdata.arrays import FloatArray, IntArray
+
+GRID_FRAMES, GRID_S = 0.5, 2e-3  # steps of the search: so many frames, and no less than so long
+
+
+@dataclass(frozen=True)
+class FlightPriors:
+    """Independent normal priors of the laws of flight and stance of each of n feet.
+
+    Parameters
+    ----------
+    mean, sd : (n, 2n) array
+        Row i holds foot i's own acceleration, m/s^2; then for each other foot, in order, by how
+        much the acceleration, m/s^2, and the jerk, m/s^3, of foot i change when that foot touches;
+        and last the creep of foot i when it stands, m/s.
+    """
+
+    mean: FloatArray
+    sd: FloatArray
+
+
+@dataclass(frozen=True)
+class KinkFits:
+    """Kink fits of L landings and n feet; NaN where no fit was possible.
+
+    Parameters
+    ----------
+    instant, unit_se : (L, n) array
+        Contact instant, s, and its standard error per metre of position noise, s/m.
+    floor, velocity : (L, n) array
+        Height at the contact, m, and velocity just before it, m/s.
+    flight, unit_flight_se : (L, n, 2n) array
+        The law, ordered as in `FlightPriors`, and its standard errors per metre of noise.
+    misfit : (L, n) array
+        Sum of squared residuals, m^2.
+    evidence : (L, n) array
+        -2 times the log marginal likelihood, in units of the noise's variance, m^2.
+    dof : (L, n) array
+        Frames less the effective number of parameters.
+    n_before, n_after : (L, n) array
+        Number of frames used on either side of the contact (0 where no fit was possible).
+    """
+
+    instant: FloatArray
+    unit_se: FloatArray
+    floor: FloatArray
+    velocity: FloatArray
+    flight: FloatArray
+    unit_flight_se: FloatArray
+    misfit: FloatArray
+    evidence: FloatArray
+    dof: FloatArray
+    n_before: IntArray
+    n_after: IntArray
+
+
+def kink_fits(
+    time: FloatArray,
+    heights: FloatArray,
+    near: FloatArray,
+    *,
+    priors: FlightPriors,
+    noise_m: float,
+    windows_s: tuple[float, float],
+    search_s: float,
+    earlier: FloatArray | None = None,
+    compliance_s: float = 0.0,
+    creeps: bool = False,
+) -> KinkFits:
+    """Fit a kink to every foot of every landing.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Time of each frame, s.
+    heights : (N, n) array
+        Heights of the feet, m; NaN where unseen.
+    near : (L, n) array
+        Instants about which to search, s; NaN for none.
+    priors : FlightPriors
+        Priors of the flight laws.
+    noise_m : float
+        Standard deviation of a height, m; it weighs the data against the priors.
+    windows_s : tuple of float
+        Frames used, from `near` minus the one to `near` plus the other, s.
+    search_s : float
+        Half width of the search about `near`, s.
+    earlier : (L, n) array, optional
+        Contact instants of all feet, s. Those before a foot's own contact change its acceleration.
+        Without it no foot acts on another.
+    compliance_s : float
+        Time constant in which a contact takes up the foot's velocity, s.
+    creeps : bool
+        Whether a foot that stands may creep.
+
+    Returns
+    -------
+    KinkFits
+    """
+    from hopdata.landings.contacts.kink_kernel import fit_all  # compiled: Numba is slow to import
+
+    landings, n = near.shape
+    wanted = np.flatnonzero(~np.isnan(near.ravel()))
+    centre = near.ravel()[wanted]
+    before_s, after_s = windows_s
+    times, z = _windows(time, heights, wanted % n, centre, before_s, after_s)
+    contact, columns = _other_contacts(earlier, wanted, n)
+    contact = (contact - centre[:, None]) / before_s
+    reach = search_s / before_s
+    frame_s = float(np.median(np.diff(time)))
+    units = _column_units(n, before_s)
+    foot = np.arange(len(wanted))[:, None], columns
+    rows = np.full((len(wanted), 7 + 2 * len(units)), np.nan)
+    step_s = max(GRID_FRAMES * frame_s, GRID_S)
+    fit_all(
+        (times - centre[:, None]) / before_s,
+        z,
+        np.full(len(wanted), -reach),
+        np.full(len(wanted), reach),
+        max(int(np.ceil(2 * search_s / step_s)), 2),
+        (contact < reach).sum(axis=1),
+        contact,
+        compliance_s / before_s,
+        creeps,
+        (priors.mean / units[2:])[wanted % n][foot],
+        ((noise_m / priors.sd * units[2:]) ** 2)[wanted % n][foot],
+        noise_m**2,
+        rows,
+    )
+    return _unpack(rows, wanted, (landings, n), columns, units, centre)
+
+
+def _windows(
+    time: FloatArray,
+    heights: FloatArray,
+    foot: IntArray,
+    centre: FloatArray,
+    before_s: float,
+    after_s: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Cut out times and heights about each of P instants, (P, W), NaN where there is no frame."""
+    start = np.searchsorted(time, centre - before_s)
+    stop = np.searchsorted(time, centre + after_s)
+    frames = start[:, None] + np.arange(int(np.max(stop - start, initial=1)))
+    inside = frames < stop[:, None]
+    frames = np.minimum(frames, len(time) - 1)
+    return time[frames], np.where(inside, heights[frames, foot[:, None]], np.nan)
+
+
+def _other_contacts(
+    earlier: FloatArray | None, wanted: IntArray, n: int
+) -> tuple[FloatArray, IntArray]:
+    """Contacts of the other feet in order of time, (P, n - 1), inf where there is none.
+
+    Also the columns of `FlightPriors` in which they come, (P, 2n).
+    """
+    foot = wanted % n
+    others = np.array([[j for j in range(n) if j != i] for i in range(n)], dtype=np.int64)[foot]
+    if earlier is None:
+        contact = np.full(others.shape, np.inf)
+    else:
+        contact = earlier[(wanted // n)[:, None], others]
+        contact = np.where(np.isnan(contact), np.inf, contact)
+    order = np.argsort(contact, axis=1, kind="stable")
+    columns = np.zeros((len(wanted), 2 * n), dtype=np.int64)
+    columns[:, 1:-1:2], columns[:, 2:-1:2] = 1 + 2 * order, 2 + 2 * order
+    columns[:, -1] = 2 * n - 1
+    return np.take_along_axis(contact, order, axis=1), columns
+
+
+def _column_units(n: int, scale: float) -> FloatArray:
+    """Factors from the kernel's coefficients (heights, time in `scale`) to SI units, (2n + 2,)."""
+    pushes = [1 / scale**2, 1 / scale**3] * (n - 1)
+    return np.array([1.0, 1 / scale, 1 / scale**2, *pushes, 1 / scale])
+
+
+def _unpack(
+    rows: FloatArray,
+    wanted: IntArray,
+    shape: tuple[int, int],
+    columns: IntArray,
+    units: FloatArray,
+    centre: FloatArray,
+) -> KinkFits:
+    """Name the kernel's columns, put them in the order of the feet and bring them to SI units."""
+    size = len(units)
+    own = np.concatenate([np.tile([0, 1], (len(wanted), 1)), 2 + columns], axis=1)
+    sorted_rows = rows.copy()
+    np.put_along_axis(sorted_rows[:, 7 : 7 + size], own, rows[:, 7 : 7 + size], axis=1)
+    np.put_along_axis(sorted_rows[:, 7 + size :], own, rows[:, 7 + size :], axis=1)
+    sorted_rows[:, 0] = centre + rows[:, 0] / units[1]
+    flat = np.full((shape[0] * shape[1], rows.shape[1]), np.nan)
+    flat[wanted] = sorted_rows
+    out = flat.reshape(*shape, rows.shape[1])
+    instant, variance, misfit, dof, before, after, evidence = np.moveaxis(out[:, :, :7], 2, 0)
+    value = out[:, :, 7 : 7 + size] * units
+    se = np.sqrt(np.maximum(out[:, :, 7 + size :], 0.0)) * units
+    return KinkFits(
+        instant,
+        np.sqrt(variance) / units[1],
+        value[:, :, 0],
+        value[:, :, 1],
+        value[:, :, 2:],
+        se[:, :, 2:],
+        misfit,
+        evidence,
+        dof,
+        np.nan_to_num(before).astype(np.int64),
+        np.nan_to_num(after).astype(np.int64),
+    )

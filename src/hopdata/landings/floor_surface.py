@@ -1,0 +1,347 @@
+"""The floor's surface: a polynomial inside a rim, and the mount heights of the feet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.landings.robust_regression import robust_regression
+from hopdata.landings.sections.modes import ground_mode, robust_rms
+from hopdata.recording import Recording
+
+# Frames in which a foot is at rest: hardly moving up or down, and low.
+
+_LEAST_FRAMES = 20
+_PAUSE_S = 0.1
+
+
+@dataclass(frozen=True)
+class RestPoints:
+    """Feet at rest.
+
+    Parameters
+    ----------
+    points : (P, 3) array
+        Marker positions, m, z up.
+    foot : (P,) array of int
+        Which foot each belongs to, 0-based in the order of the recording.
+    time : (P,) array
+        When, s.
+    start_m : (n,) array
+        The ground mode of each foot's resting heights, m; NaN for a foot that never rests.
+    """
+
+    points: FloatArray
+    foot: IntArray
+    time: FloatArray
+    start_m: FloatArray
+
+    @property
+    def above_mode(self) -> FloatArray:
+        """Height of each point above its foot's ground mode, (P,), m."""
+        return self.points[:, 2] - self.start_m[self.foot]
+
+    @property
+    def n_steps(self) -> int:
+        """Number of times that a foot came to rest (a pause of 0.1 s ends a rest)."""
+        apart = (np.diff(self.foot) != 0) | (np.diff(self.time) > _PAUSE_S)
+        return int(apart.sum()) + (len(self.foot) > 0)
+
+    def take(self, keep: NDArray[np.bool_] | slice) -> RestPoints:
+        """Return the points that `keep` selects."""
+        return RestPoints(self.points[keep], self.foot[keep], self.time[keep], self.start_m)
+
+
+def rest_points(
+    recording: Recording, *, speed_m_s: float = 0.05, window_s: float = 0.04
+) -> RestPoints:
+    """Collect the feet at rest.
+
+    Only the vertical speed is asked for, since on a treadmill a foot on the ground travels.
+
+    Parameters
+    ----------
+    recording : Recording
+        With at least one foot.
+    speed_m_s : float
+        Largest vertical speed of a foot at rest, m/s.
+    window_s : float
+        Span of the central difference, s; at least one frame to either side. A frame counts
+        only if the marker is seen there and at both ends of the span.
+
+    Returns
+    -------
+    RestPoints
+        All frames that are slow; those high up are left to the caller, who has the floor.
+    """
+    lag = max(1, round(0.5 * window_s * recording.rate_hz))
+    n_feet = recording.feet.shape[1]
+    frames, start = [], np.full(n_feet, np.nan)
+    for foot in range(n_feet):
+        height = recording.feet[:, foot, 2]
+        slow = np.abs(vertical_speed(recording.time, height, lag=lag)) < speed_m_s
+        frames.append(np.flatnonzero(slow & np.isfinite(recording.feet[:, foot]).all(axis=1)))
+        if len(frames[foot]) >= _LEAST_FRAMES:
+            start[foot] = ground_mode(height[frames[foot]]).height_m
+    foot_of = np.repeat(np.arange(n_feet), [len(f) for f in frames])
+    frame_of = np.concatenate([np.empty(0, dtype=np.int64), *frames])
+    rest = RestPoints(recording.feet[frame_of, foot_of], foot_of, recording.time[frame_of], start)
+    return rest.take(np.isfinite(rest.above_mode))
+
+
+def thinned(rest: RestPoints, max_points: int) -> RestPoints:
+    """Keep the points of every k-th instant, so that about `max_points` are left.
+
+    Whole instants, so that the choice does not depend on the order of the feet.
+    """
+    step = max(1, -(-len(rest.foot) // max_points))
+    _, instant = np.unique(rest.time, return_inverse=True)
+    return rest.take(instant % step == 0)
+
+
+def vertical_speed(time: FloatArray, height: FloatArray, *, lag: int) -> FloatArray:
+    """Central difference over `lag` frames to either side, (N,), m/s; NaN where it has a gap."""
+    speed = np.full(len(time), np.nan)
+    if len(time) > 2 * lag:
+        span = time[2 * lag :] - time[: -2 * lag]
+        speed[lag:-lag] = (height[2 * lag :] - height[: -2 * lag]) / span
+    speed[np.isnan(height)] = np.nan
+    return speed
+
+
+Terms = tuple[tuple[int, int], ...]
+
+_CHUNK = 65536  # places whose rim is worked out together
+
+
+@dataclass(frozen=True)
+class FloorModel:
+    """A floor surface and the mount heights of the feet.
+
+    Parameters
+    ----------
+    terms : tuple of (int, int)
+        Exponents (i, j) of u^i v^j, with u = (x - centre_x) / scale and v likewise.
+    coefficients_m : (T,) array
+        Coefficient of each term, m.
+    centre_m : (2,) array
+        Origin of the scaled coordinates, m.
+    scale_m : float
+        Unit of the scaled coordinates, m.
+    rim_m : (K,) array
+        How far the rest points reach from the centre in K directions, equally spaced from +x
+        turning to +y, m: the floor is known inside the polygon of these K half-planes.
+    feet : tuple of str
+        Names of the feet.
+    foot_offsets_m : (n,) array
+        Height of each foot's marker above the mean of all feet's, m; sums to zero.
+    residual_rms_m : float
+        Robust deviation of the rest points from the model (1.4826 median |residual|), m.
+    n_points, n_outliers : int
+        Rest points near the floor, and those among them that the fit gave up, raised ones included.
+    degree, degree_wanted : int
+        Degree of the polynomial, and the one asked for: lower where the feet at rest do not
+        cover enough ground.
+    note : str
+        Which feet often rest above the floor, why the degree is lower, or that no floor was asked
+        for; else empty.
+    """
+
+    terms: Terms
+    coefficients_m: FloatArray
+    centre_m: FloatArray
+    scale_m: float
+    rim_m: FloatArray
+    feet: tuple[str, ...]
+    foot_offsets_m: FloatArray
+    residual_rms_m: float
+    n_points: int
+    n_outliers: int
+    degree: int
+    degree_wanted: int
+    note: str = ""
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
+        """Height of the floor at places (x, y) of any one shape, m; NaN where a place is NaN.
+
+        A place beyond the rim of the ground stepped on is first moved straight towards the
+        centre until it stands on the rim, so that the polynomial never extrapolates.
+        """
+        place = np.stack(np.broadcast_arrays(x, y), axis=-1).astype(np.float64)
+        flat = place.reshape(-1, 2)
+        heights = [
+            design(self._scaled(flat[i : i + _CHUNK]), self.terms) @ self.coefficients_m
+            for i in range(0, len(flat), _CHUNK)
+        ]
+        return (np.concatenate(heights) if heights else np.empty(0)).reshape(place.shape[:-1])
+
+    def _scaled(self, place: FloatArray) -> FloatArray:
+        """Scaled coordinates of places (P, 2), those beyond the rim moved onto it."""
+        return within_rim((place - self.centre_m) / self.scale_m, self.rim_m / self.scale_m)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain numbers and lists, for JSON."""
+        out: dict[str, Any] = {}
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            out[name] = value.tolist() if isinstance(value, np.ndarray) else value
+        if np.isnan(self.residual_rms_m):
+            out["residual_rms_m"] = None  # JSON has no NaN
+        return out | {"terms": [list(term) for term in self.terms], "feet": list(self.feet)}
+
+    @classmethod
+    def from_dict(cls, fields: Mapping[str, Any]) -> FloorModel:
+        """Make the model from what `to_dict` gave."""
+        arrays = ("coefficients_m", "centre_m", "rim_m", "foot_offsets_m")
+        made = dict(fields) | {name: np.array(fields[name], dtype=float) for name in arrays}
+        made["terms"] = tuple((int(i), int(j)) for i, j in fields["terms"])
+        made["feet"] = tuple(fields["feet"])
+        if fields["residual_rms_m"] is None:
+            made["residual_rms_m"] = float("nan")
+        return cls(**made)
+
+
+def design(scaled: FloatArray, terms: Terms) -> FloatArray:
+    """Columns u^i v^j for places (P, 2) in scaled coordinates, (P, T)."""
+    highest = max((max(term) for term in terms), default=0)
+    u, v = (_powers(np.ascontiguousarray(scaled[:, k]), highest) for k in (0, 1))
+    return np.stack([u[i] * v[j] for i, j in terms]).T
+
+
+def _powers(x: FloatArray, highest: int) -> list[FloatArray]:
+    powers = [np.ones_like(x)]
+    for _ in range(highest):
+        powers.append(powers[-1] * x)
+    return powers
+
+
+def polynomial_terms(degree: int) -> Terms:
+    """Exponents (i, j) with i + j <= `degree`, by total degree."""
+    return tuple((total - j, j) for total in range(degree + 1) for j in range(total + 1))
+
+
+def rim_of(places: FloatArray, n_directions: int) -> FloatArray:
+    """How far places (P, 2) about the origin reach in each of equally spaced directions, (K,)."""
+    reach = (places @ directions(n_directions).T).max(axis=0)
+    return np.maximum(reach, 1e-6 * np.abs(reach).max())
+
+
+def within_rim(places: FloatArray, rim: FloatArray) -> FloatArray:
+    """Places (P, 2), those beyond the rim moved towards the origin until they stand on it."""
+    moved = np.array(places, dtype=np.float64)
+    outer = np.flatnonzero(np.einsum("pk,pk->p", places, places) > max(rim.min(), 0.0) ** 2)
+    beyond = np.max(places[outer] @ directions(len(rim)).T / rim, axis=1)
+    moved[outer] /= np.maximum(beyond, 1.0)[:, np.newaxis]
+    return moved
+
+
+def directions(n: int) -> FloatArray:
+    """Make unit vectors (n, 2), equally spaced from +x turning to +y."""
+    angle = 2.0 * np.pi * np.arange(n) / n
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+# Robust regression of the floor, at the highest degree that the feet at rest can fix.
+
+RIM_DIRECTIONS = 24  # the polygon overshoots a round rim by at most 0.9 %
+_COLLINEAR = 1e-6  # singular value, against the largest, below which columns are one
+
+
+@dataclass(frozen=True)
+class FloorRegression:
+    """Outcome of one regression.
+
+    Parameters
+    ----------
+    terms, coefficients_m : tuple, (T,) array
+        Exponents of the polynomial, and the coefficients, m.
+    offsets_m : (n,) array
+        Mount heights of the feet, m, that sum to zero.
+    residuals : (P,) array
+        Of all rest points, also those not fitted, m.
+    degree : int
+        Degree of the polynomial.
+    """
+
+    terms: Terms
+    coefficients_m: FloatArray
+    offsets_m: FloatArray
+    residuals: FloatArray
+    degree: int
+
+
+def regress_floor(
+    rest: RestPoints,
+    scaled: FloatArray,
+    near: NDArray[np.bool_],
+    *,
+    degree: int,
+    norm: str,
+    largest_error_m: float,
+    independent_share: float,
+) -> FloorRegression:
+    """Fit floor and mount heights at the highest degree whose floor is sure enough.
+
+    Parameters
+    ----------
+    rest : RestPoints
+        Feet at rest.
+    scaled : (P, 2) array
+        Their places in scaled coordinates.
+    near : (P,) bool array
+        Those to fit.
+    degree : int
+        Highest degree to try.
+    norm : {"tukey", "huber"}
+        Norm of the robust regression.
+    largest_error_m : float
+        Largest standard error of the floor on its rim, m.
+    independent_share : float
+        Independent points over points, 0 to 1: those of one step share their error.
+    """
+    contrasts = _sum_to_zero(len(rest.start_m))
+    far = 1e3 * directions(RIM_DIRECTIONS)
+    rim = within_rim(far, rim_of(scaled[near], RIM_DIRECTIONS))
+    for tried in range(degree, -1, -1):
+        terms = polynomial_terms(tried)
+        columns = floor_columns(rest, scaled, terms)
+        spread = _floor_spread(columns[near], design(rim, terms))
+        if tried > 0 and not np.isfinite(spread):
+            continue
+        estimate = robust_regression(columns[near], rest.points[near, 2], norm=norm)
+        residuals = rest.points[:, 2] - columns @ estimate
+        error_m = robust_rms(residuals[near]) * spread / np.sqrt(independent_share)
+        if tried == 0 or error_m <= largest_error_m:
+            break
+    n_terms = len(terms)
+    offsets = contrasts @ estimate[n_terms:]
+    return FloorRegression(terms, estimate[:n_terms], offsets, residuals, tried)
+
+
+def floor_columns(rest: RestPoints, scaled: FloatArray, terms: Terms) -> FloatArray:
+    """Terms of the polynomial at places (P, 2), and contrasts of the mounts, (P, T + n - 1)."""
+    return np.hstack([design(scaled, terms), _sum_to_zero(len(rest.start_m))[rest.foot]])
+
+
+def _floor_spread(columns: FloatArray, rim: FloatArray) -> float:
+    """Largest standard error of the floor on its rim for unit residuals; inf if undetermined.
+
+    The floor alone, without the offset of the foot that stands on it: where feet keep to
+    places of their own, a slope and their mount heights are the same to the data, and only
+    their sum is sure. A polynomial is least sure at its rim.
+    """
+    _, values, right = np.linalg.svd(columns, full_matrices=False)
+    if len(columns) <= columns.shape[1] or values[-1] < _COLLINEAR * values[0]:
+        return float("inf")
+    errors = rim @ (right / values[:, np.newaxis]).T[: rim.shape[1]]
+    return float(np.linalg.norm(errors, axis=1).max())
+
+
+def _sum_to_zero(n_feet: int) -> FloatArray:
+    """Contrasts (n, n - 1) whose combinations are all offsets that sum to zero."""
+    return np.vstack([np.eye(n_feet - 1), -np.ones((1, n_feet - 1))])

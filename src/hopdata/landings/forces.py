@@ -1,0 +1,356 @@
+"""One landing as the cameras and another device saw it, and how much the threshold matters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.errors import AnalysisError
+from hopdata.landings.overlay import MATCHED, compare_contacts, summarise_overlay
+from hopdata.recording import Recording
+from hopdata.recordings.external import (
+    ContactTimes,
+    ForceSignal,
+    read_contact_times,
+    read_force_signals,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# When a force plate says that a foot came down.
+
+UNLOADED_S = 0.01  # a force that is gone for less than this is a rattle within a contact
+
+
+def force_onsets(
+    time: ArrayLike, force: ArrayLike, *, least_n: float = 50.0, sure_n: float = 400.0
+) -> FloatArray:
+    """Instants at which the vertical force rises through a threshold, once for each stance.
+
+    A stance reaches `sure_n` after the force has been below the threshold for `UNLOADED_S`: so a
+    rattle of the plate is no contact, and a dip during the rise or in stance no new one. One that
+    has already begun in the first sample has no onset, nor has one beside a missing sample. Two
+    feet that are on the plate together make one. The instant is interpolated between two samples.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Times of the samples, s.
+    force : (N,) array
+        Vertical force, N (or another unit, that of the thresholds), positive in stance; NaN where
+        missing.
+    least_n : float
+        Threshold of the onset, N; above the noise of the unloaded plate.
+    sure_n : float
+        Force that a stance reaches and noise does not, N.
+
+    Returns
+    -------
+    (S,) array
+        Onsets, s.
+
+    Raises
+    ------
+    ValueError
+        If the two arrays differ in length, or the thresholds are out of order.
+    """
+    t, f = np.asarray(time, float), np.asarray(force, float)
+    if t.shape != f.shape:
+        raise ValueError(f"force: expected {t.shape} samples as in time, found {f.shape}")
+    if not least_n < sure_n:
+        raise ValueError(f"thresholds: expected least_n below sure_n, found {least_n}, {sure_n}")
+    last = _last_unloaded(t, f, least_n, sure_n)
+    share = (least_n - f[last]) / (f[last + 1] - f[last])
+    return t[last] + share * (t[last + 1] - t[last])
+
+
+def _last_unloaded(t: FloatArray, f: FloatArray, least_n: float, sure_n: float) -> IntArray:
+    """Last unloaded sample before each rise to `sure_n`; its neighbour is above the threshold."""
+    loaded = np.flatnonzero(f >= sure_n)
+    if len(loaded) == 0:
+        return loaded
+    below = np.concatenate([[False], f < least_n, [False]])
+    first, after = np.flatnonzero(np.diff(below.astype(np.int8))).reshape(-1, 2).T
+    long = t[after - 1] - t[first] >= UNLOADED_S - np.median(np.diff(t))
+    last = after[long] - 1
+    reached = loaded[np.minimum(np.searchsorted(loaded, last), len(loaded) - 1)]
+    until = np.append(last[1:], len(f))  # the next unloaded stretch ends the attempt
+    rises = last[(reached > last) & (reached < until)]
+    return rises[f[rises + 1] >= least_n]  # not so beside a missing sample
+
+
+# Contact instants by a force under the feet: its threshold, its load, whose foot it may be.
+
+LOADED_SHARE = 0.3  # of the large forces: from here on a foot carries load
+LARGE_QUANTILE = 0.9  # of the forces above the threshold
+
+
+def contact_times_of(signal: ForceSignal, *, threshold: float | None = None) -> ContactTimes:
+    """Contact instants of a force signal.
+
+    Parameters
+    ----------
+    signal : ForceSignal
+        Its options name the threshold, and the height above which other feet are at work.
+    threshold : float, optional
+        In the signal's unit; by default as the options say, see `threshold_of`.
+
+    Raises
+    ------
+    AnalysisError
+        If the force never crosses the threshold.
+    """
+    at = threshold_of(signal) if threshold is None else threshold
+    load = load_of(signal, threshold=at)
+    instants = force_onsets(signal.time, signal.force, least_n=at, sure_n=load)
+    span = (float(signal.time[0]), float(signal.time[-1]))
+    others = signal.options["other_feet_above_m"]
+    return ContactTimes(signal.column, instants, "forces", span, others)
+
+
+def threshold_of(signal: ForceSignal) -> float:
+    """Threshold in the signal's unit: as given in N, else a share of body weight.
+
+    The weight is the mean force, where the configuration does not give it: over whole strides what
+    the feet carry is the weight. That needs a column that all feet step on.
+    """
+    options = signal.options
+    if options["threshold_n"] is not None:
+        return float(options["threshold_n"])
+    share = float(options["threshold_share"])
+    if signal.unit == "body_weight":
+        return share
+    weight = options["body_weight_n"]
+    return share * float(np.nanmean(signal.force) if weight is None else weight)
+
+
+def load_of(signal: ForceSignal, *, threshold: float) -> float:
+    """Force from which a foot carries load: a share of the large ones, or twice the threshold.
+
+    Raises
+    ------
+    AnalysisError
+        If the force never reaches twice the threshold.
+    """
+    above = signal.force[signal.force >= threshold]
+    large = float(np.quantile(above, LARGE_QUANTILE)) if len(above) else 0.0
+    if not large > 2 * threshold:
+        raise AnalysisError(
+            f"force '{signal.column.name}': expected loads of more than twice the threshold of "
+            f"{threshold:.4g} {signal.unit}, found at most {np.nanmax(signal.force):.4g}; "
+            "do forces.unit and the threshold fit?"
+        )
+    return max(2 * threshold, LOADED_SHARE * large)
+
+
+BEFORE_S, AFTER_S = 0.08, 0.12
+FACTORS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)  # of the threshold
+
+
+def example_landing(
+    recording: Recording, overlay: pd.DataFrame, signals: Sequence[ForceSignal] = ()
+) -> pd.DataFrame:
+    """Foot heights and forces about one typical landing.
+
+    Parameters
+    ----------
+    recording : Recording
+        Levelled.
+    overlay : pandas.DataFrame
+        Comparison of this recording, as `compare_contacts` makes it, of one or more columns.
+    signals : sequence of ForceSignal
+        Its forces.
+
+    Returns
+    -------
+    pandas.DataFrame
+        recording, time_s (from the first external contact), kind (``height``, ``force``,
+        ``threshold``, ``external`` or ``found``), name (the foot; the column for a force, and for
+        the contact of several feet), value (m, N, body weights; s for instants), unit. The landing
+        is the matched one whose difference is the median, with all columns that know of it. Empty
+        if there is none.
+    """
+    import pandas as pd
+
+    matched = overlay[(overlay["status"] == MATCHED) & ~overlay["excluded"].astype(bool)]
+    if matched.empty:
+        return pd.DataFrame(columns=["recording", "time_s", "kind", "name", "value", "unit"])
+    row = matched.sort_values("difference_s", kind="stable").iloc[(len(matched) - 1) // 2]
+    same = overlay[(overlay["index"] == row["index"]) & (overlay["status"] == MATCHED)]
+    origin = float(same["external_s"].min())
+    known = recording.names("foot")
+    told = f" {' '.join(same['feet'])} "
+    feet = [foot for foot in known if f" {foot} " in told]
+    pieces = _heights(recording, feet, origin)
+    for one in same.to_dict("records"):
+        name = str(one["feet"] if one["feet"] in known else one["column"])
+        pieces.append(_instant("external", name, float(one["external_s"]) - origin))
+        pieces.append(_instant("found", str(one["first_foot"]), float(one["found_s"]) - origin))
+    for signal in signals:
+        if signal.column.name in set(same["column"]):
+            pieces += _force(signal, origin)
+    return pd.concat(pieces, ignore_index=True).assign(recording=recording.name)[
+        ["recording", "time_s", "kind", "name", "value", "unit"]
+    ]
+
+
+def threshold_table(
+    recording: Recording, touchdowns: pd.DataFrame, signal: ForceSignal, *, window_s: float
+) -> pd.DataFrame:
+    """Compare the contacts at lower and higher thresholds of the force.
+
+    Returns
+    -------
+    pandas.DataFrame
+        recording, column, threshold, unit, n_matched, n_missed, n_invented, bias_s, robust_sd_s:
+        one row a threshold at which the force can be read.
+    """
+    import pandas as pd
+
+    rows = []
+    chosen = threshold_of(signal)
+    for factor in FACTORS:
+        try:
+            contacts = contact_times_of(signal, threshold=factor * chosen)
+            table = compare_contacts(recording, touchdowns, contacts, window_s=window_s)
+        except AnalysisError:  # too high for this force; the chosen one has been compared already
+            continue
+        measures = summarise_overlay(table).iloc[0]
+        kept = ("n_matched", "n_missed", "n_invented", "bias_s", "robust_sd_s")
+        rows.append(
+            {
+                "recording": recording.name,
+                "column": signal.column.name,
+                "threshold": factor * chosen,
+                "unit": signal.unit,
+                **{key: measures[key] for key in kept},
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _instant(kind: str, name: str, time_s: float) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame(
+        {"time_s": [time_s], "kind": kind, "name": name, "value": np.nan, "unit": "s"}
+    )
+
+
+def _heights(recording: Recording, feet: Sequence[str], origin: float) -> list[pd.DataFrame]:
+    import pandas as pd
+
+    names, time = recording.names("foot"), recording.time - origin
+    near = (time >= -BEFORE_S) & (time <= AFTER_S)
+    return [
+        pd.DataFrame(
+            {
+                "time_s": time[near],
+                "kind": "height",
+                "name": foot,
+                "value": recording.feet[near, names.index(foot), 2],
+                "unit": "m",
+            }
+        )
+        for foot in feet
+    ]
+
+
+def _force(signal: ForceSignal, origin: float) -> list[pd.DataFrame]:
+    import pandas as pd
+
+    time, name = signal.time - origin, signal.column.name
+    near = (time >= -BEFORE_S) & (time <= AFTER_S)
+    threshold = {"time_s": [0.0], "kind": "threshold", "name": name, "value": threshold_of(signal)}
+    return [
+        pd.DataFrame({"time_s": time[near], "kind": "force", "name": name,
+                      "value": signal.force[near], "unit": signal.unit}),
+        pd.DataFrame({**threshold, "unit": signal.unit}),
+    ]  # fmt: skip
+
+
+# All that is known from elsewhere of a study's recordings, beside what hopdata found in them.
+
+
+@dataclass(frozen=True)
+class ExternalTruth:
+    """Tables of the overlay.
+
+    Parameters
+    ----------
+    contacts : pandas.DataFrame
+        One row a contact, see `compare_contacts`.
+    summary : pandas.DataFrame
+        One row a column, see `summarise_overlay`.
+    thresholds : pandas.DataFrame
+        See `threshold_table`; without rows where there are no forces.
+    example : pandas.DataFrame
+        See `example_landing`.
+    """
+
+    contacts: pd.DataFrame
+    summary: pd.DataFrame
+    thresholds: pd.DataFrame
+    example: pd.DataFrame
+
+
+def overlay_external_truth(
+    recordings: Sequence[Recording],
+    touchdowns: pd.DataFrame,
+    configured: Mapping[str, Mapping[str, Any]],
+    *,
+    window_s: float,
+    rate_hz: float | None = None,
+) -> ExternalTruth:
+    """Read what is known from elsewhere and compare it with the contacts found.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Levelled; those for which something is known.
+    touchdowns : pandas.DataFrame
+        Touchdowns of the study.
+    configured : mapping
+        By recording name, the blocks ``contacts`` and ``forces`` of the configuration.
+    window_s : float
+        ``external.window_s``.
+    rate_hz : float, optional
+        ``input.rate_hz``.
+    """
+    import pandas as pd
+
+    contacts, thresholds, examples = [], [], []
+    for recording in recordings:
+        blocks, feet = configured[recording.name], recording.names("foot")
+        own = touchdowns[touchdowns["recording"] == recording.name].reset_index(drop=True)
+        known, signals = [], []
+        if blocks["contacts"]["file"] is not None:
+            known += read_contact_times(blocks["contacts"], feet=feet, rate_hz=rate_hz)
+        if blocks["forces"]["file"] is not None:
+            signals = read_force_signals(blocks["forces"], feet=feet)
+            known += [contact_times_of(signal) for signal in signals]
+        compared = [compare_contacts(recording, own, one, window_s=window_s) for one in known]
+        contacts += compared
+        thresholds += [threshold_table(recording, own, s, window_s=window_s) for s in signals]
+        shown = pd.concat(compared[-len(signals) :], ignore_index=True)  # forces where there are
+        examples.append(example_landing(recording, shown, signals))
+    table = pd.concat(contacts, ignore_index=True)
+    return ExternalTruth(
+        contacts=table,
+        summary=summarise_overlay(table),
+        thresholds=pd.concat(thresholds, ignore_index=True) if thresholds else _no_thresholds(),
+        example=next((one for one in examples if len(one)), examples[0]),
+    )
+
+
+def _no_thresholds() -> pd.DataFrame:
+    import pandas as pd
+
+    columns = ("recording", "column", "threshold", "unit", "n_matched", "n_missed", "n_invented")
+    return pd.DataFrame(columns=[*columns, "bias_s", "robust_sd_s"])

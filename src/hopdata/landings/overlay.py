@@ -1,0 +1,397 @@
+"""Contacts that hopdata found beside those that another device knows, one row each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.errors import AnalysisError
+from hopdata.recording import Recording
+from hopdata.recordings.external import ContactTimes
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Which contact of one list is which of another: one to one, within a window.
+
+LARGEST_TABLE = 4_000_000  # differences of pairs, for the search of an offset
+
+
+def match_instants(
+    first: FloatArray, second: FloatArray, *, window_s: float
+) -> tuple[IntArray, IntArray]:
+    """Match two lists of instants: as many pairs as there can be, then the nearest ones.
+
+    Parameters
+    ----------
+    first : (A,) array
+        Instants, s, in any order.
+    second : (B,) array
+        Instants, s, in any order.
+    window_s : float
+        Largest difference within a pair, s.
+
+    Returns
+    -------
+    in_first, in_second : (P,) int arrays
+        Indices of the pairs in order of time; each entry of either list is in one pair at most.
+    """
+    pairs: list[tuple[int, int]] = []
+    for rows, columns in _clusters(first, second, window_s):
+        pairs += _assigned(first, second, rows, columns, window_s)
+    pairs.sort(key=lambda pair: float(first[pair[0]]))
+    table = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    return table[:, 0], table[:, 1]
+
+
+def _clusters(
+    first: FloatArray, second: FloatArray, window_s: float
+) -> list[tuple[IntArray, IntArray]]:
+    """Split into groups further apart than the window, where both lists have an instant."""
+    together = np.concatenate([first, second])
+    order = np.argsort(together, kind="stable")
+    ends = np.flatnonzero(np.diff(together[order]) > window_s) + 1
+    groups = [(group[group < len(first)], group[group >= len(first)] - len(first))
+              for group in np.split(order, ends)]  # fmt: skip
+    return [(rows, columns) for rows, columns in groups if len(rows) and len(columns)]
+
+
+def _assigned(
+    first: FloatArray, second: FloatArray, rows: IntArray, columns: IntArray, window_s: float
+) -> list[tuple[int, int]]:
+    from scipy.optimize import linear_sum_assignment
+
+    apart = np.abs(first[rows][:, None] - second[columns])
+    price = 1.0 + len(apart) + len(columns)  # one pair more is worth any sum of differences
+    cost = np.where(apart <= window_s, apart / window_s, price)
+    chosen = zip(*linear_sum_assignment(cost), strict=True)
+    return [(int(rows[i]), int(columns[j])) for i, j in chosen if apart[i, j] <= window_s]
+
+
+def likely_offset(first: FloatArray, second: FloatArray, *, window_s: float) -> float | None:
+    """Shift of `second` that brings most instants together, s; None if none stands out.
+
+    Two clocks that were not started together differ by a constant: the differences of all pairs
+    then pile up at it.
+
+    Parameters
+    ----------
+    first, second : (A,), (B,) arrays
+        Instants, s.
+    window_s : float
+        Width within which differences count as the same, s.
+    """
+    if not 0 < len(first) * len(second) <= LARGEST_TABLE:
+        return None
+    apart = np.sort((first[:, None] - second).ravel())
+    inside = np.searchsorted(apart, apart + window_s, side="right") - np.arange(len(apart))
+    best = int(np.argmax(inside))
+    if inside[best] < max(3, 0.5 * min(len(first), len(second))):
+        return None
+    return float(np.median(apart[best : best + inside[best]]))
+
+
+MATCHED, MISSED, INVENTED = "matched", "missed", "invented"
+OTHER_FOOT, NOT_COMPARED = "other foot", "not compared"
+LATE_S = 0.1  # a foot may land so long after the post section and belong to the same touchdown
+NO_DESCENT = "no descent through the pre section"
+COLUMNS = (
+    "recording",
+    "source",
+    "column",
+    "feet",
+    "status",
+    "external_s",
+    "found_s",
+    "se_s",
+    "difference_s",
+    "first_foot",
+    "index",
+    "excluded",
+    "reason",
+)
+
+
+def compare_contacts(
+    recording: Recording, touchdowns: pd.DataFrame, external: ContactTimes, *, window_s: float
+) -> pd.DataFrame:
+    """Compare the first contacts of a column's feet with the instants that are known from outside.
+
+    Parameters
+    ----------
+    recording : Recording
+        Levelled: feet rest at height 0.
+    touchdowns : pandas.DataFrame
+        Its touchdowns, as `touchdown_table` makes them.
+    external : ContactTimes
+        Instants of one column.
+    window_s : float
+        Contacts further apart than this are not the same, s.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a contact, `COLUMNS`, by time. `status` is ``matched``; ``missed`` (known outside,
+        not found); ``invented`` (found and used, not known outside); ``other foot`` (known outside,
+        by a foot that is not followed); or ``not compared``, with the reason. `difference_s` is
+        found less external: positive where hopdata is late. `excluded` tells whether the touchdown
+        with this index is left out of the study, and `reason` why.
+
+    Raises
+    ------
+    AnalysisError
+        If times do not overlap, or no contact of the one is near any of the other.
+    """
+    import pandas as pd
+
+    _check_overlap(recording, external)
+    found = _found(touchdowns, external.column.feet)
+    inside = _within(external.instant, recording.time[0], recording.time[-1], -window_s)
+    others = inside & _by_others(recording, external)
+    judged = np.flatnonzero(inside & ~others)
+    known = _within(found["found_s"].to_numpy(), *external.span_s, window_s)
+    shown = np.flatnonzero(known)
+    at, of = match_instants(
+        external.instant[judged], found["found_s"].to_numpy()[shown], window_s=window_s
+    )
+    if not len(at) and len(judged) and len(found):
+        raise _nothing_near(
+            recording, external, external.instant[judged], found["found_s"], window_s
+        )
+    partner = np.full(len(external.instant), -1)
+    partner[judged[at]] = shown[of]
+    rows = _external_rows(external, partner, inside, others, found, touchdowns)
+    rows += _unmatched_rows(found, np.setdiff1d(np.arange(len(found)), shown[of]), known)
+    table = pd.DataFrame(rows, columns=list(COLUMNS[4:]))
+    table["index"] = table["index"].astype("Int64")
+    table["difference_s"] = table["found_s"] - table["external_s"]
+    by_time = table["external_s"].fillna(table["found_s"]).sort_values(kind="stable").index
+    table = table.loc[by_time].reset_index(drop=True)
+    return table.assign(
+        recording=recording.name,
+        source=external.source,
+        column=external.column.name,
+        feet=" ".join(external.column.feet),
+    )[list(COLUMNS)]
+
+
+def _found(touchdowns: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
+    """First contact of these feet in each touchdown that has one: with its foot and index."""
+    import pandas as pd
+
+    instants = touchdowns[[f"contact_{foot}_s" for foot in feet]].to_numpy(dtype=np.float64)
+    errors = touchdowns[[f"se_{foot}_s" for foot in feet]].to_numpy(dtype=np.float64)
+    rows = np.flatnonzero(~np.isnan(instants).all(axis=1))
+    first = np.nanargmin(instants[rows], axis=1) if len(rows) else np.empty(0, dtype=np.int64)
+    return pd.DataFrame(
+        {
+            "found_s": instants[rows, first],
+            "se_s": errors[rows, first],
+            "first_foot": [feet[i] for i in first],
+            "index": touchdowns["index"].to_numpy()[rows],
+            "excluded": touchdowns["excluded"].to_numpy(dtype=bool)[rows],
+            "reason": touchdowns["reason"].astype(object).fillna("").to_numpy()[rows],
+        }
+    )
+
+
+def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
+    """Whether all feet of the column are in the air at each external instant, (K,)."""
+    if external.other_feet_above_m is None:
+        return np.zeros(len(external.instant), dtype=bool)
+    names = recording.names("foot")
+    lowest = np.full(len(external.instant), np.inf)
+    for foot in external.column.feet:
+        height = recording.feet[:, names.index(foot), 2]
+        seen = ~np.isnan(height)
+        at = np.interp(external.instant, recording.time[seen], height[seen])
+        lowest = np.minimum(lowest, at)
+    return lowest > external.other_feet_above_m
+
+
+def _external_rows(
+    external: ContactTimes,
+    partner: NDArray[np.int64],
+    inside: BoolArray,
+    others: BoolArray,
+    found: pd.DataFrame,
+    touchdowns: pd.DataFrame,
+) -> list[dict[str, Any]]:
+    rows = []
+    for k, instant in enumerate(external.instant):
+        row: dict[str, Any] = {"external_s": instant, "excluded": False}
+        if not inside[k]:
+            row |= {"status": NOT_COMPARED, "reason": "outside the recording"}
+        elif others[k]:
+            row |= {"status": OTHER_FOOT, "reason": "all feet of this column are in the air"}
+        elif partner[k] >= 0:
+            row |= {"status": MATCHED, **found.iloc[partner[k]].to_dict()}
+        else:
+            row |= {"status": MISSED, **_descent_at(touchdowns, float(instant))}
+        rows.append(row)
+    return rows
+
+
+def _unmatched_rows(
+    found: pd.DataFrame, unmatched: NDArray[np.int64], known: BoolArray
+) -> list[dict[str, Any]]:
+    """Contacts found that no external one stands beside."""
+    rows = []
+    for i in unmatched:
+        row = found.iloc[i].to_dict()
+        if not known[i]:
+            row |= {"status": NOT_COMPARED, "reason": "outside the external data"}
+        else:
+            row["status"] = NOT_COMPARED if row["excluded"] else INVENTED
+        rows.append(row)
+    return rows
+
+
+def _descent_at(touchdowns: pd.DataFrame, instant: float) -> dict[str, Any]:
+    """Touchdown during which an instant lies, and why it has no contact there."""
+    before = np.flatnonzero(touchdowns["t_pre_s"].to_numpy() <= instant)
+    if len(before):
+        row = touchdowns.iloc[before[-1]]
+        if not instant > row["t_post_s"] + LATE_S:  # nor if the post section was never reached
+            return {"index": row["index"], "excluded": bool(row["excluded"]),
+                    "reason": row["reason"] or "found at another time"}  # fmt: skip
+    return {"reason": NO_DESCENT}
+
+
+def _within(instants: FloatArray, first: float, last: float, margin: float) -> BoolArray:
+    inside: BoolArray = (instants >= first - margin) & (instants <= last + margin)
+    return inside
+
+
+def _check_overlap(recording: Recording, external: ContactTimes) -> None:
+    start, end = float(recording.time[0]), float(recording.time[-1])
+    first, last = external.span_s
+    if last < start or first > end:
+        raise AnalysisError(
+            f"{recording.name}: {external.source}, column '{external.column.name}': expected times "
+            f"within the recording ({start:.3f} to {end:.3f} s), found {first:.3f} to {last:.3f} s;"
+            f" check {external.source}.offset_s and the unit"
+        )
+
+
+def _nothing_near(
+    recording: Recording,
+    external: ContactTimes,
+    instants: FloatArray,
+    found: pd.Series,
+    window_s: float,
+) -> AnalysisError:
+    shift = likely_offset(found.to_numpy(), instants, window_s=window_s)
+    hint = "" if shift is None else (
+        f"; they would fit if {external.source}.offset_s were larger by {shift:.3f}"
+    )  # fmt: skip
+    return AnalysisError(
+        f"{recording.name}: {external.source}, column '{external.column.name}': expected contacts "
+        f"within {window_s:g} s of those found, found none among {len(instants)} and "
+        f"{len(found)}{hint}"
+    )
+
+
+# How well found contacts agree with external ones: counts, bias, scatter, for each column.
+
+CONFIDENCE = 0.95
+MAD_TO_SD = 1.482602218505602  # of a normal
+ALL = "all"
+
+
+def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
+    """Count and measure the agreement of each column of each recording, and of all together.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        As `compare_contacts` makes it, of one or more recordings and columns.
+
+    Returns
+    -------
+    pandas.DataFrame
+        recording (``all`` where several share a column), source, column, feet, first_feet (which of
+        the feet touched first, and how often), n_external (contacts of these feet), n_matched,
+        n_excluded (of them in excluded touchdowns), n_missed, n_invented, n_other_foot,
+        n_not_compared; bias_s (median of the differences of matched contacts), bias_low_s and
+        bias_high_s (95 % interval by order statistics), robust_sd_s (from the median absolute
+        deviation), sd_s, largest_s (largest distance from the bias), scatter_over_se (robust sd of
+        the distances from the bias in their standard errors: 1 if those are right).
+    """
+    import pandas as pd
+
+    keys = ["source", "column", "feet"]
+    rows = [
+        {"recording": recording, **dict(zip(keys, key, strict=True)), **_measures(group)}
+        for (recording, *key), group in table.groupby(["recording", *keys], sort=False)
+    ]
+    rows += [
+        {"recording": ALL, **dict(zip(keys, key, strict=True)), **_measures(group)}
+        for key, group in table.groupby(keys, sort=False)
+        if len(group["recording"].unique()) > 1
+    ]
+    return pd.DataFrame(rows)
+
+
+def median_interval(values: FloatArray, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Interval for the median that needs no model: two order statistics.
+
+    Parameters
+    ----------
+    values : (n,) array
+        Independent draws.
+    confidence : float
+        Least probability that the interval covers the median.
+
+    Returns
+    -------
+    low, high : float
+        NaN where n is too small for this confidence.
+    """
+    from scipy.stats import binom
+
+    n = len(values)
+    below = int(binom.ppf((1 - confidence) / 2, n, 0.5)) if n else 0
+    if below < 1:
+        return float("nan"), float("nan")
+    ordered = np.sort(values)
+    return float(ordered[below - 1]), float(ordered[n - below])
+
+
+def robust_sd(values: FloatArray) -> float:
+    """Estimate the sd from the median absolute deviation; NaN for fewer than two values."""
+    if len(values) < 2:
+        return float("nan")
+    return float(MAD_TO_SD * np.median(np.abs(values - np.median(values))))
+
+
+def _measures(group: pd.DataFrame) -> dict[str, Any]:
+    status = group["status"]
+    matched = group[status == MATCHED]
+    difference = matched["difference_s"].to_numpy(dtype=np.float64)
+    n = len(difference)
+    bias = float(np.median(difference)) if n else float("nan")
+    low, high = median_interval(difference)
+    first = matched["first_foot"].value_counts()
+    error = matched["se_s"].to_numpy(dtype=np.float64)
+    return {
+        "first_feet": ", ".join(f"{foot} {count}" for foot, count in sorted(first.items())),
+        "n_external": int(status.isin([MATCHED, MISSED]).sum()),
+        "n_matched": n,
+        "n_excluded": int(matched["excluded"].astype(bool).sum()),
+        "n_missed": int((status == MISSED).sum()),
+        "n_invented": int((status == INVENTED).sum()),
+        "n_other_foot": int((status == OTHER_FOOT).sum()),
+        "n_not_compared": int((status == NOT_COMPARED).sum()),
+        "bias_s": bias,
+        "bias_low_s": low,
+        "bias_high_s": high,
+        "robust_sd_s": robust_sd(difference),
+        "sd_s": float(np.std(difference, ddof=1)) if n > 1 else float("nan"),
+        "largest_s": float(np.abs(difference - bias).max()) if n else float("nan"),
+        "scatter_over_se": robust_sd((difference - bias) / error),
+    }

@@ -1,0 +1,252 @@
+"""Which frames have all feet up or down, and which belong to a landing.
+
+A foot at rest trembles by the noise of the cameras, so that a bare threshold at three sigmas
+says "up" in some frames of every stance; they would outweigh the tails that the sections are
+made from. The states here have hysteresis: a height counts as clear of the ground in a run of
+frames above the threshold that also reaches three times as high.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hopdata.arrays import BoolArray, FloatArray
+from hopdata.landings.sections.modes import GroundMode, ground_mode
+from hopdata.recording import Recording
+
+_CLEAR = 3.0  # heights above ground, in thresholds, that make a run of frames an up
+_SWING = 0.3  # least swing of a descent, as a share of the body's range from 2 % to 98 %
+
+
+@dataclass(frozen=True)
+class Heights:
+    """Heights of one recording, NaN in all three where a foot or the body is not seen.
+
+    Parameters
+    ----------
+    min_foot, max_foot, body : (N,) array
+        Lowest foot, highest foot and mean body marker, m.
+    """
+
+    min_foot: FloatArray
+    max_foot: FloatArray
+    body: FloatArray
+
+    @property
+    def seen(self) -> BoolArray:
+        """Frames in which everything is seen, (N,)."""
+        return np.isfinite(self.body)
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frames pooled over recordings, all seen.
+
+    Parameters
+    ----------
+    body : (F,) array
+        Mean height of the body markers, m.
+    all_up, all_down : (F,) bool array
+        Whether all feet are up, and whether all are down.
+    """
+
+    body: FloatArray
+    all_up: BoolArray
+    all_down: BoolArray
+
+
+def heights_of(recording: Recording) -> Heights:
+    """Lowest foot, highest foot and body height in each frame of a (levelled) recording."""
+    feet = recording.feet[:, :, 2]
+    lowest, highest, body = feet.min(axis=1), feet.max(axis=1), recording.body_height
+    unseen = ~np.isfinite(lowest + body)
+    return Heights(*(np.where(unseen, np.nan, h) for h in (lowest, highest, body)))
+
+
+def pool_frames(
+    heights: Sequence[Heights],
+    *,
+    min_foot_m: float,
+    max_foot_m: float,
+    ground_m: float,
+    landings_only: bool = False,
+) -> Frames:
+    """Decide each frame's state and pool the recordings.
+
+    Parameters
+    ----------
+    heights : sequence of Heights
+        One for each recording.
+    min_foot_m, max_foot_m : float
+        Thresholds: the lowest (highest) foot is up above this height, m.
+    ground_m : float
+        Height of the ground, m, from which the hysteresis is counted.
+    landings_only : bool
+        Keep only the descents of the body in which the feet go from all up to all down. From
+        the first frame with all down to the nadir they are taken to stay down: a heel that
+        rises early is not part of the landing.
+    """
+    parts = []
+    for h in heights:
+        all_up = clear_of_ground(h.min_foot, threshold_m=min_foot_m, ground_m=ground_m)
+        some_up = clear_of_ground(h.max_foot, threshold_m=max_foot_m, ground_m=ground_m)
+        all_down = h.seen & ~some_up
+        keep = h.seen
+        if landings_only:
+            keep, landed = landing_frames(h.body, all_up, all_down)
+            all_up, all_down = all_up & ~landed, all_down | landed
+        parts.append((h.body[keep], all_up[keep], all_down[keep]))
+    body, up, down = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Frames(body, up, down)
+
+
+def clear_of_ground(height: FloatArray, *, threshold_m: float, ground_m: float) -> BoolArray:
+    """Mark runs of frames above the threshold that rise to three times as high, (N,).
+
+    A frame that is not seen (NaN) is not marked, and does not end a run.
+    """
+    clear = np.zeros(len(height), dtype=bool)
+    seen = np.flatnonzero(np.isfinite(height))
+    if len(seen) == 0:
+        return clear
+    above = height[seen] > threshold_m
+    high = above & (height[seen] > ground_m + _CLEAR * (threshold_m - ground_m))
+    run = np.cumsum(above & ~np.concatenate([[False], above[:-1]]))
+    rises = np.zeros(run[-1] + 1, dtype=bool)
+    rises[run[high]] = True
+    clear[seen] = above & rises[run]
+    return clear
+
+
+def landing_frames(
+    body: FloatArray, all_up: BoolArray, all_down: BoolArray
+) -> tuple[BoolArray, BoolArray]:
+    """Find the descents, from apex to nadir, that go from all feet up to all feet down.
+
+    Parameters
+    ----------
+    body : (N,) array
+        Body height, m; NaN where not seen.
+    all_up, all_down : (N,) bool array
+        Whether all feet are up, and whether all are down.
+
+    Returns
+    -------
+    in_descent, landed : (N,) bool array
+        Seen frames of these descents, and those from the first with all feet down on.
+    """
+    in_descent, landed = np.zeros(len(body), dtype=bool), np.zeros(len(body), dtype=bool)
+    for apex, nadir in descents(body):
+        frames = apex + np.flatnonzero(np.isfinite(body[apex : nadir + 1]))
+        down = np.flatnonzero(all_down[frames])
+        if all_up[apex] and len(down):
+            in_descent[frames] = True
+            landed[frames[down[0] :]] = True
+    return in_descent, landed
+
+
+def descents(body: FloatArray) -> list[tuple[int, int]]:
+    """Descents of the body as (frame of the apex, frame of the nadir after it).
+
+    A turning point counts if the body moves away from it by 30 % of its usual range, so that
+    neither noise nor a shudder makes one.
+    """
+    seen = np.flatnonzero(np.isfinite(body))
+    if len(seen) == 0:
+        return []
+    low, high = np.quantile(body[seen], [0.02, 0.98])
+    swing = _SWING * float(high - low)
+    if swing <= 0:
+        return []
+    found: list[tuple[int, int]] = []
+    apex: int | None = None
+    turn, falling = int(seen[0]), False  # the highest (lowest) frame since the last turn
+    for frame, height in zip(seen.tolist(), body[seen].tolist(), strict=True):
+        beyond = height < body[turn] if falling else height > body[turn]
+        if beyond:
+            turn = frame
+        elif abs(height - body[turn]) > swing:
+            if falling and apex is not None:
+                found.append((apex, turn))
+            apex = None if falling else turn
+            turn, falling = frame, not falling
+    return found
+
+
+# Thresholds of foot height: the upper knees of the ground modes.
+
+LEAST_KNEE_M = 3e-4  # above the mode: no floor is known better, even without noise
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Heights that tell a foot on the ground from one in the air.
+
+    Parameters
+    ----------
+    ground_m : float
+        Ground mode of the heights of all feet together, m.
+    min_foot_mode, max_foot_mode : GroundMode
+        Ground mode of the lowest and of the highest foot. With noise they lie below and above
+        the ground.
+    min_foot_m : float
+        Height of the lowest foot above which all feet are up, m.
+    max_foot_m : float
+        Height of the highest foot above which some foot is up, m.
+    min_foot_excess_m, max_foot_excess_m : float
+        How far above the ground a foot may be and still count as down, m; zero for a threshold
+        that was given, which is taken at its word.
+    """
+
+    ground_m: float
+    min_foot_mode: GroundMode
+    max_foot_mode: GroundMode
+    min_foot_m: float
+    max_foot_m: float
+    min_foot_excess_m: float
+    max_foot_excess_m: float
+
+
+def select_thresholds(
+    recordings: Sequence[Recording],
+    heights: Sequence[Heights],
+    *,
+    sigmas: float,
+    bandwidth_m: float | None,
+    min_foot_m: float | None,
+    max_foot_m: float | None,
+) -> Thresholds:
+    """Take the upper knees of the two ground modes, or the thresholds given.
+
+    Parameters
+    ----------
+    recordings, heights : sequence
+        Recordings above the floor, and the heights in them.
+    sigmas : float
+        Deviations of the left flank from a mode to its knee.
+    bandwidth_m : float or None
+        Bandwidth for the place of the modes, m; None for one from the data.
+    min_foot_m, max_foot_m : float or None
+        Thresholds to use instead, m.
+    """
+    lowest = np.concatenate([h.min_foot for h in heights])
+    highest = np.concatenate([h.max_foot for h in heights])
+    every = np.concatenate([r.feet[:, :, 2].ravel() for r in recordings])
+    min_mode = ground_mode(lowest, bandwidth_m=bandwidth_m)
+    max_mode = ground_mode(highest, bandwidth_m=bandwidth_m)
+    ground_m = ground_mode(every, bandwidth_m=bandwidth_m).height_m
+    min_knee, max_knee = (
+        max(mode.knee(sigmas), mode.height_m + LEAST_KNEE_M) for mode in (min_mode, max_mode)
+    )
+    return Thresholds(
+        ground_m=ground_m,
+        min_foot_mode=min_mode,
+        max_foot_mode=max_mode,
+        min_foot_m=min_knee if min_foot_m is None else min_foot_m,
+        max_foot_m=max_knee if max_foot_m is None else max_foot_m,
+        min_foot_excess_m=max(min_knee - ground_m, 0.0) if min_foot_m is None else 0.0,
+        max_foot_excess_m=max(max_knee - ground_m, 0.0) if max_foot_m is None else 0.0,
+    )

@@ -1,0 +1,367 @@
+"""Poincare sections: body heights above which all feet are up and below which all are down."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.arrays import BoolArray, FloatArray
+from hopdata.errors import AnalysisError
+from hopdata.landings.sections.frames import (
+    Frames,
+    Heights,
+    Thresholds,
+    heights_of,
+    pool_frames,
+    select_thresholds,
+)
+from hopdata.landings.sections.modes import GroundMode, finite, kde, normal_bandwidth
+from hopdata.recording import Recording
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_LEAST_FRAMES = 5  # with all feet up, and with all down: fewer are not hopping
+
+
+@dataclass(frozen=True)
+class Sections:
+    """Thresholds of foot height, and the two sections.
+
+    Parameters
+    ----------
+    pre_height_m, post_height_m : float
+        Mean height of the body markers at the pre- and post-touchdown section, m.
+    min_foot_threshold_m, max_foot_threshold_m : float
+        Height of the lowest (highest) foot above which all feet (some feet) are up, m.
+    ground_m : float
+        Ground mode of the heights of all feet together, m.
+    min_foot_mode, max_foot_mode : GroundMode
+        Ground mode of the lowest and of the highest foot.
+    threshold_sigmas : float
+        Deviations from a mode to its upper knee.
+    tail_fraction : float
+        Share of frames that may be on the wrong side of a section.
+    frames : {"all", "landings"}
+        Frames that the sections are made from.
+    decided : dict
+        ``"data"`` or ``"config"`` for each of the four heights above.
+    n_frames : int
+        Frames in which all feet and the body are seen.
+    n_used : int
+        Those among them that the sections are made from.
+    """
+
+    pre_height_m: float
+    post_height_m: float
+    min_foot_threshold_m: float
+    max_foot_threshold_m: float
+    ground_m: float
+    min_foot_mode: GroundMode
+    max_foot_mode: GroundMode
+    threshold_sigmas: float
+    tail_fraction: float
+    frames: str
+    decided: dict[str, str]
+    n_frames: int
+    n_used: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as plain numbers, strings and dictionaries, for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, fields: Mapping[str, Any]) -> Sections:
+        """Make the sections from what `to_dict` gave."""
+        modes = {k: GroundMode(**fields[k]) for k in ("min_foot_mode", "max_foot_mode")}
+        return cls(**{**fields, **modes})
+
+
+def select_sections(
+    recordings: Sequence[Recording],
+    *,
+    frames: str = "all",
+    tail_fraction: float = 0.0003,
+    threshold_sigmas: float = 3.0,
+    bandwidth_m: float | None = None,
+    min_foot_threshold_m: float | None = None,
+    max_foot_threshold_m: float | None = None,
+    pre_height_m: float | None = None,
+    post_height_m: float | None = None,
+) -> Sections:
+    """Select the pre- and post-touchdown section from all recordings of a study.
+
+    The thresholds are the upper knees of the ground modes of the lowest and the highest foot.
+    The pre section is the height that the body hardly ever exceeds while some foot is down,
+    the post section the height that it hardly ever falls below while some foot is up.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Above the floor (see `hopdata.landings.floor.level`), each with feet and body.
+    frames : {"all", "landings"}
+        Use all frames, or only descents of the body, from apex to nadir, in which the feet go
+        from all up to all down: for animals that also stand on feet which are not followed.
+    tail_fraction : float
+        "Hardly ever" as a share of the frames in question, 0 to 0.1.
+    threshold_sigmas : float
+        Deviations of the left flank from a mode to its knee, > 0.
+    bandwidth_m : float, optional
+        Bandwidth for the place of the modes, m; by default from the data.
+    min_foot_threshold_m, max_foot_threshold_m, pre_height_m, post_height_m : float, optional
+        Values to use instead of those from the data, m.
+
+    Raises
+    ------
+    AnalysisError
+        The feet never leave the ground together or never stand on it together, no descent is
+        a landing, or the pre section is not above the post section.
+    ValueError
+        An option is out of its range.
+
+    Notes
+    -----
+    Dissertation Sec. 2.2.2, with its two conditions the right way round: above the pre section
+    all feet are up, below the post section all are down. Each is a tail quantile of the frames
+    that would contradict it: those with some foot down, and those with some foot up. A touchdown
+    crosses few frames, so the share of touchdowns that lose a foot beyond a section is much
+    larger than the share of frames (one or two per cent at the default). A foot between the ground
+    and its threshold counts as down while the body still rides up to that much higher than at
+    contact; the section lies in between, and the middle is taken. With a threshold from the
+    configuration a foot below it *is* down, and nothing is taken off.
+    """
+    _check_options(recordings, frames, tail_fraction, threshold_sigmas)
+    heights = [heights_of(recording) for recording in recordings]
+    thresholds = select_thresholds(
+        recordings,
+        heights,
+        sigmas=threshold_sigmas,
+        bandwidth_m=bandwidth_m,
+        min_foot_m=min_foot_threshold_m,
+        max_foot_m=max_foot_threshold_m,
+    )
+    pooled = pool_frames(
+        heights,
+        min_foot_m=thresholds.min_foot_m,
+        max_foot_m=thresholds.max_foot_m,
+        ground_m=thresholds.ground_m,
+        landings_only=frames == "landings",
+    )
+    if pre_height_m is None or post_height_m is None:
+        _require_hopping(pooled, thresholds, frames)
+    pre = _pre_height(pooled, thresholds, tail_fraction) if pre_height_m is None else pre_height_m
+    post = (
+        _post_height(pooled, thresholds, tail_fraction) if post_height_m is None else post_height_m
+    )
+    _require_order(pre, post)
+    given = {
+        "min_foot_threshold_m": min_foot_threshold_m,
+        "max_foot_threshold_m": max_foot_threshold_m,
+        "pre_height_m": pre_height_m,
+        "post_height_m": post_height_m,
+    }
+    return Sections(
+        pre_height_m=pre,
+        post_height_m=post,
+        min_foot_threshold_m=thresholds.min_foot_m,
+        max_foot_threshold_m=thresholds.max_foot_m,
+        ground_m=thresholds.ground_m,
+        min_foot_mode=thresholds.min_foot_mode,
+        max_foot_mode=thresholds.max_foot_mode,
+        threshold_sigmas=threshold_sigmas,
+        tail_fraction=tail_fraction,
+        frames=frames,
+        decided={name: "data" if value is None else "config" for name, value in given.items()},
+        n_frames=sum(int(h.seen.sum()) for h in heights),
+        n_used=len(pooled.body),
+    )
+
+
+def _pre_height(frames: Frames, thresholds: Thresholds, tail_fraction: float) -> float:
+    """Height that the body hardly ever exceeds while some foot is down, m."""
+    some_down = frames.body[~frames.all_up]
+    return float(np.quantile(some_down, 1.0 - tail_fraction) - 0.5 * thresholds.min_foot_excess_m)
+
+
+def _post_height(frames: Frames, thresholds: Thresholds, tail_fraction: float) -> float:
+    """Height that the body hardly ever falls below while some foot is up, m."""
+    some_up = frames.body[~frames.all_down]
+    return float(np.quantile(some_up, tail_fraction) - 0.5 * thresholds.max_foot_excess_m)
+
+
+def _require_hopping(pooled: Frames, thresholds: Thresholds, frames: str) -> None:
+    """Raise an error unless the feet are all up in some frames and all down in others."""
+    n_up, n_down = int(pooled.all_up.sum()), int(pooled.all_down.sum())
+    if min(n_up, n_down) >= _LEAST_FRAMES:
+        _require_both("min_foot_threshold_m", thresholds.min_foot_m, "up", pooled.all_up)
+        _require_both("max_foot_threshold_m", thresholds.max_foot_m, "down", pooled.all_down)
+        return
+    if frames == "landings":
+        raise AnalysisError(
+            "sections: expected descents of the body in which the feet go from all up to all "
+            f"down, found none (all up: lowest foot above {thresholds.min_foot_m:.4f} m; all "
+            f"down: highest foot below {thresholds.max_foot_m:.4f} m); set "
+            "sections.min_foot_threshold_m and sections.max_foot_threshold_m"
+        )
+    where, name, value, n = (
+        ("leave", "min_foot_threshold_m", thresholds.min_foot_m, n_up)
+        if n_up < n_down
+        else ("stand on", "max_foot_threshold_m", thresholds.max_foot_m, n_down)
+    )
+    walks = "; a walk, in which some foot is always down, has no landing on several feet"
+    raise AnalysisError(
+        f"sections: the feet never {where} the ground together: expected at least "
+        f"{_LEAST_FRAMES} frames, found {n} of {len(pooled.body)} (threshold {value:.4f} m); "
+        f"check the foot markers and the floor, or set sections.{name}"
+        f"{walks if where == 'leave' else ''}"
+    )
+
+
+def _require_both(name: str, threshold_m: float, state: str, frames: BoolArray) -> None:
+    """Raise an error if the threshold puts all feet into one state in every frame."""
+    if frames.all():
+        raise AnalysisError(
+            f"sections.{name}: expected a height that divides the frames, found "
+            f"{threshold_m:.4f} m with all feet {state} in all {len(frames)} frames"
+        )
+
+
+def _require_order(pre_m: float, post_m: float) -> None:
+    """Raise an error unless the pre section is above the post section."""
+    if not pre_m > post_m:
+        raise AnalysisError(
+            f"sections: expected the pre section above the post section, found {pre_m:.4f} m "
+            f"and {post_m:.4f} m; set sections.pre_height_m and sections.post_height_m, or "
+            "sections.frames to landings if the body also stands on feet that are not followed"
+        )
+
+
+def _check_options(
+    recordings: Sequence[Recording], frames: str, tail_fraction: float, threshold_sigmas: float
+) -> None:
+    """Raise an error for an option that is out of its range."""
+    if not recordings:
+        raise ValueError("recordings: expected at least one, found none")
+    if frames not in ("all", "landings"):
+        raise ValueError(f"frames: expected 'all' or 'landings', found {frames!r}")
+    if not 0 <= tail_fraction <= 0.1:
+        raise ValueError(f"tail_fraction: expected 0 to 0.1, found {tail_fraction}")
+    if not threshold_sigmas > 0:
+        raise ValueError(f"threshold_sigmas: expected more than 0, found {threshold_sigmas}")
+
+
+# Tables behind the figure of the sections: densities of heights, and a sample of frames.
+
+_FOOT_BANDWIDTH = 0.5  # in deviations of the ground mode: widens it by 12 %
+_FINEST = 1e-5  # of the range of heights: the least bandwidth
+
+
+def section_densities(
+    recordings: Sequence[Recording], sections: Sections, *, nodes: int = 1024
+) -> pd.DataFrame:
+    """Densities of foot heights, and of body height given what the feet do.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Those that the sections were selected from, above the floor.
+    sections : Sections
+        Their thresholds divide the frames, and say which frames are used.
+    nodes : int
+        Nodes of each curve, >= 2.
+
+    Returns
+    -------
+    DataFrame
+        Columns curve, height_m and density_per_m, `nodes` rows a curve. Curves ``min_foot`` and
+        ``max_foot`` are of all frames; ``body_all``, ``body_given_all_up``,
+        ``body_given_all_down``, ``body_given_some_down`` and ``body_given_some_up`` of the
+        frames that the sections are made from. A condition that fewer than two frames meet, or
+        that leaves but one height, has no curve.
+    """
+    import pandas as pd
+
+    heights = [heights_of(recording) for recording in recordings]
+    curves = _foot_curves(heights, sections, nodes) | _body_curves(heights, sections, nodes)
+    tables = [
+        pd.DataFrame({"curve": name, "height_m": grid, "density_per_m": density})
+        for name, (grid, density) in curves.items()
+    ]
+    return pd.concat(tables, ignore_index=True)
+
+
+def section_frames(recordings: Sequence[Recording], max_rows: int = 20000) -> pd.DataFrame:
+    """Every k-th frame's lowest foot, highest foot and body height.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Above the floor.
+    max_rows : int
+        Rows at most; k is the smallest that keeps to it.
+
+    Returns
+    -------
+    DataFrame
+        Columns min_foot_m, max_foot_m and body_m, of frames in which all of them are seen.
+    """
+    import pandas as pd
+
+    heights = [heights_of(recording) for recording in recordings]
+    columns = {
+        f"{name}_m": np.concatenate([getattr(h, name)[h.seen] for h in heights])
+        for name in ("min_foot", "max_foot", "body")
+    }
+    stride = max(1, -(-len(columns["body_m"]) // max_rows))
+    return pd.DataFrame({name: values[::stride] for name, values in columns.items()})
+
+
+def _foot_curves(
+    heights: Sequence[Heights], sections: Sections, nodes: int
+) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Densities of the lowest and the highest foot, on one grid."""
+    lowest = finite(np.concatenate([h.min_foot for h in heights]))
+    highest = finite(np.concatenate([h.max_foot for h in heights]))
+    widths = [_FOOT_BANDWIDTH * m.sigma_m for m in (sections.min_foot_mode, sections.max_foot_mode)]
+    least = _FINEST * float(highest.max() - lowest.min())
+    widths = [max(width, least) for width in widths]  # heights without noise
+    margin = 4 * max(widths)
+    grid = np.linspace(lowest.min() - margin, highest.max() + margin, nodes)
+    return {
+        name: (grid, kde(values, bandwidth=width, grid=grid))
+        for name, values, width in zip(
+            ("min_foot", "max_foot"), (lowest, highest), widths, strict=True
+        )
+    }
+
+
+def _body_curves(
+    heights: Sequence[Heights], sections: Sections, nodes: int
+) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Densities of body height given the state of the feet, on one grid."""
+    frames = pool_frames(
+        heights,
+        min_foot_m=sections.min_foot_threshold_m,
+        max_foot_m=sections.max_foot_threshold_m,
+        ground_m=sections.ground_m,
+        landings_only=sections.frames == "landings",
+    )
+    groups = {
+        "body_all": frames.body,
+        "body_given_all_up": frames.body[frames.all_up],
+        "body_given_all_down": frames.body[frames.all_down],
+        "body_given_some_down": frames.body[~frames.all_up],
+        "body_given_some_up": frames.body[~frames.all_down],
+    }
+    groups = {name: body for name, body in groups.items() if len(body) > 1 and np.ptp(body) > 0}
+    if not groups:
+        return {}
+    widths = {name: normal_bandwidth(body) for name, body in groups.items()}
+    margin = 3 * max(widths.values())
+    grid = np.linspace(frames.body.min() - margin, frames.body.max() + margin, nodes)
+    return {
+        name: (grid, kde(body, bandwidth=widths[name], grid=grid)) for name, body in groups.items()
+    }

@@ -1,0 +1,317 @@
+"""The sections again, with other bandwidths and from parts of the data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.arrays import FloatArray
+from hopdata.errors import AnalysisError
+from hopdata.landings.sections.frames import heights_of, pool_frames
+from hopdata.landings.sections.select import Sections, select_sections
+from hopdata.recording import Recording
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# How far what should stay the same differs between recordings, or within a single one.
+
+#: Name -> unit of what is compared, one value a touchdown.
+QUANTITIES = {
+    "time between the sections": "s",
+    "contact spread": "s",
+    "height of the feet at the post section": "m",
+    "distance between body markers": "m",
+}
+PARTS_OF_ONE = 4
+MAD_TO_SD = 1.4826
+SE_OF_MEDIAN = 1.2533  # times sd / sqrt(n), for normal values
+LEAST = 5
+
+
+def drift_table(recordings: Sequence[Recording], touchdowns: pd.DataFrame) -> pd.DataFrame:
+    """Compare used touchdowns between recordings, or between quarters of a single one.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Levelled.
+    touchdowns : DataFrame
+        The study's table of touchdowns.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a quantity and part: ``quantity, unit, part, touchdowns, median, se`` (of the
+        median), ``typical`` (median of all), ``spread`` (robust standard deviation within parts)
+        and ``deviation`` of the part's median in spreads. Parts with fewer than five touchdowns
+        are left out, and there are no rows where fewer than two parts remain.
+    """
+    import pandas as pd
+
+    values = pd.concat([_values(one, touchdowns) for one in recordings], ignore_index=True)
+    if len(recordings) == 1:
+        values["part"] = _quarters(values["t_pre_s"].to_numpy(float))
+    rows = [row for name in QUANTITIES for row in _rows(values, name)]
+    columns = ["quantity", "unit", "part", "touchdowns", "median", "se", "typical", "spread"]
+    return pd.DataFrame(rows, columns=[*columns, "deviation"])
+
+
+def _values(recording: Recording, touchdowns: pd.DataFrame) -> pd.DataFrame:
+    """Return each quantity at each used touchdown of one recording."""
+    import pandas as pd
+
+    own = touchdowns["recording"].astype(str) == recording.name
+    used = touchdowns[own & ~touchdowns["excluded"].astype(bool)]
+    pre, post = used["t_pre_s"].to_numpy(float), used["t_post_s"].to_numpy(float)
+    columns = (
+        post - pre,
+        used["spread_s"].to_numpy(float),
+        recording.feet[_frames(recording, post), :, 2].mean(axis=1),
+        _mean_distance(recording.body[_frames(recording, pre)]),
+    )
+    table = pd.DataFrame(dict(zip(QUANTITIES, columns, strict=True)))
+    return table.assign(part=recording.name, t_pre_s=pre)
+
+
+def _frames(recording: Recording, times: FloatArray) -> NDArray[np.int64]:
+    """Return the frame after each time, (n,)."""
+    frames: NDArray[np.int64] = np.searchsorted(recording.time, times)
+    return frames.clip(max=max(len(recording.time) - 1, 0))
+
+
+def _mean_distance(body: FloatArray) -> FloatArray:
+    """Return the mean distance between the markers of (n, B, 3) bodies, (n,)."""
+    a, b = np.triu_indices(body.shape[1], 1)
+    mean: FloatArray = np.linalg.norm(body[:, a] - body[:, b], axis=2).mean(axis=1)
+    return mean
+
+
+def _quarters(times: FloatArray) -> list[str]:
+    place = np.argsort(np.argsort(times, kind="stable"), kind="stable")
+    quarter = 1 + place * PARTS_OF_ONE // max(len(times), 1)
+    return [f"part {k} of {PARTS_OF_ONE}" for k in quarter]
+
+
+def _rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:
+    known = values[np.isfinite(values[name].to_numpy(float))]
+    parts = {
+        str(part): group[name].to_numpy(float)
+        for part, group in known.groupby("part", sort=False)
+        if len(group) >= LEAST
+    }
+    if len(parts) < 2:  # nothing to compare
+        return []
+    within = np.concatenate([np.abs(v - np.median(v)) for v in parts.values()])
+    spread = MAD_TO_SD * float(np.median(within))
+    typical = float(np.median(np.concatenate(list(parts.values()))))
+    rows: list[tuple[object, ...]] = []
+    for part, v in parts.items():
+        median = float(np.median(v))
+        se = SE_OF_MEDIAN * spread / np.sqrt(len(v))
+        off = (median - typical) / spread if spread > 0 else 0.0
+        rows.append((name, QUANTITIES[name], part, len(v), median, se, typical, spread, off))
+    return rows
+
+
+BANDWIDTH_FACTORS = (0.35, 0.5, 0.71, 1.41, 2.0, 2.83)
+HALF_A_SECOND = 0.5
+COLUMNS = ("kind", "variant", "bandwidth_m", "pre_height_m", "post_height_m", "note")
+
+
+def section_stability(
+    recordings: Sequence[Recording], sections: Sections, options: Mapping[str, Any]
+) -> pd.DataFrame:
+    """Choose the sections again under six bandwidths, and from parts of the data.
+
+    These are each half, each recording, and all but the second that holds the frame farthest on the
+    wrong side of a section: a section rests on few frames, and one bad second can move it.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Levelled, as `hopdata.landings.sections.select_sections` takes them.
+    sections : Sections
+        Those chosen from all, the first row.
+    options : mapping
+        Options with which they were chosen.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``kind`` (``chosen, bandwidth, second, half, recording``), ``variant``, ``bandwidth_m`` of
+        the ground mode of the lowest foot, ``pre_height_m``, ``post_height_m``, and in ``note`` why
+        a variant has none. Heights that the configuration sets stay as they are.
+    """
+    import pandas as pd
+
+    rows = [_row("chosen", "all data", sections)]
+    for kind, variant, part, changed in _variants(recordings, sections):
+        try:
+            found = select_sections(part, **{**options, **changed})
+        except AnalysisError as error:
+            rows.append((kind, variant, float("nan"), float("nan"), float("nan"), str(error)))
+        else:
+            rows.append(_row(kind, variant, found))
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def _variants(
+    recordings: Sequence[Recording], sections: Sections
+) -> Iterator[tuple[str, str, Sequence[Recording], dict[str, float]]]:
+    bandwidth = sections.min_foot_mode.bandwidth_m
+    for factor in BANDWIDTH_FACTORS:
+        yield (
+            "bandwidth",
+            f"bandwidth × {factor:g}",
+            recordings,
+            {"bandwidth_m": factor * bandwidth},
+        )
+    for number, frame in dict.fromkeys(_farthest_frames(recordings, sections)):
+        yield ("second", *_without_second(recordings, number, frame), {})
+    for name, which in (("first half", 0), ("second half", 1)):
+        yield "half", name, [_half(recording, which) for recording in recordings], {}
+    if len(recordings) > 1:
+        for recording in recordings:
+            yield "recording", recording.name, [recording], {}
+
+
+def _farthest_frames(
+    recordings: Sequence[Recording], sections: Sections
+) -> Iterator[tuple[int, int]]:
+    """Find recording and frame of the highest body with some foot down, the lowest with one up."""
+    heights = [heights_of(recording) for recording in recordings]
+    states = [
+        pool_frames(
+            [h],
+            min_foot_m=sections.min_foot_threshold_m,
+            max_foot_m=sections.max_foot_threshold_m,
+            ground_m=sections.ground_m,
+            landings_only=sections.frames == "landings",
+        )
+        for h in heights
+    ]
+    for sign, right_side in ((1.0, "all_up"), (-1.0, "all_down")):
+        farthest = [
+            np.max(sign * frames.body[~getattr(frames, right_side)], initial=-np.inf)
+            for frames in states
+        ]
+        number = int(np.argmax(farthest))
+        if np.isfinite(farthest[number]):
+            there = sign * heights[number].body == farthest[number]
+            yield number, int(np.flatnonzero(there)[0])
+
+
+def _without_second(
+    recordings: Sequence[Recording], number: int, frame: int
+) -> tuple[str, list[Recording]]:
+    """Return the recordings with the second around a frame unseen, and what to call that."""
+    bad = recordings[number]
+    time = bad.time[frame]
+    unseen = np.abs(bad.time - time) <= HALF_A_SECOND
+    positions = np.where(unseen[:, None, None], np.nan, bad.positions)
+    parts = list(recordings)
+    parts[number] = replace(bad, positions=positions)
+    of_which = f" of {bad.name}" if len(recordings) > 1 else ""
+    return f"without {time:.1f} ± {HALF_A_SECOND:g} s{of_which}", parts
+
+
+def _half(recording: Recording, which: int) -> Recording:
+    middle = len(recording.time) // 2
+    part = slice(middle, None) if which else slice(middle)
+    return recording.part(part)
+
+
+def _row(kind: str, variant: str, found: Sections) -> tuple[str, str, float, float, float, str]:
+    bandwidth = found.min_foot_mode.bandwidth_m
+    return kind, variant, bandwidth, found.pre_height_m, found.post_height_m, ""
+
+
+# The landings that deserve a look: one of each reason for exclusion, then the least sure ones.
+
+MARGIN_S = 0.06
+#: Time shown after the pre section where the post section was never reached, s.
+OPEN_S = 0.12
+SAMPLE_COLUMNS = ("landing", "foot", "time_s", "height_m")
+
+
+def worst_landings(touchdowns: pd.DataFrame, number: int = 12) -> pd.DataFrame:
+    """Choose landings to look at.
+
+    Parameters
+    ----------
+    touchdowns : DataFrame
+        The study's table of touchdowns.
+    number : int
+        How many.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Rows of the table with ``landing`` (from 1) and ``why`` before them. The first half are
+        excluded ones, one of each reason, the most frequent reasons first and of each reason the
+        one in the middle of the study; the others are used ones, in turn that with the largest
+        standard error of a contact and that with the least probable order.
+    """
+    import pandas as pd
+
+    out = touchdowns["excluded"].astype(bool)
+    excluded, used = touchdowns[out], touchdowns[~out]
+    picked: dict[int, str] = {}
+    for reason, count in excluded["reason"].value_counts().head(number // 2).items():
+        same = excluded.index[excluded["reason"] == reason]
+        times = "once" if count == 1 else f"{count} times"
+        picked[int(same[len(same) // 2])] = f"excluded ({times}): {reason}"
+    errors = used[[c for c in used.columns if c.startswith("se_")]].max(axis=1)
+    by_error = errors.sort_values(ascending=False, kind="stable").index
+    by_order = used["probability"].sort_values(kind="stable").index
+    for largest, doubtful in zip(by_error, by_order, strict=True):
+        for row, why in ((largest, "least sure contact"), (doubtful, "most doubtful order")):
+            if len(picked) < number and int(row) not in picked:
+                picked[int(row)] = why
+    table = touchdowns.loc[list(picked)].reset_index(drop=True)
+    first = pd.DataFrame({"landing": np.arange(1, len(table) + 1), "why": list(picked.values())})
+    return pd.concat([first, table], axis=1)
+
+
+def landing_samples(recordings: Sequence[Recording], landings: pd.DataFrame) -> pd.DataFrame:
+    """Heights of the feet around each of these landings.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+        Levelled.
+    landings : DataFrame
+        As from `worst_landings`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``landing, foot, time_s`` (from the pre section), ``height_m``; a row for each frame, NaN
+        where a foot was not seen.
+    """
+    import pandas as pd
+
+    by_name = {recording.name: recording for recording in recordings}
+    parts = []
+    for row in landings.to_dict("records"):
+        recording = by_name[str(row["recording"])]
+        start, end = float(row["t_pre_s"]), float(row["t_post_s"])
+        end = end if np.isfinite(end) else start + OPEN_S
+        near = (recording.time >= start - MARGIN_S) & (recording.time <= end + MARGIN_S)
+        heights = recording.feet[near, :, 2]
+        parts.append(
+            pd.DataFrame(
+                {
+                    "landing": row["landing"],
+                    "foot": np.tile(recording.names("foot"), len(heights)),
+                    "time_s": np.repeat(recording.time[near] - start, heights.shape[1]),
+                    "height_m": heights.ravel(),
+                }
+            )
+        )
+    return pd.concat(parts) if parts else pd.DataFrame(columns=list(SAMPLE_COLUMNS))

@@ -1,0 +1,339 @@
+"""From touchdowns to pairs: the states at both sections are fitted, and brought home."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.arrays import FloatArray
+from hopdata.errors import AnalysisError, ConfigError, did_you_mean
+from hopdata.landings.schedules import AMBIGUOUS
+from hopdata.landings.states.coefficients import SectionStates
+from hopdata.landings.states.fits import section_states
+from hopdata.landings.states.pairs import Pairs
+from hopdata.recording import Recording
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# The home frame: it moves the plane so that where and which way a landing was does not matter.
+
+LEAST_RADIUS_M = 1e-6
+LONGEST_GAP_S = 0.04  # a body on a curved path leaves the straight line by a tenth of a millimetre
+LONGEST_GAP_FRAMES = 2.5  # one missing frame may be bridged at any rate
+
+
+@dataclass(frozen=True)
+class HomeFrames:
+    """Planar frames of L touchdowns.
+
+    Parameters
+    ----------
+    origin : (L, 2) array
+        Origins in the world, m.
+    direction : (L, 2) array
+        Unit vectors along the x axes.
+    """
+
+    origin: FloatArray
+    direction: FloatArray
+
+    def points(self, positions: FloatArray) -> FloatArray:
+        """Bring positions (L, B, 3) in the world to the home frame; heights are kept."""
+        moved = positions.copy()
+        moved[:, :, :2] -= self.origin[:, None, :]
+        return self.vectors(moved)
+
+    def vectors(self, vectors: FloatArray) -> FloatArray:
+        """Turn free vectors (L, B, 3), such as velocities, into the home frame."""
+        c, s = self.direction[:, :1], self.direction[:, 1:]
+        x, y = vectors[:, :, 0], vectors[:, :, 1]
+        return np.stack([c * x + s * y, c * y - s * x, vectors[:, :, 2]], axis=2)
+
+    def standard_errors(self, covariance: FloatArray) -> FloatArray:
+        """Return standard errors (L, B, 3) along the axes; covariances are (L, B, 3, 3)."""
+        c, s = self.direction[:, :1], self.direction[:, 1:]
+        xx, yy, zz = (covariance[:, :, k, k] for k in range(3))
+        xy = 2 * c * s * covariance[:, :, 0, 1]
+        along, across = c**2 * xx + xy + s**2 * yy, s**2 * xx - xy + c**2 * yy
+        return np.sqrt(np.stack([along, across, zz], axis=2))
+
+
+def home_frames(
+    time: FloatArray,
+    body: FloatArray,
+    t_pre: FloatArray,
+    t_post: FloatArray,
+    *,
+    marker: int,
+) -> HomeFrames:
+    """Find the home frame of each touchdown (Sec. 2.2.4 of the dissertation).
+
+    The origin is the mean body position during the touchdown, the x axis runs from it through the
+    mean position of one marker. Means are time averages of the markers' tracks between the two
+    instants, linear between frames, so that they do not depend on how the frames fall. Short
+    gaps are bridged by the straight line; a touchdown with a longer one has no frame (NaN).
+
+    Parameters
+    ----------
+    time : (N,) array
+        Time of each frame, s.
+    body : (N, B, 3) array
+        Body markers in the world, m; NaN where unseen.
+    t_pre, t_post : (L,) array
+        Beginning and end of each touchdown, s.
+    marker : int
+        Number of the body marker on the x axis.
+
+    Returns
+    -------
+    HomeFrames
+
+    Raises
+    ------
+    AnalysisError
+        If the marker lies at the origin in some touchdown.
+    """
+    means = track_means(time, body[:, :, :2], t_pre, t_post)
+    origin = means.mean(axis=1)
+    ray = means[:, marker] - origin
+    length = np.hypot(ray[:, 0], ray[:, 1])
+    if (length < LEAST_RADIUS_M).any():
+        when = float(t_pre[np.argmin(np.where(np.isnan(length), np.inf, length))])
+        raise AnalysisError(
+            f"home.marker: expected a body marker away from the mean body position, found it there "
+            f"in the touchdown at {when:.3f} s"
+        )
+    return HomeFrames(origin, ray / length[:, None])
+
+
+def track_means(
+    time: FloatArray, tracks: FloatArray, t_pre: FloatArray, t_post: FloatArray
+) -> FloatArray:
+    """Time averages of tracks (N, B, k) between instants (L,), (L, B, k).
+
+    Short gaps are bridged by a straight line; NaN where a gap is longer than `LONGEST_GAP_S` and
+    `LONGEST_GAP_FRAMES`.
+    """
+    seen = np.asarray(np.isfinite(tracks).all(axis=2))
+    means = np.full((len(t_pre), *tracks.shape[1:]), np.nan)
+    longest_gap = max(LONGEST_GAP_S, LONGEST_GAP_FRAMES * float(np.median(np.diff(time))))
+    for b in range(tracks.shape[1]):
+        t, values = time[seen[:, b]], tracks[seen[:, b], b]
+        if len(t) < 2:
+            continue
+        before = np.searchsorted(t, t_pre, side="right")
+        after = np.searchsorted(t, t_post)
+        for row, (i, j) in enumerate(zip(before, after, strict=True)):
+            piece = slice(max(i - 1, 0), j + 1)
+            if np.diff(t[piece]).max(initial=0.0) > longest_gap * (1 + 1e-9):
+                continue
+            means[row, b] = _mean_of_chords(t[piece], values[piece], t_pre[row], t_post[row])
+    return means
+
+
+def _mean_of_chords(t: FloatArray, values: FloatArray, begin: float, end: float) -> FloatArray:
+    """Average of the polygon through `values` (n, k) at `t` (n,) over [begin, end]."""
+    nodes = np.concatenate([[begin], t[(t > begin) & (t < end)], [end]])
+    middle = np.column_stack([np.interp(nodes, t, column) for column in values.T])
+    chords = 0.5 * (middle[1:] + middle[:-1]) * np.diff(nodes)[:, None]
+    return chords.sum(axis=0) / (end - begin)
+
+
+logger = logging.getLogger(__name__)
+
+LEAST_PAIRS = 3  # the units of a study need so many
+STATELESS = "too few frames of the body markers"
+
+
+def assemble_pairs(
+    recordings: Iterable[Recording],
+    table: pd.DataFrame,
+    *,
+    pre_height_m: float,
+    post_height_m: float,
+    home_marker: str | None = None,
+    method: str = "split_fit",
+    window_s: float | None = None,
+    gravity: str = "auto",
+    ambiguous: str = "keep",
+) -> Pairs:
+    """Collect the pairs of the touchdowns that are used.
+
+    Parameters
+    ----------
+    recordings : iterable of Recording
+        Levelled recordings with the same body markers.
+    table : pandas.DataFrame
+        Their touchdowns.
+    pre_height_m, post_height_m : float
+        The sections, m.
+    home_marker : str, optional
+        Body marker on the x axis of the home frame; the first one by default.
+    method, window_s, gravity
+        See `hopdata.landings.states.section_states`.
+    ambiguous : {"keep", "pool", "exclude"}
+        With ``pool``, touchdowns of the class ``ambiguous`` get no schedule: they serve where the
+        order of the contacts does not matter.
+
+    Returns
+    -------
+    Pairs
+        Raw, SI. A touchdown whose state cannot be fitted for want of frames is logged and left out
+        (see `exclude_stateless`).
+
+    Raises
+    ------
+    AnalysisError
+        If fewer than `LEAST_PAIRS` are left, or the recordings differ in their body markers.
+    ConfigError
+        If `home_marker` is no body marker.
+    """
+    recordings, parts = list(recordings), []
+    if ambiguous == "pool":
+        table = table.assign(schedule=table["schedule"].where(table["class"] != AMBIGUOUS, ""))
+    for recording in recordings:
+        marker = _marker_number(recording, home_marker)
+        used = table[(table["recording"] == recording.name) & ~table["excluded"].astype(bool)]
+        if len(used):
+            states = _states(
+                recording, used, (pre_height_m, post_height_m), method, window_s, gravity
+            )
+            parts.append(_pairs_of(recording, used, states, marker))
+    n_pairs = sum(len(part) for part in parts)
+    if n_pairs < LEAST_PAIRS:
+        rest = exclude_stateless(table, _joined(parts)) if parts else table
+        found = "; ".join(_why_few(r, rest[rest["recording"] == r.name]) for r in recordings)
+        raise AnalysisError(
+            f"pairs: expected at least {LEAST_PAIRS} usable touchdowns, found {n_pairs or 'none'} "
+            f"with the pre section at {pre_height_m:.4g} m and the post section at "
+            f"{post_height_m:.4g} m ({found}); set sections.pre_height_m and "
+            "sections.post_height_m, or sections.frames to landings"
+        )
+    return _joined(parts)
+
+
+def exclude_stateless(table: pd.DataFrame, pairs: Pairs) -> pd.DataFrame:
+    """Return the touchdown table with those excluded that have no pair."""
+    paired = set(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
+    rows = zip(table["recording"], table["index"], strict=True)
+    stateless = np.array([row not in paired for row in rows]) & ~table["excluded"].to_numpy(bool)
+    return table.assign(
+        excluded=table["excluded"].to_numpy(bool) | stateless,
+        reason=table["reason"].where(~stateless, STATELESS),
+    )
+
+
+def _why_few(recording: Recording, table: pd.DataFrame) -> str:
+    """Say why a recording gives few pairs: its descents, the commonest reason, or its heights."""
+    if len(table):
+        reasons = table.loc[table["excluded"].astype(bool), "reason"].value_counts()
+        found = f"{len(table)} descent" + ("s" if len(table) > 1 else "")
+        why = f", {reasons.index[0]} in {reasons.iloc[0]}" if len(reasons) else ""
+        return f"{recording.name}: {found}{why}"
+    heights = recording.body_height[np.isfinite(recording.body_height)]
+    if not len(heights):
+        return f"{recording.name}: no frame shows the whole body"
+    return (
+        f"{recording.name}: the body never sinks through the pre section, its heights are "
+        f"{heights.min():.4g} to {heights.max():.4g} m"
+    )
+
+
+def _marker_number(recording: Recording, home_marker: str | None) -> int:
+    names = recording.names("body")
+    if home_marker is None:
+        return 0
+    if home_marker not in names:
+        raise ConfigError(
+            f"home.marker: expected one of the body markers {', '.join(names)}, found "
+            f"{home_marker!r}{did_you_mean(home_marker, names)}"
+        )
+    return names.index(home_marker)
+
+
+def _states(
+    recording: Recording,
+    used: pd.DataFrame,
+    sections: tuple[float, float],
+    method: str,
+    window_s: float | None,
+    gravity: str,
+) -> tuple[SectionStates, SectionStates]:
+    """States of the used touchdowns at the pre and at the post section, in the world."""
+    contacts = used[[f"contact_{foot}_s" for foot in recording.names("foot")]].to_numpy()
+    ends = (
+        ("before", "t_pre_s", sections[0], contacts.min(axis=1)),
+        ("after", "t_post_s", sections[1], contacts.max(axis=1)),
+    )
+    pre, post = (
+        section_states(
+            recording.time,
+            recording.body,
+            used[column].to_numpy(),
+            height_m=height_m,
+            side=side,
+            contact=contact,
+            method=method,
+            window_s=window_s,
+            gravity=gravity,
+        )
+        for side, column, height_m, contact in ends
+    )
+    return pre, post
+
+
+def _pairs_of(
+    recording: Recording,
+    used: pd.DataFrame,
+    states: tuple[SectionStates, SectionStates],
+    marker: int,
+) -> Pairs:
+    """Bring states to the home frames of their touchdowns; leave out those not determined."""
+    t_pre, t_post = used["t_pre_s"].to_numpy(), used["t_post_s"].to_numpy()
+    home = home_frames(recording.time, recording.body, t_pre, t_post, marker=marker)
+    x, y = (_rows(home.points(s.position), home.vectors(s.velocity)) for s in states)
+    x_se, y_se = (
+        _rows(*(home.standard_errors(c) for c in (s.position_covariance, s.velocity_covariance)))
+        for s in states
+    )
+    whole = np.isfinite(x).all(axis=1) & np.isfinite(y).all(axis=1)
+    if not whole.all():
+        lost = ", ".join(str(i) for i in used["index"].to_numpy()[~whole])
+        logger.warning("%s: too few frames for the states of touchdowns %s", recording.name, lost)
+    kept = used[whole]
+    return Pairs(
+        x[whole],
+        y[whole],
+        kept["schedule"].to_numpy(dtype=str),
+        kept["spread_s"].to_numpy(dtype=float),
+        kept["recording"].to_numpy(dtype=str),
+        kept["index"].to_numpy(dtype=np.int64),
+        recording.names("body"),
+        x_se=x_se[whole],
+        y_se=y_se[whole],
+    )
+
+
+def _rows(positions: FloatArray, velocities: FloatArray) -> FloatArray:
+    """Set positions and velocities (L, B, 3) side by side, (L, 6B)."""
+    return np.concatenate([positions, velocities], axis=1).reshape(len(positions), -1)
+
+
+def _joined(parts: Sequence[Pairs]) -> Pairs:
+    first = parts[0]
+    for part in parts:
+        if part.body_markers != first.body_markers:
+            raise AnalysisError(
+                f"pairs: expected the body markers {', '.join(first.body_markers)} in every "
+                f"recording, found {', '.join(part.body_markers)}"
+            )
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("x", "y", "schedule", "spread_s", "recording", "index", "x_se", "y_se")
+    }
+    return replace(first, **arrays)

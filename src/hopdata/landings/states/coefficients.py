@@ -1,0 +1,340 @@
+"""Coefficients of polynomials fitted to marker tracks, with their covariance.
+
+Two ways: each landing for itself, by least squares; or all landings together, in which place and
+velocity of every marker are free but the coefficients from the acceleration on are drawn from a
+population that is learned (random coefficients, Laird and Ware 1982). What the landings have in
+common is then known well, what they do not is fitted, and an order that nobody needs gets no
+variance: so the order of the polynomials is chosen by evidence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hopdata.arrays import BoolArray, FloatArray
+from hopdata.landings.states.tracks import Moments, turned
+
+FREE = 2  # place and velocity
+STEPS = 40  # of expectation and maximisation
+LEARN_FROM = 300  # landings, evenly taken from all
+LEAST_NOISE_M = 1e-9
+LEAST_SPREAD = 0.3  # to begin with, in standard errors of it
+HORIZONTAL, VERTICAL = slice(0, 2), slice(2, 3)
+
+
+@dataclass(frozen=True)
+class Coefficients:
+    """Coefficients of the powers of u.
+
+    Parameters
+    ----------
+    mean : (L, B, 3, K) array
+        Estimates, m; NaN where there are too few frames.
+    covariance : (L, B, 3, K, K) array
+        Of their errors, m^2.
+    noise_m : (B, 3) array
+        Standard deviation of the noise.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    noise_m: FloatArray
+
+    def where(self, known: BoolArray) -> Coefficients:
+        """Return the same with tracks (L, B) unknown that are not."""
+        mean = np.where(known[..., None, None], self.mean, np.nan)
+        covariance = np.where(known[..., None, None, None], self.covariance, np.nan)
+        return Coefficients(mean, covariance, self.noise_m)
+
+
+@dataclass(frozen=True)
+class Population:
+    """From where the coefficients of the polynomials from u^2 on are drawn, and the noise.
+
+    Parameters
+    ----------
+    mean : (B, 3, Q) array
+        For each marker and direction, m.
+    spread : (3, Q, Q) array
+        Covariance over landings for each direction, m^2.
+    variance : (B, 3) array
+        Of the noise, m^2.
+    """
+
+    mean: FloatArray
+    spread: FloatArray
+    variance: FloatArray
+
+
+def least_squares(sums: Moments) -> Coefficients:
+    """Fit each marker in each landing for itself, where it has more frames than coefficients."""
+    enough = sums.frames > sums.terms
+    gram = np.where(enough[..., None, None], sums.gram, np.eye(sums.terms))
+    inverse = np.asarray(np.linalg.inv(gram)[:, :, None], float)
+    mean = np.asarray(np.linalg.solve(gram[:, :, None], sums.product[..., None])[..., 0], float)
+    left = np.where(enough[..., None], sums.square - (mean * sums.product).sum(axis=3), 0.0)
+    freedom = np.where(enough, sums.frames - sums.terms, 0.0).sum(axis=0)[:, None]
+    variance = np.maximum(left.sum(axis=0) / np.maximum(freedom, 1.0), LEAST_NOISE_M**2)
+    return _in_powers(sums, enough, mean, variance[..., None, None] * inverse, variance)
+
+
+def drawn(sums: Moments, population: Population, *, least_frames: int) -> Coefficients:
+    """Fit landings whose accelerations are drawn from a population.
+
+    Parameters
+    ----------
+    sums : Moments
+    population : Population
+        See `learn`.
+    least_frames : int
+        With fewer frames than this there is no fit.
+    """
+    enough = sums.frames >= max(least_frames, FREE + 1)
+    gram = np.where(enough[..., None, None], sums.gram, np.eye(sums.terms))
+    mean, covariance = _posterior(replace(sums, gram=gram), population)
+    return _in_powers(sums, enough, mean, covariance, population.variance)
+
+
+def checked(fit: Coefficients, reference: Coefficients) -> Coefficients:
+    """Add to the covariance of place and velocity what the model's misfit adds to their errors.
+
+    An estimate that is best under its model differs from a less biased one by the difference of
+    their variances. What they differ by beyond that, on average over landings and markers, is the
+    square of a bias (the focus of Claeskens and Hjort 2003). It is added where it is larger than
+    twice its standard error.
+
+    Parameters
+    ----------
+    fit : Coefficients
+        From `drawn`.
+    reference : Coefficients
+        From `least_squares`, of the same frames, with more powers.
+    """
+    covariance = fit.covariance.copy()
+    for axes in (HORIZONTAL, VERTICAL):
+        for k in range(FREE):
+            own = covariance[:, :, axes, k, k]
+            gained = reference.covariance[:, :, axes, k, k] - own
+            beyond = (reference.mean[:, :, axes, k] - fit.mean[:, :, axes, k]) ** 2 - gained
+            beyond = beyond[np.isfinite(beyond)]
+            if len(beyond) and beyond.mean() > 2 * beyond.std() / np.sqrt(len(beyond)):
+                own += beyond.mean()
+    return replace(fit, covariance=covariance)
+
+
+def learn(sums: Moments) -> Population:
+    """Learn the population by maximum likelihood (expectation-maximisation).
+
+    Place and velocity have flat priors, so that the likelihood is the restricted one. Only
+    landings in which each marker has more frames than coefficients teach.
+    """
+    teaching = np.flatnonzero((sums.frames > sums.terms).all(axis=1))
+    spaced = np.unique(np.linspace(0, len(teaching) - 1, LEARN_FROM).round().astype(int))
+    sums = sums.some(teaching[spaced])
+    population = _first_guess(sums)
+    for _ in range(STEPS):
+        population = _improved(sums, population)
+    return population
+
+
+def _first_guess(sums: Moments) -> Population:
+    """Moments of the landings' own fits, less those of the noise."""
+    variance = least_squares(sums).noise_m ** 2
+    hat = np.linalg.solve(sums.gram[..., :FREE, :FREE], sums.gram[..., :FREE, FREE:])
+    across = np.swapaxes(sums.gram[..., :FREE, FREE:], 2, 3) @ hat
+    information = (sums.gram[..., FREE:, FREE:] - across)[:, :, None] / variance[..., None, None]
+    score = sums.product[..., FREE:] - np.einsum("lbfq,lbcf->lbcq", hat, sums.product[..., :FREE])
+    score = score / variance[..., None]
+    total = information.sum(axis=0)
+    mean = np.linalg.solve(total, score.sum(axis=0)[..., None])[..., 0]
+    rest = score - np.einsum("lbcjk,bck->lbcj", information, mean)
+    spread = np.empty((3, *total.shape[-2:]))
+    for axes in (HORIZONTAL, VERTICAL):
+        one = information[:, :, axes].mean(axis=(0, 1, 2))
+        seen = np.einsum("lbcj,lbck->jk", rest[:, :, axes], rest[:, :, axes])
+        floor = LEAST_SPREAD * float(np.sqrt(2 / rest[:, 0, axes, 0].size))
+        spread[axes] = _excess(seen / rest[:, :, axes, 0].size, one, floor)
+    return Population(mean, spread, variance)
+
+
+def _excess(seen: FloatArray, information: FloatArray, floor: float) -> FloatArray:
+    """Covariance of coefficients whose scores have the second moment `seen`.
+
+    No direction gets less than `floor` times its variance in a landing's own fit: from few landings
+    a spread can come out as zero that is not.
+    """
+    values, vectors = np.linalg.eigh(information)
+    root = vectors / np.sqrt(np.maximum(values, values[-1] * 1e-12))
+    ratio, turn = np.linalg.eigh(root.T @ seen @ root)
+    half = root @ turn * np.sqrt(np.maximum(ratio - 1.0, floor))
+    spread: FloatArray = half @ half.T
+    return spread
+
+
+def _posterior(sums: Moments, population: Population) -> tuple[FloatArray, FloatArray]:
+    """Means (L, B, 3, K) and covariances (L, B, 3, K, K) of the coefficients, given the frames."""
+    inverse = np.linalg.inv(population.spread)
+    precision = sums.gram[:, :, None] / population.variance[..., None, None]
+    precision[..., FREE:, FREE:] += inverse
+    pull = sums.product / population.variance[..., None]
+    pull[..., FREE:] += np.einsum("cjk,bck->bcj", inverse, population.mean)
+    covariance = np.asarray(np.linalg.inv(precision), float)
+    return (covariance @ pull[..., None])[..., 0], covariance
+
+
+def _improved(sums: Moments, population: Population) -> Population:
+    """One step of expectation and maximisation."""
+    fitted, covariance = _posterior(sums, population)
+    mean = fitted[..., FREE:].mean(axis=0)
+    away = fitted[..., FREE:] - mean
+    spread = np.empty_like(population.spread)
+    for axes in (HORIZONTAL, VERTICAL):
+        own = np.einsum("lbcj,lbck->jk", away[:, :, axes], away[:, :, axes])
+        own += covariance[:, :, axes, FREE:, FREE:].sum(axis=(0, 1, 2))
+        spread[axes] = own / away[:, :, axes, 0].size
+    gram = sums.gram[:, :, None]
+    squares = sums.square - 2 * (fitted * sums.product).sum(axis=3)
+    squares += (fitted * (gram @ fitted[..., None])[..., 0]).sum(axis=3)
+    squares += (gram * covariance).sum(axis=(3, 4))
+    variance = squares.sum(axis=0) / sums.frames.sum(axis=0)[:, None]
+    return Population(mean, spread, np.maximum(variance, LEAST_NOISE_M**2))
+
+
+def _in_powers(
+    sums: Moments,
+    enough: BoolArray,
+    mean: FloatArray,
+    covariance: FloatArray,
+    variance: FloatArray,
+) -> Coefficients:
+    powers = sums.powers
+    known = Coefficients(mean @ powers.T, powers @ covariance @ powers.T, np.sqrt(variance))
+    return known.where(enough)
+
+
+# Fitted tracks where the mean height of the markers passes a section, with standard errors.
+
+NEWTON_STEPS = 8
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class SectionStates:
+    """States of B body markers at L crossings of a section, in the world; NaN where not determined.
+
+    Parameters
+    ----------
+    time : (L,) array
+        Instants at which the mean height of the fitted markers equals the section's, s.
+    position, velocity : (L, B, 3) array
+        Positions, m, and velocities, m/s.
+    position_covariance, velocity_covariance : (L, B, 3, 3) array
+        Covariance of the errors of each marker, m^2 and m^2/s^2. The error of the instant is in
+        them: the mean height is that of the section, whatever the noise.
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    position_covariance: FloatArray
+    velocity_covariance: FloatArray
+
+
+def cross(sums: Moments, fit: Coefficients, near: FloatArray, height_m: float) -> SectionStates:
+    """Evaluate polynomials at the instant at which the mean height is that of the section.
+
+    Parameters
+    ----------
+    sums : Moments
+        What was fitted, about `near`.
+    fit : Coefficients
+        Of K powers.
+    near : (L,) array
+        Instants at which u is zero, s.
+    height_m : float
+        Height of the section, m.
+
+    Returns
+    -------
+    SectionStates
+    """
+    coefficients = _whole(sums, fit.mean)
+    u = _instants(coefficients[:, :, 2].mean(axis=1), height_m)
+    place, speed, bend = (
+        (coefficients * _powers(u, coefficients.shape[-1], order)[:, None, None]).sum(axis=3)
+        / sums.scale**order
+        for order in range(3)
+    )
+    errors = _errors(fit.covariance, u, sums.scale)
+    covariances = (
+        _with_instant(errors, motion, speed[..., 2].mean(axis=1), of)
+        for of, motion in ((0, speed), (1, bend))
+    )
+    return SectionStates(
+        near + u * sums.scale,
+        turned(place, sums.direction, back=True),
+        turned(speed, sums.direction, back=True),
+        *(turned_covariance(c, sums.direction, back=True) for c in covariances),
+    )
+
+
+def turned_covariance(
+    covariance: FloatArray, direction: FloatArray, *, back: bool = False
+) -> FloatArray:
+    """Turn covariances (L, B, 3, 3) into frames with these x axes (L, 2), or back."""
+    once = turned(covariance, direction, back=back)
+    return turned(np.swapaxes(once, 2, 3), direction, back=back)
+
+
+def _whole(sums: Moments, fitted: FloatArray) -> FloatArray:
+    """Put back what was taken off before the fit, (L, B, 3, K') with K' of at least three."""
+    terms = max(fitted.shape[-1], 3)
+    whole = np.concatenate([fitted, np.zeros((*fitted.shape[:3], terms - fitted.shape[3]))], axis=3)
+    whole[..., 0] += sums.centre
+    whole[:, :, 2, 2] += sums.fall
+    return whole
+
+
+def _powers(u: FloatArray, terms: int, order: int) -> FloatArray:
+    """Return the derivatives of an order of the powers 1, u, ..., (L, terms)."""
+    columns = np.zeros((len(u), terms))
+    for k in range(order, terms):
+        factor = float(np.prod(np.arange(k - order + 1, k + 1)))
+        columns[:, k] = factor * u ** (k - order)
+    return columns
+
+
+def _instants(mean: FloatArray, height_m: float) -> FloatArray:
+    """Scaled times (L,) at which polynomials (L, K) have a value; NaN beyond the window."""
+    u = np.zeros(len(mean))
+    for _ in range(NEWTON_STEPS):
+        miss = (mean * _powers(u, mean.shape[1], 0)).sum(axis=1) - height_m
+        slope = (mean * _powers(u, mean.shape[1], 1)).sum(axis=1)
+        u = u - miss / np.where(slope == 0, np.nan, slope)
+        u = np.where(np.abs(u) <= 1.0, u, np.nan)
+    return u
+
+
+def _errors(covariance: FloatArray, u: FloatArray, scale: float) -> FloatArray:
+    """Covariance (2, 2, L, B, 3) of place and velocity of each coordinate at given u."""
+    terms = covariance.shape[-1]
+    rows = np.stack([_powers(u, terms, order) / scale**order for order in (0, 1)])
+    found: FloatArray = np.einsum("olk,lbckj,plj->oplbc", rows, covariance, rows, optimize=True)
+    return found
+
+
+def _with_instant(
+    errors: FloatArray, motion: FloatArray, sinking: FloatArray, of: int
+) -> FloatArray:
+    """Covariances (L, B, 3, 3) with what an error of the mean height moves along the track."""
+    markers = motion.shape[1]
+    along = -motion / sinking[:, None, None]
+    height = errors[0, 0, :, :, 2].sum(axis=1) / markers**2
+    shared = errors[of, 0, :, :, 2] / markers
+    own = errors[of, of][..., None] * np.eye(3)
+    moved = along[..., None] * along[..., None, :] * height[:, None, None, None]
+    mixed = shared[..., None, None] * along[..., None] * UP
+    whole: FloatArray = own + moved + mixed + np.swapaxes(mixed, 2, 3)
+    return whole

@@ -1,0 +1,286 @@
+"""Ways of fitting the tracks of the body markers about a section."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+
+import numpy as np
+
+from hopdata.arrays import GRAVITY_M_S2, FloatArray
+from hopdata.errors import require_choice
+from hopdata.landings.states.coefficients import (
+    HORIZONTAL,
+    VERTICAL,
+    Coefficients,
+    SectionStates,
+    checked,
+    cross,
+    drawn,
+    learn,
+    least_squares,
+)
+from hopdata.landings.states.tracks import Moments, Windows, moments
+
+BALLISTIC_WINDOW_S, WINDOW_S = 0.1, 0.06
+NO_LARGER = 1.1  # ratio of rms residuals up to which a few flights count as ballistic
+WINDOWS_S = (0.06, 0.08, 0.1, 0.12, 0.15, 0.18, 0.22)
+FLIGHT_DEGREES, STANCE_DEGREES, ALONE_DEGREE = (2, 3), (3, 5), 3
+LEAST_FRAMES, LEAST_CLOSE, LEAST_LANDINGS = 6, 3, 30
+LARGEST_MISFIT = 0.25  # in units of the variance that a further coefficient would cost
+FURTHER = 2  # coefficients by which a fit is judged
+LOOK_AT = 300  # landings, when windows are compared
+LEAD_QUANTILE = 0.1  # of the times between the last contact and the post section
+FILTER_FRAMES, FILTER_DEGREE = 7, 3
+
+Fit = tuple[Moments, Coefficients]
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Body markers and the L crossings of a section before or after the contacts.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Time of each frame, s.
+    body : (N, B, 3) array
+        Body markers in the world, m; NaN where unseen.
+    near : (L,) array
+        Approximate instants of the crossings, s.
+    contact : (L,) array
+        Contact beyond which no frame is used, s.
+    flight : bool
+        Whether the section lies before it.
+    """
+
+    time: FloatArray
+    body: FloatArray
+    near: FloatArray
+    contact: FloatArray
+    flight: bool
+
+    @property
+    def frame_s(self) -> float:
+        """Time between two frames, s."""
+        return float(np.median(np.diff(self.time)))
+
+    def evenly(self, count: int) -> Tracks:
+        """Return at most so many of the crossings, evenly taken."""
+        rows = np.unique(np.linspace(0, len(self.near) - 1, count).round().astype(int))
+        return Tracks(self.time, self.body, self.near[rows], self.contact[rows], self.flight)
+
+    @property
+    def lead_s(self) -> float:
+        """How long before the post section frames count, s; the same for all landings.
+
+        Were it the time since each landing's own last contact, the errors of the states would
+        know which contact was last, and look like a map that does. Nine in ten landings have
+        that much.
+        """
+        after = self.near - self.contact
+        known = after[np.isfinite(after)]
+        return max(float(np.quantile(known, LEAD_QUANTILE)), 0.0) if len(known) else 0.0
+
+    def windows(self, window_s: float) -> Windows:
+        """Frames on either side of the crossings, on this side of the contacts."""
+        near, contact = self.near, self.contact
+        if self.flight:
+            stop = np.searchsorted(self.time, np.minimum(near + window_s, contact))
+            start = np.minimum(np.searchsorted(self.time, near - window_s), stop - LEAST_FRAMES)
+        else:
+            lead = min(window_s, self.lead_s)
+            start = np.searchsorted(self.time, np.maximum(near - lead, contact))
+            stop = np.searchsorted(self.time, near + window_s, side="right")
+            stop = np.maximum(stop, start + LEAST_FRAMES)
+        return Windows(near, start, stop, window_s)
+
+    def sums(self, window_s: float, degree: int, *, falling: bool = False) -> Moments:
+        """Sum up the frames for polynomials of a degree, about a free fall or not."""
+        fall = GRAVITY_M_S2 if falling else 0.0
+        return moments(
+            self.time, self.body, self.windows(window_s), degree=degree, gravity_m_s2=fall
+        )
+
+
+def filtered(tracks: Tracks) -> Fit:
+    """Fit cubics to the seven nearest frames: the filter of Savitzky and Golay (1964)."""
+    right = np.clip(np.searchsorted(tracks.time, tracks.near), 1, len(tracks.time) - 1)
+    early = tracks.near - tracks.time[right - 1] < tracks.time[right] - tracks.near
+    start = right - early - FILTER_FRAMES // 2
+    windows = Windows(tracks.near, start, start + FILTER_FRAMES, FILTER_FRAMES / 2 * tracks.frame_s)
+    sums = moments(tracks.time, tracks.body, windows, degree=FILTER_DEGREE)
+    return sums, least_squares(sums)
+
+
+def ballistic(tracks: Tracks, window_s: float | None) -> Fit:
+    """Fit straight lines under gravity, each flight for itself."""
+    sums = tracks.sums(window_s or BALLISTIC_WINDOW_S, 1, falling=True)
+    return sums, least_squares(sums)
+
+
+def accelerated(tracks: Tracks, window_s: float | None) -> Fit:
+    """Fit parabolas, each flight for itself."""
+    sums = tracks.sums(window_s or WINDOW_S, 2)
+    return sums, least_squares(sums)
+
+
+def alone(tracks: Tracks, window_s: float | None) -> Fit:
+    """Fit each landing for itself: where there are too few of them to learn from."""
+    if not tracks.flight:
+        sums = tracks.sums(window_s or WINDOW_S, ALONE_DEGREE)
+        return sums, least_squares(sums)
+    free, straight = accelerated(tracks, window_s), ballistic(tracks, window_s)
+    rms = [float(np.sqrt(np.mean(fit.noise_m**2))) for _, fit in (free, straight)]
+    return straight if rms[1] <= NO_LARGER * rms[0] else free
+
+
+def together(tracks: Tracks, window_s: float | None) -> Fit:
+    """Fit all landings at once: about free fall before the contacts, smooth after them.
+
+    Accelerations and beyond are drawn from a population that is learned from the landings (see
+    `hopdata.landings.coefficients`). Each degree gets the widest window in which it fits; of these
+    the one that expects the smallest errors of velocities is taken.
+    """
+    found = [_drawn(tracks, degree, width) for degree, width in _choices(tracks, window_s)]
+    known = [each for each in found if each is not None]
+    if not known:
+        return alone(tracks, window_s)
+    sums, fit = min(known, key=_velocity_variance)
+    reach = max(WINDOW_S, LEAST_FRAMES * tracks.frame_s)
+    return sums, fit.where(tracks.sums(reach, 0).frames >= LEAST_CLOSE)
+
+
+def _drawn(tracks: Tracks, degree: int, window_s: float) -> Fit | None:
+    more = tracks.sums(window_s, degree + FURTHER, falling=tracks.flight)
+    sums = more.lower(degree)
+    if (sums.frames > sums.terms).all(axis=1).sum() < LEAST_LANDINGS:
+        return None
+    fit = drawn(sums, learn(sums), least_frames=LEAST_FRAMES)
+    return sums, checked(fit, least_squares(more))
+
+
+def _velocity_variance(fit: Fit) -> float:
+    sums, coefficients = fit
+    return float(np.nanmean(coefficients.covariance[..., 1, 1])) / sums.scale**2
+
+
+def _choices(tracks: Tracks, window_s: float | None) -> list[tuple[int, float]]:
+    """Degrees and windows, s, that are worth a fit."""
+    degrees = FLIGHT_DEGREES if tracks.flight else STANCE_DEGREES
+    return widest(tracks, degrees) if window_s is None else [(d, window_s) for d in degrees]
+
+
+def widest(tracks: Tracks, degrees: Sequence[int]) -> list[tuple[int, float]]:
+    """Return each degree with the widest window, s, in which such polynomials fit the tracks.
+
+    As long as a coefficient takes less off the squares than the noise would, the error of leaving
+    it out is smaller than that of estimating it (Mallows 1973). A degree that fits nowhere is left
+    out.
+    """
+    tracks = tracks.evenly(LOOK_AT)
+    chosen = []
+    for degree in degrees:
+        misfits = ((width, _misfit(tracks, degree, width)) for width in WINDOWS_S)
+        told = ((width, misfit) for width, misfit in misfits if misfit is not None)
+        fitting = list(takewhile(lambda one: one[1] <= LARGEST_MISFIT, told))
+        if fitting:
+            chosen.append((degree, fitting[-1][0]))
+    return chosen
+
+
+def _misfit(tracks: Tracks, degree: int, window_s: float) -> float | None:
+    """Variance that the next coefficients explain beyond noise, in units of the noise's.
+
+    The larger of the horizontal and the vertical, less twice its standard error; None where too
+    few frames are left to tell.
+    """
+    more = tracks.sums(window_s, degree + FURTHER, falling=tracks.flight)
+    whole = np.flatnonzero((more.frames > more.terms).all(axis=1))
+    if len(whole) < LEAST_LANDINGS:
+        return None
+    more = more.some(whole)
+    noise, left = least_squares(more).noise_m ** 2, least_squares(more.lower(degree)).noise_m ** 2
+    freedom = float(more.frames.mean()) - more.terms
+    found = []
+    for axes in (HORIZONTAL, VERTICAL):
+        ratio = float(left[:, axes].sum() / noise[:, axes].sum())
+        scatter = (2 * FURTHER + 2 * FURTHER**2 / freedom) / (len(whole) * left[:, axes].size)
+        found.append((ratio - 1) * (freedom + FURTHER) - 2 * float(np.sqrt(scatter)))
+    return max(found)
+
+
+# Positions and velocities of the body markers where the body crosses a section.
+
+__all__ = ["GRAVITY_M_S2", "SectionStates", "section_states"]
+
+METHODS = ("split_fit", "savitzky_golay")
+GRAVITIES = ("auto", "known", "free")
+
+
+def section_states(
+    time: FloatArray,
+    body: FloatArray,
+    near: FloatArray,
+    *,
+    height_m: float,
+    side: str,
+    contact: FloatArray,
+    method: str = "split_fit",
+    window_s: float | None = None,
+    gravity: str = "auto",
+) -> SectionStates:
+    """Fit the motion of each marker about each crossing and evaluate it on the section.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Time of each frame, s.
+    body : (N, B, 3) array
+        Body markers in the world, z up, m; NaN where unseen.
+    near : (L,) array
+        Approximate instants of the crossings, s.
+    height_m : float
+        Height of the section, m.
+    side : {"before", "after"}
+        On which side of the contacts the section lies.
+    contact : (L,) array
+        The first contact for the pre section, the last one for the post section, s. Frames beyond
+        it are not used by the split fit.
+    method : {"split_fit", "savitzky_golay"}
+        Polynomials over the window on the right side of the contacts; or a cubic over the seven
+        nearest frames, whatever happens in them.
+    window_s : float, optional
+        Frames used on either side of the crossing by the split fit, s; on the free side it is
+        widened until the frames suffice. By default as wide as polynomials fit (see
+        `hopdata.landings.section_fits.widest`).
+    gravity : {"auto", "known", "free"}
+        Flight before the contacts as straight lines under gravity (`known`), or with an
+        acceleration of its own for each marker and landing (`free`). `auto` learns from all
+        landings how much accelerations differ from gravity; from few landings it takes
+        gravity where the residuals are then no larger.
+
+    Returns
+    -------
+    SectionStates
+
+    Raises
+    ------
+    ConfigError
+        If `method` or `gravity` is unknown.
+    """
+    require_choice("states.method", method, METHODS)
+    require_choice("states.gravity", gravity, GRAVITIES)
+    tracks = Tracks(time, body, near, contact, side == "before")
+    sums, fit = _fit(tracks, method, window_s, gravity)
+    return cross(sums, fit, near, height_m)
+
+
+def _fit(tracks: Tracks, method: str, window_s: float | None, gravity: str) -> Fit:
+    if method == "savitzky_golay":
+        return filtered(tracks)
+    if tracks.flight and gravity != "auto":
+        return (ballistic if gravity == "known" else accelerated)(tracks, window_s)
+    enough = len(tracks.near) >= LEAST_LANDINGS
+    return (together if enough else alone)(tracks, window_s)

@@ -1,0 +1,293 @@
+"""Affine least-squares maps and mean predictors, many fits at once.
+
+Every fit goes through an orthonormal basis of the pooled inputs (`.basis`), and only
+what the pooled fit leaves is fitted again. In that basis the normal equations of each replicate
+are close to a multiple of the identity: they cost one small matrix product, and their error does
+not grow with the condition number of the data.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.errors import AnalysisError
+from hopdata.maps.linear.compensated import centred_product
+
+# Orthonormal bases of the inputs of a population, true to the last digits of the data.
+#
+# The inputs of a landing are nearly or exactly rank-deficient (three rigid markers on a section
+# have 18 coordinates and at most 11 degrees of freedom). A singular value decomposition finds the
+# directions, but each only up to rounding of the largest one. So the directions are kept and the
+# coordinates along them are computed again, with products in twice the digits: what is left of the
+# error no longer grows with the condition number of the inputs.
+
+#: Singular values of the scaled, centred inputs below this share of the largest count as zero.
+RANK_TOLERANCE = 1e-11
+#: So few rows that no BLAS shares them out to threads, of which the last bits would depend.
+_BLOCK_ROWS = 256
+
+
+def pooled_basis(
+    x: FloatArray, *, rank_tolerance: float = RANK_TOLERANCE, compiled: bool = False
+) -> FloatArray:
+    """Return the whitened design of a population: a column of ones, then the input directions.
+
+    Parameters
+    ----------
+    x
+        (n, p) inputs.
+    rank_tolerance
+        See `RANK_TOLERANCE`.
+    compiled
+        Whether compiled code is worth loading: see `compensated.centred_product`.
+
+    Returns
+    -------
+    ndarray
+        (n, 1 + rank), columns orthogonal, each of mean square one. It spans the space of the
+        inputs to about 1e-15, whatever their condition number.
+    """
+    x = np.asarray(x, float)
+    scale = column_scales(x)
+    _, values, right = truncated_svd(_triangle((x - x.mean(0)) / scale), rank_tolerance)
+    directions = right.T / values / scale[:, None]
+    spread = centred_product(x, x.mean(0), directions, compiled=compiled)
+    spread -= spread.mean(0)
+    # Already near to orthogonal, so that Cholesky's factor serves as well as a QR.
+    factor = np.linalg.cholesky(cross_product(spread, spread) / len(x))
+    return np.column_stack([np.ones(len(x)), row_product(spread, np.linalg.inv(factor).T)])
+
+
+def cross_product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return ``a.T @ b``, the same bytes on any number of threads."""
+    parts = [a[rows].T @ b[rows] for rows in _blocks(len(a))]
+    return np.sum(parts, axis=0) if parts else np.zeros((a.shape[1], b.shape[1]))
+
+
+def row_product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return ``a @ b``, the same bytes on any number of threads."""
+    return np.concatenate([a[:0] @ b, *(a[rows] @ b for rows in _blocks(len(a)))])
+
+
+def _triangle(matrix: FloatArray) -> FloatArray:
+    """Return the R of a QR factorisation, from those of blocks of rows."""
+    parts = [np.linalg.qr(matrix[rows], mode="r") for rows in _blocks(len(matrix))]
+    return np.asarray(np.linalg.qr(np.concatenate([matrix[:0], *parts]), mode="r"))
+
+
+def _blocks(count: int) -> list[slice]:
+    return [slice(first, first + _BLOCK_ROWS) for first in range(0, count, _BLOCK_ROWS)]
+
+
+def truncated_svd(
+    matrix: FloatArray, rank_tolerance: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return U, s, Vt without the singular values that count as zero."""
+    left, values, right = np.linalg.svd(matrix, full_matrices=False)
+    rank = int(np.sum(values > rank_tolerance * values[0])) if values.size else 0
+    return left[:, :rank], values[:rank], right[:rank]
+
+
+def column_scales(x: FloatArray) -> FloatArray:
+    """Return the sd of each column; infinite where it is constant up to rounding."""
+    rounding = 8 * np.finfo(float).eps * np.abs(x).max(axis=0)
+    return np.where(np.ptp(x, axis=0) > rounding, x.std(axis=0), np.inf)
+
+
+#: A replicate whose pivots spread wider than this is fitted by pseudo-inverse.
+_PIVOT_SPREAD = 1e-6
+#: Working set of the pseudo-inverses of one chunk of replicates.
+_CHUNK_BYTES = 2 * 2**20
+
+
+@dataclass(frozen=True)
+class AffineMap:
+    """The map ``y = x @ coefficients + intercept``.
+
+    Where the data do not decide it, the coefficients are those of minimum norm.
+
+    Attributes
+    ----------
+    coefficients
+        (p, q).
+    intercept
+        (q,).
+    rank
+        Number of independent directions found in the centred inputs.
+    """
+
+    coefficients: FloatArray
+    intercept: FloatArray
+    rank: int
+
+    def predict(self, x: FloatArray) -> FloatArray:
+        """Return the (n, q) predictions for (n, p) inputs."""
+        return np.asarray(x, float) @ self.coefficients + self.intercept
+
+
+def fit_affine(
+    x: FloatArray, y: FloatArray, *, rank_tolerance: float = RANK_TOLERANCE
+) -> AffineMap:
+    """Fit one affine map by ordinary least squares.
+
+    Parameters
+    ----------
+    x, y
+        (n, p) inputs and (n, q) outputs; all finite.
+    rank_tolerance
+        See `RANK_TOLERANCE`.
+
+    Raises
+    ------
+    ValueError
+        If the arrays do not match or hold values that are not finite.
+    """
+    x, y = checked(x, y)
+    scale = column_scales(x)
+    left, values, right = truncated_svd((x - x.mean(0)) / scale, rank_tolerance)
+    scaled = right.T @ ((left.T @ (y - y.mean(0))) / values[:, None])
+    # Of the maps that agree on the data, the one without a part that the inputs never excite.
+    excited = np.linalg.qr(right.T * np.where(np.isfinite(scale), scale, 0.0)[:, None])[0]
+    coefficients = excited @ (excited.T @ (scaled / scale[:, None]))
+    return AffineMap(coefficients, y.mean(0) - x.mean(0) @ coefficients, len(values))
+
+
+def leave_one_out_residuals(
+    x: FloatArray, y: FloatArray, *, rank_tolerance: float = RANK_TOLERANCE
+) -> FloatArray:
+    """Return the (n, q) errors of predicting each row from an affine fit to all the others.
+
+    Uses the leverages of the full fit, so nothing is refitted (Allen's PRESS residuals).
+
+    Raises
+    ------
+    ValueError
+        If the arrays do not match or hold values that are not finite.
+    AnalysisError
+        If some row alone decides a direction of the fit, so that the others cannot predict it.
+    """
+    x, y = checked(x, y)
+    design = pooled_basis(x, rank_tolerance=rank_tolerance) / np.sqrt(len(x))
+    slack = 1.0 - np.sum(design**2, axis=1)
+    if slack.min() < 1e-10:
+        raise AnalysisError(
+            f"affine map: {len(x)} landings do not suffice to leave one out of a fit with "
+            f"{design.shape[1]} coefficients per output"
+        )
+    return (y - design @ (design.T @ y)) / slack[:, None]
+
+
+def affine_test_errors(
+    x: FloatArray,
+    y: FloatArray,
+    train: IntArray,
+    test: IntArray,
+    *,
+    rank_tolerance: float = RANK_TOLERANCE,
+) -> FloatArray:
+    """Fit an affine map to each training set and return its mean squared test errors.
+
+    Parameters
+    ----------
+    x, y
+        (n, p) inputs and (n, q) outputs of the population; all finite.
+    train, test
+        (R, m) and (R, t) row numbers of each replicate.
+    rank_tolerance
+        See `RANK_TOLERANCE`. A direction that the whole population lacks plays no part; one
+        that only a training set lacks gets the minimum-norm solution in the units of `x`.
+
+    Returns
+    -------
+    ndarray
+        (R, q) mean squared error of each output coordinate over the test rows.
+
+    Raises
+    ------
+    ValueError
+        If the arrays do not match or hold values that are not finite.
+    IndexError
+        If a row number is not one of the population.
+    """
+    x, y = checked(x, y)
+    design = pooled_basis(x, rank_tolerance=rank_tolerance, compiled=True)
+    # What the pooled fit explains is exact in every replicate; fit only what it leaves.
+    centred = y - y.mean(0)
+    residual = centred - row_product(design, cross_product(design, centred) / len(x))
+    errors, spread = _whitened_errors(design, residual, train, test)
+    again = np.flatnonzero(spread <= _PIVOT_SPREAD)
+    for rows in _chunks(len(again), train.shape[1] * (x.shape[1] + y.shape[1])):
+        chosen = again[rows]
+        errors[chosen] = _minimum_norm_errors(x, y, train[chosen], test[chosen])
+    return errors
+
+
+def mean_test_errors(y: FloatArray, train: IntArray, test: IntArray) -> FloatArray:
+    """Return the (R, q) mean squared test errors of predicting the mean of each training set.
+
+    Parameters
+    ----------
+    y
+        (n, q) outputs of the population.
+    train, test
+        (R, m) and (R, t) row numbers of each replicate.
+    """
+    y = np.asarray(y, float)
+    return _whitened_errors(np.ones((len(y), 1)), y - y.mean(0), train, test)[0]
+
+
+def _whitened_errors(
+    design: FloatArray, residual: FloatArray, train: IntArray, test: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return (R, q) errors of the normal equations, and (R,) the spread of their pivots."""
+    from hopdata.maps.linear.split_kernel import affine_split_errors, padded_rows
+
+    inputs, outputs = design.shape[1], residual.shape[1]
+    rows = padded_rows(design, residual)
+    train, test = _rows_of(train, len(rows)), _rows_of(test, len(rows))
+    sums, spread = np.zeros((len(train), rows.shape[1])), np.zeros(len(train))
+    affine_split_errors(rows, inputs, train, test, sums, spread)
+    return sums[:, inputs : inputs + outputs] / test.shape[1], spread
+
+
+def _rows_of(index: IntArray, population: int) -> NDArray[np.int64]:
+    """Return row numbers that the compiled kernel, which does not look, may follow."""
+    if index.size and not 0 <= index.min() <= index.max() < population:
+        raise IndexError(f"expected row numbers below {population}, found some beyond")
+    return np.ascontiguousarray(index, dtype=np.int64)
+
+
+def _minimum_norm_errors(
+    x: FloatArray, y: FloatArray, train: IntArray, test: IntArray
+) -> FloatArray:
+    """Return (R, q) errors of replicates fitted by pseudo-inverse in the units of `x`."""
+    inputs, outputs = x[train], y[train]
+    centre, level = inputs.mean(1, keepdims=True), outputs.mean(1, keepdims=True)
+    slopes = np.linalg.pinv(inputs - centre, rcond=RANK_TOLERANCE) @ (outputs - level)
+    misses = y[test] - level - (x[test] - centre) @ slopes
+    return np.mean(misses**2, axis=1)
+
+
+def _chunks(count: int, floats_each: int) -> list[slice]:
+    step = max(1, _CHUNK_BYTES // (8 * max(1, floats_each)))
+    return [slice(start, min(start + step, count)) for start in range(0, count, step)]
+
+
+def checked(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return inputs (n, p) and outputs (n, q) as arrays of floats, if they are such.
+
+    Raises
+    ------
+    ValueError
+        If shapes do not fit, or a number is not finite.
+    """
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    if x.ndim != 2 or y.ndim != 2 or len(x) != len(y):
+        raise ValueError(f"expected (n, p) and (n, q) arrays, found {x.shape} and {y.shape}")
+    if not (np.isfinite(x).all() and np.isfinite(y).all()):
+        raise ValueError("inputs and outputs must be finite")
+    return x, y

@@ -1,0 +1,303 @@
+"""A rigid body on a section: from marker states to the eight coordinates that can vary there.
+
+Three or more markers on one rigid body have 6B coordinates and twelve degrees of freedom. On a
+section (one less), and with place and heading left out (three less), eight remain: pitch and roll,
+the velocity of the centre in the heading frame, and the angular velocity. The outcome of a landing
+is described by eleven: the change of place and heading, and the same eight at the post section.
+
+Angles are those of the body relative to its mean attitude, about axes that turn with its heading,
+so they stay small and free of singularities for any body that lands on its feet.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations, combinations_with_replacement
+from math import comb
+
+import numpy as np
+
+from hopdata.arrays import FloatArray
+from hopdata.rigid import kabsch
+
+INPUT_NAMES = (
+    *("pitch_rad", "roll_rad"),
+    *("forward_m_s", "sideways_m_s", "climb_m_s"),
+    *("spin_x_rad_s", "spin_y_rad_s", "spin_z_rad_s"),
+)
+OUTPUT_NAMES = ("step_x_m", "step_y_m", "turn_rad", *INPUT_NAMES)
+
+
+@dataclass(frozen=True)
+class RigidStates:
+    """States of a rigid body, in the frame of the markers that gave them.
+
+    Attributes
+    ----------
+    centre, velocity
+        (n, 3) mean of the markers, m, and its velocity, m/s.
+    rotation
+        (n, 3, 3) from the mean attitude to the present one.
+    spin
+        (n, 3) angular velocity in body axes, rad/s.
+    position_residual_m, velocity_residual_m_s
+        Rms per degree of freedom of what a rigid body cannot explain: the noise per coordinate.
+    """
+
+    centre: FloatArray
+    velocity: FloatArray
+    rotation: FloatArray
+    spin: FloatArray
+    position_residual_m: float
+    velocity_residual_m_s: float
+
+
+def split_states(states: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return positions and velocities, (n, B, 3) each, of (n, 6B) states."""
+    positions, velocities = np.split(np.asarray(states, float), 2, axis=1)
+    shape = (len(states), positions.shape[1] // 3, 3)
+    return positions.reshape(shape), velocities.reshape(shape)
+
+
+def rigid_states(states: FloatArray, shape: FloatArray) -> RigidStates:
+    """Fit a rigid body to marker states.
+
+    Parameters
+    ----------
+    states
+        (n, 6B) positions, m, and velocities, m/s.
+    shape
+        (B, 3) markers in the body, m; see `body_shape`.
+    """
+    positions, velocities = split_states(states)
+    centre, velocity = positions.mean(axis=1), velocities.mean(axis=1)
+    rotation = kabsch(positions - centre[:, None], shape)
+    arms = np.einsum("nij,bj->nbi", rotation, shape)
+    moving = velocities - velocity[:, None]
+    inertia = np.einsum("nbi,nbi->n", arms, arms)[:, None, None] * np.eye(3)
+    inertia = inertia - np.einsum("nbi,nbj->nij", arms, arms)
+    turning = np.linalg.solve(inertia, np.cross(arms, moving).sum(axis=1)[..., None])[..., 0]
+    free = 3 * len(shape) - 6
+    misses = positions - centre[:, None] - arms
+    slips = moving - np.cross(turning[:, None], arms)
+    return RigidStates(
+        centre,
+        velocity,
+        rotation,
+        np.einsum("nji,nj->ni", rotation, turning),
+        float(np.sqrt((misses**2).sum() / (free * len(misses)))),
+        float(np.sqrt((slips**2).sum() / (free * len(slips)))),
+    )
+
+
+def section_coordinates(pre: RigidStates, post: RigidStates) -> tuple[FloatArray, FloatArray]:
+    """Return inputs (n, 8) and outputs (n, 11): see `INPUT_NAMES`, `OUTPUT_NAMES`.
+
+    Outputs are in the heading frame of the state at the pre section.
+    """
+    yaw, after = _heading(pre.rotation), _heading(post.rotation)
+    step = _turned(post.centre - pre.centre, yaw)[:, :2]
+    turn = (after - yaw + np.pi) % (2 * np.pi) - np.pi
+    x = np.column_stack([_tilt(pre.rotation), _turned(pre.velocity, yaw), pre.spin])
+    y = np.column_stack([_tilt(post.rotation), _turned(post.velocity, yaw), post.spin])
+    return x, np.column_stack([step, turn, y])
+
+
+def input_noise(states: RigidStates, shape: FloatArray) -> FloatArray:
+    """Return the standard deviations (8,) that marker noise gives to the inputs, in their units."""
+    number = np.sqrt(len(shape))
+    about = np.sqrt(np.mean((shape**2).sum(axis=1, keepdims=True) - shape**2, axis=0))
+    place = states.position_residual_m / number
+    speed = states.velocity_residual_m_s / number
+    return np.concatenate([place / about[[1, 0]], np.full(3, speed), speed / about])
+
+
+def output_weights(shape: FloatArray, time_unit_s: float) -> FloatArray:
+    """Return weights (11,) that turn outputs into rms displacements of the markers, m.
+
+    An angle counts by the rms distance of the markers from its axis, a velocity by the way it
+    makes in the unit of time.
+    """
+    about = np.sqrt(np.mean((shape**2).sum(axis=1, keepdims=True) - shape**2, axis=0))
+    tilt = about[[1, 0]]
+    position = np.concatenate([[1.0, 1.0, about[2]], tilt])
+    return np.concatenate([position, time_unit_s * np.ones(3), time_unit_s * about])
+
+
+def _heading(rotation: FloatArray) -> FloatArray:
+    angle: FloatArray = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
+    return angle
+
+
+def _tilt(rotation: FloatArray) -> FloatArray:
+    pitch = -np.arcsin(np.clip(rotation[:, 2, 0], -1.0, 1.0))
+    return np.column_stack([pitch, np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])])
+
+
+def _turned(vectors: FloatArray, yaw: FloatArray) -> FloatArray:
+    """Return vectors (n, 3) in frames turned by `yaw` about the vertical."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    x, y = vectors[:, 0], vectors[:, 1]
+    return np.column_stack([c * x + s * y, c * y - s * x, vectors[:, 2]])
+
+
+# What a landing map that is not C1 looks like near a simultaneous contact: kinks.
+#
+# The flow of an event-selected system is continuous, and to first order it is linear on each mode
+# schedule (Burden et al. 2016; chapter I of the dissertation). Its maps can differ between
+# schedules
+# only in how they depend on the contact instants, and they must agree where two feet touch at once.
+# So the difference from one linear map is a continuous function of the contact instants that is
+# linear on each order of them. The functions "latest contact of a set of feet" span all of these:
+# 2^n - n - 1 for n feet. They vanish from the map exactly if it has one derivative.
+#
+# A map that is C1 can still have second derivatives that differ between schedules. The differences
+# begin with the squares of the time between two contacts, ``d |d|``, and go on with ``|d|^3``.
+
+#: Up to this many feet all sets are used; with more, the pairs.
+ALL_SETS_UP_TO = 3
+Feet = tuple[int, ...]
+
+
+def foot_sets(n_feet: int) -> list[Feet]:
+    """Return the sets of feet whose latest contacts span the kinks.
+
+    >>> foot_sets(3)
+    [(0, 1), (0, 2), (1, 2), (0, 1, 2)]
+    """
+    largest = n_feet if n_feet <= ALL_SETS_UP_TO else 2
+    sizes = range(2, largest + 1)
+    return [feet for size in sizes for feet in combinations(range(n_feet), size)]
+
+
+def kinks(instants: FloatArray) -> FloatArray:
+    """Return the latest contact of each set of feet, (n, K), relative to the mean of all feet.
+
+    Parameters
+    ----------
+    instants
+        (n, feet) contact instants.
+    """
+    t = instants - instants.mean(axis=1, keepdims=True)
+    return np.column_stack([t[:, feet].max(axis=1) for feet in foot_sets(t.shape[1])])
+
+
+def kink_slopes(order: Feet) -> FloatArray:
+    """Return the derivatives (K, feet) of the kinks by the contact instants on one schedule.
+
+    Parameters
+    ----------
+    order
+        Feet in the order of their contacts, first one first.
+    """
+    sets = foot_sets(len(order))
+    slopes = np.zeros((len(sets), len(order)))
+    for row, feet in enumerate(sets):
+        slopes[row, max(feet, key=order.index)] = 1.0
+    return slopes - 1.0 / len(order)
+
+
+def time_differences(instants: FloatArray) -> FloatArray:
+    """Return the differences of the contact instants of each pair of feet, (n, pairs)."""
+    pairs = list(combinations(range(instants.shape[1]), 2))
+    return np.column_stack([instants[:, i] - instants[:, j] for i, j in pairs])
+
+
+# The smooth part of a landing map near a simultaneous contact, to third order and beyond.
+#
+# Terms up to the third order are fitted freely. Terms of the fourth order, and those of the third
+# that are different on the two sides of a double contact, would leave too little of the kinks to be
+# seen; they are shrunk, by as much as the data say (see `hopdata.maps.verdict.shrinkage`). They
+# come
+# in two groups, each with a size of its own: terms that change at a double contact or hold contact
+# instants only, and products of two contact instants and two inputs.
+
+#: Landings wanted for each free term.
+LANDINGS_PER_TERM = 2.5
+_FLAT = 1e-9
+
+
+def monomials(x: FloatArray, degrees: tuple[int, ...]) -> FloatArray:
+    """Return all products of columns of `x` (n, p) of the given degrees, (n, terms)."""
+    return np.hstack([_products_of(x, degree) for degree in degrees])
+
+
+def _products_of(x: FloatArray, degree: int) -> FloatArray:
+    chosen = list(combinations_with_replacement(range(x.shape[1]), degree))
+    factors = np.array(chosen, dtype=np.int64).reshape(-1, degree).T
+    columns = x[:, factors[0]]
+    for factor in factors[1:]:
+        columns *= x[:, factor]
+    return columns
+
+
+def number_of_free_terms(n_inputs: int, n_feet: int, degree: int) -> int:
+    """Return the number of columns of `free_terms`."""
+    return comb(n_inputs + degree, degree) + n_feet * (n_feet - 1)
+
+
+def affordable_degree(landings: int, n_inputs: int, n_feet: int) -> int:
+    """Return the order up to which so many landings can have free terms: 3, 2 or 1."""
+    for degree in (3, 2):
+        terms = number_of_free_terms(n_inputs, n_feet, degree)
+        if landings >= LANDINGS_PER_TERM * terms:
+            return degree
+    return 1
+
+
+def free_terms(x: FloatArray, instants: FloatArray, degree: int) -> FloatArray:
+    """Return the terms that are fitted freely.
+
+    Parameters
+    ----------
+    x
+        (n, p) standardised inputs.
+    instants
+        (n, feet) contact instants in units of their spread.
+    degree
+        3, or 2 where landings are few.
+    """
+    d = time_differences(instants)
+    orders = tuple(range(1, degree + 1))
+    steps = [d * np.abs(d), np.abs(d) ** 3]
+    return np.column_stack([np.ones(len(x)), monomials(x, orders), *steps])
+
+
+def shrunk_terms(x: FloatArray, instants: FloatArray, degree: int) -> tuple[FloatArray, FloatArray]:
+    """Return the two groups of terms whose coefficients are shrunk, each with mean square one.
+
+    Parameters
+    ----------
+    x, instants, degree
+        See `free_terms`.
+    """
+    d = time_differences(instants)
+    u = instants[:, :-1] - instants[:, -1:]
+    steps = d * np.abs(d)
+    blocks = [_products(steps, x), _products(steps, monomials(u, (2,))), monomials(u, (4,))]
+    if degree < 3:
+        blocks.append(monomials(u, (3,)))
+    mixed = _products(monomials(_tilts(instants), (2,)), monomials(x, (2,)))
+    return _of_unit_size(np.column_stack(blocks)), _of_unit_size(mixed)
+
+
+def _tilts(instants: FloatArray) -> FloatArray:
+    """Return the two combinations of the contact instants that vary most, or the one of two feet.
+
+    The feet of a rigid body on a floor touch down by its tilt, about two axes.
+    """
+    centred = instants - instants.mean(axis=1, keepdims=True)
+    _, values, right = np.linalg.svd(centred, full_matrices=False)
+    tilts: FloatArray = centred @ right[:2][values[:2] > _FLAT * values[0]].T
+    return tilts
+
+
+def _of_unit_size(terms: FloatArray) -> FloatArray:
+    scale = np.sqrt(np.mean(terms**2, axis=0))
+    scaled: FloatArray = terms[:, scale > 0] / scale[scale > 0]
+    return scaled
+
+
+def _products(a: FloatArray, b: FloatArray) -> FloatArray:
+    products: FloatArray = (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)
+    return products

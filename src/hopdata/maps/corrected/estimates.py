@@ -1,0 +1,235 @@
+"""All estimates of a study's landing map.
+
+The printed map is affine in the 6B marker coordinates of the home frame. That frame moves with what
+the landing does, so that some columns are no state but outcome, and on a section many directions
+are noise alone: its coefficients are no derivative. What it says of the states is the map from the
+rigid-body coordinates to its own predictions, brought to the same coordinates; to first order
+that is least squares on these coordinates (Frisch and Waugh 1933).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hopdata.arrays import FloatArray
+from hopdata.errors import AnalysisError
+from hopdata.maps.affine import fit_affine
+from hopdata.maps.coordinates import (
+    INPUT_NAMES,
+    OUTPUT_NAMES,
+    output_weights,
+    rigid_states,
+    section_coordinates,
+    split_states,
+)
+from hopdata.maps.corrected.marker_noise import InputErrors, MarkerNoise, input_errors, marker_noise
+from hopdata.maps.corrected.regression import LinearMap, corrected_map, curved_map, ols_map
+from hopdata.rigid import body_shape
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# The estimates of a study's landing map: a table for people, plain data for other stages.
+
+#: Estimators in the order of the table, with what each is.
+ESTIMATORS = {
+    "printed": "affine least squares on marker coordinates, as printed",
+    "ols": "least squares on rigid-body coordinates",
+    "corrected": "errors in variables",
+    "curved": "curvature-aware",
+    "corrected_curved": "errors in variables and curvature-aware",
+}
+Notes = list[dict[str, str]]
+
+
+@dataclass(frozen=True)
+class MapEstimates:
+    """Estimates of one study.
+
+    Attributes
+    ----------
+    maps
+        Name of the estimator -> the map, 8 inputs by 11 outputs in SI units; those that could not
+        be made are missing.
+    shape
+        (B, 3) body markers in the mean attitude, m: what the coordinates rest on; without rows if
+        they show no rigid body.
+    noise
+        Of the markers at the pre section.
+    errors
+        What it does to the inputs.
+    input_covariance
+        (8, 8) of the measured inputs.
+    output_weights
+        (11,) from outputs to rms displacements of the markers, m.
+    n_landings
+        Landings that they rest on.
+    notes
+        What could not be done, each ``{"what": ..., "reason": ...}``.
+    """
+
+    maps: Mapping[str, LinearMap]
+    shape: FloatArray
+    noise: MarkerNoise
+    errors: InputErrors
+    input_covariance: FloatArray
+    output_weights: FloatArray
+    n_landings: int
+    notes: Notes
+
+    def table(self) -> pd.DataFrame:
+        """Return one row an estimator, input and output.
+
+        ``value`` and ``standard_error`` are in SI units; ``standardised`` is the rms displacement
+        of the markers, mm, by one standard deviation of the input.
+        """
+        import pandas as pd
+
+        sd = np.sqrt(np.diag(self.input_covariance))
+        rows = [
+            (
+                name,
+                INPUT_NAMES[i],
+                OUTPUT_NAMES[j],
+                one.coefficients[i, j],
+                one.standard_errors[i, j],
+                1e3 * sd[i] * one.coefficients[i, j] * self.output_weights[j],
+            )
+            for name, one in self.maps.items()
+            for i in range(len(INPUT_NAMES))
+            for j in range(len(OUTPUT_NAMES))
+        ]
+        columns = ["estimator", "input", "output", "value", "standard_error", "standardised"]
+        return pd.DataFrame(rows, columns=columns)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain data, for ``map_estimates.json``."""
+        return {
+            "inputs": INPUT_NAMES,
+            "outputs": OUTPUT_NAMES,
+            "maps": {
+                name: {
+                    "what": ESTIMATORS[name],
+                    "coefficients": one.coefficients.tolist(),
+                    "standard_errors": one.standard_errors.tolist(),
+                    "degree": one.degree,
+                    "noise_removed": one.removed,
+                }
+                for name, one in self.maps.items()
+            },
+            "shape_m": self.shape.tolist(),
+            "position_noise_m": float(np.sqrt(self.noise.position)),
+            "velocity_noise_m_s": float(np.sqrt(self.noise.velocity)),
+            "input_noise": np.sqrt(np.diag(self.errors.inputs)).tolist(),
+            "input_covariance": self.input_covariance.tolist(),
+            "output_weights_m": self.output_weights.tolist(),
+            "n_landings": self.n_landings,
+            "notes": self.notes,
+        }
+
+
+def estimate_maps(
+    x: ArrayLike, y: ArrayLike, instants: ArrayLike, *, time_unit_s: float
+) -> MapEstimates:
+    """Estimate the landing map in every way that the landings allow.
+
+    Parameters
+    ----------
+    x, y
+        (n, 6B) home-frame states at the pre and the post section: positions, m, and velocities,
+        m/s, of the markers of a rigid body.
+    instants
+        (n, feet) contact instants, s; landings where one is not known take no part.
+    time_unit_s
+        Unit of time that weighs velocities against positions.
+
+    Returns
+    -------
+    MapEstimates
+        Without maps, but with a note, if the markers do not show a rigid body.
+    """
+    before, after, times = (np.asarray(part, float) for part in (x, y, instants))
+    known = np.asarray(np.isfinite(times).all(axis=1))
+    before, after, times = before[known], after[known], times[known]
+    try:
+        return _estimates(before, after, times, time_unit_s)
+    except AnalysisError as error:
+        return _no_estimates(len(before), str(error))
+
+
+def _estimates(
+    before: FloatArray, after: FloatArray, times: FloatArray, time_unit_s: float
+) -> MapEstimates:
+    if len(before) < 2:
+        raise AnalysisError(f"{len(before)} landings with known contact instants")
+    shape = body_shape(split_states(before)[0])
+    inputs, outputs = section_coordinates(rigid_states(before, shape), rigid_states(after, shape))
+    noise, weights = marker_noise(before, shape), output_weights(shape, time_unit_s)
+    errors = input_errors(before, after, shape, noise)
+    ways = {
+        "printed": lambda: printed_map(before, after, shape),
+        "ols": lambda: ols_map(inputs, outputs),
+        "corrected": lambda: corrected_map(inputs, outputs, errors),
+        "curved": lambda: curved_map(inputs, outputs, times, units=1 / weights),
+        "corrected_curved": lambda: curved_map(inputs, outputs, times, errors, units=1 / weights),
+    }
+    maps, notes = {}, []
+    for name, what in ESTIMATORS.items():
+        try:
+            maps[name] = ways[name]()
+        except AnalysisError as error:
+            notes.append({"what": f"landing map, {what}", "reason": str(error)})
+    return MapEstimates(
+        maps,
+        shape,
+        noise,
+        errors,
+        np.cov(inputs, rowvar=False),
+        weights,
+        len(inputs),
+        notes + _guard_notes(maps),
+    )
+
+
+def _no_estimates(n_landings: int, reason: str) -> MapEstimates:
+    p, q = len(INPUT_NAMES), len(OUTPUT_NAMES)
+    return MapEstimates(
+        {},
+        np.empty((0, 3)),
+        MarkerNoise(0.0, 0.0, 0.0),
+        InputErrors.none(p, q),
+        np.zeros((p, p)),
+        np.zeros(q),
+        n_landings,
+        [{"what": "landing map", "reason": reason}],
+    )
+
+
+def printed_map(before: FloatArray, after: FloatArray, shape: FloatArray) -> LinearMap:
+    """Return what the affine map of the marker coordinates says in rigid-body coordinates.
+
+    Parameters
+    ----------
+    before, after
+        (n, 6B) home-frame states at the two sections, m and m/s.
+    shape
+        (B, 3) markers in the body, m.
+    """
+    said = fit_affine(before, after).predict(before)
+    return ols_map(*section_coordinates(rigid_states(before, shape), rigid_states(said, shape)))
+
+
+def _guard_notes(maps: Mapping[str, LinearMap]) -> Notes:
+    return [
+        {
+            "what": f"landing map, {ESTIMATORS[name]}",
+            "reason": f"only {one.removed:.2g} of the noise covariance could be taken off",
+        }
+        for name, one in maps.items()
+        if 0.0 < one.removed < 1.0
+    ]

@@ -1,0 +1,316 @@
+"""Estimated landing maps against the exact one.
+
+The exact maps of a simulated study are in the axes of the true body, estimates in those of the mean
+attitude that the study has seen. Neighbours of the landing at which the exact maps hold, each moved
+a little in one coordinate, carry them over.
+
+The error of a map is a relative difference of predictions for the study's true inputs
+(`hopdata.maps.truth.map_differences`), outputs as displacements of the markers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.arrays import FloatArray
+from hopdata.maps.coordinates import (
+    INPUT_NAMES,
+    OUTPUT_NAMES,
+    output_weights,
+    rigid_states,
+    section_coordinates,
+)
+from hopdata.rigid import kabsch
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Entries of ``truth.json``: name -> value, unit and what it is.
+
+Entry = dict[str, Any]
+Entries = dict[str, Entry]
+
+
+def entry(value: float | int | bool, unit: str, what: str) -> Entry:
+    """Return one entry; a value that could not be computed is None, which JSON can hold."""
+    if isinstance(value, bool | int):
+        return {"value": value, "unit": unit, "what": what}
+    return {"value": float(value) if np.isfinite(value) else None, "unit": unit, "what": what}
+
+
+def mean(values: NDArray[Any]) -> float:
+    """Return the mean; NaN of nothing."""
+    return float(np.mean(values)) if values.size else float("nan")
+
+
+def quantile(values: NDArray[Any], fraction: float) -> float:
+    """Return a quantile; NaN of nothing."""
+    return float(np.quantile(values, fraction)) if values.size else float("nan")
+
+
+# How far linear maps are from each other, for the inputs that a study has.
+#
+# A difference counts by what it does to predictions: its rms over the inputs, relative to the rms
+# of
+# what a map predicts, with each output in its own unit. It has no unit and does not change with the
+# coordinates of the inputs.
+
+
+def input_root(x: FloatArray) -> FloatArray:
+    """Return a root R (p, p) of the covariance of inputs (n, p), R R' = cov."""
+    centred = x - x.mean(axis=0)
+    _, singular, right = np.linalg.svd(centred, full_matrices=False)
+    root: FloatArray = right.T * (singular / np.sqrt(max(len(x) - 1, 1)))
+    return root
+
+
+def relative_difference(
+    a: FloatArray, b: FloatArray, *, root: FloatArray, units: FloatArray
+) -> float:
+    """Return the rms difference of the predictions of two maps over the rms of those of `b`.
+
+    Parameters
+    ----------
+    a, b
+        (q, p) maps.
+    root
+        (p, p) root of the covariance of the inputs.
+    units
+        (q,) unit of each output.
+    """
+    size = float(np.linalg.norm((b / units[:, None]) @ root))
+    return float(np.linalg.norm(((a - b) / units[:, None]) @ root)) / size
+
+
+def largest_difference(maps: FloatArray, *, root: FloatArray, units: FloatArray) -> float:
+    """Return the largest relative difference between maps (S, q, p), over the mean map's size."""
+    mean = maps.mean(axis=0)
+    pairs = (
+        relative_difference(mean + a - b, mean, root=root, units=units)
+        for i, a in enumerate(maps)
+        for b in maps[:i]
+    )
+    return max(pairs, default=0.0)
+
+
+# Of tilts, rad, velocities, m/s, and spins, rad/s; central differences err by their squares.
+_STEPS = np.repeat([1e-4, 1e-4, 5e-4], [2, 3, 3])
+
+
+@dataclass(frozen=True)
+class ExactMap:
+    """The exact derivative in the coordinates of a study.
+
+    Attributes
+    ----------
+    coefficients
+        (8, 11), SI units; the mean of all schedules.
+    inputs
+        (n, 8) true inputs of the study.
+    weights
+        (11,) from outputs to displacements of the markers, m.
+    """
+
+    coefficients: FloatArray
+    inputs: FloatArray
+    weights: FloatArray
+
+    def error(self, coefficients: FloatArray) -> float:
+        """Return the relative error of an estimate (8, 11)."""
+        return relative_difference(
+            coefficients.T,
+            self.coefficients.T,
+            root=input_root(self.inputs),
+            units=1 / self.weights,
+        )
+
+    def table(self) -> pd.DataFrame:
+        """Return one row an input and output, as `MapEstimates.table` has them."""
+        import pandas as pd
+
+        sd = self.inputs.std(axis=0, ddof=1)
+        shown = 1e3 * sd[:, None] * self.coefficients * self.weights
+        return pd.DataFrame(
+            {
+                "input": np.repeat(INPUT_NAMES, len(OUTPUT_NAMES)),
+                "output": np.tile(OUTPUT_NAMES, len(INPUT_NAMES)),
+                "value": self.coefficients.ravel(),
+                "standardised": shown.ravel(),
+            }
+        )
+
+
+def exact_map(
+    exact: Mapping[str, Any], states: FloatArray, *, shape: FloatArray, time_unit_s: float
+) -> ExactMap:
+    """Bring the exact map to the coordinates that the estimates use.
+
+    Parameters
+    ----------
+    exact
+        Content of ``exact_maps.json``.
+    states
+        (n, 6B) true marker states of the study's landings at the pre section, m and m/s.
+    shape
+        (B, 3) body markers as estimated, in the attitude of the coordinates, m; without rows the
+        true ones are taken.
+    time_unit_s
+        Unit of time that weighs velocities against positions.
+    """
+    points = np.array(exact["body_points_m"], float)
+    centred = points - points.mean(axis=0)
+    turned = centred @ kabsch(shape[None], centred)[0].T if len(shape) else centred
+    moved = np.vstack([np.diag(_STEPS), -np.diag(_STEPS)])
+    starts = np.array(exact["x"]) + moved
+    ends = np.mean(exact["y"], axis=0) + moved @ np.mean(exact["maps"], axis=0).T
+    nowhere = np.zeros((len(moved), 3))
+    x, y = section_coordinates(
+        rigid_states(marker_states(np.hstack([nowhere, starts]), centred), turned),
+        rigid_states(marker_states(ends, centred), turned),
+    )
+    half = len(_STEPS)
+    slopes = np.linalg.solve(x[:half] - x[half:], y[:half] - y[half:])
+    true = rigid_states(states, turned)
+    inputs, _ = section_coordinates(true, true)
+    return ExactMap(np.asarray(slopes, float), inputs, output_weights(turned, time_unit_s))
+
+
+def marker_states(coordinates: FloatArray, shape: FloatArray) -> FloatArray:
+    """Return marker states (n, 6B) of bodies with these coordinates, their centres at height zero.
+
+    Parameters
+    ----------
+    coordinates
+        (n, 11), see `hopdata.maps.rigid.OUTPUT_NAMES`: place and heading in the plane, and the
+        inputs, with velocities in the frame of the plane.
+    shape
+        (B, 3) markers in the body, centred, m.
+    """
+    n = len(coordinates)
+    turn = _turn(2, coordinates[:, 2]) @ _turn(1, coordinates[:, 3]) @ _turn(0, coordinates[:, 4])
+    centre = np.column_stack([coordinates[:, :2], np.zeros(n)])
+    positions = centre[:, None] + np.einsum("nij,bj->nbi", turn, shape)
+    arms = np.cross(coordinates[:, None, 8:], shape)
+    velocities = coordinates[:, None, 5:8] + np.einsum("nij,nbj->nbi", turn, arms)
+    return np.concatenate([positions, velocities], axis=1).reshape(n, -1)
+
+
+def estimate_errors(exact: ExactMap, estimates: Mapping[str, Any]) -> pd.DataFrame:
+    """Return the errors of the estimates of ``map_estimates.json``.
+
+    Returns
+    -------
+    DataFrame
+        Columns estimator, what, landings, error.
+    """
+    import pandas as pd
+
+    rows = [
+        (name, one["what"], estimates["n_landings"], exact.error(np.array(one["coefficients"])))
+        for name, one in estimates["maps"].items()
+    ]
+    return pd.DataFrame(rows, columns=["estimator", "what", "landings", "error"])
+
+
+def score_estimates(errors: pd.DataFrame) -> Entries:
+    """Say how far the estimates of the landing map are from the exact one, and what is gained."""
+    found = dict(zip(errors["estimator"], errors["error"].astype(float), strict=True))
+    entries = {
+        f"map_estimate_error_{row['estimator']}": entry(
+            float(row["error"]), "1", f"Relative error of the landing map: {row['what']}"
+        )
+        for row in errors.to_dict("records")
+    }
+    if {"printed", "corrected_curved"} <= found.keys():
+        gain = found["printed"] / found["corrected_curved"]
+        what = "Error of the printed landing map over that of the map with both corrections"
+        entries["map_estimate_gain"] = entry(gain, "1", what)
+    return entries
+
+
+def _turn(axis: int, angle: FloatArray) -> FloatArray:
+    """Return rotations (n, 3, 3) about an axis."""
+    turn = np.zeros((len(angle), 3, 3))
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    turn[:, axis, axis] = 1.0
+    turn[:, i, i] = turn[:, j, j] = np.cos(angle)
+    turn[:, j, i] = np.sin(angle)
+    turn[:, i, j] = -turn[:, j, i]
+    return turn
+
+
+# The verdict's effect against the exact maps of a simulated study.
+
+
+def true_effect(exact: Mapping[str, Any], states: FloatArray, *, time_unit_s: float) -> float:
+    """Return the relative difference of the exact maps as the verdict measures it.
+
+    Rms over the pairs of schedules, for the study's inputs; outputs as displacements of markers.
+
+    Parameters
+    ----------
+    exact
+        Content of ``exact_maps.json``.
+    states
+        (n, 6B) true marker states of the study's landings at the pre section, m and m/s.
+    time_unit_s
+        Unit of time that weighs velocities against positions.
+    """
+    in_body = exact_map(exact, states, shape=np.empty((0, 3)), time_unit_s=time_unit_s)
+    root, units = input_root(in_body.inputs), 1.0 / in_body.weights
+    maps = np.array(exact["maps"], float)
+    mean = maps.mean(axis=0)
+    squares = [
+        relative_difference(mean + a - b, mean, root=root, units=units) ** 2
+        for a, b in combinations(maps, 2)
+    ]
+    return float(np.sqrt(np.mean(squares)))
+
+
+def verdict_errors(true: float, verdict: Mapping[str, Any]) -> pd.DataFrame:
+    """Return one row: the true effect beside that of ``verdict.json`` (empty without an answer).
+
+    Returns
+    -------
+    DataFrame
+        Columns true_effect, estimate, low, high, upper_bound, detectable, p_value, conclusion.
+    """
+    import pandas as pd
+
+    columns = ["true_effect", "estimate", "low", "high", "upper_bound", "detectable"]
+    effect, test = verdict["effect"], verdict["test"]
+    if effect is None or test is None:
+        return pd.DataFrame(columns=[*columns, "p_value", "conclusion"])
+    row = {"true_effect": true} | {name: effect[name] for name in columns[1:]}
+    row |= {"p_value": test["p_value"], "conclusion": verdict["conclusion"]}
+    return pd.DataFrame([row])
+
+
+def score_verdict(errors: pd.DataFrame) -> Entries:
+    """Say how the verdict's effect compares with the true one."""
+    if errors.empty:
+        return {}
+    row = errors.iloc[0]
+    inside = bool(row["low"] <= row["true_effect"] <= row["high"])
+    return {
+        "verdict_true_effect": entry(
+            float(row["true_effect"]),
+            "1",
+            "True relative difference of the maps of the contact orders",
+        ),
+        "verdict_effect": entry(
+            float(row["estimate"]), "1", "Relative difference of these maps that the verdict found"
+        ),
+        "verdict_p_value": entry(
+            float(row["p_value"]), "1", "p-value of the verdict's test of the kinks"
+        ),
+        "verdict_interval_covers": entry(
+            inside, "yes/no", "Whether the verdict's interval holds the true difference"
+        ),
+    }

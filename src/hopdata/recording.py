@@ -1,0 +1,285 @@
+"""The `Recording`: marker positions over time, in SI units, with z up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.arrays import BoolArray, FloatArray
+from hopdata.errors import RecordingError
+
+
+@dataclass(frozen=True)
+class Event:
+    """An event that an operator or a device marked in the file.
+
+    Parameters
+    ----------
+    label : str
+        Name of the event.
+    time_s : float
+        Time stamp as in the file, s.
+    """
+
+    label: str
+    time_s: float
+
+
+ROLES = ("body", "foot", "boom", "other")
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Motion capture of one trial.
+
+    Parameters
+    ----------
+    name : str
+        Short name, unique in a study.
+    time : (N,) array
+        Time of each frame, s, strictly increasing.
+    positions : (N, M, 3) array
+        Marker positions in the world frame with z up, m; NaN where a marker was not seen.
+    markers : tuple of str
+        The M marker names.
+    roles : tuple of str
+        One of ``"body"``, ``"foot"``, ``"boom"``, ``"other"`` for each marker.
+    rate_hz : float
+        Nominal frame rate, Hz.
+    source : str
+        Name of the file that the recording was read from.
+    source_sha256 : str
+        Digest of that file.
+    vertical_axis : str
+        Direction of the source file that was up, such as ``"y"`` or ``"-z"`` (`axes.FILE_AXES`).
+    events : tuple of Event
+        Events marked in the file, on the same clock as `time`.
+    remarks : tuple of str
+        What the file said that did not hold and was put right, one line each.
+    filled : (N, M) bool array, optional
+        Positions that were not seen but filled in; None if no gaps were filled.
+    """
+
+    name: str
+    time: FloatArray
+    positions: FloatArray
+    markers: tuple[str, ...]
+    roles: tuple[str, ...]
+    rate_hz: float
+    source: str = ""
+    source_sha256: str = ""
+    vertical_axis: str = "z"
+    events: tuple[Event, ...] = ()
+    remarks: tuple[str, ...] = ()
+    filled: NDArray[np.bool_] | None = None
+
+    def __post_init__(self) -> None:
+        n_frames, n_markers = len(self.time), len(self.markers)
+        if self.time.ndim != 1:
+            raise ValueError(f"time: expected shape (N,), found {self.time.shape}")
+        if self.positions.shape != (n_frames, n_markers, 3):
+            raise ValueError(
+                f"positions: expected shape {(n_frames, n_markers, 3)}, "
+                f"found {self.positions.shape}"
+            )
+        if len(self.roles) != n_markers:
+            raise ValueError(f"roles: expected {n_markers} entries, found {len(self.roles)}")
+        if self.filled is not None and self.filled.shape != (n_frames, n_markers):
+            raise ValueError(
+                f"filled: expected shape {(n_frames, n_markers)}, found {self.filled.shape}"
+            )
+
+    def indices(self, role: str) -> list[int]:
+        """Return indices of the markers with this role, in order."""
+        return [i for i, r in enumerate(self.roles) if r == role]
+
+    def names(self, role: str) -> tuple[str, ...]:
+        """Return names of the markers with this role, in order."""
+        return tuple(self.markers[i] for i in self.indices(role))
+
+    @property
+    def place(self) -> str:
+        """Where it comes from, as a message names it."""
+        return self.source or f"recording '{self.name}'"
+
+    def part(self, frames: slice) -> Recording:
+        """Return the recording of these frames alone."""
+        filled = None if self.filled is None else self.filled[frames]
+        return replace(
+            self, time=self.time[frames], positions=self.positions[frames], filled=filled
+        )
+
+    @cached_property
+    def body(self) -> FloatArray:
+        """Body markers, (N, B, 3), m."""
+        return self.positions[:, self.indices("body")]
+
+    @cached_property
+    def feet(self) -> FloatArray:
+        """Foot markers, (N, n, 3), m."""
+        return self.positions[:, self.indices("foot")]
+
+    @cached_property
+    def body_height(self) -> FloatArray:
+        """Mean height of the body markers, (N,), m; NaN where one of them is not seen."""
+        return self.body[:, :, 2].mean(axis=1)
+
+
+# No landing may count twice: the same content under two names is refused.
+
+SEPARATOR = ", "  # between the files of one recording, and between their digests
+
+
+def require_distinct(recordings: Iterable[Recording]) -> None:
+    """Refuse files that are byte for byte the same, in one recording or in two.
+
+    Raises
+    ------
+    RecordingError
+        Naming both files.
+    """
+    known: dict[str, str] = {}
+    for recording in recordings:
+        for number, digest in enumerate(filter(None, recording.source_sha256.split(SEPARATOR))):
+            here = f"file {number + 1} of recording '{recording.name}'"
+            if digest in known:
+                raise RecordingError(
+                    f"{recording.place}: expected each file once, found the bytes of {here} in "
+                    f"{known[digest]} as well: their landings would count twice"
+                )
+            known[digest] = here
+
+
+# How much of a recording there is to see, and how far its markers spread.
+
+SAMPLE_FRAMES = 2000
+
+
+def fraction_seen(recording: Recording) -> FloatArray:
+    """Fraction of the frames in which each marker was seen, (M,)."""
+    fraction: FloatArray = (~np.isnan(recording.positions).any(axis=2)).mean(axis=0)
+    return fraction
+
+
+def extent(positions: FloatArray) -> float:
+    """Median over frames of the diagonal of the box around all markers seen.
+
+    Parameters
+    ----------
+    positions : (N, M, 3) array
+        In any unit, along any axes.
+
+    Returns
+    -------
+    float
+        In the unit of `positions`; NaN if no frame shows two markers.
+    """
+    frames = sampled(positions)
+    frames = frames[(~np.isnan(frames).any(axis=2)).sum(axis=1) >= 2]
+    if not len(frames):
+        return float("nan")
+    span = np.nanmax(frames, axis=1) - np.nanmin(frames, axis=1)
+    with np.errstate(over="ignore"):  # an absurd size may be infinite
+        return float(np.median(np.sqrt((span**2).sum(axis=1))))
+
+
+def body_over_feet(recording: Recording) -> FloatArray:
+    """Median over frames of the mean body position less the mean foot position, (3,), m."""
+    difference = sampled(recording.body).mean(axis=1) - sampled(recording.feet).mean(axis=1)
+    difference = difference[~np.isnan(difference).any(axis=1)]
+    if not len(difference):
+        return np.full(3, np.nan)
+    offset: FloatArray = np.median(difference, axis=0)
+    return offset
+
+
+def sampled(positions: FloatArray) -> FloatArray:
+    """Return at most `SAMPLE_FRAMES` of the frames (N, ...), evenly spaced."""
+    return positions[:: max(1, len(positions) // SAMPLE_FRAMES)]
+
+
+# What a simulation knows about a recording and a camera does not; only scoring reads it.
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Truth of a synthetic recording of N frames, L landings and n feet.
+
+    A landing runs from the apex of one hop to the apex of the next.
+
+    Parameters
+    ----------
+    contact_times : (L, n) array
+        Instant at which each foot first touched in each landing, s; NaN if it did not.
+    apex_times : (L,) array
+        Time of the apex before each landing, s.
+    complete : (L,) bool array
+        Whether all feet stood at once.
+    foot_down : (N, n) bool array
+        Whether each foot was in contact, at each frame.
+    body_height : (N,) array
+        Mean height of the body markers above the flat simulated floor, without noise, m.
+    contact_points : (L, n, 2) array
+        Where each foot first touched, world frame, m.
+    floor_at_contacts : (L, n) array
+        Height of the measured (curved) floor at these points, m.
+    apex_states : (L, 12) array
+        State of the hopper at the apex, after its kick (see `hopdata.scenes.hopper`).
+    preloads_n : (L, n) array
+        Preload of each leg in each landing, N.
+    noise_m : float
+        Standard deviation of the noise per marker coordinate, m.
+    parameters_json : str
+        Everything that the recording was made with, as JSON.
+    """
+
+    contact_times: FloatArray
+    apex_times: FloatArray
+    complete: BoolArray
+    foot_down: BoolArray
+    body_height: FloatArray
+    contact_points: FloatArray
+    floor_at_contacts: FloatArray
+    apex_states: FloatArray
+    preloads_n: FloatArray
+    noise_m: float
+    parameters_json: str
+
+
+# Sizes that go by letters: N frames, L landings, n feet; the others are fixed.
+_SIZES: dict[str, str] = {
+    "contact_times": "L n",
+    "apex_times": "L",
+    "complete": "L",
+    "foot_down": "N n",
+    "body_height": "N",
+    "contact_points": "L n 2",
+    "floor_at_contacts": "L n",
+    "apex_states": "L 12",
+    "preloads_n": "L n",
+}
+
+
+def check_sizes(truth: Truth) -> None:
+    """Require that the arrays of a truth agree in their numbers of frames, landings and feet.
+
+    Raises
+    ------
+    ValueError
+        Naming the array that does not fit those before it.
+    """
+    known: dict[str, int] = {}
+    for name, letters in _SIZES.items():
+        shape, sizes = getattr(truth, name).shape, letters.split()
+        expected = [
+            int(letter) if letter.isdigit() else known.setdefault(letter, size)
+            for letter, size in zip(sizes, shape, strict=False)
+        ]
+        if len(shape) != len(sizes) or list(shape) != expected:
+            raise ValueError(
+                f"{name}: expected shape ({', '.join(sizes)}) of {known}, found {shape}"
+            )

@@ -1,0 +1,317 @@
+"""Markers that come to rest at their lowest again and again, as feet do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.arrays import BoolArray, FloatArray, IntArray
+
+# Stretches of frames in which something holds.
+
+
+def runs(holds: BoolArray) -> IntArray:
+    """Return the stretches of True in an (N,) mask.
+
+    Returns
+    -------
+    (K, 2) array
+        First frame of each stretch and the frame after its last.
+    """
+    padded = np.concatenate([[False], holds, [False]])
+    edges = np.flatnonzero(padded[1:] != padded[:-1])
+    return edges.reshape(-1, 2).astype(np.int64)
+
+
+# Frozen markers: the same position again and again, which noise makes all but impossible.
+
+LEAST_REPEATS = 3
+CHANCE = 1e-3  # of any false alarm in a recording
+
+
+@dataclass(frozen=True)
+class Frozen:
+    """A stretch in which a marker repeats one position.
+
+    Parameters
+    ----------
+    marker : str
+        Its name.
+    start, stop : int
+        First frame with the repeated position, and the frame after the last.
+    """
+
+    marker: str
+    start: int
+    stop: int
+
+
+def frozen_markers(positions: FloatArray, markers: tuple[str, ...]) -> tuple[Frozen, ...]:
+    """Find stretches of exact repeats that are too long to be chance.
+
+    A coarse file repeats positions by chance while a foot rests. How often a repeat is followed by
+    another is therefore estimated from all other runs of repeats of the same marker.
+
+    Parameters
+    ----------
+    positions : (N, M, 3) array
+        As in the file, not smoothed.
+    markers : tuple of str
+        The M names.
+    """
+    repeats = np.all(np.diff(positions, axis=0) == 0, axis=2)
+    found = []
+    for m, name in enumerate(markers):
+        stretches = runs(repeats[:, m])
+        for start, stop in stretches[_too_long(stretches, repeats.size)]:
+            found.append(Frozen(name, int(start), int(stop) + 1))
+    return tuple(found)
+
+
+def _too_long(stretches: IntArray, n_tests: int) -> NDArray[np.bool_]:
+    """Which runs of repeats, (K,), are longer than the other runs let expect."""
+    length = np.diff(stretches, axis=1)[:, 0]
+    is_long = length >= LEAST_REPEATS
+    if not is_long.any():
+        return is_long
+    others, again = max(len(length) - 1, 1), np.sum(length > 1) - 1
+    chance_again = np.clip(again / others, 1e-9, 1 - 1e-9)
+    longest = 1 + np.log(CHANCE / n_tests) / np.log(chance_again)
+    result: NDArray[np.bool_] = is_long & (length > longest)
+    return result
+
+
+# Where each marker was not seen.
+
+
+@dataclass(frozen=True)
+class MarkerGaps:
+    """The gaps of one marker.
+
+    Parameters
+    ----------
+    marker : str
+        Its name.
+    stretches : (K, 2) array
+        First frame of each gap, and the frame after its last; frames count from 0.
+    n_frames : int
+        Frames of the recording.
+    """
+
+    marker: str
+    stretches: IntArray
+    n_frames: int
+
+    @property
+    def count(self) -> int:
+        """Number of gaps."""
+        return len(self.stretches)
+
+    @property
+    def longest(self) -> int:
+        """Length of the longest gap, frames; 0 without gaps."""
+        return int(np.diff(self.stretches, axis=1).max(initial=0))
+
+    @property
+    def missing(self) -> int:
+        """Frames in which the marker was not seen."""
+        return int(np.diff(self.stretches, axis=1).sum())
+
+    @property
+    def share(self) -> float:
+        """Share of the frames in which the marker was not seen."""
+        return self.missing / self.n_frames if self.n_frames else 0.0
+
+
+def seen(positions: FloatArray) -> NDArray[np.bool_]:
+    """Tell in which frames each marker of (N, M, 3) positions was seen, (N, M)."""
+    return np.asarray(np.isfinite(positions).all(axis=2))
+
+
+def marker_gaps(positions: FloatArray, markers: tuple[str, ...]) -> tuple[MarkerGaps, ...]:
+    """Find the gaps of every marker.
+
+    Parameters
+    ----------
+    positions : (N, M, 3) array
+        NaN where a marker was not seen.
+    markers : tuple of str
+        The M names.
+    """
+    unseen = ~seen(positions)
+    return tuple(
+        MarkerGaps(name, runs(unseen[:, m]), len(positions)) for m, name in enumerate(markers)
+    )
+
+
+BAND_M = 0.02  # above a marker's own lowest height
+SPEED_M_S = 0.15
+WINDOW_S = 0.04
+LEAST_REST_S = 0.03
+FLAT = 0.05  # of the range of heights: the lowest tenth of the frames of a foot spans less
+CLEARER = 2.0
+ONE_M = 1e-5  # no camera system is so exact: heights whose difference varies by less are copies
+
+
+def lowest(heights: FloatArray) -> FloatArray:
+    """Lowest height of each marker but for 1 % of the frames, (M,); NaN if never seen."""
+    return _quantiles(heights, [0.01])[0]
+
+
+def high_feet(heights: FloatArray, names: Sequence[str], *, above_m: float) -> list[str]:
+    """Say which feet, of heights (N, n) m, stay so far above where the lowest of them goes."""
+    low = lowest(heights)
+    if np.isnan(low).all():
+        return []
+    floor = int(np.nanargmin(low))
+    return [
+        f"foot '{name}' comes no nearer to the floor than {height:.3f} m above '{names[floor]}'"
+        for name, height in zip(names, low - low[floor], strict=True)
+        if height > above_m
+    ]
+
+
+def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[str]:
+    """Say which two feet, of heights (N, n) m, are always as far apart in height.
+
+    Markers of their own never are, for their noise. Asked are the frames in which one of the two is
+    off the floor, where rounding alone does not make them equal; the outer tenths may be wrong.
+    """
+    remarks = []
+    up = heights > lowest(heights) + BAND_M
+    for i, j in combinations(range(len(names)), 2):
+        apart = heights[up[:, i] | up[:, j], i] - heights[up[:, i] | up[:, j], j]
+        low, middle, high = _quantiles(apart[:, None], [0.1, 0.5, 0.9])[:, 0]
+        if high - low < ONE_M:
+            where = f"{1e3 * abs(middle):.1f} mm apart" if abs(middle) > ONE_M else "the same"
+            remarks.append(f"the heights of feet '{names[i]}' and '{names[j]}' are always {where}")
+    return remarks
+
+
+def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
+    """Tell when each marker rests near its own lowest height.
+
+    Parameters
+    ----------
+    heights : (N, M) array
+        Height, m; NaN where not seen.
+    rate_hz : float
+        Frame rate, Hz.
+
+    Returns
+    -------
+    (N, M) bool array
+        Rests shorter than `LEAST_REST_S` are left out.
+    """
+    half = max(1, round(WINDOW_S * rate_hz / 2))
+    speed = np.full_like(heights, np.nan)
+    if len(heights) > 2 * half:
+        speed[half:-half] = (heights[2 * half :] - heights[: -2 * half]) * rate_hz / (2 * half)
+    with np.errstate(invalid="ignore"):
+        resting = (heights < lowest(heights) + BAND_M) & (np.abs(speed) < SPEED_M_S)
+    least = max(2, round(LEAST_REST_S * rate_hz))
+    for m in range(heights.shape[1]):
+        for start, stop in runs(resting[:, m]):
+            if stop - start < least:
+                resting[start:stop, m] = False
+    return resting
+
+
+def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
+    """Find the direction at whose lower end at least two markers stay for a while.
+
+    Parameters
+    ----------
+    positions : (N, M, 3) array
+        In any unit.
+
+    Returns
+    -------
+    direction : str
+        ``"z"``, ``"-y"`` and so on: up, if something stands on a floor.
+    flatness, next_flatness : float
+        Range of the lowest tenth of the frames over that of all, of the second flattest marker,
+        for this direction and for the next best.
+    """
+    found: dict[str, float] = {}
+    for axis, name in enumerate("xyz"):
+        for sign in (1, -1):
+            low, tenth, high = _quantiles(sign * positions[:, :, axis], [0.01, 0.1, 0.99])
+            with np.errstate(invalid="ignore", divide="ignore"):
+                flatness = np.sort(((tenth - low) / (high - low))[high > low])
+            direction = name if sign > 0 else f"-{name}"
+            found[direction] = float(flatness[1]) if len(flatness) > 1 else np.inf
+    best, following = sorted(found, key=lambda d: found[d])[:2]
+    return best, found[best], found[following]
+
+
+def _quantiles(values: FloatArray, levels: list[float]) -> FloatArray:
+    """Quantiles of each column of (N, M) values, (len(levels), M); NaN for an empty column."""
+    result = np.full((len(levels), values.shape[1]), np.nan)
+    for m in range(values.shape[1]):
+        known = values[np.isfinite(values[:, m]), m]
+        if len(known):
+            result[:, m] = np.quantile(known, levels)
+    return result
+
+
+# Time stamps: frames that were dropped, steps that are irregular or run back.
+
+IRREGULAR = 0.2  # of a frame: a step further from the median than this, but not by whole frames
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What the time stamps say.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Rate by the median step, Hz; NaN with fewer than two frames.
+    drops : (K, 2) array
+        Frame (from 0) after which frames are missing, and how many.
+    irregular : (J,) array
+        Frames whose step to the next is irregular: neither one frame nor several whole ones.
+    backward : (L,) array
+        Frames whose next time stamp is not later.
+    jitter_s : float
+        Largest deviation of the other steps from the median, s.
+    """
+
+    rate_hz: float
+    drops: IntArray
+    irregular: IntArray
+    backward: IntArray
+    jitter_s: float
+
+    @property
+    def n_dropped(self) -> int:
+        """Number of frames that are missing between the stamps."""
+        return int(self.drops[:, 1].sum())
+
+
+def check_stamps(time: FloatArray) -> Timing:
+    """Judge (N,) time stamps, s, by their own median step."""
+    steps = np.diff(time)
+    forward = steps[steps > 0]
+    if not len(forward):
+        none = np.zeros(0, dtype=np.int64)
+        return Timing(np.nan, none.reshape(0, 2), none, np.flatnonzero(steps <= 0), np.nan)
+    step = float(np.median(forward))
+    frames = steps / step
+    whole = np.round(frames)
+    is_forward = steps > 0
+    on_grid = np.abs(frames - whole) <= IRREGULAR
+    dropped = np.flatnonzero(is_forward & on_grid & (whole > 1))
+    regular = is_forward & on_grid & (whole == 1)
+    return Timing(
+        rate_hz=1 / step,
+        drops=np.column_stack([dropped, whole[dropped].astype(np.int64) - 1]),
+        irregular=np.flatnonzero(is_forward & ~on_grid),
+        backward=np.flatnonzero(~is_forward),
+        jitter_s=float(np.abs(steps[regular] - step).max(initial=0.0)),
+    )

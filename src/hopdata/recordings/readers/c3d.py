@@ -1,0 +1,316 @@
+"""Reader of C3D files: whole numbers or floats, of any of the three byte orders.
+
+The format is that of the C3D user guide (c3d.org). The file is not believed: each count that it
+states is held against the bytes that are there before anything is read.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.arrays import FloatArray
+from hopdata.errors import RecordingError, did_you_mean
+from hopdata.recording import Event
+from hopdata.recordings.raw import (
+    METRES_PER_UNIT,
+    RATE_TOLERANCE,
+    USUAL_UNIT,
+    RawRecording,
+    distinct_names,
+    resolve_rate,
+)
+from hopdata.recordings.readers.c3d_parameters import (
+    BLOCK,
+    C3dHeader,
+    Parameters,
+    Processor,
+    count_frames,
+    first_frame,
+    parameter_start,
+    read_c3d_header,
+    read_parameters,
+)
+from hopdata.recordings.readers.text import listed
+
+MOST_PARAMETER_BYTES = 255 * BLOCK
+
+
+def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
+    """Read the markers of a C3D file.
+
+    A marker counts as unseen where its residual is negative, a coordinate is NaN, or all three are
+    0. Time is (frame number - 1) / rate, the clock of the file's events.
+
+    Parameters
+    ----------
+    path : path
+        The ``.c3d`` file.
+    rate_hz : float, optional
+        Frame rate; must be the file's.
+
+    Raises
+    ------
+    RecordingError
+        Naming the file, the place in it, what was expected and what was found.
+    """
+    path = Path(path)
+    header, parameters, size = open_c3d(path)
+    start, end = header.data_start, size
+    n_points, stated = header.n_points, parameters.number("POINT", "USED")
+    if stated is not None and stated % 65536 != n_points:
+        raise RecordingError(
+            f"{parameters.place('POINT', 'USED')}: expected {n_points} as in the header, "
+            f"found {stated:g}"
+        )
+    if not n_points:
+        raise RecordingError(f"{path}: expected markers, found none")
+    n_frames, remarks = count_frames(header, parameters, end - start)
+    markers, more = _markers(parameters, n_points)
+    unit = _unit(parameters)
+    positions = _positions(path, header, parameters.processor, n_frames)
+    rate = resolve_rate(f"{path}: header", stated=frame_rate(header, parameters), given=rate_hz)
+    time = (first_frame(header, parameters) - 1 + np.arange(n_frames)) / rate
+    return RawRecording(
+        markers,
+        time,
+        positions,
+        rate,
+        unit=unit or USUAL_UNIT,
+        unit_is_stated=bool(unit),
+        events=_events(parameters) or header.events,
+        stated_up=_stated_up(parameters),
+        remarks=remarks + more,
+    )
+
+
+def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
+    """Header, parameters and size of a file."""
+    try:
+        with path.open("rb") as file:
+            block = file.read(BLOCK)
+            start = parameter_start(path, block)
+            file.seek(start)
+            section = file.read(MOST_PARAMETER_BYTES)
+            size = os.fstat(file.fileno()).st_size
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: expected a readable file, found: {error.strerror or error}"
+        ) from None
+    if len(section) > 3 and section[2]:
+        section = section[: section[2] * BLOCK]
+    parameters = read_parameters(path, section, start)
+    header = read_c3d_header(block, parameters.processor)
+    if not BLOCK <= header.data_start <= size:
+        raise RecordingError(
+            f"{path}, byte 16: data: expected to start between byte {BLOCK} and the end of the "
+            f"file (byte {size}), found byte {header.data_start}"
+        )
+    if not np.isfinite(header.scale) or header.scale == 0:
+        raise RecordingError(
+            f"{path}, byte 12: scale: expected a number other than 0, found {header.scale:g}"
+        )
+    return header, parameters, size
+
+
+def frame_rate(header: C3dHeader, parameters: Parameters) -> float:
+    """Frame rate of the header and of ``POINT:RATE``, Hz, which must agree."""
+    stated = parameters.number("POINT", "RATE")
+    if stated is None:
+        return header.rate_hz
+    if not abs(stated - header.rate_hz) <= RATE_TOLERANCE * abs(stated):
+        raise RecordingError(
+            f"{parameters.place('POINT', 'RATE')}: expected {header.rate_hz:g} Hz as in the "
+            f"header, found {stated:g} Hz"
+        )
+    return stated
+
+
+def _markers(parameters: Parameters, n_points: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Marker names, with a remark if some have none."""
+    labels = parameters.texts("POINT", "LABELS")[:n_points]
+    if not labels:
+        raise RecordingError(
+            f"{parameters.place('POINT', 'LABELS')}: expected {n_points} marker names, found none"
+            f"{parameters.near('POINT', 'LABELS')}"
+        )
+    labels += [""] * (n_points - len(labels))
+    n_nameless = labels.count("")
+    named = [label or f"unnamed {i + 1}" for i, label in enumerate(labels)]
+    place = parameters.place("POINT", "LABELS")
+    remark = f"{place}: {n_nameless} of {n_points} markers have no name, called 'unnamed <number>'"
+    return distinct_names(place, named), (remark,) if n_nameless else ()
+
+
+def _unit(parameters: Parameters) -> str:
+    """Return the unit that the file states; empty if it states none."""
+    place, stated = parameters.place("POINT", "UNITS"), parameters.texts("POINT", "UNITS")
+    unit = stated[0].lower() if stated else ""
+    if unit and unit not in METRES_PER_UNIT:
+        raise RecordingError(f"{place}: expected mm or m, found '{stated[0]}'")
+    return unit
+
+
+def _stated_up(parameters: Parameters) -> str:
+    """Axis that points up on the screen, if it is one of x, y, z."""
+    axis = (parameters.texts("POINT", "Y_SCREEN") or [""])[0].upper()
+    return axis[1].lower() if axis in ("+X", "+Y", "+Z") else ""
+
+
+def _positions(path: Path, header: C3dHeader, processor: Processor, n_frames: int) -> FloatArray:
+    """Positions (N, M, 3) as stated, NaN where unseen."""
+    stored = np.memmap(path, dtype=np.uint8, mode="r", offset=header.data_start)
+    data = np.asarray(stored)[: n_frames * header.frame_bytes]
+    numbers: NDArray[Any] = processor.floats(data) if header.scale < 0 else processor.whole(data)
+    points = numbers.reshape(n_frames, -1)[:, : 4 * header.n_points]
+    points = points.reshape(n_frames, header.n_points, 4)
+    with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
+        positions = points[:, :, :3].astype(np.float64)
+        unseen = ~(points[:, :, 3] >= 0) | ~np.any(positions, axis=2)
+    if header.scale > 0:
+        positions *= header.scale
+    unseen |= np.isnan(positions).any(axis=2)
+    positions[unseen] = np.nan
+    return positions
+
+
+def _events(parameters: Parameters) -> tuple[Event, ...]:
+    """Events of the group ``EVENT``: labels, and times in minutes and seconds."""
+    used = parameters.number("EVENT", "USED")
+    if not used:
+        return ()
+    labels, times = parameters.texts("EVENT", "LABELS"), parameters.numbers("EVENT", "TIMES")
+    for i in range(2, 20):
+        times += parameters.numbers("EVENT", f"TIMES{i}")
+    contexts = parameters.texts("EVENT", "CONTEXTS") or [""] * len(labels)
+    if not (used == len(labels) == len(contexts) == len(times) / 2) or not np.isfinite(times).all():
+        raise RecordingError(
+            f"{parameters.place('EVENT', 'USED')}: expected {used:g} events, found {len(labels)} "
+            f"labels, {len(contexts)} contexts and {len(times) / 2:g} times"
+        )
+    return tuple(
+        Event(f"{context} {label}".strip(), 60 * minutes + seconds)
+        for context, label, minutes, seconds in zip(
+            contexts, labels, times[::2], times[1::2], strict=True
+        )
+    )
+
+
+# Analog channels of a C3D file, such as the forces of a plate.
+
+
+@dataclass(frozen=True)
+class Analogs:
+    """Analog channels, scaled, on the clock of the file's frames and events.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    names, units : tuple of str
+        Label and unit of each of the C channels.
+    time : (K,) array
+        Time of each sample, s; the first frame is number 1 at 0 s.
+    values : (K, C) array
+        In `units`.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    time: FloatArray
+    values: FloatArray
+
+    def channel(self, name: str) -> tuple[FloatArray, str]:
+        """Return the samples (K,) and the unit of a channel.
+
+        Raises
+        ------
+        RecordingError
+            If no channel has this name, or several have.
+        """
+        n_found = self.names.count(name)
+        if n_found != 1:
+            found = f"found {n_found} of that name" if n_found else f"found no '{name}'"
+            raise RecordingError(
+                f"{self.path}: ANALOG:LABELS: expected '{name}' once among {listed(self.names)}, "
+                f"{found}{'' if n_found else did_you_mean(name, self.names)}"
+            )
+        place = self.names.index(name)
+        return self.values[:, place], self.units[place]
+
+
+def read_analogs(path: str | Path) -> Analogs:
+    """Read all analog channels of a C3D file.
+
+    A channel's value is (stored - ``ANALOG:OFFSET``) x ``ANALOG:SCALE`` x ``ANALOG:GEN_SCALE``
+    (C3D user guide).
+
+    Parameters
+    ----------
+    path : path
+        The ``.c3d`` file.
+
+    Raises
+    ------
+    RecordingError
+        Naming the file, the place in it, what was expected and what was found.
+    """
+    path = Path(path)
+    header, parameters, size = open_c3d(path)
+    n_channels = int(parameters.number("ANALOG", "USED") or 0)
+    if not n_channels or not header.n_analog:
+        raise RecordingError(f"{parameters.place('ANALOG', 'USED')}: expected channels, found none")
+    if header.n_analog % n_channels:
+        raise RecordingError(
+            f"{parameters.place('ANALOG', 'USED')}: expected a divisor of the {header.n_analog} "
+            f"analog numbers in each frame, found {n_channels}"
+        )
+    n_frames, _ = count_frames(header, parameters, size - header.data_start)
+    per_frame = header.n_analog // n_channels
+    stored = _stored(path, header, parameters, n_frames).reshape(n_frames * per_frame, n_channels)
+    offset = _per_channel(parameters, "OFFSET", n_channels, default=0.0)
+    scale = _per_channel(parameters, "SCALE", n_channels, default=1.0)
+    general = parameters.number("ANALOG", "GEN_SCALE")
+    start = first_frame(header, parameters) - 1
+    samples = start * per_frame + np.arange(n_frames * per_frame)
+    names, units = (_texts(parameters, key, n_channels) for key in ("LABELS", "UNITS"))
+    return Analogs(
+        path=path,
+        names=names,
+        units=units,
+        time=samples / (frame_rate(header, parameters) * per_frame),
+        values=(stored - offset) * scale * (1.0 if general is None else general),
+    )
+
+
+def _stored(path: Path, header: C3dHeader, parameters: Parameters, n_frames: int) -> FloatArray:
+    """Analog numbers as they stand in the file, (N, n_analog)."""
+    raw = np.asarray(np.memmap(path, dtype=np.uint8, mode="r", offset=header.data_start))
+    data, processor = raw[: n_frames * header.frame_bytes], parameters.processor
+    numbers: NDArray[Any] = processor.floats(data) if header.scale < 0 else processor.whole(data)
+    values = numbers.reshape(n_frames, -1)[:, 4 * header.n_points :].astype(np.float64)
+    unsigned = (parameters.texts("ANALOG", "FORMAT") or [""])[0].upper() == "UNSIGNED"
+    return np.where(values < 0, values + 65536, values) if unsigned and header.scale > 0 else values
+
+
+def _per_channel(
+    parameters: Parameters, name: str, n_channels: int, *, default: float
+) -> FloatArray:
+    """One number a channel, (C,); the default where the file has none."""
+    found = parameters.numbers("ANALOG", name)
+    if found and len(found) < n_channels:
+        raise RecordingError(
+            f"{parameters.place('ANALOG', name)}: expected {n_channels} numbers, found {len(found)}"
+        )
+    return np.array(found[:n_channels] or [default] * n_channels, dtype=np.float64)
+
+
+def _texts(parameters: Parameters, name: str, n_channels: int) -> tuple[str, ...]:
+    found = [text.strip() for text in parameters.texts("ANALOG", name)[:n_channels]]
+    return tuple(found + [""] * (n_channels - len(found)))

@@ -1,0 +1,419 @@
+"""The parameter section of a C3D file: groups of named numbers and texts.
+
+Layout after the C3D user guide (c3d.org), "The parameter section". Every length in it is checked
+against the section before it is used, so that a file cannot make the reader run away.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.errors import RecordingError, did_you_mean
+from hopdata.recording import Event
+
+# Numbers in a C3D file, in the three byte orders that the format knows.
+
+
+@dataclass(frozen=True)
+class Processor:
+    """The kind of computer whose numbers a C3D file holds.
+
+    Parameters
+    ----------
+    name : str
+        ``"Intel"``, ``"DEC"`` or ``"MIPS"``.
+    order : {"<", ">"}
+        Order of the bytes of a whole number, as numpy writes it.
+    """
+
+    name: str
+    order: str
+
+    def whole(self, data: bytes | NDArray[np.uint8]) -> NDArray[np.int16]:
+        """Decode 16-bit whole numbers with a sign."""
+        return np.frombuffer(data, dtype=f"{self.order}i2").astype(np.int16)
+
+    def floats(self, data: bytes | NDArray[np.uint8]) -> NDArray[np.float32]:
+        """Decode 32-bit floating-point numbers; a DEC number has its halves exchanged."""
+        raw = np.frombuffer(data, dtype=np.uint8)
+        if self.name != "DEC":
+            return raw.view(f"{self.order}f4")
+        swapped = raw.view("<u2").reshape(-1, 2)[:, ::-1].copy().view("<f4").reshape(-1)
+        with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
+            quarter: NDArray[np.float32] = (swapped / np.float32(4)).astype(np.float32)
+        return quarter
+
+    def from_whole(self, values: Any) -> bytes:
+        """Encode 16-bit whole numbers; up to 65535 as the same bits without a sign."""
+        return (
+            (np.atleast_1d(np.asarray(values, dtype=np.int64)) & 0xFFFF)
+            .astype(f"{self.order}u2")
+            .tobytes()
+        )
+
+    def from_floats(self, values: Any) -> bytes:
+        """Encode 32-bit floating-point numbers."""
+        if self.name != "DEC":
+            return np.atleast_1d(values).astype(f"{self.order}f4").tobytes()
+        halves = np.ravel(np.asarray(values, dtype="<f4") * np.float32(4)).view("<u2")
+        return halves.reshape(-1, 2)[:, ::-1].tobytes()
+
+
+# By the number that the file's parameter section begins with.
+PROCESSORS = {84: Processor("Intel", "<"), 85: Processor("DEC", "<"), 86: Processor("MIPS", ">")}
+
+
+def unsigned(value: float) -> int:
+    """Whole number whose 16 bits may have been read with a sign: counts have none."""
+    return int(value) + (65536 if value < 0 else 0)
+
+
+BLOCK = 512  # bytes; all sections begin at a multiple of it
+_WIDTH = {-1: 1, 1: 1, 2: 2, 4: 4}  # bytes of an element: text, byte, whole number, float
+
+
+@dataclass
+class Parameters:
+    """Parameters by group and name, both in upper case, and where they stand in the file."""
+
+    path: Path
+    processor: Processor
+    groups: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def place(self, group: str, name: str) -> str:
+        """File and parameter, for messages."""
+        return f"{self.path}: {group}:{name}"
+
+    def number(self, group: str, name: str) -> float | None:
+        """First number of a parameter; None if it is absent or empty.
+
+        Raises
+        ------
+        RecordingError
+            If it is text.
+        """
+        numbers = self.numbers(group, name)
+        return numbers[0] if numbers else None
+
+    def numbers(self, group: str, name: str) -> list[float]:
+        """All numbers of a parameter, none if it is absent.
+
+        Raises
+        ------
+        RecordingError
+            If it is text.
+        """
+        value = self.groups.get(group, {}).get(name)
+        if value is None:
+            return []
+        if not isinstance(value, np.ndarray):
+            raise RecordingError(f"{self.place(group, name)}: expected numbers, found text")
+        return [float(x) for x in value]
+
+    def texts(self, group: str, name: str) -> list[str]:
+        """All texts of a parameter and of its continuations (``LABELS2`` ...), none if absent.
+
+        Raises
+        ------
+        RecordingError
+            If it is a number.
+        """
+        found: list[str] = []
+        named = self.groups.get(group, {})
+        for key in [name, *(f"{name}{i}" for i in range(2, len(named) + 2))]:
+            if key not in named:
+                break
+            if not isinstance(named[key], list):
+                raise RecordingError(f"{self.place(group, key)}: expected text, found numbers")
+            found += named[key]
+        return found
+
+    def near(self, group: str, name: str) -> str:
+        """Hint at a parameter of a similar name."""
+        return did_you_mean(name, self.groups.get(group, {}))
+
+
+def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
+    """Read the parameter section.
+
+    Parameters
+    ----------
+    path : path
+        The file, for messages.
+    section : bytes
+        The file from the section's first byte on.
+    offset : int
+        Where in the file that is.
+
+    Raises
+    ------
+    RecordingError
+        If a record reaches beyond the section, or is of an unknown kind.
+    """
+    if len(section) < 4:
+        raise RecordingError(
+            f"{path}, byte {offset}: expected the parameter section, found the end of the file"
+        )
+    processor = PROCESSORS.get(section[3])
+    if processor is None:
+        raise RecordingError(
+            f"{path}, byte {offset + 3}: expected the processor type 84, 85 or 86, "
+            f"found {section[3]}"
+        )
+    parameters = Parameters(path, processor)
+    source = _Section(path, section, offset, processor)
+    names: dict[int, str] = {}
+    found: list[tuple[int, str, Any]] = []
+    for number, name, start in source.records():
+        if number < 0:
+            names[-number] = name
+        else:
+            found.append((number, name, source.value(start, name)))
+    for number, name, value in found:
+        if number not in names:
+            raise RecordingError(
+                f"{path}: parameter {name}: expected a group of number {number}, found none"
+            )
+        parameters.groups.setdefault(names[number], {})[name] = value
+    return parameters
+
+
+@dataclass(frozen=True)
+class _Section:
+    """The bytes of the section, and where they stand in the file."""
+
+    path: Path
+    data: bytes
+    offset: int
+    processor: Processor
+
+    def records(self) -> Iterator[tuple[int, str, int]]:
+        """Yield the group's number (negative for a group itself), name and start of content."""
+        at = 4
+        while at + 2 <= len(self.data) and self.data[at]:
+            length = abs(_signed(self.data[at]))
+            number = _signed(self.data[at + 1])
+            name = decoded(self.take(at + 2, length)).strip().upper()
+            after = at + 2 + length
+            step = self.processor.whole(self.take(after, 2))[0]
+            yield number, name, after + 2
+            if step == 0:
+                return
+            if step < 2:
+                raise self.fault(after, f"the distance to the next record, found {step}")
+            at = after + int(step)
+
+    def value(self, at: int, name: str) -> Any:
+        """Value of a parameter: an array of its numbers or a list of its texts."""
+        kind, n_dimensions = _signed(self.take(at, 1)[0]), self.take(at + 1, 1)[0]
+        if kind not in _WIDTH:
+            raise self.fault(at, f"the type of {name} (-1, 1, 2 or 4), found {kind}")
+        sizes = list(self.take(at + 2, n_dimensions))
+        data = self.take(at + 2 + n_dimensions, prod(sizes) * _WIDTH[kind])
+        if kind == -1:
+            width = sizes[0] if sizes else 1
+            pieces = range(0, len(data), width) if width else []
+            return [decoded(data[i : i + width].split(b"\0")[0]).strip(" ") for i in pieces]
+        if kind == 1:
+            return np.frombuffer(data, dtype=np.int8)
+        return self.processor.whole(data) if kind == 2 else self.processor.floats(data)
+
+    def take(self, at: int, length: int) -> bytes:
+        """Bytes of the section, all of them."""
+        if at + length > len(self.data):
+            raise self.fault(at, f"{length} bytes of a parameter, found the end of the section")
+        return self.data[at : at + length]
+
+    def fault(self, at: int, what: str) -> RecordingError:
+        return RecordingError(f"{self.path}, byte {self.offset + at}: expected {what}")
+
+
+def decoded(data: bytes) -> str:
+    """Text of a file, which may be older than UTF-8."""
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def _signed(byte: int) -> int:
+    return byte - 256 if byte > 127 else byte
+
+
+# The first block of a C3D file, and how many frames the file really holds.
+
+MOST_16_BIT = 65535
+_EVENT_KEY = 12345  # word 150: what follows are events with labels of four letters
+_MOST_EVENTS = 18
+
+
+@dataclass(frozen=True)
+class C3dHeader:
+    """What the header says, before anything of it is believed.
+
+    ``n_points`` markers and ``n_analog`` analog numbers stand in each frame; ``first`` and ``last``
+    are frame numbers; the data begin at byte ``data_start``, as floats if ``scale`` is negative.
+    """
+
+    n_points: int
+    n_analog: int
+    first: int
+    last: int
+    scale: float
+    data_start: int
+    rate_hz: float
+    events: tuple[Event, ...]
+
+    @property
+    def frame_bytes(self) -> int:
+        """Bytes of one frame."""
+        return (4 * self.n_points + self.n_analog) * (4 if self.scale < 0 else 2)
+
+
+def parameter_start(path: Path, block: bytes) -> int:
+    """Byte at which the parameter section starts.
+
+    Raises
+    ------
+    RecordingError
+        If this is no C3D file.
+    """
+    if not block:
+        raise RecordingError(f"{path}: expected a C3D file, found an empty file")
+    if len(block) < BLOCK or block[1] != 0x50:
+        found = f"{len(block)} bytes" if len(block) < BLOCK else f"{block[1]:#04x}"
+        raise RecordingError(
+            f"{path}, byte 1: expected a C3D file (0x50 in a header of {BLOCK} bytes), "
+            f"found {found}"
+        )
+    if block[0] < 2:
+        raise RecordingError(
+            f"{path}, byte 0: expected the parameters in block 2 or later, found {block[0]}"
+        )
+    return (block[0] - 1) * BLOCK
+
+
+def read_c3d_header(block: bytes, processor: Processor) -> C3dHeader:
+    """Decode the header block (512 bytes)."""
+    words = processor.whole(block)
+    return C3dHeader(
+        n_points=unsigned(words[1]),
+        n_analog=unsigned(words[2]),
+        first=unsigned(words[3]),
+        last=unsigned(words[4]),
+        scale=float(processor.floats(block[12:16])[0]),
+        data_start=(unsigned(words[8]) - 1) * BLOCK,
+        rate_hz=float(processor.floats(block[20:24])[0]),
+        events=_events(block, processor),
+    )
+
+
+def first_frame(header: C3dHeader, parameters: Parameters) -> int:
+    """Return the number of the first frame: a long recording has it in two words of ``TRIAL``."""
+    return _two_words(parameters, "ACTUAL_START_FIELD") or header.first
+
+
+def count_frames(
+    header: C3dHeader, parameters: Parameters, available: int
+) -> tuple[int, tuple[str, ...]]:
+    """Agree on the number of frames between the file's claims and its own size.
+
+    Header and ``POINT:FRAMES`` have 16 bits and cannot count beyond 65,535: a claim that is full or
+    has wrapped round is no lie. The other claims must fit the bytes that are there, to the block.
+
+    Parameters
+    ----------
+    header, parameters
+        What the file says.
+    available : int
+        Bytes from the start of the data to the end of the file.
+
+    Returns
+    -------
+    n_frames : int
+    remarks : tuple of str
+        Claims that do not hold beside one that does.
+
+    Raises
+    ------
+    RecordingError
+        If no claim fits the file's size, or there are no frames.
+    """
+    claims = _claims(header, parameters)
+    most = available // header.frame_bytes
+    least = max(0, -(-(available - BLOCK + 1) // header.frame_bytes))
+    fitting = [n for n in claims.values() if least <= n <= most and n > 0]
+    if fitting:
+        n = int(fitting[0])
+    elif claims and most and all(_is_full(c) or c == most % 65536 for c in claims.values()):
+        n = most
+    else:
+        raise _wrong_size(header, parameters, claims, (least, most))
+    wrong = {k: c for k, c in claims.items() if c != n and not (n > c and _is_16_bit(c, n))}
+    remarks = [
+        f"{parameters.path}: {name} says {claim:g} frames, the file holds {n}"
+        for name, claim in wrong.items()
+    ]
+    if not fitting:
+        remarks.append(f"{parameters.path}: {n} frames counted from the size of the file")
+    return n, tuple(remarks)
+
+
+def _claims(header: C3dHeader, parameters: Parameters) -> dict[str, float]:
+    """Numbers of frames by where the file says so, the most trustworthy first."""
+    claims: dict[str, float] = {}
+    last = _two_words(parameters, "ACTUAL_END_FIELD")
+    if last:
+        claims["TRIAL:ACTUAL_END_FIELD"] = last - first_frame(header, parameters) + 1
+    for name in ("LONG_FRAMES", "FRAMES"):
+        stated = parameters.number("POINT", name)
+        if stated is not None and math.isfinite(stated):
+            claims[f"POINT:{name}"] = unsigned(stated) if stated > -32769 else stated
+    if header.last < MOST_16_BIT or not claims:  # a full last frame says nothing beside others
+        claims["header"] = header.last - header.first + 1
+    return claims
+
+
+def _two_words(parameters: Parameters, name: str) -> int:
+    """Whole number in two 16-bit words of ``TRIAL``, the lower one first; 0 if absent."""
+    words = parameters.numbers("TRIAL", name)
+    if len(words) != 2 or not all(abs(word) <= MOST_16_BIT for word in words):
+        return 0
+    return unsigned(words[0]) + 65536 * unsigned(words[1])
+
+
+def _is_full(claim: float) -> bool:
+    return claim in (MOST_16_BIT, -1)
+
+
+def _is_16_bit(claim: float, n: float) -> bool:
+    return n > MOST_16_BIT and (_is_full(claim) or claim == n % 65536 or claim == n % 65536 - 65536)
+
+
+def _wrong_size(
+    header: C3dHeader, parameters: Parameters, claims: dict[str, float], fits: tuple[int, int]
+) -> RecordingError:
+    told = ", ".join(f"{claim:g} ({name})" for name, claim in claims.items())
+    cut = "; was the file cut short?" if all(claim > fits[1] for claim in claims.values()) else ""
+    return RecordingError(
+        f"{parameters.path}: frames: expected {told} of {header.frame_bytes} bytes each, "
+        f"found room for {fits[1]} after byte {header.data_start}{cut}"
+    )
+
+
+def _events(block: bytes, processor: Processor) -> tuple[Event, ...]:
+    """Events of the header, whose labels have four letters."""
+    words = processor.whole(block[298:302])
+    if words[0] != _EVENT_KEY or not 0 < words[1] <= _MOST_EVENTS:
+        return ()
+    times = processor.floats(block[304:376])[: words[1]]
+    labels = [decoded(block[396 + 4 * i : 400 + 4 * i]).strip(" \0") for i in range(words[1])]
+    return tuple(Event(label, float(t)) for label, t in zip(labels, times, strict=True))

@@ -1,0 +1,133 @@
+"""Which reader a file's suffix calls for; the readers are imported when they are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from hopdata.errors import RecordingError, did_you_mean
+from hopdata.recordings.raw import RawRecording, events_outside, irregular, printable, resolve_rate
+
+LARGEST = 1e9  # mm or m: no camera sees so far
+
+Reader = Callable[[Path, float | None], RawRecording]
+
+
+def _tsv(path: Path, rate_hz: float | None) -> RawRecording:
+    from hopdata.recordings.readers.qtm import read_qtm_tsv
+
+    return read_qtm_tsv(path, rate_hz=rate_hz)
+
+
+def _mat(path: Path, rate_hz: float | None) -> RawRecording:
+    from hopdata.recordings.readers.qtm import read_qtm_mat
+
+    return read_qtm_mat(path, rate_hz=rate_hz)
+
+
+def _c3d(path: Path, rate_hz: float | None) -> RawRecording:
+    from hopdata.recordings.readers.c3d import read_c3d
+
+    return read_c3d(path, rate_hz=rate_hz)
+
+
+def _trc(path: Path, rate_hz: float | None) -> RawRecording:
+    from hopdata.recordings.readers.trc import read_trc
+
+    return read_trc(path, rate_hz=rate_hz)
+
+
+def _hdf5(path: Path, rate_hz: float | None) -> RawRecording:
+    from hopdata.recordings.readers.hdf5 import read_recording
+
+    own = read_recording(path)
+    if own.filled is not None:  # what was filled in was not seen
+        own.positions[own.filled] = np.nan
+    return RawRecording(
+        own.markers,
+        own.time,
+        own.positions,
+        resolve_rate(str(path), stated=own.rate_hz, given=rate_hz),
+        unit="m",
+        vertical_axis=own.vertical_axis,
+        roles=own.roles,
+        events=own.events,
+        stated_up="z",
+        remarks=own.remarks,
+    )
+
+
+# The import statements stand in functions of their own, where `provenance` can follow them.
+_READERS: dict[str, Reader] = {
+    ".tsv": _tsv,
+    ".txt": _tsv,
+    ".mat": _mat,
+    ".c3d": _c3d,
+    ".trc": _trc,
+    ".h5": _hdf5,
+    ".hdf5": _hdf5,
+}
+
+
+def suffixes() -> tuple[str, ...]:
+    """File suffixes that can be read."""
+    return tuple(_READERS)
+
+
+def read_raw(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
+    """Read all markers of a file, by the reader that its suffix calls for.
+
+    Parameters
+    ----------
+    path : path
+        A file whose suffix is one of `suffixes`.
+    rate_hz : float, optional
+        Frame rate, for files that do not state it.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such file or no reader for it, or if the reader finds a fault.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in _READERS:
+        raise RecordingError(
+            f"{path}: format: expected a file ending in {', '.join(_READERS)}, "
+            f"found '{path.suffix}'"
+        )
+    if not path.is_file():
+        raise RecordingError(f"{path}: expected a file, found none{_near_files(path)}")
+    try:
+        raw = _READERS[path.suffix.lower()](path, rate_hz)
+        _check_finite(path, raw)
+    except RecordingError as error:
+        raise RecordingError(printable(str(error))) from None
+    more = irregular(str(path), raw.time, raw.rate_hz)
+    more += events_outside(str(path), raw.events, raw.time, raw.rate_hz)
+    return replace(raw, remarks=raw.remarks + more)
+
+
+def _check_finite(path: Path, raw: RawRecording) -> None:
+    """Require finite times, and positions that are NaN or such as can be."""
+    if not np.isfinite(raw.time).all():
+        frame = int(np.argmin(np.isfinite(raw.time)))
+        raise RecordingError(
+            f"{path}: frame {frame + 1}: expected a finite time, found {raw.time[frame]}"
+        )
+    absurd = np.abs(raw.positions) > LARGEST
+    if absurd.any():
+        frame, marker, axis = np.argwhere(absurd)[0]
+        raise RecordingError(
+            f"{path}: frame {frame + 1}, marker {raw.markers[marker]}, {'xyz'[axis]}: expected a "
+            f"coordinate below {LARGEST:g} {raw.unit}, found {raw.positions[frame, marker, axis]:g}"
+        )
+
+
+def _near_files(path: Path) -> str:
+    """Hint at a file of a similar name in the same folder."""
+    if not path.parent.is_dir():
+        return f"; there is no folder {path.parent}"
+    return did_you_mean(path.name, [p.name for p in path.parent.iterdir()])

@@ -1,0 +1,358 @@
+"""Reader of QTM's MAT exports: one struct, named after the file, in either kind of MAT file.
+
+What is read: ``FrameRate``, ``Frames``, ``StartFrame``, ``Timestamp``, ``Events`` and
+``Trajectories.Labeled`` with ``Labels``, ``Data`` (marker, x y z residual, frame), in mm, and
+``TrajectoryTypes``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hopdata.arrays import FloatArray
+from hopdata.errors import RecordingError, did_you_mean
+from hopdata.recording import Event
+from hopdata.recordings.mat5 import HEADER_BYTES, MatError, read_mat5
+from hopdata.recordings.mat73 import read_mat73
+from hopdata.recordings.raw import (
+    USUAL_UNIT,
+    RawRecording,
+    distinct_names,
+    rate_of,
+    resolve_rate,
+    settle,
+)
+from hopdata.recordings.readers.qtm_header import (
+    KEYS,
+    QtmHeader,
+    counter_columns,
+    marker_names,
+    moment,
+    n_empty_columns,
+    read_header,
+    trajectory_types,
+)
+from hopdata.recordings.readers.text import Rows, blank_unseen, require_counters
+
+_HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
+TYPE_NAMES = {1: "Measured", 2: "Gap-filled", 3: "Virtual", 4: "Edited"}
+
+
+def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
+    """Read the labelled trajectories of a MAT file that QTM exported.
+
+    A marker counts as unseen where a coordinate is NaN, or where all three are 0.
+
+    Parameters
+    ----------
+    path : path
+        The ``.mat`` file, version 5 to 7.3.
+    rate_hz : float, optional
+        Frame rate; must be the file's.
+
+    Returns
+    -------
+    RawRecording
+        Positions in mm along the file's axes.
+
+    Raises
+    ------
+    RecordingError
+        Naming the file, the field, what was expected and what was found.
+    """
+    path = Path(path)
+    name, export = _export(path, _variables(path))
+    place = f"{path}: {name}"
+    labelled = _field(_field(export, "Trajectories", place), "Labeled", f"{place}.Trajectories")
+    inner = f"{place}.Trajectories.Labeled"
+    data = _positions(labelled, inner)
+    labels = _labels(labelled, inner)
+    if len(labels) != len(data):
+        raise RecordingError(
+            f"{inner}.Labels: expected {len(data)} as in Data, found {len(labels)}"
+        )
+    positions: FloatArray = np.array(np.moveaxis(data[:, :3], 2, 0), np.float64, order="C")
+    _check_counts(export, labelled, positions, place)
+    unseen = np.isnan(positions).any(axis=2) | ~np.any(positions, axis=2)
+    positions[unseen] = np.nan
+    rate = resolve_rate(
+        f"{place}.FrameRate", stated=_number(export, "FrameRate", place), given=rate_hz
+    )
+    start = _number(export, "StartFrame", place)
+    first = 1.0 if start is None else start
+    return RawRecording(
+        distinct_names(f"{inner}.Labels", labels),
+        np.asarray((first - 1 + np.arange(len(positions))) / rate, dtype=np.float64),
+        positions,
+        rate,
+        unit="mm",
+        events=_events(export, place),
+        trajectory_types=_types(labelled, len(labels)),
+        started=moment(export.get("Timestamp")),
+    )
+
+
+def _variables(path: Path) -> dict[str, Any]:
+    """Variables of a MAT file of either kind; whatever is wrong in it becomes a RecordingError."""
+    try:
+        with path.open("rb") as file:
+            lead = file.read(HEADER_BYTES)
+            file.seek(512)
+            if _HDF5_MAGIC not in (lead[:8], file.read(8)):
+                file.seek(0)
+                if len(lead) < HEADER_BYTES:
+                    raise MatError(f"expected a header of {HEADER_BYTES} bytes, found {len(lead)}")
+                return read_mat5(file.read())
+        return read_mat73(path)
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: expected a MAT file, found: {error.strerror or error}"
+        ) from None
+    except MatError as error:
+        raise RecordingError(f"{path}: expected a MAT file of QTM; {error}") from None
+    except Exception as error:  # a damaged file makes h5py raise almost anything
+        raise RecordingError(f"{path}: expected a MAT file of QTM, found: {error}") from None
+
+
+def _export(path: Path, variables: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Name and content of the one struct with trajectories."""
+    for name, value in variables.items():
+        if isinstance(value, dict) and "Trajectories" in value:
+            return name, value
+    found = ", ".join(variables) or "none"
+    raise RecordingError(
+        f"{path}: expected a struct with the field Trajectories, found the variables {found}"
+    )
+
+
+def _field(struct: Any, name: str, place: str) -> Any:
+    if not isinstance(struct, dict):
+        raise RecordingError(f"{place}: expected a struct, found {_kind(struct)}")
+    if name not in struct:
+        raise RecordingError(
+            f"{place}: expected the field {name}, found {', '.join(struct) or 'none'}"
+            f"{did_you_mean(name, struct)}"
+        )
+    return struct[name]
+
+
+def _positions(labelled: Any, place: str) -> FloatArray:
+    """Return ``Data`` as (M, 4, N); MATLAB drops a last axis of length 1."""
+    data = _field(labelled, "Data", place)
+    if not isinstance(data, np.ndarray) or data.dtype.kind not in "iuf":
+        raise RecordingError(f"{place}.Data: expected numbers, found {_kind(data)}")
+    if data.ndim == 2:
+        data = data[:, :, None]
+    if data.ndim != 3 or data.shape[1] not in (3, 4) or not data.size:
+        raise RecordingError(
+            f"{place}.Data: expected markers x 4 x frames, found {' x '.join(map(str, data.shape))}"
+        )
+    checked: FloatArray = data
+    return checked
+
+
+def _labels(labelled: Any, place: str) -> list[str]:
+    labels = _field(labelled, "Labels", place)
+    labels = [labels] if isinstance(labels, str) else labels
+    if not isinstance(labels, list) or not all(isinstance(text, str) for text in labels):
+        raise RecordingError(f"{place}.Labels: expected a cell of texts, found {_kind(labels)}")
+    return [text.strip(" \0") for text in labels]
+
+
+def _check_counts(export: Any, labelled: Any, positions: FloatArray, place: str) -> None:
+    n_frames, n_markers = positions.shape[:2]
+    for struct, key, found, where in (
+        (export, "Frames", n_frames, place),
+        (labelled, "Count", n_markers, f"{place}.Trajectories.Labeled"),
+    ):
+        stated = _number(struct, key, where)
+        if stated is not None and stated != found:
+            cut = "; was the file cut short?" if key == "Frames" and stated > found else ""
+            raise RecordingError(
+                f"{where}.{key}: expected {stated:g} as stated, found {found}{cut}"
+            )
+
+
+def _number(struct: dict[str, Any], name: str, place: str) -> float | None:
+    """Return a finite number of a struct; None if it is absent or empty."""
+    value = struct.get(name)
+    if value is None or (isinstance(value, np.ndarray) and not value.size):
+        return None
+    if not isinstance(value, np.ndarray) or value.size != 1 or not np.isfinite(value).all():
+        raise RecordingError(f"{place}.{name}: expected a number, found {_kind(value)}")
+    return float(value.item())
+
+
+def _events(export: dict[str, Any], place: str) -> tuple[Event, ...]:
+    """Events: an array of structs, in version 7.3 a struct of lists."""
+    found = export.get("Events")
+    if isinstance(found, dict) and any(isinstance(value, list) for value in found.values()):
+        lists = [value if isinstance(value, list) else [value] for value in found.values()]
+        found = [dict(zip(found, entries, strict=False)) for entries in zip(*lists, strict=False)]
+    events = []
+    for event in [found] if isinstance(found, dict) else found if isinstance(found, list) else []:
+        label, time = _field(event, "Label", f"{place}.Events"), None
+        if event:
+            time = _number(event, "Time", f"{place}.Events")
+        if not isinstance(label, str) or time is None:
+            raise RecordingError(
+                f"{place}.Events: expected a Label and a Time each, found {_kind(label)} and {time}"
+            )
+        events.append(Event(label.split("\0")[0].strip(), time))
+    return tuple(events)
+
+
+def _types(labelled: dict[str, Any], n_markers: int) -> tuple[str, ...]:
+    """How each marker came about: what most of its seen frames are; none if it is not said."""
+    types = labelled.get("TrajectoryTypes", labelled.get("Type"))
+    if isinstance(types, list) and len(types) == n_markers:
+        return tuple(str(kind) for kind in types) if all(isinstance(t, str) for t in types) else ()
+    if not isinstance(types, np.ndarray) or types.ndim != 2 or len(types) != n_markers:
+        return ()
+    counts = [[int(np.sum(row == code)) for code in TYPE_NAMES] for row in types]
+    names = list(TYPE_NAMES.values())
+    return tuple("Mixed" if sum(n > 0 for n in c) > 1 else names[int(np.argmax(c))] for c in counts)
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"an array of {' x '.join(map(str, value.shape))} {value.dtype}"
+    names: dict[type, str] = {dict: "a struct", list: "a list", str: "text"}
+    return names.get(type(value), "something else")
+
+
+# Reader of QTM motion-data exports (TSV) and of plain tables with a column row: mm.
+
+KEYS_OF_EXPORTS = frozenset(KEYS)  # which are in mm; of a bare table nothing says so
+
+
+def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
+    """Read a 3-D motion-data export of Qualisys Track Manager.
+
+    A marker counts as unseen where a coordinate is missing in one of its spellings (empty,
+    ``NULL``, ``NaN``), or where all three are 0; a single 0 is a valid coordinate.
+
+    Parameters
+    ----------
+    path : path
+        The ``.tsv`` file, with or without header, column row, Frame and Time columns.
+    rate_hz : float, optional
+        Frame rate, needed where the file does not state one (``FREQUENCY`` is ``EXT``).
+
+    Returns
+    -------
+    RawRecording
+        Positions in mm along the file's axes.
+
+    Raises
+    ------
+    RecordingError
+        Naming the file, the line, what was expected and what was found.
+    """
+    header = read_header(Path(path))
+    _check_kind(header)
+    markers = marker_names(header)
+    counters = counter_columns(header, markers)
+    types = trajectory_types(header, len(markers))
+    n_columns = len(counters) + 3 * len(markers)
+    width = n_columns + n_empty_columns(header, markers)
+    rows = Rows(header.path, header.n_lines, header.offset, width)
+    table = rows.numbers()
+    _check_frame_count(header, len(table))
+    require_counters(rows, table[:, : len(counters)], counters)
+    positions = table[:, len(counters) : n_columns].reshape(len(table), len(markers), 3)
+    blank_unseen(positions)
+    time, rate, remarks = _time_and_rate(header, table, counters, rate_hz)
+    return RawRecording(
+        markers,
+        time,
+        positions,
+        rate,
+        unit=USUAL_UNIT,
+        unit_is_stated=not KEYS_OF_EXPORTS.isdisjoint(header.values),
+        events=tuple(header.events),
+        trajectory_types=types,
+        started=moment((header.values.get("TIME_STAMP") or [""])[0]),
+        remarks=remarks + _event_remarks(header, rate),
+    )
+
+
+def _check_kind(header: QtmHeader) -> None:
+    kind = (header.values.get("DATA_INCLUDED") or ["3D"])[0]
+    if kind != "3D":
+        raise RecordingError(
+            f"{header.place('DATA_INCLUDED')}: DATA_INCLUDED: expected '3D', found '{kind}'; "
+            "export the trajectories as 3D data"
+        )
+
+
+def _check_frame_count(header: QtmHeader, n_rows: int) -> None:
+    stated = header.number("NO_OF_FRAMES")
+    if stated is not None and stated != n_rows:
+        cut = "; was the file cut short?" if n_rows < stated else ""
+        raise RecordingError(
+            f"{header.place('NO_OF_FRAMES')}: NO_OF_FRAMES: expected {stated:g} frames as stated, "
+            f"found {n_rows} rows{cut}"
+        )
+
+
+def _time_and_rate(
+    header: QtmHeader, table: FloatArray, counters: list[str], given_hz: float | None
+) -> tuple[FloatArray, float, tuple[str, ...]]:
+    """Time stamps (N,) in s, the rate in Hz, and remarks."""
+    stamps = table[:, counters.index("Time")].copy() if "Time" in counters else None
+    number = np.arange(len(table), dtype=np.float64)
+    if "Frame" in counters:
+        number = table[:, counters.index("Frame")].copy()
+    remarks: tuple[str, ...] = ()
+    external = (header.values.get("FREQUENCY") or [""])[0].upper() == "EXT"
+    if stamps is not None and external and not np.all(np.diff(stamps) > 0):
+        stamps = None  # with an external trigger the clock is the trigger
+        remarks = (
+            f"{header.path}: FREQUENCY is EXT and the time stamps do not increase; "
+            "time counted from the frames",
+        )
+    rate = resolve_rate(
+        header.place("FREQUENCY"),
+        stated=_stated_rate(header, external, stamps, number),
+        given=given_hz,
+    )
+    if stamps is None:
+        return (number - number[0]) / rate, rate, remarks
+    if external:
+        return stamps, rate, remarks
+    time, remarks = settle(str(header.path), stamps, number, rate)
+    return time, rate, remarks
+
+
+def _stated_rate(
+    header: QtmHeader, external: bool, stamps: FloatArray | None, number: FloatArray
+) -> float | None:
+    """Frame rate by the header or, without a header, by the time stamps; None if neither tells."""
+    if external:
+        return None
+    if header.values:
+        near = did_you_mean("FREQUENCY", set(header.values) - set(KEYS))
+        if near and "FREQUENCY" not in header.values:
+            raise RecordingError(
+                f"{header.path}: header: expected the key FREQUENCY, found none{near}"
+            )
+        return header.number("FREQUENCY")
+    return None if stamps is None else rate_of(stamps, number)
+
+
+def _event_remarks(header: QtmHeader, rate_hz: float) -> tuple[str, ...]:
+    """Remark on events whose time is not that of their frame, from 1."""
+    off = sum(
+        abs(event.time_s * rate_hz - (frame - 1)) > 1
+        for event, frame in zip(header.events, header.event_frames, strict=True)
+    )
+    if not off:
+        return ()
+    return (
+        f"{header.path}: EVENT: in {off} of {len(header.events)} events the time is not that of "
+        "the frame; the time is used",
+    )

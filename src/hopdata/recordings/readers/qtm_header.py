@@ -1,0 +1,349 @@
+"""The header of a QTM motion-data export (TSV): keys, events and the column row.
+
+Layout after Qualisys' manual, "Motion data (.tsv)": one key a line, values after tabs, keys in any
+order; ``EVENT`` and ``TRAJECTORY_TYPES`` are optional, ``FILE_VERSION`` came with 2.0.0, and the
+column row (``Frame  Time  <name> X ...``) stands only where the exporter was told to write it.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from datetime import datetime
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from hopdata.errors import RecordingError, did_you_mean
+from hopdata.recording import Event
+from hopdata.recordings.raw import distinct_names
+from hopdata.recordings.readers.text import TEXT_TABLE_MISSING, is_number, split_line, trimmed
+
+KEYS = (
+    "FILE_VERSION",
+    "NO_OF_FRAMES",
+    "NO_OF_CAMERAS",
+    "NO_OF_MARKERS",
+    "FREQUENCY",
+    "NO_OF_ANALOG",
+    "ANALOG_FREQUENCY",
+    "DESCRIPTION",
+    "TIME_STAMP",
+    "DATA_INCLUDED",
+    "EVENT",
+    "MARKER_NAMES",
+    "TRAJECTORY_TYPES",
+)
+COUNTERS = ("Frame", "Time")  # columns that may stand before the coordinates
+
+_KEY = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
+
+
+@dataclass
+class QtmHeader:
+    """What stands before the first row of numbers.
+
+    ``values`` maps a key to its fields and ``lines`` to its line number; ``columns`` is the column
+    row (empty if there is none); the numbers start at byte ``offset``, after ``n_lines`` lines,
+    with the fields ``first_row``.
+    """
+
+    path: Path
+    values: dict[str, list[str]] = field(default_factory=dict)
+    lines: dict[str, int] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
+    event_frames: list[float] = field(default_factory=list)
+    columns: list[str] = field(default_factory=list)
+    first_row: list[str] = field(default_factory=list)
+    n_lines: int = 0
+    offset: int = 0
+
+    def place(self, key: str) -> str:
+        """File and line of `key`, for messages."""
+        return f"{self.path}, line {self.lines[key]}" if key in self.lines else str(self.path)
+
+    def number(self, key: str) -> float | None:
+        """Value of `key` as a number; None if the key is absent.
+
+        Raises
+        ------
+        RecordingError
+            If the value is not a number.
+        """
+        if key not in self.values:
+            return None
+        text = (self.values[key] or [""])[0]
+        try:
+            return float(text)
+        except ValueError:
+            raise RecordingError(
+                f"{self.place(key)}: {key}: expected a number, found '{text}'"
+            ) from None
+
+
+def read_header(path: Path) -> QtmHeader:
+    """Read the header of the file at `path`, up to the first row of numbers.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, a line is neither a key, nor a column row, nor numbers, or there
+        are no numbers.
+    """
+    header = QtmHeader(path)
+    try:
+        with path.open("rb") as file:
+            for line in file:
+                fields = split_line(path, line)
+                if _starts_the_numbers(header, fields):
+                    header.first_row = fields
+                    return header
+                header.n_lines += 1
+                header.offset += len(line)
+                _take(header, fields)
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: expected a readable file, found: {error.strerror or error}"
+        ) from None
+    if not header.offset:
+        raise RecordingError(f"{path}: expected a QTM motion-data export, found an empty file")
+    raise RecordingError(f"{path}: expected rows of numbers after the header, found none")
+
+
+def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
+    """Tell whether this row is the first of the numbers."""
+    if fields == [""]:
+        return False
+    first = next((f for f in fields if f not in TEXT_TABLE_MISSING), None)
+    if first is None or is_number(first):
+        return first is not None or len(fields) > 1
+    is_key = _KEY.fullmatch(fields[0]) and fields[0] not in TEXT_TABLE_MISSING
+    if is_key or _is_column_row(fields):
+        return False
+    raise RecordingError(
+        f"{header.path}, line {header.n_lines + 1}: expected a header key or numbers, "
+        f"found '{first[:40]}'{_no_tabs(first) or did_you_mean(first.upper(), KEYS)}"
+    )
+
+
+def _no_tabs(line: str) -> str:
+    """Hint at the separator, if a line is a known key with something else than a tab behind it."""
+    key = re.split(r"[;, ]", line, maxsplit=1)[0]
+    return "; separate the fields by tabs" if key != line and key.upper() in KEYS else ""
+
+
+def _take(header: QtmHeader, fields: list[str]) -> None:
+    """Put one line that is not numbers into the header."""
+    key = fields[0]
+    if _is_column_row(fields):
+        header.columns = trimmed(fields)
+    elif key == "EVENT":
+        event, frame = _event(header, fields[1:])
+        header.events.append(event)
+        header.event_frames.append(frame)
+    elif key in header.values and header.values[key] != fields[1:]:
+        raise RecordingError(
+            f"{header.path}, line {header.n_lines}: expected {key} once, "
+            f"found it with another value in line {header.lines[key]}"
+        )
+    elif key:
+        header.values[key] = fields[1:]
+        header.lines[key] = header.n_lines
+
+
+def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
+    """Read the rest of an ``EVENT`` row: label, frame, time."""
+    place = f"{header.path}, line {header.n_lines}"
+    try:
+        label, frame, seconds = trimmed(fields)
+        event, number = Event(label, float(seconds)), float(frame)
+        if not isfinite(event.time_s + number):
+            raise ValueError
+    except ValueError:
+        raise RecordingError(
+            f"{place}: EVENT: expected a label, a frame and a time, found {fields}"
+        ) from None
+    return event, number
+
+
+def _is_column_row(fields: list[str]) -> bool:
+    return fields[0] in COUNTERS or coordinate_stems(fields[:3]) is not None
+
+
+def coordinate_stems(columns: list[str]) -> list[str] | None:
+    """Marker names of columns that come in threes of ``<name> X``, ``Y``, ``Z``, else None.
+
+    Axes may be small letters. Between name and axis may stand a space, a point, an underscore or
+    nothing. Spaces about a name are none of its letters, as in the row of marker names.
+    """
+    stems = []
+    for i in range(0, len(columns) - 2, 3):
+        x, y, z = columns[i : i + 3]
+        if x[-1:] + y[-1:] + z[-1:] not in ("XYZ", "xyz") or not x[:-1] == y[:-1] == z[:-1]:
+            return None
+        stems.append(x[:-1])
+    if not stems or len(columns) % 3:
+        return None
+    ends = {stem[-1:] for stem in stems}
+    separated = len(ends) == 1 and ends <= set(" ._")
+    return [(stem[:-1] if separated else stem).strip() for stem in stems]
+
+
+# Which column of a QTM export holds what: marker names, and the columns before and after them.
+
+
+def marker_names(header: QtmHeader) -> tuple[str, ...]:
+    """Marker names from ``MARKER_NAMES``, or else from the column row.
+
+    A file of nothing but numbers has ``marker1``, ``marker2`` and so on.
+
+    Raises
+    ------
+    RecordingError
+        If there are none, two are alike, or the number differs from ``NO_OF_MARKERS``.
+    """
+    if "MARKER_NAMES" in header.values:
+        place, names = header.place("MARKER_NAMES"), trimmed(header.values["MARKER_NAMES"])
+    elif header.columns:
+        place = f"{header.path}, line {header.n_lines}"
+        names = _names_of_columns(header, place)
+    elif not header.values:
+        place, names = f"{header.path}, line 1", _numbered_names(header)
+    else:
+        names = []
+    if not names:
+        hint = did_you_mean("MARKER_NAMES", set(header.values) - set(KEYS))
+        raise RecordingError(
+            f"{header.path}: expected MARKER_NAMES or a column row, found neither{hint}"
+        )
+    markers = distinct_names(place, names)
+    stated = header.number("NO_OF_MARKERS")
+    if stated is not None and stated != len(names):
+        raise RecordingError(
+            f"{place}: expected {stated:g} marker names (NO_OF_MARKERS), found {len(names)}"
+        )
+    return markers
+
+
+def trajectory_types(header: QtmHeader, n_markers: int) -> tuple[str, ...]:
+    """Entries of ``TRAJECTORY_TYPES``, one a marker; none if the file has no such row.
+
+    Raises
+    ------
+    RecordingError
+        If their number is not that of the markers.
+    """
+    types = trimmed(header.values.get("TRAJECTORY_TYPES", []))
+    if types and len(types) != n_markers:
+        raise RecordingError(
+            f"{header.place('TRAJECTORY_TYPES')}: TRAJECTORY_TYPES: expected {n_markers} entries, "
+            f"one a marker, found {len(types)}"
+        )
+    return tuple(types)
+
+
+def counter_columns(header: QtmHeader, markers: tuple[str, ...]) -> list[str]:
+    """Names of the columns before the coordinates: of ``Frame`` and ``Time`` those present.
+
+    Parameters
+    ----------
+    header : QtmHeader
+        The parsed header.
+    markers : tuple of str
+        The M marker names.
+
+    Raises
+    ------
+    RecordingError
+        If the column row contradicts the marker names, or the columns do not come out even.
+    """
+    coordinates = [f"{name} {axis}" for name in markers for axis in "XYZ"]
+    if header.columns:
+        counters = _counters(header)
+        if coordinate_stems(header.columns[len(counters) :]) != list(markers):
+            _raise_for_columns(header, counters + coordinates)
+        return counters
+    n_columns = len(header.first_row)
+    n_counters = n_columns - len(coordinates) - n_empty_columns(header, markers)
+    if n_counters not in (0, len(COUNTERS)):
+        raise RecordingError(
+            f"{header.path}, line {header.n_lines + 1}: expected {len(coordinates)} columns "
+            f"(X, Y, Z of {len(markers)} markers), or two more for Frame and Time, "
+            f"found {n_columns}"
+        )
+    return list(COUNTERS[:n_counters])
+
+
+def n_empty_columns(header: QtmHeader, markers: tuple[str, ...]) -> int:
+    """Empty columns (0 or 1) after the coordinates, from a tab at each row's end."""
+    n_columns = len(header.first_row)
+    if header.first_row[-1]:
+        return 0
+    if header.columns:
+        return int(n_columns == len(header.columns) + 1)
+    return (n_columns - 3 * len(markers)) % 2
+
+
+def _counters(header: QtmHeader) -> list[str]:
+    """Columns of the column row before the coordinates, in the file's order."""
+    return [c for c in header.columns[: len(COUNTERS)] if c in COUNTERS]
+
+
+def _names_of_columns(header: QtmHeader, place: str) -> list[str]:
+    """Marker names from the column row.
+
+    Raises
+    ------
+    RecordingError
+        If its columns do not come in threes.
+    """
+    columns = header.columns[len(_counters(header)) :]
+    stems = coordinate_stems(columns)
+    if stems is None:
+        start = 1 + len(_counters(header))
+        odd = next(
+            (i for i in range(0, len(columns), 3) if not coordinate_stems(columns[i : i + 3])), 0
+        )
+        raise RecordingError(
+            f"{place}, column {start + odd}: expected the columns X, Y, Z of a marker, "
+            f"found {', '.join(repr(c) for c in columns[odd : odd + 3]) or 'none'}"
+        )
+    return stems
+
+
+def _numbered_names(header: QtmHeader) -> list[str]:
+    """Names of the markers of a file that has neither header nor column row."""
+    n_columns = len(header.first_row)
+    if n_columns % 3 == 0 and not header.first_row[-1] and all(header.first_row[:2]):
+        raise RecordingError(
+            f"{header.path}, line 1: expected a column row, since {n_columns} columns of which the "
+            "last is empty can be read in two ways, found none; export with the column row"
+        )
+    return [f"marker{i + 1}" for i in range(n_columns // 3)]
+
+
+def _raise_for_columns(header: QtmHeader, expected: list[str]) -> None:
+    place = f"{header.path}, line {header.n_lines}"
+    for i, (want, have) in enumerate(zip(expected, header.columns, strict=False)):
+        if want != have:
+            raise RecordingError(f"{place}: column {i + 1}: expected '{want}', found '{have}'")
+    raise RecordingError(
+        f"{place}: expected {len(expected)} columns, found {len(header.columns)} in the column row"
+    )
+
+
+# The date and time that QTM writes into its exports.
+
+_FORMS = ("%Y-%m-%d, %H:%M:%S.%f", "%Y-%m-%d, %H:%M:%S")
+
+
+def moment(text: Any) -> datetime | None:
+    """Return when the measurement began; None if the text is no date, or in a form of its own."""
+    if not isinstance(text, str):
+        return None
+    for form in _FORMS:
+        try:
+            return datetime.strptime(text.split("\t")[0].strip(), form)
+        except ValueError:
+            continue
+    return None

@@ -1,0 +1,349 @@
+"""Tab-separated rows of numbers below a header, as motion-capture programs export them."""
+
+from __future__ import annotations
+
+import csv
+import warnings
+from collections.abc import Sequence
+from csv import QUOTE_NONE
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hopdata.arrays import FloatArray
+from hopdata.errors import RecordingError, did_you_mean
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+BLOCK = 1 << 20  # bytes
+# Programs print what is missing as nothing, in words, or as their C library prints a NaN.
+TEXT_TABLE_MISSING = (
+    "",
+    *("NULL", "Null", "null", "NaN", "nan", "NAN", "-NaN", "-nan", "-NAN"),
+    *("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),
+)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Where the rows of numbers stand: from byte `offset` of a file, after `n_lines` lines.
+
+    Each has `width` fields.
+    """
+
+    path: Path
+    n_lines: int
+    offset: int
+    width: int
+
+    def numbers(self) -> FloatArray:
+        """Read the rows, (N, width), NaN where a field is missing.
+
+        pandas pads short rows in silence but refuses long ones. So if no row is too long and the
+        number of tabs is right in total, every row is right.
+
+        Raises
+        ------
+        RecordingError
+            Naming the line and column of the first field that is no finite number, or the first
+            row that is too short or too long.
+        """
+        frame = self._frame()
+        if any(kind.kind not in "iuf" for kind in frame.dtypes):
+            raise self._bad_row("text between the numbers")
+        table: FloatArray = frame.to_numpy(dtype=np.float64)
+        n_tabs, is_text = self._survey()
+        if not is_text or n_tabs != len(table) * (self.width - 1) or np.isinf(table).any():
+            raise self._bad_row(f"{len(table)} rows with {n_tabs} tabs")
+        if not table.flags.writeable:
+            table.setflags(write=True)  # the frame is ours alone
+        return table
+
+    def _frame(self) -> pd.DataFrame:
+        """Read by pandas, which finds the kind of each column faster than it obeys a given one."""
+        import pandas as pd
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is refused anyway
+            try:
+                return pd.read_csv(
+                    self.path,
+                    sep="\t",
+                    header=None,
+                    skiprows=self.n_lines,
+                    na_values=list(TEXT_TABLE_MISSING),
+                    keep_default_na=False,
+                    quoting=QUOTE_NONE,
+                    skipinitialspace=True,
+                )
+            except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
+                raise self._bad_row(str(error)) from None
+
+    def line(self, row: int) -> str:
+        """File and line of a row, for messages; rows count from 0."""
+        return f"{self.path}, line {self.n_lines + 1 + row}"
+
+    def _survey(self) -> tuple[int, bool]:
+        """Count the tabs, and tell whether there are no control characters."""
+        n_tabs, is_text = 0, True
+        with self.path.open("rb") as file:
+            file.seek(self.offset)
+            while block := file.read(BLOCK):
+                codes = np.frombuffer(block, dtype=np.uint8)
+                n_tabs += int(np.count_nonzero(codes == ord("\t")))
+                is_text &= bool(codes.min() >= ord("\t"))
+        return n_tabs, is_text
+
+    def _bad_row(self, cause: str) -> RecordingError:
+        """Find the first row that is not `width` numbers, and say so."""
+        with self.path.open("rb") as file:
+            file.seek(self.offset)
+            number = self.n_lines
+            for line in file:
+                number += 1
+                fields = line.decode("latin-1").rstrip("\r\n").split("\t")
+                if fields != [""] and (fault := _fault(fields, self.width)):
+                    cut = "" if file.read(1) else "; the file ends here, was it cut short?"
+                    return RecordingError(f"{self.path}, line {number}{fault}{cut}")
+        return RecordingError(
+            f"{self.path}: expected rows of {self.width} numbers, found {one_line(cause)}"
+        )
+
+
+def require_counters(rows: Rows, values: FloatArray, names: list[str]) -> None:
+    """Require that the columns (N, C) before the coordinates have a number in each row.
+
+    Raises
+    ------
+    RecordingError
+        Naming line and column.
+    """
+    bad = np.argwhere(np.isnan(values))
+    if len(bad):
+        row, column = bad[0]
+        raise RecordingError(
+            f"{rows.line(row)}: {names[column]}: expected a number, found a missing value"
+        )
+
+
+def blank_unseen(positions: FloatArray) -> None:
+    """Set markers (in place) to NaN in the frames in which the file says they were not seen.
+
+    Those are frames in which a coordinate is missing, or all three are 0.
+    """
+    x, y, z = (positions[:, :, axis] for axis in range(3))
+    unseen = (x == 0) & (y == 0) & (z == 0)
+    unseen |= np.isnan(x + y + z)
+    positions[unseen] = np.nan
+
+
+def split_line(path: Path, line: bytes) -> list[str]:
+    """Fields of one line; older exports are not in UTF-8.
+
+    Raises
+    ------
+    RecordingError
+        If the line holds binary data.
+    """
+    if b"\0" in line:
+        raise RecordingError(f"{path}: expected tab-separated text, found binary data or UTF-16")
+    try:
+        text = line.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = line.decode("latin-1")
+    return [f.strip() for f in text.split("\t")]
+
+
+def trimmed(fields: list[str]) -> list[str]:
+    """Without the empty fields that some exports leave at a line's end."""
+    n = len(fields)
+    while n and not fields[n - 1]:
+        n -= 1
+    return fields[:n]
+
+
+def is_number(text: str) -> bool:
+    """Tell whether a field is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def one_line(text: str) -> str:
+    """Without the line ends that other libraries put into their messages."""
+    return " ".join(text.split())
+
+
+def _fault(fields: list[str], width: int) -> str:
+    """Say what is wrong with a row, as the end of a message; empty if nothing is."""
+    if len(fields) != width:
+        return f": expected {width} columns, found {len(fields)}"
+    for k, text in enumerate(fields):
+        if text.strip(" ") not in TEXT_TABLE_MISSING and not (
+            is_number(text) and np.isfinite(float(text))
+        ):
+            comma = "; write decimals with a point" if "," in text else ""
+            return f", column {k + 1}: expected a number, found '{text[:40]}'{comma}"
+    return ""
+
+
+# Named columns of a text table, as other devices and programs export them.
+
+DELIMITERS = "\t;,"
+MISSING = ("", "NaN", "nan", "NULL", "null")
+MOST_LISTED = 12
+
+
+@dataclass(frozen=True)
+class ColumnTable:
+    """A text table whose first row names its columns.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    names : tuple of str
+        Column names, in the file's order.
+    delimiter : str
+        What stands between the cells: a tab, a semicolon or a comma.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    delimiter: str
+
+    def numbers(self, name: str) -> FloatArray:
+        """Read a column of numbers, (N,), NaN where a cell is empty.
+
+        Raises
+        ------
+        RecordingError
+            If there is no such column, or a cell is neither empty nor a finite number.
+        """
+        import pandas as pd
+
+        place = self.place_of(name)
+        try:
+            values: FloatArray = pd.read_csv(
+                self.path, sep=self.delimiter, header=None, skiprows=1, usecols=[place],
+                dtype=np.float64, na_values=list(MISSING), keep_default_na=False,
+                skip_blank_lines=False, encoding="utf-8-sig",
+            ).to_numpy()[:, 0]  # fmt: skip
+        except (ValueError, OverflowError):  # pandas' own errors are ValueErrors
+            return self._numbers_one_by_one(name)
+        if np.isinf(values).any():
+            return self._numbers_one_by_one(name)
+        return values[: len(values) - _empty_lines_at_the_end(self.path)]
+
+    def texts(self, name: str) -> list[str]:
+        """Read a column as text, without the blanks about its cells; short rows have empty ones.
+
+        Raises
+        ------
+        RecordingError
+            If there is no such column.
+        """
+        place = self.place_of(name)
+        rows = [_cells(line, self.delimiter) for line in _lines(self.path)[1:]]
+        while rows and rows[-1] == [""]:
+            rows.pop()
+        return [_plain(row[place]) if place < len(row) else "" for row in rows]
+
+    def place_of(self, name: str) -> int:
+        """Find the number of a column, from 0.
+
+        Raises
+        ------
+        RecordingError
+            If no column has this name, or several have.
+        """
+        n_found = self.names.count(name)
+        if n_found == 1:
+            return self.names.index(name)
+        found = f"found {n_found} of that name" if n_found else f"found no '{name}'"
+        raise RecordingError(
+            f"{self.path}, line 1: column: expected '{name}' once among {listed(self.names)}, "
+            f"{found}{'' if n_found else did_you_mean(name, self.names)}"
+        )
+
+    def _numbers_one_by_one(self, name: str) -> FloatArray:
+        """Slowly, with the place of what is no number, and with blanks and quotes about it."""
+        cells = self.texts(name)
+        values = np.full(len(cells), np.nan)
+        for row, cell in enumerate(cells):
+            if cell not in MISSING:
+                values[row] = self._number(name, row, cell)
+        return values
+
+    def _number(self, name: str, row: int, cell: str) -> float:
+        try:
+            value = float(cell)
+        except ValueError:
+            value = np.nan
+        if np.isfinite(value):
+            return value
+        comma = "; write decimals with a point" if "," in cell else ""
+        raise RecordingError(
+            f"{self.path}, line {row + 2}, column '{name}': expected a number, "
+            f"found '{cell[:40]}'{comma}"
+        )
+
+
+def open_table(path: str | Path) -> ColumnTable:
+    """Read the row of column names.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such file, it is not text, or its first row holds no name.
+    """
+    path = Path(path)
+    if not path.is_file():
+        near = did_you_mean(path.name, _names_in(path.parent))
+        raise RecordingError(f"{path}: expected a file, found none{near}")
+    first = next(iter(_lines(path)), "")
+    delimiter = next((mark for mark in DELIMITERS if mark in first), "\t")
+    names = tuple(_plain(cell) for cell in _cells(first, delimiter))
+    if not any(name and not is_number(name) for name in names):
+        raise RecordingError(
+            f"{path}, line 1: expected names of columns, found '{first[:40]}'; "
+            "write a row of names above the numbers"
+        )
+    return ColumnTable(path, names, delimiter)
+
+
+def listed(names: Sequence[str]) -> str:
+    """List names for a message, the first dozen of many."""
+    more = f", ... {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return ", ".join(names[:MOST_LISTED]) + more
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise RecordingError(f"{path}: expected a text table in UTF-8, found other bytes") from None
+    return text.splitlines()
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    """Split a line; a delimiter between quotes belongs to its cell."""
+    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), None) or [""]
+
+
+def _empty_lines_at_the_end(path: Path) -> int:
+    content = path.read_bytes()
+    return max(len(content[len(content.rstrip(b"\r\n")) :].splitlines()) - 1, 0)
+
+
+def _plain(cell: str) -> str:
+    return cell.strip().strip('"').strip()
+
+
+def _names_in(folder: Path) -> list[str]:
+    return [p.name for p in folder.iterdir()] if folder.is_dir() else []

@@ -1,0 +1,357 @@
+"""Tables of recordings, floor, sections and touchdowns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from hopdata.report.formatting import (
+    MISSING,
+    Table,
+    common_scale,
+    count,
+    fixed,
+    flat,
+    is_missing,
+    labelled,
+    percent,
+    plain,
+    scaled,
+    significant,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SECTION_NAMES = {
+    "min_foot_threshold_m": "threshold of the minimum foot height",
+    "max_foot_threshold_m": "threshold of the maximum foot height",
+    "pre_height_m": "pre section",
+    "post_height_m": "post section",
+}
+DETAIL_NAMES = {
+    "ground_m": "ground mode of all feet",
+    "min_foot_mode height_m": "ground mode of the minimum foot height",
+    "min_foot_mode sigma_m": "its scatter",
+    "min_foot_mode bandwidth_m": "bandwidth that it was found with",
+    "max_foot_mode height_m": "ground mode of the maximum foot height",
+    "max_foot_mode sigma_m": "its scatter",
+    "max_foot_mode bandwidth_m": "bandwidth that it was found with",
+    "threshold_sigmas": "scatters from a mode to its threshold",
+    "tail_fraction": "tail on the wrong side of a section",
+    "frames": "kind of frames used",
+    "n_frames": "frames in which all markers are seen",
+    "n_used": "frames that the sections are made from",
+}
+MOST_SCHEDULES = 24
+MOST_RECORDINGS = 6
+MOST_GAPPY = 24
+
+
+def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> Table | None:
+    """One row a recording: where it is from, how long it is and how much of it was seen."""
+    rows = tuple(
+        (
+            str(item.get("name", MISSING)),
+            str(item.get("source") or MISSING),
+            count(item.get("n_frames")),
+            fixed(item.get("duration_s"), 1),
+            significant(item.get("rate_hz"), 4),
+            count(item.get("n_feet")),
+            count(item.get("n_body")),
+            fixed(scaled(item.get("seen"), 100), 2),
+        )
+        for item in recordings
+    )
+    head = ("recording", "source", "frames", "duration (s)", "rate (Hz)", "feet", "body markers")
+    return Table("Recordings", (*head, "seen (%)"), rows, text_columns=2) if rows else None
+
+
+def filled_table(
+    filled: pd.DataFrame | None, touchdowns: pd.DataFrame | None = None
+) -> Table | None:
+    """One row a marker with gaps, those most often unseen first; None if there are no gaps."""
+    if filled is None or filled.empty or not (filled["gaps"] > 0).any():
+        return None
+    gappy = filled[filled["gaps"] > 0].sort_values("missing", ascending=False, kind="stable")
+    rows = tuple(
+        (
+            str(row["recording"]),
+            str(row["marker"]),
+            str(row["role"]),
+            count(row["gaps"]),
+            fixed(row["longest_s"], 2),
+            count(row["missing"]),
+            fixed(100 * row["missing"] / row["frames"], 2),
+            count(row["filled"]),
+            count(row["left"]),
+        )
+        for row in gappy[:MOST_GAPPY].to_dict("records")
+    )
+    total = f"Of {count(gappy['missing'].sum())} missing places {count(gappy['filled'].sum())} were"
+    shown = (
+        "" if len(gappy) <= MOST_GAPPY else f"; {len(gappy) - MOST_GAPPY} more in tables/filled.csv"
+    )
+    head = ("recording", "marker", "part", "gaps", "longest (s)", "frames missing", "missing (%)")
+    note = f"{total} filled in{_resting(touchdowns)}{shown}."
+    return Table(
+        "Gaps and what was filled of them",
+        (*head, "filled in", "left"),
+        rows,
+        text_columns=3,
+        note=note,
+    )
+
+
+def _resting(touchdowns: pd.DataFrame | None) -> str:
+    """Say how many of the touchdowns used rest on places that were filled in."""
+    if touchdowns is None or "filled_share" not in touchdowns:
+        return ""
+    used = touchdowns[~excluded(touchdowns)]
+    resting = count((used["filled_share"] > 0).sum())
+    return f"; {resting} of {count(len(used))} touchdowns used rest on some of these"
+
+
+def floor_table(floors: Mapping[str, Mapping[str, Any]]) -> Table | None:
+    """One row a recording: the floor model and what it leaves."""
+    rows = tuple((name, *_floor_cells(floor)) for name, floor in floors.items())
+    head = (
+        "recording",
+        "degree",
+        "rest points",
+        "outliers",
+        "residual (mm)",
+        "feet differ by (mm)",
+    )
+    notes = [f"{name}: {floor['note']}" for name, floor in floors.items() if floor.get("note")]
+    return Table("Floor", head, rows, note="; ".join(notes)) if rows else None
+
+
+def _floor_cells(floor: Mapping[str, Any]) -> tuple[str, ...]:
+    offsets = [value for value in floor.get("foot_offsets_m") or () if not is_missing(value)]
+    return (
+        count(floor.get("degree")),
+        count(floor.get("n_points")),
+        count(floor.get("n_outliers")),
+        fixed(scaled(floor.get("residual_rms_m"), 1e3), 2),
+        fixed((max(offsets) - min(offsets)) * 1e3, 2) if offsets else MISSING,
+    )
+
+
+def sections_table(sections: Mapping[str, Any] | None) -> Table | None:
+    """Thresholds, sections and the travel between them first, then all else in the file."""
+    if not sections:
+        return None
+    decided = sections.get("decided") or {}
+    rows = [
+        (_decided(name, decided.get(key)), fixed(scaled(sections.get(key), 1e3), 2), "mm")
+        for key, name in SECTION_NAMES.items()
+    ]
+    pre, post = sections.get("pre_height_m"), sections.get("post_height_m")
+    if pre is not None and post is not None:
+        rows.append(("travel from pre to post", fixed((pre - post) * 1e3, 2), "mm"))
+    shown = {*SECTION_NAMES, "decided"}
+    others = flat({key: value for key, value in sections.items() if key not in shown})
+    for key, value in others:
+        words, text, unit = labelled(key, value)
+        rows.append((DETAIL_NAMES.get(key, words), text, unit))
+    return Table("Thresholds and sections", ("quantity", "value", "unit"), tuple(rows))
+
+
+def _decided(name: str, by: Any) -> str:
+    return f"{name} (from the configuration)" if by == "config" else name
+
+
+def schedules_table(touchdowns: pd.DataFrame | None) -> Table | None:
+    """One row a mode schedule: its used touchdowns and the spread of their contacts."""
+    if touchdowns is None or touchdowns.empty:
+        return None
+    used = touchdowns[~excluded(touchdowns)]
+    groups = sorted(used.groupby("schedule"), key=lambda item: (-len(item[1]), str(item[0])))
+    rows = [
+        (
+            str(schedule).replace(">", " → "),
+            count(len(group)),
+            count((group["class"] == "ambiguous").sum()) if "class" in group else MISSING,
+            fixed(100 * len(group) / len(used), 1),
+            fixed(scaled(_median(group, "spread_s"), 1e3), 2),
+            fixed(_mean(group, "probability"), 3),
+        )
+        for schedule, group in groups[:MOST_SCHEDULES]
+    ]
+    head = ("order of contacts", "touchdowns", "of them ambiguous", "share (%)")
+    rarer = [len(group) for _, group in groups[MOST_SCHEDULES:]]
+    note = ""
+    if rarer:
+        orders = "1 rarer order is" if len(rarer) == 1 else f"{len(rarer)} rarer orders are"
+        left = "1 touchdown" if sum(rarer) == 1 else f"{sum(rarer)} touchdowns"
+        note = f"{orders} not listed: {left}, at most {max(rarer)} each."
+    medians = ("median spread of contacts (ms)", "mean probability of the order")
+    return Table("Used touchdowns by mode schedule", (*head, *medians), tuple(rows), note=note)
+
+
+def exclusions_table(touchdowns: pd.DataFrame | None) -> Table | None:
+    """Excluded touchdowns by reason, and by recording where these are few."""
+    if touchdowns is None or touchdowns.empty or not excluded(touchdowns).any():
+        return None
+    out = touchdowns[excluded(touchdowns)]
+    reasons = out["reason"].astype(object).fillna("").replace("", "no reason given")
+    names = [str(name) for name in dict.fromkeys(touchdowns["recording"])]
+    shown = names if 1 < len(names) <= MOST_RECORDINGS else []
+    rows = []
+    for reason, total in reasons.value_counts().items():
+        of_reason = out.loc[reasons == reason, "recording"].astype(str)
+        each = tuple(count((of_reason == name).sum()) for name in shown)
+        rows.append((str(reason), *each, count(total)))
+    each = tuple(count((out["recording"].astype(str) == name).sum()) for name in shown)
+    rows.append(("all reasons", *each, count(len(out))))
+    return Table("Excluded touchdowns", ("reason", *shown, "touchdowns"), tuple(rows))
+
+
+def excluded(touchdowns: pd.DataFrame) -> pd.Series:
+    """Whether each touchdown was excluded, also where CSV made text of the booleans."""
+    return touchdowns["excluded"].astype(str).str.lower().isin(("true", "1", "1.0"))
+
+
+def _mean(group: pd.DataFrame, column: str) -> float | None:
+    return float(group[column].mean()) if column in group else None
+
+
+def _median(group: pd.DataFrame, column: str) -> float | None:
+    return float(group[column].median()) if column in group else None
+
+
+# Tables of prediction, distances, accuracy and time.
+
+MODEL_NAMES = {
+    "specialised": "affine (specialised)",
+    "near": "affine (near)",
+    "all": "affine (all)",
+    "far": "affine (far)",
+    "specialised_mean": "mean (specialised)",
+    "mean": "mean (all)",
+}
+KIND_NAMES = {
+    "in_class": "in-class",
+    "cross_class": "cross-class",
+    "noised_identity": "noised identity",
+    "random": "random",
+}
+
+
+# Beginnings of names in truth.json that compare with no truth and stand elsewhere on the page.
+NOT_COMPARED = (
+    "mse_",
+    "excluded_",
+    "touchdowns_usable",
+    "touchdowns_ambiguous",
+    "body_travel",
+    "specialised_over_mean",
+    "all_over_specialised",
+    "cross_class_auc",
+)
+SHARES = ("labels_right_",)
+COUNTED = ("landings", "touchdowns")
+
+
+def prediction_table(summary: pd.DataFrame | None) -> Table | None:
+    """One row a model, in the printed order; a model that was not fitted is listed as such."""
+    if summary is None or summary.empty:
+        return None
+    found = {str(row["model"]): row for row in summary.to_dict("records")}
+    quantiles = ("p2_5", "q25", "median", "q75", "p97_5")
+    scale, power = common_scale([row.get("median") for row in found.values()])
+    rows = []
+    for model in dict.fromkeys((*MODEL_NAMES, *found)):
+        row: Mapping[Any, Any] = found.get(model, {})
+        rows.append(
+            (
+                MODEL_NAMES.get(model, model),
+                count(row.get("n_classes")),
+                count(row.get("n_train")),
+                count(row.get("n_test")),
+                *(fixed(scaled(row.get(q), 1 / scale), 2) for q in quantiles),
+                fixed(row.get("worst_position_mm"), 1),
+                fixed(row.get("worst_velocity_m_s"), 3),
+            )
+        )
+    head = (
+        "model",
+        "classes",
+        "train",
+        "test",
+        *map(percent, (2.5, 25)),
+        "median",
+        *map(percent, (75, 97.5)),
+    )
+    worst = ("worst position (mm)", "worst velocity (m/s)")
+    note = f"Quantiles over the bootstraps of the combined MSE, in {power}units²."
+    note += (
+        f" Worst position and velocity: {percent(97.5)} of the bootstraps keep below these with "
+        "the rms error of the coordinate of a marker that they predict worst."
+    )
+    note += " A dash: not fitted, too few touchdowns." if len(found) < len(MODEL_NAMES) else ""
+    return Table("Prediction errors", (*head, *worst), tuple(rows), note=note)
+
+
+def distances_table(summary: pd.DataFrame | None) -> Table | None:
+    """One row a kind of distance; a kind without pairs is listed with zero pairs."""
+    if summary is None or summary.empty:
+        return None
+    found = {str(row["kind"]): row for row in summary.to_dict("records")}
+    quantiles = ("q05", "q25", "median", "q75", "q95")
+    rows = []
+    for kind in dict.fromkeys((*KIND_NAMES, *found)):
+        row: Mapping[Any, Any] = found.get(kind, {})
+        rows.append(
+            (
+                KIND_NAMES.get(kind, kind),
+                count(row.get("n", 0)),
+                *(fixed(row.get(key), 3) for key in ("mean", "sd", *quantiles)),
+                fixed(row.get("auc_against_in_class"), 3),
+            )
+        )
+    head = (
+        "pairs of subspaces",
+        "n",
+        "mean",
+        "sd",
+        *map(percent, (5, 25)),
+        "median",
+        *map(percent, (75, 95)),
+    )
+    note = "Arc lengths in rad. AUC: probability that such a distance exceeds an in-class one."
+    return Table("Arc-length distances", (*head, "AUC"), tuple(rows), note=note)
+
+
+def truth_table(truth: Mapping[str, Mapping[str, Any]] | None) -> Table | None:
+    """One row a measure: what was found against what the simulator knew."""
+    rows = tuple(
+        (_capital(str(entry.get("what") or name)), *_measured(name, entry))
+        for name, entry in (truth or {}).items()
+        if not name.startswith(NOT_COMPARED)
+    )
+    return Table("Found against known", ("quantity", "value", "unit"), rows) if rows else None
+
+
+def _measured(name: str, entry: Mapping[str, Any]) -> tuple[str, str]:
+    """Return value and unit as on the rest of the page: lengths in mm, shares in per cent."""
+    value, unit = entry.get("value"), str(entry.get("unit") or "")
+    if name.startswith(SHARES):
+        return fixed(scaled(value, 100), 1), "%"
+    if unit == "m":
+        return plain(scaled(value, 1e3)), "mm"
+    if unit in COUNTED:
+        return count(value), unit
+    return plain(value), "" if unit in ("1", "yes/no") else unit
+
+
+def _capital(words: str) -> str:
+    return words[:1].upper() + words[1:]
+
+
+def times_table(seconds: Mapping[str, Any]) -> Table | None:
+    """Time of each job, longest first."""
+    ordered = sorted(seconds.items(), key=lambda item: -float(item[1]))
+    rows = tuple((name, fixed(value, 2)) for name, value in ordered)
+    return Table("Time per job", ("job", "time (s)"), rows) if rows else None

@@ -1,0 +1,194 @@
+"""A rigid set of markers laid over what is seen of it, frame by frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hopdata.arrays import BoolArray, FloatArray
+from hopdata.errors import AnalysisError
+
+LEAST_WIDTH = 0.01  # of markers across their line, relative to along it, to fix a turn about it
+PRIOR_WEIGHT = 1e-6  # of an earlier attitude, relative to the markers: decides only what they leave
+
+
+@dataclass(frozen=True)
+class RigidFit:
+    """Rigid motions of N frames.
+
+    Parameters
+    ----------
+    centre : (N, 3) array
+        Where the reference's origin is in the world, m; NaN where not determined.
+    rotation : (N, 3, 3) array
+        From the axes of the reference to those of the world; NaN where not determined.
+    residual_m : (N,) array
+        What a rigid motion leaves over, rms per degree of freedom and so an estimate of the noise
+        per coordinate, m; NaN where not determined.
+    n_seen : (N,) array of int
+        Number of markers seen.
+    leaned : (N,) bool array
+        Whether an earlier attitude had to help.
+    """
+
+    centre: FloatArray
+    rotation: FloatArray
+    residual_m: FloatArray
+    n_seen: NDArray[np.int64]
+    leaned: BoolArray
+
+    @property
+    def known(self) -> BoolArray:
+        """Whether there is a fit, (N,)."""
+        return np.asarray(np.isfinite(self.residual_m))
+
+
+def rigid_fit(
+    markers: FloatArray, reference: FloatArray, earlier: FloatArray | None = None
+) -> RigidFit:
+    """Find the rotation and translation that lay a reference over markers, by least squares.
+
+    Kabsch's method (Acta Cryst. A32, 1976), with proper rotations only. Three markers that are not
+    on a line determine the motion. Two determine all but the turn about their line; it is taken
+    from an earlier attitude if there is one.
+
+    Parameters
+    ----------
+    markers : (N, B, 3) array
+        Positions in the world, m; NaN where unseen.
+    reference : (B, 3) array
+        The same markers in the body, m.
+    earlier : (N, 3, 3) array, optional
+        Attitude shortly before or after each frame; NaN where there is none.
+    """
+    seen = np.asarray(np.isfinite(markers).all(axis=2))
+    weight, count = seen.astype(float), seen.sum(axis=1)
+    share = weight / np.maximum(count, 1)[:, None]
+    here = np.where(seen[:, :, None], markers, 0.0)
+    middle, home = np.einsum("nb,nbi->ni", share, here), share @ reference
+    arms, points = reference - home[:, None], here - middle[:, None]
+    moment = np.einsum("nb,nbi,nbj->nij", weight, points, arms)
+    left, spread, right = np.linalg.svd(moment)
+    wide = np.asarray(spread[:, 1] > LEAST_WIDTH**2 * spread[:, 0])
+    determined = np.asarray((count >= 3) & wide)
+    leaned = np.zeros(len(markers), dtype=bool)
+    if earlier is not None and not determined.all():
+        leaned = np.asarray(~determined & (count >= 2) & np.isfinite(earlier).all(axis=(1, 2)))
+        helped = PRIOR_WEIGHT * spread[leaned, :1, None] * earlier[leaned]
+        left[leaned], _, right[leaned] = np.linalg.svd(moment[leaned] + helped)
+    left[:, :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[:, None]
+    rotation = left @ right
+    unknown = ~(determined | leaned)
+    rotation[unknown] = np.nan
+    misses = points - np.einsum("nij,nbj->nbi", rotation, arms)
+    free = np.where(leaned, 1, 3 * count - 6).clip(1)
+    square = np.einsum("nb,nbi,nbi->n", weight, misses, misses)
+    centre = middle - np.einsum("nij,nj->ni", rotation, home)
+    return RigidFit(centre, rotation, np.sqrt(square / free), count, leaned)
+
+
+def headings(rotation: FloatArray) -> FloatArray:
+    """Yaw of the body x axis, (...), rad, of rotations (..., 3, 3): its direction seen from above.
+
+    That of ``Rz(yaw) Ry(pitch) Rx(roll)``.
+    """
+    return np.asarray(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]))
+
+
+def twists(rotation: FloatArray) -> FloatArray:
+    """Turn about the vertical, (...), rad, that is left when the body is tilted back the short way.
+
+    It does not depend on which body axis is called x, and differs from the yaw by half the product
+    of pitch and roll.
+    """
+    return np.asarray(
+        np.arctan2(
+            rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1]
+        )
+    )
+
+
+# Rigid motions of the plane, SE(2): poses (x, y, heading), m and rad, on the last array axis.
+
+
+def wrapped(angle: ArrayLike) -> FloatArray:
+    """Bring angles to [-pi, pi), rad."""
+    return np.asarray((np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi)
+
+
+def composed(pose: ArrayLike, change: ArrayLike) -> FloatArray:
+    """Pose after a motion given in the frame of the pose, (..., 3).
+
+    Headings add up and are not wrapped, so that turns can be counted.
+    """
+    (x, y, heading), (dx, dy, turn) = _parts(pose), _parts(change)
+    c, s = np.cos(heading), np.sin(heading)
+    return np.stack([x + c * dx - s * dy, y + s * dx + c * dy, heading + turn], axis=-1)
+
+
+def inverse(pose: ArrayLike) -> FloatArray:
+    """Motion that undoes this one, (..., 3)."""
+    x, y, heading = _parts(pose)
+    c, s = np.cos(heading), np.sin(heading)
+    return np.stack([-c * x - s * y, s * x - c * y, -heading], axis=-1)
+
+
+def relative(start: ArrayLike, end: ArrayLike) -> FloatArray:
+    """Frame change from one pose to another, in the frame of the first, (..., 3): ``g1^-1 g2``.
+
+    The turn is wrapped to [-pi, pi) (dissertation, Sec. 3.4.2).
+    """
+    change = composed(inverse(start), end)
+    change[..., 2] = wrapped(change[..., 2])
+    return change
+
+
+def _parts(pose: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    x, y, heading = np.moveaxis(np.asarray(pose, dtype=float), -1, 0)
+    return x, y, heading
+
+
+_ALIGNMENTS = 20
+_SETTLED = 1e-15  # change of the shape, relative
+_LEAST_WIDTH = 1e-3
+
+
+def body_shape(positions: FloatArray) -> FloatArray:
+    """Return the mean shape (B, 3) of marker positions (n, B, 3), centred, in the mean attitude.
+
+    Generalised Procrustes alignment without scaling (Gower 1975).
+
+    Raises
+    ------
+    AnalysisError
+        If there are fewer than three markers, or they lie on a line.
+    """
+    if positions.shape[1] < 3:
+        raise AnalysisError(
+            f"rigid body: at least 3 body markers are needed, found {positions.shape[1]}"
+        )
+    centred = positions - positions.mean(axis=1, keepdims=True)
+    shape = centred.mean(axis=0)
+    for _ in range(_ALIGNMENTS):
+        before = shape
+        shape = np.einsum("nji,nbj->bi", kabsch(centred, shape), centred) / len(centred)
+        if np.abs(shape - before).max() <= _SETTLED * np.abs(shape).max():
+            break
+    widths = np.linalg.svd(shape, compute_uv=False)
+    if widths[1] < _LEAST_WIDTH * widths[0]:
+        raise AnalysisError("rigid body: expected body markers that are not on one line")
+    return shape
+
+
+def kabsch(centred: FloatArray, shape: FloatArray) -> FloatArray:
+    """Return the rotations (n, 3, 3) that take `shape` (B, 3) closest to points (n, B, 3).
+
+    Least squares over proper rotations (Kabsch 1976); both are centred.
+    """
+    left, _, right = np.linalg.svd(np.einsum("nbi,bj->nij", centred, shape))
+    handed = np.sign(np.linalg.det(left @ right))
+    left[:, :, 2] *= handed[:, None]
+    rotation: FloatArray = left @ right
+    return rotation

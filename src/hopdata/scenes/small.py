@@ -1,0 +1,184 @@
+# ruff: noqa: ARG001 (the integrator prescribes the signatures of field and guards)
+"""The hopper in one dimension (dissertation, section 4.3.4): a mass on a preloaded springy leg.
+
+State: height of the mass above the floor, m, and its velocity, m/s. The leg touches the floor
+where the height is the contact length, in both directions: one two-way guard.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hopdata.hybrid import System, affine, field, guards
+from hopdata.hybrid.solution import FloatArray, IntArray
+
+# Three affine modes a coordinate, switched at the coordinate planes (dissertation, table 4.3).
+#
+# The state (x, y, z) is dimensionless, as is time. Each guard is crossed once from the initial
+# state
+# used there: y rising, z falling, x rising.
+
+INITIAL_STATE = (-0.4, -0.15, 0.3)
+T_SPAN = (0.0, 0.5)
+
+
+@field
+def octant_field(
+    t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
+) -> None:
+    """Return the affine field of the octant that the locks name."""
+    x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
+    if x_side:
+        dy[0] = (10.0 * y[0] if y_side else -2.0 * y[1]) + 1.0
+        dy[1] = y[1] + 1.0 if y_side else 0.5 * y[0] + 2.0
+    else:
+        dy[0] = (y[1] if y_side else -y[1]) + 1.0
+        dy[1] = (-y[0] if y_side else y[0]) + 1.0
+    dy[2] = 3.0 * y[2] - 1.0 if z_fell else -y[2] - 1.0
+
+
+@guards
+def octant_guards(
+    t: float,
+    y: FloatArray,
+    dy: FloatArray,
+    mode: IntArray,
+    params: FloatArray,
+    h: FloatArray,
+    hdot: FloatArray,
+) -> None:
+    """Return the coordinate planes; z is crossed downwards, so that -z rises."""
+    h[0], hdot[0] = y[0], dy[0]
+    h[1], hdot[1] = y[1], dy[1]
+    h[2], hdot[2] = -y[2], -dy[2]
+
+
+@affine
+def octant_affine(mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray) -> None:
+    """Return the matrix and the constant of the octant that the locks name."""
+    x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
+    b[0], b[1], b[2] = 1.0, 1.0, -1.0
+    if x_side and y_side:
+        a[0, 0], a[1, 1] = 10.0, 1.0
+    elif x_side:
+        a[0, 1], a[1, 0], b[1] = -2.0, 0.5, 2.0
+    elif y_side:
+        a[0, 1], a[1, 0] = 1.0, -1.0
+    else:
+        a[0, 1], a[1, 0] = -1.0, 1.0
+    a[2, 2] = 3.0 if z_fell else -1.0
+
+
+@cache
+def octant() -> System:
+    """Return the system of table 4.3: guards ``x`` (rising), ``y`` (rising) and ``z`` (falling)."""
+    return System(
+        field=octant_field, guards=octant_guards, affine=octant_affine, n_states=3,
+        guard_names=("x", "y", "z"),
+    )  # fmt: skip
+
+
+@field
+def hopper_field(
+    t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
+) -> None:
+    """Return gravity, and in stance (lock -1) the spring's and the damper's push."""
+    gravity, stiffness, rest_length, damping = params[0], params[1], params[2], params[3]
+    dy[0] = y[1]
+    dy[1] = -gravity
+    if mode[0] < 0:
+        dy[1] += stiffness * (rest_length - y[0]) - damping * y[1]
+
+
+@guards
+def hopper_guards(
+    t: float,
+    y: FloatArray,
+    dy: FloatArray,
+    mode: IntArray,
+    params: FloatArray,
+    h: FloatArray,
+    hdot: FloatArray,
+) -> None:
+    """Return the height above contact: negative in stance."""
+    h[0] = y[0] - params[4]
+    hdot[0] = dy[0]
+
+
+@affine
+def hopper_affine(mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray) -> None:
+    """Return the matrix and the constant of flight, or of stance (lock -1)."""
+    gravity, stiffness, rest_length, damping = params[0], params[1], params[2], params[3]
+    a[0, 1] = 1.0
+    b[1] = -gravity
+    if mode[0] < 0:
+        a[1, 0], a[1, 1] = -stiffness, -damping
+        b[1] += stiffness * rest_length
+
+
+@dataclass(frozen=True)
+class VerticalHopper:
+    """Parameters of the hopper, in SI units.
+
+    Parameters
+    ----------
+    mass_kg : float
+        Mass.
+    stiffness_n_m : float
+        Stiffness of the leg, N/m.
+    contact_length_m : float
+        Height of the mass at which the leg touches the floor (L).
+    rest_length_m : float
+        Length at which the leg's spring is relaxed (L0); longer than L means preload: the force
+        jumps at contact.
+    gravity_m_s2 : float
+        Acceleration of gravity.
+    damping_n_s_m : float
+        Viscous damping of the leg, N s/m.
+    """
+
+    mass_kg: float = 1.0
+    stiffness_n_m: float = 1000.0
+    contact_length_m: float = 1.0
+    rest_length_m: float = 1.0
+    gravity_m_s2: float = 9.81
+    damping_n_s_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.mass_kg > 0 and self.stiffness_n_m > 0 and self.damping_n_s_m >= 0):
+            raise ValueError(f"expected mass and stiffness > 0 and damping >= 0, found {self}")
+
+    @property
+    def params(self) -> tuple[float, ...]:
+        """Parameters as the compiled functions take them."""
+        return (
+            self.gravity_m_s2,
+            self.stiffness_n_m / self.mass_kg,
+            self.rest_length_m,
+            self.damping_n_s_m / self.mass_kg,
+            self.contact_length_m,
+        )
+
+    def system(self) -> System:
+        """Return the hybrid system: its guard ``contact`` falls at touchdown, rises at lift-off."""
+        return _system()
+
+    def energy(self, y: ArrayLike) -> NDArray[np.float64]:
+        """Return the mechanical energy of states (2, ...), J; the floor is at height 0."""
+        height, velocity = np.asarray(y, dtype=np.float64)
+        length = np.minimum(height, self.contact_length_m)  # the leg's, in stance and in flight
+        spring = 0.5 * self.stiffness_n_m * (self.rest_length_m - length) ** 2
+        fall = self.mass_kg * self.gravity_m_s2 * height
+        return 0.5 * self.mass_kg * velocity**2 + fall + spring
+
+
+@cache
+def _system() -> System:
+    return System(
+        field=hopper_field, guards=hopper_guards, affine=hopper_affine, n_states=2,
+        guard_names=("contact",),
+    )  # fmt: skip

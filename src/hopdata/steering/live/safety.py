@@ -1,0 +1,221 @@
+"""What moves the boom: an interface for the robot's own, and one line of text over UDP for ours."""
+
+from __future__ import annotations
+
+import math
+import socket
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
+
+import numpy as np
+
+from hopdata.arrays import FloatArray
+from hopdata.errors import ConfigError
+from hopdata.steering.live.packets import LOOPBACK, PortError
+
+LONGEST_LINE = 200
+PORTS = 1 << 16
+
+
+class Boom(Protocol):
+    """Whatever swings the boom in the next flight."""
+
+    def swing(self, rad: float) -> None:
+        """Change the boom angle by so much, rad, in the next flight; 0 keeps it where it is."""
+
+
+class UdpBoom:
+    """Sends each swing as a line, `swing <number> <rad>`, in a datagram of its own.
+
+    Parameters
+    ----------
+    port, host : int, str
+        Where the robot listens; on the loopback address unless told otherwise.
+
+    Raises
+    ------
+    PortError
+        If the port is none, or the host has no address.
+    """
+
+    def __init__(self, port: int, *, host: str = LOOPBACK) -> None:
+        self._address, self._sent = _address(host, port), 0  # looked up once, not in each flight
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def swing(self, rad: float) -> None:
+        """Send a swing."""
+        self._sent += 1
+        self._socket.sendto(f"swing {self._sent} {rad!r}\n".encode(), self._address)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class UdpSwings:
+    """Receives the lines of `UdpBoom`, on the loopback address unless told otherwise.
+
+    Lines that cannot be read are left out and counted in `garbled`.
+
+    Raises
+    ------
+    PortError
+        If the port cannot be listened on.
+    """
+
+    def __init__(self, port: int = 0, *, host: str = LOOPBACK) -> None:
+        self.garbled = 0
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            raise PortError(f"cannot listen on {host}, port {port}: {error}") from error
+        self.port: int = self._socket.getsockname()[1]
+
+    def newest(self) -> float | None:
+        """Return the last swing that has come since the last call, rad, or None; never waits."""
+        swing = None
+        while True:
+            try:
+                line = self._socket.recv(LONGEST_LINE)
+            except BlockingIOError:
+                return swing
+            found = _swing(line)
+            self.garbled += found is None
+            swing = swing if found is None else found
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+def _address(host: str, port: int) -> tuple[str, int]:
+    if not (isinstance(port, int) and 0 < port < PORTS):
+        raise PortError(f"port: expected a whole number from 1 to {PORTS - 1}, found {port!r}")
+    try:
+        found = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_DGRAM)
+    except OSError as error:
+        raise PortError(
+            f"host: expected an IPv4 address or the name of one, found {host!r}: {error}"
+        ) from error
+    return str(found[0][4][0]), port
+
+
+def _swing(line: bytes) -> float | None:
+    words = line.split()
+    if len(words) != 3 or words[0] != b"swing" or not words[1].isdigit():
+        return None
+    try:
+        rad = float(words[2])
+    except ValueError:
+        return None
+    return rad if math.isfinite(rad) else None
+
+
+# What the control loop asks of those it works with.
+
+
+class Seen(Protocol):
+    """What one frame tells; NaN where it is not known."""
+
+    @property
+    def pose(self) -> FloatArray:
+        """(3,): x and y of the mean body marker, m, and heading, rad."""
+
+    @property
+    def height_m(self) -> float:
+        """Height of the mean body marker."""
+
+    @property
+    def boom_angle_rad(self) -> float:
+        """Angle of the boom in the body frame."""
+
+
+class Tracker(Protocol):
+    """Tells pose, height and boom angle, frame by frame."""
+
+    def feed(self, time_s: float, markers: FloatArray) -> Seen:
+        """Take the next frame: camera time, s, and markers (M, 3), m, NaN where unseen."""
+
+
+class ToldStance(Protocol):
+    """A stance that has been recognised."""
+
+    @property
+    def time_s(self) -> float:
+        """Its instant, camera time, s."""
+
+
+class Detector(Protocol):
+    """Tells stances from heights."""
+
+    def feed(self, time_s: float, height_m: float) -> ToldStance | None:
+        """Take the next height, NaN if not known; return the stance that it establishes."""
+
+
+class Planned(Protocol):
+    """A plan for the next hops."""
+
+    @property
+    def swing_rad(self) -> float:
+        """Swing of the next flight, rad."""
+
+
+class Controller(Protocol):
+    """Plans the swing of the next flight; those of `hopdata.steering.control` do."""
+
+    def plan(
+        self, pose: FloatArray, boom_angle_rad: float, previous_swing_rad: float | None, /
+    ) -> Planned:
+        """Plan from a stance with this pose (3,), m and rad, this boom angle and last swing."""
+
+
+# What the control loop will not go beyond.
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the loop will not go beyond.
+
+    Parameters
+    ----------
+    pose_age_s : float
+        A pose or boom angle older than this is not planned with.
+    command_s : float
+        A plan that is made later than this after its stance is not sent: the flight that it was
+        meant for has begun.
+    swing_rad : float
+        Largest swing that is sent.
+    hop_s : float
+        Two stances farther apart than this are not of two hops in a row; the swing between them
+        is not known then.
+
+    Raises
+    ------
+    ConfigError
+        If a time is not above 0, or the swing is not one from 0 to half a turn: a limit that is
+        not a number, or in degrees, would let every swing through.
+    """
+
+    pose_age_s: float = 0.1
+    command_s: float = 0.2
+    swing_rad: float = 3 * np.pi / 8
+    hop_s: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("pose_age_s", "command_s", "hop_s"):
+            if not getattr(self, name) > 0:
+                raise ConfigError(f"{name}: expected more than 0, found {getattr(self, name)}")
+        if not 0 <= self.swing_rad <= np.pi:
+            raise ConfigError(f"swing_rad: expected 0 to pi, found {self.swing_rad}")

@@ -1,0 +1,329 @@
+"""The steered hopper, hop by hop: a swing of the boom goes in, a stance comes out.
+
+A hop runs from apex to apex. Its swing begins at the apex and is over before the feet touch; its
+stance is the instant at which the body markers are lowest on the mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hopdata.arrays import FloatArray
+from hopdata.errors import ConfigError
+from hopdata.scenes.hopper_control import HopperDrag
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.synthesis.camera import fixed_markers, in_world
+from hopdata.synthesis.hops import Hop, Variant, fly_hop, level_state
+from hopdata.synthesis.simulate import MotionCapture
+from hopdata.synthesis.trial import (
+    FloorOptions,
+    GapOptions,
+    Kicks,
+    MarkerOptions,
+    from_mapping,
+    kicked,
+)
+
+STANCE_SEARCH_S = 0.002  # step at which the lowest point is sought, before a parabola through it
+
+
+def _light_boom() -> HopperParameters:
+    return HopperParameters(
+        mass_kg=2.6,
+        counterweight_mass_kg=0.1,
+        inertia_z_kg_m2=0.03,
+        damping_n_s_m=5.5,
+        friction=0.5,
+        boom_duration_s=0.2,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteeredHopper:
+    """What is steered, and what disturbs it.
+
+    Parameters
+    ----------
+    hopper : HopperParameters
+        The body; its boom angle is where the boom begins.
+    preload_shares : tuple of float
+        Preload of each leg as a share of the hopper's. No robot is built evenly: the default drifts
+        to the right with the boom in neutral, and clockwise, as the dissertation's did (Sec.
+        3.4.3).
+    kicks : Kicks
+        Chance at each apex.
+    markers : MarkerOptions
+        Where the markers are.
+    swing_limit_rad : float
+        Largest swing per hop; the dissertation's robot tips over beyond 90 degrees (Sec. 3.3).
+    release_height_m : float
+        Height of the feet above the floor when it is let go.
+    hop_limit_s : float
+        Time without an apex after which it has fallen.
+    """
+
+    hopper: HopperParameters = field(default_factory=_light_boom)
+    preload_shares: tuple[float, ...] = (0.99, 1.05, 0.96)
+    kicks: Kicks = field(
+        default_factory=lambda: Kicks(
+            velocity_m_s=0.02, angular_velocity_rad_s=0.1, preload_fraction=0.02
+        )
+    )
+    markers: MarkerOptions = field(default_factory=MarkerOptions)
+    swing_limit_rad: float = 3 * np.pi / 8
+    release_height_m: float = 0.24
+    hop_limit_s: float = 3.0
+
+    def __post_init__(self) -> None:
+        if len(self.preload_shares) != self.hopper.n_legs:
+            raise ConfigError(
+                f"preload_shares: expected one for each of {self.hopper.n_legs} legs, "
+                f"found {len(self.preload_shares)}"
+            )
+        if not 0 < self.swing_limit_rad <= np.pi:
+            raise ConfigError(
+                f"swing_limit_rad: expected more than 0, at most pi, found {self.swing_limit_rad}"
+            )
+
+    @property
+    def preloads_n(self) -> FloatArray:
+        """Preload of each leg but for chance, (n,), N."""
+        return self.hopper.preload_n * np.array(self.preload_shares)
+
+    def still(self) -> SteeredHopper:
+        """Return the same hopper that nothing disturbs."""
+        return replace(self, kicks=Kicks(**dict.fromkeys(Kicks.__dataclass_fields__, 0.0)))
+
+
+@dataclass(frozen=True)
+class Apex:
+    """Where a hop begins: the time, s, the state (12,) and the angle of the resting boom, rad."""
+
+    time_s: float
+    state: FloatArray
+    boom_angle_rad: float
+
+
+@dataclass(frozen=True)
+class Stance:
+    """A stance as it truly was.
+
+    `time_s` of the lowest point, s; `pose` (3,): mean of the body markers on the floor, m, and yaw,
+    rad, not wrapped; `boom_angle_rad`; whether the hop `fell`, whose pose then means nothing.
+    """
+
+    time_s: float
+    pose: FloatArray
+    boom_angle_rad: float
+    fell: bool
+
+
+@dataclass(frozen=True)
+class SteeredHop:
+    """One hop of a steered hopper.
+
+    `start` and `end` are its apexes, `swing_rad` the swing that was executed (within the limit),
+    `stance` where it landed. At the frames asked for: `frame_time_s` (K,), true positions
+    of the markers `markers` (K, B + 1, 3) m, body markers first, the boom's last.
+    """
+
+    start: Apex
+    swing_rad: float
+    stance: Stance
+    end: Apex
+    frame_time_s: FloatArray
+    markers: FloatArray
+    hop: Hop
+
+
+def released(robot: SteeredHopper, pose: ArrayLike, boom_angle_rad: float = np.pi) -> Apex:
+    """Apex at which an operator lets the hopper go, at rest; `pose` (3,) is that of its markers."""
+    x, y, yaw = np.asarray(pose, dtype=float)
+    state = level_state(robot.hopper, robot.release_height_m)
+    state[3] = yaw
+    offset = marker_poses(robot, state[None])[0]
+    state[:2] = x - offset[0], y - offset[1]
+    return Apex(0.0, state, boom_angle_rad)
+
+
+def marker_poses(robot: SteeredHopper, states: FloatArray) -> FloatArray:
+    """Poses (N, 3) of states (N, 12): mean of the body markers on the floor, and yaw; m, rad."""
+    body = fixed_markers(states, np.array(robot.markers.body_m))
+    return np.column_stack([body[..., :2].mean(axis=1), states[:, 3]])
+
+
+def steer_hop(
+    robot: SteeredHopper,
+    apex: Apex,
+    swing_rad: float,
+    *,
+    rng: np.random.Generator,
+    frame_times_s: ArrayLike = (),
+    variant: Variant | None = None,
+) -> SteeredHop:
+    """Fly one hop with a swing of the boom.
+
+    Parameters
+    ----------
+    robot : SteeredHopper
+    apex : Apex
+        Where the hop begins.
+    swing_rad : float
+        Swing, rad; cut to the limit of the robot.
+    rng : numpy Generator
+        Source of the kicks.
+    frame_times_s : (F,) array
+        Times at which markers are wanted, s, on the clock of the apex; those within the hop are
+        used.
+    variant : Variant, optional
+        What stands in the hopper's way, as a `HopperDrag`.
+    """
+    swing = float(np.clip(swing_rad, -robot.swing_limit_rad, robot.swing_limit_rad))
+    parameters = replace(
+        robot.hopper, boom_angle_rad=apex.boom_angle_rad, boom_swing_rad=swing, boom_start_s=0.0
+    )
+    chance = 1 + robot.kicks.preload_fraction * rng.standard_normal(parameters.n_legs)
+    frames = np.asarray(frame_times_s, dtype=float) - apex.time_s
+    frames = frames[(frames >= 0) & (frames < robot.hop_limit_s)]
+    search = np.arange(0.0, robot.hop_limit_s, STANCE_SEARCH_S)
+    times = np.union1d(frames, search)
+    hop = fly_hop(
+        parameters,
+        kicked(apex.state, robot.kicks, rng),
+        variant=variant,
+        preloads_n=robot.preloads_n * chance,
+        frame_times_s=times,
+        limit_s=robot.hop_limit_s,
+    )
+    times = times[: len(hop.states)]
+    shown = np.isin(times, frames)
+    end = Apex(apex.time_s + hop.end_time_s, hop.end_state, hop.boom_angle_rad)
+    return SteeredHop(
+        start=apex,
+        swing_rad=swing,
+        stance=_stance(robot, hop, times, apex.time_s),
+        end=end,
+        frame_time_s=apex.time_s + times[shown],
+        markers=_markers(robot, hop, shown),
+        hop=hop,
+    )
+
+
+def _stance(robot: SteeredHopper, hop: Hop, times: FloatArray, start_s: float) -> Stance:
+    """Stance of a hop: the vertex of the parabola through the lowest three heights."""
+    body = fixed_markers(hop.states, np.array(robot.markers.body_m))
+    height = body[..., 2].mean(axis=1)
+    k = int(np.clip(np.argmin(height), 1, max(1, len(times) - 2)))
+    if hop.fell or len(times) < 3:
+        return Stance(start_s + hop.end_time_s, np.full(3, np.nan), hop.boom_angle_rad, fell=True)
+    near = slice(k - 1, k + 2)
+    bend, slope, _ = np.polyfit(times[near] - times[k], height[near], 2)
+    lowest = times[k] - slope / (2 * bend)
+    poses = marker_poses(robot, hop.states[near])
+    pose = np.array([np.interp(lowest, times[near], column) for column in poses.T])
+    return Stance(start_s + float(lowest), pose, hop.boom_angle_rad, fell=False)
+
+
+def _markers(robot: SteeredHopper, hop: Hop, shown: NDArray[np.bool_]) -> FloatArray:
+    states = hop.states[shown]
+    body = np.broadcast_to(robot.markers.body_m, (len(states), len(robot.markers.body_m), 3))
+    boom = hop.boom[shown] + robot.markers.boom_m
+    return in_world(states, np.concatenate([body, boom[:, None]], axis=1))
+
+
+# A board in the hopper's way that it pushes along (dissertation, Sec. 3.5, Fig. 3.7).
+
+LANDING_S = 0.2  # from the apex to the first contact
+
+
+@dataclass(frozen=True, kw_only=True)
+class Board:
+    """A board across the floor, pushed along its normal and left where it was pushed to.
+
+    It is met while the hopper stands beyond it: in flight the hopper is above it.
+
+    Parameters
+    ----------
+    direction : (x, y)
+        Unit vector, world frame: the way into the board.
+    place_m : float
+        Where the board is along this direction, from the world's origin, m.
+    reach_m : float
+        How far ahead of its centre the hopper touches the board, m.
+    drag_n : float
+        Friction of the board on the floor, N.
+    """
+
+    direction: tuple[float, float]
+    place_m: float
+    reach_m: float = 0.38
+    drag_n: float = 4.0
+
+    def __post_init__(self) -> None:
+        if not np.isclose(np.hypot(*self.direction), 1.0):
+            raise ConfigError(f"obstacle.direction: expected a unit vector, found {self.direction}")
+
+    def met(self, apex: Apex) -> HopperDrag | None:
+        """Drag on the hop that begins at this apex: none if it comes down short of the board."""
+        coming = apex.state[:2] + LANDING_S * apex.state[6:8]
+        if float(coming @ self.direction) + self.reach_m < self.place_m:
+            return None
+        return HopperDrag(drag_n=self.drag_n, direction=self.direction)
+
+    def pushed(self, hop: SteeredHop) -> Board:
+        """Return the board as the hop left it."""
+        if hop.stance.fell:
+            return self
+        front = float(hop.stance.pose[:2] @ self.direction) + self.reach_m
+        return replace(self, place_m=max(self.place_m, front))
+
+
+def steer_past(
+    robot: SteeredHopper,
+    apex: Apex,
+    swing_rad: float,
+    board: Board | None,
+    *,
+    rng: np.random.Generator,
+    frame_times_s: ArrayLike = (),
+) -> tuple[SteeredHop, Board | None]:
+    """Fly one hop, past a board if there is one; return the hop, and the board as it left it.
+
+    For the other parameters see `steer_hop`.
+    """
+    met = None if board is None else board.met(apex)
+    hop = steer_hop(robot, apex, swing_rad, rng=rng, frame_times_s=frame_times_s, variant=met)
+    return hop, None if board is None else board.pushed(hop)
+
+
+# From the blocks of the configuration to the robot, the camera and the excitation.
+
+Options = Mapping[str, Any]
+
+
+def robot_of(options: Options, camera: MotionCapture) -> SteeredHopper:
+    """Return the robot of the block ``steering.robot``, with the markers of the camera."""
+    standard = SteeredHopper()
+    return replace(
+        standard,
+        hopper=replace(standard.hopper, **options["hopper"]),
+        preload_shares=tuple(options["preload_shares"]),
+        kicks=from_mapping(Kicks, options["kicks"], "steering.robot.kicks"),
+        markers=camera.markers,
+        **{key: options[key] for key in ("swing_limit_rad", "release_height_m", "hop_limit_s")},
+    )
+
+
+def camera_of(options: Options) -> MotionCapture:
+    """Return the camera of the block ``motion_capture``."""
+    return MotionCapture(
+        floor=from_mapping(FloorOptions, options["floor"], "motion_capture.floor"),
+        gaps=from_mapping(GapOptions, options["gaps"], "motion_capture.gaps"),
+        markers=from_mapping(MarkerOptions, options["markers"], "motion_capture.markers"),
+        **{key: options[key] for key in ("rate_hz", "noise_m", "resolution_m")},
+    )

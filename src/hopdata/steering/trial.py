@@ -1,0 +1,361 @@
+"""A recorded trial in which the boom is told where to go, with the stances as they truly were."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.errors import AnalysisError, ConfigError, RecordingError
+from hopdata.recording import Recording
+from hopdata.rigid import relative
+from hopdata.steering.excitation import EXCITATION, TRIAL, excitation_of
+from hopdata.steering.robot import (
+    Apex,
+    SteeredHop,
+    SteeredHopper,
+    camera_of,
+    marker_poses,
+    released,
+    robot_of,
+    steer_hop,
+)
+from hopdata.synthesis.camera import draw_floor, fixed_markers, track_markers
+from hopdata.synthesis.simulate import MotionCapture, observed
+from hopdata.synthesis.trial import Operator, Trial, run_trial
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class TrueStances:
+    """Stances of a trial as they truly were, one a hop.
+
+    Parameters
+    ----------
+    frame : (S,) array of int
+        Frame in which the body markers are lowest on the mean.
+    time_s : (S,) array
+        Time of that frame, s.
+    pose : (S, 3) array
+        Mean of the body markers on the floor, m, and yaw, rad, in that frame.
+    boom_angle_rad : (S,) array
+        Angle of the boom there; not wrapped.
+    follows : (S,) bool array
+        Whether the stance before is that of the hop before, with no handling between.
+    """
+
+    frame: IntArray
+    time_s: FloatArray
+    pose: FloatArray
+    boom_angle_rad: FloatArray
+    follows: BoolArray
+
+    def pairs(self) -> IntArray:
+        """Frames of consecutive stances, (P, 2)."""
+        second = np.flatnonzero(self.follows)
+        return np.column_stack([self.frame[second - 1], self.frame[second]])
+
+
+@dataclass(frozen=True)
+class SteeredTrial:
+    """A recording of a steered hopper, and its truth.
+
+    `poses` (N, 3), `boom_angle_rad` (N,) and `tilt_rad` (N,) are the true ones at every frame.
+    """
+
+    recording: Recording
+    stances: TrueStances
+    poses: FloatArray
+    boom_angle_rad: FloatArray
+    tilt_rad: FloatArray
+
+
+def record_trial(
+    robot: SteeredHopper,
+    swings_rad: Iterable[float],
+    *,
+    seed: int | Sequence[int],
+    camera: MotionCapture | None = None,
+    operator: Operator | None = None,
+    name: str = "steered",
+) -> SteeredTrial:
+    """Let the hopper hop with these swings, and record it.
+
+    Parameters
+    ----------
+    robot : SteeredHopper
+    swings_rad : iterable of float
+        Swing in the flight of each hop, rad, cut to the limit of the robot; one hop each.
+    seed : int or sequence of int
+        Seed of kicks, floor, noise and gaps, which have streams of their own.
+    camera : MotionCapture, optional
+        How the hopper is seen.
+    operator : Operator, optional
+        Who carries it back when it strays, and lets it go as the robot says if not given.
+    name : str
+        Name of the recording.
+
+    Raises
+    ------
+    ConfigError
+        If a swing is not a finite number, or there is none.
+    """
+    camera = camera or MotionCapture()
+    operator = operator or Operator(
+        release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s
+    )
+    swings = np.clip(_numbers(swings_rad), -robot.swing_limit_rad, robot.swing_limit_rad)
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
+    kicks_rng, floor_rng, noise_rng, gaps_rng = streams
+    trial = run_trial(
+        replace(robot.hopper, boom_start_s=0.0),
+        hops=len(swings),
+        rate_hz=camera.rate_hz,
+        rng=kicks_rng,
+        kicks=robot.kicks,
+        operator=operator,
+        swings_rad=swings.tolist(),
+        preloads_n=robot.preloads_n,
+    )
+    tracks = track_markers(trial, robot.hopper, camera.markers)
+    floor = draw_floor(camera.floor, floor_rng)
+    recording = observed(tracks, floor, camera, name, noise_rng, gaps_rng)
+    robot = replace(robot, markers=camera.markers)
+    return SteeredTrial(
+        recording=recording,
+        stances=true_stances(robot, trial),
+        poses=marker_poses(robot, trial.states),
+        boom_angle_rad=_boom_angles(robot, trial),
+        tilt_rad=np.arccos(np.cos(trial.states[:, 4]) * np.cos(trial.states[:, 5])),
+    )
+
+
+def _numbers(swings_rad: Iterable[float]) -> FloatArray:
+    swings = list(swings_rad) if isinstance(swings_rad, Iterable) else swings_rad
+    try:
+        numbers = np.array(swings, dtype=float)
+    except (TypeError, ValueError):
+        numbers = np.array([np.nan])
+    if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
+        shown = str(swings)[:60]
+        raise ConfigError(
+            f"swings_rad: expected a list of one finite number or more, found {shown}"
+        )
+    return numbers
+
+
+def true_stances(robot: SteeredHopper, trial: Trial) -> TrueStances:
+    """Return the stances of the hops in which all legs stood."""
+    body = fixed_markers(trial.states, np.array(robot.markers.body_m))
+    height = body[..., 2].mean(axis=1)
+    ends = trial.hop_start_s + [hop.end_time_s for hop in trial.hops]
+    stood = np.array([hop.all_stood() and not hop.fell for hop in trial.hops])
+    first, last = (np.ceil(t * trial.rate_hz).astype(int) for t in (trial.hop_start_s, ends))
+    stood &= last <= len(height)
+    spans = zip(first[stood], last[stood], strict=True)
+    frame = np.array([a + np.argmin(height[a:b]) for a, b in spans], dtype=np.int64)
+    joined = np.append(False, np.isclose(trial.hop_start_s[1:], ends[:-1], rtol=0, atol=1e-9))
+    joined[1:] &= stood[:-1]
+    return TrueStances(
+        frame=frame,
+        time_s=frame / trial.rate_hz,
+        pose=marker_poses(robot, trial.states[frame]),
+        boom_angle_rad=_boom_angles(robot, trial)[frame],
+        follows=joined[stood],
+    )
+
+
+def _boom_angles(robot: SteeredHopper, trial: Trial) -> FloatArray:
+    """Angle of the boom at every frame, (N,), from the places of the counterweight."""
+    x = trial.boom[:, 0] - robot.hopper.boom_offset_m
+    angle = np.unwrap(np.arctan2(trial.boom[:, 1], x))
+    turns = np.round((robot.hopper.boom_angle_rad - angle[0]) / (2 * np.pi))
+    return np.asarray(angle + 2 * np.pi * turns)
+
+
+# The true frame change of the simulated hopper, on a grid, without chance.
+#
+# A hop depends on more than boom angle and swing: what is left of the last hop's motion goes on.
+# So the map is that of a hopper that has settled with the boom at rest, has made one swing since,
+# and makes the next; averaged over that one swing it is a function of boom angle and swing alone.
+
+
+@dataclass(frozen=True)
+class TrueFrameChanges:
+    """True frame changes on a grid.
+
+    Parameters
+    ----------
+    boom_angle_rad : (A,) array
+        Boom angle at the first stance, evenly spaced over a turn, 2 pi left out.
+    swing_rad, previous_swing_rad : (S,) and (P,) arrays
+        Swing between the stances, and the one before.
+    change : (A, S, P, 3) array
+        Frame change from stance to stance, in the frame of the first; m, m, rad.
+    """
+
+    boom_angle_rad: FloatArray
+    swing_rad: FloatArray
+    previous_swing_rad: FloatArray
+    change: FloatArray
+
+    def average(self) -> FloatArray:
+        """Mean over the previous swing, (A, S, 3)."""
+        return np.asarray(self.change.mean(axis=2))
+
+
+def true_frame_changes(
+    robot: SteeredHopper,
+    *,
+    boom_angles: int = 24,
+    swings: int = 7,
+    settling_hops: int = 10,
+) -> TrueFrameChanges:
+    """Measure the frame changes of a hopper that nothing disturbs.
+
+    Parameters
+    ----------
+    robot : SteeredHopper
+        Its kicks are left out.
+    boom_angles, swings : int
+        Number of boom angles over a turn, and of swings from limit to limit (also of previous
+        ones).
+    settling_hops : int
+        Hops with the boom at rest that come before.
+
+    Raises
+    ------
+    AnalysisError
+        If the hopper falls.
+    """
+    angles = 2 * np.pi * np.arange(boom_angles) / boom_angles
+    grid = np.linspace(-robot.swing_limit_rad, robot.swing_limit_rad, swings)
+    still = robot.still()
+    changes = [_at_angle(still, grid, settling_hops, angle) for angle in angles]
+    return TrueFrameChanges(angles, grid, grid, np.array(changes))
+
+
+def _at_angle(
+    robot: SteeredHopper, grid: FloatArray, settling_hops: int, boom_angle_rad: float
+) -> FloatArray:
+    """Frame changes (S, P, 3) from one boom angle."""
+    changes = np.empty((len(grid), len(grid), 3))
+    for p, previous in enumerate(grid):
+        apex = _settled(robot, boom_angle_rad - previous, settling_hops)
+        before = _whole(robot, apex, previous)
+        for s, swing in enumerate(grid):
+            after = _whole(robot, before.end, swing)
+            changes[s, p] = relative(before.stance.pose, after.stance.pose)
+    return changes
+
+
+def _settled(robot: SteeredHopper, boom_angle_rad: float, hops: int) -> Apex:
+    apex = released(robot, np.zeros(3), boom_angle_rad)
+    for _ in range(hops):
+        apex = _whole(robot, apex, 0.0).end
+    return apex
+
+
+def _whole(robot: SteeredHopper, apex: Apex, swing_rad: float) -> SteeredHop:
+    hop = steer_hop(robot, apex, swing_rad, rng=np.random.default_rng(0))
+    if hop.stance.fell:
+        raise AnalysisError(
+            f"true map: expected a hopper that does not fall, found one that did after a swing of "
+            f"{swing_rad:.2f} rad from {apex.boom_angle_rad:.2f} rad: {hop.hop.ending}"
+        )
+    return hop
+
+
+# The trial that a model is learned from, where nobody has recorded one.
+
+NAME = "excitation"
+
+
+def simulate_excitation(
+    steering: Mapping[str, Any], motion_capture: Mapping[str, Any], *, seed: int
+) -> tuple[Recording, pd.DataFrame, pd.DataFrame]:
+    """Let the simulated robot execute an excitation, seen by motion capture.
+
+    Parameters
+    ----------
+    steering, motion_capture : mapping
+        These blocks of the configuration.
+    seed : int
+        The study's.
+
+    Returns
+    -------
+    recording : Recording
+    stances, motion : DataFrame
+        The truth: one row a stance (``frame, time_s, x_m, y_m, heading_rad, boom_angle_rad,
+        follows``) and one row a frame (``time_s``, pose, ``boom_angle_rad, tilt_rad``).
+    """
+    camera = camera_of(motion_capture)
+    robot = robot_of(steering["robot"], camera)
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(EXCITATION,)))
+    swings = excitation_of(steering["excitation"], rng).swings
+    trial = record_trial(robot, swings, seed=(seed, TRIAL), camera=camera, name=NAME)
+    return trial.recording, _stances(trial), _motion(trial)
+
+
+def _stances(trial: SteeredTrial) -> pd.DataFrame:
+    import pandas as pd
+
+    true = trial.stances
+    x, y, heading = true.pose.T
+    return pd.DataFrame(
+        {
+            "frame": true.frame, "time_s": true.time_s, "x_m": x, "y_m": y, "heading_rad": heading,
+            "boom_angle_rad": true.boom_angle_rad, "follows": true.follows,
+        }
+    )  # fmt: skip
+
+
+def _motion(trial: SteeredTrial) -> pd.DataFrame:
+    import pandas as pd
+
+    x, y, heading = trial.poses.T
+    return pd.DataFrame(
+        {
+            "time_s": trial.recording.time, "x_m": x, "y_m": y, "heading_rad": heading,
+            "boom_angle_rad": trial.boom_angle_rad, "tilt_rad": trial.tilt_rad,
+        }
+    )  # fmt: skip
+
+
+# The true frame changes as a table, and back.
+
+INPUTS = ["boom_angle_rad", "swing_rad", "previous_swing_rad"]
+CHANGE = ["dx_m", "dy_m", "dtheta_rad"]
+
+
+def true_map_table(true: TrueFrameChanges) -> pd.DataFrame:
+    """Return one row for each boom angle, swing and previous swing, in this order."""
+    import pandas as pd
+
+    axes = (true.boom_angle_rad, true.swing_rad, true.previous_swing_rad)
+    columns = [axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")]
+    table = pd.DataFrame(np.column_stack(columns), columns=INPUTS)
+    table[CHANGE] = true.change.reshape(-1, 3)
+    return table
+
+
+def true_map_of(table: pd.DataFrame) -> TrueFrameChanges:
+    """Read the table that `true_map_table` made.
+
+    Raises
+    ------
+    RecordingError
+        If its rows are not those of a grid.
+    """
+    axes = [table[name].drop_duplicates().to_numpy(dtype=float) for name in INPUTS]
+    shape = tuple(len(axis) for axis in axes)
+    if len(table) != np.prod(shape):
+        raise RecordingError(f"true map: expected a grid of {shape}, found {len(table)} rows")
+    change = table[CHANGE].to_numpy(dtype=float).reshape(*shape, 3)
+    return TrueFrameChanges(axes[0], axes[1], axes[2], change)

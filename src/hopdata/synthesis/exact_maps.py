@@ -1,0 +1,288 @@
+"""The linear map from section to section of each mode schedule, exactly.
+
+At the trajectory on which all feet touch at once the map through a landing has one derivative for
+each order in which its neighbours touch: flow to the contacts, a product of saltation matrices,
+flow to the post section, projected on the sections. They are equal if the map is C1 there.
+
+Feet on one rigid body do not touch in any order: of six, a dozen or so of the 720 orders border on
+the simultaneous contact. The others have a product of matrices too, but no landing obeys it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from itertools import permutations
+
+import numpy as np
+
+from hopdata.arrays import FloatArray
+from hopdata.errors import AnalysisError
+from hopdata.hybrid import System, solve
+from hopdata.hybrid.first_order import project_onto_section
+from hopdata.hybrid.first_order.linearise import Instant, field_at, guards_at, linearise
+from hopdata.hybrid.first_order.saltation import CrossingTree
+from hopdata.hybrid.layout import TERMINATED
+from hopdata.scenes.hopper import N_STATES, flight_mode, rotation_matrices
+from hopdata.scenes.hopper_control import (
+    HopperControl,
+    control_field,
+    control_system,
+    landing_system,
+    landing_vectors,
+)
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.synthesis.landings import (
+    LONGEST_S,
+    SectionHeights,
+    height_slope,
+    input_coordinates,
+    output_coordinates,
+    output_slopes,
+    section_tangents,
+    true_landings,
+)
+
+# The trajectory near the mean landing on which all feet touch at once.
+
+# What may vary of an apex state whose place and heading are left out.
+FREE = np.array([2, 4, 5, 6, 7, 8, 9, 10, 11])
+RTOL, ATOL = 1e-12, 1e-14
+SAME_INSTANT_S = 1e-13
+MOST_STEPS = 20
+
+
+@dataclass(frozen=True)
+class SimultaneousLanding:
+    """A flight at whose end all feet touch at once.
+
+    Parameters
+    ----------
+    apex_state, contact_state : (12,) array
+        States at the apex (place and heading zero) and just before the contacts.
+    contact_time_s : float
+        Instant of the contacts, from the apex, s.
+    """
+
+    apex_state: FloatArray
+    contact_state: FloatArray
+    contact_time_s: float
+
+
+@cache
+def flying_system(n_legs: int) -> System:
+    """Return the control's field without guards: all legs up (mode -1) or down (+1) for good."""
+    return System(field=control_field, n_states=N_STATES, n_extra_modes=n_legs)
+
+
+def homed(states: FloatArray) -> FloatArray:
+    """States (L, 12) moved to the origin and turned to heading zero."""
+    moved = states.copy()
+    flat = np.zeros((len(states), 3))
+    flat[:, 0] = states[:, 3]
+    moved[:, [0, 1, 3]] = 0.0
+    moved[:, 6:9] = np.einsum("nji,nj->ni", rotation_matrices(flat), states[:, 6:9])
+    return moved
+
+
+def simultaneous_landing(
+    hopper: HopperParameters, control: HopperControl, apex_states: FloatArray
+) -> SimultaneousLanding:
+    """Find the apex state nearest to the mean from which all feet touch at once.
+
+    Newton's method on the contact instants to first order; of all corrections the smallest is
+    taken, by the covariance of the landings.
+
+    Parameters
+    ----------
+    hopper, control
+        What lands.
+    apex_states : (L, 12) array
+        States of the landings at their apexes.
+
+    Raises
+    ------
+    AnalysisError
+        If it does not converge: the landings are far from a simultaneous one.
+    """
+    moved = homed(apex_states)[:, FREE]
+    mean, wide = moved.mean(axis=0), np.cov(moved.T)
+    apex, fall = np.zeros(N_STATES), 0.0
+    apex[FREE] = mean
+    for _ in range(MOST_STEPS):
+        contact, jacobian, fall, delays, instants = _contact(hopper, control, apex, fall)
+        if np.ptp(instants) < SAME_INSTANT_S:
+            return SimultaneousLanding(apex, contact, fall)
+        slope = (delays @ jacobian)[:, FREE]
+        slope, apart = slope - slope.mean(axis=0), instants - instants.mean()
+        # The nearest point of the linearised set to the mean, not to the last guess.
+        missing = apart - slope @ (apex[FREE] - mean)
+        weights = np.linalg.lstsq(slope @ wide @ slope.T, missing, rcond=1e-10)[0]
+        apex[FREE] = mean - wide @ slope.T @ weights
+    raise AnalysisError(
+        f"simultaneous contact: expected one near the mean landing, found instants "
+        f"{1e3 * np.ptp(instants):.3g} ms apart after {MOST_STEPS} corrections"
+    )
+
+
+def _contact(
+    hopper: HopperParameters, control: HopperControl, apex: FloatArray, fall: float
+) -> tuple[FloatArray, FloatArray, float, FloatArray, FloatArray]:
+    """Fly to the mean contact instant.
+
+    Returns the state there, its derivative by the apex state, the instant, the derivatives of the
+    contact instants by that state, and these instants relative to it.
+    """
+    n, vector = hopper.n_legs, control.vector(hopper)
+    system = control_system(n)
+    fall = fall or float(np.sqrt(2 * (apex[2] - hopper.leg_length_m) / hopper.gravity_m_s2))
+    for _ in range(MOST_STEPS):
+        flight = solve(
+            flying_system(n), (0.0, fall), apex, params=vector, mode=[-1] * n,
+            rtol=RTOL, atol=ATOL, jacobian=True,
+        )  # fmt: skip
+        start = Instant(fall, flight.y_end, flight_mode(n, -1.0), vector)
+        here = linearise(system, start, np.ones(N_STATES))
+        instants = -(guards_at(system, start, here.rate)[0] / here.guard_rates)[:n]
+        if abs(instants.mean()) < SAME_INSTANT_S:
+            break
+        fall += float(instants.mean())
+    delays = -here.gradients[:n] / here.guard_rates[:n, None]
+    return flight.y_end, np.asarray(flight.jacobian), fall, delays, instants
+
+
+ALL_ORDERS_UP_TO = 3  # feet that can touch in any order
+
+
+@dataclass(frozen=True)
+class SectionJacobians:
+    """Derivatives of a landing at its simultaneous contact, for each of S schedules.
+
+    Parameters
+    ----------
+    landing : SimultaneousLanding
+        The trajectory.
+    pre_state : (12,) array
+        Its state at the pre section.
+    schedules : tuple of str
+        Names such as ``"2>3>1"``.
+    maps : (S, 11, 8) array
+        Derivatives of the outcome by the input: see `hopdata.synthesis.section_coordinates`.
+    x : (8,) array
+        Input of the trajectory.
+    y : (S, 11) array
+        Its outcome in each order; they differ only if contacts make the state jump.
+    """
+
+    landing: SimultaneousLanding
+    pre_state: FloatArray
+    schedules: tuple[str, ...]
+    maps: FloatArray
+    x: FloatArray
+    y: FloatArray
+
+
+def section_jacobians(
+    hopper: HopperParameters,
+    control: HopperControl,
+    apex_states: FloatArray,
+    sections: SectionHeights,
+) -> SectionJacobians:
+    """Return the linear map of each schedule at the simultaneous contact nearest to the mean.
+
+    Parameters
+    ----------
+    hopper, control
+        What lands, its preloads all alike. If its boom swings, it has to rest before the pre
+        section: else the map depends on the time of the apex, which is no coordinate.
+    apex_states : (L, 12) array
+        States of the landings at their apexes, at least ten. Of more than three feet only the
+        orders have a map in which these landings touch when they are drawn together.
+    sections : SectionHeights
+        The sections.
+
+    Raises
+    ------
+    AnalysisError
+        If there is no simultaneous contact between the sections.
+    """
+    landing = simultaneous_landing(hopper, control, apex_states)
+    preloads = np.full((1, hopper.n_legs), hopper.preload_n)
+    fall = true_landings(
+        hopper, control, landing.apex_state[None], preloads, sections, rtol=RTOL, workers=1
+    )
+    if not fall.pre_time_s[0] < landing.contact_time_s:
+        raise AnalysisError(
+            f"sections: expected a simultaneous contact below the pre section ({sections.pre_m:.4g}"
+            " m), found it above"
+        )
+    pre, centre, vector = fall.pre_state[0], sections.centre_m, control.vector(hopper)
+    flight = solve(
+        flying_system(hopper.n_legs), (float(fall.pre_time_s[0]), landing.contact_time_s), pre,
+        params=vector, mode=[-1] * hopper.n_legs, rtol=RTOL, atol=ATOL, jacobian=True,
+    )  # fmt: skip
+    start = Instant(landing.contact_time_s, flight.y_end, flight_mode(hopper.n_legs, -1.0), vector)
+    system, feet = control_system(hopper.n_legs), range(hopper.n_legs)
+    tree = CrossingTree(system, start, feet, np.ones(N_STATES))
+    before = np.asarray(flight.jacobian) @ section_tangents(pre, centre)
+    orders = _orders(tree, landing, apex_states, vector)
+    maps, outcomes = [], []
+    for order in orders:
+        node = tree.node(order)
+        flow, post = _to_post_section(hopper, control, sections, node.here.instant)
+        through = flow @ node.product @ before
+        maps.append(output_slopes(pre, post, centre) @ through)
+        outcomes.append(output_coordinates(pre, post, centre))
+    return SectionJacobians(
+        landing,
+        pre,
+        tuple(">".join(str(foot + 1) for foot in order) for order in orders),
+        np.array(maps),
+        input_coordinates(pre, centre),
+        np.array(outcomes),
+    )
+
+
+def _orders(
+    tree: CrossingTree, landing: SimultaneousLanding, apex_states: FloatArray, vector: FloatArray
+) -> tuple[tuple[int, ...], ...]:
+    """Return the orders, sorted: all of up to three feet, and of more those that occur.
+
+    These are the orders in which the landings touch if they are drawn together about the
+    simultaneous one.
+    """
+    n = len(tree.guards)
+    if n <= ALL_ORDERS_UP_TO:
+        return tuple(permutations(tree.guards))
+    flight = solve(
+        flying_system(n), (0.0, landing.contact_time_s), landing.apex_state,
+        params=vector, mode=[-1] * n, rtol=RTOL, atol=ATOL, jacobian=True,
+    )  # fmt: skip
+    apart = (homed(apex_states) - landing.apex_state) @ np.asarray(flight.jacobian).T
+    return tuple(sorted({tree.order(deviation) for deviation in apart}))
+
+
+def _to_post_section(
+    hopper: HopperParameters, control: HopperControl, sections: SectionHeights, start: Instant
+) -> tuple[FloatArray, FloatArray]:
+    """Return the derivative, (12, 12), of the state at the post section, and that state."""
+    n = hopper.n_legs
+    system, mode = landing_system(n), start.mode.copy()
+    mode[n : n + 2] = [-1, 1]  # falling, above the section
+    vector = landing_vectors(
+        hopper, control, np.full((1, n), hopper.preload_n),
+        point_m=sections.centre_m, height_m=sections.post_m,
+    )[0]  # fmt: skip
+    stance = solve(
+        system, (start.t, start.t + LONGEST_S), np.append(start.y, np.full(n, start.t)),
+        params=vector, mode=mode.tolist(), rtol=RTOL, atol=ATOL, jacobian=True,
+    )  # fmt: skip
+    if stance.status != TERMINATED or stance.mode[n + 1] > 0:
+        raise AnalysisError(
+            f"sections: expected the body to sink to the post section ({sections.post_m:.4g} m), "
+            f"found: {stance.message}"
+        )
+    end = Instant(stance.t_end, stance.y_end, stance.mode, vector)
+    post, flow = stance.y_end[:N_STATES], np.asarray(stance.jacobian)[:N_STATES, :N_STATES]
+    rate = field_at(system, end)[:N_STATES]
+    return project_onto_section(flow, rate, height_slope(post, sections.centre_m)), post

@@ -1,0 +1,298 @@
+import numpy as np
+import pandas as pd
+import pytest
+from overlaps import text_faults
+
+from hopdata.figures.integrator import (
+    LINES,
+    SCENE_NAMES,
+    SERIES,
+    WAYS,
+    calibration_figure,
+    order_figure,
+    scaling_figure,
+    work_precision_figure,
+)
+
+METHODS = {"printed, DOPRI5, Illinois": 4.0, "hopdata, dopri5": 5.0, "hopdata, dop853": 8.0}
+
+
+def errors(methods=METHODS):
+    """Straight lines between a plateau and rounding."""
+    step, tables = np.geomspace(0.5, 5e-4, 31), []
+    for name, order in methods.items():
+        line = step**order
+        error = np.clip(line, 3e-15, 1e-2)
+        used = (error > 1e-12) & (error < 1e-3)
+        columns = {"method": name, "max_step": step, "error_rms": error, "in_fit": used}
+        tables.append(pd.DataFrame({**columns, "fitted_order": order, "fitted_error": line}))
+    return pd.concat(tables)
+
+
+def lines(figure, kind):
+    return [line for line in figure.axes[0].lines if line.get_label() == f"_{kind}"]
+
+
+def curves(figure):
+    return [line for line in figure.axes[0].lines if not line.get_label().startswith("_")]
+
+
+def test_a_curve_a_line_and_an_interval_each():
+    table = errors()
+    figure = order_figure(table.sample(frac=1, random_state=2))
+    axes = figure.axes[0]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert len(curves(figure)) == len(lines(figure, "fit")) == len(lines(figure, "interval")) == 3
+    assert text_faults(figure) == []
+
+
+def test_what_is_drawn_is_what_the_table_says():
+    table = errors({"only": 4.0})
+    figure = order_figure(table)
+    table = table.sort_values("max_step")
+    (curve,), (fit,), (interval,) = curves(figure), lines(figure, "fit"), lines(figure, "interval")
+    assert curve.get_xdata() == pytest.approx(1 / table["max_step"])
+    assert curve.get_ydata() == pytest.approx(table["error_rms"])
+    assert fit.get_ydata() == pytest.approx(table["fitted_error"])
+    used = table[table["in_fit"]]
+    assert interval.get_xdata() == pytest.approx(1 / used["max_step"])
+    low, high = figure.axes[0].get_ylim()
+    assert low < table["error_rms"].min() < table["error_rms"].max() < high
+
+
+def test_the_orders_are_named():
+    labels = [curve.get_label() for curve in curves(order_figure(errors()))]
+    assert labels == [f"{name}\norder {order:.2f}" for name, order in METHODS.items()]
+
+
+def test_methods_can_be_told_apart():
+    many = {f"method {k}": 4.0 for k in range(7)}
+    figure = order_figure(errors(many))
+    looks = {(curve.get_color(), curve.get_marker()) for curve in curves(figure)}
+    assert len(looks) == 7
+    assert len({marker for _, marker in looks}) == 7
+    assert text_faults(figure) == []
+
+
+def test_a_method_without_a_straight_part_is_said():
+    table = errors({"scattered": 4.0}).assign(
+        in_fit=False, fitted_order=np.nan, fitted_error=np.nan
+    )
+    figure = order_figure(table)
+    assert curves(figure)[0].get_label() == "scattered\nno straight part"
+    assert not lines(figure, "fit")
+    assert not lines(figure, "interval")
+
+
+def test_errors_of_zero_do_not_break_the_axis():
+    table = errors()
+    table.loc[table["max_step"] < 1e-3, "error_rms"] = 0.0
+    figure = order_figure(table)
+    assert figure.axes[0].get_ylim()[0] > 0
+    assert text_faults(figure) == []
+
+
+def test_nothing_measured_is_said():
+    figure = order_figure(errors().iloc[:0])
+    assert "No errors" in figure.texts[0].get_text()
+
+
+def trajectories(solvers=tuple(LINES)):
+    time = np.linspace(0, 2, 101)
+    parts = [
+        pd.DataFrame(
+            {
+                "solver": solver,
+                "time_s": time,
+                "height_m": 1 + np.abs(np.cos(3 * time)) + size * time,
+                "velocity_m_s": np.sin(3 * time) + size,
+                "height_residual_m": -size * time,
+                "velocity_residual_m_s": size * time,
+            }
+        )
+        for solver, size in zip(LINES, (0.0, 3e-2, 2e-4, 1e-10), strict=True)
+        if solver in solvers
+    ]
+    empty = pd.DataFrame({"solver": pd.Series(dtype=str), "time_s": pd.Series(dtype=float)})
+    return pd.concat(parts, ignore_index=True) if parts else empty
+
+
+def test_trajectories_above_and_sizes_of_residuals_below():
+    figure = calibration_figure(trajectories())
+    height, velocity, below, velocity_below = figure.axes
+    assert [len(axes.lines) for axes in figure.axes] == [4, 4, 3, 3]
+    assert height.get_ylabel() == "height (m)"
+    assert velocity.get_ylabel() == "velocity (m/s)"
+    assert below.get_yscale() == velocity_below.get_yscale() == "log"
+    assert text_faults(figure) == []
+
+
+def test_lines_are_the_table():
+    figure = calibration_figure(trajectories())
+    shown = figure.axes[2].lines[0]
+    assert np.isnan(shown.get_ydata()[0])
+    assert shown.get_ydata()[1:] == pytest.approx(3e-2 * shown.get_xdata()[1:])
+    assert figure.axes[0].lines[1].get_ydata()[-1] == pytest.approx(1 + abs(np.cos(6)) + 0.06)
+
+
+def test_a_solver_may_be_missing():
+    figure = calibration_figure(trajectories(("exact", "hopdata")))
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["exact", "hopdata"]
+    assert text_faults(figure) == []
+
+
+def test_no_trajectories_are_said():
+    assert "No trajectories" in calibration_figure(trajectories(())).texts[0].get_text()
+
+
+COUNTS = np.arange(2, 36)
+
+
+def times(solvers=tuple(SERIES)):
+    parts = []
+    for solver, start, slope, error in zip(
+        SERIES,
+        (1400.0, 700.0, 40.0, 45.0),
+        (40.0, 1.0, 3.0, 2.0),
+        (5e-2, 5e-3, 3e-8, 3e-8),
+        strict=True,
+    ):
+        middle = start + slope * COUNTS
+        columns = {
+            "solver": solver,
+            "n_contacts": COUNTS,
+            "time_median_us_per_s": middle,
+            "time_q25_us_per_s": 0.9 * middle,
+            "time_q75_us_per_s": 1.2 * middle,
+            "error_median": error,
+            "error_max": 5 * error,
+        }
+        parts += [pd.DataFrame(columns)] if solver in solvers else []
+    return pd.concat(parts) if parts else pd.DataFrame({"solver": pd.Series(dtype=str)})
+
+
+def marginal():
+    rows = [
+        {
+            "solver": solver,
+            "window": window,
+            "n_contacts": n,
+            "marginal_us_per_contact_s": slope,
+            "low95_us_per_contact_s": slope - 1,
+            "high95_us_per_contact_s": slope + 2,
+        }
+        for solver, slope in zip(SERIES, (40.0, 1.0, 3.0, 2.0), strict=True)
+        for window, n in (("all", 18), ("local", 8), ("local", 9), ("local", 10))
+    ]
+    return pd.DataFrame(rows)
+
+
+def test_three_panels_with_bands():
+    figure = scaling_figure(times(), marginal())
+    left, middle, right = figure.axes
+    assert [len(axes.collections) for axes in figure.axes] == [4, 4, 4]
+    assert left.get_yscale() == right.get_yscale() == "log"
+    assert {axes.get_xlabel() for axes in figure.axes} == {"number of contacts"}
+    assert "further contact" in middle.get_ylabel()
+    assert text_faults(figure) == []
+
+
+def test_lines_and_bands_are_the_table():
+    left, middle, _ = scaling_figure(times(), marginal()).axes
+    assert left.lines[0].get_ydata()[0] == pytest.approx(1480.0)
+    band = left.collections[0].get_paths()[0].vertices[:, 1]
+    assert (band.min(), band.max()) == pytest.approx((0.9 * 1480, 1.2 * 2800))
+    assert middle.lines[2].get_xdata().tolist() == [8, 9, 10]
+
+
+def test_other_solvers_are_left_out_and_missing_ones_are_no_fault():
+    table = times((next(iter(SERIES)),))
+    other = table.assign(solver="something else")
+    figure = scaling_figure(pd.concat([table, other]), marginal())
+    assert len(figure.axes[0].lines) == 1
+    assert text_faults(figure) == []
+
+
+def test_no_times_are_said():
+    assert "No run times" in scaling_figure(times(()), marginal()).texts[0].get_text()
+
+
+def results(scenes=tuple(SCENE_NAMES), ways=tuple(WAYS), methods=("first", "second")):
+    rows = [
+        {
+            "scene": scene, "way": way, "method": method, "setting": setting,
+            "error_max": setting * 10.0**number, "time_median_us": 3.0**number / setting**0.1,
+            "time_q25_us": 2.9**number / setting**0.1, "time_q75_us": 3.2**number / setting**0.1,
+        }
+        for scene in scenes
+        for number, way in enumerate(ways)
+        for method in methods
+        for setting in (1e-4, 1e-8, 1e-12)
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def chosen(table, best="first"):
+    solvers = table[["scene", "way", "method"]].drop_duplicates()
+    return solvers.assign(error=1e-9, best_of_way=solvers["method"] == best)
+
+
+def drawn_strongly(axes):
+    return {container.get_label() for container in axes.containers}
+
+
+def test_a_panel_a_scene_with_one_line_a_solver():
+    table = results()
+    figure = work_precision_figure(table, chosen(table))
+    assert [axes.get_title(loc="left") for axes in figure.axes] == list(SCENE_NAMES.values())
+    for axes in figure.axes:
+        assert axes.get_xscale() == axes.get_yscale() == "log"
+        assert "error" in axes.get_xlabel()
+        assert drawn_strongly(axes) == {f"{way}: first" for way in WAYS}
+        assert len(axes.lines) == 2 * len(WAYS) + 1  # and the line at the error compared at
+    assert "µs" in figure.axes[0].get_ylabel()
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == list(WAYS)
+    assert text_faults(figure) == []
+
+
+def test_lines_are_the_medians_over_the_errors_with_their_quartiles():
+    table = results(ways=("heyoka",), methods=("first",))
+    container = work_precision_figure(table, chosen(table)).axes[0].containers[0]
+    rows = table[table["scene"] == "octant"]
+    line, _, (bars,) = container
+    assert np.array_equal(line.get_xdata(), rows["error_max"])
+    assert np.array_equal(line.get_ydata(), rows["time_median_us"])
+    ends = np.array([segment[:, 1] for segment in bars.get_segments()])
+    assert ends == pytest.approx(rows[["time_q25_us", "time_q75_us"]].to_numpy())
+
+
+def test_the_best_method_may_differ_between_scenes():
+    table = results(scenes=("octant", "plate"), ways=("diffrax",))
+    marks = chosen(table)
+    marks["best_of_way"] = [True, False, False, True]
+    left, right = work_precision_figure(table, marks).axes
+    assert drawn_strongly(left) == {"diffrax: first"}
+    assert drawn_strongly(right) == {"diffrax: second"}
+
+
+def test_failures_and_absent_peers_are_left_out():
+    table = results(scenes=("octant",), ways=("heyoka", "diffrax"), methods=("first",))
+    table.loc[table["way"] == "diffrax", "time_median_us"] = np.nan
+    figure = work_precision_figure(table, chosen(table))
+    assert drawn_strongly(figure.axes[0]) == {"heyoka: first"}
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["heyoka"]
+
+
+def test_an_unknown_way_is_drawn_and_named_too():
+    table = results(scenes=("octant",), ways=("heyoka", "another"), methods=("first",))
+    figure = work_precision_figure(table, chosen(table))
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["heyoka", "another"]
+    assert text_faults(figure) == []
+
+
+def test_without_results_the_figure_says_so():
+    table = results().assign(time_median_us=np.nan)
+    assert (
+        "No work-precision results"
+        in work_precision_figure(table, chosen(table)).texts[0].get_text()
+    )

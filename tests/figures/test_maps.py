@@ -1,0 +1,198 @@
+import numpy as np
+import pandas as pd
+from overlaps import text_faults
+
+from hopdata.figures.maps import (
+    CASES,
+    INPUTS,
+    LINES,
+    MODELS,
+    OUTPUTS,
+    SOURCES,
+    map_error_figure,
+    map_errors_figure,
+    matrices_figure,
+    scaling_study_figure,
+)
+
+SIZES = (60, 120, 250, 500, 1000, 2784)
+
+
+def errors(ways=("split_fit", "savitzky_golay"), noises=(0.0, 0.3, 0.6, 1.2)):
+    rows = [
+        (way, noise, estimator, size, middle, 0.8 * middle, 1.3 * middle)
+        for way in ways
+        for noise in noises
+        for k, estimator in enumerate(("ols", *LINES))
+        for size in SIZES
+        for middle in [(0.02 + 0.1 * noise + 1 / (k + 3)) / np.sqrt(size)]
+    ]  # fmt: skip
+    columns = ["states", "noise_mm", "estimator", "landings", "median", "q05", "q95"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def test_a_panel_for_each_noise_and_way():
+    figure = map_error_figure(errors())
+    assert len(figure.axes) == 8
+    assert [axes.get_title(loc="left") for axes in figure.axes[:4]] == [
+        "no noise", "0.3 mm", "0.6 mm", "1.2 mm",
+    ]  # fmt: skip
+    assert {len(axes.lines) for axes in figure.axes} == {len(LINES)}
+    assert text_faults(figure) == []
+
+
+def test_lines_are_the_table():
+    table = errors(ways=("split_fit",), noises=(0.6,))
+    (axes,) = map_error_figure(table).axes
+    for line, name in zip(axes.lines, LINES, strict=True):
+        rows = table[table["estimator"] == name]
+        np.testing.assert_array_equal(line.get_xdata(), rows["landings"])
+        np.testing.assert_array_equal(line.get_ydata(), rows["median"])
+    assert axes.get_xscale() == axes.get_yscale() == "log"
+
+
+def test_nothing_to_show_is_said():
+    (text,) = map_error_figure(errors().iloc[:0]).texts
+    assert "No errors" in text.get_text()
+
+
+MAP_ERRORS_FIGURE_SIZES = np.array([30, 120, 480, 2800])
+
+
+def errors_map_errors_figure(models=tuple(MODELS)):
+    rows = [
+        pd.DataFrame(
+            {
+                "source": source,
+                "model": model,
+                "landings": MAP_ERRORS_FIGURE_SIZES,
+                "draws": 200,
+                "median": 0.13 + 3 / MAP_ERRORS_FIGURE_SIZES,
+                "q05": 0.12 + 2 / MAP_ERRORS_FIGURE_SIZES,
+                "q95": 0.14 + 4 / MAP_ERRORS_FIGURE_SIZES,
+            }
+        )
+        for source in SOURCES
+        for model in models
+    ]
+    return pd.concat(rows)
+
+
+def test_errors_with_bands():
+    figure = map_errors_figure(errors_map_errors_figure())
+    axes = figure.axes[0]
+    assert len(axes.lines) == len(axes.collections) == 4
+    assert text_faults(figure) == []
+
+
+def test_what_is_drawn_is_the_table():
+    figure = map_errors_figure(errors_map_errors_figure(("pooled",)))
+    np.testing.assert_array_equal(
+        figure.axes[0].lines[0].get_ydata(), 0.13 + 3 / MAP_ERRORS_FIGURE_SIZES
+    )
+
+
+def table(matrix):
+    return pd.DataFrame(
+        {
+            "input": np.repeat(list(INPUTS), 11),
+            "output": np.tile(list(OUTPUTS), 8),
+            "standardised": matrix.T.ravel(),
+        }
+    )
+
+
+TRUE = np.random.default_rng(1).normal(size=(11, 8))
+FOUND = {"printed": TRUE + 0.2, "ols": 0 * TRUE, "corrected_curved": TRUE - 0.05}
+ESTIMATES = pd.concat([table(m).assign(estimator=name) for name, m in FOUND.items()])
+
+
+def images(figure):
+    panels = [axes for axes in figure.axes if axes.images]
+    return [(axes.get_title(loc="left"), axes.images[0]) for axes in panels]
+
+
+def test_maps_and_differences_side_by_side():
+    figure = matrices_figure(ESTIMATES, table(TRUE))
+    shown = images(figure)
+    expected = (TRUE, FOUND["printed"], FOUND["corrected_curved"], 0 * TRUE + 0.2, 0 * TRUE - 0.05)
+    assert len(shown) == 5
+    for (_, image), matrix in zip(shown, expected, strict=True):
+        np.testing.assert_allclose(image.get_array(), matrix, atol=1e-12)
+    assert shown[0][0] == "exact"
+    limits = [image.get_clim() for _, image in shown]
+    assert limits[0] == limits[1] == limits[2] != limits[3] == limits[4]
+    assert all(low == -high for low, high in limits)
+    assert text_faults(figure) == []
+
+
+def test_without_an_exact_map_the_estimates_are_compared():
+    figure = matrices_figure(ESTIMATES)
+    shown = images(figure)
+    assert len(shown) == 3
+    np.testing.assert_allclose(shown[2][1].get_array(), 0.25, atol=1e-12)
+    assert text_faults(figure) == []
+
+
+def test_maps_that_were_not_estimated_are_said_to_be_missing():
+    (text,) = matrices_figure(ESTIMATES[ESTIMATES["estimator"] == "printed"]).texts
+    assert "too few landings" in text.get_text()
+
+
+SCALES = np.array([1, 1 / 2, 1 / 4, 1 / 8, 1 / 16])
+
+
+def table_scaling_study(cases=tuple(CASES)):
+    rows = [
+        pd.DataFrame(
+            {
+                "case": case,
+                "coupling": 0.2 * (case in ("coupling", "study")),
+                "impulse": 0.3 * (case == "impulse"),
+                "delay_s": 0.01 * (case == "delay"),
+                "scale": SCALES,
+                "pooled_rms": 0.4 * SCALES ** (1 + (case == "hopper")),
+                "pooled_over_specialised": 7.0 * SCALES ** -(0.0 + 2 * (case != "hopper")),
+                "map_difference": 0.8 * SCALES ** (0.0 + (case == "hopper")),
+                "exact_difference": 1e-15 if case == "hopper" else 0.6,
+                "slope": 1.0 + (case == "hopper"),
+            }
+        )
+        for case in cases
+    ]
+    return pd.concat(rows)
+
+
+def test_three_panels_with_a_line_a_case():
+    figure = scaling_study_figure(table_scaling_study(("hopper", "coupling", "impulse", "delay")))
+    first, second, third = figure.axes
+    assert len(second.lines) == 4
+    assert len(first.lines) == 4 + 2, "two guides"
+    assert len(third.lines) == 4 + 3, "the exact differences of the controls"
+    assert text_faults(figure) == []
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels[0] == "hopper, slope 2.00"
+    assert labels[1] == "coupled forces, κ = 0.2\nslope 1.00"
+
+
+def test_a_case_without_landings_is_named():
+    empty = table_scaling_study(("delay",)).assign(
+        slope=np.nan, pooled_rms=np.nan, exact_difference=np.nan
+    )
+    empty[["pooled_over_specialised", "map_difference"]] = np.nan
+    figure = scaling_study_figure(pd.concat([table_scaling_study(("hopper",)), empty]))
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels[1] == "contact by velocity, τ = 0.01 s\nnot between the sections"
+    assert text_faults(figure) == []
+
+
+def test_lines_are_the_table_scaling_study():
+    figure = scaling_study_figure(table_scaling_study(("hopper", "delay")))
+    for axes, column in zip(
+        figure.axes, ("pooled_rms", "pooled_over_specialised", "map_difference"), strict=True
+    ):
+        np.testing.assert_array_equal(
+            axes.lines[1].get_ydata(), table_scaling_study(("delay",))[column]
+        )
+        assert [text.get_text() for text in axes.get_xticklabels()][-1] == "1"
+        assert axes.get_xticklabels()[0].get_text() == "1/16"

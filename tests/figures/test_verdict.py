@@ -1,0 +1,184 @@
+import numpy as np
+import pandas as pd
+import pytest
+from overlaps import text_faults
+
+from hopdata.figures.verdict import CONTROLS, DIFFERENCE, verdict_figure, verdict_power_figure
+
+SENTENCES = {
+    "different": "The maps of different contact orders are different: by 0.38 of the map "
+    "(95 % interval 0.32 to 0.45, p = 0.0005).",
+    "no difference": "No difference between the maps of different contact orders larger than 0.12 "
+    "of the map, at 95 % confidence (p = 0.73).",
+    "cannot tell": "These data cannot tell: no difference was found (p = 0.95), but one of up to "
+    "0.33 of the map cannot be excluded, and 0.2 was wanted.",
+}
+EFFECTS = {  # estimate, low, high, upper bound, detectable, p
+    "different": (0.38, 0.32, 0.45, 0.44, 0.06, 0.0005),
+    "no difference": (0.0, 0.0, 0.13, 0.12, 0.075, 0.73),
+    "cannot tell": (0.0, 0.0, 0.36, 0.33, 0.13, 0.95),
+}
+
+
+def verdict(conclusion="no difference", **changes):
+    *sizes, p = EFFECTS[conclusion]
+    names = ("estimate", "low", "high", "upper_bound", "detectable")
+    return {
+        "conclusion": conclusion,
+        "sentence": SENTENCES[conclusion],
+        "confidence": 0.95,
+        "margin": 0.2,
+        "power": 0.8,
+        "effect": dict(zip(names, sizes, strict=True)),
+        "test": {"p_value": p},
+        "specialised": {"p_value": 0.23},
+        "subspaces": {"p_value": 0.92},
+    } | changes
+
+
+def windows(n=5, chosen=1):
+    shares = np.array([1.0, 0.71, 0.5, 0.35, 0.25])[:n]
+    table = pd.DataFrame({"window": shares, "mean_spread_ms": 10.0 * shares**0.7})
+    return table.assign(
+        kinks=[0.0, 0.05, 0.1, 0.02, 0.2][:n],
+        kinks_low=0.0,
+        kinks_high=[0.1, 0.13, 0.2, 0.3, 0.6][:n],
+        separate=0.25 * shares,
+        chosen=np.arange(n) == chosen,
+    )
+
+
+def texts(figure, panel):
+    return [label.get_text() for label in figure.axes[panel].get_yticklabels()]
+
+
+@pytest.mark.parametrize("conclusion", EFFECTS)
+def test_every_conclusion_is_drawn_without_overlap(conclusion):
+    figure = verdict_figure(verdict(conclusion), windows())
+    assert len(figure.axes) == 4
+    shown = figure.get_supxlabel().replace("\n", " ").replace("\u00a0", " ")
+    assert shown == SENTENCES[conclusion]
+    assert text_faults(figure) == []
+
+
+def test_the_sentence_is_not_broken_within_a_number():
+    lines = verdict_figure(verdict("different"), windows()).get_supxlabel().splitlines()
+    assert len(lines) > 1
+    assert not any(line.endswith(("p", "=", "95")) for line in lines)
+
+
+def test_the_chosen_window_is_filled_and_bold():
+    axes = verdict_figure(verdict(), windows(chosen=2)).axes[0]
+    filled = [line for line in axes.lines if line.get_marker() == "s" and
+              line.get_markerfacecolor() != "white"]  # fmt: skip
+    assert [(line.get_xdata()[0], line.get_ydata()[0]) for line in filled] == [(2, 0.1)]
+    ticks = axes.get_xticklabels()
+    assert [tick.get_text() for tick in ticks] == ["25", "35", "50", "71", "100"]
+    assert [tick.get_fontweight() == "bold" for tick in ticks] == [i == 2 for i in range(5)]
+
+
+def test_the_separate_maps_are_drawn_as_given_on_the_same_axis():
+    table = windows()
+    kinks, spread = verdict_figure(verdict(), table).axes[:2]
+    line = next(one for one in spread.lines if one.get_marker() == "o")
+    ordered = table.sort_values("window")
+    assert list(line.get_xdata()) == list(ordered["mean_spread_ms"])
+    assert list(line.get_ydata()) == list(ordered["separate"])
+    assert kinks.get_ylim() == spread.get_ylim()
+    assert spread.get_xlim()[0] == 0.0
+
+
+def test_separate_maps_that_could_not_be_fitted_are_left_out_or_said():
+    table = windows()
+    table.loc[table["window"] < 0.6, "separate"] = np.nan
+    spread = verdict_figure(verdict(), table).axes[1]
+    assert len(next(x for x in spread.lines if x.get_marker() == "o").get_xdata()) == 2
+    figure = verdict_figure(verdict(), table.assign(separate=np.nan))
+    assert figure.axes[1].texts[0].get_text() == "not fitted:\ntoo few landings"
+    assert text_faults(figure) == []
+
+
+def test_size_bound_and_detectable_difference_are_those_given():
+    axes = verdict_figure(verdict("cannot tell"), windows()).axes[2]
+    interval, estimate, *rest = axes.lines
+    assert (list(interval.get_xdata()), list(estimate.get_xdata())) == ([0.0, 0.36], [0.0])
+    starts = [x.get_xdata()[0] for x in rest if x.get_marker() == "|"]
+    assert starts == [0.33, 0.13]
+    assert axes.get_xlabel() == DIFFERENCE
+    assert any("0 (0 to 0.36)" in text for text in texts(verdict_figure(verdict("cannot tell"),
+               windows()), 2))  # fmt: skip
+
+
+def test_an_endless_interval_is_cut_and_ends_in_an_arrowhead():
+    effect = {"estimate": 0.1, "low": 0.0, "high": 1e3, "upper_bound": 900.0, "detectable": 0.3}
+    table = windows().assign(kinks_high=1e3)
+    figure = verdict_figure(verdict(effect=effect), table)
+    top = figure.axes[0].get_ylim()[1]
+    assert top < 2
+    assert sum(line.get_marker() == "^" for line in figure.axes[0].lines) == 5
+    assert max(np.max(line.get_ydata()) for line in figure.axes[0].lines) <= top
+    assert text_faults(figure) == []
+
+
+def test_p_values_stand_on_a_logarithmic_axis_and_a_missing_one_is_said():
+    figure = verdict_figure(verdict(subspaces=None), windows())
+    axes = figure.axes[3]
+    assert axes.get_xscale() == "log"
+    points = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "D"]
+    assert points == [0.73, 0.23]
+    assert texts(figure, 3)[2] == "constraint subspaces\ntoo few landings"
+    assert text_faults(figure) == []
+
+
+def test_one_window_is_enough():
+    assert text_faults(verdict_figure(verdict(), windows(1, chosen=0))) == []
+
+
+@pytest.mark.parametrize("table", [windows(), windows(5).iloc[:0]])
+def test_without_an_answer_the_picture_says_why(table):
+    sentence = "These data cannot tell: " + 12 * "a reason that is long, " + "and ends."
+    figure = verdict_figure(verdict(effect=None, sentence=sentence), table)
+    assert figure.axes == []
+    assert " ".join(figure.texts[0].get_text().split()) == sentence
+    assert text_faults(figure) == []
+
+
+COLUMNS = (
+    *("condition", "strength", "true_effect", "found_share", "found_low", "found_high"),
+    *("effect_mean", "effect_sd"),
+)
+
+
+def table(kinds=tuple(CONTROLS)):
+    rows = [
+        (name, 0.0, 1e-16, 0.05, 0.03, 0.09, 0.03, 0.04)
+        for name in ("C1", "C1 softer legs", "C1 stiffer legs", "C1 half the noise")
+    ]
+    rows += [
+        (kind, size, size, min(1.0, 4 * size), max(0.0, 4 * size - 0.1), 1.0, 0.9 * size, 0.05)
+        for kind in kinds
+        for size in (0.05, 0.1, 0.25)
+    ]
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def test_false_alarms_power_and_sizes_stand_side_by_side():
+    figure = verdict_power_figure(table())
+    left, middle, _ = figure.axes
+    assert [label.get_text() for label in left.get_yticklabels()] == [
+        *("hopper", "softer legs", "stiffer legs", "half the noise")
+    ]
+    assert len(middle.containers) == len(CONTROLS)
+    assert text_faults(figure) == []
+
+
+@pytest.mark.parametrize("kinds", [(), ("kappa",)])
+def test_kinds_that_were_not_simulated_are_left_out(kinds):
+    figure = verdict_power_figure(table(kinds))
+    assert len(figure.axes[1].containers) == len(kinds)
+    assert text_faults(figure) == []
+
+
+def test_no_studies_are_said_in_words():
+    figure = verdict_power_figure(table().iloc[:0])
+    assert "No simulated studies" in figure.texts[0].get_text()

@@ -1,0 +1,309 @@
+"""The flow's Jacobian through events: jumps of the field, moving guards, several at one instant."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+from bent_systems import bent, bent_jacobian, bent_params, bent_sparse, turn_back
+from hybrid_systems import ladder
+from jacobian_checks import TIGHT, carried, differences, gap
+from scipy.integrate import solve_ivp
+
+from hopdata.hybrid import System, field, guards, solve, solve_batch
+from hopdata.hybrid.first_order import bouligand_derivative, project_onto_section, saltation_product
+from hopdata.scenes.hopper import flight_mode, hopper_system
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.plate import Plate
+from hopdata.scenes.small import VerticalHopper
+
+PLACES, TILTS, GAINS = [0.5, 0.7, 1.0], [0.2, -0.3, 0.4], [0.4, -0.8, -0.5]
+STEADY = bent_params(PLACES, drive=0.3, tilts=TILTS, gains=GAINS)
+MOVING = bent_params(PLACES, drive=0.3, tilts=TILTS, sways=[0.1, 0.2, -0.3], gains=GAINS)
+START = [0.0, 1.2]
+METHODS = pytest.mark.parametrize("method", ["auto", "dopri5", "dop853"])
+
+
+@METHODS
+@pytest.mark.parametrize("params", [STEADY, MOVING], ids=["steady", "moving"])
+@pytest.mark.parametrize("make", [bent, bent_sparse])
+def test_through_jumps_of_the_field(make, params, method):
+    found = carried(make(3), (0, 2), START, params=params, method=method)
+    assert len(found.events) >= 4
+    assert gap(found.jacobian, differences(bent(3), (0, 2), START, params=params)) < 1e-10
+
+
+@field
+def pushed(t, y, mode, params, dy):
+    dy[0], dy[1], dy[2] = y[2], -0.4 * y[0], -y[1] + 0.3 * np.cos(t)
+    if mode[0] > 0:
+        dy[1], dy[2] = dy[1] + 0.7, dy[2] - 0.5
+
+
+@guards
+def by_numbers(t, y, dy, mode, params, h, hdot):
+    h[0] = y[0] + 0.3 * y[1] * y[1] - 0.5
+    hdot[0] = dy[0] + 0.6 * y[1] * dy[1]
+
+
+@guards
+def by_a_loop(t, y, dy, mode, params, h, hdot):
+    gradient = np.array([1.0, 0.6 * y[1], 0.0])
+    h[0] = y[0] + 0.3 * y[1] * y[1] - 0.5
+    hdot[0] = 0.0 * t
+    for i in range(3):
+        hdot[0] += gradient[i] * dy[i]
+
+
+@guards
+def that_move(t, y, dy, mode, params, h, hdot):
+    h[0] = y[0] + 0.3 * y[1] * y[1] - 0.5 + 0.1 * np.sin(t)
+    hdot[0] = dy[0] + 0.6 * y[1] * dy[1] + 0.1 * np.cos(t)
+
+
+@pytest.mark.parametrize("one", [by_numbers, by_a_loop, that_move])
+def test_whatever_the_code_of_a_guard_tells_of_what_it_depends_on(one):
+    system = System(pushed, one, n_states=3, guard_names=("bend",))
+    found = carried(system, (0, 4), [0.1, 0.4, 0.6])
+    assert len(found.events) >= 1
+    assert gap(found.jacobian, differences(system, (0, 4), [0.1, 0.4, 0.6])) < 1e-9
+
+
+def test_a_guard_whose_inputs_are_named_costs_fewer_evaluations():
+    named, looped = (
+        System(pushed, one, n_states=3, guard_names=("bend",)) for one in (by_numbers, by_a_loop)
+    )
+    assert named.methods("dopri5", True).rate_inputs == [0, 1]
+    assert named.methods("dopri5", True).steady
+    assert looped.methods("dopri5", True).rate_inputs == [0, 1, 2]
+    assert not looped.methods("dopri5", True).steady
+
+
+def test_ladder_of_speeds():
+    """Positions shrink by the ratio of the speeds, whatever happens in between."""
+    params = (0.5, 0.75, 1.0, 1.5, -1.0, 3.0)
+    found = carried(ladder(3), (0, 1.5), [0.0, 0.0], params=params)
+    assert found.jacobian[0] == pytest.approx([4.5, 0.0], abs=1e-12)
+    assert gap(found.jacobian, differences(ladder(3), (0, 1.5), [0.0, 0.0], params=params)) < 1e-10
+
+
+@METHODS
+def test_a_given_derivative_of_the_field(method):
+    system = bent(3, jacobian=bent_jacobian)
+    given = carried(system, (0, 2), START, params=MOVING, method=method)
+    taken = carried(bent(3), (0, 2), START, params=MOVING, method=method)
+    assert gap(taken.jacobian, given.jacobian) < 1e-11
+
+
+@METHODS
+def test_samples_do_not_change_it(method):
+    options = {"params": STEADY, "method": method, "jacobian": True}
+    bare = solve(bent(3), (0, 2), START, **options)
+    sampled = solve(bent(3), (0, 2), START, t_eval=np.linspace(0, 2, 301), **options)
+    assert sampled.jacobian.tobytes() == bare.jacobian.tobytes()
+    assert sampled.y_end.tobytes() == bare.y_end.tobytes()
+
+
+@METHODS
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_guards_at_one_instant(tilt, method):
+    """Three guards with one surface: the flow is differentiable there."""
+    params = bent_params([0.5] * 3, drive=0.3, tilts=tilt, gains=GAINS)
+    found = carried(bent(3), (0, 1.2), START, params=params, method=method)
+    assert len(set(found.events.time)) == 1
+    assert gap(found.jacobian, differences(bent(3), (0, 1.2), START, params=params)) < 1e-10
+
+
+def test_the_order_does_not_matter_where_the_flow_is_c1():
+    """Guards of the angle alone, and torques: no jump is felt by another guard."""
+    places, sways = np.full(3, 0.5), np.array([0.0, 0.1, -0.1])
+    instant = carried(bent(3), (0, 2), START, params=bent_params(places)).events.time[0]
+    places = places - sways * np.sin(instant)  # all at one instant, at different rates
+    found = []
+    for order in permutations(range(3)):
+        at = list(order)
+        params = bent_params(places[at], sways=sways[at], gains=np.array([0.3, -0.4, 0.2])[at])
+        found.append(carried(bent(3), (0, 0.6), START, params=params))
+        assert np.ptp(found[-1].events.time) < 1e-14
+        assert len(found[-1].events) == 3
+    for other in found[1:]:
+        assert gap(other.jacobian, found[0].jacobian) < 1e-12
+
+
+def test_where_the_order_matters_it_is_that_of_the_log():
+    params = bent_params([0.5 + 0.9 * 0.2, 0.5 - 0.9 * 0.3, 9.0], tilts=TILTS, gains=[0.4, -2.8, 0])
+    state, locks = [0.5, 0.9], [-1, -1, -1]
+    there = solve(bent(3), (0, 1e-13), state, params=params, mode=locks, jacobian=True)
+    assert there.events.guard.tolist() == [0, 1]
+    of_log = saltation_product(bent(3), state, [0, 1], params=params, mode=locks)
+    other = saltation_product(bent(3), state, [1, 0], params=params, mode=locks)
+    assert gap(there.jacobian, of_log) < 1e-9
+    assert gap(other, of_log) > 1e-2
+
+
+@pytest.mark.parametrize("method", ["dop853", "auto"])
+def test_one_by_one_or_all_at_once_the_order_is_the_same(method):
+    params = bent_params([0.5] * 3, drive=0.3, gains=GAINS)
+    plain, sparse = (
+        solve(make(3), (0, 1.2), START, params=params, method=method, **TIGHT)
+        for make in (bent, bent_sparse)
+    )
+    assert plain.events.guard.tolist() == [0, 1, 2]
+    assert sparse.events.guard.tolist() == [0, 1, 2]
+
+
+def test_an_event_next_to_the_end():
+    instant = carried(bent(3), (0, 2), START, params=STEADY).events.time[1]
+    after = carried(bent(3), (0, instant + 1e-9), START, params=STEADY)
+    before = carried(bent(3), (0, instant - 1e-9), START, params=STEADY)
+    assert len(after.events) == 2
+    assert len(before.events) == 1
+    matrix = saltation_product(
+        bent(3), before.y_end, [after.events.guard[1]], params=STEADY, mode=before.mode, t=instant
+    )
+    assert gap(after.jacobian, matrix @ before.jacobian) < 1e-7
+    assert gap(after.jacobian, before.jacobian) > 1e-2
+
+
+def test_an_event_at_the_end():
+    """At the event's instant it has happened: the Jacobian is that from its other side."""
+    instant = carried(bent(3), (0, 2), START, params=STEADY).events.time[1]
+    at = carried(bent(3), (0, instant), START, params=STEADY, max_steps=1000)
+    after = carried(bent(3), (0, instant + 1e-9), START, params=STEADY)
+    assert at.status == 0
+    assert at.events.guard.tolist() == after.events.guard.tolist()
+    assert gap(at.jacobian, after.jacobian) < 1e-8
+
+
+@pytest.mark.parametrize("params", [STEADY, MOVING], ids=["steady", "moving"])
+def test_the_impact_state_at_a_terminal_event(params):
+    """Projected onto the guard by the field after it, which gives what that before it would."""
+    system = bent(3, terminal=(False, True, False))
+    found = carried(system, (0, 2), START, params=params)
+    assert found.status == 1
+    rate = np.empty(2)
+    system.field.function(found.t_end, found.y_end, found.mode, params, rate)
+    tilt, sway = params[1 + 3 + 1], params[1 + 6 + 1]
+    impact = project_onto_section(
+        found.jacobian, rate, [1.0, tilt], time_rate=-sway * np.cos(found.t_end)
+    )
+    assert np.abs(impact - differences(system, (0, 2), START, params=params)).max() < 1e-9
+
+
+@pytest.mark.parametrize("terminal", [(False, False, False), (False, True, False)])
+def test_a_reset_is_refused(terminal):
+    """Also at a terminal event."""
+    params = bent_params([0.5, 2.0, 9.0], tilts=[0.0, 1.5, 0.0])
+    system = bent(3, on_event=turn_back, terminal=terminal)
+    options = {"params": params, "jacobian": True}
+    found = solve(system, (0, 3), START, **options)
+    passed = solve(bent(3), (0, 3), START, params=params).events
+    assert found.status == -8
+    assert not found.success
+    assert found.message.startswith("The handler changed the state at t = ")
+    assert found.t_end == pytest.approx(passed.of("bar1").time[0], abs=1e-9)
+    batch = solve_batch(system, (0, 3), [START] * 2, **options)
+    assert batch.status.tolist() == [-8, -8]
+    assert solve(system, (0, 3), START, params=params).success
+
+
+def test_a_handler_that_resets_nothing_is_no_reset():
+    system = bent(3, on_event=turn_back)
+    found = carried(system, (0, 2), START, params=STEADY)
+    assert found.status == 0
+    assert gap(found.jacobian, carried(bent(3), (0, 2), START, params=STEADY).jacobian) == 0.0
+
+
+def test_vertical_hopper():
+    hopper = VerticalHopper()
+    system, options = hopper.system(), {"params": hopper.params}
+    found = carried(system, (0, 1.2), [1.5, 0.0], **options)
+    assert len(found.events) >= 2
+    assert gap(found.jacobian, differences(system, (0, 1.2), [1.5, 0.0], **options)) < 1e-8
+
+
+HOPPER = hopper_system()
+LANDING = {"params": HopperParameters().vector(), "mode": flight_mode(3, -1.0)}
+OBLIQUE = np.array([0.0, 0.0, 0.32, 0.0, 0.03, -0.04, 0.05, -0.03, -1.5, 0.1, -0.2, 0.05])
+
+
+@METHODS
+def test_three_legs_land_one_after_another(method):
+    found = carried(HOPPER, (0, 0.06), OBLIQUE, method=method, **LANDING)
+    assert [HOPPER.guard_names[k] for k in found.events.guard] == ["foot1", "foot2", "foot3"]
+    assert gap(found.jacobian, differences(HOPPER, (0, 0.06), OBLIQUE, **LANDING)) < 1e-8
+
+
+TOUCHING = np.array([0.0, 0.0, 0.27, 0.3, 0.0, 0.0, 0.05, -0.03, -2.1, 0.1, -0.2, 0.05])
+
+
+def test_three_legs_at_once_are_the_saltation_matrices_of_any_order():
+    there = carried(HOPPER, (0, 1e-300), TOUCHING, **LANDING)
+    assert there.events.guard.tolist() == [0, 1, 2]
+    for order in permutations(range(3)):
+        product = saltation_product(HOPPER, TOUCHING, order, **LANDING)
+        assert gap(there.jacobian, product) < 1e-13
+    pieces = bouligand_derivative(
+        HOPPER, TOUCHING, guards=("foot1", "foot2", "foot3"), **LANDING
+    ).pieces()
+    for piece in pieces:
+        assert gap(there.jacobian, piece.matrix) < 1e-13
+
+
+def extrapolated(system, t_span, y0, **options):
+    """Differences whose error, of first order across the kinks of a C1 flow, is taken off."""
+    coarse, fine = (differences(system, t_span, y0, step=h, **options) for h in (2e-5, 1e-5))
+    return 2 * fine - coarse
+
+
+def test_three_legs_at_once_and_on():
+    """From a flight that brings all feet down at one instant, turning."""
+
+    def back(t, y):
+        rate = np.empty(12)
+        HOPPER.field.function(0.01 - t, y, LANDING["mode"], LANDING["params"], rate)
+        return -rate
+
+    options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-15}
+    start = solve_ivp(back, (0, 0.01), TOUCHING, **options).y[:, -1]
+    found = carried(HOPPER, (0, 0.03), start, **LANDING)
+    assert len(found.events) == 3
+    assert np.ptp(found.events.time) < 1e-13
+    assert gap(found.jacobian, extrapolated(HOPPER, (0, 0.03), start, **LANDING)) < 1e-8
+
+
+def test_three_legs_at_once_without_spin():
+    start = np.array([0.1, 0.2, 0.29, 0.3, 0.0, 0.0, 0.05, -0.03, -2.1, 0.0, 0.0, 0.0])
+    found = carried(HOPPER, (0, 0.03), start, **LANDING)
+    assert len(set(found.events.time)) == 1
+    assert gap(found.jacobian, extrapolated(HOPPER, (0, 0.03), start, **LANDING)) < 1e-5
+
+
+PLATE = Plate(12)
+FLAT = np.array([0.1, 1.2, 0.0, 0.2, -1.0, 0.0])
+
+
+def plate_jacobian(**form):
+    return carried(PLATE.system(**form), (0, 0.15), FLAT, params=PLATE.params)
+
+
+def test_a_plate_that_lands_flat():
+    plain = plate_jacobian()
+    assert len(plain.events) == 12
+    assert np.ptp(plain.events.time) < 1e-14
+    reference = extrapolated(PLATE.system(), (0, 0.15), FLAT, params=PLATE.params)
+    assert gap(plain.jacobian, reference) < 1e-6
+
+
+@pytest.mark.parametrize("form", ["sums", "sparse"])
+def test_a_plate_that_lands_flat_with_a_memory(form):
+    """The handlers change the field, all at one instant: whose share is whose is not known."""
+    found = plate_jacobian_of(form)
+    assert found.status == -11
+    assert "Several guards flip at t = " in found.message
+
+
+def plate_jacobian_of(form):
+    system = PLATE.system(**{form: True})
+    return solve(system, (0, 0.15), FLAT, params=PLATE.params, jacobian=True)

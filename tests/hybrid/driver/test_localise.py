@@ -1,0 +1,259 @@
+"""The Hermite cubic against NumPy's polynomials."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hopdata.hybrid import solve
+from hopdata.hybrid.driver import localise as localisation
+from hopdata.hybrid.driver.localise import (
+    CROSSING,
+    DIP,
+    NOWHERE,
+    PASS,
+    UNSURE,
+    cubic,
+    cubic_root,
+    suspect,
+    turning_points,
+    way_to_root,
+)
+from hopdata.hybrid.driver.watch import GRAZE
+from hopdata.hybrid.layout import (
+    CLOCK_SLOTS,
+    COUNT_SLOTS,
+    GUARD_ROWS,
+    H0,
+    H1,
+    PIECE,
+    PIECES,
+    RATE,
+    RATE0,
+    RATE1,
+    SIZE,
+    H,
+)
+from hopdata.scenes.plate import Plate
+
+
+def ends(polynomial):
+    slope = polynomial.deriv()
+    return polynomial(0.0), slope(0.0), polynomial(1.0), slope(1.0)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(11)
+
+
+def test_value(rng):
+    for coefficients in rng.normal(size=(50, 4)):
+        polynomial = np.polynomial.Polynomial(coefficients)
+        x = rng.uniform()
+        assert cubic(*ends(polynomial), x) == pytest.approx(polynomial(x), abs=1e-13)
+
+
+def test_turning_points(rng):
+    seen = 0
+    for coefficients in rng.normal(size=(300, 4)):
+        polynomial = np.polynomial.Polynomial(coefficients)
+        top, bottom = turning_points(*ends(polynomial))
+        curvature = polynomial.deriv(2)
+        roots = [x.real for x in polynomial.deriv().roots() if x.imag == 0 and 0 < x.real < 1]
+        for found, kind in ((top, -1), (bottom, 1)):
+            expected = [x for x in roots if np.sign(curvature(x)) == kind]
+            assert (found == NOWHERE) == (not expected)
+            if expected:
+                assert found == pytest.approx(expected[0], abs=1e-9)
+                seen += 1
+    assert seen > 50
+
+
+@pytest.mark.parametrize("b", [1.0, 0.0, -1.0])
+def test_turning_points_of_parabolas(b):
+    polynomial = np.polynomial.Polynomial([0.0, -b, b])
+    top, bottom = turning_points(*ends(polynomial))
+    assert (top, bottom) == {1.0: (NOWHERE, 0.5), 0.0: (NOWHERE,) * 2, -1.0: (0.5, NOWHERE)}[b]
+
+
+def test_root(rng):
+    for _ in range(100):
+        a, c = rng.uniform(0.1, 0.9), rng.uniform(1.1, 3.0)
+        polynomial = np.polynomial.Polynomial.fromroots([a, c, -c]) * rng.uniform(0.1, 10)
+        assert cubic_root(*ends(polynomial), 0.0, 1.0) == pytest.approx(a, rel=1e-6)
+
+
+def test_root_past_a_top_that_the_search_begins_before():
+    polynomial = np.polynomial.Polynomial.fromroots([0.0, 0.0, 0.9]) * -1.0
+    assert polynomial.deriv()(0.5) > 0
+    assert cubic_root(*ends(polynomial), 0.0, 1.0) == pytest.approx(0.9, rel=1e-6)
+
+
+# The first flip in a step: a guard that has just flipped does not flip back by rounding.
+
+ROUNDING = 1e-16
+# Landings where a spring lets go and is met again soon, by number of springs and of the start.
+NEARLY_GRAZING = [(27, 12), (27, 37), (27, 147), (29, 111), (30, 33), (33, 100), (35, 7)]
+
+
+def memory_of(guards):
+    """The driver's memory, as far as a search looks at it: a step of one piece from 0 s."""
+    clock, counts = np.zeros(CLOCK_SLOTS), np.zeros(COUNT_SLOTS, dtype=int)
+    clock[PIECE], counts[PIECES] = 1.0, 1
+    return SimpleNamespace(guards=guards, clock=clock, counts=counts)
+
+
+@pytest.fixture
+def search(monkeypatch):
+    """`crossing` for a margin and its slope, as functions of the part of the step."""
+    for name in ("leave", "just_left", "knot"):
+        monkeypatch.setattr(localisation, name, getattr(localisation, name).py_func)
+
+    def found(margin, slope, guess):
+        guards = np.zeros((GUARD_ROWS, 1))
+        guards[[H0, H1]] = [[margin(0.0)], [margin(1.0)]]
+        guards[[RATE0, RATE1]] = [[slope(0.0)], [slope(1.0)]]
+        memory = memory_of(guards)
+
+        def probe(p, m, dt, theta):
+            guards[H], guards[RATE] = margin(theta), slope(theta)
+
+        monkeypatch.setattr(localisation, "probe", probe)
+        problem = SimpleNamespace(mode=np.array([1]))
+        return localisation.crossing.py_func(problem, memory, 1.0, 0, guess, 0.0, 0, 1.0)
+
+    return found
+
+
+@pytest.mark.parametrize("place", [0.1, 0.3, 0.7155111958385192, 0.95])
+@pytest.mark.parametrize(("above", "below"), [(0.33122, 3.4427e-6), (1e-3, 1e-3), (1e-6, 0.3)])
+def test_an_event_function_that_jumps_is_past_its_surface_there(search, place, above, below):
+    def margin(x):
+        return above - 0.0734 * (x - place) if x < place else -below - 4.999 * (x - place)
+
+    def slope(x):
+        return -0.0734 if x < place else -4.999
+
+    for guess in np.linspace(0.05, 0.95, 19):
+        assert search(margin, slope, guess) == pytest.approx(place, abs=1e-12)
+
+
+def test_two_roots_that_nearly_meet_are_told_apart(search):
+    a, b, e = 0.9376424853, 0.9376424853 - 2.2e-6, 0.95377
+
+    def margin(x):
+        return -(x - a) * (x - b) * (x - e)
+
+    def slope(x):
+        return -((x - b) * (x - e) + (x - a) * (x - e) + (x - a) * (x - b))
+
+    for guess in (0.93, 0.936, 0.9376, 0.94):
+        place = search(margin, slope, guess)
+        assert min(abs(place - root) for root in (a, b, e)) < 1e-8
+
+
+def test_rates_that_contradict_the_function_lead_to_no_place_before_its_surface(search):
+    place = 0.1388553
+
+    def margin(x):
+        return 2.0130e-7 if x < place else -2.9208e-5
+
+    def slope(x):
+        return 0.0760 if x < place else -0.00266
+
+    for guess in (0.1, 0.5, 0.9):
+        assert place <= search(margin, slope, guess) <= 1.0
+
+
+@pytest.fixture
+def interpreted(monkeypatch):
+    """`crossing` for a guard that leaves its surface and meets it at 0.5 of the step again.
+
+    Near its start h is lost in rounding: it seems to be just past the surface there.
+    """
+    guards = np.zeros((GUARD_ROWS, 1))
+    guards[H0], guards[RATE0], guards[SIZE] = -ROUNDING, -0.5, 1.0
+    memory = memory_of(guards)
+    problem = SimpleNamespace(mode=np.array([-1]))
+
+    def probe(p, m, dt, theta):
+        margin = theta * (0.5 - theta)
+        guards[H] = ROUNDING if theta < 2 * ROUNDING else -margin
+        guards[RATE] = -(0.5 - 2.0 * theta)
+
+    monkeypatch.setattr(localisation, "probe", probe)
+    for name in ("leave", "just_left", "knot"):
+        monkeypatch.setattr(localisation, name, getattr(localisation, name).py_func)
+    return lambda guess: localisation.crossing.py_func(problem, memory, 1.0, 0, guess, 0.0, 0, 1.0)
+
+
+@pytest.mark.parametrize("guess", [0.45, 0.9, 1e-3, 1e-13, 1e-16])
+def test_no_guess_leads_back_to_the_flip_before(interpreted, guess):
+    assert interpreted(guess) == pytest.approx(0.5, rel=1e-8)
+
+
+def swing(x):
+    """Return a margin and its slope that fall through zero at 0.7: a part of a swing."""
+    return np.sin(3.0 * (0.7 - x)), -3.0 * np.cos(3.0 * (0.7 - x))
+
+
+@pytest.mark.parametrize("far", [0.2, 0.1, 0.05, -0.05, -0.1])
+def test_the_way_to_the_root_is_as_exact_as_two_places_allow(far):
+    for near in (1e-2, -1e-2, 1e-3, -1e-3):
+        x, x1 = 0.7 + near, 0.7 + far
+        way, exact = way_to_root(x, *swing(x), x1, *swing(x1))
+        assert abs(x + way - 0.7) < 10.0 * (near * far) ** 2
+        assert not exact or abs(x + way - 0.7) < 1e-15
+
+
+def test_where_the_cubic_turns_newton_shows_the_way():
+    x, g, d = 0.5, 0.1, -0.1
+    assert way_to_root(x, g, d, 0.6, 0.2, 1.0) == (pytest.approx(1.0), False)
+
+
+@pytest.mark.parametrize("form", [{}, {"sums": True}, {"sparse": True}])
+@pytest.mark.parametrize(("contacts", "start"), NEARLY_GRAZING)
+@pytest.mark.parametrize("jacobian", [False, True])
+def test_a_spring_that_is_met_again_soon_is_no_zeno_sequence(contacts, start, form, jacobian):
+    plate = Plate(contacts)
+    y0 = plate.initial_states(150, 444)[start]
+
+    def events_of(**options):
+        solution = solve(plate.system(**form), (0, 2), y0, params=plate.params, **options)
+        assert solution.status == 0
+        log = solution.events
+        return list(zip(log.guard.tolist(), log.direction.tolist(), strict=True))
+
+    coarse = events_of(rtol=1e-6, atol=1e-7, jacobian=jacobian)
+    assert len(set(coarse)) >= 2 * contacts - 2
+    assert sorted(coarse) == sorted(events_of(rtol=1e-10, atol=1e-11))
+
+
+# Which guards are suspect by their cubics: none that comes near is passed over.
+
+
+def test_a_guard_that_stays_clear_is_not_suspect():
+    """Against the cubic on a grid: nothing that comes near the surface is passed over."""
+    rng = np.random.default_rng(11)
+    kinds = {PASS: 0, CROSSING: 0, DIP: 0}
+    grid = np.linspace(0, 1, 401)
+    for _ in range(3000):
+        g0, d0, g1, d1 = rng.uniform(0, 1), rng.normal() * 2, rng.uniform(-0.1, 1), rng.normal() * 2
+        kind = suspect(g0, d0, g1, d1, 0.0)[0]
+        kinds[kind] += 1
+        lowest = cubic(g0, d0, g1, d1, grid).min()
+        assert (kind == CROSSING) == (g1 < 0)
+        if g1 >= 0:
+            inside = lowest < min(g0, g1) - 1e-12
+            near = lowest < max(GRAZE * max(g0, g1), UNSURE * (min(g0, g1) - lowest))
+            assert (kind == DIP) == (inside and near)
+    assert min(kinds.values()) > 100
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3, 1e9])
+def test_what_does_not_turn_is_no_dip_whatever_its_size(size):
+    """An inclined guard far from its surface: there is no place in the step to look at."""
+    assert suspect(1.0 * size, -0.6 * size, 0.3 * size, -0.8 * size, 0.0)[0] == PASS

@@ -1,0 +1,132 @@
+"""Knots inside a step: a guard that only reaches its surface between the ends is seen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hybrid_systems import ball, ladder, throw
+
+from hopdata.hybrid import System, affine, field, guards, solve
+from hopdata.hybrid.driver.watch import flip_time
+
+# params: rate of the slow swing, rate and size of the fast one, level
+
+
+@field
+def swings(t, y, mode, params, dy):
+    dy[0], dy[1] = y[1], -(params[0] ** 2) * y[0]
+    dy[2], dy[3] = y[3], -(params[1] ** 2) * y[2]
+
+
+@affine
+def swings_affine(mode, params, a, b):
+    a[0, 1], a[1, 0] = 1.0, -(params[0] ** 2)
+    a[2, 3], a[3, 2] = 1.0, -(params[1] ** 2)
+    b[:] = 0.0
+
+
+@guards
+def level(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0] + params[2] * y[2] - params[3], dy[0] + params[2] * dy[2]
+
+
+SWINGS = System(swings, level, affine=swings_affine, n_states=4, guard_names=("level",))
+
+
+def crossings(rate, height, phase, *, method="taylor", span=3.0):
+    """Return instants at which a swing of size 1 is found to cross the level."""
+    start = [np.cos(phase), -rate * np.sin(phase), 0.0, 0.0]
+    params = (rate, 1.0, 0.0, height)
+    solution = solve(SWINGS, (0, span), start, params=params, method=method, rtol=1e-9, atol=1e-11)
+    assert solution.status == 0
+    return solution.events.time
+
+
+def exact(rate, height, phase, span=3.0):
+    """Return those instants: cos(rate t + phase) = height."""
+    angle = np.arccos(height)
+    turns = 2.0 * np.pi * np.arange(-1, int(rate * span / 6.0) + 3)[:, None]
+    angles = (turns + np.array([-angle, angle])).ravel()
+    instants = (angles - phase) / rate
+    return np.sort(instants[(instants > 0.0) & (instants < span)])
+
+
+@pytest.mark.parametrize("height", [0.5, 0.9, 0.99, 0.999, -0.9, -0.999])
+@pytest.mark.parametrize("rate", [0.7, 1.0, 2.0, 10.0])
+def test_every_swing_that_reaches_the_level_is_seen(rate, height):
+    for phase in np.linspace(0.05, 6.2, 60):
+        wanted = exact(rate, height, phase)
+        assert crossings(rate, height, phase) == pytest.approx(wanted, abs=1e-7), phase
+
+
+def test_a_fast_swing_upon_a_slow_one_is_seen():
+    rng = np.random.default_rng(2)
+    for _ in range(100):
+        slow, fast, size = rng.uniform(0.5, 2.0), rng.uniform(5.0, 30.0), rng.uniform(0.05, 0.5)
+        params = (slow, fast, size, rng.uniform(-0.8, 0.8))
+        start = [1.0, 0.0, 1.0, rng.normal()]
+        found = [
+            solve(SWINGS, (0, 3), start, params=params, method=method, rtol=1e-9).events.time
+            for method in ("taylor", "dopri5")
+        ]
+        assert found[0] == pytest.approx(found[1], abs=1e-6), params
+
+
+@pytest.mark.parametrize(
+    ("method", "span", "inside"), [("taylor", 1.0, 0), ("taylor", 2.5, 1), ("dopri5", 2.5, 0)]
+)
+def test_only_long_steps_have_knots_inside(method, span, inside):
+    """Twice at the start, whose locks are settled first, then at the end of each step."""
+    solution = solve(
+        SWINGS, (0, span), [1.0, 0.0, 0.0, 0.0], params=(1.0, 1.0, 0.0, 5.0), method=method
+    )  # fmt: skip
+    assert method != "taylor" or solution.n_steps == 1
+    assert solution.n_guard_evaluations == 2 + solution.n_steps + inside
+
+
+# Steps end soon after the next event, and are not shorter than they must be.
+
+
+def test_flip_time_of_parabolas():
+    rng = np.random.default_rng(2)
+    for _ in range(300):
+        value, rate, bend = rng.uniform(0, 2), *rng.normal(size=2)
+        roots = np.roots([0.5 * bend, rate, value])
+        falling = [x.real for x in roots if x.imag == 0 and x.real > 0 and rate + bend * x.real < 0]
+        assert flip_time(value, rate, bend) == pytest.approx(min(falling, default=0.0), rel=1e-9)
+
+
+@pytest.mark.parametrize(("rate", "bend", "expected"), [(-2.0, 0.0, 0.5), (2.0, 0.0, 0.0)])
+def test_flip_time_without_bend(rate, bend, expected):
+    assert flip_time(1.0, rate, bend) == expected
+
+
+@pytest.mark.parametrize(("rate", "bend", "expected"), [(2.0, -1.0, 4.0), (2.0, 1.0, 0.0)])
+def test_flip_time_on_the_surface(rate, bend, expected):
+    assert flip_time(0.0, rate, bend) == expected
+
+
+def test_a_step_reaches_a_known_event_with_little_to_spare():
+    """Were the step not clipped, it would be taken again: six evaluations more for each event."""
+    rungs = np.linspace(0.05, 0.95, 10)
+    solution = solve(
+        ladder(10), (0, 1), [0.0, 0.0], params=(*rungs, *np.zeros(10)),
+        first_step=0.1, method="dopri5",
+    )  # fmt: skip
+    assert len(solution.events) == 10
+    assert solution.nfev <= 10 * 8 + 12
+
+
+def test_the_step_is_as_long_as_before_once_the_event_is_past():
+    """Steps of 1, then one that is clipped to reach the event at 9.97; the next are no shorter."""
+    system, end = throw(), 21.0
+    free = solve(system, (0, end), [0.0, 2.0], params=(2.0, 1e9), max_step=1.0)
+    solution = solve(system, (0, end), [0.0, 2.0], params=(2.0, -79.5), max_step=1.0)
+    assert len(solution.events) == 1
+    assert solution.n_steps <= free.n_steps + 2
+
+
+def test_a_bounce_takes_one_step():
+    solution = solve(ball(directions=(1,)), (0, 201), [1.0, 0.0], params=(2.0, 0.0, 1.0))
+    assert len(solution.events) == 100
+    assert solution.n_steps <= 120

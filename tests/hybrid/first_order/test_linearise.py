@@ -1,0 +1,137 @@
+"""Slopes of guards, active guards, checked arguments."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hybrid_systems import throw
+
+from hopdata.hybrid.first_order.linearise import (
+    active_guards,
+    cross,
+    differentiate,
+    infer_split,
+    instant,
+    linearise,
+    state_scale,
+    velocity_rank,
+)
+from hopdata.scenes.hopper import flight_mode, hopper_system
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.small import octant
+
+HOPPER = HopperParameters()
+ONES = np.ones(12)
+
+
+def hopper_at(y, mode=None):
+    mode = flight_mode(3, -1.0) if mode is None else mode
+    return instant(hopper_system(), y, params=HOPPER.vector(), mode=mode, t=0.0)
+
+
+def test_slopes_are_exact_where_rates_use_dy():
+    start = instant(octant(), [0.1, 0.2, 0.3], params=(), mode=[-1, -1, -1], t=0.0)
+    here = linearise(octant(), start, np.ones(3))
+    np.testing.assert_array_equal(here.gradients, np.diag([1, 1, -1]))
+    np.testing.assert_array_equal(here.time_rates, 0)
+    np.testing.assert_array_equal(here.guard_rates, here.rate * [1, 1, -1])
+
+
+def test_slopes_are_exact_where_a_far_surface_spoils_differences():
+    start = instant(throw(), [1.0, -3.0], params=(9.81, 1e10), mode=[-1], t=0.0)
+    here = linearise(throw(), start, np.ones(2))
+    np.testing.assert_array_equal(here.gradients, [[1, 0]])
+    np.testing.assert_array_equal(here.guard_rates, [-3])
+
+
+def test_slopes_of_the_feet_are_those_of_their_heights():
+    rng = np.random.default_rng(3)
+    y = 0.3 * rng.normal(size=12)
+    here = linearise(hopper_system(), hopper_at(y), ONES)
+    pitch, roll = y[4:6]
+    feet = HOPPER.rest_feet()
+    expected = np.zeros((3, 12))
+    expected[:, 2] = -1
+    row_by_pitch = [-np.cos(pitch), -np.sin(pitch) * np.sin(roll), -np.sin(pitch) * np.cos(roll)]
+    expected[:, 4] = -feet @ row_by_pitch
+    expected[:, 5] = -feet @ [0, np.cos(pitch) * np.cos(roll), -np.cos(pitch) * np.sin(roll)]
+    np.testing.assert_allclose(here.gradients[:3], expected, atol=1e-12)
+    np.testing.assert_array_equal(here.gradients[:3, 6:], 0)
+    np.testing.assert_array_equal(here.gradients[3], np.eye(12)[8])
+
+
+def test_derivatives_by_differences():
+    start = instant(octant(), [0.1, 0.2, 0.3], params=(), mode=[-1, -1, -1], t=0.5)
+    state, time = differentiate(
+        lambda p: np.array([np.sin(p.y[0]) * p.y[1] ** 3, np.exp(p.t)]), start, np.ones(3)
+    )
+    expected = [[np.cos(0.1) * 0.008, np.sin(0.1) * 0.12, 0], [0, 0, 0]]
+    np.testing.assert_allclose(state, expected, atol=1e-12)
+    np.testing.assert_allclose(time, [0, np.exp(0.5)], atol=1e-11)
+
+
+def test_guards_on_whose_surface_the_state_lies():
+    for y, expected in (([0, 0, 0], (0, 1, 2)), ([0, 0.1, 1e-12], (0, 2)), ([1, 1, 1], ())):
+        start = instant(octant(), y, params=(), mode=[-1, -1, -1], t=0.0)
+        here = linearise(octant(), start, np.ones(3))
+        assert active_guards(octant(), here, None, np.ones(3)) == expected
+    assert active_guards(octant(), here, ("z", 0), np.ones(3)) == (2, 0)
+    for wrong in (("w",), (3,), (0, "x"), (-1,)):
+        with pytest.raises(ValueError):
+            active_guards(octant(), here, wrong, np.ones(3))
+
+
+def test_crossing_flips_the_lock_and_runs_the_handler_on_copies():
+    start = hopper_at(np.zeros(12))
+    after = start
+    for leg in range(3):
+        after = cross(hopper_system(), after, leg)
+    np.testing.assert_array_equal(after.mode, [1, 1, 1, -1, -1, 1, 1, 1, 1])
+    np.testing.assert_array_equal(start.mode, flight_mode(3, -1.0))
+
+
+@pytest.mark.parametrize("mode", [[-1, -1], [-1, 0, 1], [-1, -1, 2]])
+def test_all_locks_must_be_set(mode):
+    with pytest.raises(ValueError, match="mode"):
+        instant(octant(), [0, 0, 0], params=(), mode=mode, t=0.0)
+
+
+def test_state_and_scale_are_checked():
+    with pytest.raises(ValueError, match="state"):
+        instant(octant(), [0, 0], params=(), mode=[-1, -1, -1], t=0.0)
+    with pytest.raises(ValueError, match="scale"):
+        state_scale(octant(), [1, 0, 1])
+
+
+# Positions and velocities, told apart by the field.
+
+# States (x, vx, z, vz): an oscillator in x, a fall in z; a contact pushes z.
+FIELD = np.array([[0, 1, 0, 0], [-4, -0.1, 0, 0], [0, 0, 0, 1], [0, 0, -3, 0]], dtype=float)
+PUSHED = np.array([False, False, False, True])
+ON_HEIGHT = np.array([[0.0, 0.0, -1.0, 0.0]])
+
+
+def test_interleaved_coordinates():
+    assert infer_split(FIELD, PUSHED, ON_HEIGHT) == ((0, 2), (1, 3))
+
+
+def test_guards_decide_where_the_field_does_not():
+    """In x both coordinates move each other; the guard's is the position."""
+    on_both = np.array([[0.0, 1.0, -1.0, 0.0]])
+    assert infer_split(FIELD, PUSHED, on_both) == ((1, 2), (0, 3))
+
+
+@pytest.mark.parametrize(
+    ("field", "pushed"),
+    [(np.eye(3), [False, False, True]), (FIELD, [True, True, True, False]), (np.eye(4), PUSHED)],
+    ids=["odd", "pushes everywhere", "first order"],
+)
+def test_no_split(field, pushed):
+    assert infer_split(field, np.array(pushed), np.zeros((1, len(field)))) is None
+
+
+def test_rank():
+    assert velocity_rank(FIELD, (0, 2), (1, 3)) == 1.0
+    assert velocity_rank(FIELD, (0, 1), (2, 3)) == 0.0
+    assert velocity_rank(FIELD, (0,), (1, 2, 3)) == 0.0
+    assert velocity_rank(FIELD, (), ()) == 0.0

@@ -1,0 +1,255 @@
+"""Rough instants, and which feet did not come down."""
+
+import numpy as np
+import pytest
+from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
+
+from hopdata.errors import AnalysisError
+from hopdata.landings.contacts.descents import (
+    ALREADY_DOWN,
+    LANDED,
+    LEAST_NOISE_M,
+    MISSING,
+    NOT_LANDED,
+    approaches,
+    find_low_flights,
+    find_transitions,
+    height_noise,
+    together,
+)
+
+
+@pytest.fixture(scope="module")
+def landings():
+    scene = simulate(60, seed=5)
+    transitions = find_transitions(
+        scene.recording.time,
+        scene.recording.body_height,
+        pre_height_m=PRE_HEIGHT_M,
+        post_height_m=POST_HEIGHT_M,
+    )
+    return scene, transitions, scene.recording.feet[:, :, 2]
+
+
+def find(landings, heights):
+    scene, transitions, _ = landings
+    return approaches(
+        scene.recording.time,
+        heights,
+        transitions,
+        noise_m=6e-4,
+        down_height_m=0.02,
+        lead_s=0.04,
+        trail_s=0.03,
+    )
+
+
+def test_rough_instants_are_within_a_frame(landings):
+    near, status = find(landings, landings[2])
+    assert (status == LANDED).all()
+    assert np.abs(near - landings[0].contact_times).max() < 0.01
+
+
+@pytest.mark.parametrize(
+    ("foot", "expected"),
+    [
+        (lambda z: z + 0.05, NOT_LANDED),
+        (lambda z: 0.0003 * np.sin(np.arange(len(z))), ALREADY_DOWN),
+        (lambda z: z * np.nan, MISSING),
+    ],
+)
+def test_feet_that_do_not_land(landings, foot, expected):
+    heights = landings[2].copy()
+    heights[:, 1] = foot(heights[:, 1])
+    near, status = find(landings, heights)
+    assert (status[:, 1] == expected).all()
+    assert np.isnan(near[:, 1]).all()
+    assert (status[:, [0, 2]] == LANDED).all()
+
+
+@pytest.mark.parametrize("side", ["low", "high"])
+def test_a_foot_that_is_hidden_is_not_said_to_be_up_or_down(landings, side):
+    heights = landings[2].copy()
+    z = heights[:, 1]
+    hidden = (z < 0.04) if side == "low" else (z > 0.004)  # near its contact, or all of its descent
+    heights[hidden, 1] = np.nan
+    _, status = find(landings, heights)
+    assert (status[:, 1] == MISSING).mean() > 0.9
+    assert not np.isin(status[:, 1], [ALREADY_DOWN, NOT_LANDED]).any()
+    assert (status[:, [0, 2]] == LANDED).all()
+
+
+@pytest.mark.parametrize("share", [0.02, 0.2])
+def test_lost_frames_do_not_bring_a_foot_down(landings, share):
+    heights = landings[2].copy()
+    rng = np.random.default_rng(3)
+    heights[:, 1] += 0.3
+    heights[rng.random(len(heights)) < share, 1] = np.nan
+    assert (find(landings, heights)[1][:, 1] == NOT_LANDED).mean() > 0.99
+
+
+def test_a_foot_that_hovers_and_is_hidden_then_may_have_landed(landings):
+    scene, transitions, heights = landings[0], landings[1], landings[2].copy()
+    rng = np.random.default_rng(4)
+    heights[:, 1] = 0.06 + 6e-4 * rng.standard_normal(len(heights))
+    for t_pre, t_post in zip(transitions.t_pre, transitions.t_post, strict=True):
+        time = scene.recording.time
+        heights[(time > t_pre) & (time < t_post + 0.1), 1] = np.nan
+    assert (find(landings, heights)[1][:, 1] == MISSING).mean() > 0.9
+
+
+@pytest.mark.parametrize("noise_m", [2e-4, 6e-4])
+def test_noise_of_a_moving_foot(noise_m):
+    scene = simulate(60, seed=6, noise_m=noise_m, rate_hz=200)
+    heights = scene.recording.feet[:, :, 2].copy()
+    heights[::17] = np.nan
+    assert height_noise(heights) == pytest.approx(noise_m, rel=0.15)
+    assert np.isnan(height_noise(heights * np.nan))
+
+
+def test_noise_where_every_third_frame_is_seen_and_where_there_is_none():
+    scene = simulate(60, seed=6, rate_hz=600)
+    heights = scene.recording.feet[:, :, 2].copy()
+    heights[np.arange(len(heights)) % 3 > 0] = np.nan
+    assert height_noise(heights) == pytest.approx(6e-4, rel=0.15)
+    assert height_noise(np.zeros((50, 2))) == LEAST_NOISE_M
+    rare = np.full((100, 2), np.nan)
+    rare[[1, 50, 99]] = 0.1
+    assert np.isnan(height_noise(rare))
+
+
+# Descents through the two sections.
+
+SECTIONS = {"pre_height_m": 0.3, "post_height_m": -0.3}
+
+
+def wave(rate_hz=100.0, cycles=5):
+    time = np.arange(int(cycles * rate_hz)) / rate_hz
+    return time, np.cos(2 * np.pi * time)
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 2000.0])
+def test_instants_of_a_cosine(rate_hz):
+    time, height = wave(rate_hz)
+    found = find_transitions(time, height, **SECTIONS)
+    expected = np.arange(5)
+    chord = 0.5 * 0.3 * (2 * np.pi) ** 2 / (8 * rate_hz**2)  # sagitta over speed, about
+    assert len(found) == 5
+    np.testing.assert_allclose(
+        found.t_pre, expected + np.arccos(0.3) / (2 * np.pi), atol=chord / 5 + 1e-12
+    )
+    np.testing.assert_allclose(
+        found.t_post, expected + np.arccos(-0.3) / (2 * np.pi), atol=chord / 5 + 1e-12
+    )
+    np.testing.assert_allclose(found.gap_pre, 1 / rate_hz)
+
+
+def test_a_bounce_has_no_post_crossing():
+    time, height = wave()
+    shallow = np.where((time > 1) & (time < 2), 0.2 + 0.8 * np.abs(height), height)
+    found = find_transitions(time, np.where((time > 1) & (time < 2), shallow, height), **SECTIONS)
+    assert np.isnan(found.t_post).sum() == len(found) - 4
+    assert found.complete.sum() == 4
+
+
+def test_noise_about_a_section_makes_no_descents_of_its_own():
+    time, height = wave(2000.0)
+    noisy = height + np.random.default_rng(0).normal(0, 0.004, len(time))
+    assert np.sum((noisy[:-1] >= 0.3) & (noisy[1:] < 0.3)) > 5
+    assert len(find_transitions(time, noisy, **SECTIONS)) == 5
+
+
+def test_missing_frames_widen_the_gap():
+    time, height = wave()
+    height[18:23] = np.nan  # about the first descent through 0.3
+    found = find_transitions(time, height, **SECTIONS)
+    assert len(found) == 5
+    assert found.gap_pre[0] == pytest.approx(0.06)
+    assert found.gap_pre[1] == pytest.approx(0.01)
+
+
+def test_where_no_crossing_is_seen_the_gap_is_that_which_may_hide_it():
+    time, height = wave()
+    sound = find_transitions(time, height, **SECTIONS)
+    height[25:90] = np.nan  # from between the sections to above them again
+    hidden = find_transitions(time, height, **SECTIONS)
+    assert np.isnan(hidden.t_post[0])
+    assert hidden.gap_post[0] == pytest.approx(0.66)
+    shallow = find_transitions(time, np.where(time < 1, np.maximum(height, 0), height), **SECTIONS)
+    assert len(sound) == len(hidden) == len(shallow) == 5
+    bounce = find_transitions(*wave(), pre_height_m=0.3, post_height_m=-1.5)
+    assert np.isnan(bounce.t_post).all()
+    np.testing.assert_allclose(bounce.gap_post, 0.01)
+
+
+def test_a_hidden_top_is_told_by_its_gap():
+    time, height = hops([1.0, 0.2, 1.0, 1.0])
+    height[(time > 2.06) & (time < 2.46)] = np.nan  # about the third top
+    low = find_low_flights(time, height, **SECTIONS)
+    gaps = dict(zip(np.round(low.t_pre, 1).tolist(), low.gap_pre.tolist(), strict=True))
+    assert min(gaps.values()) == pytest.approx(time[1] - time[0])
+    assert max(gaps.values()) > 0.1
+
+
+def test_a_recording_that_starts_low_or_ends_in_descent():
+    time, height = wave()
+    found = find_transitions(time[22:440], height[22:440], **SECTIONS)  # between the sections
+    assert len(found) == 4
+    assert found.complete.sum() == 4
+    found = find_transitions(time[:423], height[:423], **SECTIONS)
+    assert len(found) == 5
+    assert found.complete.tolist() == [True] * 4 + [False]
+
+
+def test_every_landing_is_found():
+    scene = simulate(50, seed=2)
+    found = find_transitions(
+        scene.recording.time,
+        scene.recording.body_height,
+        pre_height_m=PRE_HEIGHT_M,
+        post_height_m=POST_HEIGHT_M,
+    )
+    assert len(found) == 50
+    assert (found.t_pre < scene.contact_times.min(axis=1)).all()
+    assert (found.t_post > scene.contact_times.max(axis=1)).all()
+
+
+def test_mistakes_are_named():
+    time, height = wave()
+    with pytest.raises(AnalysisError, match="below the pre section"):
+        find_transitions(time, height, pre_height_m=0.1, post_height_m=0.2)
+
+
+def test_a_body_that_never_sinks_through_the_section_makes_no_transition():
+    time, height = wave()
+    assert len(find_transitions(time, height, pre_height_m=-2.0, post_height_m=-3.0)) == 0
+    assert len(find_transitions(time, height * np.nan, **SECTIONS)) == 0
+
+
+def hops(tops, rate_hz=200.0):
+    """Parabolas of 0.5 s from -0.6 to each top, with a trough of 0.5 s between them."""
+    local = np.arange(round(rate_hz)) / rate_hz
+    up = local < 0.5
+    pieces = [
+        np.where(up, -0.6 + (top + 0.6) * (1 - (4 * local - 1) ** 2), -0.6 - 0.2 * (local - 0.5))
+        for top in tops
+    ]
+    return np.arange(len(tops) * len(local)) / rate_hz, np.concatenate(pieces)
+
+
+def test_a_hop_that_stays_below_the_pre_section_is_found_at_its_top():
+    time, height = hops([1.0, 0.2, 0.9, -0.1, 1.0])  # below 0, half way, is no hop
+    assert len(find_transitions(time, height, **SECTIONS)) == 3
+    low = find_low_flights(time, height, **SECTIONS)
+    np.testing.assert_allclose(low.t_pre, [1.25])
+    fall = np.sqrt(1 - (-0.3 + 0.6) / (0.2 + 0.6))
+    np.testing.assert_allclose(low.t_post, [1.25 + 0.25 * fall], atol=1e-3)
+    both, kind = together(find_transitions(time, height, **SECTIONS), low)
+    assert kind.tolist() == [0, 1, 0, 0]
+    assert (np.diff(both.t_pre) > 0).all()
+
+
+def test_a_top_that_was_not_recorded_is_no_low_flight():
+    time, height = hops([0.2, 1.0])
+    assert len(find_low_flights(time[60:], height[60:], **SECTIONS)) == 0  # begins on the way down
+    assert len(find_low_flights(time, height * np.nan, **SECTIONS)) == 0

@@ -1,0 +1,148 @@
+"""Contact instants and orders against the truth of a springy-legged scene."""
+
+import numpy as np
+import pytest
+from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
+
+from hopdata.errors import ConfigError
+from hopdata.landings.contacts.descents import LANDED, MISSING, POOR_FIT, find_transitions
+from hopdata.landings.contacts.find import find_contacts
+
+
+def found(scene, heights=None, *, pre=PRE_HEIGHT_M, **options):
+    recording = scene.recording
+    transitions = find_transitions(
+        recording.time, recording.body_height, pre_height_m=pre, post_height_m=POST_HEIGHT_M
+    )
+    heights = recording.feet[:, :, 2] if heights is None else heights
+    return find_contacts(recording.time, heights, transitions, down_height_m=0.02, **options)
+
+
+def right_orders(scene, contacts):
+    order = np.argsort(contacts.instant, axis=1)
+    return (order == np.argsort(scene.contact_times, axis=1)).all(axis=1).mean()
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return simulate(600, seed=1)
+
+
+@pytest.mark.parametrize(
+    ("gravity", "largest_ms", "least_right"),
+    [("learned", 0.32, 0.96), ("known", 0.3, 0.96), ("free", 0.4, 0.95)],
+)
+def test_kink_fit(scene, gravity, largest_ms, least_right):
+    contacts = found(scene, gravity=gravity)
+    error = (contacts.instant - scene.contact_times) * 1e3
+    assert (contacts.status == LANDED).all()
+    assert error.std() < largest_ms
+    assert abs(error.mean()) < 0.1
+    assert right_orders(scene, contacts) > least_right
+    covered = np.abs(contacts.instant - scene.contact_times) < contacts.se
+    assert 0.63 < covered.mean() < 0.78
+    assert contacts.noise_m == pytest.approx(6e-4, rel=0.03)
+
+
+def test_later_feet_are_not_biased_by_the_pushes_of_earlier_ones(scene):
+    contacts = found(scene)
+    order = np.argsort(scene.contact_times, axis=1)
+    error = np.take_along_axis(contacts.instant - scene.contact_times, order, axis=1)
+    assert np.abs(error.mean(axis=0)).max() < 1e-4
+
+
+def test_the_printed_method_is_worse(scene):
+    kink = right_orders(scene, found(scene))
+    options = {"pre": PRE_HEIGHT_M + 0.04}
+    parabola = right_orders(scene, found(scene, method="velocity_minimum_parabola", **options))
+    whole = right_orders(scene, found(scene, method="velocity_minimum", **options))
+    assert kink > parabola > whole
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"feet": 2}, {"feet": 4}, {"feet": 6, "body": 4}, {"rate_hz": 50}, {"rate_hz": 1000}],
+)
+def test_any_number_of_feet_at_any_rate(options):
+    scene = simulate(80, seed=3, **options)
+    contacts = found(scene)
+    error = contacts.instant - scene.contact_times
+    assert (contacts.status == LANDED).mean() > 0.98
+    assert np.nanstd(error) < 6e-4
+    assert 0.6 < np.mean(np.abs(error) < contacts.se) < 0.86
+
+
+def test_missing_frames_and_feet_that_do_not_keep_to_the_law(scene):
+    heights = scene.recording.feet[:, :, 2].copy()
+    at = np.searchsorted(scene.recording.time, scene.contact_times)
+    for k in range(-1, 2):
+        heights[at[0, 0] + k, 0] = np.nan  # a short gap at a contact: still fitted
+    heights[at[1, 0] : at[1, 0] + 12, 0] = np.nan  # no frame on the floor
+    jolts = np.random.default_rng(0).normal(0, 0.03, 6)
+    heights[at[2, 1] - 6 : at[2, 1], 1] += jolts
+    contacts = found(scene, heights)
+    assert contacts.status[0, 0] == LANDED
+    assert abs(contacts.instant[0, 0] - scene.contact_times[0, 0]) < 0.002
+    assert contacts.status[1, 0] in (MISSING, POOR_FIT)
+    assert contacts.status[2, 1] == POOR_FIT
+    assert (contacts.status[3:] == LANDED).all()
+
+
+def test_rolling_feet_are_fitted_in_short_windows():
+    scene = simulate(60, seed=8, noise_m=1e-4)
+    at = np.searchsorted(scene.recording.time, scene.contact_times)
+    heights = scene.recording.feet[:, :, 2].copy()
+    time = scene.recording.time
+    for row, foot in np.ndindex(at.shape):
+        near = slice(at[row, foot] - 12, at[row, foot] + 12)
+        heights[near, foot] += 0.006 * np.abs(np.sin(60 * (time[near] - time[at[row, foot]])))
+    contacts = found(scene, heights)
+    assert contacts.noise_m > 2e-4  # the law does not hold to within the noise
+    assert (contacts.status == LANDED).mean() > 0.9
+
+
+def test_unknown_choices_name_the_nearest(scene):
+    with pytest.raises(ConfigError, match="did you mean 'kink'"):
+        found(scene, method="kinks")
+    with pytest.raises(ConfigError, match=r"touchdowns.gravity.*did you mean 'learned'"):
+        found(scene, gravity="learnt")
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3])
+def test_drop_outs_anywhere_cost_landings_but_spoil_none(share):
+    scene = simulate(300, seed=11)
+    heights = scene.recording.feet[:, :, 2].copy()
+    rng = np.random.default_rng(4)
+    for foot in range(3):
+        for start in np.flatnonzero(rng.random(len(heights)) < share / 10):
+            heights[start : start + rng.integers(1, 21), foot] = np.nan
+    contacts = found(scene, heights)
+    timed = contacts.status == LANDED
+    assert 0.2 < timed.mean() < 0.98
+    assert np.isfinite(contacts.se[timed]).all()
+    error = (contacts.instant - scene.contact_times)[timed]
+    assert np.sqrt(np.mean(error**2)) < 1e-3
+    assert np.abs(error / contacts.se[timed]).mean() < 1.2
+
+
+def test_a_recording_without_noise_is_the_best_one():
+    scene = simulate(200, seed=12, noise_m=0.0)
+    contacts = found(scene)
+    assert (contacts.status == LANDED).mean() > 0.99
+    assert np.std(contacts.instant - scene.contact_times) < 1.5e-4
+    assert right_orders(scene, contacts) > 0.99
+
+
+def test_every_second_frame_is_enough():
+    scene = simulate(200, seed=13)
+    heights = scene.recording.feet[:, :, 2].copy()
+    heights[1::2] = np.nan
+    contacts = found(scene, heights)
+    assert (contacts.status == LANDED).mean() > 0.9
+    assert right_orders(scene, contacts) > 0.9
+
+
+def test_no_descent_makes_no_contact():
+    scene = simulate(20, seed=14)
+    for method in ("kink", "velocity_minimum"):
+        assert found(scene, pre=9.0, method=method).instant.shape == (0, 3)

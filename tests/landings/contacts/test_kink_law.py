@@ -1,0 +1,178 @@
+"""Contact instants against the Cramer-Rao bound, on feet whose contacts are known exactly."""
+
+import numpy as np
+import pytest
+from falling_feet import NOISE_M, RATE_HZ, SPEED_M_S, falls
+
+from hopdata.landings.contacts.descents import LANDED
+from hopdata.landings.contacts.find import LONG_WINDOWS_S, find_contacts
+from hopdata.landings.contacts.kink import FlightPriors, KinkFits
+from hopdata.landings.contacts.kink_law import FootHeights, Law, learn, learned_law, weak_priors
+from hopdata.landings.kink_bound import mean_kink_bound
+from hopdata.landings.schedules import order_probability
+
+FIRST_MEASURED_MS = {"known": 0.49, "learned": 0.49, "free": 0.84}
+
+
+def found(feet, gravity="learned", **options):
+    return find_contacts(
+        feet.time, feet.heights, feet.transitions, down_height_m=0.015, gravity=gravity, **options
+    )
+
+
+def errors_ms(feet, contacts):
+    assert (contacts.status == LANDED).mean() > 0.999
+    error = 1e3 * (contacts.instant - feet.contacts)
+    return error[np.isfinite(error).all(axis=1)]
+
+
+def right(feet, contacts):
+    order, truth = (np.argsort(x, axis=1) for x in (contacts.instant, feet.contacts))
+    return (order == truth).all(axis=1)
+
+
+def covered(feet, contacts):
+    error = contacts.instant - feet.contacts
+    return np.nanmean(np.abs(error - np.nanmean(error)) < contacts.se)
+
+
+def bound_ms(gravity, **options):
+    return 1e3 * mean_kink_bound(
+        rate_hz=RATE_HZ,
+        windows_s=LONG_WINDOWS_S,
+        noise_m=NOISE_M,
+        velocity_m_s=-SPEED_M_S,
+        known_gravity=gravity != "free",
+        **options,
+    )
+
+
+@pytest.fixture(scope="module")
+def hard():
+    return falls(2000, seed=21)
+
+
+@pytest.mark.parametrize(("gravity", "share"), [("known", 0.95), ("learned", 0.95), ("free", 0.91)])
+def test_hard_contacts(hard, gravity, share):
+    contacts = found(hard, gravity)
+    error = errors_ms(hard, contacts)
+    assert error.std() <= 1.1 * FIRST_MEASURED_MS[gravity]
+    assert error.std() <= 1.1 * bound_ms(gravity)
+    assert abs(error.mean()) < 0.1
+    assert 0.63 < covered(hard, contacts) < 0.73
+    chance = np.sqrt(share * (1 - share) / len(hard.contacts))
+    assert right(hard, contacts).mean() > share - 2 * chance
+    sure = order_probability(contacts.instant, contacts.se) >= 0.9
+    assert sure.mean() > 0.75
+    chance = np.sqrt(0.99 * 0.01 / sure.sum())
+    assert right(hard, contacts)[sure].mean() > 0.99 - 2 * chance
+
+
+def test_contacts_5_ms_apart_are_told_apart():
+    feet = falls(500, seed=22, apart_s=0.005)
+    for gravity in ("known", "free"):
+        assert right(feet, found(feet, gravity)).mean() > 0.99
+
+
+@pytest.mark.parametrize("gravity", ["known", "learned"])
+def test_three_frames_missing_at_each_contact(gravity):
+    feet = falls(1200, seed=23, missing=3)
+    contacts = found(feet, gravity)
+    assert errors_ms(feet, contacts).std() < 0.77  # 0.75 in the mean; sampling error 0.01
+    assert 0.63 < covered(feet, contacts) < 0.75
+
+
+@pytest.mark.parametrize(
+    "law",
+    [{"compliance_s": 0.005}, {"creep_m_s": -0.02}, {"compliance_s": 0.005, "creep_m_s": 0.02}],
+)
+@pytest.mark.parametrize("gravity", ["known", "free"])
+def test_soft_contacts_and_creep(law, gravity):
+    feet = falls(800, seed=24, **law)
+    contacts = found(feet, gravity)
+    error = errors_ms(feet, contacts)
+    assert error.std() < 1.1 * bound_ms(gravity, **law)
+    assert abs(error.mean()) < 0.5  # ignored, a compliance of 5 ms delays by more than 5 ms
+    assert 0.63 < covered(feet, contacts) < 0.75
+
+
+def law_of(feet):
+    near = feet.contacts + 0.002
+    heights = FootHeights(feet.time, feet.heights, LONG_WINDOWS_S)
+    start = Law(weak_priors(3, "learned"), NOISE_M)
+    return learned_law(heights, heights.first_fits(near, start).instant, start, own=True)
+
+
+def test_the_law_has_the_parts_that_the_feet_have():
+    hard = law_of(falls(300, seed=25))
+    assert (hard.compliance_s, hard.creeps, hard.pushes) == (0.0, False, False)
+    assert hard.priors.mean[:, 0] == pytest.approx([-9.81] * 3, abs=0.3)
+    soft = law_of(falls(300, seed=26, compliance_s=0.005))
+    assert soft.compliance_s == pytest.approx(0.005, abs=0.001)
+    assert not soft.creeps
+    creeping = law_of(falls(300, seed=27, creep_m_s=-0.02))
+    assert creeping.compliance_s == 0.0
+    assert creeping.creeps
+    assert creeping.priors.mean[:, -1] == pytest.approx([-0.02] * 3, abs=0.005)
+
+
+def test_the_printed_method_is_far_from_the_limit(hard):
+    whole, parabola = (
+        found(hard, method=f"velocity_minimum{kind}").instant - hard.contacts
+        for kind in ("", "_parabola")
+    )
+    assert 1e3 * np.std(whole) > 3.0
+    assert 1e3 * np.std(parabola) > 1.1
+
+
+# Distributions of the laws over the landings.
+
+
+def posteriors(value, variance, prior_mean, prior_sd):
+    """Fits of two feet whose creep the data know to within `variance`, under a normal prior."""
+    landings = len(value)
+    flight, se = np.zeros((landings, 2, 4)), np.full((landings, 2, 4), np.inf)
+    precision = 1 / variance + 1 / prior_sd**2
+    flight[:, 0, 3] = (value / variance + prior_mean / prior_sd**2) / precision
+    se[:, 0, 3] = 1 / np.sqrt(precision)
+    blank, counts = np.zeros((landings, 2)), np.zeros((landings, 2), dtype=np.int64)
+    return KinkFits(blank, blank, blank, blank, flight, se, blank, blank, blank, counts, counts)
+
+
+def creep_learned(value, variance, prior_mean=0.0, prior_sd=0.1):
+    prior = FlightPriors(np.zeros((2, 4)), np.full((2, 4), prior_sd))
+    prior.mean[:, 3] = prior_mean
+    found = learn(posteriors(value, variance, prior_mean, prior_sd), noise_m=1.0, prior=prior)
+    return found.mean[0, 3], found.sd[0, 3]
+
+
+@pytest.mark.parametrize("prior_mean", [0.0, 0.05])
+def test_the_distribution_behind_is_found_whatever_the_prior(prior_mean):
+    rng = np.random.default_rng(1)
+    variance = rng.uniform(1e-4, 4e-4, 2000)
+    value = rng.normal(0.02, 0.01, 2000) + rng.normal(0, np.sqrt(variance))
+    mean, sd = creep_learned(value, variance, prior_mean)
+    assert mean == pytest.approx(0.02, abs=0.0015)
+    assert sd == pytest.approx(0.01, abs=0.0015)
+
+
+def test_what_does_not_vary_has_no_spread():
+    rng = np.random.default_rng(2)
+    variance = np.full(1000, 1e-4)
+    mean, sd = creep_learned(0.02 + rng.normal(0, 0.01, 1000), variance)
+    assert mean == pytest.approx(0.02, abs=0.001)
+    assert sd < 0.004
+
+
+def test_outliers_do_not_widen_it():
+    rng = np.random.default_rng(3)
+    variance = np.full(1000, 1e-5)
+    value = rng.normal(0.0, 0.01, 1000)
+    value[:20] = 5.0
+    _, sd = creep_learned(value, variance)
+    assert sd == pytest.approx(0.011, abs=0.002)
+
+
+def test_too_few_or_too_vague_leave_the_prior():
+    assert creep_learned(np.full(7, 0.02), np.full(7, 1e-4)) == (0.0, 0.1)
+    assert creep_learned(np.full(100, 0.02), np.full(100, 1.0)) == (0.0, 0.1)

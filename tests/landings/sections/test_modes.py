@@ -1,0 +1,175 @@
+import numpy as np
+import pytest
+from scipy.stats import gaussian_kde
+
+from hopdata.errors import AnalysisError
+from hopdata.landings.sections.modes import finite, ground_mode, kde, normal_bandwidth
+
+
+def feet(rng, n=30000, sigma=0.0006, ground=0.0):
+    return np.concatenate(
+        [rng.normal(ground, sigma, n // 2), ground + rng.uniform(0, 0.25, n - n // 2)]
+    )
+
+
+@pytest.mark.parametrize("ground", [-0.3, 0.0, 0.044])
+def test_finds_ground_and_noise(ground):
+    mode = ground_mode(feet(np.random.default_rng(0), ground=ground))
+    assert mode.height_m == pytest.approx(ground, abs=1e-4)
+    assert mode.sigma_m == pytest.approx(0.0006, rel=0.1)
+    assert mode.knee(3.0) == mode.height_m + 3 * mode.sigma_m
+
+
+def test_knee_is_stable_against_the_bandwidth():
+    heights = feet(np.random.default_rng(1))
+    widths = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3, 2.46e-3)
+    knees = [ground_mode(heights, bandwidth_m=width).knee(3.0) for width in widths]
+    assert np.ptp(knees) < 2.5e-4
+
+
+def test_takes_the_lower_of_two_large_modes_even_if_the_upper_is_larger():
+    rng = np.random.default_rng(2)
+    heights = np.concatenate([rng.normal(0, 0.001, 3000), rng.normal(0.2, 0.001, 6000)])
+    assert ground_mode(heights).height_m == pytest.approx(0.0, abs=2e-4)
+
+
+def test_a_few_glitches_below_the_ground_are_no_mode():
+    rng = np.random.default_rng(3)
+    heights = np.concatenate([feet(rng), rng.normal(-0.1, 0.001, 200)])
+    mode = ground_mode(heights)
+    assert mode.height_m == pytest.approx(0.0, abs=1e-4)
+    assert mode.sigma_m == pytest.approx(0.0006, rel=0.1)
+
+
+def test_data_without_noise_keep_a_finest_sigma():
+    heights = np.concatenate([np.zeros(500), np.linspace(0, 0.2, 500)])
+    mode = ground_mode(heights)
+    assert mode.height_m == pytest.approx(0.0, abs=2e-5)
+    assert mode.sigma_m == pytest.approx(1e-5)
+
+
+def test_heights_in_whole_millimetres_have_at_least_half_their_step():
+    rng = np.random.default_rng(4)
+    fine = feet(rng, sigma=5e-5)
+    coarse = ground_mode(np.round(fine, 3))
+    assert coarse.sigma_m >= 5e-4
+    assert coarse.height_m == pytest.approx(0.0, abs=5e-4)
+    assert ground_mode(np.round(fine, 6)).sigma_m == pytest.approx(5e-5, rel=0.2)
+
+
+def test_too_few_heights():
+    with pytest.raises(AnalysisError, match="at least 20 frames"):
+        ground_mode(np.append(np.zeros(19), np.nan))
+
+
+def exact(samples, bandwidth, grid):
+    scaled = (grid[:, None] - samples) / bandwidth
+    return np.exp(-0.5 * scaled**2).sum(axis=1) / (len(samples) * bandwidth * np.sqrt(2 * np.pi))
+
+
+@pytest.fixture
+def heights():
+    rng = np.random.default_rng(1)
+    return np.concatenate([rng.normal(0, 0.0007, 2000), rng.uniform(0, 0.25, 2000)])
+
+
+@pytest.mark.parametrize("bandwidth", [1e-4, 3e-4, 1e-3, 2.46e-3, 1e-2, 5e-2, 1.0])
+@pytest.mark.parametrize("nodes", [2, 37, 1024])
+def test_agrees_with_the_exact_sum(heights, bandwidth, nodes):
+    grid = np.linspace(-0.02, 0.27, nodes)
+    expected = exact(heights, bandwidth, grid)
+    error = np.abs(kde(heights, bandwidth=bandwidth, grid=grid) - expected)
+    assert error.max() < 1e-8 * exact(heights, bandwidth, np.sort(heights)).max()
+
+
+@pytest.mark.parametrize("bandwidth", [3e-4, 2.46e-3, 5e-2])
+def test_compiled_code_gives_the_same(heights, bandwidth):
+    grid = np.linspace(0.01, 0.27, 512)
+    samples = np.concatenate([[np.nan], heights, [np.inf, -np.inf, -300.0, 1e300]])
+    expected = kde(samples, bandwidth=bandwidth, grid=grid)
+    found = kde(samples, bandwidth=bandwidth, grid=grid, compiled=True)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * expected.max())
+    with pytest.raises(ValueError, match="at least one finite value"):
+        kde([np.nan, np.inf], bandwidth=bandwidth, grid=grid, compiled=True)
+    single, double = (
+        kde(values, bandwidth=bandwidth, grid=grid, compiled=True)
+        for values in (np.float32(heights), np.float32(heights).astype(float))
+    )
+    assert np.array_equal(single, double)
+
+
+def test_agrees_with_scipy(heights):
+    grid = np.linspace(-0.02, 0.27, 400)
+    peer = gaussian_kde(heights, bw_method=0.01)
+    ours = kde(heights, bandwidth=float(np.sqrt(peer.covariance[0, 0])), grid=grid)
+    np.testing.assert_allclose(ours, peer(grid), rtol=0, atol=1e-8 * ours.max())
+
+
+def test_is_the_exact_kernel_for_one_sample_between_nodes():
+    grid = np.linspace(-1, 1, 301)
+    density = kde([0.1234], bandwidth=0.05, grid=grid)
+    np.testing.assert_allclose(
+        density, exact(np.array([0.1234]), 0.05, grid), rtol=0, atol=1e-8 * density.max()
+    )
+    assert np.trapezoid(density, grid) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_samples_off_the_grid_reach_into_it_and_count_in_the_total():
+    grid = np.linspace(0.0, 1.0, 101)
+    samples = np.array([-0.05, 0.5, 7.0, -300.0])
+    density = kde(samples, bandwidth=0.1, grid=grid)
+    np.testing.assert_allclose(density, exact(samples, 0.1, grid), rtol=0, atol=1e-8)
+    assert density[0] > 0.5
+    assert np.trapezoid(density, grid) < 0.4
+
+
+def test_nothing_wraps_around_from_one_end_to_the_other():
+    density = kde([1.0], bandwidth=0.02, grid=np.linspace(0.0, 1.0, 501))
+    assert density[0] == pytest.approx(0.0, abs=1e-9)
+    assert density[-1] == pytest.approx(1 / (0.02 * np.sqrt(2 * np.pi)), rel=1e-6)
+
+
+def test_moving_samples_and_grid_together_changes_nothing(heights):
+    grid = np.linspace(-0.02, 0.27, 300)
+    here = kde(heights, bandwidth=1e-3, grid=grid)
+    there = kde(heights + 5.0, bandwidth=1e-3, grid=grid + 5.0)
+    np.testing.assert_allclose(there, here, rtol=0, atol=1e-6 * here.max())
+
+
+def test_values_that_are_not_finite_are_ignored(heights):
+    grid = np.linspace(0, 0.25, 100)
+    with_gaps = np.concatenate([heights, [np.nan, np.inf, -np.inf]])
+    np.testing.assert_array_equal(
+        kde(with_gaps, bandwidth=1e-3, grid=grid), kde(heights, bandwidth=1e-3, grid=grid)
+    )
+    assert finite(with_gaps).size == heights.size
+
+
+@pytest.mark.parametrize(
+    ("samples", "bandwidth", "grid", "message"),
+    [
+        ([np.nan], 0.1, [0, 1], "at least one finite value"),
+        ([0.0], 0.0, [0, 1], "positive"),
+        ([0.0], np.nan, [0, 1], "positive"),
+        ([0.0], 0.1, [0, 1, 3], "equally spaced"),
+        ([0.0], 0.1, [1, 0], "equally spaced"),
+        ([0.0], 0.1, [1], "at least 2 nodes"),
+        ([0.0], 1e-9, [0, 1], "too small for a grid"),
+    ],
+)
+def test_says_what_is_wrong(samples, bandwidth, grid, message):
+    with pytest.raises(ValueError, match=message):
+        kde(samples, bandwidth=bandwidth, grid=grid)
+
+
+def test_normal_bandwidth_of_a_normal_sample():
+    values = np.random.default_rng(2).normal(3.0, 2.0, 10000)
+    assert normal_bandwidth(values) == pytest.approx(0.9 * 2.0 * 10000**-0.2, rel=0.02)
+
+
+def test_normal_bandwidth_is_not_widened_by_a_few_far_away():
+    values = np.random.default_rng(2).normal(0.0, 1.0, 1000)
+    far = np.concatenate([values, np.full(10, 1e3)])
+    assert normal_bandwidth(far) == pytest.approx(normal_bandwidth(values), rel=0.05)
+    with pytest.raises(ValueError, match="at least 2"):
+        normal_bandwidth([1.0])

@@ -1,0 +1,348 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from section_fakes import hopper, true_sections
+
+from hopdata.errors import AnalysisError
+from hopdata.landings.floor import fit_floor, level
+from hopdata.landings.sections.frames import descents, landing_frames
+from hopdata.landings.sections.select import (
+    Sections,
+    section_densities,
+    section_frames,
+    select_sections,
+)
+from hopdata.recordings.readers.hdf5 import read_recording, read_truth
+
+
+@pytest.fixture(scope="module")
+def fake():
+    return hopper(np.random.default_rng(1))
+
+
+@pytest.fixture(scope="module")
+def sections(fake):
+    return select_sections([fake.recording])
+
+
+@pytest.fixture(scope="module")
+def table(fake, sections):
+    return section_densities([fake.recording], sections, nodes=800)
+
+
+def curve(table, name):
+    rows = table[table.curve == name]
+    return rows.height_m.to_numpy(), rows.density_per_m.to_numpy()
+
+
+def test_every_curve_is_a_density(table):
+    assert list(table.columns) == ["curve", "height_m", "density_per_m"]
+    assert set(table.curve) == {
+        "min_foot",
+        "max_foot",
+        "body_all",
+        "body_given_all_up",
+        "body_given_all_down",
+        "body_given_some_down",
+        "body_given_some_up",
+    }
+    for name in table.curve.unique():
+        height, density = curve(table, name)
+        assert len(height) == 800
+        assert density.min() >= 0
+        assert np.trapezoid(density, height) == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("noise_m", [0.0, 1e-4])
+def test_heights_in_whole_millimetres_have_sections_and_curves(noise_m):
+    fine = hopper(np.random.default_rng(2), noise_m=noise_m).recording
+    coarse = replace(fine, positions=np.round(fine.positions + 0.0004, 3))  # 0 or 1 mm, in stance
+    expected, found = select_sections([fine]), select_sections([coarse])
+    assert found.post_height_m == pytest.approx(expected.post_height_m, abs=0.01)
+    assert found.pre_height_m == pytest.approx(expected.pre_height_m, abs=0.01)
+    assert np.isfinite(section_densities([coarse], found)["density_per_m"]).all()
+
+
+def test_a_condition_and_its_complement_make_up_all_frames(fake, table):
+    height, whole = curve(table, "body_all")
+    centre = np.average(height, weights=whole)
+    n_up = (~fake.foot_down).all(axis=1).mean()
+    parts = [
+        np.average(height, weights=curve(table, name)[1])
+        for name in ("body_given_all_up", "body_given_some_down")
+    ]
+    assert n_up * parts[0] + (1 - n_up) * parts[1] == pytest.approx(centre, abs=2e-3)
+
+
+def test_the_sections_cut_off_the_conditional_densities(table, sections):
+    height, down = curve(table, "body_given_some_down")
+    step = height[1] - height[0]
+    assert down[height > sections.pre_height_m + 0.02].sum() * step < 0.005
+    height, up = curve(table, "body_given_some_up")
+    assert up[height < sections.post_height_m - 0.02].sum() * step < 0.005
+
+
+def test_the_ground_modes_stand_out_at_their_place(table, sections):
+    for name, mode in (
+        ("min_foot", sections.min_foot_mode),
+        ("max_foot", sections.max_foot_mode),
+    ):
+        height, density = curve(table, name)
+        assert height[np.argmax(density)] == pytest.approx(mode.height_m, abs=1e-3)
+
+
+def test_landings_make_the_body_curves(fake):
+    sections = select_sections([fake.recording], frames="landings")
+    table = section_densities([fake.recording], sections, nodes=400)
+    whole = section_densities([fake.recording], select_sections([fake.recording]), nodes=400)
+    for name in ("min_foot", "max_foot"):
+        np.testing.assert_array_equal(curve(table, name)[0], curve(whole, name)[0])
+    assert not np.array_equal(curve(table, "body_all")[1], curve(whole, "body_all")[1])
+
+
+def test_frames_are_thinned_evenly_and_hold_no_gaps():
+    fake = hopper(np.random.default_rng(1))
+    fake.recording.positions[100:200, 3] = np.nan
+    full = section_frames([fake.recording])
+    assert list(full.columns) == ["min_foot_m", "max_foot_m", "body_m"]
+    assert len(full) == -(-(len(fake.recording.time) - 100) // 2)
+    few = section_frames([fake.recording, fake.recording], max_rows=500)
+    assert 400 < len(few) <= 500
+    assert not few.isna().any().any()
+    assert (few.min_foot_m <= few.max_foot_m).all()
+
+
+SAMPLE = Path(__file__).parents[3] / "data" / "sample" / "hopper.h5"
+BANDWIDTHS = (1e-4, 2e-4, 4e-4, 8e-4, 1.6e-3, 2.46e-3)
+TAIL = 0.01
+
+
+@pytest.fixture(scope="module")
+def fake_sections():
+    return hopper(np.random.default_rng(1))
+
+
+@pytest.fixture(scope="module")
+def sample():
+    recording = read_recording(SAMPLE)
+    return level(recording, fit_floor(recording)), read_truth(SAMPLE)
+
+
+def errors_m(seeds, **options):
+    out = []
+    for seed in seeds:
+        fake = hopper(np.random.default_rng(seed), **options)
+        found = select_sections([fake.recording], tail_fraction=TAIL)
+        pre, post = true_sections(fake, TAIL)
+        out.append((found.pre_height_m - pre, found.post_height_m - post))
+    return np.array(out)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"extension_m": 0.0},
+        {"rate_hz": 400.0, "hops": 100},
+        {"feet": 2},
+        {"feet": 6},
+        {"noise_m": 0.0002},
+    ],
+)
+def test_bias_against_truth_is_half_a_threshold_at_most(options):
+    errors = errors_m(range(8), **options)
+    assert np.abs(errors.mean(axis=0)).max() < 0.5 * 0.0018 + 0.0003
+    assert np.abs(errors).max() < 4e-3
+
+
+@pytest.mark.parametrize("tail", [0.001, 0.01])
+def test_sample_within_2_mm_of_its_truth(sample, tail):
+    recording, truth = sample
+    found = select_sections([recording], tail_fraction=tail)
+    down = truth.foot_down
+    pre = np.quantile(truth.body_height[down.any(axis=1)], 1 - tail)
+    post = np.quantile(truth.body_height[~down.all(axis=1)], tail)
+    assert found.pre_height_m == pytest.approx(pre, abs=0.002)
+    assert found.post_height_m == pytest.approx(post, abs=0.002)
+    assert found.pre_height_m - found.post_height_m > 0.140
+
+
+def test_a_bare_threshold_would_miss_by_centimetres(sample):
+    recording, truth = sample
+    found = select_sections([recording])
+    highest = recording.feet[:, :, 2].max(axis=1)
+    bare = np.quantile(recording.body_height[highest > found.max_foot_threshold_m], 0.001)
+    post = np.quantile(truth.body_height[~truth.foot_down.all(axis=1)], 0.001)
+    assert abs(bare - post) > 0.02
+
+
+def test_sections_do_not_depend_on_the_bandwidth(sample, fake_sections):
+    for recording in (sample[0], fake_sections.recording):
+        found = [
+            select_sections([recording], bandwidth_m=width, tail_fraction=TAIL)
+            for width in BANDWIDTHS
+        ]
+        assert np.ptp([s.pre_height_m for s in found]) < 5e-4
+        assert np.ptp([s.post_height_m for s in found]) < 5e-4
+
+
+def test_halves_of_the_data_agree(sample):
+    recording, _ = sample
+    n = len(recording.time)
+    halves = [
+        select_sections(
+            [replace(recording, time=recording.time[part], positions=recording.positions[part])],
+            tail_fraction=TAIL,
+        )
+        for part in (slice(0, n // 2), slice(n // 2, n))
+    ]
+    assert halves[0].pre_height_m == pytest.approx(halves[1].pre_height_m, abs=0.005)
+    assert halves[0].post_height_m == pytest.approx(halves[1].post_height_m, abs=0.005)
+    assert halves[0].min_foot_threshold_m == pytest.approx(halves[1].min_foot_threshold_m, abs=1e-4)
+
+
+def test_two_recordings_are_pooled(fake_sections):
+    n = len(fake_sections.recording.time) // 2
+    parts = [
+        replace(
+            fake_sections.recording,
+            time=fake_sections.recording.time[p],
+            positions=fake_sections.recording.positions[p],
+        )
+        for p in (slice(0, n), slice(n, None))
+    ]
+    whole, pooled = select_sections([fake_sections.recording]), select_sections(parts)
+    assert pooled.n_frames == whole.n_frames
+    assert pooled.pre_height_m == pytest.approx(whole.pre_height_m, abs=1e-4)
+    assert pooled.post_height_m == pytest.approx(whole.post_height_m, abs=1e-4)
+    assert select_sections(parts[:1]).n_frames == n
+
+
+def test_thresholds_are_the_knees_of_the_ground_modes(fake_sections):
+    found = select_sections([fake_sections.recording], threshold_sigmas=4.0)
+    assert found.min_foot_threshold_m == found.min_foot_mode.knee(4.0)
+    assert found.max_foot_threshold_m == found.max_foot_mode.knee(4.0)
+    assert found.min_foot_mode.height_m < found.ground_m < found.max_foot_mode.height_m
+    assert found.ground_m == pytest.approx(0.0, abs=1e-4)
+    assert set(found.decided.values()) == {"data"}
+
+
+def test_gaps_are_left_out(fake_sections):
+    rng = np.random.default_rng(2)
+    positions = fake_sections.recording.positions.copy()
+    hidden = rng.uniform(size=positions.shape[:2]) < 0.02
+    positions[hidden] = np.nan
+    found = select_sections(
+        [replace(fake_sections.recording, positions=positions)], tail_fraction=TAIL
+    )
+    whole = select_sections([fake_sections.recording], tail_fraction=TAIL)
+    assert found.n_frames == int((~hidden.any(axis=1)).sum())
+    assert found.pre_height_m == pytest.approx(whole.pre_height_m, abs=0.002)
+    assert found.post_height_m == pytest.approx(whole.post_height_m, abs=0.002)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("pre_height_m", 0.52),
+        ("post_height_m", 0.35),
+        ("min_foot_threshold_m", 0.004),
+        ("max_foot_threshold_m", 0.005),
+    ],
+)
+def test_each_height_can_be_given(fake_sections, name, value):
+    free = select_sections([fake_sections.recording])
+    found = select_sections([fake_sections.recording], **{name: value})
+    assert getattr(found, name) == value
+    assert [k for k, how in found.decided.items() if how == "config"] == [name]
+    others = [k for k in found.decided if k != name and not k.endswith("height_m")]
+    for other in others:
+        assert getattr(found, other) == getattr(free, other)
+
+
+def test_a_given_threshold_is_taken_at_its_word(fake_sections):
+    found = select_sections(
+        [fake_sections.recording], min_foot_threshold_m=0.02, tail_fraction=TAIL
+    )
+    lowest = fake_sections.recording.feet[:, :, 2].min(axis=1)
+    expected = np.quantile(fake_sections.recording.body_height[lowest <= 0.02], 1 - TAIL)
+    assert found.pre_height_m == pytest.approx(expected, abs=1e-3)
+
+
+def test_landings_use_only_the_descents_to_the_ground(fake_sections):
+    found = select_sections([fake_sections.recording], frames="landings", tail_fraction=TAIL)
+    every = select_sections([fake_sections.recording], tail_fraction=TAIL)
+    up, down = (~fake_sections.foot_down).all(axis=1), fake_sections.foot_down.all(axis=1)
+    inside, landed = landing_frames(fake_sections.body_height, up, down)
+    pre = np.quantile(fake_sections.body_height[inside & ~up], 1 - TAIL)
+    post = np.quantile(fake_sections.body_height[inside & ~landed], TAIL)
+    assert found.pre_height_m == pytest.approx(pre, abs=0.002)
+    assert found.post_height_m == pytest.approx(post, abs=0.002)
+    assert found.n_used == pytest.approx(inside.sum(), rel=0.05)
+    assert found.pre_height_m < every.pre_height_m - 0.05  # no lift-off with its long legs
+
+
+def test_landings_see_past_feet_that_are_not_followed():
+    fake = hopper(np.random.default_rng(3), extension_m=0.0)
+    apexes = [apex for apex, _ in descents(fake.body_height)]
+    positions = fake.recording.positions.copy()
+    for begin, end in zip(apexes[1::2], apexes[2::2], strict=False):
+        positions[begin:end, 3:, 2] = 0.15 + 0.02 * np.sin(np.arange(end - begin))[:, None]
+    walker = replace(fake.recording, positions=positions)
+    alone = select_sections([fake.recording], frames="landings", tail_fraction=TAIL)
+    found = select_sections([walker], frames="landings", tail_fraction=TAIL)
+    assert found.n_used < 0.6 * alone.n_used
+    assert found.post_height_m == pytest.approx(alone.post_height_m, abs=0.004)
+    assert found.pre_height_m == pytest.approx(alone.pre_height_m, abs=0.004)
+    every = select_sections([walker], tail_fraction=TAIL)
+    assert every.post_height_m < found.post_height_m - 0.1  # the body sinks onto other feet
+
+
+def test_feet_that_never_leave_the_ground(fake_sections):
+    positions = fake_sections.recording.positions.copy()
+    positions[:, 3:, 2] = 0.0006 * np.random.default_rng(4).normal(size=(len(positions), 3))
+    standing = replace(fake_sections.recording, positions=positions)
+    with pytest.raises(AnalysisError, match=r"never leave the ground together.*min_foot_thr"):
+        select_sections([standing])
+    with pytest.raises(AnalysisError, match="go from all up to all down, found none"):
+        select_sections([standing], frames="landings")
+    given = select_sections([standing], pre_height_m=0.5, post_height_m=0.4)
+    assert (given.pre_height_m, given.post_height_m) == (0.5, 0.4)
+
+
+def test_the_pre_section_must_be_above_the_post_section(fake_sections):
+    with pytest.raises(AnalysisError, match=r"set sections\.pre_height_m and sections\.post_h"):
+        select_sections([fake_sections.recording], pre_height_m=0.3, post_height_m=0.4)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"frames": "some"}, {"tail_fraction": -0.1}, {"tail_fraction": 0.5}, {"threshold_sigmas": 0}],
+)
+def test_options_out_of_range(fake_sections, options):
+    with pytest.raises(ValueError, match=f"{next(iter(options))}: expected"):
+        select_sections([fake_sections.recording], **options)
+    with pytest.raises(ValueError, match="recordings: expected"):
+        select_sections([])
+
+
+def test_goes_through_json(fake_sections):
+    found = select_sections([fake_sections.recording], pre_height_m=0.55)
+    assert Sections.from_dict(json.loads(json.dumps(found.to_dict()))) == found
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("min_foot_threshold_m", -1.0), ("max_foot_threshold_m", 5.0)]
+)
+def test_a_threshold_beyond_all_frames_is_told(fake_sections, name, value):
+    with pytest.raises(AnalysisError, match=f"{name}: expected a height that divides the frames"):
+        select_sections([fake_sections.recording], **{name: value})
+
+
+def test_a_bandwidth_finer_than_any_camera_still_works(fake_sections):
+    usual = select_sections([fake_sections.recording])
+    finest = select_sections([fake_sections.recording], bandwidth_m=1e-12)
+    assert finest.pre_height_m == pytest.approx(usual.pre_height_m, abs=5e-4)

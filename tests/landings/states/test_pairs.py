@@ -1,0 +1,183 @@
+"""Pairs: assembled, invariant, converted, kept in a file."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
+
+from hopdata.errors import AnalysisError, ConfigError
+from hopdata.landings.states.assemble import STATELESS, assemble_pairs, exclude_stateless
+from hopdata.landings.states.pairs import read_pairs, write_pairs
+from hopdata.landings.touchdowns import touchdown_table
+
+SECTIONS = {"pre_height_m": PRE_HEIGHT_M, "post_height_m": POST_HEIGHT_M}
+SCENE = simulate(40, seed=11, body=4)
+TABLE = touchdown_table(SCENE.recording, **SECTIONS)
+
+
+def moved(recording, angle, shift):
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    return replace(recording, positions=recording.positions @ turn + [*shift, 0])
+
+
+def pairs(recording=SCENE.recording, table=TABLE, **options):
+    return assemble_pairs([recording], table, **SECTIONS, **options)
+
+
+def test_shape_order_and_sections():
+    found = pairs(home_marker="body2")
+    assert found.x.shape == found.y.shape == (40, 24)
+    np.testing.assert_allclose(found.x[:, 2:12:3].mean(axis=1), PRE_HEIGHT_M, atol=1e-12)
+    np.testing.assert_allclose(found.y[:, 2:12:3].mean(axis=1), POST_HEIGHT_M, atol=1e-12)
+    assert (found.x[:, 14:24:3].mean(axis=1) < -1.5).all()
+    along = np.hypot(found.x[:, 3], found.x[:, 4])
+    assert (found.x[:, 3] > 0.99 * along).all()  # body2 lies on the x axis, on average
+    np.testing.assert_array_equal(found.schedule, TABLE["schedule"])
+    assert found.body_markers == ("body1", "body2", "body3", "body4")
+
+
+def test_ambiguous_touchdowns_can_serve_without_a_schedule():
+    doubtful = TABLE.assign(**{"class": TABLE["schedule"].where(TABLE.index % 5 != 0, "ambiguous")})
+    kept, pooled = pairs(table=doubtful), pairs(table=doubtful, ambiguous="pool")
+    np.testing.assert_array_equal(kept.schedule, TABLE["schedule"])
+    np.testing.assert_array_equal(pooled.schedule == "", TABLE.index % 5 == 0)
+    np.testing.assert_array_equal(pooled.x, kept.x)
+
+
+@pytest.mark.parametrize("method", ["split_fit", "savitzky_golay"])
+@settings(max_examples=15, deadline=None)
+@given(angle=st.floats(-7, 7), shift=st.tuples(st.floats(-1, 1), st.floats(-1, 1)))
+def test_no_planar_rigid_motion_matters(method, angle, shift):
+    ours = pairs(method=method)
+    theirs = pairs(moved(SCENE.recording, angle, shift), method=method)
+    np.testing.assert_allclose(theirs.x, ours.x, atol=1e-12, rtol=0)
+    np.testing.assert_allclose(theirs.y, ours.y, atol=1e-12, rtol=0)
+
+
+def test_a_tilt_does_matter():
+    tilt = np.array([[1, 0, 0], [0, np.cos(0.05), np.sin(0.05)], [0, -np.sin(0.05), np.cos(0.05)]])
+    leaning = replace(SCENE.recording, positions=SCENE.recording.positions @ tilt)
+    assert np.nanmax(np.abs(pairs(leaning).x - pairs().x)) > 1e-3
+
+
+def test_units_and_back():
+    raw = pairs()
+    other = raw.in_units(0.02913, 0.027)
+    np.testing.assert_allclose(other.x[:, :12], raw.x[:, :12] / 0.02913)
+    np.testing.assert_allclose(other.y[:, 12:], raw.y[:, 12:] / (0.02913 / 0.027))
+    np.testing.assert_allclose(other.in_units(1.0, 1.0).y, raw.y, rtol=1e-14)
+    assert (other.length_unit_m, other.time_unit_s) == (0.02913, 0.027)
+    with pytest.raises(ValueError, match="positive"):
+        raw.in_units(0.0, 1.0)
+
+
+def test_only_used_touchdowns_of_all_recordings():
+    second = replace(simulate(20, seed=12, body=4).recording, name="second")
+    table = touchdown_table(second, **SECTIONS)
+    table.loc[3, "excluded"] = True
+    import pandas as pd
+
+    both = pd.concat([TABLE, table])
+    found = assemble_pairs([SCENE.recording, second], both, **SECTIONS)
+    assert len(found) == 59
+    assert found.recording.tolist() == ["synthetic"] * 40 + ["second"] * 19
+    assert 3 not in found.index[40:]
+
+
+def test_a_state_without_frames_is_left_out_and_logged(caplog):
+    positions = SCENE.recording.positions.copy()
+    at = np.searchsorted(SCENE.recording.time, TABLE["t_pre_s"].iloc[5])
+    positions[at - 40 : at + 4, 1] = np.nan
+    found = pairs(replace(SCENE.recording, positions=positions))
+    assert 5 not in found.index
+    assert len(found) == 39
+    assert "too few frames for the states of touchdowns 5" in caplog.text
+    marked = exclude_stateless(TABLE, found)
+    assert marked.loc[marked["excluded"], "index"].tolist() == [5]
+    assert marked.loc[5, "reason"] == STATELESS
+    assert not exclude_stateless(TABLE, pairs())["excluded"].any()
+
+
+def test_file_round_trip(tmp_path):
+    ours = pairs().in_units(0.03, 0.02)
+    path = tmp_path / "maps" / "pairs.h5"
+    write_pairs(path, ours)
+    theirs = read_pairs(path)
+    for name in ("x", "y", "schedule", "spread_s", "recording", "index", "x_se", "y_se"):
+        np.testing.assert_array_equal(getattr(theirs, name), getattr(ours, name))
+    import h5py
+
+    with h5py.File(path) as file:
+        assert all(file[name].attrs["description"] for name in file)
+    assert theirs.body_markers == ours.body_markers
+    assert (theirs.length_unit_m, theirs.time_unit_s) == (0.03, 0.02)
+    assert [p.name for p in path.parent.iterdir()] == ["pairs.h5"]
+
+
+def test_a_file_may_have_no_standard_errors(tmp_path):
+    write_pairs(tmp_path / "pairs.h5", replace(pairs(), x_se=None, y_se=None))
+    theirs = read_pairs(tmp_path / "pairs.h5")
+    assert theirs.x_se is theirs.y_se is None
+    assert theirs.in_units(2.0, 3.0).x_se is None
+
+
+def test_standard_errors_are_those_of_the_states():
+    scene = simulate(150, seed=13)
+    table = touchdown_table(scene.recording, **SECTIONS)
+    noisy, quiet = (pairs(one, table) for one in (scene.recording, scene.clean))
+    for name in ("x", "y"):
+        error = getattr(noisy, name) - getattr(quiet, name)
+        score = error[:, 12:] / getattr(noisy, f"{name}_se")[:, 12:]  # the home frame shifts places
+        assert np.mean(score**2) == pytest.approx(1.0, abs=0.25)
+        assert 0.63 < np.mean(np.abs(score) < 1) < 0.76
+
+
+@pytest.mark.parametrize("angle", [0.7, 2.0])
+def test_standard_errors_turn_with_the_home_frame(angle):
+    theirs = pairs(moved(SCENE.recording, angle, (0.3, -0.2)))
+    np.testing.assert_allclose(theirs.x_se, pairs().x_se, rtol=1e-9)
+    np.testing.assert_allclose(theirs.y_se, pairs().y_se, rtol=1e-9)
+
+
+def test_standard_errors_change_units_with_the_states():
+    raw, other = pairs(), pairs().in_units(0.02, 0.01)
+    np.testing.assert_allclose(other.x_se / raw.x_se, other.x / raw.x)
+
+
+def test_mistakes_are_named(tmp_path):
+    with pytest.raises(ConfigError, match="did you mean 'body3'"):
+        pairs(home_marker="boddy3")
+    with pytest.raises(AnalysisError, match="found none"):
+        pairs(table=TABLE.assign(excluded=True))
+    with pytest.raises(AnalysisError, match="no such file"):
+        read_pairs(tmp_path / "none.h5")
+    (tmp_path / "text.h5").write_text("not HDF5")
+    with pytest.raises(AnalysisError, match="not a file of pairs"):
+        read_pairs(tmp_path / "text.h5")
+    with pytest.raises(ValueError, match="x: expected"):
+        replace(pairs(), x=np.zeros((2, 2)))
+
+
+def test_why_there_is_no_pair_is_said_of_each_recording():
+    far = replace(SCENE.recording, name="far")
+    poor = TABLE.assign(excluded=True, reason="poor fit of foot 1")
+    with pytest.raises(AnalysisError) as caught:
+        assemble_pairs([SCENE.recording, far], poor, pre_height_m=9.0, post_height_m=8.0)
+    text = str(caught.value)
+    assert f"{len(TABLE)} descents, poor fit of foot 1 in {len(TABLE)}" in text
+    assert "far: the body never sinks through the pre section, its heights are 0." in text
+    assert "sections.pre_height_m" in text
+    with pytest.raises(AnalysisError, match=": 1 descent, poor fit of foot 1 in 1"):
+        assemble_pairs([SCENE.recording], poor.head(1), pre_height_m=9.0, post_height_m=8.0)
+
+
+def test_two_pairs_are_too_few_and_it_is_said_why():
+    few = TABLE.copy()
+    few.loc[2:, ["excluded", "reason"]] = [True, "post section never reached"]
+    told = f"at least 3 usable .* found 2 .*{len(TABLE)} descents, post section never reached in "
+    with pytest.raises(AnalysisError, match=told):
+        pairs(table=few)

@@ -1,0 +1,170 @@
+"""The checks are good on good data, and each fails on data with its own fault."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hopdata.landings.checks import GOOD, LOOK, POOR, UNKNOWN, check_study
+
+WHAT = {
+    "seen": "frames seen, worst marker",
+    "faults": "swaps, spikes, jumps, frozen, time",
+    "noise": "noise of a coordinate over expected",
+    "used": "descents used",
+    "error": "error of a contact over the spread",
+    "order": "orders less sure than 0.9",
+    "sections": "sections move, over their distance",
+    "drift": "drift, in spreads",
+}
+
+
+@pytest.fixture
+def tables():
+    markers = pd.DataFrame(
+        {
+            "recording": "r",
+            "marker": ["b1", "f1", "boom"],
+            "role": ["body", "foot", "boom"],
+            "frames": 1000,
+            "missing": [0, 2, 900],
+            "longest_s": [0.0, 0.02, 9.0],
+            "noise_m": [6e-4, 6.1e-4, 6e-4],
+        }
+    )
+    faults = pd.DataFrame({"kind": []}, dtype=object)
+    touchdowns = pd.DataFrame(
+        {
+            "se_f1_s": [3e-4] * 10,
+            "se_f2_s": [3e-4] * 10,
+            "spread_s": [0.01] * 10,
+            "probability": [1.0] * 10,
+            "excluded": [False] * 9 + [True],
+            "reason": [""] * 9 + ["late"],
+        }
+    )
+    stability = pd.DataFrame(
+        {
+            "variant": ["all data", "half"],
+            "pre_height_m": [0.5, 0.502],
+            "post_height_m": [0.3, 0.299],
+            "note": ["", ""],
+        }
+    )
+    drift = pd.DataFrame(
+        {
+            "quantity": "contact spread",
+            "part": ["a", "b"],
+            "median": [1.0, 1.1],
+            "typical": 1.05,
+            "se": 0.1,
+            "deviation": [-0.05, 0.05],
+        }
+    )
+    return {
+        "markers": markers,
+        "faults": faults,
+        "touchdowns": touchdowns,
+        "stability": stability,
+        "drift": drift,
+    }
+
+
+def judged(tables, noise_m=6e-4, **options):
+    return {c.what: c for c in check_study(**tables, expected_noise_m=noise_m, **options)}
+
+
+def test_good_data_are_good(tables):
+    found = judged(tables)
+    assert list(found) == list(WHAT.values())
+    assert {c.status for c in found.values()} == {GOOD}
+    assert found[WHAT["seen"]].value == pytest.approx(99.8)  # the boom does not count
+    assert found[WHAT["sections"]].value == pytest.approx(1.0)
+    assert "late (1)" in found[WHAT["used"]].remark
+
+
+@pytest.mark.parametrize(
+    ("name", "table", "column", "value", "status"),
+    [
+        ("seen", "markers", "missing", 30, LOOK),
+        ("seen", "markers", "missing", 200, POOR),
+        ("noise", "markers", "noise_m", 1.2e-3, LOOK),
+        ("noise", "markers", "noise_m", 2.4e-3, POOR),
+        ("noise", "markers", "noise_m", np.nan, UNKNOWN),
+        ("used", "touchdowns", "excluded", True, POOR),
+        ("error", "touchdowns", "se_f1_s", 0.002, LOOK),
+        ("order", "touchdowns", "probability", 0.8, POOR),
+        ("sections", "stability", "post_height_m", [0.3, 0.32], LOOK),
+        ("sections", "stability", "pre_height_m", [0.5, 0.6], POOR),
+        ("drift", "drift", "deviation", [0.9, 0.1], GOOD),  # not beyond its errors
+    ],
+)
+def test_each_fault_is_seen_by_its_own_check(tables, name, table, column, value, status):
+    tables[table][column] = value
+    found = judged(tables)
+    assert found[WHAT[name]].status == status
+
+
+def test_the_worst_foot_is_not_hidden_by_the_others(tables):
+    tables["touchdowns"] = tables["touchdowns"].assign(se_f3_s=2.0)
+    found = judged(tables)[WHAT["error"]]
+    assert found.status == POOR
+    assert found.remark.endswith("worst foot f3")
+
+
+def test_drift_beyond_its_errors_is_named(tables):
+    tables["drift"] = tables["drift"].assign(median=[1.0, 2.0], deviation=[-0.05, 0.9])
+    found = judged(tables)[WHAT["drift"]]
+    assert (found.status, found.value) == (LOOK, 0.9)
+    assert found.remark == "contact spread in b"
+
+
+def test_faults_are_counted_by_kind(tables):
+    tables["faults"] = pd.DataFrame({"kind": ["swap", "swap", "spike"]})
+    found = judged(tables)[WHAT["faults"]]
+    assert (found.status, found.value) == (LOOK, 3.0)
+    assert found.remark == "2 swap, 1 spike"
+
+
+@pytest.mark.parametrize(("marker", "told"), [("b1", True), ("f1", False)])
+def test_descents_that_nobody_could_see_are_not_passed_over(tables, marker, told):
+    away = tables["markers"]["marker"] == marker
+    tables["markers"] = tables["markers"].assign(
+        missing=np.where(away, 500, 0), longest_s=np.where(away, 5.0, 0.5)
+    )
+    remark = judged(tables)[WHAT["used"]].remark
+    assert remark.startswith("9 of 10")
+    assert ("b1 (missing in 50 % of r)" in remark) == told
+    tables["touchdowns"] = tables["touchdowns"].head(0)
+    assert ("b1 (missing in 50 % of r)" in judged(tables)[WHAT["used"]].remark) == told
+
+
+def test_without_an_expected_noise_the_found_one_is_shown(tables):
+    found = judged(tables, noise_m=None)[WHAT["noise"]]
+    assert found.status == UNKNOWN
+    assert "0.6 mm found" in found.remark
+
+
+def test_a_study_without_touchdowns_has_no_good_landings(tables):
+    tables["touchdowns"] = tables["touchdowns"].head(0)
+    tables["drift"] = tables["drift"].head(0)
+    found = judged(tables)
+    for name in ("used", "error", "order", "drift"):
+        assert found[WHAT[name]].status == UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("other_feet", "value", "status"), [(False, 40.0, POOR), (True, 80.0, GOOD)]
+)
+def test_landings_of_feet_that_are_not_followed_do_not_count(tables, other_feet, value, status):
+    landed = ["", "", "", "", "late"]
+    tables["touchdowns"]["reason"] = landed + ["no foot landed"] * 5
+    tables["touchdowns"]["excluded"] = tables["touchdowns"]["reason"] != ""
+    found = judged(tables, other_feet=other_feet)[WHAT["used"]]
+    assert (found.value, found.status) == (value, status)
+    assert ("5 of other feet" in found.remark) == other_feet
+
+
+def test_no_landing_of_any_followed_foot_is_poor(tables):
+    tables["touchdowns"] = tables["touchdowns"].assign(excluded=True, reason="no foot landed")
+    found = judged(tables, other_feet=True)[WHAT["used"]]
+    assert (found.value, found.status) == (0.0, POOR)

@@ -1,0 +1,33 @@
+import numpy as np
+
+from hopdata.landings.floor_surface import design, directions, polynomial_terms, within_rim
+
+
+def test_columns_of_the_design_are_products_of_powers():
+    places = np.random.default_rng(0).uniform(-1, 1, (50, 2))
+    terms = polynomial_terms(4)
+    expected = np.column_stack([places[:, 0] ** i * places[:, 1] ** j for i, j in terms])
+    np.testing.assert_allclose(design(places, terms), expected, rtol=1e-14)
+    assert design(np.empty((0, 2)), terms).shape == (0, 15)
+
+
+def test_places_beyond_the_rim_go_straight_to_it():
+    rng = np.random.default_rng(1)
+    places, rim = rng.uniform(-3, 3, (2000, 2)), rng.uniform(0.8, 1.2, 24)
+    moved = within_rim(places, rim)
+    beyond = (places @ directions(24).T / rim).max(axis=1)
+    inside = beyond <= 1.0
+    assert 0.05 < inside.mean() < 0.95
+    np.testing.assert_array_equal(moved[inside], places[inside])
+    np.testing.assert_allclose((moved @ directions(24).T / rim).max(axis=1)[~inside], 1.0)
+    np.testing.assert_allclose(moved * np.maximum(beyond, 1.0)[:, None], places, rtol=1e-14)
+
+
+def test_unknown_places_stay_unknown_and_the_given_ones_are_kept():
+    places = np.array([[np.nan, 0.0], [5.0, 0.0], [0.0, 0.0]])
+    kept = places.copy()
+    moved = within_rim(places, np.ones(24))
+    assert np.isnan(moved[0]).any()
+    np.testing.assert_allclose(moved[1:], [[1.0, 0.0], [0.0, 0.0]])
+    np.testing.assert_array_equal(places, kept)
+    assert within_rim(np.empty((0, 2)), np.ones(24)).shape == (0, 2)

@@ -1,0 +1,199 @@
+"""Sections from parts of the data, and drift: nothing where there is none, found where there is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from section_fakes import hopper
+
+from hopdata.landings.sections.select import select_sections
+from hopdata.landings.stability import (
+    BANDWIDTH_FACTORS,
+    LEAST,
+    MARGIN_S,
+    OPEN_S,
+    QUANTITIES,
+    drift_table,
+    landing_samples,
+    section_stability,
+    worst_landings,
+)
+from hopdata.landings.touchdowns import touchdown_table
+
+
+def trial(name, seed, **options):
+    made = hopper(np.random.default_rng(seed), hops=150, **options).recording
+    return replace(made, name=name)
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    return [trial("a", 1), trial("b", 2)]
+
+
+@pytest.fixture(scope="module")
+def sections(recordings):
+    return select_sections(recordings)
+
+
+def tables_of(recordings, sections):
+    heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
+    return pd.concat([touchdown_table(one, **heights) for one in recordings], ignore_index=True)
+
+
+def test_the_chosen_sections_stand_first_and_every_variant_once(recordings, sections):
+    table = section_stability(recordings, sections, {})
+    assert table["pre_height_m"][0] == sections.pre_height_m
+    counts = dict(table["kind"].value_counts(sort=False))
+    assert counts.pop("second") in (1, 2)
+    assert counts == {"chosen": 1, "bandwidth": len(BANDWIDTH_FACTORS), "half": 2, "recording": 2}
+    assert table["pre_height_m"].notna().all()
+    moved = (table["pre_height_m"] - sections.pre_height_m).abs()
+    assert moved.max() < 0.03
+    assert moved[table["kind"] == "recording"].max() > 0.0
+
+
+def test_one_bad_second_is_named_and_without_it_the_sections_are_as_before(recordings, sections):
+    """Someone lifts the animal while a foot's name is on a marker on the floor."""
+    positions = recordings[1].positions.copy()
+    bad = slice(1000, 1040)
+    positions[bad, recordings[1].indices("foot")[0], 2] = sections.ground_m
+    for marker in recordings[1].indices("body"):
+        positions[bad, marker, 2] += 0.1
+    lifted = [recordings[0], replace(recordings[1], positions=positions)]
+    moved = select_sections(lifted)
+    assert moved.pre_height_m > sections.pre_height_m + 0.02
+    table = section_stability(lifted, moved, {})
+    second = table[table["kind"] == "second"].iloc[0]
+    assert second["variant"].endswith("± 0.5 s of b")
+    named = float(second["variant"].split()[1])
+    assert recordings[1].time[bad][0] - 0.1 < named < recordings[1].time[bad][-1] + 0.1
+    assert second["pre_height_m"] == pytest.approx(sections.pre_height_m, abs=0.003)
+
+
+def test_a_single_recording_has_no_variants_by_recording(recordings, sections):
+    table = section_stability(recordings[:1], sections, {})
+    assert "recording" not in set(table["kind"])
+
+
+def test_heights_from_the_configuration_stay(recordings):
+    options = {"pre_height_m": 0.45, "post_height_m": 0.3}
+    table = section_stability(recordings, select_sections(recordings, **options), options)
+    assert (table["pre_height_m"] == 0.45).all()
+    assert (table["post_height_m"] == 0.3).all()
+
+
+def test_a_part_that_gives_no_sections_says_why(recordings, sections):
+    still = recordings[0].positions.copy()
+    half = len(still) // 2
+    still[half:] = still[half]
+    resting = replace(recordings[0], positions=still)
+    table = section_stability([resting], sections, {})
+    second = table[table["variant"] == "second half"].iloc[0]
+    assert np.isnan(second["pre_height_m"])
+    assert second["note"]
+
+
+def test_recordings_of_one_kind_do_not_drift(recordings, sections):
+    drift = drift_table(recordings, tables_of(recordings, sections))
+    assert set(drift["quantity"]) == set(QUANTITIES)
+    assert set(drift["part"]) == {"a", "b"}
+    off = ((drift["median"] - drift["typical"]) / drift["se"]).abs()
+    assert off.max() < 4.0
+
+
+def test_a_moved_marker_is_drift_of_the_body_alone(recordings, sections):
+    marker = recordings[1].positions.copy()
+    marker[:, recordings[1].indices("body")[0], 0] += 0.004
+    moved = [recordings[0], replace(recordings[1], positions=marker)]
+    drift = drift_table(moved, tables_of(moved, sections))
+    off = ((drift["median"] - drift["typical"]) / drift["se"]).abs()
+    largest = off.groupby(drift["quantity"]).max()
+    assert largest["distance between body markers"] > 5.0
+    assert largest.drop("distance between body markers").max() < 4.0
+
+
+def test_a_single_recording_is_compared_by_quarters(recordings, sections):
+    drift = drift_table(recordings[:1], tables_of(recordings[:1], sections))
+    assert list(dict.fromkeys(drift["part"])) == [f"part {k} of 4" for k in (1, 2, 3, 4)]
+    sizes = drift[drift["quantity"] == "contact spread"]["touchdowns"]
+    assert sizes.max() - sizes.min() <= 1
+
+
+def test_too_few_touchdowns_give_an_empty_table(recordings, sections):
+    few = tables_of(recordings[:1], sections).head(LEAST - 1)
+    assert drift_table(recordings[:1], few).empty
+    assert drift_table(recordings[:1], few.head(0)).empty
+
+
+def test_a_single_part_is_compared_with_nothing(recordings, sections):
+    table = tables_of(recordings, sections)
+    other = table["recording"] == recordings[1].name
+    few = pd.concat([table[~other], table[other].head(LEAST - 1)])
+    assert drift_table(recordings, few).empty
+
+
+# The landings to look at: one of each reason, then the least sure.
+
+
+def table(reasons, errors, probabilities):
+    n = len(reasons)
+    return pd.DataFrame(
+        {
+            "recording": "fake",
+            "index": np.arange(n),
+            "t_pre_s": 1.0 + np.arange(n),
+            "t_post_s": 1.1 + np.arange(n),
+            "contact_foot1_s": 1.05 + np.arange(n),
+            "se_foot1_s": errors,
+            "probability": probabilities,
+            "excluded": [bool(reason) for reason in reasons],
+            "reason": reasons,
+        }
+    )
+
+
+def test_one_of_each_reason_then_the_least_sure_in_turn():
+    made = table(
+        ["late", "", "late", "", "poor", "", "late", ""],
+        [9, 1, 9, 4, 9, 2, 9, 3],
+        [0, 0.7, 0, 0.9, 0, 0.6, 0, 1.0],
+    )
+    found = worst_landings(made, 6)
+    assert list(found["landing"]) == [1, 2, 3, 4, 5, 6]
+    assert found["why"][0] == "excluded (3 times): late"
+    assert found["why"][1] == "excluded (once): poor"
+    assert list(found["index"][2:]) == [3, 5, 7, 1]  # error 4, p 0.6, error 3, p 0.7
+    assert list(found["why"][2:4]) == ["least sure contact", "most doubtful order"]
+
+
+@pytest.mark.parametrize("number", [1, 2, 50])
+def test_never_more_than_asked_for_nor_twice_the_same(number):
+    made = table(["a", "b", "c", "", ""], [1, 2, 3, 4, 5], [1.0] * 5)
+    found = worst_landings(made, number)
+    assert len(found) == min(number, 5)
+    assert found["index"].is_unique
+
+
+def test_no_touchdown_at_all():
+    empty = table([], [], [])
+    found = worst_landings(empty, 12)
+    assert found.empty
+    assert landing_samples([], found).empty
+
+
+def test_samples_are_the_recording_around_the_landing():
+    recording = hopper(np.random.default_rng(0), hops=20).recording
+    name, feet = recording.name, recording.names("foot")
+    made = table(["", "never down"], [1.0, np.nan], [1.0, 0.0]).assign(recording=name)
+    made.loc[1, "t_post_s"] = np.nan
+    samples = landing_samples([recording], worst_landings(made, 2))
+    for landing, end in ((2, 0.1), (1, OPEN_S)):
+        own = samples[samples["landing"] == landing]
+        assert set(own["foot"]) == set(feet)
+        assert own["time_s"].min() == pytest.approx(-MARGIN_S, abs=0.011)
+        assert own["time_s"].max() == pytest.approx(end + MARGIN_S, abs=0.011)
+    first = samples[(samples["landing"] == 2) & (samples["foot"] == feet[1])]
+    frames = np.searchsorted(recording.time, 1.0 + first["time_s"].to_numpy() - 1e-9)
+    assert np.array_equal(first["height_m"], recording.feet[frames, 1, 2])

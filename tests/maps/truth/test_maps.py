@@ -1,0 +1,201 @@
+"""The exact map in the axes of the estimates, and errors against it."""
+
+import json
+
+import numpy as np
+import pytest
+from made_up_landings import ARMS, END, MIDDLE, POINTS, coefficients, landings, noisy
+
+from hopdata.maps.coordinates import rigid_states, section_coordinates, split_states
+from hopdata.maps.corrected.estimates import estimate_maps
+from hopdata.maps.truth.maps import (
+    estimate_errors,
+    exact_map,
+    input_root,
+    largest_difference,
+    marker_states,
+    relative_difference,
+    score_estimates,
+    score_verdict,
+    true_effect,
+    verdict_errors,
+)
+from hopdata.rigid import body_shape
+
+TIME_S = 0.02
+EXACT = {
+    "body_points_m": POINTS.tolist(),
+    "x": MIDDLE.tolist(),
+    "y": [END.tolist()] * 2,
+    "maps": [(coefficients().T + d).tolist() for d in (0.1, -0.1)],
+}
+
+
+def test_marker_states_are_undone_by_the_rigid_body_fit():
+    rng = np.random.default_rng(2)
+    x, y = (np.hstack([np.zeros((20, 3)), 0.3 * rng.normal(size=(20, 8))]) for _ in range(2))
+    y[:, :3] = rng.normal(size=(20, 3))
+    fits = (rigid_states(marker_states(z, ARMS), ARMS) for z in (x, y))
+    inputs, outputs = section_coordinates(*fits)
+    np.testing.assert_allclose(inputs, x[:, 3:], atol=1e-12)
+    np.testing.assert_allclose(outputs, y, atol=1e-12)
+
+
+def test_in_the_axes_of_the_body_it_is_the_mean_of_the_schedules():
+    before, _, _ = landings(50)
+    found = exact_map(EXACT, before, shape=ARMS, time_unit_s=TIME_S)
+    np.testing.assert_allclose(found.coefficients, coefficients(), rtol=1e-6, atol=1e-7)
+    assert found.error(coefficients()) < 1e-6
+    assert found.error(2 * coefficients()) == pytest.approx(1.0, rel=1e-6)
+    assert found.inputs.shape == (50, 8)
+
+
+def test_estimates_in_axes_of_their_own_agree_with_it():
+    """Small deviations from the middle, so that the estimate is the derivative there."""
+    rng = np.random.default_rng(0)
+    dx = 1e-4 * rng.normal(size=(60, 8))
+    before = marker_states(np.hstack([np.zeros((60, 3)), MIDDLE + dx]), ARMS)
+    after = marker_states(END + dx @ coefficients(), ARMS)
+    shape = body_shape(split_states(before)[0])
+    assert np.abs(shape - ARMS).max() > 1e-3  # turned by the mean attitude
+    found = exact_map(EXACT, before, shape=shape, time_unit_s=TIME_S)
+    estimates = estimate_maps(before, after, rng.normal(size=(60, 3)), time_unit_s=TIME_S)
+    assert found.error(estimates.maps["ols"].coefficients) < 1e-3
+    assert np.abs(found.coefficients - coefficients()).max() > 1e-2
+
+
+def turned(states, angle):
+    """Marker states in a frame of the plane that is turned and moved."""
+    c, s = np.cos(angle), np.sin(angle)
+    parts = states.reshape(len(states), 6, 3) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    parts[:, :3, :2] += [0.3, -0.7]
+    return parts.reshape(len(states), -1)
+
+
+def test_errors_do_not_depend_on_the_frame_of_the_plane():
+    true, after, instants = landings(300)
+    before = noisy(true, 2e-4, 1e-2)
+    errors = []
+    for angle in (0.0, 0.4):
+        pair = (turned(states, angle) for states in (before, after))
+        found = estimate_maps(*pair, instants, time_unit_s=TIME_S)
+        exact = exact_map(EXACT, true, shape=found.shape, time_unit_s=TIME_S)
+        errors.append([exact.error(one.coefficients) for one in found.maps.values()])
+    np.testing.assert_allclose(*errors, rtol=0.02)
+
+
+def test_errors_and_gain_are_said():
+    before, after, instants = landings(700, bend=1.0)
+    seen = noisy(before, 1e-4, 1e-2)
+    estimates = estimate_maps(seen, after, instants, time_unit_s=TIME_S)
+    found = exact_map(EXACT, before, shape=estimates.shape, time_unit_s=TIME_S)
+    table = estimate_errors(found, json.loads(json.dumps(estimates.to_dict())))
+    error = table.set_index("estimator")["error"]
+    assert error["corrected_curved"] < 0.5 * error["printed"]
+    entries = score_estimates(table)
+    assert entries["map_estimate_error_ols"]["value"] == error["ols"]
+    gain = error["printed"] / error["corrected_curved"]
+    assert entries["map_estimate_gain"]["value"] == pytest.approx(gain)
+    assert "map_estimate_gain" not in score_estimates(table[table["estimator"] == "ols"])
+
+
+def test_the_table_has_displacements():
+    before, _, _ = landings(50)
+    found = exact_map(EXACT, before, shape=ARMS, time_unit_s=TIME_S)
+    row = found.table().iloc[11 * 2]
+    assert (row["input"], row["output"]) == ("forward_m_s", "step_x_m")
+    sd = found.inputs[:, 2].std(ddof=1)
+    assert row["standardised"] == pytest.approx(1e3 * sd * found.coefficients[2, 0])
+
+
+RNG = np.random.default_rng(2)
+X = RNG.normal(size=(500, 4)) @ RNG.normal(size=(4, 4))
+A, B = RNG.normal(size=(2, 3, 4))
+UNITS = np.array([1.0, 20.0, 0.1])
+
+
+def test_the_root_is_one_of_the_covariance():
+    root = input_root(X)
+    np.testing.assert_allclose(root @ root.T, np.cov(X.T), atol=1e-12)
+
+
+def test_a_difference_is_that_of_the_predictions():
+    centred = X - X.mean(axis=0)
+    apart, size = (np.linalg.norm(centred @ m.T / UNITS) for m in (A - B, B))
+    found = relative_difference(A, B, root=input_root(X), units=UNITS)
+    assert found == pytest.approx(apart / size, rel=1e-12)
+    assert relative_difference(B, B, root=input_root(X), units=UNITS) == 0
+    assert relative_difference(2 * B, B, root=input_root(X), units=UNITS) == pytest.approx(1)
+
+
+def test_it_does_not_change_with_the_coordinates_of_the_inputs():
+    turn = RNG.normal(size=(4, 4))
+    there, back = X @ turn.T, np.linalg.inv(turn)
+    found = relative_difference(A @ back, B @ back, root=input_root(there), units=UNITS)
+    assert found == pytest.approx(relative_difference(A, B, root=input_root(X), units=UNITS))
+
+
+def test_the_largest_of_all_pairs_is_relative_to_the_mean_map():
+    maps, root = np.array([B, B + 0.01 * A, B - 0.02 * A]), input_root(X)
+    mean = maps.mean(axis=0)
+    expected = relative_difference(mean + 0.03 * A, mean, root=root, units=UNITS)
+    assert largest_difference(maps, root=root, units=UNITS) == pytest.approx(expected)
+    assert largest_difference(maps[:1], root=root, units=UNITS) == 0
+
+
+# The true effect of made-up exact maps, and how a verdict is scored against it.
+
+VERDICT_TRUTH_TIME_S = 0.02
+ANSWER = {
+    "conclusion": "different",
+    "effect": {"estimate": 0.3, "low": 0.2, "high": 0.4, "upper_bound": 0.38, "detectable": 0.1},
+    "test": {"p_value": 0.001},
+}
+
+
+def exact(*changes):
+    return {
+        "body_points_m": POINTS.tolist(),
+        "x": MIDDLE.tolist(),
+        "y": [END.tolist()] * len(changes),
+        "maps": [(coefficients().T * (1 + change)).tolist() for change in changes],
+    }
+
+
+def test_equal_maps_have_no_effect():
+    assert (
+        true_effect(exact(0.0, 0.0, 0.0), landings(40)[0], time_unit_s=VERDICT_TRUTH_TIME_S) < 1e-12
+    )
+
+
+def test_effect_is_the_rms_over_the_pairs_of_schedules():
+    found = true_effect(exact(-0.1, 0.1, 0.0), landings(40)[0], time_unit_s=VERDICT_TRUTH_TIME_S)
+    assert found == pytest.approx(np.sqrt(np.mean([0.2**2, 0.1**2, 0.1**2])), rel=1e-9)
+
+
+def test_effect_is_measured_by_predictions():
+    """A change of one entry counts by what it does over the inputs that occur."""
+    before = landings(40)[0]
+    maps = exact(0.0, 0.0)
+    changed = np.array(maps["maps"])
+    changed[1, 3, 2] += 0.5
+    maps["maps"] = changed.tolist()
+    body = exact_map(maps, before, shape=np.empty((0, 3)), time_unit_s=VERDICT_TRUTH_TIME_S)
+    root = input_root(body.inputs)
+    size = np.linalg.norm(body.weights[:, None] * (changed.mean(axis=0) @ root))
+    wanted = 0.5 * body.weights[3] * np.linalg.norm(root[2]) / size
+    assert true_effect(maps, before, time_unit_s=VERDICT_TRUTH_TIME_S) == pytest.approx(
+        wanted, rel=1e-9
+    )
+
+
+@pytest.mark.parametrize(("true", "covered"), [(0.35, True), (0.1, False)])
+def test_score_says_whether_the_interval_holds_the_truth(true, covered):
+    entries = score_verdict(verdict_errors(true, ANSWER))
+    assert entries["verdict_true_effect"]["value"] == true
+    assert entries["verdict_interval_covers"]["value"] is covered
+
+
+def test_no_answer_is_not_scored():
+    none = {"conclusion": "cannot tell", "effect": None, "test": None}
+    assert score_verdict(verdict_errors(0.1, none)) == {}

@@ -1,0 +1,299 @@
+"""Planted faults are found with their frame, and clean recordings show none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up_hopper import (
+    MARKERS,
+    hopping,
+    with_frozen,
+    with_gap,
+    with_spike,
+    with_swap,
+)
+
+from hopdata.commands.terminal import listing
+from hopdata.errors import RecordingError
+from hopdata.recording import Recording
+from hopdata.recordings.quality.inspection import (
+    fault_table,
+    gap_table,
+    inspect,
+    inspect_recording,
+    marker_table,
+    recording_tables,
+    remark_table,
+)
+from hopdata.recordings.quality.roles import guess_roles
+from hopdata.recordings.raw import RawRecording
+from hopdata.recordings.readers.hdf5 import read_recording, write_recording
+
+
+def faults(positions, rate_hz=100.0):
+    time = np.arange(len(positions)) / rate_hz
+    return inspect_recording(RawRecording(MARKERS, time, positions, rate_hz, "m")).faults
+
+
+def gappy(positions, seed, *, each=5, longest=40):
+    rng = np.random.default_rng(seed)
+    for marker in MARKERS:
+        for start in rng.integers(0, len(positions) - longest, each):
+            positions = with_gap(positions, marker, start, start + rng.integers(1, longest))
+    return positions
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(("rate_hz", "noise_m"), [(50, 1e-3), (100, 6e-4), (300, 3e-4)])
+def test_a_clean_recording_shows_none_with_gaps_or_without(seed, rate_hz, noise_m):
+    _, positions = hopping(seed, rate_hz=rate_hz, noise_m=noise_m)
+    assert faults(positions, rate_hz).count == 0
+    assert faults(gappy(positions, seed), rate_hz).count == 0
+
+
+def test_the_sample_shows_none(sample_path):
+    from hopdata.recordings.readers.formats import read_raw
+
+    assert inspect_recording(read_raw(sample_path)).n_problems == 0
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("length", [1, 2, 3, 10, 200])
+def test_a_swap_is_found_with_markers_and_frames(seed, length):
+    rng = np.random.default_rng(seed)
+    one, other = rng.choice(MARKERS[:6], 2, replace=False)
+    start = int(rng.integers(100, 1500))
+    found = faults(with_swap(hopping(10 + seed)[1], one, other, start, start + length))
+    assert found.count == 1
+    (swap,) = found.swaps
+    assert set(swap.markers) == {one, other}
+    assert (swap.start, swap.stop) == (start, start + length)
+    assert "continuity" in swap.found_by
+
+
+@pytest.mark.parametrize(
+    ("pair", "gap"),
+    [
+        (("hip1", "hip2"), 5),
+        (("hip1", "hip2"), 70),
+        (("hip1", "toe1"), 5),
+        (("hip1", "toe1"), 70),
+        (("toe2", "toe3"), 5),
+    ],
+)
+def test_a_swap_that_begins_and_ends_in_gaps(pair, gap):
+    """After a long gap only the distances of a rigid cluster can tell."""
+    start, stop = 700, 1000
+    positions = with_swap(hopping(3)[1], *pair, start, stop)
+    for end in (start, stop):
+        for marker in pair:
+            positions = with_gap(positions, marker, end - gap, end)
+    found = faults(positions)
+    assert found.count == 1
+    (swap,) = found.swaps
+    assert set(swap.markers) == set(pair)
+    assert swap.start == start
+    assert stop - gap <= swap.stop <= stop
+    assert ("continuity" in swap.found_by) == (gap == 5)
+
+
+def test_a_swap_inside_a_rigid_cluster_is_seen_by_both_tests():
+    (swap,) = faults(with_swap(hopping(3)[1], "hip1", "hip2", 500, 600)).swaps
+    assert swap.found_by == ("continuity", "pair distances")
+
+
+def test_names_that_never_come_back():
+    found = faults(with_swap(hopping(4)[1], "toe1", "toe2", 1500, 2000))
+    (swap,) = found.swaps
+    assert (swap.start, swap.stop) == (1500, None)
+    assert found.count == 1
+
+
+def test_three_names_that_go_round():
+    positions = hopping(5)[1]
+    feet = [MARKERS.index(f"toe{i}") for i in (1, 2, 3)]
+    turned = positions.copy()
+    turned[800:900, feet] = positions[800:900][:, [feet[1], feet[2], feet[0]]]
+    found = faults(turned)
+    (swap,) = found.swaps
+    assert set(swap.markers) == {"toe1", "toe2", "toe3"}
+    assert (swap.start, swap.stop) == (800, 900)
+    assert found.count == 1
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 3])
+@pytest.mark.parametrize("marker", ["hip2", "toe1", "post"])
+def test_a_spike_is_found_and_nothing_else(marker, n_frames):
+    found = faults(with_spike(hopping(6)[1], marker, 777, 0.05, n_frames=n_frames))
+    (spike,) = found.spikes
+    assert (spike.marker, spike.start, spike.stop) == (marker, 777, 777 + n_frames)
+    assert spike.size == pytest.approx(0.05, rel=0.4 if n_frames == 1 else 1.4)
+    assert found.count == 1
+
+
+def test_a_jump_is_no_spike():
+    positions = hopping(7)[1]
+    positions[900:, MARKERS.index("hip3")] += [0.04, 0.0, 0.03]
+    found = faults(positions)
+    (jump,) = found.jumps
+    assert (jump.marker, jump.frame) == ("hip3", 900)
+    assert jump.size == pytest.approx(0.05, rel=0.3)
+    assert found.count == 1
+
+
+@pytest.mark.parametrize("marker", ["hip1", "toe3", "post"])
+def test_a_frozen_marker_is_found_with_its_frames(marker):
+    found = faults(with_frozen(hopping(8)[1], marker, 1200, 1215))
+    (frozen,) = found.frozen
+    assert (frozen.marker, frozen.start, frozen.stop) == (marker, 1200, 1215)
+    assert found.count == 1
+
+
+def test_repeats_by_rounding_are_no_frozen_marker():
+    """In a file of whole millimetres a resting foot repeats its place again and again."""
+    positions = np.round(hopping(9, noise_m=2e-4)[1], 3)
+    repeats = np.all(np.diff(positions[:, MARKERS.index("toe1")], axis=0) == 0, axis=1)
+    assert repeats.sum() > 200
+    assert faults(positions).frozen == ()
+    coarse = with_frozen(positions, "hip1", 500, 530)
+    assert [f.marker for f in faults(coarse).frozen] == ["hip1"]
+
+
+def test_dropped_frames_are_no_jumps():
+    time, positions = hopping(11)
+    kept = np.delete(np.arange(len(time)), slice(1000, 1010))
+    raw = RawRecording(MARKERS, time[kept], positions[kept], 100.0, "m")
+    inspection = inspect_recording(raw)
+    assert inspection.faults.count == 0
+    assert inspection.timing.n_dropped == 10
+    assert inspection.n_problems == 1
+
+
+def test_a_marker_never_seen_is_told():
+    positions = with_gap(hopping(12)[1], "toe2", 0, 2000)
+    found = faults(positions)
+    assert found.never_seen == ("toe2",)
+    assert found.count == 1
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 3, 4, 7])
+def test_a_few_frames_are_measured_without_error(n_frames):
+    assert faults(hopping(13, n_frames=200)[1][:n_frames]).swaps == ()
+
+
+@pytest.mark.parametrize("shape", [(0, 7), (5, 0)])
+def test_nothing_to_measure_is_refused(shape):
+    raw = RawRecording(
+        MARKERS[: shape[1]], np.arange(shape[0]) / 100, np.zeros((*shape, 3)), 100.0, "m"
+    )
+    with pytest.raises(RecordingError, match="expected frames and markers"):
+        inspect_recording(raw)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kind", ["unseen", "constant", "infinite", "huge", "sparse", "equal"])
+def test_absurd_positions_are_measured_without_error_or_warning(kind):
+    rng = np.random.default_rng(1)
+    positions = rng.normal(size=(300, 7, 3))
+    absurd = {
+        "unseen": np.full_like(positions, np.nan),
+        "constant": np.ones_like(positions),
+        "infinite": np.where(rng.random(positions.shape) < 0.1, np.inf, positions),
+        "huge": 1e300 * positions,
+        "sparse": np.where(rng.random((300, 7, 1)) < 0.7, np.nan, positions),
+        "equal": np.repeat(positions[:, :1], 7, axis=1),
+    }[kind]
+    raw = RawRecording(MARKERS, np.arange(300) / 100.0, absurd, 100.0, "m")
+    inspection = inspect_recording(raw)
+    guess_roles(inspection)
+    assert "7: hip1" in listing(inspection, "absurd")
+
+
+# Tables of gaps and faults: what was planted in a recording stands in them, and no more.
+
+
+@pytest.fixture(scope="module")
+def clean(sample_path):
+    whole = read_recording(sample_path)
+    n = 4000
+    return Recording(
+        "run", 5.0 + whole.time[:n], whole.positions[:n], whole.markers, whole.roles, whole.rate_hz
+    )
+
+
+@pytest.fixture(scope="module")
+def faulty(clean):
+    positions = clean.positions.copy()
+    positions[100:130, 1] = np.nan
+    positions[-10:, 4] = np.nan
+    positions[2000, 0] += 0.05
+    return Recording("faulty", clean.time, positions, clean.markers, clean.roles, clean.rate_hz)
+
+
+def test_a_clean_recording_has_no_gaps_and_no_faults(clean):
+    found = [(clean, inspect(clean))]
+    assert gap_table(found).empty
+    assert fault_table(found).empty
+    table = marker_table(found)
+    assert list(table["marker"]) == list(clean.markers)
+    assert (table["missing"] == 0).all()
+    assert np.allclose(table["noise_m"], 6e-4, rtol=0.15)
+    assert np.allclose(table["duration_s"], 39.99)
+
+
+def test_gaps_from_the_first_frame(faulty):
+    gaps = gap_table([(faulty, inspect(faulty))])
+    assert list(gaps["marker"]) == [faulty.markers[1], faulty.markers[4]]
+    assert np.allclose(gaps["start_s"], [1.0, 39.9])
+    assert np.allclose(gaps["stop_s"], [1.3, 40.0])
+    assert list(gaps["frames"]) == [30, 10]
+    markers = marker_table([(faulty, inspect(faulty))]).set_index("marker")
+    assert markers.loc[faulty.markers[1], "longest_s"] == pytest.approx(0.3)
+    assert markers["missing"].sum() == 40
+
+
+def test_a_spike_is_a_row_with_its_size(clean, faulty):
+    faults = fault_table([(clean, inspect(clean)), (faulty, inspect(faulty))])
+    assert list(faults["kind"]) == ["spike"]
+    row = faults.iloc[0]
+    assert (row["recording"], row["marker"]) == ("faulty", faulty.markers[0])
+    assert row["start_s"] == pytest.approx(20.0)
+    assert float(row["remark"].split()[0]) == pytest.approx(50 * np.sqrt(3), abs=3)
+
+
+def test_dropped_frames_stand_without_a_marker(clean):
+    time = clean.time.copy()
+    time[1000:] += 0.03
+    late = Recording("late", time, clean.positions, clean.markers, clean.roles, clean.rate_hz)
+    faults = fault_table([(late, inspect(late))])
+    dropped = faults[faults["kind"] == "dropped"]
+    assert list(dropped["marker"]) == [""]
+    assert dropped["start_s"].iloc[0] == pytest.approx(9.99)
+    assert dropped["remark"].iloc[0] == "3 frames"
+
+
+def test_a_pause_is_no_fault(clean):
+    time = clean.time.copy()
+    time[1000:] += 1.0  # as between joined files
+    paused = Recording("paused", time, clean.positions, clean.markers, clean.roles, clean.rate_hz)
+    assert fault_table([(paused, inspect(paused))]).empty
+
+
+def test_remarks_stand_with_their_recording(clean, tmp_path):
+    guessed = replace(clean, name="guessed", remarks=("a.trc: unit: taken for mm",))
+    table = remark_table([clean, guessed])
+    assert list(table.itertuples(index=False, name=None)) == [("guessed", guessed.remarks[0])]
+    path = tmp_path / "guessed.h5"
+    write_recording(path, guessed)
+    assert remark_table([read_recording(path)]).equals(table)
+    assert list(remark_table([clean]).columns) == ["recording", "remark"]
+
+
+def test_all_tables_of_some_recordings(clean, faulty):
+    tables = recording_tables(iter([clean, faulty]))
+    assert {name: set(table["recording"]) for name, table in tables.items()} == {
+        "markers": {"run", "faulty"},
+        "gaps": {"faulty"},
+        "faults": {"faulty"},
+        "remarks": set(),
+    }

@@ -1,0 +1,279 @@
+"""C3D: counts that lie, long recordings, absolute events, residuals; another library beside."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from external_blocks import block, columns
+
+from hopdata.errors import RecordingError
+from hopdata.recording import Event
+from hopdata.recordings.external import read_force_signals
+from hopdata.recordings.raw import RawRecording
+from hopdata.recordings.readers.c3d import read_analogs, read_c3d
+from hopdata.recordings.readers.c3d_parameters import (
+    BLOCK,
+    PROCESSORS,
+    count_frames,
+    read_c3d_header,
+    read_parameters,
+)
+from hopdata.recordings.readers.formats import read_raw
+from hopdata.recordings.readers.writers import parameter_bytes, write_c3d
+
+INTEL = PROCESSORS[84]
+
+
+def raw(n_frames=20, n_markers=3, **changes):
+    rng = np.random.default_rng(4)
+    positions = rng.uniform(1, 900, (n_frames, n_markers, 3)).astype(np.float32).astype(float)
+    names = tuple(f"marker {i + 1}" for i in range(n_markers))
+    made = RawRecording(names, np.arange(n_frames) / 100, positions, 100.0, "mm")
+    return replace(made, **changes)
+
+
+def written(folder, content=None, **options):
+    path = folder / "a.c3d"
+    write_c3d(path, raw() if content is None else content, **options)
+    return path
+
+
+def changed(path, at, data):
+    content = bytearray(path.read_bytes())
+    content[at : at + len(data)] = data
+    path.write_bytes(content)
+    return path
+
+
+def value_at(path, name):
+    """Byte at which the content of a parameter of one number starts."""
+    content = path.read_bytes()
+    at = content.index(name) + len(name) + 2  # past the distance to the next record
+    return at + 2 + content[at + 1]
+
+
+def test_an_unseen_marker_has_a_negative_residual_a_nan_or_three_zeros(tmp_path):
+    content = raw()
+    content.positions[3, 1] = np.nan
+    path = written(tmp_path, content)
+    header = read_c3d_header(path.read_bytes()[:512], INTEL)
+    start, frame = header.data_start, header.frame_bytes
+    changed(path, start, np.zeros(4, "<f4").tobytes())
+    changed(path, start + frame, np.full(4, np.nan, "<f4").tobytes())
+    changed(path, start + 2 * frame + 12, np.array([-1], "<f4").tobytes())
+    found = np.isnan(read_c3d(path).positions).all(axis=2)
+    assert np.argwhere(found).tolist() == [[0, 0], [1, 0], [2, 0], [3, 1]]
+
+
+def test_event_times_are_absolute(tmp_path):
+    content = raw(time=(500 + np.arange(20)) / 100, events=(Event("down", 5.05), Event("up", 5.1)))
+    again = read_raw(written(tmp_path, content))
+    assert again.time[0] == 5.0
+    assert [e.time_s for e in again.events] == pytest.approx([5.05, 5.1])
+    assert not again.remarks
+    late = replace(content, events=(Event("down", 5.05), Event("next trial", 65.0)))
+    assert "1 of 2 events lie outside" in read_raw(written(tmp_path, late)).remarks[0]
+
+
+def test_events_of_the_header_are_read(tmp_path):
+    path = written(tmp_path)
+    changed(path, 298, np.array([12345, 2], "<i2").tobytes())
+    changed(path, 304, np.array([0.05, 0.1], "<f4").tobytes())
+    changed(path, 396, b"RHS LTO ")
+    assert [e.label for e in read_c3d(path).events] == ["RHS", "LTO"]
+
+
+def test_more_than_255_markers(tmp_path):
+    content = raw(n_markers=300)
+    again = read_c3d(written(tmp_path, content))
+    assert again.markers == content.markers
+    np.testing.assert_array_equal(again.positions, content.positions)
+
+
+@pytest.mark.parametrize("n_frames", [65_535, 65_536, 70_001, 182_611])
+def test_a_long_recording_comes_back_whole(tmp_path, n_frames):
+    positions = np.full((n_frames, 1, 3), 7.0)
+    positions[-1] = 9.0
+    long = RawRecording(("a",), np.arange(n_frames) / 100, positions, 100.0, "mm")
+    again = read_c3d(written(tmp_path, long))
+    assert len(again.time) == n_frames
+    assert again.positions[-1, 0, 0] == 9.0
+    assert not again.remarks
+
+
+def counted(path, n_frames_room, **claims):
+    """`count_frames` where only the 16-bit claims are left, of a file with that much room."""
+    data = path.read_bytes()
+    parameters = read_parameters(path, data[512:], 512)
+    for group, name in (("TRIAL", "ACTUAL_END_FIELD"), ("POINT", "LONG_FRAMES")):
+        del parameters.groups[group][name]
+    header = replace(read_c3d_header(data[:512], INTEL), **claims)
+    parameters.groups["POINT"]["FRAMES"] = np.array([header.last - header.first + 1])
+    return count_frames(header, parameters, n_frames_room * header.frame_bytes)
+
+
+def test_a_full_16_bit_count_is_replaced_by_the_size_and_said(tmp_path):
+    path = written(tmp_path)
+    for last in (65_535, 182_611 % 65_536):
+        n, remarks = counted(path, 182_611, last=last)
+        assert n == 182_611
+        assert "counted from the size" in remarks[-1]
+
+
+def test_any_other_count_that_is_not_the_size_is_refused(tmp_path):
+    path = written(tmp_path)
+    with pytest.raises(RecordingError, match=r"expected 30000 .* found room for 182611"):
+        counted(path, 182_611, last=30_000)
+    with pytest.raises(RecordingError, match="cut short"):
+        counted(path, 100, last=30_000)
+
+
+def test_one_wrong_count_beside_a_right_one_is_a_remark(tmp_path):
+    path = written(tmp_path)
+    changed(path, value_at(path, b"LONG_FRAMES"), np.array([17], "<f4").tobytes())
+    again = read_c3d(path)
+    assert len(again.time) == 20
+    assert "POINT:LONG_FRAMES says 17 frames, the file holds 20" in again.remarks[0]
+
+
+def test_a_truncated_file_is_refused(tmp_path):
+    path = written(tmp_path, raw(n_frames=200))
+    path.write_bytes(path.read_bytes()[:-1024])
+    with pytest.raises(RecordingError, match=r"expected 200 .* found room for .*cut short"):
+        read_c3d(path)
+
+
+@pytest.mark.parametrize("whole_numbers", [True, False])
+def test_another_library_reads_the_same(tmp_path, whole_numbers):
+    ezc3d = pytest.importorskip("ezc3d")
+    content = raw(n_frames=64, events=(Event("a", 0.1),))
+    content.positions[5, 1] = np.nan
+    path = written(tmp_path, content, whole_numbers=whole_numbers)
+    theirs = ezc3d.c3d(str(path))
+    points = np.moveaxis(theirs["data"]["points"][:3], 0, -1).transpose(1, 0, 2)[:64]
+    ours = read_c3d(path)
+    np.testing.assert_allclose(points, ours.positions, rtol=1e-6)
+    assert theirs["parameters"]["POINT"]["LABELS"]["value"] == list(ours.markers)
+    assert theirs["header"]["points"]["frame_rate"] == ours.rate_hz
+
+
+def test_a_file_of_another_library_is_read(tmp_path):
+    ezc3d = pytest.importorskip("ezc3d")
+    theirs = ezc3d.c3d()
+    theirs["parameters"]["POINT"]["RATE"]["value"] = [120.0]
+    theirs["parameters"]["POINT"]["LABELS"]["value"] = ["hip", "toe"]
+    theirs["parameters"]["POINT"]["UNITS"]["value"] = ["m"]
+    points = np.ones((4, 2, 50))
+    points[:3] = np.random.default_rng(1).uniform(-1, 1, (3, 2, 50))
+    theirs["data"]["points"] = points
+    theirs.write(str(tmp_path / "b.c3d"))
+    ours = read_c3d(tmp_path / "b.c3d")
+    assert (ours.markers, ours.rate_hz, ours.unit) == (("hip", "toe"), 120.0, "m")
+    np.testing.assert_allclose(ours.positions, points[:3].transpose(2, 1, 0), atol=1e-7)
+
+
+def test_the_two_files_of_one_run_are_the_same_recording(same_run):
+    c3d, text = (read_raw(path) for path in same_run)
+    assert c3d.stated_up == "y"
+    assert c3d.rate_hz == text.rate_hz == 150
+    assert set(c3d.markers) == set(text.markers)
+    order = [text.markers.index(name) for name in c3d.markers]
+    np.testing.assert_allclose(text.positions[:, order], c3d.positions, rtol=0, atol=1e-3)
+    np.testing.assert_allclose(text.time, c3d.time, rtol=0, atol=1e-9)
+    assert "time stamps run evenly at 149.9667 Hz" in text.remarks[0]
+
+
+# Analog channels of C3D files: scale, offset, clock, and mistakes.
+
+C3D_ANALOGS_INTEL = PROCESSORS[84]
+N_FRAMES, PER_FRAME, RATE_HZ, FIRST = 40, 5, 100.0, 3
+TIME = (FIRST - 1) / RATE_HZ + np.arange(N_FRAMES * PER_FRAME) / (RATE_HZ * PER_FRAME)
+FORCE = np.column_stack(
+    [5.0 * np.cos(9 * TIME), -np.maximum(0, 800 * np.sin(20 * TIME)), 2 + 0 * TIME]
+)
+
+
+def written_c3d_analogs(
+    path, *, kind=C3D_ANALOGS_INTEL, whole=False, offset=(0, 10, 0), scale=(1, 0.5, 1), **changed
+):
+    """One marker at (1, 2, 3) and three channels of five samples a frame."""
+    analog = {
+        "USED": 3,
+        "LABELS": ["Fx", "Fz", "EMG"],
+        "UNITS": ["N", "N", "V"],
+        "OFFSET": np.asarray(offset),
+        "SCALE": np.asarray(scale, dtype=np.float32),
+        "GEN_SCALE": np.float32(0.1),
+        "RATE": np.float32(RATE_HZ * PER_FRAME),
+        **changed,
+    }
+    stored = FORCE / (0.1 * np.asarray(scale)) + np.asarray(offset)
+    frames = np.zeros((N_FRAMES, 4 + 3 * PER_FRAME))
+    frames[:, :3] = [1, 2, 3]
+    frames[:, 4:] = stored.reshape(N_FRAMES, -1)
+    data = kind.from_whole(np.round(frames).ravel()) if whole else kind.from_floats(frames)
+    point_scale = 1.0 if whole else -1.0
+
+    def groups(start):
+        point = {
+            "USED": 1,
+            "SCALE": np.float32(point_scale),
+            "RATE": np.float32(RATE_HZ),
+            "DATA_START": start,
+            "FRAMES": N_FRAMES,
+            "UNITS": ["mm"],
+            "LABELS": ["a"],
+        }
+        return {"POINT": point, "ANALOG": analog}  # fmt: skip
+
+    start = 2 + len(parameter_bytes(kind, groups(0))) // BLOCK
+    words = [1, 3 * PER_FRAME, FIRST, FIRST + N_FRAMES - 1, 0]
+    head = bytes([2, 0x50]) + kind.from_whole(words) + kind.from_floats([point_scale])
+    head += kind.from_whole([start, PER_FRAME]) + kind.from_floats([RATE_HZ])
+    content = head.ljust(BLOCK, b"\0") + parameter_bytes(kind, groups(start)) + data
+    path.write_bytes(content + b"\0" * (-len(content) % BLOCK))
+    return path
+
+
+@pytest.mark.parametrize("kind", PROCESSORS.values(), ids=lambda kind: kind.name)
+def test_values_times_and_units(tmp_path, kind):
+    analogs = read_analogs(written_c3d_analogs(tmp_path / "a.c3d", kind=kind))
+    assert analogs.names == ("Fx", "Fz", "EMG")
+    assert analogs.units == ("N", "N", "V")
+    np.testing.assert_allclose(analogs.time, TIME)
+    np.testing.assert_allclose(analogs.values, FORCE, atol=1e-3)
+
+
+def test_whole_numbers_are_scaled(tmp_path):
+    analogs = read_analogs(written_c3d_analogs(tmp_path / "a.c3d", whole=True))
+    np.testing.assert_allclose(analogs.values[:, 1], FORCE[:, 1], atol=0.5 * 0.05 + 1e-9)
+
+
+def test_forces_of_a_plate(tmp_path):
+    file = str(written_c3d_analogs(tmp_path / "a.c3d"))
+    given = {"file": file, "columns": columns(Fz=["heel", "toe"]), "inverted": True}
+    (signal,) = read_force_signals(block("forces", **given, offset_s=1.0), feet=("heel", "toe"))
+    np.testing.assert_allclose(signal.time, TIME + 1.0)
+    np.testing.assert_allclose(signal.force, -FORCE[:, 1], atol=1e-3)
+    for options, part in (({"unit": "kN"}, "unit: N as the file states, found kN"),
+                          ({"rate_hz": 1000}, "forces.rate_hz: 1000 says")):  # fmt: skip
+        with pytest.raises(RecordingError, match=part):
+            read_force_signals(block("forces", **given, **options), feet=("heel", "toe"))
+
+
+MISTAKES = {
+    "no channels": ({"USED": 0}, ["ANALOG:USED: expected channels, found none"]),
+    "another number": ({"USED": 4}, ["a divisor of the 15 analog numbers", "found 4"]),
+    "few scales": ({"SCALE": np.ones(2, np.float32)}, ["ANALOG:SCALE: expected 3", "found 2"]),
+    "unknown channel": ({"LABELS": ["Fx", "FZ", "EMG"]}, ["'Fz' once among Fx, FZ, EMG"]),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_mistakes_are_told(tmp_path, mistake):
+    changed, parts = MISTAKES[mistake]
+    file = written_c3d_analogs(tmp_path / "a.c3d", **changed)
+    with pytest.raises(RecordingError) as caught:
+        read_analogs(file).channel("Fz")
+    for part in (str(file), "expected", "found", *parts):
+        assert part in str(caught.value)

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from hopdata.recordings.raw import FILE_AXES, along_file, opposite, rotate_up, settle
+
+
+@pytest.mark.parametrize("axis", FILE_AXES)
+def test_turning_is_a_proper_rotation(axis):
+    turned = rotate_up(np.eye(3), axis).T
+    assert np.linalg.det(turned) == pytest.approx(1.0)
+    sign = -1 if axis.startswith("-") else 1
+    assert (turned @ (sign * np.eye(3)["xyz".index(axis[-1])]) == [0, 0, 1]).all()
+
+
+@pytest.mark.parametrize("axis", FILE_AXES)
+def test_an_offset_goes_back_to_the_axes_of_the_file(axis):
+    in_file = np.array([1.0, 2.0, 3.0])
+    assert along_file(rotate_up(in_file, axis), axis) == {"x": 1.0, "y": 2.0, "z": 3.0}
+
+
+@pytest.mark.parametrize("axis", FILE_AXES)
+def test_the_opposite_of_up_is_down(axis):
+    assert opposite(axis) in FILE_AXES
+    assert opposite(axis) != axis
+    assert opposite(opposite(axis)) == axis
+
+
+# Time stamps are put back onto the grid that they were rounded from.
+
+
+@pytest.mark.parametrize("rate_hz", [50, 100, 120, 150, 180, 240, 300, 360])
+@pytest.mark.parametrize("decimals", [3, 4, 5])
+@pytest.mark.parametrize("first", [0, 1, 2, 5, 7])
+def test_rounded_stamps_of_a_part_of_a_recording(rate_hz, decimals, first):
+    number = np.arange(first, first + 2000, dtype=float)
+    stamps = np.round(number / rate_hz, decimals)
+    time, remarks = settle("a.trc", stamps, number, rate_hz)
+    assert remarks == ()
+    np.testing.assert_allclose(np.diff(time), 1 / rate_hz, rtol=1e-9)
+    np.testing.assert_allclose(time, number / rate_hz, atol=0.5001 * 10.0**-decimals)
+
+
+def test_a_dropped_frame_stays_as_it_is():
+    stamps = np.delete(np.round(np.arange(300) / 150, 3), 100)
+    time, _ = settle("a.trc", stamps, np.arange(299.0), 150.0)
+    np.testing.assert_array_equal(time, stamps)
+
+
+@pytest.mark.parametrize(("rate_hz", "decimals"), [(100, 2), (100, 3), (150, 3), (360, 3)])
+def test_a_repeated_stamp_stays_as_it_is(rate_hz, decimals):
+    stamps = np.round(np.arange(40) / rate_hz, decimals)
+    stamps[9] = stamps[8]
+    time, _ = settle("a.trc", stamps, np.arange(40.0), float(rate_hz))
+    np.testing.assert_array_equal(time, stamps)

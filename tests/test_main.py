@@ -1,0 +1,229 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from hopdata import __version__
+from hopdata.__main__ import main
+
+ROOT = Path(__file__).parents[1]
+CONFIG = """\
+study: trial
+recordings:
+  - name: hopper
+    file: {file}
+markers:
+  body: [body1, body2, body3]
+  feet: [foot1, foot2, foot3]
+"""
+
+
+def hopdata(*arguments, **options):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    command = [sys.executable, "-m", "hopdata", *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, env=environment, **options
+    )
+
+
+@pytest.fixture
+def config(tmp_path, sample_path):
+    path = tmp_path / "config.yaml"
+    path.write_text(CONFIG.format(file=sample_path))
+    return path
+
+
+def edited(config, old, new):
+    text = config.read_text()
+    assert old in text
+    config.write_text(text.replace(old, new))
+    return str(config)
+
+
+def test_check_sums_up_a_sound_study(config, capsys):
+    assert main(["check", str(config)]) == 0
+    out, err = capsys.readouterr()
+    assert "study trial" in out
+    assert "at 100 Hz" in out
+    assert "foot1, foot2, foot3" in out
+    assert "100.0 % of all markers" in out
+    assert out.rstrip().endswith("is sound")
+    assert err == ""
+
+
+def test_check_names_a_simulated_recording(config, capsys, sample_path):
+    text = config.read_text().replace(f"    file: {sample_path}\n", "")
+    config.write_text(text)
+    assert main(["check", str(config)]) == 0
+    assert "hopper: simulated, 1000 hops" in capsys.readouterr().out
+
+
+MISTAKES = {
+    "misspelt key": ("study:", "stduy:", ["stduy: expected a known key", "'study'"]),
+    "missing file": ("hopper.h5", "hoper.h5", ["recordings[0].file", "did you mean 'hopper.h5'"]),
+    "unknown marker": ("body3", "bdy3", ["markers.body", "'bdy3'", "did you mean 'body3'"]),
+    "rate 0": ("markers:", "input: {rate_hz: 0}\nmarkers:", ["input.rate_hz", "found 0"]),
+    "m taken for mm": ("markers:", "input: {unit: mm}\nmarkers:", ["scale", "input.unit: m"]),
+    "body and feet exchanged": (
+        "body: [body1, body2, body3]\n  feet: [foot1, foot2, foot3]",
+        "feet: [body1, body2, body3]\n  body: [foot1, foot2, foot3]",
+        ["the body above the feet"],
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_one_line_on_stderr_and_exit_code_1(config, capsys, mistake):
+    old, new, parts = MISTAKES[mistake]
+    before = sorted(config.parent.rglob("*"))
+    assert main(["check", edited(config, old, new)]) == 1
+    out, err = capsys.readouterr()
+    assert err.startswith("hopdata: error: ")
+    assert err.count("\n") == 1
+    assert "Traceback" not in out + err
+    assert "is sound" not in out
+    for part in ("expected", "found", *parts):
+        assert part in err
+    assert sorted(config.parent.rglob("*")) == before
+
+
+def test_forces_and_contacts_are_read_too(config, capsys, tmp_path):
+    plate, switches = tmp_path / "plate.csv", tmp_path / "switches.csv"
+    plate.write_text("Fx,Fz\n" + "0,0\n0,30\n" * 50)
+    switches.write_text("foot1,foot2,foot3\n1,2,3\n4,5,6\n")
+    forces = f"{{file: {plate}, rate_hz: 100, columns: [{{name: Fz, feet: [foot1]}}]}}"
+    known = f"    forces: {forces}\n    contacts: {{file: {switches}}}\n"
+    edited(config, "markers:", known + "markers:")
+    assert main(["check", str(config)]) == 0
+    out, _ = capsys.readouterr()
+    assert "force     Fz: 100 samples, 0.000 to 0.990 s, up to 30 N, of foot1" in out
+    assert "contacts  foot2: 2, 2.000 to 5.000 s, of foot2" in out
+    assert main(["check", edited(config, "name: Fz", "name: Fy")]) == 1
+    out, err = capsys.readouterr()
+    assert err.count("\n") == 1
+    assert "plate.csv, line 1: column: expected 'Fy' once among Fx, Fz, found no 'Fy'" in err
+    assert "is sound" not in out
+
+
+def test_all_unsound_recordings_are_told(config, capsys, sample_path, tmp_path):
+    broken = [tmp_path / f"broken{i}.tsv" for i in range(2)]
+    for file in broken:
+        file.write_text("hello\n")
+    more = "".join(f"  - {{name: r{i}, file: {file}}}\n" for i, file in enumerate(broken))
+    edited(config, "markers:", more + "markers:")
+    assert main(["check", str(config)]) == 1
+    out, err = capsys.readouterr()
+    assert all(f"{file}, line 1: expected" in err for file in broken)
+    assert "at 100 Hz" in out
+
+
+def test_the_real_recording(external_recording, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("data/external").mkdir(parents=True)
+    Path("data/external", external_recording.name).symlink_to(external_recording)
+    assert main(["check", str(ROOT / "config/runner.yaml")]) == 0
+    assert "4500 at 150 Hz, 30.0 s" in capsys.readouterr().out
+
+
+def test_config_docs_writes_the_page(tmp_path, capsys):
+    assert main(["config-docs", "--out", str(tmp_path / "docs/page.md")]) == 0
+    assert main(["config-docs"]) == 0
+    page = (tmp_path / "docs/page.md").read_text(encoding="utf-8")
+    assert page == capsys.readouterr().out
+    assert "## `sections`" in page
+
+
+def test_config_docs_tells_where_it_cannot_write(tmp_path, capsys):
+    assert main(["config-docs", "--out", str(tmp_path)]) == 1
+    assert "expected a file that can be written" in capsys.readouterr().err
+
+
+def test_version_and_help():
+    result = hopdata("--version")
+    assert (result.returncode, result.stdout) == (0, f"hopdata {__version__}\n")
+    result = hopdata("check", "--help")
+    assert result.returncode == 0
+    assert "CONFIG" in result.stdout
+
+
+@pytest.mark.parametrize("arguments", [[], ["chekc", "x"], ["check"], ["check", "a", "b"]])
+def test_a_wrong_command_line_is_exit_code_2(arguments):
+    result = hopdata(*arguments)
+    assert result.returncode == 2
+    assert result.stderr.startswith("usage: hopdata")
+
+
+def test_help_does_not_import_numpy():
+    code = (
+        "import sys\nfrom hopdata.__main__ import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'pandas', 'yaml', 'h5py'} & set(sys.modules)\nassert not heavy, heavy"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False
+    )
+    assert result.returncode == 0, result.stderr
+
+
+def test_an_interrupt_ends_without_a_traceback(tmp_path):
+    pipe = tmp_path / "config.yaml"
+    os.mkfifo(pipe)  # reading it waits for a writer, for ever
+    # A shell's background jobs ignore the signal, and so would their children: take it up again.
+    code = (
+        "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        f"from hopdata.__main__ import main\nraise SystemExit(main(['check', {str(pipe)!r}]))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+    )
+    try:
+        writer = waiting_reader(pipe)
+        err = interrupted(process)
+        os.close(writer)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert err == "hopdata: interrupted\n"
+
+
+def interrupted(process, *, tries=10):
+    """Interrupt a process until it ends; a signal between opening and reading does not wake it."""
+    for _ in range(tries):
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        try:
+            return process.communicate(timeout=5)[1]
+        except subprocess.TimeoutExpired:
+            continue
+    raise AssertionError("the process did not end")
+
+
+def waiting_reader(pipe, *, seconds=20):
+    """Open the pipe for writing as soon as somebody reads it."""
+    for _ in range(100 * seconds):
+        try:
+            return os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError:  # nobody there yet
+            time.sleep(0.01)
+    raise AssertionError("nobody opened the configuration")
+
+
+def test_a_closed_pipe_is_no_error():
+    command = f"{sys.executable} -m hopdata config-docs | head -n 1; exit ${{PIPESTATUS[0]}}"
+    result = subprocess.run(
+        ["bash", "-c", command],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+    )
+    assert (result.returncode, result.stderr) == (0, "")
+    assert result.stdout == "# Configuration\n"
