@@ -21,6 +21,7 @@ container: "docker://python:3.13-slim"
 
 
 include: "workflow/rules/common.smk"
+include: "workflow/rules/figures.smk"
 include: "workflow/rules/recordings.smk"
 include: "workflow/rules/landings.smk"
 include: "workflow/rules/maps.smk"

@@ -18,9 +18,7 @@ import one_thread  # noqa: F401
 # isort: split
 import argparse
 import csv
-import os
 import sys
-import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from importlib.util import find_spec
@@ -31,8 +29,7 @@ from timing import quartiles
 
 from hopdata.maps.affine import affine_test_errors, mean_test_errors
 from hopdata.maps.draws import distinct_draws, named_generator
-from hopdata.maps.subspaces.distances import measure_distances
-from hopdata.maps.subspaces.grassmann import arc_length, exact_arc_length, orthonormalised
+from hopdata.maps.subspaces.grassmann import arc_length, orthonormalised
 
 OURS, SKLEARN = "hopdata", "scikit-learn LinearRegression, loop"
 Methods = dict[str, Callable[..., np.ndarray]]
@@ -54,13 +51,8 @@ def main() -> None:
     parser.add_argument("--out", help="CSV to write; standard output by default")
     parser.add_argument("--bootstraps", type=int, default=1000, help="fits of each of nine models")
     parser.add_argument("--pairs", type=int, default=20_000, help="pairs of subspaces")
-    parser.add_argument("--draws", type=int, default=1000, help="of each class, for all pairs")
     options = parser.parse_args()
-    rows = [
-        *regressions(options.bootstraps),
-        *lengths(options.pairs),
-        *all_pairs(options.draws),
-    ]
+    rows = [*regressions(options.bootstraps), *lengths(options.pairs)]
     if options.out:
         with open(options.out, "w", newline="", encoding="utf-8") as file:
             write(rows, file)
@@ -105,7 +97,7 @@ def lengths(pairs: int) -> Iterator[dict[str, Any]]:
     """Yield the rows of arc lengths of given pairs."""
     few = min(pairs, FEW_PAIRS)
     for name, (a, b) in (("far", far_pairs(pairs)), ("mixed", mixed_pairs(few))):
-        exact = exact_arc_length(a, b)
+        exact = arc_length(a, b)
         exact[:EXACT_PAIRS] = exact_arc_lengths(a, b)
         sizes = {OURS: len(a), "scipy subspace_angles, loop": few}
         runs = {
@@ -114,22 +106,6 @@ def lengths(pairs: int) -> Iterator[dict[str, Any]]:
         }
         errors = {method: absolute_error(exact, run()) for method, run in runs.items()}
         yield from race(f"arc length, {name} angles", runs, errors, sizes)
-
-
-def all_pairs(draws: int) -> Iterator[dict[str, Any]]:
-    """Yield the row of all pairs of six classes of subspaces."""
-    bases = orthonormalised(np.random.default_rng(4).normal(size=(6, draws, 34, 17)))
-    classes = {str(number): part for number, part in enumerate(bases)}
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    measure = partial(measure_distances, shape=(34, 17), seed=1, pairs=100, all_pairs=True)
-    measure({name: part[:17] for name, part in classes.items()})  # compiled now, if ever
-    start, busy = time.perf_counter(), time.process_time()
-    found = measure(classes, workers=cores or 1, progress=True)
-    seconds, busy = time.perf_counter() - start, time.process_time() - busy
-    size = int(found.summary["n"][:2].sum())
-    name = f"all pairs of 6 x {draws} subspaces, {seconds:.0f} s on {cores} cores"
-    name += f" ({busy:.0f} s of processor time)"
-    yield dict(zip(COLUMNS, (name, OURS, size, f"{1e6 * seconds / size:.3g}"), strict=False))
 
 
 def on_each(fit: Callable[..., np.ndarray], data: list[Splits]) -> list[np.ndarray]:

@@ -41,8 +41,8 @@ from hopdata.recordings.raw import RawRecording  # noqa: E402
 from hopdata.recordings.readers.formats import read_raw  # noqa: E402
 from hopdata.recordings.readers.hdf5 import write_recording  # noqa: E402
 from hopdata.recordings.readers.writers import (
-    write_c3d,  # noqa: E402
-    write_qtm_tsv,  # noqa: E402
+    write_c3d,
+    write_qtm_tsv,
 )
 
 N_FRAMES, RATE_HZ = 182_611, 100.0

@@ -106,8 +106,8 @@ ADDED = {
         "8: distance: expected a known key, found 'distance'; did you mean 'distances'?",
     ),
     "distances: a word for a truth value": (
-        "distances: {all_pairs: 'yes'}",
-        "8: distances.all_pairs: expected true or false, found 'yes'",
+        "distances: {sensitivity: 'yes'}",
+        "8: distances.sensitivity: expected true or false, found 'yes'",
     ),
     "touchdowns: a number for a choice": (
         "touchdowns: {gravity: 9.81}",

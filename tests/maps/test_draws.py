@@ -127,7 +127,7 @@ def test_a_missing_class_leaves_the_others_as_they_were():
     assert np.array_equal(*same)
     assert set(less["schedule"]) - {""} == set(SCHEDULES) - {"2>1>3"}
     bases = bootstrap_subspaces(x[part], y[part], schedule[part], seed=1, bootstraps=6).bases
-    table = measure_distances(bases, (34, 17), seed=1, pairs=8, all_pairs=True).summary
+    table = measure_distances(bases, (34, 17), seed=1, pairs=36).summary
     assert table.set_index("kind").loc["cross_class", "n"] == 10 * 36
 
 

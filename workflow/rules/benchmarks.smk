@@ -45,29 +45,6 @@ SIMULATED_STUDIES = {
 REAL_TIME_RUNS = {
     "live_loop": ["live_loop.csv"],
 }
-STUDY_FIGURES = {
-    "verdict_power": ("figure_verdict_power", ["verdict_power.csv"]),
-}
-# Each figure, its rule, of which the script has the name, and the tables that it shows.
-BENCHMARK_FIGURES = {
-    "fig4_2_order": ("figure_order", ["order.csv"]),
-    "fig4_3_calibration": ("figure_calibration", ["calibration_trajectories.csv"]),
-    "fig4_4_scaling": ("figure_scaling", ["plate.csv", "plate_marginal.csv"]),
-    "work_precision": ("figure_work_precision", ["work_precision.csv", "ratios.csv"]),
-    "map_error": ("figure_map_error", ["map_error.csv"]),
-    "fig3_3_frame_change": (
-        "figure_frame_change",
-        ["frame_change_map.csv", "frame_change_points.csv"],
-    ),
-    "fig3_3_printed": (
-        "figure_frame_change_printed",
-        ["frame_change_map.csv", "frame_change_points.csv"],
-    ),
-    "learning_curve": ("figure_learning_curve", ["frame_change_learning.csv"]),
-    "kernel_smoothness": ("figure_kernel_smoothness", ["frame_change_kernels.csv"]),
-}
-
-
 for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES, **REAL_TIME_RUNS}.items():
 
     rule:
@@ -80,8 +57,8 @@ for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES, **REAL_TIME_RUN
             beside=[f"{BENCHMARKS}/{table}" for table in tables[1:]],
         log:
             f"{BENCHMARKS}/{program}.log",
-        # Timings want the machine to themselves: one at a time, whatever --cores says.
-        threads: workflow.cores
+        # Timings want the machine to themselves: `make benchmarks` runs them on one core.
+        threads: 1
         params:
             python=sys.executable,
             program=f"benchmarks/{program}.py",
@@ -92,31 +69,31 @@ for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES, **REAL_TIME_RUN
             "{params.python} {params.program} --out {output.table} > {log} 2>&1"
 
 
-for figure_name, (figure_rule, tables) in {**BENCHMARK_FIGURES, **STUDY_FIGURES}.items():
+for figure_name in [*CATALOGUE["benchmarks"], *CATALOGUE["studies"]]:
+    job = drawn("benchmarks", BENCHMARKS, to=f"{BENCHMARKS}/figures", names=[figure_name])
 
     rule:
         name:
-            figure_rule
+            f"figure_{figure_name}"
         input:
-            [f"{BENCHMARKS}/{table}" for table in tables],
+            **job["input"],
         output:
-            expand(f"{BENCHMARKS}/figures/{figure_name}.{{format}}", format=FORMATS),
+            job["output"],
         log:
-            f"{BENCHMARKS}/{figure_rule}.log",
+            f"{BENCHMARKS}/figure_{figure_name}.log",
+        resources:
+            **needs(minutes=10),
         params:
-            options=STUDY["figures"],
-            code=code(figure_rule),
-            script=f"{figure_rule}.py",
-        # Read when the job runs, when the variables of this loop are those of the last rule.
+            **job["params"],
         script:
-            "../scripts/{params.script}"
+            "../scripts/figures.py"
 
 
 rule benchmark_page:
     """The figures with their captions on a page."""
     input:
-        figures=expand(f"{BENCHMARKS}/figures/{{name}}.{FORMATS[0]}", name=BENCHMARK_FIGURES),
-        captions=expand(f"{CAPTIONS}/{{name}}.md", name=BENCHMARK_FIGURES),
+        figures=expand(f"{BENCHMARKS}/figures/{{name}}.{FORMATS[0]}", name=CATALOGUE["benchmarks"]),
+        captions=expand(f"{CAPTIONS}/{{name}}.md", name=CATALOGUE["benchmarks"]),
     output:
         f"{BENCHMARKS}/figures/README.md",
     log:
@@ -131,7 +108,11 @@ rule benchmarks:
     """All tables and figures of the benchmarks: `snakemake --cores 2 benchmarks`."""
     input:
         [f"{BENCHMARKS}/{table}" for tables in BENCHMARK_TABLES.values() for table in tables],
-        expand(f"{BENCHMARKS}/figures/{{name}}.{{format}}", name=BENCHMARK_FIGURES, format=FORMATS),
+        expand(
+            f"{BENCHMARKS}/figures/{{name}}.{{format}}",
+            name=CATALOGUE["benchmarks"],
+            format=FORMATS,
+        ),
         rules.benchmark_page.output,
 
 
@@ -139,7 +120,9 @@ rule studies:
     """Hundreds of simulated studies: `snakemake --cores 2 studies`."""
     input:
         [f"{BENCHMARKS}/{table}" for tables in SIMULATED_STUDIES.values() for table in tables],
-        expand(f"{BENCHMARKS}/figures/{{name}}.{{format}}", name=STUDY_FIGURES, format=FORMATS),
+        expand(
+            f"{BENCHMARKS}/figures/{{name}}.{{format}}", name=CATALOGUE["studies"], format=FORMATS
+        ),
 
 
 rule live:

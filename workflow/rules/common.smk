@@ -5,6 +5,8 @@ from pathlib import Path
 
 from hopdata.config import files_of, load_config, simulation_of
 from hopdata.errors import HopdataError
+from hopdata.figures.catalogue import FIGURES as CATALOGUE
+from hopdata.figures.catalogue import source_of, tables_of
 from hopdata.provenance import code_digest
 
 # Snakemake writes Python's path into the shell command of each script, and does not quote it.
@@ -52,23 +54,8 @@ FILLS = STUDY["filling"]["longest_s"] > 0 and (
     STUDY["filling"]["method"] != "rigid" or len(STUDY["markers"]["body"]) > 3
 )
 # Levelled recordings, with their short gaps filled where that is asked for.
-READY = f"{RESULTS}/{'filled' if FILLS else 'level'}/{{recording}}.h5"
+READY = f"{RESULTS}/ready/{{recording}}.h5"
 FORMATS = STUDY["figures"]["formats"]
-FIGURE_NAMES = [
-    "verdict",
-    "fig2_2_sections",
-    "fig2_3_schedule",
-    "fig2_4_prediction",
-    "fig2_5_distances",
-    "map_matrices",
-    "stability",
-    "worst_landings",
-    "recording_gaps",
-    *(["distance_sensitivity"] if STUDY["distances"]["sensitivity"] else []),
-    *(["map_errors", "scaling_study"] if SIMULATED else []),
-    *(["contact_overlay"] if EXTERNAL else []),
-]
-FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
 SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
 PROGRAMS = Path("benchmarks")
 # Relative, so that a study may be run in another folder (`--directory`) and a checkout may be moved.
@@ -81,27 +68,26 @@ wildcard_constraints:
     recording="|".join(RECORDINGS),
 
 
-def code(script):
-    """Digest of a script and the library code it uses: a rule runs again when it changes.
+def code(script, *modules):
+    """Digest of a script, modules it imports by name, and the library code that they use.
 
-    Worked out only for jobs that are planned, since to read all code takes a second.
+    A rule runs again when it changes. Worked out only for jobs that are planned, since to read all
+    code takes a second.
     """
-    return lambda wildcards: code_digest(SCRIPTS / f"{script}.py")
+    return lambda wildcards: [code_digest(path) for path in (SCRIPTS / f"{script}.py", *modules)]
+
+
+def needs(*, minutes, mb_a_mb=0):
+    """Memory and time that a job asks a cluster for, by the size of its inputs."""
+    return {
+        "mem_mb": lambda wildcards, input: 800 + int(mb_a_mb * input.size_mb),
+        "runtime": minutes,
+    }
 
 
 def each_recording(pattern):
     """One path a recording, in the order of the config."""
     return expand(pattern, recording=RECORDINGS)
-
-
-def figure(name):
-    """The files of one figure, one a format."""
-    return expand(f"{RESULTS}/figures/{name}.{{format}}", format=FORMATS)
-
-
-def steering_figure(name):
-    """The files of one figure of the steering, one a format."""
-    return expand(f"{STEERING}/figures/{name}.{{format}}", format=FORMATS)
 
 
 def sources(name, folders=(PROGRAMS, STRESS_SUITE, STRESS_SUITE / "stress", DAMAGE_SUITE)):

@@ -1,25 +1,23 @@
 # Studies that are finished; `make both-sides` runs them first. Two sides, one C1 and one not, and the
 # first with half of the contact spread.
-SIDES = {"thesis": "C1 hopper", "control": "control, not C1"}
-COMPARED = [*SIDES, "half_spread"]
+SIDES = drawn("sides", "results", to="results/both_sides")
+COMPARED = ["thesis", "control", "half_spread"]
 
 
 rule both_sides:
     """Fig. 2.5 for both sides, with their verdicts."""
     input:
-        distances=expand("results/{study}/tables/distances.csv", study=SIDES),
-        summaries=expand("results/{study}/tables/distance_summary.csv", study=SIDES),
-        verdicts=expand("results/{study}/verdict.json", study=SIDES),
+        **SIDES["input"],
     output:
-        expand("results/both_sides/fig2_5_both_sides.{format}", format=FORMATS),
+        SIDES["output"],
     log:
         "results/both_sides/both_sides.log",
+    resources:
+        **needs(minutes=10),
     params:
-        names=list(SIDES.values()),
-        options=STUDY["figures"],
-        code=code("both_sides"),
+        **SIDES["params"],
     script:
-        "../scripts/both_sides.py"
+        "../scripts/figures.py"
 
 
 rule prediction_ratios:
@@ -31,6 +29,8 @@ rule prediction_ratios:
         "results/both_sides/prediction_ratios.csv",
     log:
         "results/both_sides/prediction_ratios.log",
+    resources:
+        **needs(minutes=10),
     params:
         names=COMPARED,
         code=code("prediction_ratios"),

@@ -1,7 +1,7 @@
 rule contact_overlay:
     """Contacts found beside those known from elsewhere: events, foot switches, forces."""
     input:
-        recordings=expand(f"{RESULTS}/level/{{recording}}.h5", recording=list(EXTERNAL)),
+        recordings=expand(READY, recording=list(EXTERNAL)),
         touchdowns=rules.pairs.output.touchdowns,
         external=[
             block["file"]
@@ -18,6 +18,8 @@ rule contact_overlay:
         f"{RESULTS}/logs/contact_overlay.log",
     benchmark:
         f"{RESULTS}/benchmarks/contact_overlay.tsv"
+    resources:
+        **needs(mb_a_mb=40, minutes=10),
     params:
         configured=EXTERNAL,
         external=STUDY["external"],
@@ -25,22 +27,3 @@ rule contact_overlay:
         code=code("contact_overlay"),
     script:
         "../scripts/contact_overlay.py"
-
-
-rule figure_contact_overlay:
-    """Error of each contact against what is known from elsewhere, and one landing with both."""
-    input:
-        contacts=rules.contact_overlay.output.contacts,
-        summary=rules.contact_overlay.output.summary,
-        example=rules.contact_overlay.output.example,
-    output:
-        figure("contact_overlay"),
-    log:
-        f"{RESULTS}/logs/figure_contact_overlay.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/figure_contact_overlay.tsv"
-    params:
-        options=STUDY["figures"],
-        code=code("figure_contact_overlay"),
-    script:
-        "../scripts/figure_contact_overlay.py"

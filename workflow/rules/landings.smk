@@ -1,56 +1,3 @@
-rule level:
-    """Fit the floor to the feet at rest and take it off."""
-    input:
-        recording=f"{RESULTS}/recordings/{{recording}}.h5",
-    output:
-        recording=f"{RESULTS}/level/{{recording}}.h5",
-        floor=f"{RESULTS}/level/{{recording}}.json",
-    log:
-        f"{RESULTS}/logs/level_{{recording}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/level_{{recording}}.tsv"
-    params:
-        options=STUDY["floor"],
-        code=code("level"),
-    script:
-        "../scripts/level.py"
-
-
-if FILLS:
-
-    rule fill:
-        """Fill short gaps of the body markers, and mark what was filled."""
-        input:
-            recording=rules.level.output.recording,
-        output:
-            recording=READY,
-        log:
-            f"{RESULTS}/logs/fill_{{recording}}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/fill_{{recording}}.tsv"
-        params:
-            longest_s=STUDY["filling"]["longest_s"],
-            method=STUDY["filling"]["method"],
-            code=code("fill"),
-        script:
-            "../scripts/fill.py"
-
-    rule filled:
-        """Gaps of every marker, and what was filled of them."""
-        input:
-            recordings=each_recording(READY),
-        output:
-            filled=f"{RESULTS}/tables/filled.csv",
-        log:
-            f"{RESULTS}/logs/filled.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/filled.tsv"
-        params:
-            code=code("filled"),
-        script:
-            "../scripts/filled.py"
-
-
 rule sections:
     """Choose the Poincare sections before and after touchdown from all recordings."""
     input:
@@ -63,6 +10,8 @@ rule sections:
         f"{RESULTS}/logs/sections.log",
     benchmark:
         f"{RESULTS}/benchmarks/sections.tsv"
+    resources:
+        **needs(mb_a_mb=40, minutes=10),
     params:
         options=STUDY["sections"],
         code=code("sections"),
@@ -82,6 +31,8 @@ rule touchdowns:
     benchmark:
         f"{RESULTS}/benchmarks/touchdowns_{{recording}}.tsv"
     priority: 1  # more waits for it than for a figure
+    resources:
+        **needs(mb_a_mb=40, minutes=30),
     params:
         methods=[METHOD],
         options=STUDY["touchdowns"],
@@ -93,6 +44,7 @@ rule touchdowns:
 
 if COMPARED_METHODS:
 
+    # For the score alone: the touchdowns that the study uses wait for nothing.
     use rule touchdowns as compared_touchdowns with:
         output:
             touchdowns=[
@@ -108,7 +60,7 @@ if COMPARED_METHODS:
 
 
 rule pairs:
-    """States at the two sections in each touchdown's home frame, and the table of touchdowns."""
+    """States at the two sections in each touchdown's home frame, the touchdowns, the units."""
     input:
         recordings=each_recording(READY),
         touchdowns=each_recording(f"{RESULTS}/landings/{METHOD}/{{recording}}.csv"),
@@ -117,15 +69,19 @@ rule pairs:
         pairs=f"{RESULTS}/landings/pairs.h5",
         touchdowns=f"{RESULTS}/tables/touchdowns.csv",
         example=f"{RESULTS}/tables/example_touchdown.csv",
+        units=f"{RESULTS}/tables/units.json",
     log:
         f"{RESULTS}/logs/pairs.log",
     benchmark:
         f"{RESULTS}/benchmarks/pairs.tsv"
     priority: 1  # more waits for it than for a figure
+    resources:
+        **needs(mb_a_mb=40, minutes=20),
     params:
         home=STUDY["home"],
         states=STUDY["states"],
         ambiguous=STUDY["touchdowns"]["ambiguous"],
+        units=STUDY["units"],
         code=code("pairs"),
     script:
         "../scripts/pairs.py"
@@ -139,6 +95,7 @@ rule quality:
         sections=rules.sections.output.sections,
         touchdowns=rules.pairs.output.touchdowns,
     output:
+        **({"filled": f"{RESULTS}/tables/filled.csv"} if FILLS else {}),
         checks=f"{RESULTS}/quality.json",
         markers=f"{RESULTS}/tables/markers.csv",
         gaps=f"{RESULTS}/tables/gap_times.csv",
@@ -152,6 +109,8 @@ rule quality:
         f"{RESULTS}/logs/quality.log",
     benchmark:
         f"{RESULTS}/benchmarks/quality.tsv"
+    resources:
+        **needs(mb_a_mb=60, minutes=20),
     params:
         sections=STUDY["sections"],
         number=STUDY["report"]["worst_landings"],

@@ -1,26 +1,7 @@
-rule units:
-    """Units of length and time in which position and velocity errors weigh the same."""
-    input:
-        pairs=rules.pairs.output.pairs,
-    output:
-        pairs=f"{RESULTS}/maps/pairs.h5",
-        units=f"{RESULTS}/tables/units.json",
-    log:
-        f"{RESULTS}/logs/units.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/units.tsv"
-    priority: 1  # more waits for it than for a figure
-    params:
-        options=STUDY["units"],
-        code=code("units"),
-    script:
-        "../scripts/units.py"
-
-
 rule prediction:
     """Bootstrapped prediction errors of the affine and the mean models."""
     input:
-        pairs=rules.units.output.pairs,
+        pairs=rules.pairs.output.pairs,
     output:
         errors=f"{RESULTS}/tables/prediction_errors.csv",
         summary=f"{RESULTS}/tables/prediction_summary.csv",
@@ -30,6 +11,8 @@ rule prediction:
     benchmark:
         f"{RESULTS}/benchmarks/prediction.tsv"
     priority: 1  # more waits for it than for a figure
+    resources:
+        **needs(mb_a_mb=60, minutes=20),
     params:
         options=STUDY["prediction"],
         seed=STUDY["seed"],
@@ -38,31 +21,19 @@ rule prediction:
         "../scripts/prediction.py"
 
 
-rule subspaces:
-    """Bootstrapped constraint subspaces of each mode schedule."""
-    input:
-        pairs=rules.units.output.pairs,
-    output:
-        subspaces=f"{RESULTS}/maps/subspaces.h5",
-        notes=f"{RESULTS}/maps/subspaces_notes.json",
-    log:
-        f"{RESULTS}/logs/subspaces.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/subspaces.tsv"
-    priority: 1  # more waits for it than for a figure
-    params:
-        options=STUDY["subspaces"],
-        seed=STUDY["seed"],
-        code=code("subspaces"),
-    script:
-        "../scripts/subspaces.py"
-
-
 rule distances:
-    """Grassmann arc lengths within and between schedules, and their two baselines."""
+    """Constraint subspaces of each schedule, arc lengths within and between, and two baselines."""
     input:
-        subspaces=rules.subspaces.output.subspaces,
+        pairs=rules.pairs.output.pairs,
     output:
+        **(
+            {
+                "sensitivity": f"{RESULTS}/tables/distance_sensitivity.csv",
+                "readings": f"{RESULTS}/tables/snr_readings.csv",
+            }
+            if STUDY["distances"]["sensitivity"]
+            else {}
+        ),
         distances=f"{RESULTS}/tables/distances.csv",
         summary=f"{RESULTS}/tables/distance_summary.csv",
         notes=f"{RESULTS}/maps/distances_notes.json",
@@ -71,31 +42,16 @@ rule distances:
     benchmark:
         f"{RESULTS}/benchmarks/distances.tsv"
     priority: 1  # more waits for it than for a figure
-    threads: workflow.cores if STUDY["distances"]["all_pairs"] else 1
+    resources:
+        **needs(mb_a_mb=60, minutes=30),
     params:
+        subspaces=STUDY["subspaces"],
         options={k: v for k, v in STUDY["distances"].items() if k != "sensitivity"},
+        sensitivity=STUDY["distances"]["sensitivity"],
         seed=STUDY["seed"],
         code=code("distances"),
     script:
         "../scripts/distances.py"
-
-
-rule sensitivity:
-    """How each distance between subspaces answers to noise, and every reading of "a SNR of 10"."""
-    input:
-        subspaces=rules.subspaces.output.subspaces,
-    output:
-        sensitivity=f"{RESULTS}/tables/distance_sensitivity.csv",
-        readings=f"{RESULTS}/tables/snr_readings.csv",
-    log:
-        f"{RESULTS}/logs/sensitivity.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/sensitivity.tsv"
-    params:
-        seed=STUDY["seed"],
-        code=code("sensitivity"),
-    script:
-        "../scripts/sensitivity.py"
 
 
 rule true_sections:
@@ -110,6 +66,8 @@ rule true_sections:
         f"{RESULTS}/logs/true_sections.log",
     benchmark:
         f"{RESULTS}/benchmarks/true_sections.tsv"
+    resources:
+        **needs(minutes=30),
     params:
         recordings=RECORDINGS,
         body=STUDY["markers"]["body"],
@@ -126,7 +84,6 @@ rule map_errors:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         true_pairs=rules.true_sections.output.pairs,
         maps=rules.true_sections.output.maps,
-        units=rules.units.output.units,
     output:
         errors=f"{RESULTS}/tables/map_errors.csv",
         states=f"{RESULTS}/tables/state_errors.csv",
@@ -134,6 +91,8 @@ rule map_errors:
         f"{RESULTS}/logs/map_errors.log",
     benchmark:
         f"{RESULTS}/benchmarks/map_errors.tsv"
+    resources:
+        **needs(minutes=30),
     params:
         recordings=RECORDINGS,
         feet=STUDY["markers"]["feet"],
@@ -154,7 +113,9 @@ rule scaling_study:
         f"{RESULTS}/logs/scaling_study.log",
     benchmark:
         f"{RESULTS}/benchmarks/scaling_study.tsv"
-    threads: workflow.cores
+    threads: 2
+    resources:
+        **needs(minutes=60),
     params:
         options=STUDY["scaling_study"],
         body=STUDY["markers"]["body"],
@@ -167,8 +128,6 @@ rule map_estimates:
     """Estimates of the landing map: as printed, and corrected for noise and for curvature."""
     input:
         pairs=rules.pairs.output.pairs,
-        touchdowns=rules.pairs.output.touchdowns,
-        units=rules.units.output.units,
     output:
         table=f"{RESULTS}/tables/map_estimates.csv",
         maps=f"{RESULTS}/maps/map_estimates.json",
@@ -177,6 +136,8 @@ rule map_estimates:
         f"{RESULTS}/logs/map_estimates.log",
     benchmark:
         f"{RESULTS}/benchmarks/map_estimates.tsv"
+    resources:
+        **needs(mb_a_mb=60, minutes=20),
     params:
         code=code("map_estimates"),
     script:
@@ -187,8 +148,6 @@ rule verdict:
     """Whether the map through the landing is C1: effect size, interval and tests."""
     input:
         pairs=rules.pairs.output.pairs,
-        touchdowns=rules.pairs.output.touchdowns,
-        units=rules.units.output.units,
     output:
         verdict=f"{RESULTS}/verdict.json",
         windows=f"{RESULTS}/tables/verdict_windows.csv",
@@ -197,6 +156,8 @@ rule verdict:
     benchmark:
         f"{RESULTS}/benchmarks/verdict.tsv"
     priority: 2  # the longest of the stages that wait for nothing else
+    resources:
+        **needs(mb_a_mb=200, minutes=60),
     params:
         options=STUDY["verdict"],
         seed=STUDY["seed"],
@@ -211,7 +172,7 @@ rule estimate_errors:
         estimates=rules.map_estimates.output.maps,
         maps=rules.true_sections.output.maps,
         true_pairs=rules.true_sections.output.pairs,
-        units=rules.units.output.units,
+        units=rules.pairs.output.units,
         verdict=rules.verdict.output.verdict,
     output:
         errors=f"{RESULTS}/tables/estimate_errors.csv",
@@ -221,6 +182,8 @@ rule estimate_errors:
         f"{RESULTS}/logs/estimate_errors.log",
     benchmark:
         f"{RESULTS}/benchmarks/estimate_errors.tsv"
+    resources:
+        **needs(minutes=10),
     params:
         code=code("estimate_errors"),
     script:
@@ -247,7 +210,7 @@ rule score:
             else []
         ),
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
-        floors=each_recording(f"{RESULTS}/level/{{recording}}.json"),
+        floors=each_recording(f"{RESULTS}/ready/{{recording}}.json"),
         sections=rules.sections.output.sections,
         touchdowns=rules.pairs.output.touchdowns,
         prediction=rules.prediction.output.summary,
@@ -259,6 +222,8 @@ rule score:
     benchmark:
         f"{RESULTS}/benchmarks/score.tsv"
     priority: 1  # more waits for it than for a figure
+    resources:
+        **needs(mb_a_mb=20, minutes=10),
     params:
         methods=SCORED_METHODS,
         recordings=RECORDINGS,

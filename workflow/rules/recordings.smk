@@ -6,6 +6,8 @@ rule simulate:
         f"{RESULTS}/logs/simulate_{{recording}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/simulate_{{recording}}.tsv"
+    resources:
+        **needs(minutes=20),
     params:
         simulation=lambda wildcards: SIMULATIONS[wildcards.recording],
         motion_capture=STUDY["motion_capture"],
@@ -16,20 +18,28 @@ rule simulate:
         "../scripts/simulate.py"
 
 
-rule import_recording:
-    """Any supported file, in the one form that the analysis reads: metres, z up, known roles."""
+rule recording:
+    """Any supported file in metres, z up, with known roles; then level, short gaps filled."""
     input:
         source=lambda wildcards: (SOURCES[wildcards.recording] or rules.simulate.output.recording),
     output:
         recording=f"{RESULTS}/recordings/{{recording}}.h5",
+        ready=f"{RESULTS}/ready/{{recording}}.h5",
+        floor=f"{RESULTS}/ready/{{recording}}.json",
     log:
-        f"{RESULTS}/logs/import_{{recording}}.log",
+        f"{RESULTS}/logs/recording_{{recording}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/import_{{recording}}.tsv"
+        f"{RESULTS}/benchmarks/recording_{{recording}}.tsv"
+    resources:
+        **needs(mb_a_mb=60, minutes=20),
     params:
         markers=STUDY["markers"],
         options=STUDY["input"],
         quality=STUDY["quality"],
-        code=code("import_recording"),
+        floor=STUDY["floor"],
+        fills=FILLS,
+        longest_s=STUDY["filling"]["longest_s"],
+        method=STUDY["filling"]["method"],
+        code=code("recording"),
     script:
-        "../scripts/import_recording.py"
+        "../scripts/recording.py"

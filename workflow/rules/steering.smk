@@ -3,15 +3,8 @@
 STEERED = STUDY["steering"]["recordings"]
 STEERING_TABLES = f"{STEERING}/tables"
 EXPERIMENTS = ["origin", "turn", "origin_board", "turn_board"]
-# Figures of the dissertation, and the experiment of which each shows a typical run.
-MODEL_FIGURES = ["steering_map", "steering_learning", "steering_kernels"]
 FILMED = "origin"
-RUN_FIGURES = {
-    "fig3_5_origin": "origin",
-    "fig3_6_turn": "turn",
-    "fig3_8_origin_board": "origin_board",
-    "fig3_9_turn_board": "turn_board",
-}
+MODEL_FIGURES, RUN_FIGURES = map(list, (CATALOGUE["steering_model"], CATALOGUE["steering_runs"]))
 
 
 wildcard_constraints:
@@ -28,6 +21,8 @@ rule steering_excite:
         f"{STEERING}/logs/steering_excite.log",
     benchmark:
         f"{STEERING}/benchmarks/steering_excite.tsv"
+    resources:
+        **needs(minutes=20),
     params:
         steering={key: STUDY["steering"][key] for key in ("excitation", "robot")},
         motion_capture=STUDY["motion_capture"],
@@ -54,6 +49,8 @@ rule steering_observe:
         f"{STEERING}/logs/steering_observe.log",
     benchmark:
         f"{STEERING}/benchmarks/steering_observe.tsv"
+    resources:
+        **needs(mb_a_mb=60, minutes=20),
     params:
         swing_limit_rad=STUDY["steering"]["robot"]["swing_limit_rad"],
         code=code("steering_observe"),
@@ -69,6 +66,8 @@ rule steering_true_map:
         f"{STEERING}/logs/steering_true_map.log",
     benchmark:
         f"{STEERING}/benchmarks/steering_true_map.tsv"
+    resources:
+        **needs(minutes=20),
     params:
         robot=STUDY["steering"]["robot"],
         motion_capture=STUDY["motion_capture"],
@@ -92,6 +91,8 @@ rule steering_model:
         f"{STEERING}/logs/steering_model.log",
     benchmark:
         f"{STEERING}/benchmarks/steering_model.tsv"
+    resources:
+        **needs(minutes=20),
     params:
         model=STUDY["steering"]["model"],
         swing_limit_rad=STUDY["steering"]["robot"]["swing_limit_rad"],
@@ -116,6 +117,8 @@ rule steering_experiment:
         f"{STEERING}/logs/steering_experiment_{{experiment}}.log",
     benchmark:
         f"{STEERING}/benchmarks/steering_experiment_{{experiment}}.tsv"
+    resources:
+        **needs(minutes=60),
     params:
         steering={key: STUDY["steering"][key] for key in ("robot", "control", "experiments")},
         motion_capture=STUDY["motion_capture"],
@@ -140,6 +143,8 @@ rule steering_outcomes:
         f"{STEERING}/logs/steering_outcomes.log",
     benchmark:
         f"{STEERING}/benchmarks/steering_outcomes.tsv"
+    resources:
+        **needs(minutes=10),
     params:
         seed=STUDY["seed"],
         confidence=STUDY["steering"]["experiments"]["confidence"],
@@ -163,30 +168,12 @@ rule steering_score:
         f"{STEERING}/logs/steering_score.log",
     benchmark:
         f"{STEERING}/benchmarks/steering_score.tsv"
+    resources:
+        **needs(minutes=10),
     params:
         code=code("steering_score"),
     script:
         "../scripts/steering_score.py"
-
-
-rule figure_steering_runs:
-    """Figs. 3.5, 3.6, 3.8 and 3.9, and the outcomes of all controllers."""
-    input:
-        outcomes=rules.steering_outcomes.output.outcomes,
-        runs=rules.steering_outcomes.output.runs,
-        examples=rules.steering_outcomes.output.examples,
-    output:
-        [steering_figure(name) for name in [*RUN_FIGURES, "steering_outcomes"]],
-    log:
-        f"{STEERING}/logs/figure_steering_runs.log",
-    benchmark:
-        f"{STEERING}/benchmarks/figure_steering_runs.tsv"
-    params:
-        shows=RUN_FIGURES,
-        options=STUDY["figures"],
-        code=code("figure_steering_runs"),
-    script:
-        "../scripts/figure_steering_runs.py"
 
 
 rule steering_learning:
@@ -200,6 +187,8 @@ rule steering_learning:
         f"{STEERING}/logs/steering_learning.log",
     benchmark:
         f"{STEERING}/benchmarks/steering_learning.tsv"
+    resources:
+        **needs(minutes=20),
     params:
         model=STUDY["steering"]["model"],
         seed=STUDY["seed"],
@@ -208,24 +197,26 @@ rule steering_learning:
         "../scripts/steering_learning.py"
 
 
-rule figure_steering_model:
-    """Fig. 3.3, the learning curve and the comparison of kernels."""
-    input:
-        map=rules.steering_model.output.map,
-        training=rules.steering_model.output.training,
-        curve=rules.steering_learning.output.curve,
-        kernels=rules.steering_learning.output.kernels,
-    output:
-        [steering_figure(name) for name in MODEL_FIGURES],
-    log:
-        f"{STEERING}/logs/figure_steering_model.log",
-    benchmark:
-        f"{STEERING}/benchmarks/figure_steering_model.tsv"
-    params:
-        options=STUDY["figures"],
-        code=code("figure_steering_model"),
-    script:
-        "../scripts/figure_steering_model.py"
+for kind in ("steering_model", "steering_runs"):
+    job = drawn(kind, STEERING, to=f"{STEERING}/figures")
+
+    rule:
+        name:
+            f"figures_{kind}"
+        input:
+            **job["input"],
+        output:
+            job["output"],
+        log:
+            f"{STEERING}/logs/figures_{kind}.log",
+        benchmark:
+            f"{STEERING}/benchmarks/figures_{kind}.tsv"
+        resources:
+            **needs(minutes=10),
+        params:
+            **job["params"],
+        script:
+            "../scripts/figures.py"
 
 
 rule steering_film:
@@ -239,6 +230,8 @@ rule steering_film:
         f"{STEERING}/logs/steering_film.log",
     benchmark:
         f"{STEERING}/benchmarks/steering_film.tsv"
+    resources:
+        **needs(minutes=10),
     params:
         code=code("steering_film"),
     script:
@@ -248,14 +241,14 @@ rule steering_film:
 # What the page shows; of a recorded robot neither experiments nor truth.
 STEERING_PAGE = {
     "figures": [
-        *([] if STEERED else [*rules.figure_steering_runs.output, *rules.steering_film.output]),
-        *rules.figure_steering_model.output,
+        *([] if STEERED else [*rules.figures_steering_runs.output, *rules.steering_film.output]),
+        *rules.figures_steering_model.output,
     ],
     "captions": expand(
         f"{CAPTIONS}/{{name}}.md",
         name=[
             *MODEL_FIGURES,
-            *([] if STEERED else [*RUN_FIGURES, "steering_outcomes", "steering_film"]),
+            *([] if STEERED else [*RUN_FIGURES, "steering_film"]),
         ],
     ),
     "recordings": list(rules.steering_observe.input.recordings),
@@ -274,7 +267,7 @@ STEERING_STAGES = [
     rules.steering_observe,
     rules.steering_model,
     rules.steering_learning,
-    rules.figure_steering_model,
+    rules.figures_steering_model,
     *(
         []
         if STEERED
@@ -284,7 +277,7 @@ STEERING_STAGES = [
             rules.steering_experiment,
             rules.steering_outcomes,
             rules.steering_score,
-            rules.figure_steering_runs,
+            rules.figures_steering_runs,
             rules.steering_film,
         ]
     ),
@@ -300,6 +293,8 @@ rule steering_report:
         provenance=f"{STEERING}/provenance.json",
     log:
         f"{STEERING}/logs/steering_report.log",
+    resources:
+        **needs(mb_a_mb=40, minutes=10),
     params:
         study=STUDY,
         stage_times=sorted(

@@ -1,19 +1,19 @@
-"""Arc lengths between constraint subspaces, and their baselines."""
+"""Bootstrap the constraint subspaces of each mode schedule, and measure how far apart they are."""
 
 from hopdata.jobs import reported, write_json, write_table
-from hopdata.maps.subspaces.distances import measure_distances
-from hopdata.maps.subspaces.constraint import read_bases
+from hopdata.landings.states.pairs import read_pairs
+from hopdata.maps.subspaces.constraint import bootstrap_subspaces
+from hopdata.maps.subspaces.distances import measure_distances, noise_sensitivity, snr_readings
 
 with reported(snakemake.log[0]):
-    bases, shape = read_bases(snakemake.input.subspaces)
-    study = measure_distances(
-        bases,
-        shape,
-        seed=snakemake.params.seed,
-        workers=snakemake.threads,
-        progress=True,
-        **snakemake.params.options,
+    pairs, params, output = read_pairs(snakemake.input.pairs), snakemake.params, snakemake.output
+    subspaces = bootstrap_subspaces(
+        *pairs.normalised(), pairs.schedule, seed=params.seed, **params.subspaces
     )
-    write_table(snakemake.output.distances, study.distances)
-    write_table(snakemake.output.summary, study.summary)
-    write_json(snakemake.output.notes, study.notes)
+    study = measure_distances(subspaces.bases, subspaces.shape, seed=params.seed, **params.options)
+    write_table(output.distances, study.distances)
+    write_table(output.summary, study.summary)
+    write_json(output.notes, subspaces.notes + study.notes)
+    if params.sensitivity:
+        write_table(output.sensitivity, noise_sensitivity(subspaces.shape, seed=params.seed))
+        write_table(output.readings, snr_readings(subspaces.shape, seed=params.seed))

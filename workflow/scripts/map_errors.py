@@ -14,9 +14,8 @@ with reported(snakemake.log[0]):
         for name, path in zip(names, source.recordings, strict=True)
     }
     table, exact = read_table(source.touchdowns), read_json(source.maps)
-    time_unit_s = read_json(source.units)["time_unit_s"]
     rows = true_rows(pairs, table, true, contacts, snakemake.params.feet)
     seed = snakemake.params.seed
-    errors = map_error_table(pairs, true, rows, exact, time_unit_s=time_unit_s, seed=seed)
+    errors = map_error_table(pairs, true, rows, exact, time_unit_s=pairs.time_unit_s, seed=seed)
     write_table(output.errors, errors)
     write_table(output.states, state_errors(pairs, true, rows))

@@ -7,8 +7,7 @@ from hopdata.maps.prediction import bootstrap_prediction
 with reported(snakemake.log[0]):
     pairs = read_pairs(snakemake.input.pairs)
     study = bootstrap_prediction(
-        pairs.x,
-        pairs.y,
+        *pairs.normalised(),
         pairs.schedule,
         pairs.spread_s,
         seed=snakemake.params.seed,

@@ -2,6 +2,7 @@
 
 from hopdata.jobs import read_json, read_table, reported, write_json, write_table
 from hopdata.landings.checks import check_study
+from hopdata.landings.filling import filled_table
 from hopdata.landings.stability import drift_table
 from hopdata.landings.stability import section_stability
 from hopdata.landings.stability import landing_samples, worst_landings
@@ -22,6 +23,7 @@ with reported(snakemake.log[0]):
         "drift": drift_table(levelled, touchdowns),
         "landings": worst,
         "samples": landing_samples(levelled, worst),
+        "filled": filled_table(levelled),
     }
     checks = check_study(
         touchdowns=touchdowns,
@@ -29,6 +31,7 @@ with reported(snakemake.log[0]):
         other_feet=options["frames"] == "landings",
         **{name: tables[name] for name in ("markers", "faults", "stability", "drift")},
     )
-    for name, table in tables.items():
-        write_table(getattr(target, name), table)
     write_json(target.checks, [check.to_dict() for check in checks])
+    for name, path in target.items():
+        if name != "checks":
+            write_table(path, tables[name])

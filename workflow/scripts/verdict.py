@@ -1,8 +1,7 @@
 """Judge whether the map through the landing is C1."""
 
-from hopdata.jobs import read_json, read_table, reported, write_json, write_table
+from hopdata.jobs import reported, write_json, write_table
 from hopdata.landings.states.pairs import read_pairs
-from hopdata.landings.states.pairs import contact_instants
 from hopdata.maps.verdict import judge
 
 with reported(snakemake.log[0]):
@@ -10,9 +9,9 @@ with reported(snakemake.log[0]):
     verdict = judge(
         pairs.x,
         pairs.y,
-        contact_instants(pairs, read_table(snakemake.input.touchdowns)),
+        pairs.instants,
         seed=snakemake.params.seed,
-        time_unit_s=read_json(snakemake.input.units)["time_unit_s"],
+        time_unit_s=pairs.time_unit_s,
         **snakemake.params.options,
     )
     write_json(snakemake.output.verdict, verdict.to_dict())

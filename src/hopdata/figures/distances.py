@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -129,16 +129,15 @@ def label_axes(upper: Axes, lower: Axes) -> None:
 
 
 @styled
-def both_sides_figure(
-    studies: Mapping[str, tuple[pd.DataFrame, pd.DataFrame, Mapping[str, Any]]],
-) -> Figure:
+def both_sides_figure(*content: Any, names: Sequence[str]) -> Figure:
     """Draw the distances between subspaces of several studies, each above its verdict.
 
     Parameters
     ----------
-    studies : mapping
-        Name -> the tables of `hopdata.figures.distances.distances_figure` and the content of
-        ``verdict.json``.
+    content
+        Of each study in turn: the two tables of `distances_figure`, and its ``verdict.json``.
+    names
+        Of the studies, as titles.
 
     Returns
     -------
@@ -147,9 +146,10 @@ def both_sides_figure(
     """
     figure = paper_figure(DOUBLE_COLUMN_MM, 96.0)
     rows = figure.subplots(
-        2, len(studies), sharex=True, sharey="row", height_ratios=(1.7, 1), squeeze=False
+        2, len(names), sharex=True, sharey="row", height_ratios=(1.7, 1), squeeze=False
     )
-    for column, (name, (distances, summary, verdict)) in enumerate(studies.items()):
+    for column, name in enumerate(names):
+        distances, summary, verdict = content[3 * column : 3 * column + 3]
         upper, lower = rows[0, column], rows[1, column]
         boxes = {str(row["kind"]): row for row in summary.to_dict("records")}
         for place, kind in enumerate(KINDS):

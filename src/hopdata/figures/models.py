@@ -37,7 +37,9 @@ ONE_SIDED, ABOUT_ZERO, SPREAD = "cividis", "RdBu_r", "Greys"
 
 
 @styled
-def frame_change_figure(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
+def frame_change_figure(
+    maps: pd.DataFrame, hops: pd.DataFrame, *, model: str | None = None
+) -> Figure:
     """Draw three maps above their standard deviations, with the hops behind them.
 
     Parameters
@@ -47,12 +49,16 @@ def frame_change_figure(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
         dy_mm, dtheta_deg``, and their standard deviations, with ``_sd``.
     hops : DataFrame
         Hops learned from: the same columns but the standard deviations.
+    model : str, optional
+        Which of several in the column ``model``.
 
     Returns
     -------
     Figure
         Each panel has a scale of its own. Dots are hops, in the colour of what was measured.
     """
+    if model is not None:
+        maps, hops = (table[table["model"] == model] for table in (maps, hops))
     if maps.empty:
         return message_figure("No map of frame changes to show.")
     figure = paper_figure(DOUBLE_COLUMN_MM, 88.0)

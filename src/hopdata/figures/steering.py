@@ -285,13 +285,15 @@ BESIDE_M = 0.12  # how far the board is drawn beyond the path on both sides
 
 
 @styled
-def steering_run_figure(curves: pd.DataFrame) -> Figure:
+def steering_run_figure(curves: pd.DataFrame, *, experiment: str | None = None) -> Figure:
     """Draw one run.
 
     Parameters
     ----------
     curves : DataFrame
         Three curves of one run, as from `hopdata.steering.experiments.study.run_experiment`.
+    experiment : str, optional
+        Of which the run is, where `curves` holds several.
 
     Returns
     -------
@@ -299,6 +301,8 @@ def steering_run_figure(curves: pd.DataFrame) -> Figure:
         (a) The arena: path, headings, goal, and the board where it stood and where it was pushed
         to; (b) x, (c) y and (d) heading over time.
     """
+    if experiment is not None:
+        curves = curves[curves["experiment"] == experiment]
     if curves.empty:
         return message_figure("No run was made.")
     turn = str(curves["experiment"].iloc[0]).startswith("turn")

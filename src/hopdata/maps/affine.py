@@ -1,9 +1,8 @@
 """Affine least-squares maps and mean predictors, many fits at once.
 
-Every fit goes through an orthonormal basis of the pooled inputs (`.basis`), and only
-what the pooled fit leaves is fitted again. In that basis the normal equations of each replicate
-are close to a multiple of the identity: they cost one small matrix product, and their error does
-not grow with the condition number of the data.
+Every fit goes through an orthonormal basis of the pooled inputs, and only what the pooled fit
+leaves is fitted again. In that basis the normal equations of each replicate are close to a multiple
+of the identity, so that they cost one small matrix product and lose no digits.
 """
 
 from __future__ import annotations
@@ -11,19 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
-from hopdata.maps.linear.compensated import centred_product
-
-# Orthonormal bases of the inputs of a population, true to the last digits of the data.
-#
-# The inputs of a landing are nearly or exactly rank-deficient (three rigid markers on a section
-# have 18 coordinates and at most 11 degrees of freedom). A singular value decomposition finds the
-# directions, but each only up to rounding of the largest one. So the directions are kept and the
-# coordinates along them are computed again, with products in twice the digits: what is left of the
-# error no longer grows with the condition number of the inputs.
 
 #: Singular values of the scaled, centred inputs below this share of the largest count as zero.
 RANK_TOLERANCE = 1e-11
@@ -31,9 +20,7 @@ RANK_TOLERANCE = 1e-11
 _BLOCK_ROWS = 256
 
 
-def pooled_basis(
-    x: FloatArray, *, rank_tolerance: float = RANK_TOLERANCE, compiled: bool = False
-) -> FloatArray:
+def pooled_basis(x: FloatArray, *, rank_tolerance: float = RANK_TOLERANCE) -> FloatArray:
     """Return the whitened design of a population: a column of ones, then the input directions.
 
     Parameters
@@ -42,20 +29,17 @@ def pooled_basis(
         (n, p) inputs.
     rank_tolerance
         See `RANK_TOLERANCE`.
-    compiled
-        Whether compiled code is worth loading: see `compensated.centred_product`.
 
     Returns
     -------
     ndarray
-        (n, 1 + rank), columns orthogonal, each of mean square one. It spans the space of the
-        inputs to about 1e-15, whatever their condition number.
+        (n, 1 + rank), columns orthogonal, each of mean square one.
     """
     x = np.asarray(x, float)
     scale = column_scales(x)
     _, values, right = truncated_svd(_triangle((x - x.mean(0)) / scale), rank_tolerance)
     directions = right.T / values / scale[:, None]
-    spread = centred_product(x, x.mean(0), directions, compiled=compiled)
+    spread = row_product(x - x.mean(0), directions)
     spread -= spread.mean(0)
     # Already near to orthogonal, so that Cholesky's factor serves as well as a QR.
     factor = np.linalg.cholesky(cross_product(spread, spread) / len(x))
@@ -98,9 +82,9 @@ def column_scales(x: FloatArray) -> FloatArray:
     return np.where(np.ptp(x, axis=0) > rounding, x.std(axis=0), np.inf)
 
 
-#: A replicate whose pivots spread wider than this is fitted by pseudo-inverse.
-_PIVOT_SPREAD = 1e-6
-#: Working set of the pseudo-inverses of one chunk of replicates.
+#: A replicate with a smaller ratio of least to largest eigenvalue is fitted by pseudo-inverse.
+_LEAST_SPREAD = 1e-6
+#: Working set of one chunk of replicates.
 _CHUNK_BYTES = 2 * 2**20
 
 
@@ -214,12 +198,12 @@ def affine_test_errors(
         If a row number is not one of the population.
     """
     x, y = checked(x, y)
-    design = pooled_basis(x, rank_tolerance=rank_tolerance, compiled=True)
+    design = pooled_basis(x, rank_tolerance=rank_tolerance)
     # What the pooled fit explains is exact in every replicate; fit only what it leaves.
     centred = y - y.mean(0)
     residual = centred - row_product(design, cross_product(design, centred) / len(x))
     errors, spread = _whitened_errors(design, residual, train, test)
-    again = np.flatnonzero(spread <= _PIVOT_SPREAD)
+    again = np.flatnonzero(spread <= _LEAST_SPREAD)
     for rows in _chunks(len(again), train.shape[1] * (x.shape[1] + y.shape[1])):
         chosen = again[rows]
         errors[chosen] = _minimum_norm_errors(x, y, train[chosen], test[chosen])
@@ -243,22 +227,22 @@ def mean_test_errors(y: FloatArray, train: IntArray, test: IntArray) -> FloatArr
 def _whitened_errors(
     design: FloatArray, residual: FloatArray, train: IntArray, test: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (R, q) errors of the normal equations, and (R,) the spread of their pivots."""
-    from hopdata.maps.linear.split_kernel import affine_split_errors, padded_rows
-
-    inputs, outputs = design.shape[1], residual.shape[1]
-    rows = padded_rows(design, residual)
-    train, test = _rows_of(train, len(rows)), _rows_of(test, len(rows))
-    sums, spread = np.zeros((len(train), rows.shape[1])), np.zeros(len(train))
-    affine_split_errors(rows, inputs, train, test, sums, spread)
-    return sums[:, inputs : inputs + outputs] / test.shape[1], spread
-
-
-def _rows_of(index: IntArray, population: int) -> NDArray[np.int64]:
-    """Return row numbers that the compiled kernel, which does not look, may follow."""
-    if index.size and not 0 <= index.min() <= index.max() < population:
-        raise IndexError(f"expected row numbers below {population}, found some beyond")
-    return np.ascontiguousarray(index, dtype=np.int64)
+    """Return (R, q) errors of the normal equations, and (R,) least over largest eigenvalue."""
+    if any(
+        index.size and not 0 <= index.min() <= index.max() < len(design) for index in (train, test)
+    ):
+        raise IndexError(f"expected row numbers below {len(design)}, found some beyond")
+    inputs, rows = design.shape[1], np.concatenate([design, residual], axis=1)
+    errors, spread = np.empty((len(train), residual.shape[1])), np.empty(len(train))
+    for chunk in _chunks(len(train), train.shape[1] * rows.shape[1]):
+        drawn, tested = rows[train[chunk]], rows[test[chunk]]
+        normal = drawn[..., :inputs].swapaxes(1, 2) @ drawn
+        values = np.linalg.eigvalsh(normal[..., :inputs])
+        spread[chunk] = np.maximum(values[:, 0], 0.0) / values[:, -1]
+        normal[spread[chunk] <= _LEAST_SPREAD, :, :inputs] = np.eye(inputs)  # fitted otherwise
+        slopes = np.linalg.solve(normal[..., :inputs], normal[..., inputs:])
+        errors[chunk] = np.mean((tested[..., inputs:] - tested[..., :inputs] @ slopes) ** 2, axis=1)
+    return errors, spread
 
 
 def _minimum_norm_errors(

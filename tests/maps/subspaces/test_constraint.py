@@ -6,11 +6,9 @@ from hopdata.maps.subspaces.constraint import (
     bootstrap_subspaces,
     leading_subspaces,
     pooled_frame,
-    read_bases,
     section_normals,
-    write_subspaces,
 )
-from hopdata.maps.subspaces.grassmann import arc_length, principal_angles
+from hopdata.maps.subspaces.grassmann import arc_length
 
 
 def planted(rng, n, *, noise=1e-3, markers=3, maps=1):
@@ -142,18 +140,3 @@ def test_a_schedule_keeps_its_draws_when_others_come_and_go():
     two = bootstrap_subspaces(x, y, np.array(["a", ""])[np.arange(200) % 2], seed=1, bootstraps=5)
     assert list(two.bases) == ["a"]
     assert np.array_equal(one.bases["a"], two.bases["a"])
-
-
-def test_written_bases_come_back(tmp_path):
-    x, y, _, _ = planted(np.random.default_rng(10), 60)
-    study = bootstrap_subspaces(x, y, ["2>3>1"] * 60, seed=1, bootstraps=5)
-    write_subspaces(tmp_path / "subspaces.h5", study)
-    first = (tmp_path / "subspaces.h5").read_bytes()
-    write_subspaces(tmp_path / "subspaces.h5", study)
-    assert (tmp_path / "subspaces.h5").read_bytes() == first
-    found, shape = read_bases(tmp_path / "subspaces.h5")
-    assert shape == study.shape == found["2>3>1"].shape[1:]
-    assert list(found) == ["2>3>1"]
-    assert np.array_equal(found["2>3>1"], study.bases["2>3>1"])
-    assert principal_angles(found["2>3>1"][0], study.bases["2>3>1"][0]).max() < 1e-14
-    assert [path.name for path in tmp_path.iterdir()] == ["subspaces.h5"]

@@ -4,10 +4,10 @@ import pytest
 
 from hopdata.maps.subspaces.distances import (
     NOISE_SDS,
-    PairLengths,
     auc,
     measure_distances,
     noise_sensitivity,
+    pair_mean_error,
     snr_readings,
     summarise_distances,
 )
@@ -105,62 +105,42 @@ def test_summary_of_a_single_distance():
     assert np.isnan(row["mean_se"])
 
 
-def test_all_pairs_change_the_summary_and_not_the_table():
-    bases = clouds(np.random.default_rng(13), 3, count=21)
-    some = measure_distances(bases, (12, 5), seed=1, pairs=50)
-    whole = measure_distances(bases, (12, 5), seed=1, pairs=50, all_pairs=True, workers=2)
-    pd.testing.assert_frame_equal(some.distances, whole.distances, rtol=1e-12)
-    rows = whole.summary.set_index("kind")
-    assert rows["n"].tolist() == [3 * 210, 3 * 441, 50, 50]
-    a, b, c = bases.values()
-    lengths = np.concatenate(
-        [arc_length(one[:, None], two).ravel() for one, two in ((a, b), (a, c), (b, c))]
-    )
-    assert rows.loc["cross_class", "mean"] == pytest.approx(lengths.mean(), rel=1e-12)
-    assert rows.loc["cross_class", "q25"] == pytest.approx(np.quantile(lengths, 0.25), rel=1e-12)
-    every = measure_distances(bases, (12, 5), seed=1, pairs=1000).summary
-    pd.testing.assert_frame_equal(every[:2], whole.summary[:2], rtol=1e-9)
-
-
 def bases(counts, seed=0):
     rng = np.random.default_rng(seed)
     return {name: orthonormalised(rng.normal(size=(n, 12, 5))) for name, n in counts.items()}
 
 
-def test_all_pairs_are_used_once_where_they_are_few():
+def test_all_pairs_are_measured_once_where_they_are_few():
     draws = bases({"a": 5, "b": 3})
     a, b = draws.values()
-    for all_pairs in (False, True):
-        found = PairLengths(draws, all_pairs=all_pairs)
-        lengths = found.in_class(np.random.default_rng(5), "a", 1000)
-        expected = [arc_length(a[i], a[j]) for i in range(5) for j in range(i + 1, 5)]
-        np.testing.assert_allclose(np.sort(lengths), np.sort(expected), atol=1e-14)
-        lengths = found.cross_class(np.random.default_rng(5), "a", "b", 1000)
-        expected = [arc_length(i, j) for i in a for j in b]
-        np.testing.assert_allclose(np.sort(lengths), np.sort(expected), atol=1e-14)
+    table = measure_distances(draws, (12, 5), seed=1, pairs=1000).distances.set_index("kind")
+    found = table.loc["in_class"].query("schedule_a == 'a'")["distance_rad"]
+    expected = [arc_length(a[i], a[j]) for i in range(5) for j in range(i + 1, 5)]
+    np.testing.assert_allclose(np.sort(found), np.sort(expected), atol=1e-14)
+    expected = [arc_length(i, j) for i in a for j in b]
+    found = table.loc["cross_class", "distance_rad"]
+    np.testing.assert_allclose(np.sort(found), np.sort(expected), atol=1e-14)
 
 
 def test_in_class_never_compares_a_draw_with_itself():
-    found = PairLengths(bases({"a": 30}))
-    assert found.in_class(np.random.default_rng(7), "a", 400).min() > 0.1
+    table = measure_distances(bases({"a": 30}), (12, 5), seed=1, pairs=400).distances
+    assert table.loc[table["kind"] == "in_class", "distance_rad"].min() > 0.1
 
 
-def test_a_summary_has_what_was_measured():
-    draws = bases({"a": 9, "b": 8, "c": 7})
-    some, whole = PairLengths(draws), PairLengths(draws, all_pairs=True, workers=2)
-    chosen = [found.cross_class(np.random.default_rng(1), "b", "c", 10) for found in (some, whole)]
-    np.testing.assert_allclose(*chosen, rtol=0, atol=1e-12)
-    assert (some.sums["cross_class"].count, whole.sums["cross_class"].count) == (10, 56)
-    assert np.array_equal(np.sort(some.lengths("cross_class")), np.sort(chosen[0]))
-    assert len(whole.lengths("cross_class")) == 56
-    assert len(whole.lengths("in_class")) == 0
-
-
-def test_progress_is_shown(capsys):
-    PairLengths(bases({"a": 4}), all_pairs=True, progress=True).in_class(
-        np.random.default_rng(0), "a", 2
-    )
-    assert capsys.readouterr().err == "distances: 6 of 6 pairs\n"
+def test_error_of_a_mean_of_pairs_that_share_draws():
+    """Of all pairs of R draws it is Hoeffding's: that of twice the means of the draws."""
+    rng = np.random.default_rng(4)
+    found, means = [], []
+    for _ in range(300):
+        draw = rng.normal(size=40)
+        first, second = np.triu_indices(40, 1)
+        values = draw[first] + draw[second] + 0.1 * rng.normal(size=len(first))
+        found.append(pair_mean_error(values, first, second))
+        means.append(values.mean())
+    assert np.mean(found) == pytest.approx(np.std(means), rel=0.15)
+    apart = pair_mean_error(values[:2], np.array([0, 1]), np.array([2, 3]))
+    assert apart == pytest.approx(np.std(values[:2]) / np.sqrt(2))
+    assert np.isnan(pair_mean_error(values[:1], first[:1], second[:1]))
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from hopdata.errors import AnalysisError, ConfigError, did_you_mean
 from hopdata.landings.schedules import AMBIGUOUS
 from hopdata.landings.states.coefficients import SectionStates
 from hopdata.landings.states.fits import section_states
-from hopdata.landings.states.pairs import Pairs
+from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
 from hopdata.recording import Recording
 
 if TYPE_CHECKING:
@@ -316,7 +316,14 @@ def _pairs_of(
         recording.names("body"),
         x_se=x_se[whole],
         y_se=y_se[whole],
+        instants=_columns(kept, "contact_"),
+        instants_se=_columns(kept, "se_"),
     )
+
+
+def _columns(table: pd.DataFrame, prefix: str) -> FloatArray:
+    """Return the columns of all feet, (L, feet), s."""
+    return table[[name for name in table.columns if name.startswith(prefix)]].to_numpy(float)
 
 
 def _rows(positions: FloatArray, velocities: FloatArray) -> FloatArray:
@@ -333,7 +340,6 @@ def _joined(parts: Sequence[Pairs]) -> Pairs:
                 f"recording, found {', '.join(part.body_markers)}"
             )
     arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("x", "y", "schedule", "spread_s", "recording", "index", "x_se", "y_se")
+        name: np.concatenate([getattr(part, name) for part in parts]) for name in DESCRIPTIONS
     }
     return replace(first, **arrays)

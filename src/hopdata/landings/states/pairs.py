@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,6 @@ from numpy.typing import NDArray
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.jobs import whole_file
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -25,8 +21,7 @@ class Pairs:
     ----------
     x, y : (n, 6B) array
         States at the pre and at the post section: positions of the B body markers (x1, y1, z1, x2,
-        ...) and then their velocities, in the home frame; in units of `length_unit_m` and
-        `length_unit_m` / `time_unit_s`.
+        ...), m, and then their velocities, m/s, in the home frame.
     schedule : (n,) str array
         Mode schedules.
     spread_s : (n,) array
@@ -38,11 +33,13 @@ class Pairs:
     body_markers : tuple of str
         Names of the body markers.
     length_unit_m, time_unit_s : float
-        Units; 1 for raw SI.
+        The study's units of normalisation; 1 until they are chosen.
     x_se, y_se : (n, 6B) array, optional
         Standard errors of `x` and `y`, each in the units of its column, in the home frame as it was
         found (its own error is common to both sections). Unknown for states that were not
         measured.
+    instants, instants_se : (n, feet) array, optional
+        Contact instants of the feet, s, and their standard errors.
     """
 
     x: FloatArray
@@ -56,6 +53,8 @@ class Pairs:
     time_unit_s: float = 1.0
     x_se: FloatArray | None = None
     y_se: FloatArray | None = None
+    instants: FloatArray | None = None
+    instants_se: FloatArray | None = None
 
     def __post_init__(self) -> None:
         shape = (len(self.schedule), 6 * len(self.body_markers))
@@ -67,8 +66,8 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.schedule)
 
-    def in_units(self, length_m: float, time_s: float) -> Pairs:
-        """Return the same pairs in other units of length, m, and time, s.
+    def with_units(self, length_m: float, time_s: float) -> Pairs:
+        """Return the same pairs with the units that `normalised` divides by, m and s.
 
         Raises
         ------
@@ -77,36 +76,13 @@ class Pairs:
         """
         if not (length_m > 0 and time_s > 0):
             raise ValueError(f"units: expected positive, found {length_m} m and {time_s} s")
-        length = self.length_unit_m / length_m
-        half = 3 * len(self.body_markers)
-        factor = np.repeat([length, length * time_s / self.time_unit_s], half)
-        return replace(
-            self,
-            x=self.x * factor,
-            y=self.y * factor,
-            length_unit_m=length_m,
-            time_unit_s=time_s,
-            x_se=None if self.x_se is None else self.x_se * factor,
-            y_se=None if self.y_se is None else self.y_se * factor,
-        )
+        return replace(self, length_unit_m=length_m, time_unit_s=time_s)
 
-
-def contact_instants(pairs: Pairs, table: pd.DataFrame) -> FloatArray:
-    """Return the contact instants (n, feet) of the pairs, s, from the table of touchdowns.
-
-    Raises
-    ------
-    AnalysisError
-        If a pair has no row in the table.
-    """
-    columns = [name for name in table.columns if name.startswith("contact_")]
-    rows = table.set_index(["recording", "index"])[columns]
-    keys = list(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
-    missing = [key for key in keys if key not in rows.index]
-    if missing:
-        name, number = missing[0]
-        raise AnalysisError(f"touchdowns: expected a row for touchdown {number} of {name}, no such")
-    return rows.loc[keys].to_numpy(float)
+    def normalised(self) -> tuple[FloatArray, FloatArray]:
+        """Return `x` and `y` in the study's units of length and velocity."""
+        per_length = 1.0 / self.length_unit_m
+        factor = np.repeat([per_length, per_length * self.time_unit_s], 3 * len(self.body_markers))
+        return self.x * factor, self.y * factor
 
 
 # Pairs in HDF5 files.
@@ -114,7 +90,7 @@ def contact_instants(pairs: Pairs, table: pd.DataFrame) -> FloatArray:
 TEXTS = ("schedule", "recording")
 _COLUMNS = (
     "columns: x, y, z of each body marker, then their velocities; home frame of the touchdown; "
-    "positions in length_unit_m, velocities in length_unit_m / time_unit_s"
+    "positions in m, velocities in m/s"
 )
 _ERRORS = "; from the noise of the frames that were fitted, with the error of the instant"
 DESCRIPTIONS = {
@@ -126,14 +102,17 @@ DESCRIPTIONS = {
     "spread_s": "standard deviation of the contact instants of the touchdown, s",
     "recording": "name of the recording",
     "index": "number of the touchdown in its recording's table",
+    "instants": "contact instants of the feet, s",
+    "instants_se": "standard errors of the contact instants, s",
 }
+OPTIONAL = ("x_se", "y_se", "instants", "instants_se")
 
 
 def write_pairs(path: str | Path, pairs: Pairs) -> None:
     """Write pairs to an HDF5 file, which appears under its name only once it is whole.
 
-    Datasets x, y, schedule, spread_s, recording, index, and x_se, y_se where they are known, each
-    with an attribute `description`; attributes body_markers, length_unit_m, time_unit_s.
+    Datasets are the columns of `DESCRIPTIONS`, those of `OPTIONAL` where they are known, each with
+    an attribute `description`; attributes are body_markers, length_unit_m and time_unit_s.
     """
     import h5py
 
@@ -178,7 +157,7 @@ def read_pairs(path: str | Path) -> Pairs:
                 tuple(str(name) for name in file.attrs["body_markers"]),
                 float(file.attrs["length_unit_m"]),
                 float(file.attrs["time_unit_s"]),
-                *(file[name][:] if name in file else None for name in ("x_se", "y_se")),
+                **{name: file[name][:] for name in OPTIONAL if name in file},
             )
     except (KeyError, OSError, ValueError) as error:
         raise AnalysisError(f"{path}: not a file of pairs: {error}") from error

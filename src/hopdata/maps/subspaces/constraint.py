@@ -11,14 +11,12 @@ two subspaces is that between their complements.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
-from hopdata.jobs import whole_file
 from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
 from hopdata.maps.subspaces.grassmann import principal_angles
 
@@ -209,29 +207,6 @@ def leading_subspaces(
         bases[start : start + step] = right[:, :k].swapaxes(1, 2)
         full[start : start + step] = values[:, k - 1] > _RANK_TOLERANCE * values[:, 0]
     return bases, full
-
-
-def write_subspaces(path: str | Path, study: SubspaceStudy) -> None:
-    """Write a study to HDF5, one dataset (bootstraps, D, k) per schedule; whole or not at all."""
-    import h5py
-
-    with whole_file(path) as temporary, h5py.File(temporary, "w") as file:
-        group = file.create_group("bases")
-        for name, bases in study.bases.items():
-            group.create_dataset(name, data=bases)
-        for field in ("kept", "dropped", "standard_deviations", "section_angles_rad"):
-            file.create_dataset(f"frame/{field}", data=getattr(study.frame, field))
-        file.attrs["shape"] = study.shape
-        file.attrs["samples"] = study.samples
-
-
-def read_bases(path: str | Path) -> tuple[dict[str, FloatArray], tuple[int, int]]:
-    """Read schedule -> (bootstraps, D, k) bases and their shape (D, k)."""
-    import h5py
-
-    with h5py.File(path) as file:
-        dimension, k = (int(size) for size in file.attrs["shape"])
-        return {name: np.asarray(data) for name, data in file["bases"].items()}, (dimension, k)
 
 
 def _fewer_components(k: int, printed: int, components: int | None, samples: int) -> Notes:

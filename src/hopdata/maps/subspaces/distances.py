@@ -11,7 +11,6 @@ schedules have one map. The AUC is reported as a description, not as a test.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -21,8 +20,6 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.maps.draws import named_generator
-from hopdata.maps.subspaces.all_pairs import all_arc_lengths
-from hopdata.maps.subspaces.dyads import PairSums
 from hopdata.maps.subspaces.grassmann import (
     DISTANCES,
     PRINTED_READING,
@@ -38,80 +35,28 @@ from hopdata.maps.subspaces.grassmann import (
 if TYPE_CHECKING:
     import pandas as pd
 
-# Arc lengths of pairs of draws within and across classes: some pairs, or all of them.
 
+def pair_mean_error(values: FloatArray, first: IntArray, second: IntArray) -> float:
+    """Return the standard error of the mean over pairs of numbered draws; NaN of one pair.
 
-class PairLengths:
-    """Measures the pairs that are asked for, and keeps what a summary of each kind needs.
+    A mean over pairs is a U-statistic: pairs that share a draw are not independent. Two pairs with
+    a draw in common are taken to covary, no others (Aronow, Samii and Assenova 2015). It is not
+    less than if all pairs were independent, which a sample can make it seem.
 
     Parameters
     ----------
-    bases
-        Schedule -> (R, D, k) orthonormal bases.
-    all_pairs
-        Whether to measure all pairs; else only those that are returned.
-    workers
-        Threads, for all pairs.
-    progress
-        Whether to say on stderr how far it is.
+    values
+        (N,) of the pairs.
+    first, second
+        (N,) numbers of the draws of each pair.
     """
-
-    def __init__(
-        self,
-        bases: Mapping[str, FloatArray],
-        *,
-        all_pairs: bool = False,
-        workers: int = 1,
-        progress: bool = False,
-    ) -> None:
-        self._bases, self._all, self._workers = bases, all_pairs, workers
-        starts = np.cumsum([0, *map(len, bases.values())])
-        self._start = dict(zip(bases, starts[:-1].tolist(), strict=True))
-        kinds = ("in_class", "cross_class")
-        self.sums = {kind: PairSums(int(starts[-1])) for kind in kinds}
-        self._lengths: dict[str, list[FloatArray]] = {kind: [] for kind in kinds}
-        self._progress = progress and all_pairs
-
-    def in_class(self, generator: np.random.Generator, name: str, pairs: int) -> FloatArray:
-        """Return lengths of up to `pairs` different pairs of different draws of a class."""
-        draws, start, sums = self._bases[name], self._start[name], self.sums["in_class"]
-        first, second = in_class_pairs(generator, len(draws), pairs)
-        if not self._all:
-            lengths = arc_length(draws[first], draws[second])
-            sums.add(lengths, first + start, second + start)
-            return self._keep("in_class", lengths)
-        table = all_arc_lengths(draws, workers=self._workers)
-        sums.add_triangle(table, start)
-        self._keep("in_class", table[np.triu_indices(len(table), 1)])
-        return table[first, second]
-
-    def cross_class(self, generator: np.random.Generator, a: str, b: str, pairs: int) -> FloatArray:
-        """Return lengths of up to `pairs` different pairs, one draw from each of two classes."""
-        one, two, sums = self._bases[a], self._bases[b], self.sums["cross_class"]
-        first, second = cross_class_pairs(generator, len(one), len(two), pairs)
-        if not self._all:
-            lengths = arc_length(one[first], two[second])
-            sums.add(lengths, first + self._start[a], second + self._start[b])
-            return self._keep("cross_class", lengths)
-        table = all_arc_lengths(one, two, workers=self._workers)
-        sums.add_table(table, self._start[a], self._start[b])
-        self._keep("cross_class", table.ravel())
-        return table[first, second]
-
-    def lengths(self, kind: str) -> FloatArray:
-        """Return all lengths of a kind that were measured."""
-        return np.concatenate([np.zeros(0), *self._lengths[kind]])
-
-    def _keep(self, kind: str, lengths: FloatArray) -> FloatArray:
-        self._lengths[kind].append(lengths)
-        if self._progress:
-            done = sum(sums.count for sums in self.sums.values())
-            print(f"distances: {done:,} of {self._total():,} pairs", file=sys.stderr)
-        return lengths
-
-    def _total(self) -> int:
-        draws = sum(map(len, self._bases.values()))
-        return draws * (draws - 1) // 2
+    if len(values) < 2:
+        return float("nan")
+    deviations = values - values.mean()
+    independent = float(deviations @ deviations)
+    of_draws = np.bincount(np.r_[first, second], np.r_[deviations, deviations])
+    shared = float(of_draws @ of_draws) - independent
+    return float(np.sqrt(max(shared, independent))) / len(values)
 
 
 def in_class_pairs(
@@ -168,9 +113,6 @@ def measure_distances(
     seed: int,
     pairs: int = 1000,
     noise_sd: float = 0.1,
-    all_pairs: bool = False,
-    workers: int = 1,
-    progress: bool = False,
 ) -> DistanceStudy:
     """Measure in-class, cross-class and baseline distances.
 
@@ -187,34 +129,31 @@ def measure_distances(
         there are fewer.
     noise_sd
         Sd of the noise on each entry of both identity matrices.
-    all_pairs
-        Whether the summary of in-class and cross-class distances is of all pairs of draws; the
-        table has `pairs` of them all the same.
-    workers
-        Threads, for all pairs; results do not depend on them.
-    progress
-        Whether to say on stderr how far all pairs are.
     """
     notes = [] if bases else [_note("in-class distances", "no schedule has subspaces")]
     if len(bases) < 2:
         reason = f"{len(bases)} of the 2 schedules needed have subspaces"
         notes.append(_note("cross-class distances", reason))
-    found = PairLengths(
-        bases, all_pairs=all_pairs, workers=workers, progress=progress and all_pairs
-    )
-    blocks = []
-    for name in bases:
-        generator = named_generator(seed, "in_class", name)
-        blocks.append(("in_class", name, name, found.in_class(generator, name, pairs)))
-    for a, b in combinations(bases, 2):
-        generator = named_generator(seed, "cross_class", a, b)
-        blocks.append(("cross_class", a, b, found.cross_class(generator, a, b, pairs)))
+    starts = dict(zip(bases, np.cumsum([0, *map(len, bases.values())]).tolist(), strict=False))
+    blocks, ends = [], {}
+    for kind, choose, classes in (
+        ("in_class", in_class_pairs, [(name,) for name in bases]),
+        ("cross_class", cross_class_pairs, list(combinations(bases, 2))),
+    ):
+        numbers = [np.zeros((2, 0), int)]
+        for names in classes:
+            a, b = names[0], names[-1]
+            generator = named_generator(seed, kind, *names)
+            first, second = choose(generator, *(len(bases[name]) for name in names), pairs)
+            blocks.append((kind, a, b, arc_length(bases[a][first], bases[b][second])))
+            numbers.append(np.array([first + starts[a], second + starts[b]]))
+        ends[kind] = np.hstack(numbers)
     noised = noised_identity(named_generator(seed, "noised_identity"), shape, pairs, noise_sd)
     unrelated = random(named_generator(seed, "random"), shape, pairs)
     blocks += [("noised_identity", "", "", noised), ("random", "", "", unrelated)]
-    lengths = {kind: found.lengths(kind) for kind in found.sums}
-    lengths |= {"noised_identity": noised, "random": unrelated}
-    errors = {kind: sums.standard_error for kind, sums in found.sums.items()}
+    kinds = {kind for kind, *_ in blocks}
+    lengths = {kind: np.concatenate([b[-1] for b in blocks if b[0] == kind]) for kind in kinds}
+    errors = {kind: pair_mean_error(lengths[kind], *ends[kind]) for kind in kinds & ends.keys()}
     return DistanceStudy(_table(blocks), summarise_distances(lengths, errors), notes)
 
 

@@ -13,16 +13,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray
 
 #: Arc lengths below this need the sines: an error e in each cosine moves a length d by k e / d.
 _SMALL_ARC_LENGTH = 0.5
-#: Error of an arc length, rad, above which its pair is computed again by the sine form.
-CERTIFIED_ERROR_RAD = 1e-12
-#: From so many pairs on the compiled kernel is quicker, with the time that it takes to load.
-_MANY_PAIRS = 20_000
 
 
 def principal_angles(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -60,42 +55,12 @@ def arc_length(a: FloatArray, b: FloatArray) -> FloatArray:
     ndarray
         (...) distances in [0, sqrt(k) pi/2]; absolute error below 1e-12.
     """
-    a, b = np.broadcast_arrays(np.asarray(a, float), np.asarray(b, float))
-    shape, each = a.shape[:-2], a.shape[-2:]
-    a, b = a.reshape(-1, *each), b.reshape(-1, *each)
-    measure = exact_arc_length if len(a) < _MANY_PAIRS else certified_arc_length
-    return measure(a, b).reshape(shape)
-
-
-def certified_arc_length(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return arc lengths of pairs of (R, D, k) bases by the compiled kernel, error below 1e-12.
-
-    The kernel bounds the error of each; pairs that it cannot certify are computed again.
-    """
-    from hopdata.maps.subspaces.angle_kernel import paired_lengths, workspace
-
-    a, b = np.ascontiguousarray(a, float), np.ascontiguousarray(b, float)
-    lengths, bounds = np.zeros(len(a)), np.zeros(len(a))
-    paired_lengths(a, b, *workspace(*a.shape[1:]), lengths, bounds)
-    again = uncertified(bounds)
-    lengths[again] = exact_arc_length(a[again], b[again])
-    return lengths
-
-
-def uncertified(bounds: FloatArray) -> NDArray[np.bool_]:
-    """Return which error bounds are not below `CERTIFIED_ERROR_RAD`; NaN is not."""
-    return ~(bounds <= CERTIFIED_ERROR_RAD)
-
-
-def exact_arc_length(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return arc lengths of pairs of (R, D, k) bases by singular value decompositions.
-
-    Slower than `arc_length`, with an error of a few 1e-15 wherever the angles are.
-    """
+    a, b = np.asarray(a, float), np.asarray(b, float)
     cosines = np.linalg.svd(a.swapaxes(-1, -2) @ b, compute_uv=False)
     lengths = np.asarray(np.linalg.norm(np.arccos(np.minimum(cosines, 1)), axis=-1))
     close = lengths < _SMALL_ARC_LENGTH
     if close.any():
+        a, b = (np.broadcast_to(part, (*lengths.shape, *part.shape[-2:])) for part in (a, b))
         lengths[close] = np.linalg.norm(principal_angles(a[close], b[close]), axis=-1)
     return lengths
 

@@ -1,1 +1,0 @@
-"""Affine maps by least squares, their bootstrap, and the errors of their predictions."""

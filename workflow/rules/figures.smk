@@ -1,0 +1,51 @@
+# A rule for each kind of figure that this study has; `hopdata.figures.catalogue` says what is drawn.
+KINDS = ["landings", "maps"]
+KINDS += ["sensitivity"] if STUDY["distances"]["sensitivity"] else []
+KINDS += ["truth"] if SIMULATED else []
+KINDS += ["overlay"] if EXTERNAL else []
+# On the page the answer comes first, then the dissertation's figures.
+FIGURE_NAMES = sorted(
+    (name for kind in KINDS for name in CATALOGUE[kind]),
+    key=lambda name: (name != "verdict", not name.startswith("fig")),
+)
+FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
+
+
+def drawn(kind, folder, *, to, names=None):
+    """Input, output and parameters of a job that draws: figures of a kind from a folder's tables."""
+    names = list(names or CATALOGUE[kind])
+    sources = sorted({source_of(name) for name in names})
+    return {
+        "input": {
+            name: [f"{folder}/{file}" for file in tables_of(name, simulated=SIMULATED)]
+            for name in names
+        },
+        "output": expand(f"{to}/{{name}}.{{format}}", name=names, format=FORMATS),
+        "params": {
+            "names": names,
+            "options": STUDY["figures"],
+            "code": code("figures", *sources),
+        },
+    }
+
+
+for kind in KINDS:
+    job = drawn(kind, RESULTS, to=f"{RESULTS}/figures")
+
+    rule:
+        name:
+            f"figures_{kind}"
+        input:
+            **job["input"],
+        output:
+            job["output"],
+        log:
+            f"{RESULTS}/logs/figures_{kind}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/figures_{kind}.tsv"
+        resources:
+            **needs(mb_a_mb=20, minutes=10),
+        params:
+            **job["params"],
+        script:
+            "../scripts/figures.py"

@@ -1,0 +1,27 @@
+"""Bring one recording into the form that the analysis reads: metres, z up, level, gaps filled."""
+
+from hopdata.jobs import logger, reported, write_json
+from hopdata.landings.filling import fill_gaps
+from hopdata.landings.floor import fit_floor, level
+from hopdata.recordings.importing import import_recording
+from hopdata.recordings.plausibility import check_plausible, notes
+from hopdata.recordings.readers.hdf5 import write_recording
+
+with reported(snakemake.log[0]):
+    params = snakemake.params
+    recording, truth = import_recording(
+        list(snakemake.input),
+        name=snakemake.wildcards.recording,
+        markers=params.markers,
+        **params.options,
+    )
+    check_plausible(recording, **params.quality)
+    for note in notes(recording):
+        logger.warning("%s", note)
+    floor = fit_floor(recording, **params.floor)
+    ready = level(recording, floor)
+    if params.fills:
+        ready = fill_gaps(ready, longest_s=params.longest_s, method=params.method)
+    write_recording(snakemake.output.recording, recording, truth=truth)
+    write_recording(snakemake.output.ready, ready)
+    write_json(snakemake.output.floor, floor.to_dict())
