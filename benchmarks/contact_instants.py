@@ -29,6 +29,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from kink_bound import mean_kink_bound
 from numpy.typing import NDArray
 from runner_forces import runner_rows
 from scipy.interpolate import CubicSpline
@@ -37,7 +38,6 @@ from scipy.optimize import curve_fit, least_squares
 from hopdata.landings.contacts.descents import LANDED, Transitions
 from hopdata.landings.contacts.find import LONG_WINDOWS_S, find_contacts
 from hopdata.landings.contacts.kink import FlightPriors, kink_fits
-from hopdata.landings.kink_bound import mean_kink_bound
 from hopdata.landings.schedules import order_probability
 
 FloatArray = NDArray[np.float64]

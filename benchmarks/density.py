@@ -41,7 +41,7 @@ def compare(samples: FloatArray, bandwidth_m: float, nodes: int) -> dict[str, fl
         return gaussian_kde(samples, bw_method=factor)(grid)
 
     def hopdata() -> FloatArray:
-        return kde(samples, bandwidth=bandwidth_m, grid=grid, compiled=True)
+        return kde(samples, bandwidth=bandwidth_m, grid=grid)
 
     def hopdata_numpy() -> FloatArray:
         return kde(samples, bandwidth=bandwidth_m, grid=grid)

@@ -48,9 +48,9 @@ MARKERS = (
     *((0.02, -0.05, 0.1), (-0.12, 0.0, 0.03)),
 )
 GAPS = {"short": (60.0, 0.03), "long": (60.0, 0.15)}  # 1/min of each marker, s
-METHODS = ("none", "rigid", "cubic", "rigid_or_cubic", "CubicSpline")
+METHODS = ("none", "rigid", "CubicSpline")
 DEFAULT_S, LONGEST_S = 0.1, 0.5
-WAYS = (("none", 0.0), ("rigid", DEFAULT_S), *((method, LONGEST_S) for method in METHODS[1:]))
+WAYS = (("none", 0.0), ("rigid", DEFAULT_S), ("CubicSpline", LONGEST_S))
 CAPTURE = {"noise_m": 0.0006}
 
 
@@ -115,7 +115,7 @@ def filled_by(method: str, flat: Recording, longest_s: float) -> Recording:
         return replace(flat, filled=np.zeros(flat.positions.shape[:2], bool))
     if method == "CubicSpline":
         return splined(flat, longest_s=longest_s)
-    return fill_gaps(flat, longest_s=longest_s, method=method)
+    return fill_gaps(flat, longest_s=longest_s)
 
 
 def touchdowns(recording: Recording, case: Case) -> tuple[Pairs, pd.DataFrame]:

@@ -464,7 +464,6 @@ def test_the_keys_of_a_section_are_the_options_of_its_stage(section):
     [
         ("touchdowns", "method", "hopdata.landings.contacts.find", "METHODS"),
         ("touchdowns", "gravity", "hopdata.landings.contacts.find", "GRAVITIES"),
-        ("filling", "method", "hopdata.landings.filling", "METHODS"),
         ("touchdowns", "ambiguous", "hopdata.landings.touchdowns", "TREATMENTS"),
         ("states", "method", "hopdata.landings.states.fits", "METHODS"),
         ("states", "gravity", "hopdata.landings.states.fits", "GRAVITIES"),

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
-from hopdata.errors import ConfigError
 from hopdata.landings.filling import (
     TOO_MUCH_FILLED,
     align,
@@ -40,9 +39,8 @@ def gappy(scene):
     return replace(scene.recording, positions=positions)
 
 
-@pytest.mark.parametrize("method", ["rigid", "cubic", "rigid_or_cubic"])
-def test_fills_body_markers_alone_and_marks_what_it_fills(scene, gappy, method):
-    done = fill_gaps(gappy, longest_s=0.2, method=method)
+def test_fills_body_markers_alone_and_marks_what_it_fills(scene, gappy):
+    done = fill_gaps(gappy, longest_s=0.2)
     was, now = (np.isfinite(r.positions).all(axis=2) for r in (gappy, done))
     np.testing.assert_array_equal(done.filled, now & ~was)
     np.testing.assert_array_equal(done.positions[was], gappy.positions[was])
@@ -51,16 +49,6 @@ def test_fills_body_markers_alone_and_marks_what_it_fills(scene, gappy, method):
     assert len(error) > 50
     assert np.sqrt(np.mean(error**2)) < 1.5 * 0.0006
     assert gappy.filled is None
-
-
-def test_the_body_comes_first_and_the_cubic_fills_what_is_left(gappy):
-    counts = {
-        m: fill_gaps(gappy, longest_s=0.2, method=m).filled.sum()
-        for m in ("rigid", "cubic", "rigid_or_cubic")
-    }
-    assert counts["cubic"] < counts["rigid"] <= counts["rigid_or_cubic"]
-    rigid, both = (fill_gaps(gappy, longest_s=0.2, method=m) for m in ("rigid", "rigid_or_cubic"))
-    np.testing.assert_array_equal(both.positions[rigid.filled], rigid.positions[rigid.filled])
 
 
 def test_gaps_longer_than_asked_for_stay(gappy):
@@ -76,11 +64,6 @@ def test_three_body_markers_are_not_filled_from_two():
     recording = simulate(10, seed=5).recording
     recording.positions[50:55, 0] = np.nan
     assert not fill_gaps(recording, longest_s=0.2).filled.any()
-
-
-def test_an_unknown_method_is_refused(gappy):
-    with pytest.raises(ConfigError, match=r"filling\.method"):
-        fill_gaps(gappy, method="rigd")
 
 
 def test_every_missing_place_is_counted(gappy):

@@ -9,20 +9,9 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-FIGURES = {
-    "figure_order": "fig4_2_order",
-    "figure_calibration": "fig4_3_calibration",
-    "figure_scaling": "fig4_4_scaling",
-    "figure_work_precision": "work_precision",
-    "figure_map_error": "map_error",
-    "figure_frame_change": "fig3_3_frame_change",
-    "figure_frame_change_printed": "fig3_3_printed",
-    "figure_learning_curve": "learning_curve",
-    "figure_kernel_smoothness": "kernel_smoothness",
-}
-STUDY_FIGURES = {"figure_verdict_power": "verdict_power"}  # not on the page of the benchmarks
+from hopdata.figures.catalogue import FIGURES, source_of
 
+ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.workflow
 
 
@@ -67,14 +56,20 @@ def test_every_program_has_a_rule(jobs):
 
 
 def test_every_figure_has_a_rule_and_a_caption(jobs):
-    drawn = {name: text for name, text in jobs.items() if name.startswith("figure_")}
-    figures = {**FIGURES, **STUDY_FIGURES}
-    assert set(drawn) == set(figures)
-    for rule, figure in figures.items():
+    drawn = {name.removeprefix("figure_"): jobs[name] for name in jobs if "figure_" in name}
+    assert set(drawn) == {*FIGURES["benchmarks"], *FIGURES["studies"]}
+    for figure, text in drawn.items():
         for suffix in ("svg", "png"):
-            assert f"results/benchmarks/figures/{figure}.{suffix}" in drawn[rule]
-        assert (ROOT / f"workflow/captions/{figure}.md").is_file()
-        assert (f"workflow/captions/{figure}.md" in jobs["benchmark_page"]) == (rule in FIGURES)
+            assert f"results/benchmarks/figures/{figure}.{suffix}" in text
+        on_page = f"workflow/captions/{figure}.md" in jobs["benchmark_page"]
+        assert on_page == (figure in FIGURES["benchmarks"])
+
+
+@pytest.mark.parametrize("name", [name for drawings in FIGURES.values() for name in drawings])
+def test_every_figure_has_a_caption_and_a_function(name):
+    assert (ROOT / f"workflow/captions/{name}.md").is_file() or name == "fig2_5_both_sides"
+    drawing = next(drawings[name] for drawings in FIGURES.values() if name in drawings)
+    assert f"\ndef {drawing.function}(" in source_of(name).read_text()
 
 
 @pytest.mark.parametrize("program", sorted(programs()))
@@ -119,12 +114,12 @@ def test_the_figure_rules_draw_and_the_page_shows_them(linked):
     results.mkdir(parents=True)
     for name, columns in tables.items():
         (results / name).write_text(columns + "\n")
-    targets = [f"results/benchmarks/figures/{name}.png" for name in FIGURES.values()]
+    targets = [f"results/benchmarks/figures/{name}.png" for name in FIGURES["benchmarks"]]
     page = "results/benchmarks/figures/README.md"
     snakemake(linked, *targets, page, "--rerun-triggers", "mtime")
     assert all((linked / target).stat().st_size > 1000 for target in targets)
     text = (linked / page).read_text()
-    assert all(f"]({name}.svg)" in text for name in FIGURES.values())
+    assert all(f"]({name}.svg)" in text for name in FIGURES["benchmarks"])
 
 
 def defined_in(module):

@@ -203,7 +203,7 @@ def test_the_study_s_page_waits_for_the_steering_if_it_shall_show_it(steered):
         )
     )
     both = planned_rules(folder, "--configfile", "config/both.yaml")
-    assert {"report", "steering_experiment", "figure_steering_model"} <= both
+    assert {"report", "steering_experiment", "figures_steering_model"} <= both
     assert "steering_report" not in both
 
 

@@ -50,9 +50,7 @@ EXTERNAL = {
     if entry["contacts"]["file"] or entry["forces"]["file"]
 }
 # Three markers cannot be placed by three others.
-FILLS = STUDY["filling"]["longest_s"] > 0 and (
-    STUDY["filling"]["method"] != "rigid" or len(STUDY["markers"]["body"]) > 3
-)
+FILLS = STUDY["filling"]["longest_s"] > 0 and len(STUDY["markers"]["body"]) > 3
 # Levelled recordings, with their short gaps filled where that is asked for.
 READY = f"{RESULTS}/ready/{{recording}}.h5"
 FORMATS = STUDY["figures"]["formats"]

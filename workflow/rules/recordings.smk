@@ -39,7 +39,6 @@ rule recording:
         floor=STUDY["floor"],
         fills=FILLS,
         longest_s=STUDY["filling"]["longest_s"],
-        method=STUDY["filling"]["method"],
         code=code("recording"),
     script:
         "../scripts/recording.py"

@@ -21,7 +21,7 @@ with reported(snakemake.log[0]):
     floor = fit_floor(recording, **params.floor)
     ready = level(recording, floor)
     if params.fills:
-        ready = fill_gaps(ready, longest_s=params.longest_s, method=params.method)
+        ready = fill_gaps(ready, longest_s=params.longest_s)
     write_recording(snakemake.output.recording, recording, truth=truth)
     write_recording(snakemake.output.ready, ready)
     write_json(snakemake.output.floor, floor.to_dict())

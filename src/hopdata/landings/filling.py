@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
-from hopdata.errors import require_choice
-from hopdata.landings.cubic_filling import cubic_places
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.recording import Recording
 from hopdata.recordings.quality.stretches import runs, seen
@@ -201,15 +199,15 @@ def _patterns(seen: BoolArray, frames: BoolArray) -> Iterator[tuple[NDArray[np.i
         yield chosen[which.reshape(-1) == k], present
 
 
-METHODS = ("rigid", "cubic", "rigid_or_cubic")
 REACH_S = max(WINDOWS_S)  # about the sections: frames that states may be fitted to
 TOO_MUCH_FILLED = "too much of the body filled in"
 
 
-def fill_gaps(recording: Recording, *, longest_s: float = 0.1, method: str = "rigid") -> Recording:
+def fill_gaps(recording: Recording, *, longest_s: float = 0.1) -> Recording:
     """Fill short gaps of the body markers.
 
-    Feet are never filled: a contact is to be seen, not made.
+    A marker is placed by three or more others of the body in the same frame. Feet are never filled:
+    a contact is to be seen, not made.
 
     Parameters
     ----------
@@ -217,33 +215,18 @@ def fill_gaps(recording: Recording, *, longest_s: float = 0.1, method: str = "ri
         Levelled: feet rest at height 0.
     longest_s : float
         Longest gap that is filled, s; gaps that are longer stay as they are.
-    method : {"rigid", "cubic", "rigid_or_cubic"}
-        From three or more other markers of the body in the same frame; by a cubic through the
-        frames about the gap, never across a contact or lift-off; or the former where it can be
-        and the latter else.
 
     Returns
     -------
     Recording
         The same, with the places and with `filled` marking them. What was seen is not touched.
-
-    Raises
-    ------
-    ConfigError
-        If `method` is unknown.
     """
-    require_choice("filling.method", method, METHODS)
     bodies = recording.indices("body")
     body = recording.body.copy()
     longest = int(longest_s * recording.rate_hz + 1e-6)
     wanted = _short_gaps(~seen(body), longest)
-    if method != "cubic" and (shape := learn_shape(body)) is not None:
+    if (shape := learn_shape(body)) is not None:
         body = np.where(wanted[..., None], rigid_places(recording.body, wanted, shape), body)
-    if method != "rigid":
-        left = wanted & ~seen(body)
-        feet = recording.feet[:, :, 2]
-        places = cubic_places(recording.time, recording.body, feet, left, longest=longest)
-        body = np.where(left[..., None], places, body)
     positions, filled = recording.positions.copy(), np.zeros(recording.positions.shape[:2], bool)
     positions[:, bodies] = body
     filled[:, bodies] = seen(body) & ~seen(recording.body)

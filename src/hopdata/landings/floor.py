@@ -9,6 +9,7 @@ that each keep to a place of their own, since a slope is then the same as a moun
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from functools import partial
 
@@ -28,7 +29,6 @@ from hopdata.landings.floor_surface import (
     rim_of,
     thinned,
 )
-from hopdata.landings.quantile_regression import quantile_regression
 from hopdata.landings.sections.modes import ground_mode, robust_rms
 from hopdata.recording import Recording
 
@@ -107,7 +107,7 @@ def raised_rests(heights: FloatArray, columns: FloatArray, *, band_m: float) -> 
 
     Notes
     -----
-    Start by quantile regression (`hopdata.landings.quantile_regression`), then least squares of the
+    Start by quantile regression (statsmodels' `QuantReg`), then least squares of the
     points about the mode, a few times.
     """
     residuals = heights - columns @ _low_surface(heights, columns)
@@ -128,10 +128,14 @@ def raised_rests(heights: FloatArray, columns: FloatArray, *, band_m: float) -> 
 
 def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
     """Coefficients of the surface that a twentieth of the points is below; nearly the optimum."""
+    from statsmodels.regression.quantile_regression import QuantReg
+
     step = max(1, len(heights) // _START_POINTS)
-    return quantile_regression(
-        columns[::step], heights[::step], quantile=_QUANTILE, most_fits=_MOST_FITS
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that it may take more steps: it is a start
+        # In m: its end is a change of 1e-6 of the coefficients.
+        model = QuantReg(heights[::step], columns[::step])
+        return np.asarray(model.fit(q=_QUANTILE, max_iter=_MOST_FITS).params)
 
 
 __all__ = ["FloorModel", "fit_floor", "level"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.landings.robust_regression import robust_regression
 from hopdata.landings.sections.modes import ground_mode, robust_rms
 from hopdata.recording import Recording
 
@@ -321,6 +321,28 @@ def regress_floor(
     n_terms = len(terms)
     offsets = contrasts @ estimate[n_terms:]
     return FloorRegression(terms, estimate[:n_terms], offsets, residuals, tried)
+
+
+def robust_regression(columns: FloatArray, values: FloatArray, *, norm: str) -> FloatArray:
+    """Regress values (n,) on columns (n, k) so that outliers count for little, (k,).
+
+    M-estimates by statsmodels' `RLM`, of `norm` "tukey" (biweight, c = 4.685) or "huber"
+    (t = 1.345), iterated until the coefficients stand still. Its end depends on the unit of the
+    values, so these are taken in units of their robust residuals from least squares.
+    """
+    from statsmodels.robust import norms
+    from statsmodels.robust.robust_linear_model import RLM
+
+    kinds = {"tukey": norms.TukeyBiweight, "huber": norms.HuberT}
+    start = np.linalg.lstsq(columns, values, rcond=None)[0]
+    unit = robust_rms(values - columns @ start)
+    if unit <= np.finfo(float).eps * np.abs(values).max(initial=0.0):  # a perfect fit
+        return np.asarray(start)
+    with np.errstate(invalid="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that a fit may be perfect after some steps
+        model = RLM(values / unit, columns, M=kinds[norm]())
+        found = model.fit(conv="coefs", tol=1e-10, maxiter=100, start_params=start / unit)
+    return unit * np.asarray(found.params)
 
 
 def floor_columns(rest: RestPoints, scaled: FloatArray, terms: Terms) -> FloatArray:

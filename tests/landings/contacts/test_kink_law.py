@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from falling_feet import NOISE_M, RATE_HZ, SPEED_M_S, falls
+from kink_bound import mean_kink_bound
 
 from hopdata.landings.contacts.descents import LANDED
 from hopdata.landings.contacts.find import LONG_WINDOWS_S, find_contacts
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits
 from hopdata.landings.contacts.kink_law import FootHeights, Law, learn, learned_law, weak_priors
-from hopdata.landings.kink_bound import mean_kink_bound
 from hopdata.landings.schedules import order_probability
 
 FIRST_MEASURED_MS = {"known": 0.49, "learned": 0.49, "free": 0.84}

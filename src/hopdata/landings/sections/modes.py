@@ -42,9 +42,7 @@ def normal_bandwidth(samples: ArrayLike) -> float:
     return 0.9 * (spread or float(values.std(ddof=1))) * values.size**-0.2
 
 
-def kde(
-    samples: ArrayLike, *, bandwidth: float, grid: ArrayLike, compiled: bool = False
-) -> FloatArray:
+def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
     """Density of `samples` under a Gaussian kernel, at the nodes of a uniform grid.
 
     Parameters
@@ -56,9 +54,6 @@ def kde(
         Standard deviation of the kernel, in the unit of `samples`, > 0.
     grid : (G,) array
         Nodes, equally spaced and increasing, G >= 2.
-    compiled : bool
-        Whether to spread the samples by compiled code: eight times as fast, but half a second to
-        load, so that it pays from a hundred densities of long recordings on.
 
     Returns
     -------
@@ -72,7 +67,6 @@ def kde(
         No finite sample, a bandwidth that is not positive, a grid that is not uniform, or a
         bandwidth so small against the grid that the work would be unreasonable.
     """
-    values = np.asarray(samples, dtype=np.float64).ravel()
     nodes, spacing = _uniform(grid)
     if not (np.isfinite(bandwidth) and bandwidth > 0):
         raise ValueError(f"bandwidth: expected a positive number, found {bandwidth}")
@@ -85,16 +79,13 @@ def kde(
             f"bandwidth: {bandwidth:g} is too small for a grid from {nodes[0]:g} to {nodes[-1]:g}"
         )
     n_fine = _fast_length(n_inside + 2 * margin)
-    if compiled:
-        counts, found = _spread_compiled(values, float(nodes[0]) - margin * step, step, n_fine)
-    else:
-        known = finite(values)
-        counts, found = _spread((known - nodes[0]) / step + margin, n_fine), known.size
-    if found == 0:
+    values = finite(samples)
+    if values.size == 0:
         raise ValueError("samples: expected at least one finite value, found none")
+    counts = _spread((values - nodes[0]) / step + margin, n_fine)
     smooth = np.fft.irfft(np.fft.rfft(counts) * _transfer(n_fine, bandwidth / step), n_fine)
     inside = smooth[margin : margin + n_inside : refine]
-    return np.maximum(inside, 0.0) / (found * step)
+    return np.maximum(inside, 0.0) / (values.size * step)
 
 
 def finite(samples: ArrayLike) -> FloatArray:
@@ -113,17 +104,6 @@ def _uniform(grid: ArrayLike) -> tuple[FloatArray, float]:
     if not (spacing > 0 and np.allclose(nodes, even, rtol=0.0, atol=1e-6 * spacing)):
         raise ValueError("grid: expected equally spaced, increasing nodes")
     return nodes, spacing
-
-
-def _spread_compiled(
-    values: FloatArray, origin: float, step: float, n_fine: int
-) -> tuple[FloatArray, int]:
-    """Spread unit counts of the finite values as `_spread` does; also return how many they are."""
-    from hopdata.landings.density_kernel import spread_samples
-
-    counts = np.zeros((2, n_fine))
-    found = spread_samples(values, origin, 1.0 / step, counts)
-    return (counts[0] + counts[1]) / 6.0, found
 
 
 def _spread(place: FloatArray, n_fine: int) -> FloatArray:
