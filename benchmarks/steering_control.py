@@ -36,6 +36,8 @@ from typing import Any
 import numpy as np
 import one_thread  # noqa: F401  first, since it sets the number of threads
 import pandas as pd
+from best_plan import reference_objective
+from closed_loop import ClosedLoopTrial, PoseNoise, closed_loop
 from numpy.typing import NDArray
 from steering_setting import (
     LIMIT,
@@ -48,12 +50,9 @@ from steering_setting import (
 )
 from timing import timed
 
-from hopdata.steering.control.globalised import GlobalisedController
 from hopdata.steering.control.objectives import Controller, Horizon, ToHeading, ToPoint
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
-from hopdata.steering.control.reference import reference_objective
-from hopdata.steering.experiments.closed_loop import ClosedLoopTrial, PoseNoise, closed_loop
 from hopdata.steering.experiments.outcomes import rate_interval
 from hopdata.steering.experiments.tasks import ORIGIN, TURN, Task, errors_of, judged
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated, turn_nodes
@@ -191,8 +190,6 @@ def short_rows(task: str, goal: Any, found: Maps, starts: int, seed: int) -> lis
     else:
         learned = [replace(printed, model=one) for one in found.learned]
         rows.append(control_row(task, "printed", "learned", learned, starts, seed)[0])
-    globalised = [GlobalisedController(model=one, objective=goal) for one in found.learned]
-    rows.append(control_row(task, "globalised", "learned", globalised, starts, seed)[0])
     return rows
 
 
@@ -207,7 +204,6 @@ def replanning_table(found: Maps, plans: int, slow_plans: int, seed: int) -> pd.
     """Time and excess of the plans of each method."""
     table = tabulated(found.copies[0], LIMIT)
     methods = {
-        "globalised": (lambda goal: GlobalisedController(model=table, objective=goal), plans),
         "printed, closed-form gradient": (
             lambda goal: PrintedController(
                 model=found.copies[0], objective=goal, gradient="closed form"

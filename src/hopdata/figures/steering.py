@@ -166,7 +166,6 @@ def _move(moving: dict[str, Any], time: float, markers: Any, stances: pd.DataFra
 LOOKS = {
     "printed": ("printed controller", VERMILION, "s"),
     "planner": ("planner", BLUE, "o"),
-    "globalised": ("globalised controller", BLUE, "o"),
     "ceiling": ("policy that knows the true map", GREEN, "D"),
 }
 TASKS = {

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 CONTROLLERS = {
     "printed": "printed",
     "planner": "planner",
-    "globalised": "globalised",
     "ceiling": "knows the true map",
 }
 EXPERIMENTS = {
@@ -188,7 +187,7 @@ EXPERIMENT_FIGURES = (
     "steering_film",
 )
 # Controllers whose runs are drawn: those that a study may recommend.
-DRAWN = {"planner": "the planner", "globalised": "the globalised controller"}
+DRAWN = {"planner": "the planner"}
 SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 
 

@@ -8,11 +8,10 @@ from hopdata.errors import AnalysisError
 from hopdata.steering.models.tabulated import (
     TabulatedMap,
     tabulated,
-    tabulated_with_history,
     tabulation_errors,
     turn_nodes,
 )
-from hopdata.steering.models.training import WITH_PREVIOUS_SWING, trained_process
+from hopdata.steering.models.training import trained_process
 
 
 class Smooth:
@@ -33,31 +32,6 @@ def test_nodes_are_exact():
     angle, swing = np.meshgrid(table.boom_angle_rad, table.swing_rad, indexing="ij")
     found = table.change(angle.ravel(), swing.ravel())
     np.testing.assert_allclose(found, values.reshape(-1, 3), atol=1e-12)
-
-
-def test_nodes_are_exact_with_history():
-    values = np.random.default_rng(1).standard_normal((6, 5, 4, 3))
-    table = TabulatedMap(values, LIMIT)
-    previous = np.linspace(-LIMIT, LIMIT, 4)
-    mesh = np.meshgrid(table.boom_angle_rad, table.swing_rad, previous, indexing="ij")
-    found = table.change(*(axis.ravel() for axis in mesh))
-    np.testing.assert_allclose(found, values.reshape(-1, 3), atol=1e-12)
-
-
-def test_cubics_of_the_swings_are_exact():
-    def cubic(swing, previous):
-        one = 1 + swing - 2 * swing**2 + 0.5 * swing**3
-        return np.stack([one, swing * previous**3, previous], axis=-1)
-
-    grid = np.linspace(-LIMIT, LIMIT, 5)
-    swing, previous = np.meshgrid(grid, grid, indexing="ij")
-    table = TabulatedMap(np.broadcast_to(cubic(swing, previous), (4, 5, 5, 3)).copy(), LIMIT)
-    angle, s, p = points()
-    value, gradient = table.change_and_gradient(angle, s, p)
-    np.testing.assert_allclose(value, cubic(s, p), atol=1e-12)
-    np.testing.assert_allclose(gradient[:, 0, 1], 1 - 4 * s + 1.5 * s**2, atol=1e-12)
-    np.testing.assert_allclose(gradient[:, 1, 2], 3 * s * p**2, atol=1e-12)
-    np.testing.assert_allclose(gradient[:, :, 0], 0, atol=1e-12)
 
 
 def test_the_error_falls_with_the_fourth_power_of_the_spacing():
@@ -97,13 +71,6 @@ def test_a_tabulated_process_is_near_the_process_and_nearer_on_a_finer_grid():
     assert (coarse[0] / spread).max() < 1e-2
     for rough, close in zip(coarse, fine, strict=True):
         assert np.all(close < rough / 3)
-
-
-def test_a_tabulated_process_with_history_is_near_the_process():
-    model = trained_process(chained_hops(60, noise=NOISE, memory=0.01), WITH_PREVIOUS_SWING)
-    table = tabulated_with_history(model, LIMIT)
-    value, _ = tabulation_errors(table, model, points=500)
-    assert (value / model.outputs.std(axis=0)).max() < 1e-2
 
 
 def test_a_table_of_the_true_map_has_its_grid():

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.rigid import wrapped
-from hopdata.steering.control.globalised import GlobalisedController
 from hopdata.steering.control.objectives import Controller, Horizon, Objective, ToHeading, ToPoint
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import PrintedController
@@ -176,7 +175,7 @@ def decided(task: Task, errors: ArrayLike) -> bool:
 
 Policy: TypeAlias = Callable[[Objective], Controller]
 
-PRINTED, PLANNER, GLOBALISED, CEILING = "printed", "planner", "globalised", "ceiling"
+PRINTED, PLANNER, CEILING = "printed", "planner", "ceiling"
 
 
 def policies(
@@ -209,9 +208,7 @@ def policies(
     starts = {(FACING, PRINTED): printed} if manoeuvre == ORIGIN else {}
     return starts | {
         (ANY, PRINTED): printed,
-        (ANY, options["controller"]): [
-            _recommended(options, manoeuvre, model, horizon) for model in models
-        ],
+        (ANY, PLANNER): [_recommended(options, manoeuvre, model, horizon) for model in models],
         (ANY, CEILING): [_recommended(options, manoeuvre, true_map, horizon)],
     }
 
@@ -224,8 +221,6 @@ def _recommended(
     options: Mapping[str, Any], manoeuvre: str, model: FrameChangeMap, horizon: Horizon
 ) -> Policy:
     """Return what makes the recommended controller; what takes long is computed here, once."""
-    if options["controller"] == GLOBALISED:
-        return GlobalisedController(model=model, horizon=horizon).towards
     return planner(
         model,
         ToPoint() if manoeuvre == ORIGIN else ToHeading(),

@@ -137,52 +137,12 @@ def spline_change(coefficients, limit, angle, swing, value, gradient):  # type: 
 
 
 @njit(cache=True, error_model="numpy")
-def spline_change_with_history(  # type: ignore[no-untyped-def]
-    coefficients, limit, angle, swing, previous, value, gradient
-):
-    """Write value (3,) and gradient (3, 3) of a spline (A + 3, S + 2, P + 2, 3)."""
-    i, f, per_angle = _on_turn(angle, coefficients.shape[0] - 3)
-    k, g, per_swing = _on_line(swing, limit, coefficients.shape[1] - 2)
-    m, w, per_previous = _on_line(previous, limit, coefficients.shape[2] - 2)
-    b, db = _basis(f), _slopes(f, per_angle)
-    e, de = _basis(g), _slopes(g, per_swing)
-    h, dh = _basis(w), _slopes(w, per_previous)
-    for j in range(3):
-        value[j] = 0.0
-        gradient[j, :] = 0.0
-    for p in range(4):
-        for q in range(4):
-            for j in range(3):
-                row = slope = 0.0
-                for r in range(4):
-                    c = coefficients[i + p, k + q, m + r, j]
-                    row += h[r] * c
-                    slope += dh[r] * c
-                value[j] += b[p] * e[q] * row
-                gradient[j, 0] += db[p] * e[q] * row
-                gradient[j, 1] += b[p] * de[q] * row
-                gradient[j, 2] += b[p] * e[q] * slope
-
-
-@njit(cache=True, error_model="numpy")
 def spline_changes(coefficients, limit, angles, swings):  # type: ignore[no-untyped-def]
     """Return values (n, 3) and gradients (n, 3, 2); see `spline_change`."""
     n = len(angles)
     values, gradients = np.empty((n, 3)), np.empty((n, 3, 2))
     for a in range(n):
         spline_change(coefficients, limit, angles[a], swings[a], values[a], gradients[a])
-    return values, gradients
-
-
-@njit(cache=True, error_model="numpy")
-def spline_changes_with_history(coefficients, limit, angles, swings, previous):  # type: ignore[no-untyped-def]
-    """Return values (n, 3) and gradients (n, 3, 3); see `spline_change_with_history`."""
-    n = len(angles)
-    values, gradients = np.empty((n, 3)), np.empty((n, 3, 3))
-    for a in range(n):
-        spline_change_with_history(
-            coefficients, limit, angles[a], swings[a], previous[a], values[a], gradients[a]
-        )
     return values, gradients
 
 
@@ -209,36 +169,18 @@ class FrameChangeMap(Protocol):
         ...
 
 
-class HistoryFrameChangeMap(Protocol):
-    """Frame change as a function of boom angle, swing and the swing of the hop before."""
-
-    def change(
-        self, boom_angle: FloatArray, swing: FloatArray, previous_swing: FloatArray, /
-    ) -> FloatArray:
-        """Return the frame changes (n, 3) of hops."""
-        ...
-
-    def change_and_gradient(
-        self, boom_angle: FloatArray, swing: FloatArray, previous_swing: FloatArray, /
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return frame changes (n, 3), and derivatives (n, 3, 3) by the three inputs in order."""
-        ...
-
-
 BEYOND = 1e-3  # of the limit: room for differences at the bounds
 
 
 @dataclass(frozen=True)
 class TabulatedMap:
-    """Frame changes by boom angle and swing, or also by the previous swing, on a grid.
-
-    It is a `FrameChangeMap`, or a `HistoryFrameChangeMap`.
+    """Frame changes by boom angle and swing on a grid; a `FrameChangeMap`.
 
     Parameters
     ----------
-    values : (A, S, 3) or (A, S, P, 3) array
-        Frame changes, m, m, rad; boom angles evenly spaced over a turn from 0, swings and previous
-        swings from minus to plus the limit.
+    values : (A, S, 3) array
+        Frame changes, m, m, rad; boom angles evenly spaced over a turn from 0, swings from minus to
+        plus the limit.
     swing_limit_rad : float
         The limit.
 
@@ -253,10 +195,9 @@ class TabulatedMap:
 
     def __post_init__(self) -> None:
         shape = self.values.shape
-        if len(shape) not in (3, 4) or shape[-1] != 3 or min(shape[:-1]) < LEAST_NODES:
+        if len(shape) != 3 or shape[-1] != 3 or min(shape[:-1]) < LEAST_NODES:
             raise ValueError(
-                f"values: expected (A, S, 3) or (A, S, P, 3) of at least {LEAST_NODES} nodes each, "
-                f"found {shape}"
+                f"values: expected (A, S, 3) of at least {LEAST_NODES} nodes each, found {shape}"
             )
         if not np.isfinite(self.values).all():
             raise ValueError("values: expected finite frame changes, found some that are not")
@@ -290,11 +231,9 @@ class TabulatedMap:
         AnalysisError
             If a swing is beyond the limit, or the number of inputs is wrong.
         """
-        wanted = self.values.ndim - 1
-        rows = input_rows(inputs, wanted)
-        self._require_within(rows[1:])
-        compiled: Any = spline_changes if wanted == 2 else spline_changes_with_history
-        values, gradients = compiled(self.coefficients, self.swing_limit_rad, *rows)
+        rows = input_rows(inputs, 2)
+        self._require_within(rows[1])
+        values, gradients = spline_changes(self.coefficients, self.swing_limit_rad, *rows)
         return values, gradients
 
     def _require_within(self, swings: FloatArray) -> None:
@@ -313,20 +252,6 @@ def tabulated(
     angle, swing = np.meshgrid(turn_nodes(angles), grid, indexing="ij")
     values = model.change(angle.ravel(), swing.ravel())
     return TabulatedMap(values.reshape(angles, swings, 3), swing_limit_rad)
-
-
-def tabulated_with_history(
-    model: HistoryFrameChangeMap,
-    swing_limit_rad: float,
-    *,
-    angles: int = 96,
-    swings: int = 25,
-) -> TabulatedMap:
-    """Tabulate a map of boom angle, swing and previous swing; both swings have as many nodes."""
-    grid = np.linspace(-swing_limit_rad, swing_limit_rad, swings)
-    mesh = np.meshgrid(turn_nodes(angles), grid, grid, indexing="ij")
-    values = model.change(*(axis.ravel() for axis in mesh))
-    return TabulatedMap(values.reshape(angles, swings, swings, 3), swing_limit_rad)
 
 
 def turn_nodes(number: int) -> FloatArray:

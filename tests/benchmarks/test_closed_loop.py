@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from closed_loop import PoseNoise, closed_loop
 
 from hopdata.steering.control.objectives import (
     Plan,
@@ -10,7 +11,6 @@ from hopdata.steering.control.objectives import (
     checked_state,
     errors_left,
 )
-from hopdata.steering.experiments.closed_loop import PoseNoise, closed_loop
 from hopdata.steering.robot import Board, SteeredHopper
 
 ROBOT = SteeredHopper()
