@@ -7,7 +7,7 @@
 that they never shorten one). `error_rms` is the root mean square deviation of the final state from
 the exact one, over its components and over runs whose first steps are cut by different parts of a
 step, so that the events fall everywhere in theirs. `in_fit` marks the straight part of the curve,
-chosen by the rule of `hopdata.hybrid.printed.order.fit_order`; `fitted_order` and `fitted_error`
+chosen by the rule of `order_fit.fit_order`; `fitted_order` and `fitted_error`
 are the line through it. "slopes kept" is Algorithm 5 to the letter.
 
 A line's slope is a mean over its steps, and an order is a limit. Dormand-Prince's is approached
@@ -31,12 +31,12 @@ import numpy as np
 import pandas as pd
 from exact import octant_end
 from numpy.typing import NDArray
+from order_fit import fit_limit, fit_order
 from restarted import restarted
 from scipy.integrate import RK45
 
 from hopdata.hybrid import System, field, solve
 from hopdata.hybrid.printed import Dopri5, PrintedOptions, Stepping, integrate, region_of
-from hopdata.hybrid.printed.order import fit_limit, fit_order
 from hopdata.hybrid.printed.theorem import MESHES, Localisation, localise, turning_point
 from hopdata.scenes.small import INITIAL_STATE, T_SPAN, octant
 

@@ -7,6 +7,7 @@ import numpy as np
 from mat_files import qtm_struct, write_mat5, write_mat73
 from qtm_files import NAMES, columns, data_rows, qtm_text, standing
 from trc_files import trc_text
+from written_files import write_c3d
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Event, Recording
@@ -14,7 +15,6 @@ from hopdata.recordings.importing import import_recording
 from hopdata.recordings.plausibility import check_plausible
 from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.hdf5 import write_recording
-from hopdata.recordings.readers.writers import write_c3d
 
 N_FRAMES = 24
 EVENTS = (("strike", 0.05), ("toe off", 0.12))

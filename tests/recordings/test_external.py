@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from external_blocks import block, columns
+from written_files import write_c3d
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Event
 from hopdata.recordings.external import read_contact_times, read_force_signals
 from hopdata.recordings.raw import RawRecording
-from hopdata.recordings.readers.writers import write_c3d
 
 FEET = ("left", "right")
 

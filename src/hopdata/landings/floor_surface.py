@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.errors import require_choice
 from hopdata.landings.sections.modes import ground_mode, robust_rms
 from hopdata.recording import Recording
 
@@ -334,6 +335,7 @@ def robust_regression(columns: FloatArray, values: FloatArray, *, norm: str) -> 
     from statsmodels.robust.robust_linear_model import RLM
 
     kinds = {"tukey": norms.TukeyBiweight, "huber": norms.HuberT}
+    require_choice("floor.norm", norm, kinds)
     start = np.linalg.lstsq(columns, values, rcond=None)[0]
     unit = robust_rms(values - columns @ start)
     if unit <= np.finfo(float).eps * np.abs(values).max(initial=0.0):  # a perfect fit

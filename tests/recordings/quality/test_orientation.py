@@ -5,6 +5,7 @@ import pytest
 from made_up_hopper import MARKERS, hopping
 from qtm_files import NAMES, UPRIGHT, qtm_text, standing, write
 from trc_files import trc_text
+from written_files import write_c3d
 
 from hopdata.errors import RecordingError
 from hopdata.recording import extent
@@ -12,7 +13,6 @@ from hopdata.recordings.importing import import_recording
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality.orientation import choose_unit, free_fall, guess_unit_and_up
 from hopdata.recordings.raw import RawRecording, rotate_up
-from hopdata.recordings.readers.writers import write_c3d
 
 UNITS = {"m": 1.0, "mm": 1000.0, "cm": 100.0, "inch": 1 / 0.0254}
 

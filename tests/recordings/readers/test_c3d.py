@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from external_blocks import block, columns
+from written_files import parameter_bytes, write_c3d
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Event
@@ -19,7 +20,6 @@ from hopdata.recordings.readers.c3d_parameters import (
     read_parameters,
 )
 from hopdata.recordings.readers.formats import read_raw
-from hopdata.recordings.readers.writers import parameter_bytes, write_c3d
 
 INTEL = PROCESSORS[84]
 

@@ -16,6 +16,7 @@ from mat_files import qtm_struct, write_mat5
 from qtm_files import NAMES, data_rows, qtm_text, standing
 from raw_strategies import assert_same, raw_recordings
 from trc_files import trc_text
+from written_files import write_c3d, write_qtm_tsv
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Event, Recording
@@ -24,7 +25,6 @@ from hopdata.recordings.plausibility import check_plausible
 from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.formats import read_raw
 from hopdata.recordings.readers.hdf5 import write_recording
-from hopdata.recordings.readers.writers import write_c3d, write_qtm_tsv
 
 MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
 RAW = RawRecording(NAMES, np.arange(40) / 100, standing(), 100.0, "mm")
