@@ -71,7 +71,7 @@ rule distances:
     benchmark:
         f"{RESULTS}/benchmarks/distances.tsv"
     priority: 1  # more waits for it than for a figure
-    threads: workflow.cores if STUDY["distances"]["all_pairs"] else 1
+    threads: 4 if STUDY["distances"]["all_pairs"] else 1
     params:
         options={k: v for k, v in STUDY["distances"].items() if k != "sensitivity"},
         seed=STUDY["seed"],
@@ -112,7 +112,7 @@ rule true_sections:
         f"{RESULTS}/benchmarks/true_sections.tsv"
     params:
         recordings=RECORDINGS,
-        body=STUDY["markers"]["body"],
+        markers=STUDY["markers"],
         code=code("true_sections"),
     script:
         "../scripts/true_sections.py"
@@ -136,7 +136,7 @@ rule map_errors:
         f"{RESULTS}/benchmarks/map_errors.tsv"
     params:
         recordings=RECORDINGS,
-        feet=STUDY["markers"]["feet"],
+        markers=STUDY["markers"],
         seed=STUDY["seed"],
         code=code("map_errors"),
     script:
@@ -154,10 +154,10 @@ rule scaling_study:
         f"{RESULTS}/logs/scaling_study.log",
     benchmark:
         f"{RESULTS}/benchmarks/scaling_study.tsv"
-    threads: workflow.cores
+    threads: 4
     params:
         options=STUDY["scaling_study"],
-        body=STUDY["markers"]["body"],
+        markers=STUDY["markers"],
         code=code("scaling_study"),
     script:
         "../scripts/scaling_study.py"
@@ -262,7 +262,7 @@ rule score:
     params:
         methods=SCORED_METHODS,
         recordings=RECORDINGS,
-        feet=STUDY["markers"]["feet"],
+        markers=STUDY["markers"],
         code=code("score"),
     script:
         "../scripts/score.py"

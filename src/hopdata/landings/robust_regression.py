@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from hopdata.arrays import FloatArray
+from hopdata.errors import chosen
 from hopdata.landings.reweighted import Reweighted
 from hopdata.landings.sections.modes import robust_rms
 
-NORMS = ("tukey", "huber")
 _TUKEY, _HUBER = 4.685, 1.345  # 95 % efficiency on normal residuals
 
 
@@ -47,9 +47,7 @@ def robust_regression(
     tests compare with, iterated to convergence. Its own end depends on the unit of the values, and
     it finds covariances that nobody reads here (docs/decisions.md).
     """
-    if norm not in NORMS:
-        raise ValueError(f"norm: expected 'tukey' or 'huber', found {norm!r}")
-    weights = _tukey if norm == "tukey" else _huber
+    weights = chosen("floor.norm", norm, NORMS)
     fits = Reweighted(columns, values)
     found = fits.unweighted()
     residuals = fits.residuals(found)
@@ -76,3 +74,6 @@ def _huber(size: FloatArray) -> FloatArray:
     """Weights (n,) of residuals of some size, in units of the scale."""
     weights: FloatArray = _HUBER / np.maximum(size, _HUBER)
     return weights
+
+
+NORMS = {"tukey": _tukey, "huber": _huber}

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.blas import one_blas_thread
 from hopdata.maps.draws import named_generator
 from hopdata.maps.subspaces.all_pairs import all_arc_lengths
 from hopdata.maps.subspaces.dyads import PairSums
@@ -161,6 +162,7 @@ class DistanceStudy:
     notes: list[dict[str, str]]
 
 
+@one_blas_thread()
 def measure_distances(
     bases: Mapping[str, FloatArray],
     shape: tuple[int, int],
@@ -289,6 +291,7 @@ NOISE_SDS = tuple(0.1 * 2.0 ** (step / 2) for step in range(-12, 7))
 _LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
+@one_blas_thread()
 def noise_sensitivity(
     shape: tuple[int, int],
     *,
@@ -335,6 +338,7 @@ def noise_sensitivity(
     return pd.DataFrame(rows, columns=list(columns))
 
 
+@one_blas_thread()
 def snr_readings(shape: tuple[int, int], *, seed: int, pairs: int = 1000) -> pd.DataFrame:
     """Measure the arc lengths of the two baselines, the noised identity in every reading.
 
