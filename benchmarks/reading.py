@@ -34,13 +34,10 @@ sys.path[:0] = [str(TESTS)]
 
 from mat_files import qtm_struct, write_mat5, write_mat73  # noqa: E402
 from trc_files import trc_text  # noqa: E402
-from written_files import (
-    write_c3d,
-    write_qtm_tsv,
-)
+from written_files import write_c3d, write_qtm_tsv  # noqa: E402
 
 from hopdata.recording import Recording  # noqa: E402
-from hopdata.recordings.importing import import_recording
+from hopdata.recordings.importing import import_recording  # noqa: E402
 from hopdata.recordings.raw import RawRecording  # noqa: E402
 from hopdata.recordings.readers.formats import read_raw  # noqa: E402
 from hopdata.recordings.readers.hdf5 import write_recording  # noqa: E402

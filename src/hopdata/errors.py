@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import TypeVar
+
+Entry = TypeVar("Entry")
 
 
 class HopdataError(Exception):
-    """Base of every error that hopdata raises for a mistake in its input."""
+    """Base of every error that hopdata raises for a mistake in its input.
+
+    Its arguments are the lines of the message, whatever characters the names in them have.
+    """
+
+    def __str__(self) -> str:
+        return "\n".join(printable(str(line)) for line in self.args)
 
 
 class ConfigError(HopdataError):
@@ -20,6 +29,11 @@ class RecordingError(HopdataError):
 
 class AnalysisError(HopdataError):
     """The data are sound but do not suffice for the analysis asked for."""
+
+
+def printable(text: str) -> str:
+    """Return a text of a user as it can stand in a message: one line, nothing that steers."""
+    return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
 
 
 def did_you_mean(name: str, choices: Iterable[str]) -> str:
@@ -41,5 +55,11 @@ def require_choice(key: str, value: str, choices: Iterable[str]) -> None:
     if value not in choices:
         raise ConfigError(
             f"{key}: expected one of {', '.join(choices)}, found {value!r}"
-            f"{did_you_mean(value, choices)}"
+            f"{did_you_mean(str(value), choices)}"
         )
+
+
+def chosen(key: str, name: str, table: Mapping[str, Entry]) -> Entry:
+    """Return what a table has under a name; raise a `ConfigError` that lists it if it has none."""
+    require_choice(key, name, table)
+    return table[name]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
-from hopdata.errors import RecordingError
+from hopdata.errors import RecordingError, require_choice
 
 
 @dataclass(frozen=True)
@@ -95,6 +95,7 @@ class Recording:
 
     def indices(self, role: str) -> list[int]:
         """Return indices of the markers with this role, in order."""
+        require_choice("role", role, ROLES)
         return [i for i, r in enumerate(self.roles) if r == role]
 
     def names(self, role: str) -> tuple[str, ...]:

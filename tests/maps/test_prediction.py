@@ -105,7 +105,7 @@ def test_a_small_class_is_named_and_left_out():
     assert "2>1>3" not in set(result.errors["schedule"])
     assert {
         "what": "specialised models of schedule 2>1>3",
-        "reason": "5 landings, at least 40 wanted",
+        "reason": "5 touchdowns, at least 40 wanted",
     } in result.notes
 
 
@@ -131,7 +131,7 @@ def test_almost_no_landings_do_not_crash(n, models):
     x, y, schedule, spread = (part[:n] for part in study(np.random.default_rng(10), n=40))
     result = bootstrap_prediction(x, y, schedule, spread, seed=1, bootstraps=5)
     assert result.summary["model"].tolist() == models
-    assert "affine model of all landings" in {note["what"] for note in result.notes}
+    assert "affine model of all touchdowns" in {note["what"] for note in result.notes}
 
 
 def test_constant_columns_and_duplicates_are_harmless():
@@ -172,13 +172,13 @@ def test_near_and_far_are_below_and_above_the_median_of_all():
         "far": [2, 3],
     }
     assert notes == [
-        {"what": "specialised models of schedule 2>1", "reason": "1 landings, at least 2 wanted"}
+        {"what": "specialised models of schedule 2>1", "reason": "1 touchdowns, at least 2 wanted"}
     ]
 
 
 def test_no_class_is_said_once_more_for_all():
     _, notes = select_populations(np.array(["", ""]), np.array([np.nan, np.nan]), 40)
-    assert notes == [{"what": "specialised models", "reason": "no mode schedule has 40 landings"}]
+    assert notes == [{"what": "specialised models", "reason": "no mode schedule has 40 touchdowns"}]
 
 
 @pytest.mark.parametrize(
@@ -237,6 +237,6 @@ def test_many_thin_classes_are_counted_together():
     assert notes == [
         {
             "what": "affine models of 9 schedules",
-            "reason": "15 to 21 landings each to fit, an affine map of these inputs needs 26",
+            "reason": "15 to 21 touchdowns each to fit, an affine map of these inputs needs 26",
         }
     ]

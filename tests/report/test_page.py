@@ -19,6 +19,8 @@ from fake_study import (
 )
 
 from hopdata.errors import ConfigError
+from hopdata.landings.checks import check_study
+from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.report.inputs import ReportFigure, ReportInputs, read_figures
 from hopdata.report.page import build_report, study_facts
 from hopdata.report.quality import summary as quality_summary
@@ -105,17 +107,17 @@ def test_the_language_and_the_title_are_given():
 
 def test_every_table_is_there(full):
     assert full.captions == [
-        "Tests of one map for all contact orders",
+        "Test of the kinks, which decides",
         "The difference in windows of contact spread",
         "Can these data be trusted?",
         "Faults of the recordings",
         "Remarks on the recordings",
-        "Every touchdown that was left out",
+        "Every descent that is not used",
         "Recordings",
         "Floor",
         "Thresholds and sections",
         "Used touchdowns by mode schedule",
-        "Excluded touchdowns",
+        "Descents that are not used",
         "Prediction errors",
         "Arc-length distances",
         "Found against known",
@@ -226,7 +228,7 @@ def test_what_is_missing_is_said_in_words(bare):
         "There is no truth to compare with",
         "No distances: no mode schedule holds enough touchdowns",
         "No model could be fitted",
-        "No touchdown was found",
+        "No landing is used",
         "No sections were chosen",
         "The configuration was not recorded",
         "not known",
@@ -312,11 +314,30 @@ def test_the_gain_does_not_depend_on_the_units(scale):
 def test_counts_are_those_of_the_table():
     table = touchdowns(recordings=("a", "b"))
     facts = study_facts(ReportInputs("s", touchdowns=table))
-    assert facts["n_touchdowns"] == 431
+    assert facts["n_descents"] == facts["n_landings"] == 431
     assert facts["n_excluded"] == table["excluded"].sum()
     assert facts["n_used"] + facts["n_excluded"] == 431
     assert facts["n_schedules"] == 6
     assert facts["n_recordings"] == 2
+
+
+def test_descents_in_which_no_foot_lands_are_no_landings():
+    table = touchdowns(20).assign(excluded=[True] * 9 + [False] * 11)
+    table["reason"] = [NO_FOOT_LANDED] * 6 + ["poor fit of foot 1"] * 3 + [""] * 11
+    facts = study_facts(ReportInputs("s", touchdowns=table))
+    names = ("n_descents", "n_landings", "n_not_landed", "n_used", "n_excluded")
+    assert [facts[name] for name in names] == [20, 14, 6, 11, 3]
+    page = build_report(ReportInputs("s", touchdowns=table))
+    said = "of 14 landings, 3 excluded; in 6 more of 20 descents no foot of the study landed"
+    assert said in page
+    checks = check_study(
+        pd.DataFrame({"role": [], "longest_s": [], "noise_m": []}), pd.DataFrame({"kind": []}),
+        table, pd.DataFrame({"pre_height_m": [1.0], "post_height_m": [0.9], "note": [""]}),
+        pd.DataFrame({name: [] for name in ("median", "typical", "se")}), other_feet=True,
+    )  # fmt: skip
+    used = next(check for check in checks if check.what == "touchdowns used")
+    assert used.remark.startswith("11 of 14 landings; ")
+    assert used.remark.endswith("; not counted: 6 more descents, of other feet")
 
 
 @pytest.mark.parametrize("yes", ["True", "true", 1])
@@ -350,7 +371,7 @@ def test_nothing_known_gives_the_same_keys():
     assert bare.keys() == study_facts(full_study()).keys()
     assert bare["travel"] is bare["units"] is bare["n_used"] is bare["spread"] is None
     empty = study_facts(ReportInputs("s", touchdowns=touchdowns(5).iloc[:0]))
-    assert (empty["n_touchdowns"], empty["spread"]) == (0, None)
+    assert (empty["n_descents"], empty["spread"]) == (0, None)
 
 
 def test_a_share_that_could_not_be_computed_is_left_out():

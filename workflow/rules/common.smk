@@ -1,9 +1,11 @@
 import os
 import re
+import shlex
 import sys
 from pathlib import Path
 
 from hopdata.config import files_of, load_config, simulation_of
+from hopdata.config.schema import load_schema
 from hopdata.errors import HopdataError
 from hopdata.figures.catalogue import FIGURES as CATALOGUE
 from hopdata.figures.catalogue import source_of, tables_of
@@ -29,11 +31,24 @@ for folder in ("results", RESULTS):
             f"hopdata: error: {folder}: expected a folder for the results, found a file; move it "
             "away, or give the study another name"
         )
+# Snakemake refuses a locked folder, and does not say with which command it is unlocked.
+if (
+    workflow.is_main_process
+    and "--unlock" not in sys.argv
+    and any(Path(".snakemake/locks").glob("*.output.lock"))
+):
+    is_module = sys.argv[0].endswith("__main__.py")
+    program = [sys.executable, "-m", "snakemake"] if is_module else sys.argv[:1]
+    print(
+        "hopdata: .snakemake/locks: another run is at work in this folder, or one was killed; if "
+        f"Snakemake refuses to start and no other runs: {shlex.join([*program, *sys.argv[1:]])} --unlock",
+        file=sys.stderr,
+    )
 STEERING = f"{RESULTS}/steering"
 SOURCES = {entry["name"]: files_of(entry) for entry in STUDY["recordings"]}
 RECORDINGS = list(SOURCES)
 METHOD = STUDY["touchdowns"]["method"]
-METHODS = ["kink", "velocity_minimum", "velocity_minimum_parabola"]
+METHODS = load_schema()["properties"]["touchdowns"]["properties"]["method"]["enum"]
 # Only a simulation, or a file of ours, can carry the truth that all methods are scored against.
 MAY_HAVE_TRUTH = any(
     not files or files[0].endswith((".h5", ".hdf5")) for files in SOURCES.values() if len(files) < 2
@@ -54,12 +69,15 @@ FILLS = STUDY["filling"]["longest_s"] > 0 and len(STUDY["markers"]["body"]) > 3
 # Levelled recordings, with their short gaps filled where that is asked for.
 READY = f"{RESULTS}/ready/{{recording}}.h5"
 FORMATS = STUDY["figures"]["formats"]
-SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
-PROGRAMS = Path("benchmarks")
-# Relative, so that a study may be run in another folder (`--directory`) and a checkout may be moved.
-CAPTIONS = os.path.relpath(Path(workflow.basedir) / "workflow" / "captions")
-STRESS_SUITE = Path("tests/hybrid")  # one of the benchmarks runs it
-DAMAGE_SUITE = Path("tests/recordings")  # and another this
+# Of this file, not of the Snakefile, which is another's where this workflow is a module. Relative, so
+# that a study may be run in another folder (`--directory`) and a checkout may be moved.
+HERE = Path(workflow.current_basedir.get_path_or_uri(secret_free=True))
+CHECKOUT = Path(os.path.relpath(HERE.parents[1]))
+SCRIPTS = CHECKOUT / "workflow" / "scripts"
+CAPTIONS = CHECKOUT / "workflow" / "captions"
+PROGRAMS = CHECKOUT / "benchmarks"
+STRESS_SUITE = CHECKOUT / "tests" / "hybrid"  # one of the benchmarks runs it
+DAMAGE_SUITE = CHECKOUT / "tests" / "recordings"  # and another this
 
 
 wildcard_constraints:

@@ -42,8 +42,6 @@ rule distances:
     benchmark:
         f"{RESULTS}/benchmarks/distances.tsv"
     priority: 1  # more waits for it than for a figure
-    resources:
-        **needs(mb_a_mb=60, minutes=30),
     params:
         subspaces=STUDY["subspaces"],
         options={k: v for k, v in STUDY["distances"].items() if k != "sensitivity"},
@@ -70,7 +68,7 @@ rule true_sections:
         **needs(minutes=30),
     params:
         recordings=RECORDINGS,
-        body=STUDY["markers"]["body"],
+        markers=STUDY["markers"],
         code=code("true_sections"),
     script:
         "../scripts/true_sections.py"
@@ -95,7 +93,7 @@ rule map_errors:
         **needs(minutes=30),
     params:
         recordings=RECORDINGS,
-        feet=STUDY["markers"]["feet"],
+        markers=STUDY["markers"],
         seed=STUDY["seed"],
         code=code("map_errors"),
     script:
@@ -113,12 +111,12 @@ rule scaling_study:
         f"{RESULTS}/logs/scaling_study.log",
     benchmark:
         f"{RESULTS}/benchmarks/scaling_study.tsv"
-    threads: 2
+    threads: 4
     resources:
         **needs(minutes=60),
     params:
         options=STUDY["scaling_study"],
-        body=STUDY["markers"]["body"],
+        markers=STUDY["markers"],
         code=code("scaling_study"),
     script:
         "../scripts/scaling_study.py"
@@ -227,7 +225,7 @@ rule score:
     params:
         methods=SCORED_METHODS,
         recordings=RECORDINGS,
-        feet=STUDY["markers"]["feet"],
+        markers=STUDY["markers"],
         code=code("score"),
     script:
         "../scripts/score.py"

@@ -14,7 +14,7 @@ with reported(snakemake.log[0]):
         for name, path in zip(names, source.recordings, strict=True)
     }
     table, exact = read_table(source.touchdowns), read_json(source.maps)
-    rows = true_rows(pairs, table, true, contacts, snakemake.params.feet)
+    rows = true_rows(pairs, table, true, contacts, snakemake.params.markers["feet"])
     seed = snakemake.params.seed
     errors = map_error_table(pairs, true, rows, exact, time_unit_s=pairs.time_unit_s, seed=seed)
     write_table(output.errors, errors)

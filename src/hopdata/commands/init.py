@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from hopdata.commands.inspect import inspected
 from hopdata.commands.terminal import OK, PROBLEM, suspects, write_text
-from hopdata.errors import HopdataError
+from hopdata.errors import HopdataError, printable
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
@@ -40,7 +40,7 @@ def config_docs(options: argparse.Namespace) -> int:
 # A first configuration of a study, with a comment for every choice that was made.
 
 WIDTH = 96
-_PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./-]*")
+_PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./-]*")
 _WORDS = {"true", "false", "yes", "no", "on", "off", "null"}
 
 
@@ -63,6 +63,8 @@ class Draft:
         What the user should know or do first; stands on top.
     all_markers : sequence of str
         All names in the file.
+    home : str
+        Marker of the home frame; none by default.
     """
 
     study: str
@@ -73,6 +75,7 @@ class Draft:
     settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     remarks: Sequence[str] = ()
     all_markers: Sequence[str] = ()
+    home: str = ""
 
 
 def draft_config(draft: Draft, *, path: str) -> str:
@@ -107,9 +110,9 @@ def draft_config(draft: Draft, *, path: str) -> str:
         for key, value in values.items():
             lines += _comment(draft.reasons.get(f"{section}.{key}", ""), indent="  ")
             lines.append(f"  {key}: {scalar(value)}")
-    if draft.markers.get("body"):
-        first = scalar(draft.markers["body"][0])
-        lines += ["", "home:", f"  marker: {first}  # the home frame's x-axis runs through it"]
+    if draft.home:
+        lines += ["", "home:", *_comment(draft.reasons.get("home.marker", ""), indent="  ")]
+        lines.append(f"  marker: {scalar(draft.home)}  # the home frame's x-axis runs through it")
     return "\n".join(lines) + "\n"
 
 
@@ -120,14 +123,19 @@ def study_name(text: str) -> str:
     """
     plain = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
     name = re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")
-    return name or "study"
+    return name[:100] or "study"
 
 
 def scalar(value: object) -> str:
     """Write a value as YAML, quoted only where it must be."""
-    if isinstance(value, str) and _PLAIN.fullmatch(value) and value.lower() not in _WORDS:
+    import yaml
+
+    if not isinstance(value, str):
+        return json.dumps(value)
+    if _PLAIN.fullmatch(value) and value.lower() not in _WORDS:
         return value
-    return json.dumps(value, ensure_ascii=False)
+    quoted: str = yaml.safe_dump(value, default_style='"', allow_unicode=True, width=float("inf"))
+    return quoted.rstrip("\n")
 
 
 def _markers(draft: Draft) -> list[str]:
@@ -138,6 +146,7 @@ def _markers(draft: Draft) -> list[str]:
         if names or key != "boom":
             lines += _comment(draft.reasons.get(f"markers.{key}", ""), indent="  ")
             lines += _list(key, names)
+            lines[-1] += "" if names else "  # TO DO: fill in, see above"
     used = {name for names in draft.markers.values() for name in names}
     left = [name for name in draft.all_markers if name not in used]
     if left:
@@ -153,7 +162,7 @@ def _list(key: str, names: Sequence[str]) -> list[str]:
 
 
 def _comment(text: str, *, indent: str = "") -> list[str]:
-    text = text[:1].upper() + text[1:]
+    text = printable(text[:1].upper() + text[1:])
     return [f"{indent}# {line}" for line in textwrap.wrap(text, WIDTH - len(indent) - 2)]
 
 
@@ -174,8 +183,9 @@ def init(options: argparse.Namespace) -> int:
     draft = _draft(options, name, study_name(out.stem), inspection, roles, remarks)
     write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
-    for key in ("body", "feet", "boom"):
-        names = ", ".join(getattr(roles, key)) or "not guessed" * (key != "boom")
+    guessed = {key: ", ".join(getattr(roles, key)) for key in ("body", "feet", "boom")}
+    for key, found in (guessed | {"home": roles.home}).items():
+        names = found or "not guessed" * (key in ("body", "feet"))
         if names:
             reason = roles.reasons.get(key)
             print(f"  {key:5} {names}" + (f" ({reason})" if reason else ""))
@@ -183,8 +193,9 @@ def init(options: argparse.Namespace) -> int:
         print(f"note: {remark}")
     quoted = shlex.quote(str(out))
     if roles.problems:
-        print(f"next: fill in what is missing in {out}, then hopdata check {quoted}")
+        print(f"next: fill in what is missing in {out} (TO DO), then hopdata check {quoted}")
         return PROBLEM
+    print("These are guesses: correct in the file what is not so.")
     print(f"next: hopdata check {quoted}\n      snakemake --cores 2 --configfile {quoted}")
     return OK
 
@@ -198,7 +209,13 @@ def _draft(
     remarks: list[str],
 ) -> Draft:
 
-    reasons = {f"markers.{key}": f"{_WHAT[key]} {why}." for key, why in roles.reasons.items()}
+    reasons = {
+        f"markers.{key}": f"{what} {roles.reasons[key]}."
+        for key, what in _WHAT.items()
+        if roles.reasons.get(key)
+    }
+    if roles.reasons["home"]:
+        reasons["home.marker"] = f"{roles.reasons['home']}."
     settings: dict[str, dict[str, object]] = {"input": {}}
     if inspection.unit.is_sure and inspection.unit.value in READABLE_UNITS:
         settings["input"]["unit"] = inspection.unit.value
@@ -225,6 +242,7 @@ def _draft(
         settings={section: values for section, values in settings.items() if values},
         remarks=remarks,
         all_markers=inspection.markers,
+        home=roles.home,
     )
 
 

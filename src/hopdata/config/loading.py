@@ -70,6 +70,8 @@ def _lines(node: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str |
 
 # YAML as a user writes it: a key that stands twice is a mistake, not a choice.
 
+MOST_ENTRIES = 100_000
+
 
 def read_yaml(path: str | Path) -> Any:
     """Read a YAML file.
@@ -77,7 +79,8 @@ def read_yaml(path: str | Path) -> Any:
     Raises
     ------
     ConfigError
-        If the file cannot be read, is not YAML, or names a key twice.
+        If the file cannot be read, is not YAML, names a key twice, or has aliases that would
+        unfold to more than `MOST_ENTRIES`.
     """
     import yaml
 
@@ -90,8 +93,18 @@ def read_yaml(path: str | Path) -> Any:
         ) from None
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: expected YAML in UTF-8, found other bytes") from None
+    loader = None
     try:
-        return yaml.load(text, Loader=_loader())
+        loader = _loader()(text)
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        if (size := _expanded(node, {})) > MOST_ENTRIES:
+            raise ConfigError(
+                f"{path}: expected at most {MOST_ENTRIES} entries, found {size} once the aliases "
+                "(*name) stand for what they repeat; write out what is needed"
+            )
+        return loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         where = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
@@ -99,6 +112,21 @@ def read_yaml(path: str | Path) -> Any:
         raise ConfigError(f"{path}{where}: expected YAML, found: {error.problem}{hint}") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: expected YAML, found: {error}") from None
+    finally:
+        if loader is not None:
+            loader.dispose()
+
+
+def _expanded(node: Any, known: dict[int, int]) -> int:
+    """Count the entries of a node with its aliases written out, each node looked at once."""
+    if id(node) not in known:
+        known[id(node)] = 0  # one within itself is refused elsewhere
+        inner = node.value if isinstance(node.value, list) else []
+        parts = [
+            part for entry in inner for part in (entry if isinstance(entry, tuple) else [entry])
+        ]
+        known[id(node)] = 1 + sum(_expanded(part, known) for part in parts)
+    return known[id(node)]
 
 
 def _hint(problem: str | None, character: str) -> str:
@@ -242,4 +270,4 @@ def _raise_all(place: str, files: list[str | Path], mistakes: list[str]) -> None
     if len(mistakes) > MOST_MISTAKES:
         more = len(mistakes) - MOST_MISTAKES
         lines.append(f"{place}: and {more} more mistake" + ("s" if more > 1 else ""))
-    raise ConfigError("\n".join(lines))
+    raise ConfigError(*lines)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopdata.errors import chosen
 from hopdata.figures.style import (
     BLUE,
     DOUBLE_COLUMN_MM,
@@ -169,10 +170,12 @@ def _in_short(verdict: Mapping[str, Any]) -> str:
     effect, test = verdict["effect"], verdict["test"]
     if effect is None or test is None:
         return str(verdict["conclusion"])
-    size = {
+    sizes = {
         "different": f"different by {effect['estimate']:.2g}",
         "no difference": f"no difference above {effect['upper_bound']:.2g}",
-    }.get(verdict["conclusion"], "these data cannot tell")
+        "cannot tell": "these data cannot tell",
+    }
+    size = chosen("conclusion", verdict["conclusion"], sizes)
     return f"{size} (p = {test['p_value']:.2g})"
 
 

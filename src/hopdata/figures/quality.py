@@ -22,6 +22,7 @@ from hopdata.figures.style import (
     YELLOW,
     foot_colour,
     foot_dash,
+    label_of,
     letter,
     message_figure,
     paper_figure,
@@ -87,7 +88,7 @@ def draw_timeline(
     for row, marker in enumerate(markers):
         _draw_gaps(axes, row, gaps[gaps["marker"] == marker], duration_s)
     _draw_faults(axes, faults, markers)
-    axes.set_yticks(range(len(markers)), list(markers))
+    axes.set_yticks(range(len(markers)), [label_of(marker) for marker in markers])
     axes.set_ylim(len(markers) - 0.4, -0.6)
     axes.set_xlim(0.0, duration_s)
     axes.spines["left"].set_visible(False)
@@ -301,7 +302,8 @@ def _draw(axes: Axes, row: Mapping[str, Any], samples: pd.DataFrame, feet: list[
         colour = foot_colour(number)
         axes.plot(
             MS_PER_S * own["time_s"], MM_PER_M * own["height_m"], color=colour,
-            linestyle=foot_dash(number), marker="o", markersize=1.6, linewidth=0.8, label=foot,
+            linestyle=foot_dash(number), marker="o", markersize=1.6, linewidth=0.8,
+            label=label_of(foot),
         )  # fmt: skip
         contact = MS_PER_S * (float(row[f"contact_{foot}_s"]) - float(row["t_pre_s"]))
         if np.isfinite(contact):
@@ -311,5 +313,5 @@ def _draw(axes: Axes, row: Mapping[str, Any], samples: pd.DataFrame, feet: list[
         axes.axvspan(0.0, end, color=YELLOW, alpha=0.25, linewidth=0, zorder=0)
     else:
         axes.axvline(0.0, color=YELLOW, linewidth=2.0, zorder=0)
-    title = f"{row['recording']}, landing {int(row['index'])}: {row['why']}"
+    title = f"{row['recording']}, descent {int(row['index'])}: {row['why']}"
     axes.set_title(fill(title, TITLE_WIDTH), loc="left", fontsize=6)

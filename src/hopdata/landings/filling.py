@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.recording import Recording
 from hopdata.recordings.quality.stretches import runs, seen
@@ -203,6 +204,7 @@ REACH_S = max(WINDOWS_S)  # about the sections: frames that states may be fitted
 TOO_MUCH_FILLED = "too much of the body filled in"
 
 
+@one_blas_thread()
 def fill_gaps(recording: Recording, *, longest_s: float = 0.1) -> Recording:
     """Fill short gaps of the body markers.
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.landings.floor_surface import (
     RIM_DIRECTIONS,
@@ -143,6 +144,7 @@ __all__ = ["FloorModel", "fit_floor", "level"]
 _OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
 
 
+@one_blas_thread()
 def fit_floor(
     recording: Recording,
     *,
@@ -243,6 +245,7 @@ def fit_floor(
     )
 
 
+@one_blas_thread()
 def level(recording: Recording, floor: FloorModel) -> Recording:
     """Take the floor off a recording, so that feet at rest have height 0.
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.errors import require_choice
+from hopdata.errors import chosen
 from hopdata.landings.sections.modes import ground_mode, robust_rms
 from hopdata.recording import Recording
 
@@ -324,6 +324,9 @@ def regress_floor(
     return FloorRegression(terms, estimate[:n_terms], offsets, residuals, tried)
 
 
+NORMS = {"tukey": "TukeyBiweight", "huber": "HuberT"}  # as statsmodels calls them
+
+
 def robust_regression(columns: FloatArray, values: FloatArray, *, norm: str) -> FloatArray:
     """Regress values (n,) on columns (n, k) so that outliers count for little, (k,).
 
@@ -334,15 +337,14 @@ def robust_regression(columns: FloatArray, values: FloatArray, *, norm: str) -> 
     from statsmodels.robust import norms
     from statsmodels.robust.robust_linear_model import RLM
 
-    kinds = {"tukey": norms.TukeyBiweight, "huber": norms.HuberT}
-    require_choice("floor.norm", norm, kinds)
+    kind = getattr(norms, chosen("floor.norm", norm, NORMS))
     start = np.linalg.lstsq(columns, values, rcond=None)[0]
     unit = robust_rms(values - columns @ start)
     if unit <= np.finfo(float).eps * np.abs(values).max(initial=0.0):  # a perfect fit
         return np.asarray(start)
     with np.errstate(invalid="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that a fit may be perfect after some steps
-        model = RLM(values / unit, columns, M=kinds[norm]())
+        model = RLM(values / unit, columns, M=kind())
         found = model.fit(conv="coefs", tol=1e-10, maxiter=100, start_params=start / unit)
     return unit * np.asarray(found.params)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.landings.sections.frames import heights_of, pool_frames
 from hopdata.landings.sections.select import Sections, select_sections
@@ -33,6 +34,7 @@ SE_OF_MEDIAN = 1.2533  # times sd / sqrt(n), for normal values
 LEAST = 5
 
 
+@one_blas_thread()
 def drift_table(recordings: Sequence[Recording], touchdowns: pd.DataFrame) -> pd.DataFrame:
     """Compare used touchdowns between recordings, or between quarters of a single one.
 
@@ -123,6 +125,7 @@ HALF_A_SECOND = 0.5
 COLUMNS = ("kind", "variant", "bandwidth_m", "pre_height_m", "post_height_m", "note")
 
 
+@one_blas_thread()
 def section_stability(
     recordings: Sequence[Recording], sections: Sections, options: Mapping[str, Any]
 ) -> pd.DataFrame:
@@ -191,7 +194,7 @@ def _farthest_frames(
             min_foot_m=sections.min_foot_threshold_m,
             max_foot_m=sections.max_foot_threshold_m,
             ground_m=sections.ground_m,
-            landings_only=sections.frames == "landings",
+            landings_only=sections.landings_only,
         )
         for h in heights
     ]

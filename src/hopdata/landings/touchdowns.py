@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, require_choice
 from hopdata.landings.contacts.descents import (
     ALREADY_DOWN,
@@ -26,6 +27,7 @@ from hopdata.landings.contacts.descents import (
 from hopdata.landings.contacts.find import Contacts, find_contacts
 from hopdata.landings.schedules import (
     AMBIGUOUS,
+    TREATMENTS,
     order_names,
     order_probability,
     runner_up,
@@ -188,7 +190,6 @@ def _have_a_descent(t_pre: FloatArray, t_post: FloatArray, found: Transitions) -
     return have
 
 
-TREATMENTS = ("keep", "pool", "exclude")  # of ambiguous orders
 LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may be missing
 LONGEST_GAP_S = 0.025  # the same, where frames are many: the body moves no further for them
 LEAST_DOWN_SHARE = 0.15  # of the distance between the sections
@@ -197,6 +198,7 @@ LOW_FLIGHT = "body stayed below the pre section"
 LOW = 1  # place of the low flights among all landings
 
 
+@one_blas_thread()
 def touchdown_table(
     recording: Recording,
     *,

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import leave_one_out_residuals
 
@@ -62,6 +63,7 @@ class Units:
         }
 
 
+@one_blas_thread()
 def choose_units(
     x: FloatArray, y: FloatArray, *, length_m: float | None = None, time_s: float | None = None
 ) -> Units:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import RecordingError, did_you_mean
+from hopdata.errors import RecordingError, chosen, did_you_mean
 from hopdata.recordings.readers.qtm_header import KEYS
 from hopdata.recordings.readers.text import ColumnTable, listed, open_table
 
@@ -130,7 +130,7 @@ def read_contact_times(
     RecordingError
         Naming the file, the column, what was expected and what was found.
     """
-    path, unit = Path(options["file"]), SECONDS_PER_UNIT[options["unit"]]
+    path, unit = Path(options["file"]), chosen("contacts.unit", options["unit"], SECONDS_PER_UNIT)
     columns = columns_of(options["columns"], feet)
     if _is_recording(path):
         found = _events(path, columns, rate_hz)
@@ -306,7 +306,8 @@ def _counting(rate: float) -> str:
 def _signal(
     path: Path, column: Column, time: FloatArray, force: FloatArray, options: Mapping[str, Any]
 ) -> ForceSignal:
-    upward = force * NEWTONS_PER_UNIT[options["unit"]] * (-1.0 if options["inverted"] else 1.0)
+    newtons = chosen("forces.unit", options["unit"], NEWTONS_PER_UNIT)
+    upward = force * newtons * (-1.0 if options["inverted"] else 1.0)
     place = f"{path}: column '{column.name}'"
     if len(upward) < 2 or np.isnan(upward).all():
         raise RecordingError(f"{place}: expected a force in each row, found none")

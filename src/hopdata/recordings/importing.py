@@ -10,11 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from hopdata.errors import RecordingError, did_you_mean
+from hopdata.blas import one_blas_thread
+from hopdata.errors import RecordingError, did_you_mean, require_choice
 from hopdata.recording import Event, Recording, Truth
 from hopdata.recordings.quality.orientation import choose_unit, speak_for_silent, unit_remarks
 from hopdata.recordings.raw import (
     METRES_PER_UNIT,
+    MOST_UNPACKED_MB,
     PAUSE_S,
     RATE_TOLERANCE,
     RawRecording,
@@ -136,6 +138,7 @@ ROLE_OF_KEY = {"body": "body", "feet": "foot", "boom": "boom"}
 PER_FOOT = ("contact_times", "foot_down", "contact_points", "floor_at_contacts", "preloads_n")
 
 
+@one_blas_thread()
 def import_recording(
     path: str | Path | Sequence[str | Path],
     *,
@@ -144,6 +147,7 @@ def import_recording(
     unit: str = "auto",
     vertical_axis: str = "z",
     rate_hz: float | None = None,
+    most_unpacked_mb: float = MOST_UNPACKED_MB,
 ) -> tuple[Recording, Truth | None]:
     """Read a file of any known format, or several in the order of time, into one recording.
 
@@ -164,6 +168,8 @@ def import_recording(
         Axis of the file that points up.
     rate_hz : float, optional
         Frame rate, for files that do not state it.
+    most_unpacked_mb : float
+        Memory that a packed file (MAT, HDF5) may ask for, MB.
 
     Returns
     -------
@@ -181,7 +187,7 @@ def import_recording(
     paths = [Path(p) for p in ([path] if isinstance(path, str | Path) else path)]
     if not paths:
         raise RecordingError(f"recording '{name}': expected at least one file, found none")
-    files = [read_raw(p, rate_hz=rate_hz) for p in paths]
+    files = [read_raw(p, rate_hz=rate_hz, most_unpacked_mb=most_unpacked_mb) for p in paths]
     pieces = [_chosen(p, file, markers) for p, file in zip(paths, files, strict=True)]
     sources = [os.fsencode(p.as_posix()).decode(errors="replace") for p in paths]
     raw = pieces[0]
@@ -217,6 +223,8 @@ def sha256(path: Path) -> str:
 
 def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) -> RawRecording:
     """Only the configured markers, body first, then feet, then boom."""
+    for key in wanted:
+        require_choice("markers", key, ROLE_OF_KEY)
     chosen: list[str] = []
     for key in ROLE_OF_KEY:
         for marker in wanted.get(key) or ():
@@ -224,6 +232,7 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
                 raise RecordingError(
                     f"{path}: markers.{key}: expected a marker of the file "
                     f"({_listed(raw.markers)}), found {marker!r}{did_you_mean(marker, raw.markers)}"
+                    + "".join(f"; {told}" for told in raw.remarks if f"'{marker}' twice" in told)
                 )
             if marker in chosen:
                 raise RecordingError(

@@ -48,6 +48,8 @@ if TYPE_CHECKING:
 
 # The few numbers that the page opens with, and that captions may name.
 
+NO_FOOT_LANDED = "no foot landed"  # the reason in the table of touchdowns
+
 
 def two_decimals(value: Any) -> str:
     """Format a distance in rad."""
@@ -60,7 +62,9 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
     Returns
     -------
     dict
-        Counts (``n_recordings, n_touchdowns, n_used, n_excluded, n_schedules, n_frames``: int),
+        Counts (int): ``n_recordings, n_frames``; ``n_descents`` of the body; ``n_landings``, those
+        in which a foot of the study lands; ``n_not_landed``, the others; ``n_used`` of the
+        landings and ``n_excluded``, the rest of them; ``n_schedules`` of those used;
         texts with units (``pre, post, travel, min_threshold, max_threshold, length_unit,
         time_unit, units, spread``), ``landings_only`` (sections made
         from the body's descents alone), ``medians`` of the fitted models (normalised) and
@@ -86,15 +90,26 @@ def _counts(inputs: ReportInputs) -> dict[str, Any]:
     frames = [item["n_frames"] for item in inputs.recordings if item.get("n_frames")]
     table = inputs.touchdowns
     counts: dict[str, Any] = dict.fromkeys(
-        ("n_touchdowns", "n_used", "n_excluded", "n_schedules", "spread")
+        (
+            "n_descents",
+            "n_landings",
+            "n_not_landed",
+            "n_used",
+            "n_excluded",
+            "n_schedules",
+            "spread",
+        )
     )
     if table is not None:
         used = table[~excluded(table)]
+        landings = int((table["reason"] != NO_FOOT_LANDED).sum())
         names |= set(table["recording"].astype(str))
         counts = {
-            "n_touchdowns": len(table),
+            "n_descents": len(table),
+            "n_landings": landings,
+            "n_not_landed": len(table) - landings,
             "n_used": len(used),
-            "n_excluded": len(table) - len(used),
+            "n_excluded": landings - len(used),
             "n_schedules": int(used["schedule"].replace("", None).nunique()),
             "spread": _shown(used["spread_s"].median() if len(used) else None, 1e3, "ms"),
         }
@@ -145,7 +160,7 @@ def _medians(
 
 
 def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str, str | None]]:
-    """Right mode schedules by method, in per cent: of the usable touchdowns, of all landings."""
+    """Right mode schedules by method, in per cent: of the touchdowns used, of all landings."""
     prefix, of_all = "labels_right_", "labels_right_of_all_"
     others = (of_all, "labels_right_unambiguous_")
     methods = [
@@ -252,17 +267,16 @@ def _all_seen(inputs: ReportInputs) -> bool:
 def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[str, str, str]]:
     """Name, value and remark of each key number; the value is a dash where it is not known."""
     frames = f"{count(facts['n_frames'])} frames" if facts["n_frames"] else ""
-    listed = f"{count(facts['n_touchdowns'])} landing" + ("s" if facts["n_touchdowns"] != 1 else "")
-    found = f"of {listed}, {count(facts['n_excluded'])} excluded"
     between = f"pre section {facts['pre']}, post section {facts['post']}"
     feet = max((item.get("n_feet") or 0 for item in inputs.recordings), default=0)
-    of_all = [f"of {count(math.factorial(feet))} possible"] if feet > 1 else []
+    possible = f"of {count(math.factorial(feet))} possible, in the touchdowns used"
+    of_all = [possible] if feet > 1 else []
     apart = [f"median spread of contacts {facts['spread']}"] if facts["spread"] else []
     cards = [
         ("Difference of the maps", facts["verdict"]["difference"], facts["verdict"]["remark"]),
         ("Quality of the data", *quality.summary(inputs.quality)),
         ("Recordings", count(facts["n_recordings"]), frames),
-        ("Touchdowns used", count(facts["n_used"]), found if facts["n_touchdowns"] else ""),
+        ("Touchdowns used", count(facts["n_used"]), _of_landings(facts)),
         ("Contact orders seen", count(facts["n_schedules"]), "; ".join(of_all + apart)),
         ("Travel through the touchdown", facts["travel"], between if facts["travel"] else ""),
         (
@@ -278,6 +292,17 @@ def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[st
         missed = f"; {of_all} of all true landings" if of_all else ""
         cards.append((f"Orders right, {method}", share, f"of those used{missed}"))
     return [(name, _known(value), remark) for name, value, remark in cards]
+
+
+def _of_landings(facts: Mapping[str, Any]) -> str:
+    """Say of how many landings these are, and of how many descents of the body those."""
+    if not facts["n_descents"]:
+        return ""
+    landings, others = facts["n_landings"], facts["n_not_landed"]
+    found = f"of {count(landings)} landing{'' if landings == 1 else 's'}"
+    found += f", {count(facts['n_excluded'])} excluded"
+    of_descents = f"; in {count(others)} more of {count(facts['n_descents'])} descents"
+    return found + (f"{of_descents} no foot of the study landed" if others else "")
 
 
 def _known(value: str | None) -> str:
@@ -322,7 +347,7 @@ def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
     others = {key: value for key, value in record.items() if key not in SHOWN_ELSEWHERE}
     digests = ("source file", "SHA-256")
     return {
-        "tests": verdict.table_of_tests(inputs.verdict),
+        "test": verdict.table_of_test(inputs.verdict),
         "windows": verdict.windows_table(inputs.verdict),
         "quality": quality.quality_table(inputs.quality),
         "faults": quality.faults_table(inputs.faults),

@@ -134,7 +134,8 @@ def agreement_table(overlay: Mapping[str, pd.DataFrame]) -> Table | None:
     )
     note = (
         "Contact found less contact known: the median, and the deviation by the median absolute "
-        "deviation. Of feet that share a column the first contact of each landing is compared."
+        "deviation. All counts are of contacts; those excluded are of descents that are not used. "
+        "Of feet that share a column the first contact of each landing is compared."
     )
     return Table("Agreement of the contacts", head, rows, text_columns=3, note=note)
 
@@ -150,7 +151,7 @@ def unmatched_table(overlay: Mapping[str, pd.DataFrame]) -> Table | None:
     rows = tuple(_unmatched(row) for row in out.head(MOST_UNMATCHED).to_dict("records"))
     left = len(out) - len(rows)
     note = f"{left} more stand in contact_overlay.csv." if left > 0 else ""
-    head = ("recording", "column", "contact", "touchdown", "reason", "time (s)")
+    head = ("recording", "column", "contact", "descent", "reason", "time (s)")
     return Table("Contacts missed or invented", head, rows, text_columns=5, note=note)
 
 
@@ -280,7 +281,7 @@ def remarks_table(remarks: pd.DataFrame | None) -> Table | None:
 
 
 def excluded_table(touchdowns: pd.DataFrame | None) -> Table | None:
-    """One row a touchdown that was left out, with its reason."""
+    """One row a descent that is not used, with its reason."""
     if touchdowns is None or touchdowns.empty:
         return None
     out = touchdowns[excluded(touchdowns)]
@@ -293,7 +294,7 @@ def excluded_table(touchdowns: pd.DataFrame | None) -> Table | None:
     left = len(out) - len(rows)
     note = f"{count(left)} more in tables/touchdowns.csv." if left > 0 else ""
     head = ("recording", "reason", "descent", "time (s)")
-    return Table("Every touchdown that was left out", head, rows, text_columns=2, note=note)
+    return Table("Every descent that is not used", head, rows, text_columns=2, note=note)
 
 
 def _text(value: Any) -> str:

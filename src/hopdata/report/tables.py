@@ -191,7 +191,7 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> Table | None:
 
 
 def exclusions_table(touchdowns: pd.DataFrame | None) -> Table | None:
-    """Excluded touchdowns by reason, and by recording where these are few."""
+    """Descents that are not used by reason, and by recording where these are few."""
     if touchdowns is None or touchdowns.empty or not excluded(touchdowns).any():
         return None
     out = touchdowns[excluded(touchdowns)]
@@ -205,7 +205,7 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> Table | None:
         rows.append((str(reason), *each, count(total)))
     each = tuple(count((out["recording"].astype(str) == name).sum()) for name in shown)
     rows.append(("all reasons", *each, count(len(out))))
-    return Table("Excluded touchdowns", ("reason", *shown, "touchdowns"), tuple(rows))
+    return Table("Descents that are not used", ("reason", *shown, "descents"), tuple(rows))
 
 
 def excluded(touchdowns: pd.DataFrame) -> pd.Series:
@@ -290,6 +290,10 @@ def prediction_table(summary: pd.DataFrame | None) -> Table | None:
         f" Worst position and velocity: {percent(97.5)} of the bootstraps keep below these with "
         "the rms error of the coordinate of a marker that they predict worst."
     )
+    note += (
+        " Classes: groups of touchdowns with a model of their own; train and test: touchdowns in "
+        "each bootstrap."
+    )
     note += " A dash: not fitted, too few touchdowns." if len(found) < len(MODEL_NAMES) else ""
     return Table("Prediction errors", (*head, *worst), tuple(rows), note=note)
 
@@ -312,8 +316,8 @@ def distances_table(summary: pd.DataFrame | None) -> Table | None:
             )
         )
     head = (
-        "pairs of subspaces",
-        "n",
+        "subspaces",
+        "pairs",
         "mean",
         "sd",
         *map(percent, (5, 25)),

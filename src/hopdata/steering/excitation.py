@@ -13,15 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.errors import ConfigError
-from hopdata.steering.robot import Options
+from hopdata.errors import ConfigError, chosen
+from hopdata.steering.robot import EXCITATIONS, Options
 
 
 def excitation_of(options: Options, rng: np.random.Generator) -> Excitation:
     """Draw the excitation of the block ``steering.excitation``."""
     grid = ControlGrid(**{key: options[key] for key in ("n_angles", "n_steps", "repeats")})
-    draw = eulerian_excitation if options["method"] == "eulerian" else random_excitation
-    return draw(grid, rng)
+    return chosen("steering.excitation.method", options["method"], EXCITATIONS)(grid, rng)
 
 
 @dataclass(frozen=True, kw_only=True)

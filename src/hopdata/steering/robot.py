@@ -6,7 +6,7 @@ stance is the instant at which the body markers are lowest on the mean.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,6 +17,12 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import ConfigError
 from hopdata.scenes.hopper_control import HopperDrag
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.steering.excitation import (
+    ControlGrid,
+    Excitation,
+    eulerian_excitation,
+    random_excitation,
+)
 from hopdata.synthesis.camera import fixed_markers, in_world
 from hopdata.synthesis.hops import Hop, Variant, fly_hop, level_state
 from hopdata.synthesis.simulate import MotionCapture
@@ -304,6 +310,11 @@ def steer_past(
 # From the blocks of the configuration to the robot, the camera and the excitation.
 
 Options = Mapping[str, Any]
+
+EXCITATIONS: dict[str, Callable[[ControlGrid, np.random.Generator], Excitation]] = {
+    "eulerian": eulerian_excitation,
+    "random": random_excitation,
+}
 
 
 def robot_of(options: Options, camera: MotionCapture) -> SteeredHopper:

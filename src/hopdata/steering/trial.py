@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.recording import Recording
 from hopdata.rigid import relative
@@ -209,6 +210,7 @@ class TrueFrameChanges:
         return np.asarray(self.change.mean(axis=2))
 
 
+@one_blas_thread()
 def true_frame_changes(
     robot: SteeredHopper,
     *,
@@ -276,6 +278,7 @@ def _whole(robot: SteeredHopper, apex: Apex, swing_rad: float) -> SteeredHop:
 NAME = "excitation"
 
 
+@one_blas_thread()
 def simulate_excitation(
     steering: Mapping[str, Any], motion_capture: Mapping[str, Any], *, seed: int
 ) -> tuple[Recording, pd.DataFrame, pd.DataFrame]:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.recording import Truth
 from hopdata.scenes.hopper import rotation_matrices
@@ -318,6 +319,7 @@ class TrueStates:
     index: NDArray[np.int64]
 
 
+@one_blas_thread()
 def true_states(truth: Truth, scene: KnownScene, sections: SectionHeights) -> TrueStates:
     """Integrate the landings of a recording to the sections.
 
@@ -372,6 +374,7 @@ def marker_states(states: FloatArray, points_m: FloatArray) -> FloatArray:
     return np.hstack([positions.reshape(len(states), -1), velocity.reshape(len(states), -1)])
 
 
+@one_blas_thread()
 def exact_maps(truths: Sequence[Truth], sections: SectionHeights) -> dict[str, Any]:
     """Return the exact linear maps of a study as plain data.
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import ConfigError, did_you_mean
 from hopdata.recording import Recording, Truth
 from hopdata.scenes.hopper_control import HopperControl
@@ -110,6 +111,7 @@ _BLOCKS: dict[type, dict[str, type]] = {
 }
 
 
+@one_blas_thread()
 def simulate_recording(
     simulation: Mapping[str, Any] | None = None,
     motion_capture: Mapping[str, Any] | None = None,

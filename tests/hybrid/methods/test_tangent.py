@@ -10,7 +10,7 @@ from jacobian_checks import carried, differences, gap
 from scipy.integrate import solve_ivp
 
 from hopdata.hybrid import System, field, jacobian, solve, solve_batch
-from hopdata.hybrid.compiled.cache import with_digest
+from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.layout import PHI_MOTION, PHI_ROWS
 from hopdata.hybrid.methods import tangent as products
 from hopdata.hybrid.methods import tangent as short_tangent

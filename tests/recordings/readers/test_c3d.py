@@ -11,6 +11,7 @@ from hopdata.errors import RecordingError
 from hopdata.recording import Event
 from hopdata.recordings.external import read_force_signals
 from hopdata.recordings.raw import RawRecording
+from hopdata.recordings.readers import writers as c3d_writing
 from hopdata.recordings.readers.c3d import read_analogs, read_c3d
 from hopdata.recordings.readers.c3d_parameters import (
     BLOCK,
@@ -63,6 +64,69 @@ def test_an_unseen_marker_has_a_negative_residual_a_nan_or_three_zeros(tmp_path)
     changed(path, start + 2 * frame + 12, np.array([-1], "<f4").tobytes())
     found = np.isnan(read_c3d(path).positions).all(axis=2)
     assert np.argwhere(found).tolist() == [[0, 0], [1, 0], [2, 0], [3, 1]]
+
+
+def test_a_residual_may_be_a_16_bit_word_beside_the_cameras(tmp_path):
+    path = written(tmp_path)
+    header = read_c3d_header(path.read_bytes()[:512], INTEL)
+    for frame, (cameras, residual) in enumerate([(127, 12), (-1, 3), (127, -1), (0, -16512)]):
+        at = header.data_start + frame * header.frame_bytes + 12
+        changed(path, at, np.array([cameras, residual], "<i2").tobytes())
+    found = np.isnan(read_c3d(path).positions).all(axis=2)
+    assert np.argwhere(found).tolist() == [[2, 0], [3, 0]]
+
+
+@pytest.fixture
+def with_parameters(monkeypatch, tmp_path):
+    """Write a recording whose group POINT has some parameters more."""
+    groups = c3d_writing._groups
+
+    def write(content, **more):
+        def enlarged(*given):
+            found = groups(*given)
+            return {**found, "POINT": {**found["POINT"], **more}}
+
+        monkeypatch.setattr(c3d_writing, "_groups", enlarged)
+        return written(tmp_path, content)
+
+    return write
+
+
+def test_a_parameter_of_an_unknown_type_is_left_out_and_said(with_parameters):
+    path = with_parameters(raw(), ODD=np.array([1.0], "<f4"), LAST=1)
+    at = value_at(path, b"ODD") - 3
+    again = read_c3d(changed(path, at, b"\x03"))
+    np.testing.assert_array_equal(again.positions, raw().positions)
+    (remark,) = again.remarks
+    assert f"byte {at}: parameter ODD: expected the type -1, 1, 2 or 4, found 3" in remark
+
+
+def test_model_outputs_are_no_markers(with_parameters):
+    names = ("hip", "Angle", "toe", "Force", "Power")
+    content = raw(n_markers=5, markers=names)
+    more = {"ANGLES": ["Angle"], "FORCES": ["Force"], "POWERS": ["None such"], "POWERS2": ["Power"]}
+    again = read_c3d(with_parameters(content, **more))
+    assert again.markers == ("hip", "toe")
+    np.testing.assert_array_equal(again.positions, content.positions[:, [0, 2]])
+    assert "3 model outputs are no markers and left out: Angle, Force, Power" in again.remarks[0]
+    with pytest.raises(RecordingError, match="expected markers, found model outputs only"):
+        read_c3d(with_parameters(content, ANGLES=list(names)))
+
+
+def test_markers_of_one_name_are_numbered_and_said(tmp_path):
+    content = raw(markers=("toe", "hip", "toe"))
+    again = read_c3d(written(tmp_path, content))
+    assert again.markers == ("toe 1", "hip", "toe 2")
+    np.testing.assert_array_equal(again.positions, content.positions)
+    assert "POINT:LABELS: expected each marker name once, found 'toe' twice" in again.remarks[0]
+
+
+def test_a_clipped_header_alone_is_replaced_by_the_size(tmp_path):
+    data = written(tmp_path).read_bytes()
+    parameters = read_parameters(tmp_path / "a.c3d", data[512:], 512)
+    parameters.groups = {}
+    header = replace(read_c3d_header(data[:512], INTEL), first=10, last=65_535)
+    assert count_frames(header, parameters, 182_611 * header.frame_bytes)[0] == 182_611
 
 
 def test_event_times_are_absolute(tmp_path):
@@ -194,9 +258,16 @@ FORCE = np.column_stack(
 
 
 def written_c3d_analogs(
-    path, *, kind=C3D_ANALOGS_INTEL, whole=False, offset=(0, 10, 0), scale=(1, 0.5, 1), **changed
+    path,
+    *,
+    kind=C3D_ANALOGS_INTEL,
+    whole=False,
+    offset=(0, 10, 0),
+    scale=(1, 0.5, 1),
+    n_points=1,
+    **changed,
 ):
-    """One marker at (1, 2, 3) and three channels of five samples a frame."""
+    """One marker (or none) at (1, 2, 3) and three channels of five samples a frame."""
     analog = {
         "USED": 3,
         "LABELS": ["Fx", "Fz", "EMG"],
@@ -208,26 +279,25 @@ def written_c3d_analogs(
         **changed,
     }
     stored = FORCE / (0.1 * np.asarray(scale)) + np.asarray(offset)
-    frames = np.zeros((N_FRAMES, 4 + 3 * PER_FRAME))
-    frames[:, :3] = [1, 2, 3]
-    frames[:, 4:] = stored.reshape(N_FRAMES, -1)
+    point = np.tile([1.0, 2.0, 3.0, 0.0][: 4 * n_points], (N_FRAMES, 1))
+    frames = np.hstack([point, stored.reshape(N_FRAMES, -1)])
     data = kind.from_whole(np.round(frames).ravel()) if whole else kind.from_floats(frames)
     point_scale = 1.0 if whole else -1.0
 
     def groups(start):
         point = {
-            "USED": 1,
+            "USED": n_points,
             "SCALE": np.float32(point_scale),
             "RATE": np.float32(RATE_HZ),
             "DATA_START": start,
             "FRAMES": N_FRAMES,
             "UNITS": ["mm"],
-            "LABELS": ["a"],
+            "LABELS": ["a"][:n_points],
         }
         return {"POINT": point, "ANALOG": analog}  # fmt: skip
 
     start = 2 + len(parameter_bytes(kind, groups(0))) // BLOCK
-    words = [1, 3 * PER_FRAME, FIRST, FIRST + N_FRAMES - 1, 0]
+    words = [n_points, 3 * PER_FRAME, FIRST, FIRST + N_FRAMES - 1, 0]
     head = bytes([2, 0x50]) + kind.from_whole(words) + kind.from_floats([point_scale])
     head += kind.from_whole([start, PER_FRAME]) + kind.from_floats([RATE_HZ])
     content = head.ljust(BLOCK, b"\0") + parameter_bytes(kind, groups(start)) + data
@@ -277,3 +347,22 @@ def test_mistakes_are_told(tmp_path, mistake):
         read_analogs(file).channel("Fz")
     for part in (str(file), "expected", "found", *parts):
         assert part in str(caught.value)
+
+
+def test_analog_channels_need_no_points_and_points_no_analog_channels(tmp_path):
+    path = written_c3d_analogs(tmp_path / "plate.c3d", n_points=0)
+    np.testing.assert_allclose(read_analogs(path).values, FORCE, atol=1e-3)
+    with pytest.raises(RecordingError, match="expected markers, found none"):
+        read_raw(path)
+    assert read_raw(written_c3d_analogs(tmp_path / "both.c3d")).markers == ("a",)
+
+
+def test_parameters_of_many_channels_go_on_in_further_ones(tmp_path):
+    scale, offset = np.array([1, 0.5, 1], np.float32), np.array([0, 10, 0])
+    more = {"SCALE": scale[:2], "SCALE2": scale[2:], "OFFSET": offset[:1], "OFFSET2": offset[1:]}
+    path = written_c3d_analogs(
+        tmp_path / "many.c3d", LABELS=["Fx"], LABELS2=["Fz"], LABELS3=["EMG"], **more
+    )
+    found = read_analogs(path)
+    assert found.names == ("Fx", "Fz", "EMG")
+    np.testing.assert_allclose(found.values, FORCE, atol=1e-3)

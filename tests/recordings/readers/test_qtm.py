@@ -56,6 +56,14 @@ def test_one_marker_and_one_frame(tmp_path, kind):
     np.testing.assert_array_equal(raw.positions, one)
 
 
+@pytest.mark.parametrize("kind", ["version 5", "version 7.3"])
+def test_markers_of_one_name_are_numbered_and_said(tmp_path, kind):
+    labels = np.array([["a", "b", "c", "b", "e"]], object)
+    raw = read_raw(WRITERS[kind](tmp_path / "trial.mat", labelled(Labels=labels)))
+    assert raw.markers == ("a", "b 1", "c", "b 2", "e")
+    assert "'b' twice" in raw.remarks[0]
+
+
 def without(key):
     struct = qtm_struct(positions(), NAMES)
     del struct[key]
@@ -79,10 +87,6 @@ FAULTS = {
     "labels of others": (
         labelled(Labels=np.array([["a", "b"]], object)),
         ["Labels: expected 5 as in Data, found 2"],
-    ),
-    "twice": (
-        labelled(Labels=np.array([["a", "b", "c", "b", "e"]], object)),
-        ["each marker name once", "'b' twice"],
     ),
     "flat data": (labelled(Data=np.ones((5, 7, 15))), ["markers x 4 x frames", "5 x 7 x 15"]),
     "data in words": (labelled(Data="many"), ["Data: expected numbers, found text"]),
@@ -266,10 +270,6 @@ QTM_TSV_FAULTS = {
         qtm_text(POSITIONS, header={"MARKER_NAMES": "a\tb\tc\td"}),
         ["line 10", "expected 5 marker names", "found 4"],
     ),
-    "a name twice": (
-        qtm_text(POSITIONS, names=("a", "b", "c", "b", "e")),
-        ["line 10", "each marker name once", "'b' twice"],
-    ),
     "an empty name": (qtm_text(POSITIONS, names=("a", "", "c", "d", "e")), ["line 10", "marker 2"]),
     "column row of other markers": (
         qtm_text(POSITIONS, header={"MARKER_NAMES": "\t".join(("hip", *NAMES[1:]))}),
@@ -448,6 +448,14 @@ def test_trajectory_types_and_the_start_are_kept(tmp_path):
 
 def remarks(folder, text, **options):
     return read_raw(write(folder, text), **options).remarks
+
+
+@pytest.mark.parametrize("column_row", [True, False])
+def test_markers_of_one_name_are_numbered_and_said_qtm_tsv(tmp_path, column_row):
+    text = qtm_text(POSITIONS, names=("a", "b", "c", "b", "e"), column_row=column_row)
+    assert read(tmp_path, text).markers == ("a", "b 1", "c", "b 2", "e")
+    (said,) = remarks(tmp_path, text)
+    assert "line 10: expected each marker name once, found 'b' twice" in said
 
 
 def test_a_sound_file_gives_no_remark(tmp_path):

@@ -130,7 +130,7 @@ def about_constant(error):
 
 
 @pytest.fixture(scope="module")
-def hopper_motion():
+def hopper_of_motion():
     return steered()
 
 
@@ -141,12 +141,12 @@ def gappy(recording, share, seed=1):
     return replace(recording, positions=positions)
 
 
-def test_every_frame_has_a_status_and_only_known_ones_a_pose(hopper_motion):
-    recording = gappy(hopper_motion.recording, 0.1)
+def test_every_frame_has_a_status_and_only_known_ones_a_pose(hopper_of_motion):
+    recording = gappy(hopper_of_motion.recording, 0.1)
     positions = recording.positions.copy()
-    positions[50, [0, 1]] = hopper_motion.recording.positions[50, [1, 0]]
+    positions[50, [0, 1]] = hopper_of_motion.recording.positions[50, [1, 0]]
     recording = replace(recording, positions=positions)
-    motion = hopper_motion(recording, calibrate(hopper_motion.recording), hold_s=0.2)
+    motion = hopper_motion(recording, calibrate(hopper_of_motion.recording), hold_s=0.2)
     seen = np.isfinite(recording.body).all(axis=2).sum(axis=1)
     assert motion.counts[UNSEEN] == np.sum(seen < 2)
     assert motion.counts[MISFIT] == 1
@@ -157,38 +157,38 @@ def test_every_frame_has_a_status_and_only_known_ones_a_pose(hopper_motion):
     np.testing.assert_array_equal(np.isfinite(motion.height), known)
 
 
-def test_hidden_markers_cost_little(hopper_motion):
-    geometry = calibrate(hopper_motion.recording)
-    motion = hopper_motion(gappy(hopper_motion.recording, 0.05), geometry)
+def test_hidden_markers_cost_little(hopper_of_motion):
+    geometry = calibrate(hopper_of_motion.recording)
+    motion = hopper_motion(gappy(hopper_of_motion.recording, 0.05), geometry)
     leaned = motion.status == LEANED
     assert leaned.sum() > 100
-    assert rms(wrapped(motion.pose[leaned, 2] - hopper_motion.yaw[leaned])) < 0.005
-    assert rms(motion.pose[leaned, :2] - hopper_motion.middle[leaned, :2]) < 0.001
+    assert rms(wrapped(motion.pose[leaned, 2] - hopper_of_motion.yaw[leaned])) < 0.005
+    assert rms(motion.pose[leaned, :2] - hopper_of_motion.middle[leaned, :2]) < 0.001
 
 
-def test_a_frame_far_from_others_is_not_leaned_on(hopper_motion):
-    recording = hopper_motion.recording.part(slice(0, 60))
+def test_a_frame_far_from_others_is_not_leaned_on(hopper_of_motion):
+    recording = hopper_of_motion.recording.part(slice(0, 60))
     positions = recording.positions.copy()
     positions[10:, 0] = np.nan
     motion = hopper_motion(
-        replace(recording, positions=positions), calibrate(hopper_motion.recording), hold_s=0.1
+        replace(recording, positions=positions), calibrate(hopper_of_motion.recording), hold_s=0.1
     )
     np.testing.assert_array_equal(motion.status[:10], SEEN)
     np.testing.assert_array_equal(motion.status[10:20], LEANED)
     np.testing.assert_array_equal(motion.status[20:], UNSEEN)
 
 
-def test_boom_angles_are_those_of_the_scene(hopper_motion):
-    motion = hopper_motion(hopper_motion.recording, calibrate(hopper_motion.recording))
-    assert rms(wrapped(motion.boom_angle_rad - hopper_motion.boom_angle)) < 0.004
+def test_boom_angles_are_those_of_the_scene(hopper_of_motion):
+    motion = hopper_motion(hopper_of_motion.recording, calibrate(hopper_of_motion.recording))
+    assert rms(wrapped(motion.boom_angle_rad - hopper_of_motion.boom_angle)) < 0.004
     assert np.abs(np.diff(motion.boom_angle_rad)).max() < 0.2
 
 
-def test_the_printed_boom_angle_is_right_up_to_zero_and_sense(hopper_motion):
-    recording = hopper_motion.recording
+def test_the_printed_boom_angle_is_right_up_to_zero_and_sense(hopper_of_motion):
+    recording = hopper_of_motion.recording
     still = np.repeat(recording.positions[:1], 40, axis=0)
     positions = np.concatenate([still, recording.positions])
     printed = printed_boom_angles(positions[:, :3], positions[:, -1])[40:]
-    errors = [rms(about_constant(sign * printed - hopper_motion.boom_angle)) for sign in (1, -1)]
+    errors = [rms(about_constant(sign * printed - hopper_of_motion.boom_angle)) for sign in (1, -1)]
     assert min(errors) < 0.02
     assert max(errors) > 0.2

@@ -16,7 +16,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from hopdata.hybrid.compiled.cache import compiled_in_cache, function_digest, with_digest
+from hopdata.code_cache import compiled_in_cache, function_digest
 from hopdata.hybrid.compiled.declare import (
     check_declaration,
     elements_named,
@@ -28,6 +28,7 @@ from hopdata.hybrid.compiled.declare import (
     return_error,
     warn_slow,
 )
+from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.kernel import (
     AFFINE,
     FIELD,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver.dense import interpolate
 from hopdata.hybrid.driver.jacobian import has_short_tangent
 from hopdata.hybrid.driver.localise import CROSSING, DIP, first_cut
@@ -29,6 +29,7 @@ from hopdata.hybrid.driver.watch import (
     gather_reached,
     set_knots,
 )
+from hopdata.hybrid.driver.windows import leave_out_bent
 from hopdata.hybrid.layout import (
     END,
     ERROR,
@@ -47,6 +48,7 @@ from hopdata.hybrid.layout import (
     SIZE,
     SLOPE,
     SPAN,
+    WATCHED,
     Memory,
     T,
 )
@@ -104,7 +106,7 @@ def look_at_end(p: Problem, m: Memory, t: float, resolution: float) -> None:
     gather_reached(p, m, H1, RATE1, resolution)
 
 
-@kernel
+@kernel_apart
 def end_at(
     p: Problem, m: Memory, span: float, on_interpolant: bool, resolution: float, k: int
 ) -> float:
@@ -114,7 +116,7 @@ def end_at(
     return p.mode[k] * m.guards[H1, k]
 
 
-@kernel
+@kernel_apart
 def end_behind_jump(
     p: Problem, m: Memory, k: int, span: float, on_interpolant: bool, resolution: float
 ) -> float:
@@ -146,7 +148,7 @@ def beyond_rounding(m: Memory, k: int, resolution: float) -> bool:
     return abs(g[H1, k]) > blur(g[SIZE, k], g[RATE1, k], resolution)
 
 
-@kernel
+@kernel_apart
 def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple[float, int]:
     """Make the step end on guard k, about `span` from now.
 
@@ -191,12 +193,11 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
 def gather(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that may flip within the step into NEAR; return how many they are."""
     set_knots(p, m, dt)
-    if m.counts[PIECES] > 1:
-        return gather_near_by_pieces(p, m, dt)
-    return gather_near(p, m, dt)
+    count = gather_near_by_pieces(p, m, dt) if m.counts[PIECES] > 1 else gather_near(p, m, dt)
+    return leave_out_bent(m) if count > 0 and m.counts[WATCHED] > 0 else count
 
 
-@kernel
+@kernel_apart
 def end_at_dips(
     p: Problem, m: Memory, dt: float, kind: int, k: int, theta: float
 ) -> tuple[float, int, int, float]:

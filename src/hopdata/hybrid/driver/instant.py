@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hopdata.hybrid.compiled.kernel import call_on_event, call_refresh, kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import (
+    call_on_event,
+    call_refresh,
+    kernel,
+    kernel_apart,
+    kernel_in_loop,
+)
 from hopdata.hybrid.compiled.memory import FloatTable, IntTable
 from hopdata.hybrid.driver.jacobian import saltate, saltate_handlers
 from hopdata.hybrid.driver.problem import (
@@ -182,7 +188,7 @@ def keep_culprit(m: Memory) -> None:
     m.counts[CULPRIT] = next_due(m, -1)
 
 
-@kernel_in_loop
+@kernel_apart
 def fire_all(p: Problem, m: Memory, log: Log) -> int:
     """Let all guards in DUE flip, and those that their handlers push across; refresh the field.
 

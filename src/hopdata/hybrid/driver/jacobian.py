@@ -18,7 +18,7 @@ from hopdata.hybrid.compiled.kernel import (
     call_guards,
     call_tangent,
     kernel,
-    kernel_in_loop,
+    kernel_apart,
 )
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.problem import Problem, next_due
@@ -73,7 +73,7 @@ def has_short_tangent(p: Problem, m: Memory, dt: float) -> bool:
     return turn * turn * sqrt(turn) <= SHORT * p.rtol
 
 
-@kernel
+@kernel_apart
 def tangent(p: Problem, m: Memory, dt: float) -> float:
     """Write the new Jacobian behind the old one; return its error in units of the tolerance.
 
@@ -91,7 +91,7 @@ def tangent(p: Problem, m: Memory, dt: float) -> float:
     return call_tangent(address, t, dt, p.rtol, m.states, p.mode, p.params, p.atol, p.tangent)
 
 
-@kernel_in_loop
+@kernel_apart
 def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
     """Multiply the flow's Jacobian by that of the step that ends at END.
 
@@ -191,7 +191,7 @@ def add_jump(p: Problem, m: Memory) -> None:
                 phi[i, j] += jump * phi[along, j]
 
 
-@kernel
+@kernel_apart
 def saltate(p: Problem, m: Memory) -> None:
     """Pass all guards that are due, one after the other, by their locks alone.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
 from hopdata.hybrid.driver.problem import EPS, Problem, blur, near_inside, time_resolution
 from hopdata.hybrid.driver.watch import GRAZE, clearance, ends_between, knot, piece_before
@@ -215,14 +215,14 @@ LITTLE_PUT_RIGHT = 1e-3  # of Newton's step, up to which the series of the cubic
 MAX_ROOT, MAX_DIP, PATIENCE, MOST_RIVALS = 120, 40, 8, 2
 
 
-@kernel
+@kernel_apart
 def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     """Evaluate the guards on the interpolant at `theta`, into H and RATE."""
     interpolate_with_slope(p, m, theta, dt)
     near_inside(p, m, m.clock[T] + theta * dt)
 
 
-@kernel
+@kernel_apart
 def lowest_point(
     p: Problem, m: Memory, dt: float, k: int, theta: float, piece: int, end: float
 ) -> float:
@@ -254,7 +254,7 @@ def lowest_point(
     return theta
 
 
-@kernel
+@kernel_apart
 def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
     """Return a theta, at most `low`, where guard k is clear of its surface; 0 if there is none."""
     while low > LEAVING:
@@ -298,7 +298,7 @@ def way_to_root(
     return way - way * right, close and abs(right) <= LITTLE_PUT_RIGHT
 
 
-@kernel
+@kernel_apart
 def crossing(
     p: Problem, m: Memory, dt: float, k: int, guess: float, low: float, piece: int, end: float
 ) -> float:
@@ -339,7 +339,7 @@ def crossing(
     return high
 
 
-@kernel
+@kernel_apart
 def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     """Return (kind, guard, theta): where the step must end for a guard in NEAR, and why.
 

@@ -8,18 +8,30 @@ address and is compiled once per install (see `compiled`). Arrays reach it by th
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable
 from functools import cache
 from math import inf
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba import cfunc, njit, types
+from numba.core import event
 
+from hopdata.code_cache import cache_directory, compiled_in_cache
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import SMALLEST_RTOL
-from hopdata.hybrid.compiled.cache import cache_directory, driver_digest
-from hopdata.hybrid.compiled.kernel import VALUE, caller, kernel, kernel_in_loop
+from hopdata.hybrid.compiled.digest import driver_digest
+from hopdata.hybrid.compiled.kernel import (
+    ENTRY,
+    VALUE,
+    caller,
+    kernel,
+    kernel_apart,
+    kernel_in_loop,
+)
 from hopdata.hybrid.compiled.memory import (
     FloatVector,
     IntVector,
@@ -53,10 +65,12 @@ from hopdata.hybrid.driver.stepping import (
     first_step,
 )
 from hopdata.hybrid.driver.watch import carry_guards, gather_reached
+from hopdata.hybrid.driver.windows import LONGEST, measure, watched
 from hopdata.hybrid.layout import (
     AWAKE,
     BAD_NUMBERS,
     BAD_START,
+    BENT,
     CLOCK,
     CLOCK_SLOTS,
     COUNT_SLOTS,
@@ -113,6 +127,7 @@ from hopdata.hybrid.layout import (
     TOO_MANY_EVENTS,
     TOO_MANY_STEPS,
     WANTED,
+    WINDOW,
     FloatArray,
     IntArray,
     Memory,
@@ -160,7 +175,7 @@ def move_on(p: Problem, m: Memory, out: Output, dt: float) -> None:
     write_row(m, out)
 
 
-@kernel_in_loop
+@kernel_apart
 def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Let the events of this instant happen, and write down the state after them."""
     status = fire_all(p, m, log)
@@ -184,6 +199,9 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
     dt = accepted_step(p, m)
     if dt < 0.0:
         return int(dt)
+    dt = watched(p, m, dt)
+    if dt < 0.0:
+        return int(dt)
     dt, n_due = end_at_first_flip(p, m, dt)
     if dt > 0.0:
         if p.first_order:
@@ -205,7 +223,7 @@ def clear(p: Problem, m: Memory) -> bool:
     for row in range(GUARD_ROWS):
         fill_row(m.guards, row, 0.0)
     for k in range(m.flags.width):
-        m.flags[LAST_FLIP, k] = 0
+        m.flags[LAST_FLIP, k], m.flags[BENT, k] = 0, 0
         m.lists[AWAKE, k] = k
     for slot in range(COUNT_SLOTS):
         m.counts[slot] = 0
@@ -213,14 +231,14 @@ def clear(p: Problem, m: Memory) -> bool:
     for slot in range(CLOCK_SLOTS):
         m.clock[slot] = 0.0
     m.clock[T], m.clock[SEGMENT], m.clock[INSTANT] = p.t_start, p.t_start, -np.inf
-    m.clock[MOTION] = np.inf
+    m.clock[MOTION], m.clock[WINDOW] = np.inf, LONGEST * (p.t_end - p.t_start)
     m.clock[NEXT_DT], m.clock[LAST_LOG_ERROR] = p.first_step, LOG_ERROR_FLOOR
     for i in range(m.states.width):
         m.states[Y, i] = p.start_state[i]
     return first_not_finite(m.states, Y) < 0
 
 
-@kernel
+@kernel_apart
 def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Settle the locks at t0, choose the first step, and fire what is past its surface already."""
     m.counts[METHOD] = first_method(p)
@@ -229,6 +247,7 @@ def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
         return status
     if not m.clock[NEXT_DT] > 0.0:
         m.clock[NEXT_DT] = first_step(p, m)
+    measure(p, m)
     sample_start(m, out)
     write_row(m, out)
     for k in range(m.guards.width):
@@ -281,6 +300,7 @@ def run(desk: IntVector, flags: int) -> int:
 _INT, _FLOAT = types.int64, types.float64
 
 RUN_NATIVE = _INT(_INT, _INT)
+NOT_KEPT = "no folder to keep it in can be written to: set NUMBA_CACHE_DIR to one that can"
 
 call_run = caller(RUN_NATIVE, *((kind, VALUE) for kind in RUN_NATIVE.args))
 
@@ -313,9 +333,38 @@ def _enter(desk: int, flags: int) -> int:
 
 @cache
 def compiled_run() -> Any:
-    """Return the driver's machine code: from the cache, or compiled now (some seconds)."""
-    with cache_directory(_run, driver_digest()) as cached:
-        return cfunc(RUN_NATIVE, cache=cached, error_model="numpy")(_run)
+    """Return the driver's machine code: from the cache, or compiled now, which stderr then says."""
+    notice = _Notice()
+    with event.install_listener("numba:run_pass", notice):
+        code = compiled_in_cache(
+            _run, driver_digest(), lambda cached: cfunc(RUN_NATIVE, cache=cached, **ENTRY)(_run)
+        )
+    with cache_directory(_run, driver_digest()) as folder:
+        notice.end(folder)
+    return code
+
+
+class _Notice(event.Listener):  # type: ignore[misc]
+    """Says on stderr that the driver is being compiled, from the compiler's first pass on."""
+
+    started_s: float | None = None
+
+    def on_start(self, _event: object) -> None:
+        if self.started_s is None:
+            self.started_s = time.monotonic()
+            _say("compiling the integrator, some 20 s of one core; later processes load it")
+
+    def on_end(self, _event: object) -> None:
+        pass
+
+    def end(self, folder: Path | None) -> None:
+        if self.started_s is not None:
+            where = f"it is kept in {folder.parent}" if folder else NOT_KEPT
+            _say(f"compiled in {time.monotonic() - self.started_s:.0f} s; {where}")
+
+
+def _say(what: str) -> None:
+    print(f"hopdata: {what}", file=sys.stderr, flush=True)
 
 
 def run_address() -> int:
@@ -325,8 +374,11 @@ def run_address() -> int:
 
 def compiled_entry(function: Callable[..., Any], native: Any) -> Any:
     """Return a small compiled function which releases the interpreter's lock."""
-    with cache_directory(function, driver_digest()) as cached:
-        return njit(native, cache=cached, nogil=True, error_model="numpy")(function)
+
+    def compile_it(cached: bool) -> Any:
+        return njit(native, cache=cached, nogil=True, **ENTRY)(function)
+
+    return compiled_in_cache(function, driver_digest(), compile_it)
 
 
 @cache

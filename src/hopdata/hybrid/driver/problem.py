@@ -11,6 +11,7 @@ from hopdata.hybrid.compiled.kernel import (
     call_guard,
     call_guards,
     kernel,
+    kernel_apart,
     kernel_in_loop,
 )
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, IntTable, IntVector
@@ -86,7 +87,7 @@ def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
     call_field(p.field, t, m.states, y, p.mode, p.params, m.states, dy)
 
 
-@kernel_in_loop
+@kernel_apart
 def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int) -> None:
     """Evaluate the guards that are awake at rows `y` and `dy` into rows `h` and `rate`."""
     if p.guards != 0:
@@ -234,7 +235,7 @@ def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
     return g < -noise or (g <= noise and rate < 0.0)
 
 
-@kernel_in_loop
+@kernel_apart
 def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
     """Put those of the guards in NEAR that flip now, by rows `h` and `rate`, into DUE."""
     g, total = m.guards, 0

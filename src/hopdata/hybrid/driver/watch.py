@@ -11,12 +11,13 @@ from math import sqrt
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
 from hopdata.hybrid.driver.problem import Problem, awake, blur, eval_guards, time_resolution
 from hopdata.hybrid.driver.sleep import wake_for
 from hopdata.hybrid.layout import (
     BEND,
+    BENT,
     CLEARANCE,
     DEGREE,
     GAP,
@@ -25,6 +26,7 @@ from hopdata.hybrid.layout import (
     IN_POWERS,
     METHOD,
     N_AWAKE,
+    N_BENT,
     N_NEAR,
     NEAR,
     PIECE,
@@ -148,7 +150,7 @@ def gather_unclear(p: Problem, m: Memory, unclear: int, first: int) -> int:
     return count
 
 
-@kernel_in_loop
+@kernel_apart
 def gather_near(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that may flip within the step, by its ends, into NEAR; return their number."""
     g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
@@ -164,7 +166,7 @@ def gather_near(p: Problem, m: Memory, dt: float) -> int:
     return gather_unclear(p, m, unclear, first)
 
 
-@kernel
+@kernel_apart
 def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
     """Do the same by all knots of the step: a guard must stay clear between each two."""
     g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
@@ -180,7 +182,7 @@ def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
     return gather_unclear(p, m, unclear, first)
 
 
-@kernel_in_loop
+@kernel_apart
 def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
     """Put the guards that are at their surface or past it, by rows `h` and `rate`, into NEAR."""
     g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
@@ -193,7 +195,7 @@ def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) 
     return gather_unclear(p, m, unclear, first)
 
 
-@kernel
+@kernel_apart
 def gather_coming(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that rate and bend would take to their surface within `dt` into NEAR."""
     g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
@@ -223,17 +225,20 @@ CLIP_MOST = 1e3  # leave events that are nearer to localisation
 TOO_SHORT = 1e6  # the rates at both ends of such a step tell nothing of the bend
 
 
-@kernel
+@kernel_apart
 def carry_guards(p: Problem, m: Memory, dt: float) -> None:
     """Make the guards at the end of the step those at its start; keep their second derivatives.
 
-    These are secants over the step.
+    These are secants over the step. Of a guard that bends those of longer steps tell nothing.
     """
     g, tells, per_s = m.guards, dt > TOO_SHORT * time_resolution(m.clock[T], dt), 1.0 / dt
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
         g[BEND, k] = (g[RATE1, k] - g[RATE0, k]) * per_s if tells else g[BEND, k]
         g[H0, k], g[RATE0, k] = g[H1, k], g[RATE1, k]
+    if not tells and m.counts[N_BENT] > 0:
+        for k in range(m.flags.width):
+            g[BEND, k] = g[BEND, k] if m.flags[BENT, k] == 0 else 0.0
 
 
 @kernel

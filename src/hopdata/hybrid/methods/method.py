@@ -19,22 +19,19 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any
 
-from numba import cfunc, njit
+from numba import cfunc
 
-from hopdata.hybrid.compiled.cache import (
-    compiled_in_cache,
-    driver_digest,
-    function_digest,
-    is_in_cache,
-    with_digest,
-)
+from hopdata.code_cache import compiled_in_cache, function_digest, is_in_cache
 from hopdata.hybrid.compiled.callbacks import Callback
+from hopdata.hybrid.compiled.digest import driver_digest, with_digest
 from hopdata.hybrid.compiled.kernel import (
+    ENTRY,
     INTERPOLANT_NATIVE,
     REFRESH_NATIVE,
     STEP_NATIVE,
     TANGENT_NATIVE,
     kernel,
+    kernel_in_loop,
 )
 from hopdata.hybrid.compiled.memory import (
     array_of,
@@ -178,14 +175,14 @@ def compiled_entry(
     entry, digest = _entry(template, function, n_states)
 
     def compile_it(cached: bool) -> Any:
-        return cfunc(native, cache=cache and cached, error_model="numpy")(entry)
+        return cfunc(native, cache=cache and cached, **ENTRY)(entry)
 
     return compiled_in_cache(entry, digest, compile_it)
 
 
 def _entry(template: Function, function: Function, n_states: int) -> tuple[Function, str]:
     """Return the entry to a method's function, to be compiled, and its digest."""
-    inner = njit(error_model="numpy", forceinline=True)(with_digest(function))
+    inner = kernel_in_loop(with_digest(function))
     entry = with_digest(template, FUNCTION=inner, N=n_states)
     return entry, f"{function_digest(entry)}-{driver_digest()}"
 
@@ -272,7 +269,8 @@ def matrix(s: Any, first: int, _n: int) -> Any:
 
 def put_in(template: Any, *, inline: bool = False, **names: Any) -> Any:
     """Return a template with these names put in, to be called by other compiled code."""
-    return njit(error_model="numpy", forceinline=inline)(with_digest(template, **names))
+    compiled = kernel_in_loop if inline else kernel
+    return compiled(with_digest(template, **names))
 
 
 def explicit(tableau: Tableau, scene: Scene) -> Method:

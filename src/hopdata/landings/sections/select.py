@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
-from hopdata.errors import AnalysisError
+from hopdata.blas import one_blas_thread
+from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.sections.frames import (
     Frames,
     Heights,
@@ -24,6 +25,7 @@ from hopdata.recording import Recording
 if TYPE_CHECKING:
     import pandas as pd
 
+FRAMES = {"all": False, "landings": True}  # whether those of landings alone count
 _LEAST_FRAMES = 5  # with all feet up, and with all down: fewer are not hopping
 
 
@@ -69,6 +71,11 @@ class Sections:
     n_frames: int
     n_used: int
 
+    @property
+    def landings_only(self) -> bool:
+        """Whether the frames of landings alone count."""
+        return chosen("sections.frames", self.frames, FRAMES)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, strings and dictionaries, for JSON."""
         return asdict(self)
@@ -80,6 +87,7 @@ class Sections:
         return cls(**{**fields, **modes})
 
 
+@one_blas_thread()
 def select_sections(
     recordings: Sequence[Recording],
     *,
@@ -148,7 +156,7 @@ def select_sections(
         min_foot_m=thresholds.min_foot_m,
         max_foot_m=thresholds.max_foot_m,
         ground_m=thresholds.ground_m,
-        landings_only=frames == "landings",
+        landings_only=FRAMES[frames],
     )
     if pre_height_m is None or post_height_m is None:
         _require_hopping(pooled, thresholds, frames)
@@ -199,7 +207,7 @@ def _require_hopping(pooled: Frames, thresholds: Thresholds, frames: str) -> Non
         _require_both("min_foot_threshold_m", thresholds.min_foot_m, "up", pooled.all_up)
         _require_both("max_foot_threshold_m", thresholds.max_foot_m, "down", pooled.all_down)
         return
-    if frames == "landings":
+    if FRAMES[frames]:
         raise AnalysisError(
             "sections: expected descents of the body in which the feet go from all up to all "
             f"down, found none (all up: lowest foot above {thresholds.min_foot_m:.4f} m; all "
@@ -245,8 +253,7 @@ def _check_options(
     """Raise an error for an option that is out of its range."""
     if not recordings:
         raise ValueError("recordings: expected at least one, found none")
-    if frames not in ("all", "landings"):
-        raise ValueError(f"frames: expected 'all' or 'landings', found {frames!r}")
+    require_choice("sections.frames", frames, FRAMES)
     if not 0 <= tail_fraction <= 0.1:
         raise ValueError(f"tail_fraction: expected 0 to 0.1, found {tail_fraction}")
     if not threshold_sigmas > 0:
@@ -259,6 +266,7 @@ _FOOT_BANDWIDTH = 0.5  # in deviations of the ground mode: widens it by 12 %
 _FINEST = 1e-5  # of the range of heights: the least bandwidth
 
 
+@one_blas_thread()
 def section_densities(
     recordings: Sequence[Recording], sections: Sections, *, nodes: int = 1024
 ) -> pd.DataFrame:
@@ -347,7 +355,7 @@ def _body_curves(
         min_foot_m=sections.min_foot_threshold_m,
         max_foot_m=sections.max_foot_threshold_m,
         ground_m=sections.ground_m,
-        landings_only=sections.frames == "landings",
+        landings_only=sections.landings_only,
     )
     groups = {
         "body_all": frames.body,

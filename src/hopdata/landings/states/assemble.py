@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import AnalysisError, ConfigError, did_you_mean
-from hopdata.landings.schedules import AMBIGUOUS
+from hopdata.blas import one_blas_thread
+from hopdata.errors import AnalysisError, ConfigError, did_you_mean, require_choice
+from hopdata.landings.schedules import AMBIGUOUS, TREATMENTS
 from hopdata.landings.states.coefficients import SectionStates
 from hopdata.landings.states.fits import section_states
 from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
@@ -150,6 +151,7 @@ LEAST_PAIRS = 3  # the units of a study need so many
 STATELESS = "too few frames of the body markers"
 
 
+@one_blas_thread()
 def assemble_pairs(
     recordings: Iterable[Recording],
     table: pd.DataFrame,
@@ -191,8 +193,9 @@ def assemble_pairs(
     AnalysisError
         If fewer than `LEAST_PAIRS` are left, or the recordings differ in their body markers.
     ConfigError
-        If `home_marker` is no body marker.
+        If `home_marker` is no body marker, or `method`, `gravity` or `ambiguous` is unknown.
     """
+    require_choice("touchdowns.ambiguous", ambiguous, TREATMENTS)
     recordings, parts = list(recordings), []
     if ambiguous == "pool":
         table = table.assign(schedule=table["schedule"].where(table["class"] != AMBIGUOUS, ""))
@@ -321,7 +324,7 @@ def _pairs_of(
     )
 
 
-def _columns(table: pd.DataFrame, prefix: str) -> FloatArray:
+def _columns(table: Any, prefix: str) -> FloatArray:
     """Return the columns of all feet, (L, feet), s."""
     return table[[name for name in table.columns if name.startswith(prefix)]].to_numpy(float)
 

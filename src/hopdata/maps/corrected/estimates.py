@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import fit_affine
 from hopdata.maps.coordinates import (
@@ -133,6 +134,7 @@ class MapEstimates:
         }
 
 
+@one_blas_thread()
 def estimate_maps(
     x: ArrayLike, y: ArrayLike, instants: ArrayLike, *, time_unit_s: float
 ) -> MapEstimates:

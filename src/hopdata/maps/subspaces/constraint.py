@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
 from hopdata.maps.subspaces.grassmann import principal_angles
@@ -117,6 +118,7 @@ def pooled_frame(x: FloatArray, y: FloatArray) -> PooledFrame:
     return PooledFrame(kept, dropped, deviations, angles)
 
 
+@one_blas_thread()
 def bootstrap_subspaces(
     x: FloatArray,
     y: FloatArray,

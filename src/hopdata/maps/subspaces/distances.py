@@ -11,7 +11,7 @@ schedules have one map. The AUC is reported as a description, not as a test.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.blas import one_blas_thread
 from hopdata.maps.draws import named_generator
 from hopdata.maps.subspaces.grassmann import (
     DISTANCES,
@@ -106,6 +107,7 @@ class DistanceStudy:
     notes: list[dict[str, str]]
 
 
+@one_blas_thread()
 def measure_distances(
     bases: Mapping[str, FloatArray],
     shape: tuple[int, int],
@@ -136,6 +138,7 @@ def measure_distances(
         notes.append(_note("cross-class distances", reason))
     starts = dict(zip(bases, np.cumsum([0, *map(len, bases.values())]).tolist(), strict=False))
     blocks, ends = [], {}
+    choose: Callable[..., tuple[IntArray, IntArray]]
     for kind, choose, classes in (
         ("in_class", in_class_pairs, [(name,) for name in bases]),
         ("cross_class", cross_class_pairs, list(combinations(bases, 2))),
@@ -228,6 +231,7 @@ NOISE_SDS = tuple(0.1 * 2.0 ** (step / 2) for step in range(-12, 7))
 _LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 
+@one_blas_thread()
 def noise_sensitivity(
     shape: tuple[int, int],
     *,
@@ -274,6 +278,7 @@ def noise_sensitivity(
     return pd.DataFrame(rows, columns=list(columns))
 
 
+@one_blas_thread()
 def snr_readings(shape: tuple[int, int], *, seed: int, pairs: int = 1000) -> pd.DataFrame:
     """Measure the arc lengths of the two baselines, the noised identity in every reading.
 

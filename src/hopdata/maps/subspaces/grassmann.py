@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopdata.arrays import FloatArray
+from hopdata.errors import chosen
 
 #: Arc lengths below this need the sines: an error e in each cosine moves a length d by k e / d.
 _SMALL_ARC_LENGTH = 0.5
@@ -83,6 +84,9 @@ def _ordered(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
 # to
 # read it; the one that is taken for Fig. 2.5 gives distances like the printed ones.
 
+# Powers of the ratio, and of the number of rows, by which the noise of an entry goes.
+RATIOS = {"amplitude": -1.0, "power": -0.5}
+SIGNALS = {"entry": 0.0, "matrix": -0.5}
 #: The signal-to-noise ratio that is printed.
 PRINTED_SNR = 10.0
 
@@ -108,15 +112,12 @@ class Reading:
 
     def noise_sd(self, shape: tuple[int, int], snr: float = PRINTED_SNR) -> float:
         """Return the sd of the noise on each entry of a (D, k) identity."""
-        level = 1 / snr if self.ratio == "amplitude" else snr**-0.5
-        return level if self.signal == "entry" else level * shape[0] ** -0.5
+        level = snr ** chosen("ratio", self.ratio, RATIOS)
+        return level * shape[0] ** chosen("signal", self.signal, SIGNALS)
 
 
 READINGS = tuple(
-    Reading(ratio, signal, noised)
-    for ratio in ("amplitude", "power")
-    for signal in ("entry", "matrix")
-    for noised in (2, 1)
+    Reading(ratio, signal, noised) for ratio in RATIOS for signal in SIGNALS for noised in (2, 1)
 )
 #: Noise of sd 0.1 on every entry of both matrices: the reading of Fig. 2.5.
 PRINTED_READING = READINGS[0]

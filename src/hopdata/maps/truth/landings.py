@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.blas import one_blas_thread
+from hopdata.errors import chosen
 from hopdata.landings.schedules import AMBIGUOUS, schedule_names
 from hopdata.landings.sections.frames import landing_frames
+from hopdata.landings.sections.select import FRAMES
 from hopdata.maps.coordinates import split_states
 from hopdata.maps.truth.maps import Entries, entry, mean, quantile
 
@@ -123,7 +126,7 @@ def score_contacts(
 ) -> Entries:
     """Score the mode schedules and contact instants of one method.
 
-    Two shares of right schedules are given: of the usable touchdowns, and of all true landings,
+    Two shares of right schedules are given: of the touchdowns used, and of all true landings,
     where an excluded or missed landing counts as not right. Touchdowns of recordings without a
     truth are not scored; one without a true landing nearby, or beside a closer one, is wrong.
 
@@ -154,7 +157,7 @@ def score_contacts(
     who = f"{method.replace('_', ' ')} method"
     return {
         f"labels_right_{method}": entry(
-            mean(right), "1", f"Share of right mode schedules among usable touchdowns, {who}"
+            mean(right), "1", f"Share of right mode schedules among the touchdowns used, {who}"
         ),
         f"labels_right_unambiguous_{method}": entry(
             mean(right[sure]), "1", f"The same share among those not ambiguous, {who}"
@@ -172,13 +175,13 @@ def score_contacts(
             n_landings - matched, "landings", f"True landings excluded or missed, {who}"
         ),
         f"unmatched_{method}": entry(
-            len(usable) - matched, "touchdowns", f"Usable touchdowns without a true landing, {who}"
+            len(usable) - matched, "touchdowns", f"Touchdowns used without a true landing, {who}"
         ),
     }
 
 
 def count_touchdowns(table: pd.DataFrame) -> Entries:
-    """Count the usable touchdowns, and the excluded ones by reason."""
+    """Count the touchdowns used, and the excluded ones by reason."""
     excluded = table["excluded"].astype(bool)
     usable = int((~excluded).sum())
     entries = {"touchdowns_usable": entry(usable, "touchdowns", "Touchdowns used in the study")}
@@ -234,7 +237,7 @@ def _true_frames(item: KnownRecording, frames: str) -> tuple[FloatArray, BoolArr
     keep = np.isfinite(item.body_height)
     n_down = item.foot_down.sum(axis=1)
     all_up, all_down = n_down == 0, n_down == item.foot_down.shape[1]
-    if frames == "landings":
+    if chosen("sections.frames", frames, FRAMES):
         keep, landed = landing_frames(item.body_height, all_up, all_down)
         all_up, all_down = all_up & ~landed, all_down | landed
     return item.body_height[keep], all_up[keep], all_down[keep]
@@ -312,6 +315,7 @@ def true_rows(
     return rows
 
 
+@one_blas_thread()
 def state_errors(pairs: Any, true: Any, rows: IntArray) -> pd.DataFrame:
     """Return the errors of the states at the sections.
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.maps.coordinates import (
     INPUT_NAMES,
     OUTPUT_NAMES,
@@ -146,6 +147,7 @@ class ExactMap:
         )
 
 
+@one_blas_thread()
 def exact_map(
     exact: Mapping[str, Any], states: FloatArray, *, shape: FloatArray, time_unit_s: float
 ) -> ExactMap:
@@ -201,6 +203,7 @@ def marker_states(coordinates: FloatArray, shape: FloatArray) -> FloatArray:
     return np.concatenate([positions, velocities], axis=1).reshape(n, -1)
 
 
+@one_blas_thread()
 def estimate_errors(exact: ExactMap, estimates: Mapping[str, Any]) -> pd.DataFrame:
     """Return the errors of the estimates of ``map_estimates.json``.
 
@@ -248,6 +251,7 @@ def _turn(axis: int, angle: FloatArray) -> FloatArray:
 # The verdict's effect against the exact maps of a simulated study.
 
 
+@one_blas_thread()
 def true_effect(exact: Mapping[str, Any], states: FloatArray, *, time_unit_s: float) -> float:
     """Return the relative difference of the exact maps as the verdict measures it.
 

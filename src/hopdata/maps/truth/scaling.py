@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import output_weights, rigid_states, section_coordinates
 from hopdata.maps.truth.maps import (
@@ -48,6 +49,7 @@ SOURCES = {"noise_free": "without noise", "measured": "as measured"}
 MODELS = {"pooled": "one map for all schedules", "specialised": "a map of one schedule"}
 
 
+@one_blas_thread()
 def map_error_table(
     pairs: Any,
     true: Any,
@@ -222,6 +224,7 @@ class Landings(Protocol):
     exact_maps: FloatArray
 
 
+@one_blas_thread()
 def scaling_table(samples: Iterable[Landings]) -> pd.DataFrame:
     """Fit maps to each sample.
 

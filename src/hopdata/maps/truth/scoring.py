@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from hopdata.blas import one_blas_thread
 from hopdata.maps.truth.landings import (
     KnownRecording,
     count_touchdowns,
@@ -34,6 +35,7 @@ MODELS = {
 }
 
 
+@one_blas_thread()
 def score(
     known: Mapping[str, KnownRecording],
     *,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
@@ -23,7 +22,7 @@ from hopdata.maps.coordinates import (
 from hopdata.maps.corrected.marker_noise import input_errors, marker_noise
 from hopdata.rigid import body_shape
 
-# The contact instants that the state before a landing leads one to expect.
+# The contact instants, and their orders, that the state before a landing leads one to expect.
 
 _OUTLYING = 5.0
 
@@ -54,83 +53,11 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
     return expected
 
 
-# To which mode schedule a landing belongs, and how surely.
-
-#: A half of a schedule's landings needs this many for each input.
-_LANDINGS_PER_INPUT = 3
-
-
-@dataclass(frozen=True)
-class Memberships:
-    """Schedules and the weight of each landing in them.
-
-    Attributes
-    ----------
-    schedules
-        Schedules seen, each as the feet (from 0) in the order of their contacts.
-    weights
-        (n, schedules), rows add up to one, or to zero for a landing without a schedule.
-    """
-
-    schedules: tuple[Feet, ...]
-    weights: FloatArray
-
-
-def memberships(instants: FloatArray, errors: FloatArray, least: int) -> Memberships:
-    """Weigh schedules by the probability that the two contacts nearest in time are in this order.
-
-    Parameters
-    ----------
-    instants, errors
-        (n, feet) contact instants and their standard errors, s. A landing without an error counts
-        as sure; one without an instant has no schedule.
-    least
-        Schedules with fewer landings are left out.
-    """
-    from scipy.special import ndtr
-
-    n, feet = instants.shape
-    known = np.asarray(np.isfinite(instants).all(axis=1))
-    order = np.argsort(np.where(known[:, None], instants, 0.0), axis=1, kind="stable")
-    times = np.take_along_axis(instants, order, axis=1)
-    variance = np.take_along_axis(np.nan_to_num(errors) ** 2, order, axis=1)
-    gaps = np.diff(times, axis=1)
-    doubt = np.sqrt(variance[:, 1:] + variance[:, :-1])
-    sure = np.divide(gaps, doubt, out=np.full_like(gaps, np.inf), where=doubt > 0)
-    sure[~known] = np.inf
-    place = np.argmin(sure, axis=1)
-    rows = np.arange(n)
-    probability = ndtr(sure[rows, place])
-    swapped = order.copy()
-    swapped[rows, place], swapped[rows, place + 1] = order[rows, place + 1], order[rows, place]
-    own, other = _codes(order, feet), _codes(swapped, feet)
-    codes, counts = np.unique(own[known], return_counts=True)
-    kept = codes[counts >= least]
-    weights = probability[:, None] * (own[:, None] == kept)
-    weights += (1.0 - probability)[:, None] * (other[:, None] == kept)
-    weights[~known] = 0.0
-    first = [tuple(int(f) for f in order[known][np.argmax(own[known] == code)]) for code in kept]
-    return Memberships(tuple(first), weights)
-
-
-def large_classes(weights: FloatArray, n_inputs: int) -> list[NDArray[np.int64]]:
-    """Return the landings of every schedule that has enough for a linear map of two halves each.
-
-    Parameters
-    ----------
-    weights
-        (n, schedules) membership of each landing; each counts where it weighs most.
-    n_inputs
-        Number of inputs p; a half needs three landings for each.
-    """
-    belongs = np.where(weights.max(axis=1) > 0.5, weights.argmax(axis=1), -1)
-    classes = [np.flatnonzero(belongs == k) for k in range(weights.shape[1])]
-    return [rows for rows in classes if len(rows) >= 2 * _LANDINGS_PER_INPUT * n_inputs]
-
-
-def _codes(order: NDArray[np.int64], feet: int) -> NDArray[np.int64]:
-    code: NDArray[np.int64] = order @ (feet ** np.arange(feet)[::-1])
-    return code
+def contact_orders(instants: FloatArray, least: int) -> tuple[Feet, ...]:
+    """Return the orders, each as its feet from 0, that `least` landings (N, feet) or more have."""
+    order = np.argsort(instants, axis=1, kind="stable")
+    orders, counts = np.unique(order, axis=0, return_counts=True)
+    return tuple(tuple(feet) for feet in orders[counts >= least].tolist())
 
 
 #: Schedules with fewer landings play no part.
@@ -149,8 +76,8 @@ class SectionLandings:
         (n, 11) coordinates at the post section, as displacements of the markers, m.
     expected
         (n, feet) contact instants to be expected from the inputs, s, mean of the feet removed.
-    members
-        Schedules to be expected, with weights.
+    schedules
+        Mode schedules to be expected for `LEAST_CLASS` landings or more, each as its feet from 0.
     errors
         (8, 8) covariance of the errors of the inputs.
     instant_noise_s
@@ -160,15 +87,9 @@ class SectionLandings:
     inputs: FloatArray
     outputs: FloatArray
     expected: FloatArray
-    members: Memberships
+    schedules: tuple[Feet, ...]
     errors: FloatArray
     instant_noise_s: FloatArray
-
-    @property
-    def noise(self) -> FloatArray:
-        """Standard deviations (8,) of the errors of the inputs, whose own are one."""
-        deviations: FloatArray = np.sqrt(np.diag(self.errors))
-        return deviations
 
 
 def section_landings(
@@ -194,7 +115,7 @@ def section_landings(
         If there are too few landings or markers, or nothing varies.
     """
     if len(x) < 2:
-        raise AnalysisError(f"{len(x)} landings with known contact instants")
+        raise AnalysisError(f"{len(x)} touchdowns with known contact instants")
     shape = body_shape(split_states(x)[0])
     before = rigid_states(x, shape)
     inputs, outputs = section_coordinates(before, rigid_states(y, shape))
@@ -202,7 +123,7 @@ def section_landings(
     least = inputs.shape[1] + 2  # an affine fit of the contact instants, with one landing to spare
     if len(x) < least:
         raise AnalysisError(
-            f"landings with known contact instants: expected at least {least}, found {len(x)}"
+            f"touchdowns with known contact instants: expected at least {least}, found {len(x)}"
         )
     if not (deviation > 0).all():
         raise AnalysisError("the states before the landing do not vary")
@@ -211,9 +132,9 @@ def section_landings(
     expected = expected_contacts(inputs, instants)
     miss = instants - instants.mean(axis=1, keepdims=True) - expected
     doubt = 1.4826 * np.median(np.abs(miss), axis=0)
-    members = memberships(expected, np.broadcast_to(doubt, expected.shape), LEAST_CLASS)
+    schedules = contact_orders(expected, LEAST_CLASS)
     errors = _input_errors(x, y, before, shape) / np.outer(deviation, deviation)
-    return SectionLandings(inputs, outputs, expected, members, errors, doubt)
+    return SectionLandings(inputs, outputs, expected, schedules, errors, doubt)
 
 
 def _input_errors(

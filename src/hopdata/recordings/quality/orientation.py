@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2, FloatArray
-from hopdata.errors import RecordingError
+from hopdata.errors import RecordingError, chosen, require_choice
 from hopdata.recording import extent
 from hopdata.recordings.quality.stretches import CLEARER, FLAT, flattest_direction
 from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
@@ -127,6 +127,8 @@ def _shares(measured: FloatArray, units: Mapping[str, float]) -> dict[str, dict[
 
 # The unit of a file's positions: as given, as stated or by their size, and what is said of it.
 
+UNITS = ("auto", *METRES_PER_UNIT)
+
 
 def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
     """Choose the unit: as given, or for ``"auto"`` the format's unless only another fits.
@@ -140,6 +142,7 @@ def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
     nominal : {"m", "mm"}
         The format's own unit.
     """
+    require_choice("input.unit", unit, UNITS)
     if unit != "auto":
         return unit
     size = extent(positions)
@@ -271,7 +274,7 @@ def guess_unit_and_up(
     unit, up : Guess
         The unit ``"m"``, ``"mm"``, ``"cm"`` or ``"inch"``; the direction as ``"z"`` or ``"-y"``.
     """
-    units = UNITS_IN_M if unit is None else {unit: UNITS_IN_M[unit]}
+    units = UNITS_IN_M if unit is None else {unit: chosen("unit", unit, UNITS_IN_M)}
     fall = free_fall(raw.positions, raw.rate_hz, units=units)
     return (
         Guess(unit, "as given") if unit else _unit(raw, fall),

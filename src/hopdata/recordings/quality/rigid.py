@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.recordings.quality.stretches import runs
 
 SAMPLE_FRAMES = 4000
+SAMPLE_NUMBERS, LEAST_SAMPLED = 10_000_000, 500  # of many markers fewer frames, but so many
+MOST_FRAMES = 200_000
+LEAST_FRAMES = 5  # with fewer, nothing lies between the outer fifths
 STRAIN = 0.025  # spread of a distance, relative, up to which a pair counts as rigid
 SIGMAS = 4.0  # or up to this many times what the markers' own noise makes of it
 LEAST = 3
@@ -53,21 +57,44 @@ class Cluster:
 
 
 def pair_distances(positions: FloatArray) -> PairDistances:
-    """Measure all distances over at most `SAMPLE_FRAMES` frames of (N, M, 3) positions."""
-    frames = positions[:: max(1, len(positions) // SAMPLE_FRAMES)]
-    n = frames.shape[1]
+    """Measure all distances of (N, M, 3) positions, over about `SAMPLE_FRAMES` frames.
+
+    Of more than fifty markers over fewer, such that the work stays the same. A spread needs
+    `LEAST_FRAMES` frames.
+    """
+    n = positions.shape[1]
+    most = max(LEAST_SAMPLED, min(SAMPLE_FRAMES, SAMPLE_NUMBERS // max(n, 1) ** 2))
+    tracks = np.moveaxis(positions[:: max(1, len(positions) // most)], 1, 0)
     median, spread = np.full((n, n), np.nan), np.full((n, n), np.nan)
     np.fill_diagonal(median, 0.0)
     np.fill_diagonal(spread, 0.0)
-    for i in range(n):
-        for j in range(i):
-            distance = np.linalg.norm(frames[:, i] - frames[:, j], axis=1)
-            distance = distance[np.isfinite(distance)]
-            if len(distance):
-                low, middle, high = np.quantile(distance, [0.2, 0.5, 0.8])
-                median[i, j] = median[j, i] = middle
-                spread[i, j] = spread[j, i] = (high - low) / FIFTHS_TO_SD
+    for i in range(1, n):
+        apart = np.linalg.norm(tracks[:i] - tracks[i], axis=2)
+        low, middle, high = _quantiles(apart, (0.2, 0.5, 0.8))
+        median[i, :i] = median[:i, i] = middle
+        spread[i, :i] = spread[:i, i] = (high - low) / FIFTHS_TO_SD
     return PairDistances(median, spread)
+
+
+def _quantiles(values: FloatArray, levels: tuple[float, ...]) -> list[FloatArray]:
+    """Quantiles of what is finite in each row of (K, N) values, as NumPy interpolates them, (K,).
+
+    NaN without any; the outer ones also with fewer than `LEAST_FRAMES`.
+    """
+    values = np.sort(np.where(np.isfinite(values), values, np.nan), axis=1)
+    count = np.isfinite(values).sum(axis=1)
+    row = np.arange(len(values))
+    found = []
+    for level in levels:
+        place = np.maximum(count - 1, 0) * level
+        below = place.astype(np.int64)
+        low, high = values[row, below], values[row, np.minimum(below + 1, np.maximum(count - 1, 0))]
+        share = place - below
+        inside = np.where(
+            share < 0.5, low + (high - low) * share, high - (high - low) * (1 - share)
+        )
+        found.append(np.where(count < (1 if level == 0.5 else LEAST_FRAMES), np.nan, inside))
+    return found
 
 
 def frame_noise(positions: FloatArray) -> FloatArray:
@@ -75,10 +102,13 @@ def frame_noise(positions: FloatArray) -> FloatArray:
 
     The standard deviation of a coordinate, robust against the frames at which a foot lands; NaN
     for a marker without five frames in a row. Noise that a camera system has smoothed is missed.
+    At most `MOST_FRAMES` evenly spaced frames are looked at.
     """
-    noise = np.full(positions.shape[1], np.nan)
-    for m in range(positions.shape[1]):
-        fourth = np.diff(positions[:, m], 4, axis=0)
+    n, n_markers = len(positions) - 4, positions.shape[1]
+    noise = np.full(n_markers, np.nan)
+    stride = max(1, -(-n // MOST_FRAMES))
+    for m in range(n_markers if n > 0 else 0):
+        fourth = np.diff([positions[k : k + n : stride, m] for k in range(5)], 4, axis=0)[0]
         fourth = fourth[np.isfinite(fourth).all(axis=1)]
         if len(fourth):
             noise[m] = MAD_TO_SD * float(np.median(np.abs(fourth))) / np.sqrt(70.0)
@@ -95,11 +125,7 @@ def rigid_clusters(pairs: PairDistances, noise: FloatArray) -> tuple[Cluster, ..
     noise : (M,) array
         Noise of each marker from frame to frame, in the same unit.
     """
-    from scipy.cluster.hierarchy import fcluster, linkage
-    from scipy.spatial.distance import squareform
-
-    n = len(pairs.median)
-    if n < LEAST:
+    if len(pairs.median) < LEAST:
         return ()
     own = np.sqrt(noise[:, None] ** 2 + noise[None] ** 2)
     allowed = np.fmax(STRAIN * _local(pairs.median), SIGMAS * np.nan_to_num(own))
@@ -107,6 +133,11 @@ def rigid_clusters(pairs: PairDistances, noise: FloatArray) -> tuple[Cluster, ..
         softness = np.where(np.isfinite(pairs.spread), pairs.spread / allowed, np.inf)
     softness[~np.isfinite(softness)] = 1e6
     np.fill_diagonal(softness, 0.0)
+    if np.sum(softness <= 1.0) == len(softness):  # no pair
+        return ()
+    from scipy.cluster.hierarchy import fcluster, linkage
+    from scipy.spatial.distance import squareform
+
     groups = fcluster(linkage(squareform(softness, checks=False), "complete"), 1.0, "distance")
     members = [tuple(np.flatnonzero(groups == g).tolist()) for g in np.unique(groups)]
     clusters = [Cluster(m, _noise(pairs.spread, m)) for m in members if len(m) >= LEAST]
@@ -129,7 +160,9 @@ def _noise(spread: FloatArray, members: tuple[int, ...]) -> float:
 
 OFF = 6.0  # spreads: a distance further off is not the marker's own
 FITS = 3.0  # spreads, rms: exchanged distances further off are not the other's either
-LEAST_FRAMES = 2
+EXACT = 1e-12  # m: no spread is smaller
+MOST_REFERENCES = 12
+EXCHANGED_DISTANCES_LEAST_FRAMES = 2
 NEAR = 3  # frames within which both markers must jump, or be unseen, where a stretch ends
 
 
@@ -156,20 +189,41 @@ def exchanged_stretches(
     breaks : (N, M) bool array
         Frames in which a marker jumps or is not seen.
     """
-    n_markers = positions.shape[1]
+    near = _near_breaks(breaks)
+    edges = near[:-1] | near[1:]  # frames that may be the first of a stretch or its last
     for cluster in clusters:
         inside = set(cluster.markers)
-        away = [_away_from_home(positions, pairs, cluster, m) for m in range(n_markers)]
-        for a in range(n_markers):
-            for b in range(a + 1, n_markers):
-                first, second = (b, a) if b in inside and a not in inside else (a, b)
-                if not away[first].any():
-                    continue
-                mask = np.zeros(len(positions), dtype=bool)
-                here = np.flatnonzero(away[first])
-                mask[here] = _exchanged(positions[here], pairs, cluster, first, second)
-                for start, stop in _stretches(mask, breaks[:, [a, b]]):
-                    yield a, b, start, stop
+        known = _references(cluster)
+        away = [_away(positions, pairs, known, m, np.flatnonzero(e)) for m, e in enumerate(edges.T)]
+        for a, b in combinations(range(len(away)), 2):
+            first, second = (b, a) if b in inside and a not in inside else (a, b)
+            if not len(away[first]):
+                continue
+            both = near[:, a] & near[:, b]
+            ends = away[first][both[away[first]] | both[away[first] + 1]]
+            if not _exchanged(positions[ends], pairs, inside, known, first, second).any():
+                continue
+            here = _away(positions, pairs, known, first, np.arange(len(positions)))
+            mask = np.zeros(len(positions), dtype=bool)
+            mask[here] = _exchanged(positions[here], pairs, inside, known, first, second)
+            for start, stop in _stretches(mask, breaks[:, [a, b]]):
+                yield a, b, start, stop
+
+
+def _references(cluster: Cluster) -> list[int]:
+    """Markers of a cluster by which places are known: of many, so many evenly spaced ones."""
+    stride = -(-len(cluster.markers) // MOST_REFERENCES)
+    return list(cluster.markers[::stride])
+
+
+def _near_breaks(breaks: BoolArray) -> BoolArray:
+    """Tell before which frame a track breaks nearby, (N + 1, M); at both ends all do."""
+    near = np.zeros((len(breaks) + 1, breaks.shape[1]), dtype=bool)
+    for shift in range(-NEAR + 1, NEAR + 1):
+        inner = breaks[max(0, -shift) : len(breaks) + min(0, 1 - shift)]
+        near[max(0, shift) : max(0, shift) + len(inner)] |= inner
+    near[0] = near[-1] = True
+    return near
 
 
 def _stretches(mask: BoolArray, breaks: BoolArray) -> Iterator[tuple[int, int]]:
@@ -178,7 +232,7 @@ def _stretches(mask: BoolArray, breaks: BoolArray) -> Iterator[tuple[int, int]]:
         return
     for start, stop in runs(mask | breaks.any(axis=1)):
         inside = start + np.flatnonzero(mask[start:stop])
-        if len(inside) >= LEAST_FRAMES:
+        if len(inside) >= EXCHANGED_DISTANCES_LEAST_FRAMES:
             ends = int(inside[0]), int(inside[-1]) + 1
             if all(_broken(breaks, end) for end in ends):
                 yield ends
@@ -191,25 +245,29 @@ def _broken(breaks: BoolArray, end: int) -> bool:
     return bool(breaks[max(0, end - NEAR) : end + NEAR].any(axis=0).all())
 
 
-def _away_from_home(
-    positions: FloatArray, pairs: PairDistances, cluster: Cluster, a: int
-) -> BoolArray:
-    """Frames (N,) in which some distance of marker `a` to its cluster is not its own."""
-    away = np.zeros(len(positions), dtype=bool)
-    for c in cluster.markers:
+def _away(
+    positions: FloatArray, pairs: PairDistances, known: list[int], a: int, frames: IntArray
+) -> IntArray:
+    """Those of the frames (K,) in which some distance of marker `a` to the known is not its own."""
+    away = np.zeros(len(frames), dtype=bool)
+    track = positions[:, a][frames]
+    for c in known:
         if c != a:
-            distance = _distance(positions, a, c)
-            with np.errstate(invalid="ignore"):
-                away |= np.abs(distance - pairs.median[a, c]) > OFF * pairs.spread[a, c]
-    return away
+            off = np.abs(_distance(track, positions[:, c][frames]) - pairs.median[a, c])
+            away |= off > OFF * max(pairs.spread[a, c], EXACT)
+    return frames[away]
 
 
 def _exchanged(
-    positions: FloatArray, pairs: PairDistances, cluster: Cluster, a: int, b: int
+    positions: FloatArray,
+    pairs: PairDistances,
+    inside: set[int],
+    known: list[int],
+    a: int,
+    b: int,
 ) -> BoolArray:
     """Frames (N,) in which the exchanged names fit the cluster's distances, the own do not."""
-    inside = set(cluster.markers)
-    others = [c for c in cluster.markers if c not in (a, b)]
+    others = [c for c in known if c not in (a, b)]
     if len(others) < (1 if {a, b} <= inside else 2 if a in inside else 3):
         return np.zeros(len(positions), dtype=bool)
     terms = [(a, b, c) for c in others]
@@ -217,16 +275,16 @@ def _exchanged(
         terms += [(b, a, c) for c in others]
     own, exchanged = np.zeros(len(positions)), np.zeros(len(positions))
     for m, other, c in terms:
-        scale = max(pairs.spread[m, c], 1e-12)
+        scale = max(pairs.spread[m, c], EXACT)
         for total, marker in ((own, m), (exchanged, other)):
-            distance = _distance(positions, marker, c)
+            distance = _distance(positions[:, marker], positions[:, c])
             total += ((distance - pairs.median[m, c]) / scale) ** 2
     with np.errstate(invalid="ignore"):
         fits: BoolArray = (own > OFF**2 * len(terms)) & (exchanged < FITS**2 * len(terms))
     return fits
 
 
-def _distance(positions: FloatArray, a: int, b: int) -> FloatArray:
-    """Distance (N,) between two of the markers."""
-    apart = positions[:, a] - positions[:, b]
+def _distance(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Distance (N,) between two tracks (N, 3)."""
+    apart = one - other
     return np.asarray(np.sqrt(np.einsum("ni,ni->n", apart, apart)))

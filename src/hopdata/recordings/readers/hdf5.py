@@ -16,7 +16,7 @@ from hopdata import __version__
 from hopdata.errors import RecordingError
 from hopdata.jobs import whole_file
 from hopdata.recording import ROLES, Event, Recording, Truth, check_sizes
-from hopdata.recordings.raw import FILE_AXES
+from hopdata.recordings.raw import FILE_AXES, require_unpacked
 
 if TYPE_CHECKING:
     import h5py
@@ -28,7 +28,41 @@ if TYPE_CHECKING:
 # and follow a type that is none into memory that is not its own.
 
 _DEFLATE_MOST = 1032  # no byte of deflated data gives more bytes than that
+NUMBER_BYTES = 8  # what a number takes that is read, however it is stored
 _SMALL = 1 << 20  # bytes that any dataset may ask for
+
+
+def require_sound(file: h5py.File, most_unpacked_mb: float) -> None:
+    """Refuse a file that reaches for other files, or would unpack to more than it may.
+
+    Raises
+    ------
+    ValueError
+        Naming a link or dataset that lies outside of the file, or the size of all.
+    """
+    import h5py
+
+    links: list[tuple[str, Any]] = []
+    file.visititems_links(lambda name, link: links.append((name, link)))  # which must not raise
+    total = 0
+    for name, link in links:
+        if isinstance(link, h5py.ExternalLink):
+            raise ValueError(_outside(name, "a link to another file", link.filename))
+        item = file[name] if isinstance(link, h5py.HardLink) else None
+        if not isinstance(item, h5py.Dataset) or item.shape is None:
+            continue
+        if item.external:
+            raise ValueError(_outside(name, "data kept in another file", item.external[0][0]))
+        if item.is_virtual:
+            sources = item.virtual_sources()
+            where = sources[0].file_name if sources else "none"
+            raise ValueError(_outside(name, "a virtual dataset", where))
+        total += prod(item.shape) * max(item.dtype.itemsize, NUMBER_BYTES)
+    require_unpacked(total, most_unpacked_mb)
+
+
+def _outside(name: str, what: str, where: str) -> str:
+    return f"'{name}': expected all data in the file itself, found {what}: {where}; copy it in"
 
 
 def whole_array(dataset: h5py.Dataset) -> NDArray[Any]:
@@ -202,8 +236,14 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
             _write_truth(file.create_group("truth"), truth)
 
 
-def read_recording(path: str | Path) -> Recording:
+def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Recording:
     """Read a recording from an HDF5 file.
+
+    Parameters
+    ----------
+    path : path
+    most_unpacked_mb : float
+        Memory that the file may ask for, MB; without limit for files that hopdata has written.
 
     Raises
     ------
@@ -211,7 +251,7 @@ def read_recording(path: str | Path) -> Recording:
         If the file cannot be read, or lacks a dataset or attribute, or their kinds or sizes are
         not those of a recording.
     """
-    with _open(path, "not a recording") as file:
+    with _open(path, "not a recording", most_unpacked_mb) as file:
         recording = Recording(
             time=numbers(file, "time"),
             positions=numbers(file, "positions"),
@@ -260,7 +300,7 @@ def _signed(path: str | Path) -> bool:
 
 
 @contextmanager
-def _open(path: str | Path, fault: str) -> Iterator[h5py.File]:
+def _open(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> Iterator[h5py.File]:
     """Open a file; what is wrong in it, or with it, becomes a RecordingError that names it."""
     import h5py
 
@@ -275,6 +315,7 @@ def _open(path: str | Path, fault: str) -> Iterator[h5py.File]:
         ) from error
     try:
         with file:
+            require_sound(file, most_unpacked_mb)
             yield file
     except Exception as error:  # a damaged file makes h5py raise almost anything
         words = _in_words(error)

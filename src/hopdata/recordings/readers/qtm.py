@@ -18,6 +18,7 @@ from hopdata.recording import Event
 from hopdata.recordings.mat5 import HEADER_BYTES, MatError, read_mat5
 from hopdata.recordings.mat73 import read_mat73
 from hopdata.recordings.raw import (
+    MOST_UNPACKED_MB,
     USUAL_UNIT,
     RawRecording,
     distinct_names,
@@ -41,7 +42,12 @@ _HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 TYPE_NAMES = {1: "Measured", 2: "Gap-filled", 3: "Virtual", 4: "Edited"}
 
 
-def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
+def read_qtm_mat(
+    path: str | Path,
+    *,
+    rate_hz: float | None = None,
+    most_unpacked_mb: float = MOST_UNPACKED_MB,
+) -> RawRecording:
     """Read the labelled trajectories of a MAT file that QTM exported.
 
     A marker counts as unseen where a coordinate is NaN, or where all three are 0.
@@ -52,6 +58,8 @@ def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
         The ``.mat`` file, version 5 to 7.3.
     rate_hz : float, optional
         Frame rate; must be the file's.
+    most_unpacked_mb : float
+        Memory that the file may ask for, MB.
 
     Returns
     -------
@@ -64,7 +72,7 @@ def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
         Naming the file, the field, what was expected and what was found.
     """
     path = Path(path)
-    name, export = _export(path, _variables(path))
+    name, export = _export(path, _variables(path, most_unpacked_mb))
     place = f"{path}: {name}"
     labelled = _field(_field(export, "Trajectories", place), "Labeled", f"{place}.Trajectories")
     inner = f"{place}.Trajectories.Labeled"
@@ -83,8 +91,9 @@ def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
     )
     start = _number(export, "StartFrame", place)
     first = 1.0 if start is None else start
+    markers, remarks = distinct_names(f"{inner}.Labels", labels)
     return RawRecording(
-        distinct_names(f"{inner}.Labels", labels),
+        markers,
         np.asarray((first - 1 + np.arange(len(positions))) / rate, dtype=np.float64),
         positions,
         rate,
@@ -92,10 +101,11 @@ def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
         events=_events(export, place),
         trajectory_types=_types(labelled, len(labels)),
         started=moment(export.get("Timestamp")),
+        remarks=remarks,
     )
 
 
-def _variables(path: Path) -> dict[str, Any]:
+def _variables(path: Path, most_mb: float) -> dict[str, Any]:
     """Variables of a MAT file of either kind; whatever is wrong in it becomes a RecordingError."""
     try:
         with path.open("rb") as file:
@@ -105,8 +115,8 @@ def _variables(path: Path) -> dict[str, Any]:
                 file.seek(0)
                 if len(lead) < HEADER_BYTES:
                     raise MatError(f"expected a header of {HEADER_BYTES} bytes, found {len(lead)}")
-                return read_mat5(file.read())
-        return read_mat73(path)
+                return read_mat5(file.read(), most_mb)
+        return read_mat73(path, most_mb)
     except OSError as error:
         raise RecordingError(
             f"{path}: expected a MAT file, found: {error.strerror or error}"
@@ -254,11 +264,12 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
     """
     header = read_header(Path(path))
     _check_kind(header)
-    markers = marker_names(header)
-    counters = counter_columns(header, markers)
+    place, names = marker_names(header)
+    markers, renamed = distinct_names(place, names)
+    counters = counter_columns(header, names)
     types = trajectory_types(header, len(markers))
     n_columns = len(counters) + 3 * len(markers)
-    width = n_columns + n_empty_columns(header, markers)
+    width = n_columns + n_empty_columns(header, names)
     rows = Rows(header.path, header.n_lines, header.offset, width)
     table = rows.numbers()
     _check_frame_count(header, len(table))
@@ -276,7 +287,7 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
         events=tuple(header.events),
         trajectory_types=types,
         started=moment((header.values.get("TIME_STAMP") or [""])[0]),
-        remarks=remarks + _event_remarks(header, rate),
+        remarks=renamed + remarks + _event_remarks(header, rate),
     )
 
 

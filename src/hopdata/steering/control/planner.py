@@ -11,10 +11,10 @@ from math import cos, sin
 from typing import TypeGuard
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
+from hopdata.code_cache import kept_njit
 from hopdata.errors import ConfigError
 from hopdata.rigid import wrapped
 from hopdata.steering.control.objectives import (
@@ -43,7 +43,7 @@ from hopdata.steering.models.tabulated import FrameChangeMap, TabulatedMap, spli
 # Compiled search for the next swings with the cost-to-go at the end of a short look ahead.
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _hop(error, change, is_heading, after):  # type: ignore[no-untyped-def]
     """Fill `after` (3,): what is left of the way to the goal, in the body frame, after a hop."""
     dx, dy, turn = change
@@ -55,19 +55,19 @@ def _hop(error, change, is_heading, after):  # type: ignore[no-untyped-def]
     after[0], after[1], after[2] = c * px + s * py, c * py - s * px, 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _ahead(values, farthest, error, boom, is_heading):  # type: ignore[no-untyped-def]
     if is_heading:
         return heading_value(values[0], error[2], boom)
     return point_value(values, farthest, error[0], error[1], boom)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _stage(error, width):  # type: ignore[no-untyped-def]
     return stage_cost(error[0] ** 2 + error[1] ** 2 + error[2] ** 2, width)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def cost_of(  # type: ignore[no-untyped-def]
     coefficients, limit, values, farthest, width, discount, is_heading, error, boom, swings, errors
 ):
@@ -84,7 +84,7 @@ def cost_of(  # type: ignore[no-untyped-def]
     return total + weight * _ahead(values, farthest, errors[swings.size], boom, is_heading)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def best_ahead(  # type: ignore[no-untyped-def]
     coefficients, limit, values, farthest, width, discount, is_heading, error, boom, n, swings
 ):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.rigid import wrapped
 from hopdata.steering.excitation import BOOTSTRAP
 from hopdata.steering.experiments.tasks import (
@@ -208,6 +209,7 @@ def _met(row: dict[str, Any], asked: dict[str, float]) -> str:
 COMPONENTS = (("x", "mm", 1e3), ("y", "mm", 1e3), ("heading", "deg", 180 / np.pi))
 
 
+@one_blas_thread()
 def truth_entries(
     motion: pd.DataFrame,
     true_motion: pd.DataFrame,

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hopdata.blas import one_blas_thread
+from hopdata.errors import chosen
 from hopdata.rigid import composed, inverse
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.experiments.run import Run, Sight, run_task
@@ -290,6 +292,7 @@ def _curves(run: Run) -> pd.DataFrame:
 # One experiment from the blocks of the configuration.
 
 
+@one_blas_thread()
 def experiment_of(
     experiment: str,
     steering: Mapping[str, Any],
@@ -324,7 +327,7 @@ def experiment_of(
         steering["experiments"],
         policies(
             steering["control"],
-            EXPERIMENTS[experiment][0],
+            chosen("experiment", experiment, EXPERIMENTS)[0],
             models=models,
             truth=truth,
             swing_limit_rad=robot.swing_limit_rad,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
+from hopdata.errors import chosen, require_choice
 from hopdata.rigid import wrapped
 from hopdata.steering.control.objectives import Controller, Horizon, Objective, ToHeading, ToPoint
 from hopdata.steering.control.planner import planner
@@ -21,7 +22,7 @@ from hopdata.steering.trial import TrueFrameChanges
 
 ORIGIN, TURN = "origin", "turn"
 FREE, BOARD = "free", "board"
-FACING, ANY = "facing", "any"
+FACING, ANY = HEADINGS = ("facing", "any")
 
 # Name of each experiment: its manoeuvre and its way, and the figure of the dissertation.
 EXPERIMENTS: Mapping[str, tuple[str, str]] = {
@@ -30,6 +31,14 @@ EXPERIMENTS: Mapping[str, tuple[str, str]] = {
     "origin_board": (ORIGIN, BOARD),
     "turn_board": (TURN, BOARD),
 }
+
+
+MANOEUVRES = {ORIGIN: True, TURN: False}  # whether it leads to the origin
+
+
+def to_origin(manoeuvre: str) -> bool:
+    """Tell whether a manoeuvre, one of `MANOEUVRES`, leads to the origin; the other turns."""
+    return chosen("manoeuvre", manoeuvre, MANOEUVRES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +107,7 @@ def tasks_of(experiments: Mapping[str, Any]) -> dict[tuple[str, str], Task]:
 
 def goal_of(manoeuvre: str, start: ArrayLike) -> Objective:
     """Return what a controller is told: the origin, or the heading opposite to the first."""
-    if manoeuvre == ORIGIN:
+    if to_origin(manoeuvre):
         return ToPoint(point_m=(0.0, 0.0))
     return ToHeading(heading_rad=float(wrapped(float(np.asarray(start)[2]) + np.pi)))
 
@@ -106,7 +115,7 @@ def goal_of(manoeuvre: str, start: ArrayLike) -> Objective:
 def errors_of(manoeuvre: str, start: ArrayLike, poses: ArrayLike) -> FloatArray:
     """Distance from the origin, m, or size of the heading's error, rad, at poses (..., 3)."""
     poses = np.asarray(poses, dtype=float)
-    if manoeuvre == ORIGIN:
+    if to_origin(manoeuvre):
         return np.asarray(np.hypot(poses[..., 0], poses[..., 1]))
     return np.abs(wrapped(poses[..., 2] - np.asarray(start)[2] - np.pi))
 
@@ -130,7 +139,7 @@ def board_for(
     """
     pose = np.asarray(start, dtype=float)
     way = np.array([np.cos(pose[2]), np.sin(pose[2])])
-    if manoeuvre == ORIGIN:
+    if to_origin(manoeuvre):
         way = -pose[:2] / np.hypot(pose[0], pose[1])
     place = float(pose[:2] @ way) + ahead_m + reach_m
     return Board(
@@ -205,7 +214,7 @@ def policies(
     true_map = TabulatedMap(truth.average(), swing_limit_rad)
 
     printed = [_printed(model, horizon) for model in models]
-    starts = {(FACING, PRINTED): printed} if manoeuvre == ORIGIN else {}
+    starts = {(FACING, PRINTED): printed} if to_origin(manoeuvre) else {}
     return starts | {
         (ANY, PRINTED): printed,
         (ANY, PLANNER): [_recommended(options, manoeuvre, model, horizon) for model in models],
@@ -223,7 +232,7 @@ def _recommended(
     """Return what makes the recommended controller; what takes long is computed here, once."""
     return planner(
         model,
-        ToPoint() if manoeuvre == ORIGIN else ToHeading(),
+        ToPoint() if to_origin(manoeuvre) else ToHeading(),
         horizon=replace(horizon, hops=options["planner_horizon"]),
     ).towards
 
@@ -267,14 +276,15 @@ def draw_starts(
     seed : int
         The study's.
     """
-    manoeuvre, _ = EXPERIMENTS[experiment]
+    require_choice("heading", heading, HEADINGS)
+    manoeuvre, _ = chosen("experiment", experiment, EXPERIMENTS)
     place = list(EXPERIMENTS).index(experiment)
     starts = []
     for k in range(number):
         stream = np.random.SeedSequence(seed, spawn_key=(START, place, k))
         bearing, turn = np.random.default_rng(stream).uniform(-np.pi, np.pi, 2)
         x, y = distance_m * np.array([np.cos(bearing), np.sin(bearing)])
-        if manoeuvre != ORIGIN:
+        if not to_origin(manoeuvre):
             pose = np.array([0.0, 0.0, turn])
         elif heading == FACING:
             pose = np.array([x, y, np.arctan2(-y, -x)])

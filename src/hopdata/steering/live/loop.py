@@ -19,9 +19,16 @@ from typing import Literal, Self
 
 import numpy as np
 
-from hopdata.jobs import whole_file
+from hopdata.jobs import guarded, whole_file
 from hopdata.rigid import wrapped
-from hopdata.steering.live.buffer import JOIN_S, Frame, FrameBuffer, LoopCounts, Status
+from hopdata.steering.live.buffer import (
+    JOIN_S,
+    Frame,
+    FrameBuffer,
+    LoopCounts,
+    Status,
+    StreamCounts,
+)
 from hopdata.steering.live.packets import LiveError
 from hopdata.steering.live.safety import Boom, Controller, Detector, Limits, ToldStance, Tracker
 
@@ -113,11 +120,18 @@ def write_states(path: str | Path, states: Iterable[Status]) -> None:
     _write(path, ("at_s", "state", "message"), [[s.at_s, s.state, s.message] for s in states])
 
 
+def write_counts(path: str | Path, stream: StreamCounts, loop: LoopCounts) -> None:
+    """Write what was counted as CSV, one row a count: whose it is, its name and its value."""
+    parts = {"stream": stream, "loop": loop}
+    rows = [[part, *item] for part, counts in parts.items() for item in vars(counts).items()]
+    _write(path, ("part", "count", "value"), rows)
+
+
 def _write(path: str | Path, columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
     with whole_file(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows(rows)
+        writer.writerows(map(guarded, row) for row in rows)
 
 
 LOOK_UP_S = 0.5

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.arrays import FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.steering.excitation import TRAINING
 from hopdata.steering.frame_changes import USED, FrameChanges
@@ -167,6 +168,7 @@ COLUMNS = ("dx_mm", "dy_mm", "dtheta_deg")
 CELLS_PER_TURN = 48
 
 
+@one_blas_thread()
 def map_table(
     process: FrameChangeProcess, swing_limit_rad: float, *, swings: int = 33
 ) -> pd.DataFrame:
@@ -321,6 +323,7 @@ def smoothness_scores(
 LEFT_TO_TEST = 2  # hops: the fewest that have a variance
 
 
+@one_blas_thread()
 def learn(
     changes: FrameChanges, options: Mapping[str, Any], *, seed: int
 ) -> tuple[list[FrameChangeProcess], pd.DataFrame]:
@@ -416,6 +419,7 @@ class LearningTables:
     kernels: pd.DataFrame
 
 
+@one_blas_thread()
 def learning_tables(
     changes: FrameChanges, *, training_hops: int, draws: int, seed: int
 ) -> LearningTables:

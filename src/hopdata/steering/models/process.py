@@ -13,10 +13,11 @@ from pathlib import Path
 from zipfile import BadZipFile
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
+from hopdata.blas import one_blas_thread
+from hopdata.code_cache import kept_njit
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.jobs import whole_file
 
@@ -110,7 +111,7 @@ def correlation(squared: FloatArray, smoothness: float) -> FloatArray:
     return np.asarray(polynomial * np.exp(-r))
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def correlation_and_slope(squared, code):  # type: ignore[no-untyped-def]
     """Return the kernel and its derivative by the squared distance; `code` is `kernel_code`.
 
@@ -135,7 +136,7 @@ def correlation_and_slope(squared, code):  # type: ignore[no-untyped-def]
 # Mean of the three processes and its gradient, compiled: a few points cost microseconds.
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def accumulate(  # type: ignore[no-untyped-def]
     point, train, weights, inverse_squares, offset, code, periodic, value, gradient
 ):
@@ -170,7 +171,7 @@ def accumulate(  # type: ignore[no-untyped-def]
                 gradient[j, a] += weights[j, i] * slope * slopes[a] * inverse_squares[j, a]
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def mean_and_gradient(  # type: ignore[no-untyped-def]
     points, train, weights, inverse_squares, offset, code, periodic
 ):
@@ -185,7 +186,7 @@ def mean_and_gradient(  # type: ignore[no-untyped-def]
     return values, gradients
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def mean(points, train, weights, inverse_squares, offset, code, periodic):  # type: ignore[no-untyped-def]
     """Return means (n, 3) at points (n, d); see `accumulate`."""
     values, gradient = np.empty((len(points), 3)), np.empty((3, points.shape[1]))
@@ -298,6 +299,7 @@ class FrameChangeProcess:
         """
         return mean(np.ascontiguousarray(points, dtype=float), *self._compiled)
 
+    @one_blas_thread()
     def sd_at(self, points: ArrayLike, *, observed: bool = False) -> FloatArray:
         """Return predictive standard deviations (n, 3) at inputs (n, d); see `mean_at`, `sd`."""
         at = embedded(np.asarray(points, dtype=float), self.periodic)
@@ -332,14 +334,15 @@ class FrameChangeProcess:
 def _inverse_factor(covariance: FloatArray) -> FloatArray:
     from scipy.linalg import cholesky, solve_triangular
 
-    try:
-        factor = cholesky(covariance, lower=True)
-    except np.linalg.LinAlgError as error:
-        raise AnalysisError(
-            "Gaussian process: expected a positive definite covariance, found one that is not; "
-            "the noise is too small for hops that are so much alike"
-        ) from error
-    return np.asarray(solve_triangular(factor, np.eye(len(factor)), lower=True))
+    with one_blas_thread():
+        try:
+            factor = cholesky(covariance, lower=True)
+        except np.linalg.LinAlgError as error:
+            raise AnalysisError(
+                "Gaussian process: expected a positive definite covariance, found one that is not; "
+                "the noise is too small for hops that are so much alike"
+            ) from error
+        return np.asarray(solve_triangular(factor, np.eye(len(factor)), lower=True))
 
 
 # Trained processes on disk: one `.npz` file, written whole or not at all.

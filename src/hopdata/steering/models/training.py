@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import AnalysisError, ConfigError, require_choice
+from hopdata.blas import one_blas_thread
+from hopdata.errors import AnalysisError, ConfigError, chosen, require_choice
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models.process import (
     TURN,
@@ -23,7 +24,13 @@ from hopdata.steering.robot import Options
 
 # How the processes are set up: the printed way, the recommended one, and others between them.
 
-HISTORIES = ("none", "swing", "change", "swing and change")
+# What of the hop before are inputs: columns of `FrameChanges`.
+HISTORIES: dict[str, tuple[str, ...]] = {
+    "none": (),
+    "swing": ("previous_swing_rad",),
+    "change": ("previous_change",),
+    "swing and change": ("previous_swing_rad", "previous_change"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,12 +103,8 @@ PRINTED = ProcessOptions(
 
 def process_inputs(changes: FrameChanges, history: str) -> FloatArray:
     """Return the inputs (n, d): boom angle, swing, and what `history` adds; NaN where unknown."""
-    columns = [changes.boom_angle_rad, changes.swing_rad]
-    if history in ("swing", "swing and change"):
-        columns.append(changes.previous_swing_rad)
-    if history in ("change", "swing and change"):
-        columns.extend(changes.previous_change.T)
-    return np.column_stack(columns)
+    added = [getattr(changes, name) for name in chosen("history", history, HISTORIES)]
+    return np.column_stack([changes.boom_angle_rad, changes.swing_rad, *added])
 
 
 # Hyper-parameters of largest marginal likelihood, by scikit-learn.
@@ -141,7 +144,7 @@ def fitted_regressor(
         n_restarts_optimizer=options.restarts,
         random_state=seed,
     )
-    with warnings.catch_warnings():
+    with one_blas_thread(), warnings.catch_warnings():
         # A length scale at its bound means that the input does not matter: no reason to warn.
         warnings.simplefilter("ignore", ConvergenceWarning)
         return regressor.fit(embedded(inputs, options.periodic), target)
@@ -303,4 +306,4 @@ KERNELS = {"recommended": RECOMMENDED, "printed": PRINTED}
 
 def process_of(options: Options) -> ProcessOptions:
     """Return the set-up of the processes that the block ``steering.model`` names."""
-    return KERNELS[options["kernel"]]
+    return chosen("steering.model.kernel", options["kernel"], KERNELS)

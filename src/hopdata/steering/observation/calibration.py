@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, require_choice
 from hopdata.recording import Recording
 from hopdata.rigid import RigidFit, rigid_fit
@@ -51,7 +52,8 @@ def geometric_circle(points: FloatArray) -> tuple[FloatArray, float]:
         directions = arms / np.linalg.norm(arms, axis=1, keepdims=True)
         return np.column_stack([-directions, -np.ones(len(arms))])
 
-    found = least_squares(misses, [*centre, radius], jac=slopes, x_scale=max(radius, 1e-9)).x
+    with one_blas_thread():
+        found = least_squares(misses, [*centre, radius], jac=slopes, x_scale=max(radius, 1e-9)).x
     return np.asarray(found[:2]), float(abs(found[2]))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError
 from hopdata.recording import Recording
 from hopdata.steering.frame_changes import FrameChanges, frame_changes, joined
@@ -147,6 +148,7 @@ class Observed:
     counts: list[dict[str, Any]]
 
 
+@one_blas_thread()
 def observe_recordings(recordings: Sequence[Recording], *, swing_limit_rad: float) -> Observed:
     """Observe pose, boom angle and stances, and collect the frame changes.
 

@@ -1,0 +1,69 @@
+"""Digests of the driver's sources, and functions named by their digests."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+from hopdata.code_cache import DIGITS, function_digest
+
+PACKAGE = "hopdata.hybrid"
+IMPORT = re.compile(rf"^ *from ({re.escape(PACKAGE)}[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
+NOT_IN_CODE = ("compiled/digest.py",)  # it says where code is kept, not what
+
+
+@cache
+def driver_digest() -> str:
+    """Return a digest of all sources that the driver is made of, as 16 hexadecimal digits."""
+    return sources_digest(Path(__file__).parent.parent)
+
+
+def sources_digest(package: Path) -> str:
+    """Return a digest of the driver in a package: its folder, and whatever that imports."""
+    digest = hashlib.sha256()
+    for name, source in sorted(driver_sources(package).items()):
+        digest.update(name.encode())
+        digest.update(source)
+    return digest.hexdigest()[:DIGITS]
+
+
+def driver_sources(package: Path) -> dict[str, bytes]:
+    """Return the sources of the driver, by their paths within the package."""
+    found: dict[str, bytes] = {}
+    waiting = [f"driver/{path.name}" for path in (package / "driver").glob("*.py")]
+    while waiting:
+        name = waiting.pop()
+        if name in found or name in NOT_IN_CODE or not (package / name).is_file():
+            continue
+        found[name] = (package / name).read_bytes()
+        waiting += _imported(found[name].decode())
+    return found
+
+
+def _imported(source: str) -> Iterator[str]:
+    """Yield the paths of the modules that a source may import from the package."""
+    for module, names in IMPORT.findall(source):
+        path = module.removeprefix(PACKAGE).strip(".").replace(".", "/")
+        yield f"{path}.py"
+        yield from (f"{path}/{name}.py" for name in re.findall(r"\w+", names))
+
+
+def with_digest(function: Any, **names: Any) -> FunctionType:
+    """Return a copy of a function whose name holds its digest, with these global names added.
+
+    Machine code from the cache is linked by names: two functions of one name, as a factory makes
+    them, would be taken for each other. And unlike what a closure holds, what stands in globals
+    does not keep Numba from caching.
+    """
+    known = {**function.__globals__, **names}
+    copy = FunctionType(
+        function.__code__, known, function.__name__, function.__defaults__, function.__closure__
+    )
+    copy.__kwdefaults__, copy.__module__ = function.__kwdefaults__, function.__module__
+    copy.__qualname__ = f"{function.__qualname__}_{function_digest(copy)}"
+    return copy
