@@ -84,11 +84,12 @@ class _Parser(argparse.ArgumentParser):
             )
 
 
-def _lazily(module: str) -> Command:
-    """Return the command of `hopdata.commands.<module>`, imported when it runs."""
+def _lazily(name: str) -> Command:
+    """Return the command of `hopdata.commands`, imported when it runs."""
+    module = "init" if name == "config_docs" else name
 
     def run(options: argparse.Namespace) -> int:
-        command: Command = getattr(import_module(f"hopdata.commands.{module}"), module)
+        command: Command = getattr(import_module(f"hopdata.commands.{module}"), name)
         return command(options)
 
     return run

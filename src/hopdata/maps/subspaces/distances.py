@@ -138,11 +138,11 @@ def measure_distances(
         notes.append(_note("cross-class distances", reason))
     starts = dict(zip(bases, np.cumsum([0, *map(len, bases.values())]).tolist(), strict=False))
     blocks, ends = [], {}
-    choose: Callable[..., tuple[IntArray, IntArray]]
-    for kind, choose, classes in (
-        ("in_class", in_class_pairs, [(name,) for name in bases]),
-        ("cross_class", cross_class_pairs, list(combinations(bases, 2))),
-    ):
+    kinds: dict[str, tuple[Callable[..., tuple[IntArray, IntArray]], list[tuple[str, ...]]]] = {
+        "in_class": (in_class_pairs, [(name,) for name in bases]),
+        "cross_class": (cross_class_pairs, list(combinations(bases, 2))),
+    }
+    for kind, (choose, classes) in kinds.items():
         numbers = [np.zeros((2, 0), int)]
         for names in classes:
             a, b = names[0], names[-1]
@@ -154,9 +154,9 @@ def measure_distances(
     noised = noised_identity(named_generator(seed, "noised_identity"), shape, pairs, noise_sd)
     unrelated = random(named_generator(seed, "random"), shape, pairs)
     blocks += [("noised_identity", "", "", noised), ("random", "", "", unrelated)]
-    kinds = {kind for kind, *_ in blocks}
-    lengths = {kind: np.concatenate([b[-1] for b in blocks if b[0] == kind]) for kind in kinds}
-    errors = {kind: pair_mean_error(lengths[kind], *ends[kind]) for kind in kinds & ends.keys()}
+    found = {kind for kind, *_ in blocks}
+    lengths = {kind: np.concatenate([b[-1] for b in blocks if b[0] == kind]) for kind in found}
+    errors = {kind: pair_mean_error(lengths[kind], *ends[kind]) for kind in found & ends.keys()}
     return DistanceStudy(_table(blocks), summarise_distances(lengths, errors), notes)
 
 
