@@ -20,7 +20,7 @@ MAY_USE = {
     "steering": {"recordings", "scenes", "synthesis"},
     "figures": set(),
     "report": set(),
-    "config": set(),
+    "config": {"scenes", "synthesis"},
     "commands": {"config", "recordings", "figures", "report"},
 }
 HEAVY = {"pandas", "scipy", "matplotlib", "statsmodels", "sklearn", "h5py", "jsonschema", "jinja2"}

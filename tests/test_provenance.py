@@ -95,3 +95,11 @@ def test_provenance_names_seed_inputs_versions_and_times(tmp_path):
     assert record["inputs"] == {"a.h5": "ff"}
     assert record["stage_seconds"] == {"level": 1.25}
     assert record["versions"]["numpy"][0].isdigit()
+
+
+def test_a_class_that_a_table_names_is_followed(tmp_path):
+    """Scenes are loaded by name; who simulates depends on all of them."""
+    script = copied_script(tmp_path, "from hopdata.synthesis import simulate_recording\n")
+    assert provenance_module._module_files("hopdata.scenes.quadruped")[-1] in (
+        provenance_module._closure(provenance_module._imports(script))
+    )

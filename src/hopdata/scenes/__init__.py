@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 #: Name in the configuration -> class of the parameters. Loaded when asked for: compilers are slow.
 SCENES = {
     "hopper": "hopdata.scenes.hopper_parameters:HopperParameters",
+    "quadruped": "hopdata.scenes.quadruped:Quadruped",
 }
 STANDARD = "hopper"
 
