@@ -1,15 +1,15 @@
 """Quadruped that pronks: a rigid body on four compliant legs whose feet stay where they touch.
 
-With r the place of a leg's rest foot, v its velocity, and a where the foot touched, the floor
-pushes a leg in contact, at r, with
+With r the place of a leg's rest foot, v its velocity, and d how far it has moved since the foot
+touched, the floor pushes a leg in contact, at r, with
 
-    (-k_s (r_x - a_x) - c_s v_x,  -k_s (r_y - a_y) - c_s v_y,  F0 - k r_z - c v_z),
+    (-k_s d_x - c_s v_x,  -k_s d_y - c_s v_y,  F0 - k r_z - c v_z),
 
 from r_z = 0 at touchdown until r_z = e at lift-off, if all legs have stood meanwhile, which puts
 energy back. Newton and Euler: m v' = sum F - m g, I w' = R^T sum (r - O) x F - w x I w.
 
-State (20): that of the body (`hopdata.scenes.body`), then (a_x, a_y) of each foot, which touchdown
-resets to where the foot is and lift-off to zero. Modes: as those of `hopdata.scenes.hopper`.
+State (20): that of the body (`hopdata.scenes.body`), then (d_x, d_y) of each leg, which follow it
+in contact; lift-off resets them to zero. Modes: as those of `hopdata.scenes.hopper`.
 
 Each leg adds its own force and contact depends on position alone, so that the flow through a
 landing is continuously differentiable; with a coupling kappa all forces are multiplied by
@@ -66,17 +66,12 @@ def turned(rot: Rotation, x: float, y: float, z: float) -> Vector:
 
 
 @njit(error_model="numpy")
-def leg_wrench(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[Vector, Vector]:
-    """Force of the floor on a leg, N, and its torque about O, N m, both in world axes."""
+def rest_motion(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[Vector, Vector]:
+    """Place of a leg's rest foot from O, m, and its velocity, m/s, both in world axes."""
     bx, by, bz = rest_place(leg, p)
-    rx, ry, rz = turned(rot, bx, by, bz)
     sx, sy, sz = cross(y[9], y[10], y[11], bx, by, bz)
     ux, uy, uz = turned(rot, sx, sy, sz)
-    foot = N_STATES + 2 * leg
-    fx = p[SIDE_STIFFNESS] * (y[foot] - y[0] - rx) - p[SIDE_DAMPING] * (y[6] + ux)
-    fy = p[SIDE_STIFFNESS] * (y[foot + 1] - y[1] - ry) - p[SIDE_DAMPING] * (y[7] + uy)
-    fz = p[PRELOADS + leg] - p[STIFFNESS] * (y[2] + rz) - p[DAMPING] * (y[8] + uz)
-    return (fx, fy, fz), cross(rx, ry, rz, fx, fy, fz)
+    return turned(rot, bx, by, bz), (y[6] + ux, y[7] + uy, y[8] + uz)
 
 
 @field
@@ -86,11 +81,17 @@ def quadruped_field(
     """Fill `dy` with the rate of the state (Newton-Euler equations, see the module)."""
     rot = rotation_entries(y[3], y[4], y[5])
     fx, fy, fz, tx, ty, tz, standing = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0
+    dy[N_STATES:] = 0.0
     for leg in range(N_LEGS):
         if mode[leg] > 0:
-            force, torque = leg_wrench(leg, y, rot, p)
-            fx, fy, fz = fx + force[0], fy + force[1], fz + force[2]
-            tx, ty, tz = tx + torque[0], ty + torque[1], tz + torque[2]
+            k = N_STATES + 2 * leg
+            (rx, ry, rz), (vx, vy, vz) = rest_motion(leg, y, rot, p)
+            px = -p[SIDE_STIFFNESS] * y[k] - p[SIDE_DAMPING] * vx
+            py = -p[SIDE_STIFFNESS] * y[k + 1] - p[SIDE_DAMPING] * vy
+            pz = p[PRELOADS + leg] - p[STIFFNESS] * (y[2] + rz) - p[DAMPING] * vz
+            qx, qy, qz = cross(rx, ry, rz, px, py, pz)
+            fx, fy, fz, tx, ty, tz = fx + px, fy + py, fz + pz, tx + qx, ty + qy, tz + qz
+            dy[k], dy[k + 1] = vx, vy
             standing += 1
     share = 1.0 + p[COUPLING] * (standing - N_LEGS)
     per_mass = share / p[MASS]
@@ -102,7 +103,6 @@ def quadruped_field(
     dy[9] = (share * (rot[0] * tx + rot[3] * ty + rot[6] * tz) - gx) / ix
     dy[10] = (share * (rot[1] * tx + rot[4] * ty + rot[7] * tz) - gy) / iy
     dy[11] = (share * (rot[2] * tx + rot[5] * ty + rot[8] * tz) - gz) / iz
-    dy[N_STATES:] = 0.0
 
 
 @guards
@@ -129,9 +129,9 @@ def quadruped_guards(
 
 @on_event
 def quadruped_event(
-    _t: float, y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
+    _t: float, y: FloatArray, mode: IntArray, _p: FloatArray, guard: int, direction: int
 ) -> int:
-    """Pin and free feet, release the legs once all stand, stop at an apex or a fall."""
+    """Release the legs once all stand, free a foot that lifts, stop at an apex or a fall."""
     standing = 0
     for leg in range(N_LEGS):
         standing += mode[leg] > 0
@@ -139,17 +139,13 @@ def quadruped_event(
         return 1 if standing == 0 and mode[TOUCHED] > 0 else 0
     if guard == FALLEN:
         return 1
-    foot = N_STATES + 2 * guard
     if direction > 0:
-        bx, by, bz = rest_place(guard, p)
-        rx, ry, _ = turned(rotation_entries(y[3], y[4], y[5]), bx, by, bz)
-        y[foot], y[foot + 1] = y[0] + rx, y[1] + ry
         mode[TOUCHED] = 1
         if standing == N_LEGS:
             mode[RELEASED : RELEASED + N_LEGS] = 1
     else:
-        y[foot], y[foot + 1] = 0.0, 0.0
         mode[RELEASED + guard] = 0
+        y[N_STATES + 2 * guard], y[N_STATES + 2 * guard + 1] = 0.0, 0.0
     return 0
 
 
@@ -189,10 +185,13 @@ class Quadruped(Scene):
         3.6, "Damping of a leg along the vertical.", "N s/m", minimum=0
     )
     side_stiffness_n_m: float = parameter(
-        60.0, "Stiffness of a leg against moving away over its foot.", "N/m", minimum=0
+        60.0,
+        "Stiffness of a leg against moving aside from where its foot touched.",
+        "N/m",
+        minimum=0,
     )
     side_damping_n_s_m: float = parameter(
-        10.0, "Damping of a leg against moving away over its foot.", "N s/m", minimum=0
+        10.0, "Damping of a leg against moving aside.", "N s/m", minimum=0
     )
     preload_n: float = parameter(
         16.5, "Force of a leg at its rest length; the contact force jumps to it.", "N", minimum=0

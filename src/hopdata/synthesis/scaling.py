@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.recording import Truth
 from hopdata.scenes import STANDARD, scene_class
@@ -162,9 +162,7 @@ def study_landings(
         Threads.
     """
     known = common_scene(truths)
-    rows = [_first_place(known.scene, truth) for truth in truths]
-    apexes = np.concatenate([t.apex_states[row] for t, row in zip(truths, rows, strict=True)])
-    preloads = np.concatenate([t.preloads_n[row] for t, row in zip(truths, rows, strict=True)])
+    apexes, preloads = _starts(truths, known.scene)
     every = slice(None, None, -(-len(apexes) // landings))
     return scaled_landings(
         known.scene,
@@ -177,9 +175,12 @@ def study_landings(
     )
 
 
-def _first_place(scene: Scene, truth: Truth) -> IntArray:
-    """Return the numbers of the hops whose boom is where it is in the first."""
-    return next(scene.by_hop(len(truth.apex_states)))[1]
+def _starts(truths: Sequence[Truth], scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Apex states and preloads of all hops whose boom is where it is in the first."""
+    rows = [next(scene.by_hop(len(truth.apex_states)))[1] for truth in truths]
+    pairs = list(zip(truths, rows, strict=True))
+    apexes, preloads = ([t.apex_states[k] for t, k in pairs], [t.preloads_n[k] for t, k in pairs])
+    return np.concatenate(apexes), np.concatenate(preloads)
 
 
 def scaling_cases(known: KnownScene, **strengths: float) -> dict[str, Control]:
@@ -239,45 +240,27 @@ def scaled_landings(
         deviations = homed(apex_states) - middle
         for scale in scales:
             found = true_landings(
-                still,
-                control,
-                middle + scale * deviations,
-                scene.preload_n + scale * apart,
-                sections,
-                rtol=RTOL,
-                workers=workers,
-            )
+                still, control, middle + scale * deviations, scene.preload_n + scale * apart,
+                sections, rtol=RTOL, workers=workers,
+            )  # fmt: skip
             rows = np.flatnonzero(found.whole)
             pre, post = found.pre_state[rows], found.post_state[rows]
             yield ScaledLandings(
-                case,
-                control,
-                scale,
-                input_coordinates(pre, sections.centre_m),
-                output_coordinates(pre, post, sections.centre_m),
-                scale * apart[rows],
-                found.contact_s[rows],
-                np.array(found.schedule)[rows],
-                len(found) - len(rows),
+                case, control, scale, input_coordinates(pre, sections.centre_m),
+                output_coordinates(pre, post, sections.centre_m), scale * apart[rows],
+                found.contact_s[rows], np.array(found.schedule)[rows], len(found) - len(rows),
                 exact.maps,
-            )
+            )  # fmt: skip
 
 
 def _nothing(case: str, control: Control, scale: float, preloads_n: FloatArray) -> ScaledLandings:
     """Return that no landing of a case counts."""
-    none = np.empty((0, preloads_n.shape[1]))
+    shape, none = (len(OUTPUT_NAMES), len(INPUT_NAMES)), np.empty((0, preloads_n.shape[1]))
+    x, y = np.empty((0, shape[1])), np.empty((0, shape[0]))
     return ScaledLandings(
-        case,
-        control,
-        scale,
-        np.empty((0, len(INPUT_NAMES))),
-        np.empty((0, len(OUTPUT_NAMES))),
-        none,
-        none,
-        np.empty(0, dtype=str),
-        len(preloads_n),
-        np.full((1, len(OUTPUT_NAMES), len(INPUT_NAMES)), np.nan),
-    )
+        case, control, scale, x, y, none, none, np.empty(0, dtype=str), len(preloads_n),
+        np.full((1, *shape), np.nan),
+    )  # fmt: skip
 
 
 # What a simulated study would measure at the sections without noise, and its exact linear maps.
@@ -363,8 +346,7 @@ def exact_maps(truths: Sequence[Truth], sections: SectionHeights) -> dict[str, A
         of the landing at which they hold.
     """
     known = common_scene(truths)
-    rows = [_first_place(known.scene, truth) for truth in truths]
-    apexes = np.concatenate([t.apex_states[row] for t, row in zip(truths, rows, strict=True)])
+    apexes, _ = _starts(truths, known.scene)
     found = section_jacobians(known.scene.still(), known.control, apexes, sections)
     return {
         "inputs": list(INPUT_NAMES),
