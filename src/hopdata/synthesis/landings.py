@@ -102,25 +102,31 @@ def landing_system(system: System) -> System:
     The guards are ``foot1`` ... ``foot<n>``, ``apex`` (stops after a landing, as the scene's does)
     and ``section`` (stops). Nothing stops a fall.
     """
-    assert system.guards is not None
-    assert system.on_event is not None
-    inside = {
-        "scene_field": njit(error_model="numpy")(system.field.function),
-        "scene_guards": njit(error_model="numpy")(system.guards.function),
-        "scene_event": njit(error_model="numpy")(system.on_event.function),
-        "scene_states": system.n_states,
-    }
     feet = system.n_guards - 2
     return System(
-        field=field(with_digest(_field, **inside)),
-        guards=guards(with_digest(_guards, **inside)),
-        on_event=on_event(with_digest(_event, **inside)),
+        **_functions(system.field, system.guards, system.on_event, system.n_states),
         n_states=system.n_states + feet,
         guard_names=(*system.guard_names[:-1], "section"),
         directions=(*(0 for _ in range(feet)), -1, -1),
         terminal=(*(False for _ in range(feet + 1)), True),
         n_extra_modes=system.n_extra_modes,
     )
+
+
+@cache
+def _functions(own: Any, own_guards: Any, own_event: Any, n_states: int) -> dict[str, Any]:
+    """Return the functions of a landing; systems that differ in the number of feet share them."""
+    inside = {
+        "scene_field": njit(error_model="numpy")(own.function),
+        "scene_guards": njit(error_model="numpy")(own_guards.function),
+        "scene_event": njit(error_model="numpy")(own_event.function),
+        "scene_states": n_states,
+    }
+    return {
+        "field": field(with_digest(_field, **inside)),
+        "guards": guards(with_digest(_guards, **inside)),
+        "on_event": on_event(with_digest(_event, **inside)),
+    }
 
 
 LONGEST_S = 3.0
