@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import ConfigError, did_you_mean
 from hopdata.recording import Recording, Truth
 from hopdata.scenes import STANDARD, scene_class
 from hopdata.scenes.scene import Control, Scene
@@ -32,6 +31,7 @@ from hopdata.synthesis.trial import (
     Operator,
     Trial,
     from_mapping,
+    refuse_unknown,
     require,
     run_trial,
 )
@@ -84,11 +84,13 @@ class Simulation:
         ConfigError
             If a key or the scene is unknown, or a value out of range.
         """
-        name = (values or {}).get("scene", STANDARD)
-        blocks = {name: scene_class(name), "kicks": Kicks, "operator": Operator, "control": Control}
-        known = ("hops", "duration_s", "scene", *blocks)
-        given = _built(values, blocks, known, "simulation")
-        return cls(name=name, scene=given.pop(name), **{k: given[k] for k in given if k != "scene"})
+        given = dict(values or {})
+        name = given.get("scene", STANDARD)
+        kind, others = scene_class(name), ("hops", "duration_s", "kicks", "operator", "control")
+        refuse_unknown(given, ["scene", name, *others], "simulation")
+        scene = from_mapping(kind, given.get(name), f"simulation.{name}")
+        rest = {key: given[key] for key in others if key in given}
+        return replace(from_mapping(cls, rest, "simulation"), name=name, scene=scene)
 
     def said(self) -> dict[str, Any]:
         """Return the block as plain data; a control, and another scene, only if there is one."""
@@ -128,28 +130,6 @@ class MotionCapture:
         require(self.noise_m >= 0, "motion_capture.noise_m", ">= 0", self.noise_m)
         require(self.resolution_m >= 0, "motion_capture.resolution_m", ">= 0", self.resolution_m)
 
-    @classmethod
-    def of(cls, values: Mapping[str, Any] | None) -> MotionCapture:
-        """Build it from the block of the configuration, as `Simulation.of` does."""
-        blocks = {"floor": FloorOptions, "gaps": GapOptions, "markers": MarkerOptions}
-        return cls(**_built(values, blocks, list(cls.__dataclass_fields__), "motion_capture"))
-
-
-def _built(
-    values: Mapping[str, Any] | None,
-    blocks: Mapping[str, type[Any]],
-    known: Iterable[str],
-    where: str,
-) -> dict[str, Any]:
-    """Return the values of a block with the blocks within it built; refuse unknown keys."""
-    given = dict(values or {})
-    for key in given:
-        if key not in known:
-            raise ConfigError(f"{where}.{key}: no such key{did_you_mean(key, known)}")
-    for key, kind in blocks.items():
-        given[key] = from_mapping(kind, given.get(key), f"{where}.{key}")
-    return given
-
 
 def simulate_recording(
     simulation: Mapping[str, Any] | None = None,
@@ -176,7 +156,8 @@ def simulate_recording(
     ConfigError
         If a key is unknown or a value out of range.
     """
-    simulated, camera = Simulation.of(simulation), MotionCapture.of(motion_capture)
+    simulated = Simulation.of(simulation)
+    camera = from_mapping(MotionCapture, motion_capture, "motion_capture")
     scene, control = simulated.scene, simulated.control
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     kicks_rng, floor_rng, noise_rng, gaps_rng = streams

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -122,18 +122,29 @@ class MarkerOptions:
 
 
 def from_mapping(kind: type[Options], values: Mapping[str, Any] | None, where: str) -> Options:
-    """Build options from a mapping of some of their fields; the others keep their defaults.
+    """Build options, and those within them, from a mapping of some fields; others keep defaults.
 
     Raises
     ------
     ConfigError
         If a key is not a field of `kind`.
     """
-    names = [f.name for f in fields(kind)]  # type: ignore[arg-type]
-    for key in values or {}:
-        if key not in names:
-            raise ConfigError(f"{where}.{key}: no such key{did_you_mean(key, names)}")
-    return kind(**{key: _frozen(value) for key, value in (values or {}).items()})
+    known: dict[str, Any] = {one.name: one.default_factory for one in fields(kind)}  # type: ignore[arg-type]
+    refuse_unknown(values or {}, known, where)
+    built = {
+        key: from_mapping(known[key], value, f"{where}.{key}")
+        if is_dataclass(known[key])
+        else _frozen(value)
+        for key, value in (values or {}).items()
+    }
+    return kind(**built)
+
+
+def refuse_unknown(values: Iterable[str], known: Iterable[str], where: str) -> None:
+    """Raise a ConfigError that names the first key that is not known."""
+    for key in values:
+        if key not in known:
+            raise ConfigError(f"{where}.{key}: no such key{did_you_mean(key, known)}")
 
 
 def require(holds: bool, key: str, expected: str, found: Any) -> None:
