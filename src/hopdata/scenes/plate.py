@@ -8,10 +8,11 @@ above it at z - tan(theta) (x - x_i), so that its compression is
 
     h_i = L0 + tan(theta) (x - x_i) - z.
 
-While h_i > 0 it pushes up with F_i = k h_i + c dh_i/dt. The generalised forces are -F_i Dh_i, the
-gradient of the potential (k / 2) h_i^2: energy is kept for c = 0. In other words, the reaction is
-normal to the plate, as it must be without friction, and its vertical part is F_i. Contact depends
-on position alone: a damped spring pulls a little just before it lets go.
+It is a two-way guard, rising at touchdown. While h_i > 0 the spring pushes up with
+F_i = k h_i + c dh_i/dt. The generalised forces are -F_i Dh_i, the gradient of the potential
+(k / 2) h_i^2: energy is kept for c = 0. In other words, the reaction is normal to the plate, as it
+must be without friction, and its vertical part is F_i. Contact depends on position alone: a damped
+spring pulls a little just before it lets go.
 
 With a_i = x - x_i, compression and rate are affine in a_i, and so is F_i = P + Q a_i. All that the
 plate feels are sums over the contacts of 1, a_i and a_i^2. For very many springs the field needs
