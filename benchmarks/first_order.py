@@ -24,9 +24,10 @@ from timing import in_turn
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.first_order import check_c1
 from hopdata.scenes.hopper import flight_mode, hopper_system
-from hopdata.scenes.hopper_control import HopperControl, control_system
+from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.plate import Plate
+from hopdata.scenes.scene import Control
 from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 
 Run = Callable[..., Solution]
@@ -116,13 +117,13 @@ def spreads() -> list[tuple[str, str, float, str]]:
         "hopper": check_c1(hopper_system(), LANDING, params=legs.vector(), mode=mode, guards=FEET)
     }
     for name, control in (
-        ("control_kappa_0.1", HopperControl(coupling=0.1)),
-        ("control_kappa_0.4", HopperControl(coupling=0.4)),
-        ("control_tau_5ms", HopperControl(delay_s=0.005)),
-        ("control_eps_0.1", HopperControl(impulse=0.1)),
+        ("control_kappa_0.1", Control(coupling=0.1)),
+        ("control_kappa_0.4", Control(coupling=0.4)),
+        ("control_tau_5ms", Control(delay_s=0.005)),
+        ("control_eps_0.1", Control(impulse=0.1)),
     ):
         reports[name] = check_c1(
-            control_system(), LANDING, params=control.vector(legs), mode=mode, guards=FEET
+            control_system(), LANDING, params=legs.vector(variant=control), mode=mode, guards=FEET
         )
     return [
         (f"{name} ({report.verdict})", "spread_of_six_orders", report.products.value, "1")

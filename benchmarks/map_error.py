@@ -36,7 +36,7 @@ from hopdata.maps.corrected.estimates import estimate_maps
 from hopdata.maps.corrected.regression import curved_map, ols_map
 from hopdata.maps.truth.maps import exact_map, input_root, relative_difference
 from hopdata.recording import Recording, Truth
-from hopdata.scenes.hopper_control import HopperControl
+from hopdata.scenes.scene import Control
 from hopdata.synthesis.landings import SectionHeights
 from hopdata.synthesis.scaling import exact_maps, known_scene, scaled_landings, true_states
 from hopdata.synthesis.simulate import simulate_recording
@@ -101,7 +101,7 @@ def spread_rows(truth: Truth) -> Iterator[dict[str, float | str]]:
     shape = scene.body_points_m - sections.centre_m
     units = 1 / output_weights(shape, TIME_UNIT_S)
     for sample in scaled_landings(
-        scene.hopper, {"hopper": HopperControl()}, truth.apex_states, truth.preloads_n, sections,
+        scene.scene, {"hopper": Control()}, truth.apex_states, truth.preloads_n, sections,
         scales=SPREADS,
     ):  # fmt: skip
         ways = {"ols": ols_map(sample.x, sample.y)}

@@ -34,7 +34,7 @@ from timing import quartiles
 
 from hopdata.recording import Recording
 from hopdata.rigid import headings, rigid_fit, twists, wrapped
-from hopdata.scenes.hopper import rotation_matrices
+from hopdata.scenes.body import rotation_matrices
 from hopdata.steering.observation.calibration import algebraic_circle, calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.live_stances import StanceDetector

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopdata.hybrid import solve_batch
-from hopdata.scenes.hopper import N_STATES
-from hopdata.scenes.hopper_control import NOT_YET, HopperControl, landing_system, landing_vectors
+from hopdata.hybrid import System, solve_batch
+from hopdata.scenes.body import N_STATES
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Control
 from hopdata.synthesis.camera import fixed_markers
 from hopdata.synthesis.hops import Hop
+from hopdata.synthesis.landings import NOT_YET, landing_system, landing_vectors
 from hopdata.synthesis.trial import Trial
 
 PHASES = 16  # of the frames: each landing has one of them
@@ -63,7 +64,7 @@ def joined(parts: list[Apexes]) -> Apexes:
 
 def true_states(
     hopper: HopperParameters,
-    control: HopperControl,
+    control: Control,
     apexes: Apexes,
     *,
     until_s: float,
@@ -93,19 +94,24 @@ def tracks_of(states: np.ndarray, points_m: np.ndarray) -> np.ndarray:
 
 
 def states_at(
-    hopper: HopperParameters, control: HopperControl, apexes: Apexes, times_s: np.ndarray
+    hopper: HopperParameters, control: Control, apexes: Apexes, times_s: np.ndarray
 ) -> np.ndarray:
     """Return states (L, W, 12) at times (W,) counted from the apex, s, in order."""
     vectors = landing_vectors(
         hopper, control, apexes.preloads_n, point_m=np.zeros(3), height_m=NO_HEIGHT_M
     )
+    system = landing_system(hopper.system(control))
     early = times_s < 0
-    back = _turned_round(_flown(_turned_round(apexes.before), vectors, -times_s[early][::-1]))
-    return np.concatenate([back[:, ::-1], _flown(apexes.after, vectors, times_s[~early])], axis=1)
+    back = _turned_round(
+        _flown(system, _turned_round(apexes.before), vectors, -times_s[early][::-1])
+    )
+    ahead = _flown(system, apexes.after, vectors, times_s[~early])
+    return np.concatenate([back[:, ::-1], ahead], axis=1)
 
 
-def _flown(states: np.ndarray, vectors: np.ndarray, times_s: np.ndarray) -> np.ndarray:
-    system = landing_system(round(vectors[0, 0]))
+def _flown(
+    system: System, states: np.ndarray, vectors: np.ndarray, times_s: np.ndarray
+) -> np.ndarray:
     unknown = np.full((len(states), system.n_states - N_STATES), NOT_YET)
     solution = solve_batch(
         system, (0.0, float(times_s[-1])), np.hstack([states, unknown]), params=vectors,

@@ -37,8 +37,8 @@ from hopdata.errors import AnalysisError
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.maps.coordinates import output_weights
 from hopdata.maps.verdict import judge
-from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Control
 from hopdata.synthesis.exact_maps import section_jacobians
 from hopdata.synthesis.landings import SectionHeights, TrueLandings, true_landings
 from hopdata.synthesis.trial import Kicks, MarkerOptions, run_trial
@@ -60,7 +60,7 @@ class Condition:
     name: str
     hopper: HopperParameters
     kicks: Kicks
-    control: HopperControl
+    control: Control
     noise_m: float = NOISE_M
 
     @property
@@ -71,7 +71,7 @@ class Condition:
 
 def conditions() -> list[Condition]:
     """All conditions; the first word of a name is the kind."""
-    hopper, kicks, none = HopperParameters(), Kicks(), HopperControl()
+    hopper, kicks, none = HopperParameters(), Kicks(), Control()
     variants = {
         "C1": (hopper, kicks, NOISE_M),
         "C1 softer legs": (replace(hopper, stiffness_n_m=60.0, preload_n=19.0), kicks, NOISE_M),
@@ -85,11 +85,11 @@ def conditions() -> list[Condition]:
     }
     rows = [Condition(name, h, k, none, noise) for name, (h, k, noise) in variants.items()]
     for kappa in (0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.4):
-        rows.append(Condition("kappa", hopper, kicks, HopperControl(coupling=kappa)))
+        rows.append(Condition("kappa", hopper, kicks, Control(coupling=kappa)))
     for eps in (0.1, 0.2, 0.3):
-        rows.append(Condition("eps", hopper, kicks, HopperControl(impulse=eps)))
+        rows.append(Condition("eps", hopper, kicks, Control(impulse=eps)))
     for tau in (0.005, 0.01):
-        rows.append(Condition("tau", hopper, kicks, HopperControl(delay_s=tau)))
+        rows.append(Condition("tau", hopper, kicks, Control(delay_s=tau)))
     return rows
 
 
@@ -98,7 +98,7 @@ def label(condition: Condition) -> str:
     return f"{condition.name} {strength(condition.control):g}"
 
 
-def strength(control: HopperControl) -> float:
+def strength(control: Control) -> float:
     """Return the one strength that is not zero, or zero; a delay in ms."""
     return control.coupling or control.impulse or 1e3 * control.delay_s
 

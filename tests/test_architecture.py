@@ -8,7 +8,7 @@ import pytest
 import hopdata
 
 PACKAGE = Path(hopdata.__file__).parent
-SHARED = {"blas", "code_cache", "errors", "gravity", "jobs"}
+SHARED = {"arrays", "blas", "code_cache", "errors", "jobs", "recording", "rigid"}
 MAY_USE = {
     "hybrid": set(),
     "scenes": {"hybrid"},
@@ -20,7 +20,7 @@ MAY_USE = {
     "steering": {"recordings", "scenes", "synthesis"},
     "figures": set(),
     "report": set(),
-    "config": set(),
+    "config": {"scenes", "synthesis"},
     "commands": {"config", "recordings", "figures", "report"},
 }
 HEAVY = {"pandas", "scipy", "matplotlib", "statsmodels", "sklearn", "h5py", "jsonschema", "jinja2"}

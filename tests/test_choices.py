@@ -36,7 +36,7 @@ from hopdata.recordings import (
 from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality import orientation as free_fall
 from hopdata.recordings.quality import orientation as length_unit
-from hopdata.steering import robot as options
+from hopdata.steering import excitation
 from hopdata.steering.control import objectives, printed
 from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments import tasks as starts
@@ -124,12 +124,12 @@ ASKED = {
         lambda name: force_signals._signal(ANY, ANY, NONE, NONE, {**FORCES, "unit": name}),
     ),
     "excitation.method": (
-        options.EXCITATIONS,
-        lambda name: options.excitation_of(
+        excitation.EXCITATIONS,
+        lambda name: excitation.excitation_of(
             {"n_angles": 3, "n_steps": 1, "repeats": 1, "method": name}, np.random.default_rng(0)
         ),
     ),
-    "model.kernel": (options.KERNELS, lambda name: options.process_of({"kernel": name})),
+    "model.kernel": (models.KERNELS, lambda name: models.process_of({"kernel": name})),
     "experiment": (
         tasks.EXPERIMENTS,
         lambda name: starts.draw_starts(name, "any", 1, distance_m=1.0, seed=0),
@@ -190,8 +190,8 @@ CONFIGURED = {
     "states.method": states.METHODS,
     "states.gravity": states.GRAVITIES,
     "figures.formats": saving.METADATA,
-    "steering.excitation.method": options.EXCITATIONS,
-    "steering.model.kernel": options.KERNELS,
+    "steering.excitation.method": excitation.EXCITATIONS,
+    "steering.model.kernel": models.KERNELS,
 }
 
 

@@ -95,3 +95,9 @@ def test_provenance_names_seed_inputs_versions_and_times(tmp_path):
     assert record["inputs"] == {"a.h5": "ff"}
     assert record["stage_seconds"] == {"level": 1.25}
     assert record["versions"]["numpy"][0].isdigit()
+
+
+def test_a_class_that_a_table_names_is_followed():
+    """Scenes are loaded by name; whoever simulates depends on all of them."""
+    start = module._module_files("hopdata.synthesis.simulate")
+    assert module.PACKAGE / "scenes" / "quadruped.py" in module._closure(start)

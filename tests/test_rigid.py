@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hopdata.rigid import composed, headings, inverse, relative, rigid_fit, twists, wrapped
-from hopdata.scenes.hopper import rotation_matrices
+from hopdata.scenes.body import rotation_matrices
 from hopdata.synthesis.trial import MarkerOptions
 
 BODY = np.array(MarkerOptions().body_m)

@@ -26,6 +26,7 @@ IMPORT = re.compile(
     r"|import[ \t]+(hopdata[^\n]*))",
     re.MULTILINE,
 )
+NAMED = re.compile(r'"(hopdata\.[\w.]+):\w+"')  # a class in a table, loaded when it is asked for
 
 
 def code_digest(script: str | Path) -> str:
@@ -68,7 +69,9 @@ def _closure(start: Iterable[Path]) -> set[Path]:
 def _imports(source: Path) -> frozenset[Path]:
     """Files of this package that `source` imports, with the packages on the way to them."""
     names: set[str] = set()
-    for module, imported, modules in IMPORT.findall(source.read_text(encoding="utf-8")):
+    text = source.read_text(encoding="utf-8")
+    names.update(NAMED.findall(text))
+    for module, imported, modules in IMPORT.findall(text):
         names.update([module, *(f"{module}.{name}" for name in re.findall(r"\w+", imported))])
         names.update(re.findall(r"[\w.]+", modules))
     return frozenset(path for name in names for path in _module_files(name))

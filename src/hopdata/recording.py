@@ -229,7 +229,7 @@ class Truth:
     floor_at_contacts : (L, n) array
         Height of the measured (curved) floor at these points, m.
     apex_states : (L, 12) array
-        State of the hopper at the apex, after its kick (see `hopdata.scenes.hopper`).
+        State of the body at the apex, after its kick (see `hopdata.scenes.body`).
     preloads_n : (L, n) array
         Preload of each leg in each landing, N.
     noise_m : float

@@ -13,8 +13,8 @@ from true_tracks import apexes_of, states_at, tracks_of, true_states
 from velocities import POST_M, PRE_M, by_section_states, hopper
 
 from hopdata.landings.states.fits import WINDOWS_S
-from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Control
 from hopdata.synthesis.landings import SectionHeights, true_landings
 from hopdata.synthesis.scaling import marker_states
 from hopdata.synthesis.simulate import simulate_recording
@@ -23,7 +23,7 @@ from hopdata.synthesis.trial import MarkerOptions, run_trial
 HOPS, SEED, NOISE_M = 400, 7, 0.0006
 POINTS_M = np.array(MarkerOptions().body_m)
 SECTIONS = SectionHeights(PRE_M, POST_M, POINTS_M)
-HOPPER, C1 = HopperParameters(), HopperControl()
+HOPPER, C1 = HopperParameters(), Control()
 
 
 @pytest.fixture(scope="module")

@@ -179,6 +179,34 @@ SIMULATION = {
         "8: simulation.control.delay_ms: expected a known key, found 'delay_ms'; "
         "did you mean 'delay_s'?",
     ),
+    "scene: a name misspelt": (
+        "simulation: {scene: hoper}",
+        "7: simulation.scene: expected one of 'hopper', 'quadruped', found 'hoper'; "
+        "did you mean 'hopper'?",
+    ),
+    "scene: the parameters of another": (
+        "simulation:\n  quadruped: {mass_kg: 2}",
+        "8: simulation.quadruped: expected a known key, found 'quadruped'; "
+        "write 'scene: quadruped' to simulate it",
+    ),
+    "scene: a parameter misspelt": (
+        "simulation:\n  scene: quadruped\n  quadruped: {mass: 2}",
+        "9: simulation.quadruped.mass: expected a known key, found 'mass'; did you mean 'mass_kg'?",
+    ),
+    "scene: a parameter out of range": (
+        "simulation:\n  scene: quadruped\n  quadruped: {mass_kg: 0}",
+        "9: simulation.quadruped.mass_kg: expected a number above 0, found 0",
+    ),
+    "scene: a control that it does not know": (
+        "simulation:\n  scene: quadruped\n  control: {impulse: 0.2}",
+        "9: simulation.control.impulse: expected 0, since the scene quadruped knows coupling only, "
+        "found 0.2",
+    ),
+    "scene: too weak": (
+        "simulation:\n  scene: quadruped\n  quadruped: {preload_n: 12}",
+        "9: simulation.quadruped: expected preload_n - stiffness_n_m release_extension_m > 6.62 N, "
+        "the weight per leg, found 3.56 N: it cannot lift off",
+    ),
     "scales: the smallest first": (
         "scaling_study: {scales: [0.1, 1.0]}",
         "7: scaling_study.scales: expected the largest first and each smaller than the one "

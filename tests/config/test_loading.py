@@ -11,6 +11,7 @@ from hopdata.config import files_of, load_config, simulation_of
 from hopdata.config.loading import read_yaml
 from hopdata.config.schema import in_words, load_schema
 from hopdata.errors import ConfigError
+from hopdata.scenes import SCENES, scene_class
 
 ROOT = Path(__file__).parents[2]
 
@@ -367,6 +368,7 @@ def test_a_mapping_is_named_by_its_files_which_are_looked_into(folder):
         "control.yaml",
         "half_spread.yaml",
         "hexapod.yaml",
+        "quadruped.yaml",
         "runner.yaml",
         "runner_forces.yaml",
         "thesis.yaml",
@@ -402,7 +404,10 @@ def schemas(schema, path=""):
         yield from schemas(inner.get("items", inner), f"{path}{key}.")
 
 
-@pytest.mark.parametrize(("path", "schema"), list(schemas(load_schema())))
+EVERY_KEY = {path: schema for scene in SCENES for path, schema in schemas(load_schema(scene))}
+
+
+@pytest.mark.parametrize(("path", "schema"), EVERY_KEY.items())
 def test_every_key_has_a_meaning_a_kind_and_a_default_that_fits(path, schema):
     from jsonschema import Draft202012Validator
 
@@ -421,8 +426,12 @@ def test_the_simulation_has_the_same_keys_and_defaults_as_the_schema():
     from hopdata.synthesis.simulate import MotionCapture, Simulation
 
     config = load_config(yaml.safe_load(SOUND), check_files=False)
-    for key, kind in (("simulation", Simulation), ("motion_capture", MotionCapture)):
-        assert config[key] == listed(asdict(kind()))
+    assert config["motion_capture"] == listed(asdict(MotionCapture()))
+    for name in SCENES:
+        content = {**yaml.safe_load(SOUND), "simulation": {"scene": name}}
+        default = asdict(Simulation(name=name, scene=scene_class(name)()))
+        default = {"scene": default.pop("name"), name: default.pop("scene"), **default}
+        assert load_config(content, check_files=False)["simulation"] == listed(default)
 
 
 def listed(value):

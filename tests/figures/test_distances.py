@@ -38,7 +38,7 @@ def tables(shift):
 
 def test_each_study_stands_under_its_verdict():
     figure = both_sides_figure(
-        {"C1 hopper": (*tables(0), SAME), "control, not C1": (*tables(0.1), DIFFERENT)}
+        *tables(0), SAME, *tables(0.1), DIFFERENT, names=("C1 hopper", "control, not C1")
     )
     titles = [axes.get_title(loc="left") for axes in figure.axes[:2]]
     assert "no difference above 0.13 (p = 0.35)" in titles[0]
@@ -47,7 +47,7 @@ def test_each_study_stands_under_its_verdict():
 
 
 def test_a_study_without_an_answer():
-    figure = both_sides_figure({"one": (*tables(0), NONE)})
+    figure = both_sides_figure(*tables(0), NONE, names=["one"])
     assert "cannot tell" in figure.axes[0].get_title(loc="left")
 
 

@@ -92,7 +92,7 @@ def test_a_caption_that_names_no_fact_is_a_mistake():
 
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("planner", "the planner"), ("globalised", "the globalised controller")],
+    [("planner", "the planner")],
 )
 def test_captions_of_runs_name_the_controller_that_is_drawn(name, words):
     table = outcomes().replace({"controller": {"planner": name}})

@@ -9,11 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from hopdata.hybrid import solve
 from hopdata.scenes import hopper_parameters as hp
+from hopdata.scenes.body import cross, euler_rates, rotation_entries, rotation_matrices
 from hopdata.scenes.hopper import (
     boom_motion,
-    counterweight_places,
-    cross,
-    euler_rates,
     flight_mode,
     foot_gap,
     hopper_event,
@@ -21,8 +19,6 @@ from hopdata.scenes.hopper import (
     hopper_guards,
     hopper_system,
     leg_wrench,
-    rotation_entries,
-    rotation_matrices,
     solve_with_point_mass,
 )
 from hopdata.scenes.hopper_parameters import HopperParameters
@@ -328,7 +324,7 @@ def test_neutral_boom_holds_the_counterweight_on_the_body_axis():
 def test_places_at_many_times_are_those_at_each():
     p, times = BOOM_SWINGING.vector(), np.linspace(-0.1, 0.5, 7)
     single = [boom_motion.py_func(t, p)[0] for t in times]
-    np.testing.assert_allclose(counterweight_places(times, p), single, rtol=1e-15)
+    np.testing.assert_allclose(BOOM_SWINGING.boom_places(times), single, rtol=1e-15)
 
 
 HOPPER = HopperParameters()

@@ -5,29 +5,29 @@ import pytest
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.first_order import bouligand_derivative
+from hopdata.scenes.body import rotation_matrices
 from hopdata.scenes.hopper import (
     boom_motion,
     flight_mode,
     hopper_field,
     hopper_guards,
     hopper_system,
-    rotation_matrices,
 )
 from hopdata.scenes.hopper_control import (
-    HopperControl,
     control_event,
     control_field,
     control_guards,
     control_system,
 )
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Control
 
 HOPPER = HopperParameters()
 SWINGING = HopperParameters(boom_swing_rad=1.1, boom_duration_s=0.3)
 SPEEDS = [0.05, -0.03, -2.1, 0.1, -0.2, 0.05]
 
 
-NONE = HopperControl()
+NONE = Control()
 
 
 def landing(control):
@@ -47,13 +47,13 @@ def modes(*legs):
 
 def rate(y, mode, control, hopper=HOPPER, t=0.0):
     dy = np.zeros(12)
-    control_field(t, y, mode, control.vector(hopper), dy)
+    control_field(t, y, mode, hopper.vector(variant=control), dy)
     return dy
 
 
 def surfaces(y, mode, control, dy):
     h, hdot = np.zeros(5), np.zeros(5)
-    control_guards(0.0, y, dy, mode, control.vector(HOPPER), h, hdot)
+    control_guards(0.0, y, dy, mode, HOPPER.vector(variant=control), h, hdot)
     return h, hdot
 
 
@@ -71,7 +71,7 @@ def hop(system, params):
 @pytest.mark.parametrize("hopper", [HOPPER, SWINGING])
 def test_at_strength_zero_a_hop_is_bit_for_bit_the_hoppers(hopper):
     plain = hop(hopper_system(), hopper.vector())
-    control = hop(control_system(), NONE.vector(hopper))
+    control = hop(control_system(), hopper.vector(variant=NONE))
     assert plain.status == control.status == 1
     assert len(plain.events) >= 7
     assert control.y.tobytes() == plain.y.tobytes()
@@ -80,11 +80,11 @@ def test_at_strength_zero_a_hop_is_bit_for_bit_the_hoppers(hopper):
 
 @pytest.mark.parametrize(
     "control",
-    [HopperControl(coupling=0.1), HopperControl(impulse=0.1), HopperControl(delay_s=0.005)],
+    [Control(coupling=0.1), Control(impulse=0.1), Control(delay_s=0.005)],
 )
 def test_a_control_hops_too_but_otherwise(control):
     plain = hop(hopper_system(), HOPPER.vector())
-    other = hop(control_system(), control.vector(HOPPER))
+    other = hop(control_system(), HOPPER.vector(variant=control))
     assert other.status == 1
     assert np.abs(other.y_end - plain.y_end).max() > 1e-3
 
@@ -97,12 +97,12 @@ def test_coupling_scales_the_forces_of_all_legs(legs, share):
     free, plain = np.zeros(12), np.zeros(12)
     hopper_field(0.0, y, modes(), HOPPER.vector(), free)
     hopper_field(0.0, y, modes(*legs), HOPPER.vector(), plain)
-    coupled = rate(y, modes(*legs), HopperControl(coupling=0.2))
+    coupled = rate(y, modes(*legs), Control(coupling=0.2))
     np.testing.assert_allclose(coupled - free, share * (plain - free), atol=1e-11)
 
 
 def test_delayed_guards_are_ahead_and_their_rates_are_derivatives():
-    rng, step, control = np.random.default_rng(6), 1e-6, HopperControl(delay_s=0.02)
+    rng, step, control = np.random.default_rng(6), 1e-6, Control(delay_s=0.02)
     y = 0.3 * rng.normal(size=12)
     dy = rate(y, modes(1), control)
     h, hdot = surfaces(y, modes(), control, dy)
@@ -129,7 +129,7 @@ def momenta(t, y, hopper):
 
 def test_the_impulse_acts_at_the_foot_and_takes_its_share_of_the_velocity():
     rng, t, leg, eps = np.random.default_rng(7), 0.1, 1, 0.3
-    params = HopperControl(impulse=eps).vector(SWINGING)
+    params = SWINGING.vector(variant=Control(impulse=eps))
     for _ in range(5):
         y = 0.3 * rng.normal(size=12)
         y[8] -= 2.0
@@ -148,7 +148,7 @@ def test_the_impulse_acts_at_the_foot_and_takes_its_share_of_the_velocity():
 
 
 def test_lift_off_apex_and_fall_have_no_impulse():
-    params, y = HopperControl(impulse=0.3).vector(HOPPER), tilted_start()
+    params, y = HOPPER.vector(variant=Control(impulse=0.3)), tilted_start()
     for guard, direction in ((1, -1), (3, -1), (4, 1)):
         after = y.copy()
         control_event(0.0, after, modes(0), params, guard, direction)
@@ -157,7 +157,7 @@ def test_lift_off_apex_and_fall_have_no_impulse():
 
 def orders_of_landing(control, hopper=HOPPER):
     return bouligand_derivative(
-        control_system(), landing(control), params=control.vector(hopper),
+        control_system(), landing(control), params=hopper.vector(variant=control),
         mode=flight_mode(3, -1.0), guards=(0, 1, 2),
     ).pieces()  # fmt: skip
 
@@ -189,13 +189,13 @@ def orthogonal_hopper():
 
 
 def test_where_the_feet_are_orthogonal_impulses_end_in_one_state_but_not_one_jacobian():
-    control = HopperControl(impulse=0.1)
+    control = Control(impulse=0.1)
     assert end_spread(control) == pytest.approx(0.0395, abs=1e-4)
     assert end_spread(control, orthogonal_hopper()) < 1e-14
     assert spread(control, orthogonal_hopper()) == pytest.approx(0.167, abs=1e-3)
 
 
-@pytest.mark.parametrize("control", [HopperControl(coupling=0.1), HopperControl(delay_s=0.01)])
+@pytest.mark.parametrize("control", [Control(coupling=0.1), Control(delay_s=0.01)])
 def test_other_controls_end_in_the_state_in_which_they_begin(control):
     assert end_spread(control) == 0
 
@@ -209,7 +209,7 @@ def test_six_orders_have_one_jacobian_without_a_control():
     [("coupling", 0.1, 0.2, 0.149), ("impulse", 0.1, 0.2, 0.285), ("delay_s", 0.005, 0.01, 0.049)],
 )
 def test_a_control_has_several_and_the_stronger_the_more(name, weak, strong, apart):
-    little, much = (spread(HopperControl(**{name: value})) for value in (weak, strong))
+    little, much = (spread(Control(**{name: value})) for value in (weak, strong))
     assert little == pytest.approx(apart, abs=1e-3)
     assert much > 1.3 * little
 
@@ -217,4 +217,4 @@ def test_a_control_has_several_and_the_stronger_the_more(name, weak, strong, apa
 @pytest.mark.parametrize("fraction", [-0.1, 1.1, np.nan])
 def test_impulse_is_a_fraction(fraction):
     with pytest.raises(ValueError, match="impulse"):
-        HopperControl(impulse=fraction)
+        Control(impulse=fraction)

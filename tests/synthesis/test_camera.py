@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hopdata.scenes.hopper import rotation_matrices
+from hopdata.scenes.body import rotation_matrices
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.camera import (
     CurvedFloor,

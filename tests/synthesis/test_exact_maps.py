@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from hopdata.errors import AnalysisError
-from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Control
 from hopdata.synthesis.exact_maps import homed, section_jacobians, simultaneous_landing
 from hopdata.synthesis.hops import level_state
 from hopdata.synthesis.landings import (
@@ -28,10 +28,10 @@ FOUR = HopperParameters(n_legs=4, stiffness_n_m=67.5, preload_n=16.5, damping_n_
 SIX = HopperParameters(n_legs=6, stiffness_n_m=45.0, preload_n=11.0, damping_n_s_m=2.4)
 SECTIONS = SectionHeights(0.5, 0.275, np.array(MarkerOptions().body_m))
 CONTROLS = {
-    "hopper": HopperControl(),
-    "coupling": HopperControl(coupling=0.1),
-    "impulse": HopperControl(impulse=0.3),
-    "delay": HopperControl(delay_s=0.005),
+    "hopper": Control(),
+    "coupling": Control(coupling=0.1),
+    "impulse": Control(impulse=0.3),
+    "delay": Control(delay_s=0.005),
 }
 
 

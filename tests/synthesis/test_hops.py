@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from hopdata.recordings.readers.hdf5 import write_recording
-from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Control
 from hopdata.synthesis import simulate_recording
 from hopdata.synthesis.hops import control_hop, fly_hop, led_to, level_state, pose_rate, rest_foot
 from hopdata.synthesis.trial import Kicks, Operator, run_trial
@@ -103,7 +103,7 @@ def gait_and_control(**strength):
     start = level_state(CONTROL_HOPS_HOPPER, 0.24)
     start[3:6], start[6:12] = [0.5, 0.02, -0.03], [0.1, -0.05, 0.0, 0.2, -0.3, 0.1]
     gait = fly_hop(CONTROL_HOPS_HOPPER, start)
-    control = HopperControl(**strength)
+    control = Control(**strength)
     hop = control_hop(CONTROL_HOPS_HOPPER, control, gait, frame_times_s=FINE, limit_s=2.0)
     return (
         gait,
@@ -199,7 +199,7 @@ def test_a_control_that_falls_is_carried_to_the_next_apex_of_the_gait():
             CONTROL_HOPS_HOPPER, hops=150, rate_hz=100.0, rng=np.random.default_rng(3), kicks=wild,
             operator=Operator(), control=control,
         )
-        for control in (None, HopperControl(coupling=0.6))
+        for control in (None, Control(coupling=0.6))
     )  # fmt: skip
     lost = [k for k, hop in enumerate(trial.hops) if hop.fell and not plain.hops[k].fell]
     assert 0 < len(lost) < 100

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hopdata.scenes.hopper_control import HopperControl
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Control
 from hopdata.synthesis.camera import fixed_markers
 from hopdata.synthesis.hops import fly_hop, level_state
 from hopdata.synthesis.landings import EARLY, LATE, NO_POST, NO_PRE, SectionHeights, true_landings
@@ -16,10 +16,10 @@ HOPPER = HopperParameters()
 SWINGING = replace(HOPPER, boom_swing_rad=0.4, boom_duration_s=0.4)
 SECTIONS = SectionHeights(0.5, 0.282, np.array(MarkerOptions().body_m))
 CONTROLS = (
-    HopperControl(),
-    HopperControl(coupling=0.4),
-    HopperControl(impulse=0.3),
-    HopperControl(delay_s=0.005),
+    Control(),
+    Control(coupling=0.4),
+    Control(impulse=0.3),
+    Control(delay_s=0.005),
 )
 
 

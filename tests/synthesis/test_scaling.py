@@ -7,10 +7,12 @@ import pytest
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.truth.scaling import scaling_table
-from hopdata.scenes.hopper_control import HopperControl
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Control
 from hopdata.synthesis import simulate_recording
 from hopdata.synthesis.landings import INPUT_NAMES, OUTPUT_NAMES, SectionHeights
 from hopdata.synthesis.scaling import (
+    KnownScene,
     common_scene,
     exact_maps,
     known_scene,
@@ -71,12 +73,16 @@ def test_a_case_that_does_not_sink_to_the_section_has_no_landings(truths):
     assert (found.loc["hopper", "landings"] > 150).all()
 
 
+def known(control):
+    return KnownScene("hopper", HopperParameters(), control, np.zeros((3, 3)))
+
+
 def test_the_study_s_own_control_takes_the_place_of_its_kind():
-    cases = scaling_cases(HopperControl(coupling=0.4), **STRENGTHS)
+    cases = scaling_cases(known(Control(coupling=0.4)), **STRENGTHS)
     assert list(cases) == ["hopper", "coupling", "impulse", "delay"]
     assert cases["coupling"].coupling == 0.4
-    mixture = HopperControl(coupling=0.4, impulse=0.1)
-    assert scaling_cases(mixture, **STRENGTHS)["study"] == mixture
+    mixture = Control(coupling=0.4, impulse=0.1)
+    assert scaling_cases(known(mixture), **STRENGTHS)["study"] == mixture
 
 
 def test_the_scene_is_read_from_the_truth():
@@ -84,11 +90,12 @@ def test_the_scene_is_read_from_the_truth():
     options = {"hops": 5, "hopper": swing, "control": {"delay_s": 0.004}}
     truth = simulate_recording(options, seed=1)[1]
     scene = known_scene(truth)
-    assert scene.hopper.stiffness_n_m == 88.0
-    assert scene.control == HopperControl(delay_s=0.004)
+    assert scene.name == "hopper"
+    assert scene.scene.stiffness_n_m == 88.0
+    assert scene.control == Control(delay_s=0.004)
     assert scene.body_points_m.shape == (3, 3)
     np.testing.assert_array_equal(scene.points_of(["body3"]), scene.body_points_m[2:])
-    there, back = scene.by_boom(5)
+    there, back = scene.scene.by_hop(5)
     assert (there[1].tolist(), back[1].tolist()) == ([0, 2, 4], [1, 3])
     assert back[0].boom_swing_rad == -0.3
     assert back[0].boom_angle_rad == pytest.approx(np.pi + 0.3)
@@ -96,7 +103,7 @@ def test_the_scene_is_read_from_the_truth():
 
 def test_recordings_of_two_scenes_are_no_study(truths):
     other = simulate_recording({"hops": 3, "hopper": {"mass_kg": 2.4}}, seed=1)[1]
-    assert common_scene(truths).hopper.mass_kg == 2.3
+    assert common_scene(truths).scene.mass_kg == 2.3
     with pytest.raises(AnalysisError, match="one scene, found 2"):
         common_scene([*truths, other])
 

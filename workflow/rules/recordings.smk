@@ -1,5 +1,5 @@
 rule simulate:
-    """A hopper as motion capture would see it, with its truth beside it."""
+    """A scene as motion capture would see it, with its truth beside it."""
     output:
         recording=f"{RESULTS}/simulated/{{recording}}.h5",
     log:

@@ -1,4 +1,4 @@
-"""Simulate one recording of the hopper."""
+"""Simulate one recording."""
 
 from hopdata.jobs import reported
 from hopdata.recordings.readers.hdf5 import write_recording

@@ -9,7 +9,8 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
-from hopdata.errors import did_you_mean
+from hopdata.errors import ConfigError, did_you_mean
+from hopdata.scenes import STANDARD
 
 # Mistakes in what a configuration says of external contacts and forces.
 
@@ -254,13 +255,24 @@ def _scales_in_order(config: dict[str, Any]) -> Iterator[str]:
 
 
 def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
-    """Yield the first marker that the simulation, where there is one, will not make."""
+    """Yield what the simulation, where there is one, cannot do: the first marker not made."""
     if all(recording["file"] is not None for recording in config["recordings"]):
         return
     n_body = len(config["motion_capture"]["markers"]["body_m"])
-    n_feet = config["simulation"]["hopper"]["n_legs"]
+    simulation = config["simulation"]
+    if simulation["scene"] == STANDARD:  # without loading it, which every start would pay for
+        n_feet, has_boom = simulation[STANDARD]["n_legs"], True
+    else:
+        from hopdata.synthesis.simulate import Simulation
+
+        try:
+            scene = Simulation.of(simulation).scene
+        except ConfigError as error:
+            yield str(error)
+            return
+        n_feet, has_boom = scene.n_legs, scene.has_boom
     made = [f"body{i + 1}" for i in range(n_body)] + [f"foot{i + 1}" for i in range(n_feet)]
-    made.append("boom")
+    made += ["boom"] if has_boom else []
     for role, names in config["markers"].items():
         for name in names:
             if name not in made:

@@ -13,6 +13,7 @@ from typing import Any
 from hopdata.config.consistency import CHECKS, missing_files
 from hopdata.config.schema import describe, dotted, load_schema
 from hopdata.errors import ConfigError
+from hopdata.scenes import SCENES, STANDARD
 
 # The line of each key of a configuration file.
 
@@ -203,7 +204,7 @@ def load_config(
         raise ConfigError(
             f"{place}: expected keys with values, such as 'study: name', found {kind}"
         )
-    schema = load_schema()
+    schema = load_schema(_scene_of(content))
     try:
         config: dict[str, Any] = _with_defaults(content, schema)
     except RecursionError:
@@ -213,6 +214,13 @@ def load_config(
     _raise_all(place, files, [mistake for check in checks for mistake in check(config)])
     config["home"]["marker"] = config["home"]["marker"] or config["markers"]["body"][0]
     return config
+
+
+def _scene_of(content: Mapping[str, Any]) -> str:
+    """Return the scene that is simulated; the standard one if the content names none that is."""
+    simulation = content.get("simulation")
+    name = simulation.get("scene", STANDARD) if isinstance(simulation, Mapping) else STANDARD
+    return name if isinstance(name, str) and name in SCENES else STANDARD
 
 
 def _with_defaults(value: Any, schema: dict[str, Any]) -> Any:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from copy import deepcopy
+from dataclasses import fields
 from difflib import get_close_matches
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from hopdata.errors import did_you_mean
+from hopdata.scenes import SCENES, STANDARD, scene_class
 
 if TYPE_CHECKING:
     from jsonschema import ValidationError
@@ -34,14 +37,38 @@ _BOUNDS = {
 }
 
 
-@lru_cache(maxsize=1)
-def load_schema() -> dict[str, Any]:
-    """Return the JSON schema of the configuration; do not change it."""
+@cache
+def load_schema(scene: str = STANDARD) -> dict[str, Any]:
+    """Return the JSON schema of the configuration with the keys of a scene; do not change it."""
     import yaml
 
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     schema: dict[str, Any] = yaml.load(SCHEMA_FILE.read_text(encoding="utf-8"), Loader=loader)
+    simulation = schema["properties"]["simulation"]["properties"]
+    simulation["scene"]["enum"] = list(SCENES)
+    if scene != STANDARD:
+        del simulation[STANDARD]
+        simulation[scene] = _scene_block(scene)
     return schema
+
+
+def _scene_block(name: str) -> dict[str, Any]:
+    """Return the schema of a scene's parameters, as its dataclass declares them."""
+    kind = scene_class(name)
+    keys = {
+        one.name: {"type": _KINDS[type(one.default)], "default": one.default, **one.metadata}
+        for one in fields(kind)
+    }
+    return {
+        "description": " ".join(str(kind.__doc__).split("\n\n")[0].split()),
+        "type": "object",
+        "additionalProperties": False,
+        "default": {},
+        "properties": keys,
+    }
+
+
+_KINDS = {int: "integer", float: "number"}
 
 
 def in_words(schema: dict[str, Any]) -> str:
@@ -108,7 +135,7 @@ def configuration_page(schema: dict[str, Any] | None = None) -> str:
     str
         Markdown, with a table for each section.
     """
-    schema = load_schema() if schema is None else schema
+    schema = _schema_of_all_scenes() if schema is None else schema
     single = {k: s for k, s in schema["properties"].items() if not _is_section(s)}
     rows = [_row(k, s, k in schema["required"]) for k, s in single.items() if "items" not in s]
     parts = [INTRODUCTION, HEAD + "".join(rows)]
@@ -116,6 +143,13 @@ def configuration_page(schema: dict[str, Any] | None = None) -> str:
         if _is_section(section) or "items" in section:
             parts += _sections(key, section)
     return "\n".join(parts)
+
+
+def _schema_of_all_scenes() -> dict[str, Any]:
+    schema = deepcopy(load_schema())
+    simulation = schema["properties"]["simulation"]["properties"]
+    simulation |= {name: _scene_block(name) for name in SCENES if name != STANDARD}
+    return schema
 
 
 def _sections(path: str, section: dict[str, Any]) -> Iterator[str]:
@@ -314,6 +348,8 @@ def _unknown_key(key: str, place: str, known: Sequence[str], schema: dict[str, A
     section, _, inner = key.partition(".")
     if inner and section in known:
         near = f"; write '{section}:' and, indented in the next line, '{inner}:'"
+    if place == "simulation" and key in SCENES:
+        near = f"; write 'scene: {key}' to simulate it"
     near = near or f"; the keys here are {', '.join(known)}"
     return f"{_join(place, key)}: expected a known key, found '{key}'{near}"
 

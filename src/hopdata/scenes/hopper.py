@@ -8,9 +8,9 @@ and mu = m (1 - m / m_t), the momenta of both give
     [I + mu (|c|^2 1 - c c^T)] w' = tau - w x I w - (m / m_t) c x f - mu c x beta
     v' = g + R [f / m_t - (m / m_t) (w' x c + beta)].
 
-State (12): position of O (world, m), yaw, pitch, roll (rad), velocity of O (world, m/s), angular
-velocity w (body axes, rad/s). Modes, as int64: for each leg +1 while in contact and -1 else, one
-for the apex, one for a fall; then for each leg 1 once released; then 1 once any foot has touched.
+The state is that of the chassis (`hopdata.scenes.body`). Modes, as int64: for each leg +1 while in
+contact and -1 else, one for the apex, one for a fall; then for each leg 1 once released; then 1
+once any foot has touched.
 
 Gap: height of a foot at rest length above the floor, the plane z = 0. A leg in contact pushes with
 F0 - k gap - c dgap/dt, from gap = 0 at touchdown until gap = e at lift-off if all legs have stood
@@ -30,46 +30,15 @@ from numba import njit
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes import hopper_parameters as hp
-
-# Attitude of a rigid body by yaw, pitch and roll, and its mass matrix with a point mass.
-#
-# Rotations (z-y'-x'') take body coordinates to world coordinates: ``R = Rz(yaw) Ry(pitch)
-# Rx(roll)``.
-# The compiled helpers work on scalars, so that they allocate nothing inside a vector field,
-# and are compiled with the field that calls them, in whose cache they are kept.
-
-Vector = tuple[float, float, float]
-Rotation = tuple[float, float, float, float, float, float, float, float, float]
-
-
-@njit(error_model="numpy")
-def rotation_entries(yaw: float, pitch: float, roll: float) -> Rotation:
-    """Return the nine entries of R(yaw, pitch, roll), row by row; angles in rad."""
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    cp, sp = math.cos(pitch), math.sin(pitch)
-    cr, sr = math.cos(roll), math.sin(roll)
-    return (
-        cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,
-        sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
-        -sp, cp * sr, cp * cr,
-    )  # fmt: skip
-
-
-@njit(error_model="numpy")
-def euler_rates(pitch: float, roll: float, wx: float, wy: float, wz: float) -> Vector:
-    """Rates of yaw, pitch and roll, rad/s, of a body turning at (wx, wy, wz) in its own axes.
-
-    Singular at a pitch of +-pi/2.
-    """
-    cr, sr = math.cos(roll), math.sin(roll)
-    yaw_rate = (wy * sr + wz * cr) / math.cos(pitch)
-    return yaw_rate, wy * cr - wz * sr, wx + yaw_rate * math.sin(pitch)
-
-
-@njit(error_model="numpy")
-def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vector:
-    """Cross product a x b of two vectors given by their components."""
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+from hopdata.scenes.body import (
+    N_STATES,
+    Rotation,
+    Vector,
+    cross,
+    euler_rates,
+    rotation_entries,
+    vertical_rate,
+)
 
 
 @njit(error_model="numpy")
@@ -87,27 +56,6 @@ def solve_with_point_mass(
     ux, uy, uz = b[0] / dx, b[1] / dy, b[2] / dz
     factor = mass * (cx * ux + cy * uy + cz * uz) / (1.0 - mass * (cx * gx + cy * gy + cz * gz))
     return ux + factor * gx, uy + factor * gy, uz + factor * gz
-
-
-def rotation_matrices(angles: FloatArray) -> FloatArray:
-    """Rotation matrices, body to world, of many attitudes.
-
-    Parameters
-    ----------
-    angles : (..., 3) array
-        Yaw, pitch and roll, rad.
-
-    Returns
-    -------
-    (..., 3, 3) array
-    """
-    (cy, cp, cr), (sy, sp, sr) = (np.moveaxis(f(angles), -1, 0) for f in (np.cos, np.sin))
-    rows = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 # The counterweight on its boom: a prescribed swing about a vertical axis of the body.
@@ -138,14 +86,6 @@ def boom_motion(t: float, p: FloatArray) -> tuple[Vector, Vector, Vector]:
     )
 
 
-def counterweight_places(t: FloatArray, p: FloatArray) -> FloatArray:
-    """Places of the counterweight in the body frame at many times, (N, 3), m."""
-    angle = boom_angle.py_func(t, p)[0]
-    x = p[hp.BOOM_OFFSET] + p[hp.BOOM_RADIUS] * np.cos(angle)
-    y = p[hp.BOOM_RADIUS] * np.sin(angle)
-    return np.column_stack([x, y, np.full(len(t), p[hp.BOOM_HEIGHT])])
-
-
 # Springy legs: their gaps, and the force of the floor on those in contact.
 
 
@@ -157,17 +97,6 @@ def foot_gap(leg: int, y: FloatArray, rot: Rotation, p: FloatArray) -> tuple[flo
     sx, sy, sz = cross(y[9], y[10], y[11], px, py, pz)
     gap = y[2] + rot[6] * px + rot[7] * py + rot[8] * pz
     return gap, y[8] + rot[6] * sx + rot[7] * sy + rot[8] * sz
-
-
-@njit(error_model="numpy")
-def vertical_rate(y: FloatArray, dy: FloatArray, rot: Rotation) -> Vector:
-    """Rate of the vertical in body axes (last row of R), when the angles change as `dy` says."""
-    by_pitch, by_roll = dy[4], dy[5]
-    return (
-        -math.cos(y[4]) * by_pitch,
-        rot[6] * math.sin(y[5]) * by_pitch + rot[8] * by_roll,
-        rot[6] * math.cos(y[5]) * by_pitch - rot[7] * by_roll,
-    )
 
 
 @njit(error_model="numpy")
@@ -227,9 +156,6 @@ def total_wrench(
             fx, fy, fz = fx + force[0], fy + force[1], fz + force[2]
             tx, ty, tz = tx + torque[0], ty + torque[1], tz + torque[2]
     return (fx, fy, fz), (tx, ty, tz)
-
-
-N_STATES = 12
 
 
 @njit(error_model="numpy")

@@ -1,6 +1,7 @@
-"""Controls of the hopper: three ways to break what makes its landing continuously differentiable.
+"""Variants of the hopper: controls, and a board that it pushes.
 
-Each has a strength; with all strengths zero the control is the hopper itself.
+A control breaks what makes the landing continuously differentiable in one of three ways
+(`hopdata.scenes.scene.Control`).
 
 - Coupling: the force of each leg is multiplied by 1 + kappa (s - n), with s of the n legs in
   contact. Forces are no longer additive.
@@ -17,72 +18,31 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache
 
-import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import ConfigError
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes import hopper_parameters as hp
+from hopdata.scenes.body import cross, rotation_entries
 from hopdata.scenes.hopper import (
-    N_STATES,
     body_accelerations,
     boom_motion,
-    cross,
     fill_rates,
     foot_gap,
     foot_lift,
     hopper_event,
     hopper_guards,
     hopper_system,
-    rotation_entries,
     total_wrench,
-    vertical_rate,
 )
-from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Variant
 
 # The strengths follow the legs' numbers at the end of the parameters.
 COUPLING, IMPULSE, DELAY = -3, -2, -1
 
 _guards = njit(error_model="numpy")(hopper_guards.function)
 _event = njit(error_model="numpy")(hopper_event.function)
-
-
-@dataclass(frozen=True, kw_only=True)
-class HopperControl:
-    """Strengths of the three controls.
-
-    Parameters
-    ----------
-    coupling : float
-        kappa: change of each leg's force for every leg more in contact, as a fraction.
-    impulse : float
-        eps: fraction of a foot's normal velocity that touchdown takes by an impulse.
-    delay_s : float
-        tau: time by which contact runs ahead of the gap (positive: before the foot is down), s.
-    """
-
-    coupling: float = 0.0
-    impulse: float = 0.0
-    delay_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.impulse <= 1:
-            raise ValueError(f"impulse: expected 0 to 1, found {self.impulse}")
-
-    @property
-    def active(self) -> bool:
-        """Whether any strength differs from zero."""
-        return (self.coupling, self.impulse, self.delay_s) != (0.0, 0.0, 0.0)
-
-    def system(self, n_legs: int) -> System:
-        """Return `control_system` with this number of legs."""
-        return control_system(n_legs)
-
-    def vector(self, hopper: HopperParameters, preloads_n: FloatArray | None = None) -> FloatArray:
-        """Flat parameter vector: the hopper's, then the strengths."""
-        return np.append(hopper.vector(preloads_n), [self.coupling, self.impulse, self.delay_s])
 
 
 @field
@@ -163,14 +123,10 @@ def control_system(n_legs: int = 3) -> System:
     )
 
 
-# The hopper pushing a board along the floor: a drag by Coulomb friction while it stands.
-#
-# The board of the dissertation's Sec. 3.5 (Fig. 3.7) lies in the way and is pushed along. Here it
-# has
-# no inertia: while a leg is in contact, it holds the chassis back at its centre of mass with a
-# force
-# that is constant but for slow motion, and only against motion into the board. Each leg in contact
-# brings its share of the force, so that forces stay additive over the legs.
+# The board of the dissertation's Sec. 3.5 (Fig. 3.7), pushed along the floor. It has no inertia:
+# while a leg is in contact, it holds the chassis back at its centre of mass with a force that is
+# constant but for slow motion, and only against motion into the board. Each leg in contact brings
+# its share of the force, so that forces stay additive over the legs.
 
 # They follow the legs' numbers at the end of the parameters.
 DRAG, DIRECTION_X, DIRECTION_Y = -3, -2, -1
@@ -195,13 +151,10 @@ class HopperDrag:
         if not self.drag_n >= 0:
             raise ConfigError(f"obstacle.drag_n: expected >= 0, found {self.drag_n}")
 
-    def system(self, n_legs: int) -> System:
-        """Return `drag_system` with this number of legs."""
-        return drag_system(n_legs)
-
-    def vector(self, hopper: HopperParameters, preloads_n: FloatArray | None = None) -> FloatArray:
-        """Flat parameter vector: the hopper's, then force and direction."""
-        return np.append(hopper.vector(preloads_n), [self.drag_n, *self.direction])
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Force and direction."""
+        return self.drag_n, *self.direction
 
 
 @field
@@ -230,111 +183,8 @@ def drag_system(n_legs: int = 3) -> System:
     return replace(hopper_system(n_legs), field=drag_field)
 
 
-# A hopper's landing as the sections cut it out: from one height of a point of the body to another.
-#
-# The hopper, or a control of it, with one guard more, in the place of that for a fall: the height
-# of
-# a point of the body (the mean of the body markers) over a section, which ends the integration as
-# it
-# falls through zero. The instants of the first contacts are kept in further states, so that many
-# landings can be integrated at once without their events being logged.
-
-NOT_YET = -1.0  # instant of a contact that has not been
-
-# Point of the body and height of the section stand before the strengths that end the parameters.
-POINT_X, POINT_Y, POINT_Z, HEIGHT = -7, -6, -5, -4
-
-_field = njit(error_model="numpy")(control_field.function)
-_guards_hopper_landing = njit(error_model="numpy")(control_guards.function)
-_event_hopper_landing = njit(error_model="numpy")(control_event.function)
-
-
-def landing_vectors(
-    hopper: HopperParameters,
-    control: HopperControl,
-    preloads_n: FloatArray,
-    *,
-    point_m: ArrayLike,
-    height_m: float,
-    boom_time_s: ArrayLike = 0.0,
-) -> FloatArray:
-    """Return the parameter vectors of L landings, (L, p).
-
-    Parameters
-    ----------
-    hopper, control
-        What lands.
-    preloads_n : (L, n) array
-        Preload of each leg, N.
-    point_m : (3,) array_like
-        Point of the body, body frame, m.
-    height_m : float
-        Height of the section, m.
-    boom_time_s : (L,) array_like
-        Time since the apex at which the integration begins, s: the boom's swing counts from there.
-    """
-    section = [*np.asarray(point_m, dtype=float), height_m]
-    strengths = [control.coupling, control.impulse, control.delay_s]
-    vectors = np.tile([*hopper.vector(), *section, *strengths], (len(preloads_n), 1))
-    legs = hp.LEGS + hp.LEG_STRIDE * np.arange(hopper.n_legs)
-    vectors[:, legs] = preloads_n
-    vectors[:, hp.BOOM_START] -= boom_time_s
-    return vectors
-
-
-@field
-def landing_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
-    """Fill `dy` with the rate of the control's state; the instants stay."""
-    _field(t, y, mode, p, dy)
-    for leg in range(int(p[hp.N_LEGS])):
-        dy[N_STATES + leg] = 0.0
-
-
-@guards
-def landing_guards(
-    t: float,
-    y: FloatArray,
-    dy: FloatArray,
-    mode: IntArray,
-    p: FloatArray,
-    h: FloatArray,
-    hdot: FloatArray,
-) -> None:
-    """Fill `h` and `hdot` as the control does, and the height of the point over the section."""
-    _guards_hopper_landing(t, y, dy, mode, p, h, hdot)
-    n = int(p[hp.N_LEGS])
-    rot = rotation_entries(y[3], y[4], y[5])
-    tx, ty, tz = vertical_rate(y, dy, rot)
-    x, y_, z = p[POINT_X], p[POINT_Y], p[POINT_Z]
-    h[n + 1] = y[2] + rot[6] * x + rot[7] * y_ + rot[8] * z - p[HEIGHT]
-    hdot[n + 1] = dy[2] + tx * x + ty * y_ + tz * z
-
-
-@on_event
-def landing_event(
-    t: float, y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
-) -> int:
-    """Do as the control does, and note the instant of a leg's first contact."""
-    if guard < int(p[hp.N_LEGS]) and direction > 0 and y[N_STATES + guard] < 0.0:
-        y[N_STATES + guard] = t
-    return int(_event_hopper_landing(t, y, mode, p, guard, direction))
-
-
-@cache
-def landing_system(n_legs: int = 3) -> System:
-    """Return the landing as a hybrid system of 12 + n states, the last n of them instants.
-
-    The guards are ``foot1`` ... ``foot<n>``, ``apex`` (stops after a landing, as the hopper's does)
-    and ``section`` (stops). Nothing stops a fall.
-    """
-    control = control_system(n_legs)
-    return System(
-        field=landing_field,
-        guards=landing_guards,
-        on_event=landing_event,
-        n_states=N_STATES + n_legs,
-        guard_names=(*control.guard_names[: n_legs + 1], "section"),
-        directions=(*(0 for _ in range(n_legs)), -1, -1),
-        terminal=(*(False for _ in range(n_legs + 1)), True),
-        n_extra_modes=control.n_extra_modes,
-    )
+def system_of(n_legs: int, variant: Variant | None) -> System:
+    """Return the hopper with this number of legs, or what lands in its place."""
+    if variant is None:
+        return hopper_system(n_legs)
+    return drag_system(n_legs) if isinstance(variant, HopperDrag) else control_system(n_legs)

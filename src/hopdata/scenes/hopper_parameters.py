@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import ConfigError
+from hopdata.scenes.scene import Scene, Variant
+
+if TYPE_CHECKING:
+    from hopdata.hybrid import System
 
 # Places in the flat vector: scalars first, then (preload, x, y) of each leg's rest foot.
 N_LEGS, GRAVITY, MASS, COUNTERWEIGHT = 0, 1, 2, 3
@@ -21,7 +27,7 @@ LEGS, LEG_STRIDE = 21, 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class HopperParameters:
+class HopperParameters(Scene):
     """A rigid chassis on evenly spaced, preloaded springy legs, with a counterweight on a boom.
 
     The defaults hop like the dissertation's robot: 0.63 s a hop, 0.24 m high, and contacts some
@@ -58,6 +64,9 @@ class HopperParameters:
     gravity_m_s2 : float
         Acceleration due to gravity.
     """
+
+    controls: ClassVar[tuple[str, ...]] = ("coupling", "impulse", "delay_s")
+    has_boom: ClassVar[bool] = True
 
     n_legs: int = 3
     mass_kg: float = 2.3
@@ -116,18 +125,69 @@ class HopperParameters:
             [self.foot_radius_m * np.cos(angle), self.foot_radius_m * np.sin(angle), below]
         )
 
-    def vector(self, preloads_n: FloatArray | None = None) -> FloatArray:
-        """Flat parameter vector for the compiled functions.
+    def system(self, variant: Variant | None = None) -> System:
+        """Return the hopper, a control of it, or the hopper with a `HopperDrag`."""
+        from hopdata.scenes import hopper_control  # which builds on this module
 
-        Parameters
-        ----------
-        preloads_n : (n,) array, optional
-            Preload of each leg, N; `preload_n` for all legs if absent.
-        """
+        return hopper_control.system_of(self.n_legs, variant)
+
+    def vector(
+        self, preloads_n: FloatArray | None = None, variant: Variant | None = None
+    ) -> FloatArray:
+        """Flat parameter vector; a variant's numbers come last."""
         legs = np.empty((self.n_legs, LEG_STRIDE))
         legs[:, 0] = self.preload_n if preloads_n is None else preloads_n
         legs[:, 1:] = self.rest_feet()[:, :2]
-        return np.concatenate([[float(getattr(self, name)) for name in _SCALARS], legs.ravel()])
+        scalars = [float(getattr(self, name)) for name in _SCALARS]
+        return np.array([*scalars, *legs.ravel(), *(variant.numbers if variant else ())])
+
+    def vectors(
+        self, preloads_n: FloatArray, variant: Variant | None, since_apex_s: FloatArray | float
+    ) -> FloatArray:
+        """Parameter vectors (L, p) whose boom has swung so long already."""
+        vectors = np.tile(self.vector(variant=variant), (len(preloads_n), 1))
+        vectors[:, LEGS + LEG_STRIDE * np.arange(self.n_legs)] = preloads_n
+        vectors[:, BOOM_START] -= since_apex_s
+        return vectors
+
+    def require_take_off(self, key: str) -> None:
+        """Raise a `ConfigError` if the legs push less, when extended, than the weight."""
+        push, share = self.push_at_release_n, self.weight_per_leg_n
+        if not push > share:
+            raise ConfigError(
+                f"{key}: expected preload_n - stiffness_n_m release_extension_m > {share:.2f} N, "
+                f"the weight per leg, found {push:.2f} N: it cannot lift off"
+            )
+
+    def boom_places(self, times_s: FloatArray) -> FloatArray:
+        """Places of the counterweight, body frame, (N, 3) m."""
+        angle = self._boom_angles(times_s)
+        x = self.boom_offset_m + self.boom_radius_m * np.cos(angle)
+        y = self.boom_radius_m * np.sin(angle)
+        return np.column_stack([x, y, np.full(len(times_s), self.boom_height_m)])
+
+    def after(self, time_s: float) -> Self:
+        """Return the hopper with its boom where it is then, about to swing back."""
+        angle = float(self._boom_angles(time_s))
+        return replace(self, boom_angle_rad=angle, boom_swing_rad=-self.boom_swing_rad)
+
+    def still(self) -> Self:
+        """Return the hopper with a boom that rests where it is."""
+        return replace(self, boom_swing_rad=0.0)
+
+    def by_hop(self, count: int) -> Iterator[tuple[Self, IntArray]]:
+        """Yield the hopper and the numbers of its hops, for each place of a boom that swings."""
+        if self.boom_swing_rad == 0:
+            yield from super().by_hop(count)
+            return
+        hops, back = np.arange(count), self.boom_angle_rad + self.boom_swing_rad
+        yield self, hops[::2]
+        yield replace(self, boom_angle_rad=back, boom_swing_rad=-self.boom_swing_rad), hops[1::2]
+
+    def _boom_angles(self, times_s: FloatArray | float) -> FloatArray:
+        from hopdata.scenes.hopper import boom_angle  # which builds on this module
+
+        return np.asarray(boom_angle.py_func(times_s, self.vector())[0])
 
 
 _SCALARS = (

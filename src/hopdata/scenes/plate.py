@@ -1,10 +1,23 @@
 # ruff: noqa: ARG001 (the integrator prescribes the signatures of its callbacks)
-# ruff: noqa: ARG001 (the integrator prescribes the signatures of field and guards)
 """A plate that falls onto a bed of springs (dissertation, section 4.4.4): many contacts.
 
 State (6): place x, z of the centre of mass, m, angle theta of the plate, rad, and their rates. The
-plate is a rigid line, long enough to stand above every spring; `plate_forces` has the mechanics.
-One two-way guard a spring: its compression h_i rises through zero at touchdown (lock +1).
+plate is a rigid line, long enough to stand above every spring. Each spring stands upright at x_i,
+guided so that its end moves on a vertical line, without mass or friction. The plate's line passes
+above it at z - tan(theta) (x - x_i), so that its compression is
+
+    h_i = L0 + tan(theta) (x - x_i) - z.
+
+It is a two-way guard, rising at touchdown. While h_i > 0 the spring pushes up with
+F_i = k h_i + c dh_i/dt. The generalised forces are -F_i Dh_i, the gradient of the potential
+(k / 2) h_i^2: energy is kept for c = 0. In other words, the reaction is normal to the plate, as it
+must be without friction, and its vertical part is F_i. Contact depends on position alone: a damped
+spring pulls a little just before it lets go.
+
+With a_i = x - x_i, compression and rate are affine in a_i, and so is F_i = P + Q a_i. All that the
+plate feels are sums over the contacts of 1, a_i and a_i^2. For very many springs the field needs
+only their count and the sums of their numbers and of these squared, which the handler keeps up to
+date in the memory behind the parameters: whole numbers, exact however often springs come and go.
 """
 
 from __future__ import annotations
@@ -19,23 +32,6 @@ from numpy.typing import ArrayLike
 
 from hopdata.hybrid import System, field, guard, guards, jacobian, on_event, rate_bound
 from hopdata.hybrid.solution import FloatArray, IntArray
-
-# Forces of the springs under the plate, and their derivatives, from three sums over contacts.
-#
-# Each spring stands upright at x_i, guided so that its end moves on a vertical line, without mass
-# or
-# friction. The plate's line passes above it at z - tan(theta) (x - x_i), so that its compression is
-#
-#     h_i = L0 + tan(theta) (x - x_i) - z.
-#
-# While h_i > 0 it pushes up with F_i = k h_i + c dh_i/dt. The generalised forces are -F_i Dh_i, the
-# gradient of the potential (k / 2) h_i^2: energy is kept for c = 0. In other words, the reaction is
-# normal to the plate, as it must be without friction, and its vertical part is F_i. Contact depends
-# on position alone: a damped spring pulls a little just before it lets go.
-#
-# With a_i = x - x_i, compression and rate are affine in a_i, and so is F_i = P + Q a_i. All that
-# the
-# plate feels are sums over the contacts of 1, a_i and a_i^2.
 
 # Places in the flat vector of parameters; the i-th spring stands at first + i * spacing.
 GRAVITY, MASS, INERTIA, REST_LENGTH, STIFFNESS, DAMPING, FIRST, SPACING = range(8)
@@ -120,12 +116,7 @@ def fill_jacobian(y: FloatArray, p: FloatArray, sums: Sums, jac: FloatArray) -> 
     jac[5, 2] -= 2.0 * slope * grow * moment / p[INERTIA]
 
 
-# The plate for very many springs: rates in constant time, one guard at a time.
-#
-# The field needs only how many springs are in contact, and the sums of their numbers and of the
-# squares of these. The handler keeps the three up to date in the memory behind the parameters. They
-# are whole numbers, so that they stay exact however often springs come and go.
-
+# Places in the memory behind the parameters.
 COUNT, NUMBERS, SQUARES = N_PARAMS, N_PARAMS + 1, N_PARAMS + 2
 N_MEMORY = 3
 

@@ -1,8 +1,11 @@
 # ruff: noqa: ARG001 (the integrator prescribes the signatures of field and guards)
-"""The hopper in one dimension (dissertation, section 4.3.4): a mass on a preloaded springy leg.
+"""Two small systems: table 4.3 of the dissertation, and a hopper in one dimension (section 4.3.4).
 
-State: height of the mass above the floor, m, and its velocity, m/s. The leg touches the floor
-where the height is the contact length, in both directions: one two-way guard.
+`octant`: three affine modes a coordinate, switched at the coordinate planes. State (x, y, z) and
+time have no dimension; from the initial state each guard is crossed once: y rising, z falling, x
+rising. `VerticalHopper`: a mass on a preloaded springy leg. State: its height above the floor, m,
+and velocity, m/s. The leg touches the floor where the height is the contact length, in both
+directions: one two-way guard.
 """
 
 from __future__ import annotations
@@ -15,12 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from hopdata.hybrid import System, affine, field, guards
 from hopdata.hybrid.solution import FloatArray, IntArray
-
-# Three affine modes a coordinate, switched at the coordinate planes (dissertation, table 4.3).
-#
-# The state (x, y, z) is dimensionless, as is time. Each guard is crossed once from the initial
-# state
-# used there: y rising, z falling, x rising.
 
 INITIAL_STATE = (-0.4, -0.15, 0.3)
 T_SPAN = (0.0, 0.5)

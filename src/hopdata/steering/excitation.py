@@ -8,19 +8,14 @@ circuit: a sequence without a superfluous hop.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import ConfigError, chosen
-from hopdata.steering.robot import EXCITATIONS, Options
-
-
-def excitation_of(options: Options, rng: np.random.Generator) -> Excitation:
-    """Draw the excitation of the block ``steering.excitation``."""
-    grid = ControlGrid(**{key: options[key] for key in ("n_angles", "n_steps", "repeats")})
-    return chosen("steering.excitation.method", options["method"], EXCITATIONS)(grid, rng)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,3 +221,15 @@ BOOTSTRAP = 2
 EXCITATION = 10
 TRIAL = 11
 TRAINING = 12  # then the number of the set of hops
+
+
+EXCITATIONS: dict[str, Callable[[ControlGrid, np.random.Generator], Excitation]] = {
+    "eulerian": eulerian_excitation,
+    "random": random_excitation,
+}
+
+
+def excitation_of(options: Mapping[str, Any], rng: np.random.Generator) -> Excitation:
+    """Draw the excitation of the block ``steering.excitation``."""
+    grid = ControlGrid(**{key: options[key] for key in ("n_angles", "n_steps", "repeats")})
+    return chosen("steering.excitation.method", options["method"], EXCITATIONS)(grid, rng)

@@ -6,7 +6,7 @@ stance is the instant at which the body markers are lowest on the mean.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,14 +17,9 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import ConfigError
 from hopdata.scenes.hopper_control import HopperDrag
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.steering.excitation import (
-    ControlGrid,
-    Excitation,
-    eulerian_excitation,
-    random_excitation,
-)
+from hopdata.scenes.scene import Variant
 from hopdata.synthesis.camera import fixed_markers, in_world
-from hopdata.synthesis.hops import Hop, Variant, fly_hop, level_state
+from hopdata.synthesis.hops import Hop, fly_hop, level_state
 from hopdata.synthesis.simulate import MotionCapture
 from hopdata.synthesis.trial import (
     FloorOptions,
@@ -208,11 +203,12 @@ def steer_hop(
     )
     times = times[: len(hop.states)]
     shown = np.isin(times, frames)
-    end = Apex(apex.time_s + hop.end_time_s, hop.end_state, hop.boom_angle_rad)
+    boom = parameters.after(hop.end_time_s).boom_angle_rad
+    end = Apex(apex.time_s + hop.end_time_s, hop.end_state, boom)
     return SteeredHop(
         start=apex,
         swing_rad=swing,
-        stance=_stance(robot, hop, times, apex.time_s),
+        stance=_stance(robot, hop, times, apex.time_s, boom),
         end=end,
         frame_time_s=apex.time_s + times[shown],
         markers=_markers(robot, hop, shown),
@@ -220,19 +216,21 @@ def steer_hop(
     )
 
 
-def _stance(robot: SteeredHopper, hop: Hop, times: FloatArray, start_s: float) -> Stance:
+def _stance(
+    robot: SteeredHopper, hop: Hop, times: FloatArray, start_s: float, boom_angle_rad: float
+) -> Stance:
     """Stance of a hop: the vertex of the parabola through the lowest three heights."""
     body = fixed_markers(hop.states, np.array(robot.markers.body_m))
     height = body[..., 2].mean(axis=1)
     k = int(np.clip(np.argmin(height), 1, max(1, len(times) - 2)))
     if hop.fell or len(times) < 3:
-        return Stance(start_s + hop.end_time_s, np.full(3, np.nan), hop.boom_angle_rad, fell=True)
+        return Stance(start_s + hop.end_time_s, np.full(3, np.nan), boom_angle_rad, fell=True)
     near = slice(k - 1, k + 2)
     bend, slope, _ = np.polyfit(times[near] - times[k], height[near], 2)
     lowest = times[k] - slope / (2 * bend)
     poses = marker_poses(robot, hop.states[near])
     pose = np.array([np.interp(lowest, times[near], column) for column in poses.T])
-    return Stance(start_s + float(lowest), pose, hop.boom_angle_rad, fell=False)
+    return Stance(start_s + float(lowest), pose, boom_angle_rad, fell=False)
 
 
 def _markers(robot: SteeredHopper, hop: Hop, shown: NDArray[np.bool_]) -> FloatArray:
@@ -310,11 +308,6 @@ def steer_past(
 # From the blocks of the configuration to the robot, the camera and the excitation.
 
 Options = Mapping[str, Any]
-
-EXCITATIONS: dict[str, Callable[[ControlGrid, np.random.Generator], Excitation]] = {
-    "eulerian": eulerian_excitation,
-    "random": random_excitation,
-}
 
 
 def robot_of(options: Options, camera: MotionCapture) -> SteeredHopper:

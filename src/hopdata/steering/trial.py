@@ -120,7 +120,7 @@ def record_trial(
         rng=kicks_rng,
         kicks=robot.kicks,
         operator=operator,
-        swings_rad=swings.tolist(),
+        changes=[{"boom_swing_rad": swing} for swing in swings.tolist()],
         preloads_n=robot.preloads_n,
     )
     tracks = track_markers(trial, robot.hopper, camera.markers)

@@ -1,19 +1,17 @@
-"""Where the markers are, given the hopper's motion and its contacts."""
+"""Where the markers are, given the body's motion and contacts, and what a camera sees of them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
-from hopdata.scenes.hopper import rotation_matrices
-from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.body import rotation_matrices
+from hopdata.scenes.scene import Scene
 from hopdata.synthesis.hops import rest_foot, rest_foot_climb, smooth_step
 from hopdata.synthesis.trial import FloorOptions, GapOptions, MarkerOptions, Trial
-
-# A floor that looks curved by a few millimetres, as cameras see it.
 
 
 @dataclass(frozen=True)
@@ -59,9 +57,6 @@ def draw_floor(options: FloorOptions, rng: np.random.Generator) -> CurvedFloor:
     )
 
 
-# Motion capture of marker tracks: curved floor, noise, resolution and drop-outs.
-
-
 def observe(
     positions: FloatArray,
     *,
@@ -101,9 +96,6 @@ def observe(
     return seen
 
 
-# Drop-outs: frames in which a marker is hidden from the cameras.
-
-
 def draw_gaps(
     options: GapOptions,
     *,
@@ -136,7 +128,7 @@ RUNNING_AHEAD_S = 0.1  # time after the apex in which feet come to run ahead
 class MarkerTracks:
     """True marker positions over a flat floor, with names, roles and contact at each frame.
 
-    `positions` (N, M, 3) m, world frame; body markers first, then feet, then the boom.
+    `positions` (N, M, 3) m, world frame; body markers first, then feet, then a boom's.
     `foot_down` (N, n): whether each foot is in contact.
     """
 
@@ -147,21 +139,22 @@ class MarkerTracks:
 
 
 def track_markers(
-    trial: Trial, parameters: HopperParameters, options: MarkerOptions, *, delay_s: float = 0.0
+    trial: Trial, scene: Scene, options: MarkerOptions, *, delay_s: float = 0.0
 ) -> MarkerTracks:
     """Follow all markers of a trial, at its frames.
 
     With a control's `delay_s`, contact is where the guard says: the feet run ahead by this time as
     they come down, and so are on the floor at that instant.
     """
-    down, feet = _follow_feet(trial, parameters, options.retraction_s, delay_s)
+    down, feet = _follow_feet(trial, scene, options.retraction_s, delay_s)
     body = fixed_markers(trial.states, np.array(options.body_m))
-    boom = in_world(trial.states, (trial.boom + options.boom_m)[:, None])
-    counts = {"body": body.shape[1], "foot": feet.shape[1], "boom": 1}
+    ends = trial.boom.reshape(len(trial.boom), trial.boom.shape[1] // 3, 3)
+    boom = in_world(trial.states, ends + options.boom_m)
+    counts = {"body": body.shape[1], "foot": feet.shape[1], "boom": boom.shape[1]}
     names = [f"{role}{i + 1}" for role in ("body", "foot") for i in range(counts[role])]
     return MarkerTracks(
         positions=np.concatenate([body, feet, boom], axis=1),
-        names=(*names, "boom"),
+        names=(*names, *["boom"] * counts["boom"]),
         roles=tuple(role for role, count in counts.items() for _ in range(count)),
         foot_down=down,
     )
@@ -179,57 +172,68 @@ def in_world(states: FloatArray, points_m: FloatArray) -> FloatArray:
 
 
 def _follow_feet(
-    trial: Trial, parameters: HopperParameters, retraction_s: float, delay_s: float
+    trial: Trial, scene: Scene, retraction_s: float, delay_s: float
 ) -> tuple[BoolArray, FloatArray]:
     """Contact (N, n) and position (N, n, 3) of every foot at every frame.
 
-    In contact a foot is on the floor under its rest place. In flight it is at its rest place plus
-    the extension with which it lifted off, which stays with the body and fades within
-    `retraction_s`, with no jump in place, speed or acceleration.
+    In contact a foot is on the floor, under its rest place or where it touched. In flight it is at
+    its rest place plus the extension with which it lifted off, which stays with the body and fades
+    within `retraction_s`, with no jump in place, speed or acceleration.
     """
     time = np.arange(len(trial.states)) / trial.rate_hz
     rotations = rotation_matrices(trial.states[:, 3:6])
-    down = np.zeros((len(time), parameters.n_legs), dtype=bool)
-    feet = np.empty((len(time), parameters.n_legs, 3))
-    for leg in range(parameters.n_legs):
-        mine = trial.event_leg == leg
-        last = np.searchsorted(trial.event_time[mine], time, side="right") - 1
-        since, extension, in_contact = _after_last_event(trial, parameters, leg, last, time)
-        rest = rest_foot(parameters, trial.states, leg)
-        drawn = extension * (1.0 - smooth_step(since / retraction_s))[:, None]
+    down = np.zeros((len(time), scene.n_legs), dtype=bool)
+    feet = np.empty((len(time), scene.n_legs, 3))
+    for leg in range(scene.n_legs):
+        last = _last_event(trial, scene, leg, time)
+        rest = rest_foot(scene, trial.states, leg)
+        drawn = last.extension * (1.0 - smooth_step(last.since_s / retraction_s))[:, None]
         flying = rest + np.einsum("nij,nj->ni", rotations, drawn)
         if delay_s != 0:
-            flying[:, 2] += delay_s * _running_ahead(trial, parameters, leg, since, time)
-        standing = rest * [1.0, 1.0, 0.0]
-        down[:, leg] = in_contact
-        feet[:, leg] = np.where(in_contact[:, None], standing, flying)
+            flying[:, 2] += delay_s * _running_ahead(trial, scene, leg, last.since_s, time)
+        standing = rest * [1.0, 1.0, 0.0] if scene.feet_slide else last.place
+        down[:, leg] = last.is_down
+        feet[:, leg] = np.where(last.is_down[:, None], standing, flying)
     return down, feet
 
 
 def _running_ahead(
-    trial: Trial, parameters: HopperParameters, leg: int, since: FloatArray, time: FloatArray
+    trial: Trial, scene: Scene, leg: int, since: FloatArray, time: FloatArray
 ) -> FloatArray:
     """Vertical speed of a foot that has not touched since the apex, m/s, faded in; else 0; (N,)."""
     apex = np.searchsorted(trial.apex_s, time, side="right") - 1
     falling = time - trial.apex_s[apex]
     share = np.where(since > falling, smooth_step(falling / RUNNING_AHEAD_S), 0.0)
-    return np.asarray(share * rest_foot_climb(parameters, trial.states, leg))
+    return np.asarray(share * rest_foot_climb(scene, trial.states, leg))
 
 
-def _after_last_event(
-    trial: Trial,
-    parameters: HopperParameters,
-    leg: int,
-    last: NDArray[np.int64],
-    time: FloatArray,
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Time since the leg's last event, its extension there (body frame), and contact, per frame."""
+class _LastEvent(NamedTuple):
+    """The last contact event of a leg before each of N frames.
+
+    Time since, s; place of the foot on the floor then, (N, 3), world, m; where it was from its rest
+    place, (N, 3), body frame, m; whether it touched (else it lifted off).
+    """
+
+    since_s: FloatArray
+    place: FloatArray
+    extension: FloatArray
+    is_down: BoolArray
+
+
+def _last_event(trial: Trial, scene: Scene, leg: int, time: FloatArray) -> _LastEvent:
     mine = np.flatnonzero(trial.event_leg == leg)
-    states = trial.event_state[mine]
-    gap = rest_foot(parameters, states, leg)[:, 2]
-    extension = -gap[:, None] * rotation_matrices(states[:, 3:6])[:, 2]
+    states, touches = trial.event_state[mine], trial.event_down[mine]
+    rest = rest_foot(scene, states, leg)
+    place = rest * [1.0, 1.0, 0.0]
+    if not scene.feet_slide:  # where it touched before it lifted off
+        place[~touches] = place[np.flatnonzero(~touches) - 1]
+    extension = np.einsum("nji,nj->ni", rotation_matrices(states[:, 3:6]), place - rest)
     # Before the first event: in flight, at rest length.
     when = np.append(trial.event_time[mine], -np.inf)
-    extension = np.vstack([extension, np.zeros(3)])
-    is_down = np.append(trial.event_down[mine], False)
-    return time - when[last], extension[last], is_down[last]
+    last = np.searchsorted(when[:-1], time, side="right") - 1
+    return _LastEvent(
+        time - when[last],
+        np.vstack([place, np.zeros(3)])[last],
+        np.vstack([extension, np.zeros(3)])[last],
+        np.append(touches, False)[last],
+    )

@@ -18,32 +18,26 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
-from hopdata.hybrid import System, solve
+from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.first_order import project_onto_section
 from hopdata.hybrid.first_order.linearise import Instant, field_at, guards_at, linearise
 from hopdata.hybrid.first_order.saltation import CrossingTree
 from hopdata.hybrid.layout import TERMINATED
-from hopdata.scenes.hopper import N_STATES, flight_mode, rotation_matrices
-from hopdata.scenes.hopper_control import (
-    HopperControl,
-    control_field,
-    control_system,
-    landing_system,
-    landing_vectors,
-)
-from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.body import N_STATES, rotation_matrices
+from hopdata.scenes.scene import Control, Scene
+from hopdata.synthesis.hops import flight_mode, padded
 from hopdata.synthesis.landings import (
     LONGEST_S,
     SectionHeights,
     height_slope,
     input_coordinates,
+    landing_system,
+    landing_vectors,
     output_coordinates,
     output_slopes,
     section_tangents,
     true_landings,
 )
-
-# The trajectory near the mean landing on which all feet touch at once.
 
 # What may vary of an apex state whose place and heading are left out.
 FREE = np.array([2, 4, 5, 6, 7, 8, 9, 10, 11])
@@ -59,7 +53,7 @@ class SimultaneousLanding:
     Parameters
     ----------
     apex_state, contact_state : (12,) array
-        States at the apex (place and heading zero) and just before the contacts.
+        States of the body at the apex (place and heading zero) and just before the contacts.
     contact_time_s : float
         Instant of the contacts, from the apex, s.
     """
@@ -70,9 +64,9 @@ class SimultaneousLanding:
 
 
 @cache
-def flying_system(n_legs: int) -> System:
-    """Return the control's field without guards: all legs up (mode -1) or down (+1) for good."""
-    return System(field=control_field, n_states=N_STATES, n_extra_modes=n_legs)
+def flying_system(system: System) -> System:
+    """Return a scene's field without guards: all legs up (mode -1) or down (+1) for good."""
+    return System(field=system.field, n_states=system.n_states, n_extra_modes=system.n_modes)
 
 
 def homed(states: FloatArray) -> FloatArray:
@@ -86,7 +80,7 @@ def homed(states: FloatArray) -> FloatArray:
 
 
 def simultaneous_landing(
-    hopper: HopperParameters, control: HopperControl, apex_states: FloatArray
+    scene: Scene, control: Control, apex_states: FloatArray
 ) -> SimultaneousLanding:
     """Find the apex state nearest to the mean from which all feet touch at once.
 
@@ -95,7 +89,7 @@ def simultaneous_landing(
 
     Parameters
     ----------
-    hopper, control
+    scene, control
         What lands.
     apex_states : (L, 12) array
         States of the landings at their apexes.
@@ -110,7 +104,7 @@ def simultaneous_landing(
     apex, fall = np.zeros(N_STATES), 0.0
     apex[FREE] = mean
     for _ in range(MOST_STEPS):
-        contact, jacobian, fall, delays, instants = _contact(hopper, control, apex, fall)
+        contact, jacobian, fall, delays, instants = _contact(scene, control, apex, fall)
         if np.ptp(instants) < SAME_INSTANT_S:
             return SimultaneousLanding(apex, contact, fall)
         slope = (delays @ jacobian)[:, FREE]
@@ -126,29 +120,40 @@ def simultaneous_landing(
 
 
 def _contact(
-    hopper: HopperParameters, control: HopperControl, apex: FloatArray, fall: float
+    scene: Scene, control: Control, apex: FloatArray, fall: float
 ) -> tuple[FloatArray, FloatArray, float, FloatArray, FloatArray]:
     """Fly to the mean contact instant.
 
     Returns the state there, its derivative by the apex state, the instant, the derivatives of the
     contact instants by that state, and these instants relative to it.
     """
-    n, vector = hopper.n_legs, control.vector(hopper)
-    system = control_system(n)
-    fall = fall or float(np.sqrt(2 * (apex[2] - hopper.leg_length_m) / hopper.gravity_m_s2))
+    n, system, vector = scene.n_legs, scene.system(control), scene.vector(variant=control)
+    fall = fall or float(np.sqrt(2 * (apex[2] - scene.leg_length_m) / scene.gravity_m_s2))
     for _ in range(MOST_STEPS):
-        flight = solve(
-            flying_system(n), (0.0, fall), apex, params=vector, mode=[-1] * n,
-            rtol=RTOL, atol=ATOL, jacobian=True,
-        )  # fmt: skip
-        start = Instant(fall, flight.y_end, flight_mode(n, -1.0), vector)
-        here = linearise(system, start, np.ones(N_STATES))
+        flight = _flown(system, vector, (0.0, fall), apex)
+        start = Instant(fall, flight.y_end, flight_mode(system, -1.0), vector)
+        here = linearise(system, start, np.ones(system.n_states))
         instants = -(guards_at(system, start, here.rate)[0] / here.guard_rates)[:n]
         if abs(instants.mean()) < SAME_INSTANT_S:
             break
         fall += float(instants.mean())
     delays = -here.gradients[:n] / here.guard_rates[:n, None]
-    return flight.y_end, np.asarray(flight.jacobian), fall, delays, instants
+    return flight.y_end[:N_STATES], _slopes(flight), fall, delays, instants
+
+
+def _flown(
+    system: System, vector: FloatArray, t_span: tuple[float, float], state: FloatArray
+) -> Solution:
+    """Fly with all legs up, with the derivative by the state."""
+    return solve(
+        flying_system(system), t_span, padded(state, system), params=vector,
+        mode=flight_mode(system, -1.0).tolist(), rtol=RTOL, atol=ATOL, jacobian=True,
+    )  # fmt: skip
+
+
+def _slopes(solution: Solution) -> FloatArray:
+    """Return the derivatives of all states by those of the body, (s, 12)."""
+    return np.asarray(solution.jacobian)[:, :N_STATES]
 
 
 ALL_ORDERS_UP_TO = 3  # feet that can touch in any order
@@ -183,8 +188,8 @@ class SectionJacobians:
 
 
 def section_jacobians(
-    hopper: HopperParameters,
-    control: HopperControl,
+    scene: Scene,
+    control: Control,
     apex_states: FloatArray,
     sections: SectionHeights,
 ) -> SectionJacobians:
@@ -192,9 +197,9 @@ def section_jacobians(
 
     Parameters
     ----------
-    hopper, control
-        What lands, its preloads all alike. If its boom swings, it has to rest before the pre
-        section: else the map depends on the time of the apex, which is no coordinate.
+    scene, control
+        What lands, its preloads all alike. A boom that swings has to rest before the pre section:
+        else the map depends on the time of the apex, which is no coordinate.
     apex_states : (L, 12) array
         States of the landings at their apexes, at least ten. Of more than three feet only the
         orders have a map in which these landings touch when they are drawn together.
@@ -206,30 +211,27 @@ def section_jacobians(
     AnalysisError
         If there is no simultaneous contact between the sections.
     """
-    landing = simultaneous_landing(hopper, control, apex_states)
-    preloads = np.full((1, hopper.n_legs), hopper.preload_n)
+    landing = simultaneous_landing(scene, control, apex_states)
+    preloads = np.full((1, scene.n_legs), scene.preload_n)
     fall = true_landings(
-        hopper, control, landing.apex_state[None], preloads, sections, rtol=RTOL, workers=1
+        scene, control, landing.apex_state[None], preloads, sections, rtol=RTOL, workers=1
     )
     if not fall.pre_time_s[0] < landing.contact_time_s:
         raise AnalysisError(
             f"sections: expected a simultaneous contact below the pre section ({sections.pre_m:.4g}"
             " m), found it above"
         )
-    pre, centre, vector = fall.pre_state[0], sections.centre_m, control.vector(hopper)
-    flight = solve(
-        flying_system(hopper.n_legs), (float(fall.pre_time_s[0]), landing.contact_time_s), pre,
-        params=vector, mode=[-1] * hopper.n_legs, rtol=RTOL, atol=ATOL, jacobian=True,
-    )  # fmt: skip
-    start = Instant(landing.contact_time_s, flight.y_end, flight_mode(hopper.n_legs, -1.0), vector)
-    system, feet = control_system(hopper.n_legs), range(hopper.n_legs)
-    tree = CrossingTree(system, start, feet, np.ones(N_STATES))
-    before = np.asarray(flight.jacobian) @ section_tangents(pre, centre)
+    pre, centre = fall.pre_state[0], sections.centre_m
+    system, vector = scene.system(control), scene.vector(variant=control)
+    flight = _flown(system, vector, (float(fall.pre_time_s[0]), landing.contact_time_s), pre)
+    start = Instant(landing.contact_time_s, flight.y_end, flight_mode(system, -1.0), vector)
+    tree = CrossingTree(system, start, range(scene.n_legs), np.ones(system.n_states))
+    before = _slopes(flight) @ section_tangents(pre, centre)
     orders = _orders(tree, landing, apex_states, vector)
     maps, outcomes = [], []
     for order in orders:
         node = tree.node(order)
-        flow, post = _to_post_section(hopper, control, sections, node.here.instant)
+        flow, post = _to_post_section(scene, control, sections, node.here.instant)
         through = flow @ node.product @ before
         maps.append(output_slopes(pre, post, centre) @ through)
         outcomes.append(output_coordinates(pre, post, centre))
@@ -251,26 +253,22 @@ def _orders(
     These are the orders in which the landings touch if they are drawn together about the
     simultaneous one.
     """
-    n = len(tree.guards)
-    if n <= ALL_ORDERS_UP_TO:
+    if len(tree.guards) <= ALL_ORDERS_UP_TO:
         return tuple(permutations(tree.guards))
-    flight = solve(
-        flying_system(n), (0.0, landing.contact_time_s), landing.apex_state,
-        params=vector, mode=[-1] * n, rtol=RTOL, atol=ATOL, jacobian=True,
-    )  # fmt: skip
-    apart = (homed(apex_states) - landing.apex_state) @ np.asarray(flight.jacobian).T
+    flight = _flown(tree.system, vector, (0.0, landing.contact_time_s), landing.apex_state)
+    apart = (homed(apex_states) - landing.apex_state) @ _slopes(flight).T
     return tuple(sorted({tree.order(deviation) for deviation in apart}))
 
 
 def _to_post_section(
-    hopper: HopperParameters, control: HopperControl, sections: SectionHeights, start: Instant
+    scene: Scene, control: Control, sections: SectionHeights, start: Instant
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the derivative, (12, 12), of the state at the post section, and that state."""
-    n = hopper.n_legs
-    system, mode = landing_system(n), start.mode.copy()
+    """Return the derivative, (12, s), of the state at the post section, and that state."""
+    n, own = scene.n_legs, scene.system(control)
+    system, mode = landing_system(own), start.mode.copy()
     mode[n : n + 2] = [-1, 1]  # falling, above the section
     vector = landing_vectors(
-        hopper, control, np.full((1, n), hopper.preload_n),
+        scene, control, np.full((1, n), scene.preload_n),
         point_m=sections.centre_m, height_m=sections.post_m,
     )[0]  # fmt: skip
     stance = solve(
@@ -283,6 +281,6 @@ def _to_post_section(
             f"found: {stance.message}"
         )
     end = Instant(stance.t_end, stance.y_end, stance.mode, vector)
-    post, flow = stance.y_end[:N_STATES], np.asarray(stance.jacobian)[:N_STATES, :N_STATES]
+    post, flow = stance.y_end[:N_STATES], np.asarray(stance.jacobian)[:N_STATES, : own.n_states]
     rate = field_at(system, end)[:N_STATES]
     return project_onto_section(flow, rate, height_slope(post, sections.centre_m)), post

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -11,51 +10,30 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.layout import SLIDING, TERMINATED, ZENO
-from hopdata.scenes.hopper import (
-    boom_angle,
-    counterweight_places,
-    euler_rates,
-    flight_mode,
-    hopper_system,
-    rotation_matrices,
-)
-from hopdata.scenes.hopper_control import HopperControl
-from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.body import N_STATES, euler_rates, rotation_matrices
+from hopdata.scenes.scene import Control, Scene, Variant
 
 RTOL, ATOL = 1e-10, 1e-12
-
-
-class Variant(Protocol):
-    """A hopper that differs from the plain one by a few parameters more."""
-
-    def system(self, n_legs: int) -> System:
-        """Return the hybrid system; guards and modes are those of `hopper_system`."""
-        ...
-
-    def vector(self, hopper: HopperParameters, preloads_n: FloatArray | None = None) -> FloatArray:
-        """Flat parameter vector: the hopper's, then the variant's own."""
-        ...
 
 
 @dataclass(frozen=True)
 class Hop:
     """One hop: what was put in, what came out, and the contacts on the way.
 
-    `ending` is "apex", "tipped over", "no apex in time", or "stuck": at rest on legs that have not
-    been released, whose force jumps at the very place where they would stand (a sliding mode).
+    States are those of the body, see `hopdata.scenes.body`. `ending` is "apex", "tipped over", "no
+    apex in time", or "stuck": at rest on legs that have not been released, whose force jumps at the
+    very place where they would stand (a sliding mode).
 
     Times count from the apex at which the hop began, in s. Contact events, in order of time:
     `event_time` (E,), `event_leg` (E,), `event_down` (E,) True for a touchdown and False for a
     lift-off, `event_state` (E, 12). `states` (K, 12) are those at the frame times asked for, up to
-    the end, and `boom` (K, 3) the places of the counterweight then, body frame, m.
-    `boom_angle_rad` is the angle of the boom at the end.
+    the end, and `boom` (K, 3) the places of the boom then, body frame, m; (K, 0) without one.
     """
 
     start_state: FloatArray
     preloads_n: FloatArray
     states: FloatArray
     boom: FloatArray
-    boom_angle_rad: float
     end_time_s: float
     end_state: FloatArray
     ending: str
@@ -89,7 +67,7 @@ class Hop:
 
 
 def fly_hop(
-    parameters: HopperParameters,
+    scene: Scene,
     state: FloatArray,
     *,
     variant: Variant | None = None,
@@ -103,11 +81,11 @@ def fly_hop(
 
     Parameters
     ----------
-    parameters : HopperParameters
+    scene : Scene
     state : (12,) array
         State in flight, at or near the apex.
     variant : Variant, optional
-        What flies and lands in its place, as a `HopperControl`; by default the hopper itself.
+        What flies and lands in its place, as a `Control`; by default the scene itself.
     preloads_n : (n,) array, optional
         Preload of each leg in this hop, N.
     frame_times_s : (K,) array, optional
@@ -122,18 +100,16 @@ def fly_hop(
     AnalysisError
         If the integrator fails.
     """
-    n = parameters.n_legs
-    preloads = np.full(n, parameters.preload_n) if preloads_n is None else preloads_n
+    n = scene.n_legs
+    preloads = np.full(n, scene.preload_n) if preloads_n is None else preloads_n
     frames = np.empty(0) if frame_times_s is None else frame_times_s
-    system, vector = hopper_system(n), parameters.vector(preloads)
-    if variant is not None:
-        system, vector = variant.system(n), variant.vector(parameters, preloads)
+    system = scene.system(variant)
     solution = solve(
         system,
         (0.0, limit_s),
-        state,
-        params=vector,
-        mode=flight_mode(n, state[8]).tolist(),
+        padded(state, system),
+        params=scene.vector(preloads, variant),
+        mode=flight_mode(system, state[8]).tolist(),
         rtol=rtol,
         atol=atol,
         t_eval=frames[frames < limit_s],
@@ -143,17 +119,30 @@ def fly_hop(
     return Hop(
         start_state=state,
         preloads_n=preloads,
-        states=solution.y.T,
-        boom=counterweight_places(solution.t, vector),
-        boom_angle_rad=float(boom_angle.py_func(solution.t_end, vector)[0]),
+        states=solution.y[:N_STATES].T,
+        boom=scene.boom_places(solution.t),
         end_time_s=solution.t_end,
-        end_state=solution.y_end,
+        end_state=solution.y_end[:N_STATES],
         ending=_ending(solution, n),
         event_time=events.time[contact],
         event_leg=events.guard[contact],
         event_down=events.direction[contact] > 0,
-        event_state=events.after[contact],
+        event_state=events.after[contact, :N_STATES],
     )
+
+
+def padded(states: FloatArray, system: System) -> FloatArray:
+    """States (..., 12) in flight with the system's memory of its feet behind them, at zero."""
+    memory = np.zeros((*states.shape[:-1], system.n_states - N_STATES))
+    return np.concatenate([states, memory], axis=-1)
+
+
+def flight_mode(system: System, climb_rate_m_s: float) -> IntArray:
+    """Mode of an upright body in flight that has not touched the floor yet."""
+    mode = np.zeros(system.n_modes, dtype=np.int64)
+    mode[: system.n_guards] = -1
+    mode[system.guard_names.index("apex")] = 1 if climb_rate_m_s > 0 else -1
+    return mode
 
 
 def _ending(solution: Solution, n_legs: int) -> str:
@@ -166,39 +155,36 @@ def _ending(solution: Solution, n_legs: int) -> str:
     return "no apex in time"
 
 
-def rest_foot(parameters: HopperParameters, states: FloatArray, leg: int) -> FloatArray:
+def rest_foot(scene: Scene, states: FloatArray, leg: int) -> FloatArray:
     """Place of one leg's foot at rest length, world frame, (..., 3), m."""
-    arm = rotation_matrices(states[..., 3:6]) @ parameters.rest_feet()[leg]
+    arm = rotation_matrices(states[..., 3:6]) @ scene.rest_feet()[leg]
     return states[..., :3] + arm
 
 
-def rest_foot_climb(parameters: HopperParameters, states: FloatArray, leg: int) -> FloatArray:
+def rest_foot_climb(scene: Scene, states: FloatArray, leg: int) -> FloatArray:
     """Rate of the height of one leg's foot at rest length, (...), m/s."""
-    turning = np.cross(states[..., 9:12], parameters.rest_feet()[leg])
+    turning = np.cross(states[..., 9:12], scene.rest_feet()[leg])
     up = rotation_matrices(states[..., 3:6])[..., 2, :]
     return np.asarray(states[..., 8] + np.sum(up * turning, axis=-1))
 
 
-def level_state(parameters: HopperParameters, height_m: float) -> FloatArray:
-    """State of a level hopper at rest whose feet are this high above the floor, (12,)."""
-    state = np.zeros(12)
-    state[2] = parameters.leg_length_m + height_m
+def level_state(scene: Scene, height_m: float) -> FloatArray:
+    """State of a level body at rest whose feet are this high above the floor, (12,)."""
+    state = np.zeros(N_STATES)
+    state[2] = scene.leg_length_m + height_m
     return state
 
 
-# Hops of a control that keep to the hopper's own gait.
-#
-# A control that hops on from where it lands soon hops otherwise than the hopper, and its landings
-# cannot be compared. So each of its hops begins in an apex state of the hopper's gait; in the
-# flight
-# after its last lift-off it is led to the next one, so that the recording stays continuous.
+# A control that hops on from where it lands soon hops otherwise than the scene itself, and their
+# landings cannot be compared. So each of its hops begins in an apex state of the scene's gait; in
+# the flight after its last lift-off it is led to the next one, so that the recording goes on.
 
-LEAST_FLIGHT_S = 0.05  # in a shorter one the hopper would be pulled about visibly
+LEAST_FLIGHT_S = 0.05  # in a shorter one the body would be pulled about visibly
 
 
 def control_hop(
-    parameters: HopperParameters,
-    control: HopperControl,
+    scene: Scene,
+    control: Control,
     gait: Hop,
     *,
     frame_times_s: FloatArray,
@@ -208,10 +194,10 @@ def control_hop(
 
     Parameters
     ----------
-    parameters : HopperParameters
-    control : HopperControl
+    scene : Scene
+    control : Control
     gait : Hop
-        The hopper's own hop.
+        The scene's own hop.
     frame_times_s, limit_s
         As for `fly_hop`.
 
@@ -222,7 +208,7 @@ def control_hop(
         flight is too short to lead it there.
     """
     hop = fly_hop(
-        parameters,
+        scene,
         gait.start_state,
         variant=control,
         preloads_n=gait.preloads_n,

@@ -1,19 +1,133 @@
-"""True states of a simulated hopper at the two sections of each landing."""
+"""True landings of a simulated body: its states at the two sections, and what is read of them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import BoolArray, FloatArray
-from hopdata.hybrid import solve_batch
+from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.hybrid import System, field, guards, on_event, solve_batch
+from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.layout import TERMINATED
-from hopdata.scenes.hopper import N_STATES, rotation_matrices
-from hopdata.scenes.hopper_control import NOT_YET, HopperControl, landing_system, landing_vectors
-from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.body import N_STATES, rotation_entries, rotation_matrices, vertical_rate
+from hopdata.scenes.scene import Scene, Variant
+from hopdata.synthesis.hops import padded
+
+# A landing as the sections cut it out: the scene's system with one guard in the place of that for a
+# fall, the height of a point of the body (the mean of the body markers) over a section, which ends
+# the integration as it falls through zero. The instants of the first contacts are kept in further
+# states, so that many landings can be integrated at once without their events being logged.
+
+NOT_YET = -1.0  # instant of a contact that has not been
+SECTION = 4  # parameters of the section, before those of the scene: point of the body and height
+
+# What these stand for is put in by `landing_system`: the scene's functions and number of states.
+scene_field: Any = None
+scene_guards: Any = None
+scene_event: Any = None
+scene_states = 0
+
+
+def landing_vectors(
+    scene: Scene,
+    variant: Variant | None,
+    preloads_n: FloatArray,
+    *,
+    point_m: ArrayLike,
+    height_m: float,
+    since_apex_s: FloatArray | float = 0.0,
+) -> FloatArray:
+    """Return the parameter vectors of L landings, (L, p).
+
+    Parameters
+    ----------
+    scene, variant
+        What lands.
+    preloads_n : (L, n) array
+        Preload of each leg, N.
+    point_m : (3,) array_like
+        Point of the body, body frame, m.
+    height_m : float
+        Height of the section, m.
+    since_apex_s : float or (L,) array
+        Time since the apex at which the integration begins, s.
+    """
+    vectors = scene.vectors(preloads_n, variant, since_apex_s)
+    section = [*np.asarray(point_m, dtype=float), height_m]
+    return np.hstack([np.tile(section, (len(vectors), 1)), vectors])
+
+
+def _field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
+    """Fill `dy` as the scene does; the instants stay."""
+    scene_field(t, y, mode, p[SECTION:], dy)
+    dy[scene_states:] = 0.0
+
+
+def _guards(
+    t: float,
+    y: FloatArray,
+    dy: FloatArray,
+    mode: IntArray,
+    p: FloatArray,
+    h: FloatArray,
+    hdot: FloatArray,
+) -> None:
+    """Fill `h` and `hdot` as the scene does, and the height of the point over the section."""
+    scene_guards(t, y, dy, mode, p[SECTION:], h, hdot)
+    rot, last = rotation_entries(y[3], y[4], y[5]), len(h) - 1
+    tx, ty, tz = vertical_rate(y, dy, rot)
+    h[last] = y[2] + rot[6] * p[0] + rot[7] * p[1] + rot[8] * p[2] - p[3]
+    hdot[last] = dy[2] + tx * p[0] + ty * p[1] + tz * p[2]
+
+
+def _event(
+    t: float, y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
+) -> int:
+    """Do as the scene does, and note the instant of a leg's first contact."""
+    n = len(y) - scene_states
+    if guard < n and direction > 0 and y[scene_states + guard] < 0.0:
+        y[scene_states + guard] = t
+    return int(scene_event(t, y, mode, p[SECTION:], guard, direction))
+
+
+@cache
+def landing_system(system: System) -> System:
+    """Return the landing of a scene's system, with n states more, the instants.
+
+    The guards are ``foot1`` ... ``foot<n>``, ``apex`` (stops after a landing, as the scene's does)
+    and ``section`` (stops). Nothing stops a fall.
+    """
+    feet = system.n_guards - 2
+    return System(
+        **_functions(system.field, system.guards, system.on_event, system.n_states),
+        n_states=system.n_states + feet,
+        guard_names=(*system.guard_names[:-1], "section"),
+        directions=(*(0 for _ in range(feet)), -1, -1),
+        terminal=(*(False for _ in range(feet + 1)), True),
+        n_extra_modes=system.n_extra_modes,
+    )
+
+
+@cache
+def _functions(own: Any, own_guards: Any, own_event: Any, n_states: int) -> dict[str, Any]:
+    """Return the functions of a landing; systems that differ in the number of feet share them."""
+    inside = {
+        "scene_field": njit(error_model="numpy")(own.function),
+        "scene_guards": njit(error_model="numpy")(own_guards.function),
+        "scene_event": njit(error_model="numpy")(own_event.function),
+        "scene_states": n_states,
+    }
+    return {
+        "field": field(with_digest(_field, **inside)),
+        "guards": guards(with_digest(_guards, **inside)),
+        "on_event": on_event(with_digest(_event, **inside)),
+    }
+
 
 LONGEST_S = 3.0
 ATOL_PER_RTOL = 1e-2
@@ -33,7 +147,7 @@ class TrueLandings:
     pre_time_s, post_time_s : (L,) array
         Instants at which the mean of the body markers falls through the sections, from the apex, s.
     pre_state, post_state : (L, 12) array
-        States there, see `hopdata.scenes.hopper`.
+        States of the body there, see `hopdata.scenes.body`.
     contact_s : (L, n) array
         Instant of each foot's first contact, from the apex, s.
     failure : (L,) array of str
@@ -93,8 +207,8 @@ class SectionHeights:
 
 
 def true_landings(
-    hopper: HopperParameters,
-    control: HopperControl,
+    scene: Scene,
+    variant: Variant | None,
     apex_states: FloatArray,
     preloads_n: FloatArray,
     sections: SectionHeights,
@@ -106,8 +220,8 @@ def true_landings(
 
     Parameters
     ----------
-    hopper, control
-        What lands; `HopperControl()` for the hopper itself. Its boom is that of the first hop.
+    scene, variant
+        What lands. A boom is that of the first hop.
     apex_states : (L, 12) array
         States in flight above the pre section.
     preloads_n : (L, n) array
@@ -124,16 +238,16 @@ def true_landings(
     TrueLandings
         Ends at the first passage through the post section, whether or not all feet are down there.
     """
-    scene = _Batch(hopper, control, sections, rtol, workers)
-    n, count = hopper.n_legs, len(apex_states)
+    batch = _Batch(scene, variant, sections, rtol, workers)
+    n, count = scene.n_legs, len(apex_states)
     unknown = np.full((count, n), NOT_YET)
-    pre_time, pre, early, fell = scene.fall(apex_states, unknown, preloads_n, sections.pre_m, 0.0)
+    pre_time, pre, early, fell = batch.fall(apex_states, unknown, preloads_n, sections.pre_m, 0.0)
     failure = np.where(~fell, NO_PRE, np.where((early >= 0).any(axis=1), EARLY, ""))
     failure = failure.astype(f"<U{max(map(len, (NO_PRE, EARLY, NO_POST, LATE)))}")
     post_time, post, contact = np.full(count, np.nan), np.full((count, N_STATES), np.nan), early
     go = np.flatnonzero(failure == "")
     if len(go):
-        after, post[go], contact[go], fell = scene.fall(
+        after, post[go], contact[go], fell = batch.fall(
             pre[go], unknown[go], preloads_n[go], sections.post_m, pre_time[go]
         )
         post_time[go] = after + pre_time[go]
@@ -148,8 +262,8 @@ def true_landings(
 class _Batch:
     """What all landings have in common."""
 
-    hopper: HopperParameters
-    control: HopperControl
+    scene: Scene
+    variant: Variant | None
     sections: SectionHeights
     rtol: float
     workers: int | None
@@ -167,29 +281,31 @@ class _Batch:
         Returns the time it took, the states, the instants of contact, and whether it did; times
         and states are NaN where it did not.
         """
-        n = self.hopper.n_legs
-        system = landing_system(n)
+        own = self.scene.system(self.variant)
+        system = landing_system(own)
         above = _heights(states, self.sections.centre_m) > height_m
         solution = solve_batch(
             system,
             (0.0, LONGEST_S),
-            np.hstack([states, instants]),
+            np.hstack([padded(states, own), instants]),
             params=landing_vectors(
-                self.hopper,
-                self.control,
+                self.scene,
+                self.variant,
                 preloads_n,
                 point_m=self.sections.centre_m,
                 height_m=height_m,
-                boom_time_s=since_apex_s,
+                since_apex_s=since_apex_s,
             ),
             mode=[0] * system.n_modes,
             rtol=self.rtol,
             atol=ATOL_PER_RTOL * self.rtol,
             workers=self.workers,
         )
-        # Only a section that was crossed has its lock down; an apex ends with it as it was.
-        fell = above & (solution.status == TERMINATED) & (solution.mode[:, n + 1] < 0)
-        states, instants = np.split(solution.y_end, [N_STATES], axis=1)
+        # Only a section that was crossed has its mode down; an apex ends with it as it was.
+        section = system.n_guards - 1
+        fell = above & (solution.status == TERMINATED) & (solution.mode[:, section] < 0)
+        states = solution.y_end[:, :N_STATES]
+        instants = solution.y_end[:, own.n_states :]
         return (
             np.where(fell, solution.t_end, np.nan),
             np.where(fell[:, None], states, np.nan),
@@ -202,15 +318,11 @@ def _heights(states: FloatArray, point_m: FloatArray) -> FloatArray:
     return np.asarray(states[:, 2] + rotation_matrices(states[:, 3:6])[:, 2] @ point_m)
 
 
-# Coordinates of a rigid body on a section: what can vary there, and what a landing makes of it.
-#
-# On a section the mean of the body markers (the centre) has a given height. With place and heading
-# left out, eight coordinates remain (the input of a landing): pitch and roll, velocity of the
-# centre
-# in the heading frame, angular velocity in body axes. The outcome has eleven: the steps of centre
-# and
-# heading since the pre section, and the same eight at the post section, with the velocity in the
-# heading frame of the pre section.
+# Coordinates of a rigid body on a section, on which the mean of the body markers (the centre) has a
+# given height. With place and heading left out, eight remain (the input of a landing): pitch and
+# roll, velocity of the centre in the heading frame, angular velocity in body axes. The outcome has
+# eleven: the steps of centre and heading since the pre section, and the same eight at the post
+# section, with the velocity in the heading frame of the pre section.
 
 INPUT_NAMES = (
     *("pitch_rad", "roll_rad"),
@@ -228,7 +340,7 @@ def input_coordinates(states: FloatArray, centre_m: FloatArray) -> FloatArray:
     Parameters
     ----------
     states : (n, 12) array
-        See `hopdata.scenes.hopper`.
+        See `hopdata.scenes.body`.
     centre_m : (3,) array
         Mean of the body markers, body frame, m.
     """

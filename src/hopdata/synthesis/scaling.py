@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,16 +20,15 @@ from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.recording import Truth
-from hopdata.scenes.hopper import rotation_matrices
-from hopdata.scenes.hopper_control import HopperControl
-from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes import STANDARD, scene_class
+from hopdata.scenes.body import rotation_matrices
+from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis.camera import fixed_markers
 from hopdata.synthesis.exact_maps import homed, section_jacobians
 from hopdata.synthesis.landings import (
     INPUT_NAMES,
     OUTPUT_NAMES,
     SectionHeights,
-    TrueLandings,
     input_coordinates,
     output_coordinates,
     true_landings,
@@ -44,38 +43,33 @@ class KnownScene:
 
     Parameters
     ----------
-    hopper, control
-        What landed; the boom is that of the first hop.
+    name : str
+        Of the scene, in `hopdata.scenes.SCENES`.
+    scene, control
+        What landed; a boom is that of the first hop.
     body_points_m : (B, 3) array
         Body markers, body frame, m.
     """
 
-    hopper: HopperParameters
-    control: HopperControl
+    name: str
+    scene: Scene
+    control: Control
     body_points_m: FloatArray
 
     def points_of(self, body: Sequence[str]) -> FloatArray:
         """Places of the body markers with these names (``body1`` ...), body frame, (k, 3), m."""
         return self.body_points_m[[int(name.removeprefix("body")) - 1 for name in body]]
 
-    def by_boom(self, count: int) -> Iterator[tuple[HopperParameters, NDArray[np.int64]]]:
-        """Yield the hopper and the numbers of its hops, for each place of a boom that swings."""
-        hops, swing = np.arange(count), self.hopper.boom_swing_rad
-        if swing == 0:
-            yield self.hopper, hops
-            return
-        yield self.hopper, hops[::2]
-        back = self.hopper.boom_angle_rad + swing
-        yield replace(self.hopper, boom_angle_rad=back, boom_swing_rad=-swing), hops[1::2]
-
 
 def known_scene(truth: Truth) -> KnownScene:
     """Read the scene from the parameters that a truth keeps."""
     parameters = json.loads(truth.parameters_json)
     simulation, camera = parameters["simulation"], parameters["motion_capture"]
+    name = simulation.get("scene", STANDARD)
     return KnownScene(
-        HopperParameters(**simulation["hopper"]),
-        HopperControl(**simulation.get("control", {})),
+        name,
+        scene_class(name)(**simulation[name]),
+        Control(**simulation.get("control", {})),
         np.array(camera["markers"]["body_m"]),
     )
 
@@ -89,7 +83,7 @@ def common_scene(truths: Iterable[Truth]) -> KnownScene:
         If there is none, or they differ.
     """
     scenes = [known_scene(truth) for truth in truths]
-    same = {(s.hopper, s.control, s.body_points_m.tobytes()) for s in scenes}
+    same = {(s.scene, s.control, s.body_points_m.tobytes()) for s in scenes}
     if len(same) != 1:
         raise AnalysisError(f"truth: expected recordings of one scene, found {len(same)}")
     return scenes[0]
@@ -107,13 +101,13 @@ class ScaledLandings:
     Parameters
     ----------
     case : str
-        "hopper", "coupling", "impulse", "delay", or "study" for a mixture.
-    control : HopperControl
+        Name of the scene, "coupling", "impulse", "delay", or "study" for a mixture.
+    control : Control
         Its strengths.
     scale : float
         By which the deviations were multiplied.
     x, y : (n, 8) and (n, 11) array
-        Inputs and outcomes, see `hopdata.synthesis.section_coordinates`.
+        Inputs and outcomes, see `hopdata.synthesis.landings`.
     preloads_n : (n, legs) array
         Deviations of the preloads, N.
     contact_s : (n, legs) array
@@ -127,7 +121,7 @@ class ScaledLandings:
     """
 
     case: str
-    control: HopperControl
+    control: Control
     scale: float
     x: FloatArray
     y: FloatArray
@@ -151,7 +145,7 @@ def study_landings(
     delay_s: float = 0.01,
     workers: int | None = None,
 ) -> Iterator[ScaledLandings]:
-    """Yield the landings of a simulated study, scaled, of the hopper and of each kind of control.
+    """Yield the landings of a simulated study, scaled, of the scene and of each kind of control.
 
     Parameters
     ----------
@@ -168,41 +162,42 @@ def study_landings(
     workers : int, optional
         Threads.
     """
-    scene = common_scene(truths)
-    rows = [next(scene.by_boom(len(truth.apex_states)))[1] for truth in truths]
-    apexes = np.concatenate([t.apex_states[row] for t, row in zip(truths, rows, strict=True)])
-    preloads = np.concatenate([t.preloads_n[row] for t, row in zip(truths, rows, strict=True)])
+    known = common_scene(truths)
+    apexes, preloads = _starts(truths, known.scene)
     every = slice(None, None, -(-len(apexes) // landings))
     return scaled_landings(
-        scene.hopper,
-        scaling_cases(scene.control, coupling=coupling, impulse=impulse, delay_s=delay_s),
+        known.scene,
+        scaling_cases(known, coupling=coupling, impulse=impulse, delay_s=delay_s),
         apexes[every],
         preloads[every],
-        SectionHeights(pre_m, post_m, scene.points_of(body)),
+        SectionHeights(pre_m, post_m, known.points_of(body)),
         scales=scales,
         workers=workers,
     )
 
 
-def scaling_cases(
-    own: HopperControl, *, coupling: float, impulse: float, delay_s: float
-) -> dict[str, HopperControl]:
-    """Name the hopper and the three kinds of control, each with its own strength or this one.
+def _starts(truths: Sequence[Truth], scene: Scene) -> tuple[FloatArray, FloatArray]:
+    """Apex states and preloads of all hops whose boom is where it is in the first."""
+    rows = [next(scene.by_hop(len(truth.apex_states)))[1] for truth in truths]
+    pairs = list(zip(truths, rows, strict=True))
+    apexes, preloads = ([t.apex_states[k] for t, k in pairs], [t.preloads_n[k] for t, k in pairs])
+    return np.concatenate(apexes), np.concatenate(preloads)
+
+
+def scaling_cases(known: KnownScene, **strengths: float) -> dict[str, Control]:
+    """Name the scene and the controls that it knows, each with its own strength or this one.
 
     The study's own control takes the place of that of its kind, or comes last if it mixes kinds.
     """
-    cases = {
-        "hopper": HopperControl(),
-        "coupling": HopperControl(coupling=own.coupling or coupling),
-        "impulse": HopperControl(impulse=own.impulse or impulse),
-        "delay": HopperControl(delay_s=own.delay_s or delay_s),
-    }
+    own, cases = known.control, {known.name: Control()}
+    for name in known.scene.controls:
+        cases[name.removesuffix("_s")] = Control(**{name: getattr(own, name) or strengths[name]})
     return cases if own in cases.values() else {**cases, "study": own}
 
 
 def scaled_landings(
-    hopper: HopperParameters,
-    cases: dict[str, HopperControl],
+    scene: Scene,
+    cases: dict[str, Control],
     apex_states: FloatArray,
     preloads_n: FloatArray,
     sections: SectionHeights,
@@ -214,13 +209,13 @@ def scaled_landings(
 
     Parameters
     ----------
-    hopper : HopperParameters
+    scene : Scene
     cases : dict
         Name -> what lands.
     apex_states : (L, 12) array
         States at the apexes.
     preloads_n : (L, legs) array
-        Preload of each leg, N; scaled towards `hopper.preload_n`.
+        Preload of each leg, N; scaled towards `scene.preload_n`.
     sections : SectionHeights
         The sections.
     scales : sequence of float
@@ -234,8 +229,7 @@ def scaled_landings(
         Without landings for a case whose simultaneous contact does not lie between the sections, or
         that does not sink to the lower one; the log says why.
     """
-    apart = preloads_n - hopper.preload_n
-    still = replace(hopper, boom_swing_rad=0.0)
+    apart, still = preloads_n - scene.preload_n, scene.still()
     for case, control in cases.items():
         try:
             exact = section_jacobians(still, control, apex_states, sections)
@@ -247,47 +241,27 @@ def scaled_landings(
         deviations = homed(apex_states) - middle
         for scale in scales:
             found = true_landings(
-                still,
-                control,
-                middle + scale * deviations,
-                hopper.preload_n + scale * apart,
-                sections,
-                rtol=RTOL,
-                workers=workers,
-            )
+                still, control, middle + scale * deviations, scene.preload_n + scale * apart,
+                sections, rtol=RTOL, workers=workers,
+            )  # fmt: skip
             rows = np.flatnonzero(found.whole)
             pre, post = found.pre_state[rows], found.post_state[rows]
             yield ScaledLandings(
-                case,
-                control,
-                scale,
-                input_coordinates(pre, sections.centre_m),
-                output_coordinates(pre, post, sections.centre_m),
-                scale * apart[rows],
-                found.contact_s[rows],
-                np.array(found.schedule)[rows],
-                len(found) - len(rows),
+                case, control, scale, input_coordinates(pre, sections.centre_m),
+                output_coordinates(pre, post, sections.centre_m), scale * apart[rows],
+                found.contact_s[rows], np.array(found.schedule)[rows], len(found) - len(rows),
                 exact.maps,
-            )
+            )  # fmt: skip
 
 
-def _nothing(
-    case: str, control: HopperControl, scale: float, preloads_n: FloatArray
-) -> ScaledLandings:
+def _nothing(case: str, control: Control, scale: float, preloads_n: FloatArray) -> ScaledLandings:
     """Return that no landing of a case counts."""
-    none = np.empty((0, preloads_n.shape[1]))
+    shape, none = (len(OUTPUT_NAMES), len(INPUT_NAMES)), np.empty((0, preloads_n.shape[1]))
+    x, y = np.empty((0, shape[1])), np.empty((0, shape[0]))
     return ScaledLandings(
-        case,
-        control,
-        scale,
-        np.empty((0, len(INPUT_NAMES))),
-        np.empty((0, len(OUTPUT_NAMES))),
-        none,
-        none,
-        np.empty(0, dtype=str),
-        len(preloads_n),
-        np.full((1, len(OUTPUT_NAMES), len(INPUT_NAMES)), np.nan),
-    )
+        case, control, scale, x, y, none, none, np.empty(0, dtype=str), len(preloads_n),
+        np.full((1, *shape), np.nan),
+    )  # fmt: skip
 
 
 # What a simulated study would measure at the sections without noise, and its exact linear maps.
@@ -320,22 +294,25 @@ class TrueStates:
 
 
 @one_blas_thread()
-def true_states(truth: Truth, scene: KnownScene, sections: SectionHeights) -> TrueStates:
+def true_states(truth: Truth, known: KnownScene, sections: SectionHeights) -> TrueStates:
     """Integrate the landings of a recording to the sections.
 
     Parameters
     ----------
     truth : Truth
         Its apex states and preloads.
-    scene : KnownScene
+    known : KnownScene
         What landed.
     sections : SectionHeights
         The sections of the study.
     """
-    parts = [
-        (rows, _landings(truth, replace(scene, hopper=hopper), rows, sections))
-        for hopper, rows in scene.by_boom(len(truth.apex_states))
-    ]
+    parts = []
+    for scene, rows in known.scene.by_hop(len(truth.apex_states)):
+        found = true_landings(
+            scene, known.control, truth.apex_states[rows], truth.preloads_n[rows], sections,
+            rtol=TRUE_SECTIONS_RTOL, workers=1,
+        )  # fmt: skip
+        parts.append((rows, found))
     index = np.concatenate([rows[found.whole] for rows, found in parts])
     order = np.argsort(index)
 
@@ -348,20 +325,6 @@ def true_states(truth: Truth, scene: KnownScene, sections: SectionHeights) -> Tr
         joined("schedule"),
         joined("contact_s").std(axis=1),
         index[order],
-    )
-
-
-def _landings(
-    truth: Truth, scene: KnownScene, rows: NDArray[np.int64], sections: SectionHeights
-) -> TrueLandings:
-    return true_landings(
-        scene.hopper,
-        scene.control,
-        truth.apex_states[rows],
-        truth.preloads_n[rows],
-        sections,
-        rtol=TRUE_SECTIONS_RTOL,
-        workers=1,
     )
 
 
@@ -385,11 +348,9 @@ def exact_maps(truths: Sequence[Truth], sections: SectionHeights) -> dict[str, A
         ``schedules`` (S), ``maps`` (S, 11, 8), and the input ``x`` (8) and outcomes ``y`` (S, 11)
         of the landing at which they hold.
     """
-    scene = common_scene(truths)
-    hopper, _ = next(scene.by_boom(0))
-    rows = [next(scene.by_boom(len(truth.apex_states)))[1] for truth in truths]
-    apexes = np.concatenate([t.apex_states[row] for t, row in zip(truths, rows, strict=True)])
-    found = section_jacobians(replace(hopper, boom_swing_rad=0.0), scene.control, apexes, sections)
+    known = common_scene(truths)
+    apexes, _ = _starts(truths, known.scene)
+    found = section_jacobians(known.scene.still(), known.control, apexes, sections)
     return {
         "inputs": list(INPUT_NAMES),
         "outputs": list(OUTPUT_NAMES),

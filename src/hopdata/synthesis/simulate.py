@@ -1,21 +1,20 @@
-"""A recording of a simulated hopper, with its truth, from two blocks of the configuration."""
+"""A recording of a simulated scene, with its truth, from two blocks of the configuration."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
-from hopdata.errors import ConfigError, did_you_mean
 from hopdata.recording import Recording, Truth
-from hopdata.scenes.hopper_control import HopperControl
-from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes import STANDARD, scene_class
+from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis.camera import (
     CurvedFloor,
     MarkerTracks,
@@ -33,6 +32,7 @@ from hopdata.synthesis.trial import (
     Operator,
     Trial,
     from_mapping,
+    refuse_unknown,
     require,
     run_trial,
 )
@@ -40,7 +40,7 @@ from hopdata.synthesis.trial import (
 
 @dataclass(frozen=True, kw_only=True)
 class Simulation:
-    """The config's ``simulation``: how many hops, of which hopper, how disturbed and handled.
+    """The config's ``simulation``: how many hops, of which scene, how disturbed and handled.
 
     Parameters
     ----------
@@ -48,31 +48,63 @@ class Simulation:
         Number of hops.
     duration_s : float, optional
         Cut the recording at this time, s.
-    hopper, kicks, operator
+    name : str
+        The config's ``scene``.
+    scene : Scene
+        The block of that name.
+    kicks, operator
         See their classes.
-    control : HopperControl
-        What lands in the hopper's place, from the apexes of its gait; at strength zero itself.
+    control : Control
+        What lands in the scene's place, from the apexes of its gait; at strength zero itself.
     """
 
     hops: int = 1000
     duration_s: float | None = None
-    hopper: HopperParameters = field(default_factory=HopperParameters)
+    name: str = STANDARD
+    scene: Scene = field(default_factory=scene_class(STANDARD))
     kicks: Kicks = field(default_factory=Kicks)
     operator: Operator = field(default_factory=Operator)
-    control: HopperControl = field(default_factory=HopperControl)
+    control: Control = field(default_factory=Control)
 
     def __post_init__(self) -> None:
         require(self.hops >= 1, "simulation.hops", "at least 1", self.hops)
         longer = self.duration_s is None or self.duration_s > 0
         require(longer, "simulation.duration_s", "> 0", self.duration_s)
-        push, share = self.hopper.push_at_release_n, self.hopper.weight_per_leg_n
-        what = f"preload_n - stiffness_n_m release_extension_m > {share:.2f} N, the weight per leg"
-        require(push > share, "simulation.hopper", what, f"{push:.2f} N: it cannot lift off")
+        self.scene.require_take_off(f"simulation.{self.name}")
+        for strength, value in asdict(self.control).items():
+            known = f"0, since the scene {self.name} knows {' and '.join(self.scene.controls)} only"
+            alright = value == 0 or strength in self.scene.controls
+            require(alright, f"simulation.control.{strength}", known, value)
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any] | None) -> Simulation:
+        """Build it from the block of the configuration; keys not given take their defaults.
+
+        Raises
+        ------
+        ConfigError
+            If a key or the scene is unknown, or a value out of range.
+        """
+        given = dict(values or {})
+        name = given.get("scene", STANDARD)
+        kind, others = scene_class(name), ("hops", "duration_s", "kicks", "operator", "control")
+        refuse_unknown(given, ["scene", name, *others], "simulation")
+        scene = from_mapping(kind, given.get(name), f"simulation.{name}")
+        rest = {key: given[key] for key in others if key in given}
+        return replace(from_mapping(cls, rest, "simulation"), name=name, scene=scene)
+
+    def said(self) -> dict[str, Any]:
+        """Return the block as plain data; a control, and another scene, only if there is one."""
+        said = asdict(self)
+        said[said.pop("name")] = said.pop("scene")
+        if not self.control.active:
+            del said["control"]
+        return said if self.name == STANDARD else {"scene": self.name, **said}
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotionCapture:
-    """The config's ``motion_capture``: how the hopper is seen.
+    """The config's ``motion_capture``: how the scene is seen.
 
     Parameters
     ----------
@@ -100,17 +132,6 @@ class MotionCapture:
         require(self.resolution_m >= 0, "motion_capture.resolution_m", ">= 0", self.resolution_m)
 
 
-_BLOCKS: dict[type, dict[str, type]] = {
-    Simulation: {
-        "hopper": HopperParameters,
-        "kicks": Kicks,
-        "operator": Operator,
-        "control": HopperControl,
-    },
-    MotionCapture: {"floor": FloorOptions, "gaps": GapOptions, "markers": MarkerOptions},
-}
-
-
 @one_blas_thread()
 def simulate_recording(
     simulation: Mapping[str, Any] | None = None,
@@ -119,7 +140,7 @@ def simulate_recording(
     seed: int | Sequence[int],
     name: str = "hopper",
 ) -> tuple[Recording, Truth]:
-    """Simulate a hopper and observe it.
+    """Simulate a scene and observe it.
 
     Parameters
     ----------
@@ -137,45 +158,26 @@ def simulate_recording(
     ConfigError
         If a key is unknown or a value out of range.
     """
-    scene = _options(Simulation, simulation, "simulation")
-    camera = _options(MotionCapture, motion_capture, "motion_capture")
+    simulated = Simulation.of(simulation)
+    camera = from_mapping(MotionCapture, motion_capture, "motion_capture")
+    scene, control = simulated.scene, simulated.control
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     kicks_rng, floor_rng, noise_rng, gaps_rng = streams
     trial = run_trial(
-        scene.hopper,
-        hops=scene.hops,
+        scene,
+        hops=simulated.hops,
         rate_hz=camera.rate_hz,
         rng=kicks_rng,
-        kicks=scene.kicks,
-        operator=scene.operator,
-        control=scene.control if scene.control.active else None,
-        duration_s=math.inf if scene.duration_s is None else scene.duration_s,
+        kicks=simulated.kicks,
+        operator=simulated.operator,
+        control=control if control.active else None,
+        duration_s=math.inf if simulated.duration_s is None else simulated.duration_s,
     )
-    tracks = track_markers(trial, scene.hopper, camera.markers, delay_s=scene.control.delay_s)
+    tracks = track_markers(trial, scene, camera.markers, delay_s=control.delay_s)
     floor = draw_floor(camera.floor, floor_rng)
     recording = observed(tracks, floor, camera, name, noise_rng, gaps_rng)
-    parameters = {"seed": seed, "simulation": _said(scene), "motion_capture": asdict(camera)}
-    return recording, _truth(trial, tracks, floor, scene.hopper, camera, parameters)
-
-
-def _said(scene: Simulation) -> dict[str, Any]:
-    """Return the options as plain data; a control only if there is one."""
-    said = asdict(scene)
-    if not scene.control.active:
-        del said["control"]
-    return said
-
-
-def _options(kind: type[Any], values: Mapping[str, Any] | None, where: str) -> Any:
-    """Build a block and the blocks within it."""
-    values = dict(values or {})
-    for key, inner in _BLOCKS[kind].items():
-        values[key] = from_mapping(inner, values.get(key), f"{where}.{key}")
-    names = list(kind.__dataclass_fields__)
-    for key in values:
-        if key not in names:
-            raise ConfigError(f"{where}.{key}: no such key{did_you_mean(key, names)}")
-    return kind(**values)
+    parameters = {"seed": seed, "simulation": simulated.said(), "motion_capture": asdict(camera)}
+    return recording, _truth(trial, tracks, floor, scene, camera, parameters)
 
 
 def observed(
@@ -214,11 +216,11 @@ def _truth(
     trial: Trial,
     tracks: MarkerTracks,
     floor: CurvedFloor,
-    hopper: HopperParameters,
+    scene: Scene,
     camera: MotionCapture,
     parameters: dict[str, Any],
 ) -> Truth:
-    times, points = first_contacts(trial, hopper)
+    times, points = first_contacts(trial, scene)
     bodies = [i for i, role in enumerate(tracks.roles) if role == "body"]
     return Truth(
         contact_times=times,
@@ -235,13 +237,13 @@ def _truth(
     )
 
 
-def first_contacts(trial: Trial, hopper: HopperParameters) -> tuple[FloatArray, FloatArray]:
+def first_contacts(trial: Trial, scene: Scene) -> tuple[FloatArray, FloatArray]:
     """When and where each foot first touched in each landing: (L, n) s and (L, n, 2) m, or NaN."""
-    shape = (len(trial.hops), hopper.n_legs)
+    shape = (len(trial.hops), scene.n_legs)
     times, points = np.full(shape, np.nan), np.full((*shape, 2), np.nan)
     for i, hop in enumerate(trial.hops):
         for leg, k in enumerate(hop.first_contacts()):
             if k >= 0:
                 times[i, leg] = trial.hop_start_s[i] + hop.event_time[k]
-                points[i, leg] = rest_foot(hopper, hop.event_state[k], leg)[:2]
+                points[i, leg] = rest_foot(scene, hop.event_state[k], leg)[:2]
     return times, points

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import ConfigError, did_you_mean
-from hopdata.scenes.hopper import counterweight_places
-from hopdata.scenes.hopper_control import HopperControl
-from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.body import N_STATES
+from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis.hops import Hop, control_hop, fly_hop, level_state, pose_rate
 
 # Options of a synthetic recording, as they stand in the configuration.
@@ -44,16 +42,16 @@ class Kicks:
 
 @dataclass(frozen=True, kw_only=True)
 class Operator:
-    """The person who releases the hopper, and carries it back when it has strayed or fallen.
+    """The person who lets the body go, and carries it back when it has strayed or fallen.
 
     Parameters
     ----------
     release_height_m : float
-        Height of the feet above the floor at which the hopper is let go, at rest and level.
+        Height of the feet above the floor at which it is let go, at rest and level.
     release_spread_m : float
         It is let go within this distance of the centre, in x and in y.
     arena_m : float
-        The hopper is carried back at the first apex farther than this from the centre, in x or y.
+        It is carried back at the first apex farther than this from the centre, in x or y.
     carry_s : float
         How long that takes.
     hop_limit_s : float
@@ -113,7 +111,7 @@ class MarkerOptions:
     body_m : tuple of (x, y, z)
         Body markers, body frame.
     boom_m : (x, y, z)
-        Boom marker relative to the counterweight, body axes.
+        Boom marker relative to the end of the boom, body axes.
     retraction_s : float
         Time in which a leg extended at lift-off comes back to its rest length.
     """
@@ -124,18 +122,29 @@ class MarkerOptions:
 
 
 def from_mapping(kind: type[Options], values: Mapping[str, Any] | None, where: str) -> Options:
-    """Build options from a mapping of some of their fields; the others keep their defaults.
+    """Build options, and those within them, from a mapping of some fields; others keep defaults.
 
     Raises
     ------
     ConfigError
         If a key is not a field of `kind`.
     """
-    names = [f.name for f in fields(kind)]  # type: ignore[arg-type]
-    for key in values or {}:
-        if key not in names:
-            raise ConfigError(f"{where}.{key}: no such key{did_you_mean(key, names)}")
-    return kind(**{key: _frozen(value) for key, value in (values or {}).items()})
+    known: dict[str, Any] = {one.name: one.default_factory for one in fields(kind)}  # type: ignore[arg-type]
+    refuse_unknown(values or {}, known, where)
+    built = {
+        key: from_mapping(known[key], value, f"{where}.{key}")
+        if is_dataclass(known[key])
+        else _frozen(value)
+        for key, value in (values or {}).items()
+    }
+    return kind(**built)
+
+
+def refuse_unknown(values: Iterable[str], known: Iterable[str], where: str) -> None:
+    """Raise a ConfigError that names the first key that is not known."""
+    for key in values:
+        if key not in known:
+            raise ConfigError(f"{where}.{key}: no such key{did_you_mean(key, known)}")
 
 
 def require(holds: bool, key: str, expected: str, found: Any) -> None:
@@ -162,7 +171,7 @@ class Trial:
     states : (N, 12) array
         State at each frame.
     boom : (N, 3) array
-        Place of the counterweight at each frame, body frame, m.
+        Place of the boom at each frame, body frame, m; (N, 0) without one.
     hops : tuple of Hop
         Hops that ended before the last frame, in order.
     hop_start_s : (L,) array
@@ -206,7 +215,7 @@ class Tape:
         return np.maximum(np.arange(self.n_frames, last) / self.rate_hz - self.clock, 0.0)
 
     def add_frames(self, states: FloatArray, boom: FloatArray) -> None:
-        """Keep the states and the places of the counterweight of the next frames."""
+        """Keep the states and the places of the boom of the next frames."""
         self.states.append(states)
         self.boom.append(boom)
         self.n_frames += len(states)
@@ -225,14 +234,12 @@ class Tape:
         when, up = np.full(len(legs), self.clock), np.zeros(len(legs), dtype=bool)
         self.events.append((when, legs, up, np.tile(state, (len(legs), 1))))
 
-    def carry(
-        self, hop: Hop, release: FloatArray, carry_s: float, parameters: HopperParameters
-    ) -> None:
-        """Log the operator's handling after a hop; the counterweight stays where it is."""
+    def carry(self, hop: Hop, release: FloatArray, carry_s: float, scene: Scene) -> None:
+        """Log the operator's handling after a hop; the boom stays where it is."""
         frames = self.frames_within(carry_s)
-        boom = counterweight_places(frames, replace(parameters, boom_swing_rad=0.0).vector())
         self.lift(hop.legs_down(), hop.end_state)
-        self.add_frames(carried(hop.end_state, release, carry_s, frames), boom)
+        states = carried(hop.end_state, release, carry_s, frames)
+        self.add_frames(states, scene.still().boom_places(frames))
         self.clock += carry_s
         self.n_carries += 1
 
@@ -270,7 +277,7 @@ def carried(
     leaving, arriving = pose_rate(state), pose_rate(release)
     blend = s * s * (3.0 - 2.0 * s)
     slide, brake = s * (1.0 - s) ** 2 * duration_s, s * s * (s - 1.0) * duration_s
-    states = np.zeros((len(s), 12))
+    states = np.zeros((len(s), N_STATES))
     states[:, :6] = start + (end - start) * blend + leaving * slide + arriving * brake
     speed = (end - start) * 6.0 * s * (1.0 - s) / duration_s
     speed += leaving * (1.0 - s) * (1.0 - 3.0 * s) + arriving * s * (3.0 * s - 2.0)
@@ -278,31 +285,28 @@ def carried(
     return states
 
 
-_TO_AND_FRO = np.array([1.0, -1.0])
-
-
 def run_trial(
-    parameters: HopperParameters,
+    scene: Scene,
     *,
     hops: int,
     rate_hz: float,
     rng: np.random.Generator,
     kicks: Kicks | None = None,
     operator: Operator | None = None,
-    control: HopperControl | None = None,
+    control: Control | None = None,
     duration_s: float = math.inf,
-    swings_rad: Iterable[float] | None = None,
+    changes: Iterable[Mapping[str, Any]] = (),
     preloads_n: FloatArray | None = None,
 ) -> Trial:
-    """Let the hopper hop so many times, or for so long, whichever ends first.
+    """Let a body hop so many times, or for so long, whichever ends first.
 
-    If the boom swings, it does so to and fro, hop by hop, unless told otherwise. A control lands
-    from the apexes of the hopper's own gait, whatever became of its last landing; see
-    `hopdata.synthesis.control_hops`.
+    A control lands from the apexes of the scene's own gait, whatever became of its last landing;
+    see `hopdata.synthesis.hops.control_hop`.
 
     Parameters
     ----------
-    parameters : HopperParameters
+    scene : Scene
+        What hops. If its boom swings, it does so to and fro, hop by hop, unless changed.
     hops : int
         Number of hops.
     rate_hz : float
@@ -311,60 +315,57 @@ def run_trial(
         Source of the kicks and of the places of release.
     kicks, operator : optional
         Disturbances and handling; the defaults of their classes if absent.
-    control : HopperControl, optional
-        What lands; by default the hopper itself.
+    control : Control, optional
+        What lands; by default the scene itself.
     duration_s : float
         Cut the trial at this time, s.
-    swings_rad : iterable of float, optional
-        Swing of the boom in the flight of each hop, rad; the trial ends with them.
+    changes : iterable of mapping, optional
+        Parameters of the scene that are other ones in the first hop, the second, and so on.
     preloads_n : (n,) array, optional
-        Preload of each leg but for chance, N; by default that of the parameters.
+        Preload of each leg but for chance, N; by default that of the scene.
     """
-    kicks, operator = kicks or Kicks(), operator or Operator()
-    if swings_rad is None:
-        swings_rad = itertools.cycle(_TO_AND_FRO * parameters.boom_swing_rad)
-    preloads = parameters.preload_n if preloads_n is None else preloads_n
+    kicks, operator, changes = kicks or Kicks(), operator or Operator(), iter(changes)
+    preloads = scene.preload_n if preloads_n is None else preloads_n
     tape = Tape(rate_hz)
-    state = _release_state(parameters, operator, rng, yaw_rad=0.0)
-    for swing in itertools.islice(swings_rad, hops):
+    state = _release_state(scene, operator, rng, yaw_rad=0.0)
+    for _ in range(hops):
         if tape.clock >= duration_s:
             break
         frames: dict[str, Any] = {
             "frame_times_s": tape.frames_within(operator.hop_limit_s),
             "limit_s": operator.hop_limit_s,
         }
-        parameters = replace(parameters, boom_swing_rad=swing)
-        chance = rng.standard_normal(parameters.n_legs)
+        scene = replace(scene, **next(changes, {}))
+        chance = rng.standard_normal(scene.n_legs)
         hop = fly_hop(
-            parameters,
+            scene,
             kicked(state, kicks, rng),
             preloads_n=preloads * (1 + kicks.preload_fraction * chance),
             **frames,
         )
-        shown = hop if control is None else control_hop(parameters, control, hop, **frames)
+        shown = hop if control is None else control_hop(scene, control, hop, **frames)
         tape.add_hop(shown)
-        state = hop.end_state
-        parameters = replace(parameters, boom_angle_rad=hop.boom_angle_rad)
+        state, scene = hop.end_state, scene.after(hop.end_time_s)
         if hop.fell or np.max(np.abs(state[:2])) > operator.arena_m:
-            state = _release_state(parameters, operator, rng, yaw_rad=hop.end_state[3])
-            tape.carry(shown, state, operator.carry_s, parameters)
+            state = _release_state(scene, operator, rng, yaw_rad=hop.end_state[3])
+            tape.carry(shown, state, operator.carry_s, scene)
         elif shown is not hop and not np.array_equal(shown.end_state, state):
-            tape.carry(shown, state, operator.carry_s, parameters)
+            tape.carry(shown, state, operator.carry_s, scene)
     return tape.trial(duration_s)
 
 
 def kicked(state: FloatArray, kicks: Kicks, rng: np.random.Generator) -> FloatArray:
     """Return the state after a random kick to velocity and angular velocity, (12,)."""
-    kick = np.zeros(12)
+    kick = np.zeros(N_STATES)
     kick[6:9] = kicks.velocity_m_s * rng.standard_normal(3)
     kick[9:12] = kicks.angular_velocity_rad_s * rng.standard_normal(3)
     return state + kick
 
 
 def _release_state(
-    parameters: HopperParameters, operator: Operator, rng: np.random.Generator, *, yaw_rad: float
+    scene: Scene, operator: Operator, rng: np.random.Generator, *, yaw_rad: float
 ) -> FloatArray:
-    state = level_state(parameters, operator.release_height_m)
+    state = level_state(scene, operator.release_height_m)
     state[:2] = operator.release_spread_m * rng.uniform(-1.0, 1.0, 2)
     state[3] = yaw_rad
     return state

@@ -18,8 +18,9 @@ from hopdata.hybrid.first_order import (
     saltation_product,
 )
 from hopdata.scenes.hopper import flight_mode, hopper_system
-from hopdata.scenes.hopper_control import HopperControl, control_system
+from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Control
 from hopdata.scenes.small import octant
 
 
@@ -119,15 +120,15 @@ def hopper_case():
 def control_case(control):
     y = np.zeros(12)
     y[2], y[6:9] = 0.27 + 2.1 * control.delay_s, [0.05, -0.03, -2.1]
-    return control_system(), y, control.vector(HOPPER), flight_mode(3, -1.0), FEET
+    return control_system(), y, HOPPER.vector(variant=control), flight_mode(3, -1.0), FEET
 
 
 CASES = {
     "octant": octant_case,
     "hopper": hopper_case,
-    "coupling": lambda: control_case(HopperControl(coupling=0.1)),
-    "delay": lambda: control_case(HopperControl(delay_s=0.005)),
-    "impulse": lambda: control_case(HopperControl(impulse=0.1)),
+    "coupling": lambda: control_case(Control(coupling=0.1)),
+    "delay": lambda: control_case(Control(delay_s=0.005)),
+    "impulse": lambda: control_case(Control(impulse=0.1)),
 }
 
 

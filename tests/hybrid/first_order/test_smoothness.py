@@ -17,8 +17,9 @@ from hopdata.hybrid.first_order.smoothness import (
     spread,
 )
 from hopdata.scenes.hopper import flight_mode, hopper_system
-from hopdata.scenes.hopper_control import HopperControl, control_system
+from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.scene import Control
 from hopdata.scenes.small import VerticalHopper, octant
 
 HOPPER = HopperParameters()
@@ -32,7 +33,7 @@ def landing_report(control=None, n_legs=3, **options):
     y[2], y[6:] = 0.27, SPEEDS
     system, params = hopper_system(n_legs), hopper.vector()
     if control is not None:
-        system, params = control_system(n_legs), control.vector(hopper)
+        system, params = control_system(n_legs), hopper.vector(variant=control)
         if control.delay_s:
             y[2], y[9:] = 0.27 + 2.1 * control.delay_s, 0.0
     feet = [f"foot{k + 1}" for k in range(n_legs)]
@@ -64,8 +65,8 @@ def test_the_hopper_takes_off_c1():
 @pytest.mark.parametrize(
     ("control", "reason", "apart"),
     [
-        (HopperControl(coupling=0.1), "accelerations are additive", 0.149),
-        (HopperControl(delay_s=0.005), "guards depend on positions only", 0.049),
+        (Control(coupling=0.1), "accelerations are additive", 0.149),
+        (Control(delay_s=0.005), "guards depend on positions only", 0.049),
     ],
 )
 def test_controls_are_event_selected_and_not_c1(control, reason, apart):
@@ -77,7 +78,7 @@ def test_controls_are_event_selected_and_not_c1(control, reason, apart):
 
 def test_the_impulse_leaves_states_that_depend_on_the_order():
     """Liveness holds, but the flow is not even continuous where the feet land together."""
-    report = landing_report(HopperControl(impulse=0.1))
+    report = landing_report(Control(impulse=0.1))
     assert report.verdict == "not event-selected"
     assert [f.condition for f in report.selection if not f.passed] == [
         "trajectories are continuous"
@@ -87,7 +88,7 @@ def test_the_impulse_leaves_states_that_depend_on_the_order():
 
 
 def test_a_control_of_no_strength_is_the_hopper():
-    assert str(landing_report(HopperControl())) == str(landing_report())
+    assert str(landing_report(Control())) == str(landing_report())
 
 
 @pytest.mark.parametrize(("state", "lock"), [([1.0, -3.0], 1), ([1.0, 3.0], -1)])
@@ -166,7 +167,7 @@ def test_a_split_can_be_given():
 
 
 def test_the_table_reads_as_a_checklist():
-    lines = str(landing_report(HopperControl(coupling=0.1))).split("\n")
+    lines = str(landing_report(Control(coupling=0.1))).split("\n")
     assert lines[0] == (
         "event-selected, not C1 (does not hold: accelerations are additive; "
         "all orders have one saltation product)"

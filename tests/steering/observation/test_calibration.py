@@ -6,7 +6,7 @@ from steered_hopper import rms, steered
 
 from hopdata.errors import AnalysisError, ConfigError
 from hopdata.rigid import rigid_fit, wrapped
-from hopdata.scenes.hopper import rotation_matrices
+from hopdata.scenes.body import rotation_matrices
 from hopdata.steering.observation.calibration import (
     algebraic_circle,
     arc_span,

@@ -2,7 +2,7 @@ import numpy as np
 from steered_hopper import rms, steered
 
 from hopdata.rigid import wrapped
-from hopdata.scenes.hopper import rotation_matrices
+from hopdata.scenes.body import rotation_matrices
 from hopdata.steering.observation.printed import phasor_poses
 from hopdata.synthesis.trial import MarkerOptions
 

@@ -193,7 +193,6 @@ COLUMNS = (
     *("map_difference", "exact_difference", "map_error", "slope"),
 )
 KINDS = {
-    "hopper": "the hopper",
     "coupling": "coupled forces",
     "impulse": "partly rigid impulses",
     "delay": "contact by velocity",
@@ -270,7 +269,7 @@ def score_scaling(table: pd.DataFrame) -> Entries:
     entries: Entries = {}
     for case in dict.fromkeys(table["case"]):
         rows = table[table["case"] == case].sort_values("scale")
-        smallest, who = rows.iloc[0], KINDS[case] + _strength(rows.iloc[0])
+        smallest, who = rows.iloc[0], KINDS.get(case, f"the {case}") + _strength(rows.iloc[0])
         at = f"at {smallest['scale']:g} of the spread, {who}"
         entries |= {
             f"scaling_slope_{case}": entry(

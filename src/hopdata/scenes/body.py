@@ -1,0 +1,85 @@
+"""A rigid body in space: its twelve states, and its attitude by yaw, pitch and roll.
+
+State: position of the origin O (world, m), yaw, pitch, roll (rad), velocity of O (world, m/s),
+angular velocity (body axes, rad/s). Rotations (z-y'-x'') take body to world coordinates,
+``R = Rz(yaw) Ry(pitch) Rx(roll)``.
+
+The compiled helpers work on scalars, so that they allocate nothing inside a vector field, and are
+compiled with the field that calls them, in whose cache they are kept.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from hopdata.arrays import FloatArray
+
+N_STATES = 12
+
+Vector = tuple[float, float, float]
+Rotation = tuple[float, float, float, float, float, float, float, float, float]
+
+
+@njit(error_model="numpy")
+def rotation_entries(yaw: float, pitch: float, roll: float) -> Rotation:
+    """Return the nine entries of R(yaw, pitch, roll), row by row; angles in rad."""
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    cp, sp = math.cos(pitch), math.sin(pitch)
+    cr, sr = math.cos(roll), math.sin(roll)
+    return (
+        cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,
+        sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
+        -sp, cp * sr, cp * cr,
+    )  # fmt: skip
+
+
+@njit(error_model="numpy")
+def euler_rates(pitch: float, roll: float, wx: float, wy: float, wz: float) -> Vector:
+    """Rates of yaw, pitch and roll, rad/s, of a body turning at (wx, wy, wz) in its own axes.
+
+    Singular at a pitch of +-pi/2.
+    """
+    cr, sr = math.cos(roll), math.sin(roll)
+    yaw_rate = (wy * sr + wz * cr) / math.cos(pitch)
+    return yaw_rate, wy * cr - wz * sr, wx + yaw_rate * math.sin(pitch)
+
+
+@njit(error_model="numpy")
+def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vector:
+    """Cross product a x b of two vectors given by their components."""
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@njit(error_model="numpy")
+def vertical_rate(y: FloatArray, dy: FloatArray, rot: Rotation) -> Vector:
+    """Rate of the vertical in body axes (last row of R), when the angles change as `dy` says."""
+    by_pitch, by_roll = dy[4], dy[5]
+    return (
+        -math.cos(y[4]) * by_pitch,
+        rot[6] * math.sin(y[5]) * by_pitch + rot[8] * by_roll,
+        rot[6] * math.cos(y[5]) * by_pitch - rot[7] * by_roll,
+    )
+
+
+def rotation_matrices(angles: FloatArray) -> FloatArray:
+    """Rotation matrices, body to world, of many attitudes.
+
+    Parameters
+    ----------
+    angles : (..., 3) array
+        Yaw, pitch and roll, rad.
+
+    Returns
+    -------
+    (..., 3, 3) array
+    """
+    (cy, cp, cr), (sy, sp, sr) = (np.moveaxis(f(angles), -1, 0) for f in (np.cos, np.sin))
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
