@@ -1,5 +1,6 @@
 """Where a choice is made by name there is one table of names, and an unknown one is an error."""
 
+from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,7 +21,6 @@ from hopdata.landings.states import assemble as pair_assembly
 from hopdata.landings.states import fits as states
 from hopdata.maps.subspaces import grassmann as baselines
 from hopdata.maps.truth import landings as landing_scores
-from hopdata.maps.verdict import judge as answer
 from hopdata.recordings import (
     external as external_contacts,
 )
@@ -44,6 +44,7 @@ from hopdata.steering.models import training as models
 from hopdata.steering.observation import calibration
 from hopdata.steering.observation import printed as printed_stances
 
+answer = import_module("hopdata.maps.verdict.judge")  # the package shows a function of that name
 ANY = SimpleNamespace()  # in the place of what is not looked at before the name is
 FORCES = {"unit": "lbf", "inverted": False}
 NONE = np.empty((0, 3))
