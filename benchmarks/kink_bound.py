@@ -38,7 +38,7 @@ def kink_bound(
     known_gravity : bool
         Whether the acceleration is known.
     compliance_s, creep_m_s : float
-        See `hopdata.landings.kink`.
+        See `hopdata.landings.contacts.kink`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What falls: the one constant of nature that several rooms need."""
+"""Types of arrays, and the one constant of nature that several rooms need."""
 
 from __future__ import annotations
 
@@ -8,6 +8,5 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-
 
 GRAVITY_M_S2 = 9.80665  # the standard acceleration of free fall (3rd CGPM, 1901)

@@ -1,1 +1,1 @@
-"""Figures: one module a figure, from tidy tables to matplotlib figures."""
+"""Figures from tidy tables; `catalogue` is the table of all of them."""

@@ -117,7 +117,7 @@ def map_errors_figure(errors: pd.DataFrame) -> Figure:
     Parameters
     ----------
     errors : DataFrame
-        Table ``map_errors``, see `hopdata.maps.truth.map_errors`.
+        Table ``map_errors``, see `hopdata.maps.truth.scaling`.
 
     Returns
     -------

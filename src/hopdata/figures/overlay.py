@@ -45,7 +45,7 @@ def contact_overlay_figure(
     Parameters
     ----------
     contacts : DataFrame
-        Table ``contact_overlay``: one row a contact, see `hopdata.landings.contact_overlay`.
+        Table ``contact_overlay``: one row a contact, see `hopdata.landings.overlay`.
     summary : DataFrame
         Table ``contact_overlay_summary``: ``recording, column, bias_s, bias_low_s, bias_high_s``.
     example : DataFrame

@@ -139,7 +139,7 @@ def recording_gaps_figure(
     gaps : DataFrame
         ``recording, marker, start_s, stop_s``, from the first frame of the recording.
     faults : DataFrame
-        ``recording, kind, marker, start_s``; kinds as in `hopdata.figures.gap_timeline`.
+        ``recording, kind, marker, start_s``; kinds as in `hopdata.figures.quality`.
     """
     if gaps.empty and faults.empty:
         return message_figure("Every marker was seen in every frame, and no faults were found.")

@@ -46,7 +46,7 @@ def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> Non
         Markers of the run in evenly spaced frames: ``time_s, marker, x_m, y_m, z_m``; body markers,
         and the boom's as ``boom``.
     curves : DataFrame
-        The same run's stances, as for `hopdata.figures.steering_run`: the rows of "measured".
+        The same run's stances, as for `hopdata.figures.steering`: the rows of "measured".
 
     Raises
     ------

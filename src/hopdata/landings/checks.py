@@ -66,11 +66,11 @@ def check_study(
     Parameters
     ----------
     markers, faults : DataFrame
-        As from `hopdata.recordings.quality.tables`.
+        As from `hopdata.recordings.quality.inspection`.
     touchdowns : DataFrame
         The study's table of touchdowns.
     stability, drift : DataFrame
-        As from `.stability.section_stability` and `.drift.drift_table`.
+        As from `hopdata.landings.stability`.
     expected_noise_m : float, optional
         Noise of a marker's coordinate that the recording system is known to have, m.
     other_feet : bool

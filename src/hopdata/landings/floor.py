@@ -192,8 +192,8 @@ def fit_floor(
     Notes
     -----
     Dissertation Sec. 2.2.1 (compensation of the slight curvature of the floor). Rests
-    above the floor are left out (`hopdata.landings.raised`), then robust regression by iteratively
-    reweighted least squares (`hopdata.landings.robust_regression`).
+    above the floor are left out (`hopdata.landings.floor`), then robust regression by iteratively
+    reweighted least squares (`hopdata.landings.floor_surface.robust_regression`).
     """
     if not 0 <= degree <= 8:
         raise ValueError(f"degree: expected 0 to 8, found {degree}")

@@ -137,7 +137,7 @@ def section_stability(
     Parameters
     ----------
     recordings : sequence of Recording
-        Levelled, as `hopdata.landings.sections.select_sections` takes them.
+        Levelled, as `hopdata.landings.sections.select.select_sections` takes them.
     sections : Sections
         Those chosen from all, the first row.
     options : mapping

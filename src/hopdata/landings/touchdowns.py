@@ -222,7 +222,7 @@ def touchdown_table(
     pre_height_m, post_height_m : float
         The sections: mean height of the body markers, m.
     method, gravity, window_before_s, window_after_s, maximum_misfit
-        See `hopdata.landings.contacts.find_contacts`.
+        See `hopdata.landings.contacts.find.find_contacts`.
     down_height_m : float, optional
         A foot that never sinks below this height has not landed, m. By default 15 % of the distance
         between the sections, and at least four times the noise.
@@ -230,7 +230,7 @@ def touchdown_table(
         Touchdowns whose schedule is less probable are of the class ``ambiguous``.
     ambiguous : {"keep", "pool", "exclude"}
         What becomes of these: they are used by their most probable order, or only where the order
-        does not matter (see `hopdata.landings.pair_assembly`), or left out.
+        does not matter (see `hopdata.landings.states.assemble`), or left out.
 
     Returns
     -------

@@ -207,7 +207,7 @@ def time_differences(instants: FloatArray) -> FloatArray:
 #
 # Terms up to the third order are fitted freely. Terms of the fourth order, and those of the third
 # that are different on the two sides of a double contact, would leave too little of the kinks to be
-# seen; they are shrunk, by as much as the data say (see `hopdata.maps.verdict.shrinkage`). They
+# seen; they are shrunk, by as much as the data say (see `hopdata.maps.verdict.model`). They
 # come
 # in two groups, each with a size of its own: terms that change at a double contact or hold contact
 # instants only, and products of two contact instants and two inputs.

@@ -224,7 +224,7 @@ def bootstrap_prediction(
     Notes
     -----
     An affine map is fitted only where the training set is large enough for it (see
-    `.populations.needed_training`); otherwise it is noted and left out. Few landings
+    `needed_training`); otherwise it is noted and left out. Few landings
     never raise: an empty table with its notes is a result too.
     """
     x, y = np.asarray(x, float), np.asarray(y, float)

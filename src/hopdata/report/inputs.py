@@ -43,7 +43,7 @@ def render_caption(template: str, facts: Mapping[str, Any], *, name: str) -> Cap
         Jinja text: a line ``# Title``, then paragraphs; one that begins with ``Alt:`` describes
         the picture for those who cannot see it.
     facts : mapping
-        As given by `hopdata.report.facts.study_facts`.
+        As given by `hopdata.report.page.study_facts`.
     name : str
         Name of the figure: the title and alternative text of a caption that has none, and the
         place in error messages.
@@ -195,7 +195,7 @@ class ReportInputs:
 
 
 class Described(Protocol):
-    """What the page says of a recording; `hopdata.recordings.recording.Recording` has it all."""
+    """What the page says of a recording; `hopdata.recording.Recording` has it all."""
 
     @property
     def name(self) -> str:

@@ -172,7 +172,7 @@ class SectionJacobians:
     schedules : tuple of str
         Names such as ``"2>3>1"``.
     maps : (S, 11, 8) array
-        Derivatives of the outcome by the input: see `hopdata.synthesis.section_coordinates`.
+        Derivatives of the outcome by the input: see `hopdata.synthesis.landings`.
     x : (8,) array
         Input of the trajectory.
     y : (S, 11) array

@@ -44,7 +44,7 @@ class Contacts:
     instant, se : (L, n) array
         Contact instant and its standard error, s; NaN where none was found.
     status : (L, n) int array
-        Codes of `hopdata.landings.approach`: ``LANDED``, or why there is no instant to trust.
+        Codes of `hopdata.landings.contacts.descents`: ``LANDED``, or why there is no instant to trust.
     noise_m : float
         Standard deviation of a foot's height in this recording, m.
     """
@@ -57,7 +57,7 @@ class Contacts:
 
 @dataclass(frozen=True)
 class _Descents:
-    """What every method looks at: see `find_contacts` and `hopdata.landings.approach`."""
+    """What every method looks at: see `find_contacts` and `hopdata.landings.contacts.descents`."""
 
     time: FloatArray
     heights: FloatArray

@@ -232,7 +232,7 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
     noise_m : float
         Standard deviation of a height, m.
     gravity : {"learned", "free", "known"}
-        See `hopdata.landings.contacts.find_contacts`.
+        See `hopdata.landings.contacts.find.find_contacts`.
     """
     law = Law(weak_priors(feet.heights.shape[1], gravity), noise_m)
     alone = feet.first_fits(near, law)

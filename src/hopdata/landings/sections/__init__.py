@@ -1,1 +1,1 @@
-"""Moved."""
+"""The two Poincare sections: ground modes, the frames that count, the heights."""

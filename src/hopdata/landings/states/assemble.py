@@ -177,7 +177,7 @@ def assemble_pairs(
     home_marker : str, optional
         Body marker on the x axis of the home frame; the first one by default.
     method, window_s, gravity
-        See `hopdata.landings.states.section_states`.
+        See `hopdata.landings.states.fits.section_states`.
     ambiguous : {"keep", "pool", "exclude"}
         With ``pool``, touchdowns of the class ``ambiguous`` get no schedule: they serve where the
         order of the contacts does not matter.

@@ -140,7 +140,7 @@ def together(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit all landings at once: about free fall before the contacts, smooth after them.
 
     Accelerations and beyond are drawn from a population that is learned from the landings (see
-    `hopdata.landings.coefficients`). Each degree gets the widest window in which it fits; of these
+    `hopdata.landings.states.coefficients`). Each degree gets the widest window in which it fits; of these
     the one that expects the smallest errors of velocities is taken.
     """
     found = [_drawn(tracks, degree, width) for degree, width in _choices(tracks, window_s)]
@@ -256,7 +256,7 @@ def section_states(
     window_s : float, optional
         Frames used on either side of the crossing by the split fit, s; on the free side it is
         widened until the frames suffice. By default as wide as polynomials fit (see
-        `hopdata.landings.section_fits.widest`).
+        `hopdata.landings.states.fits.widest`).
     gravity : {"auto", "known", "free"}
         Flight before the contacts as straight lines under gravity (`known`), or with an
         acceleration of its own for each marker and landing (`free`). `auto` learns from all

@@ -85,7 +85,7 @@ def marker_noise(states: FloatArray, shape: FloatArray) -> MarkerNoise:
     states
         (n, 6B) positions, m, and velocities, m/s.
     shape
-        (B, 3) markers in the body, m; see `hopdata.maps.rigid.body_shape`.
+        (B, 3) markers in the body, m; see `hopdata.rigid.body_shape`.
 
     Raises
     ------

@@ -4,7 +4,7 @@ Ordinary least squares errs twice. Noise of the inputs pulls its coefficients to
 in variables; Fuller 1987), and at a finite spread of the landings it is a secant of a curved map,
 not its derivative. Each can be corrected, and both.
 
-All is in the coordinates of a rigid body on a section: 8 inputs, 11 outputs (`hopdata.maps.rigid`).
+All is in the coordinates of a rigid body on a section: 8 inputs, 11 outputs (`hopdata.maps.coordinates`).
 """
 
 from __future__ import annotations

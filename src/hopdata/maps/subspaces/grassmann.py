@@ -207,7 +207,7 @@ def projection_f(angles: FloatArray) -> FloatArray:
     return _norm(np.sin(angles))
 
 
-#: Name -> function of (..., k) principal angles in rad, as `.grassmann` finds them.
+#: Name -> function of (..., k) principal angles in rad, as `principal_angles` finds them.
 DISTANCES: dict[str, Callable[[FloatArray], FloatArray]] = {
     "arc_length": arc_length_of,
     "chordal_f": chordal_f,

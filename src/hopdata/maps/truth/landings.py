@@ -64,7 +64,7 @@ def _mean_instant(instants: FloatArray) -> FloatArray:
 
 
 class TruthOfRecording(Protocol):
-    """What scoring reads of `hopdata.recordings.truth.Truth`."""
+    """What scoring reads of `hopdata.recording.Truth`."""
 
     contact_times: FloatArray
     complete: NDArray[np.bool_]
@@ -75,7 +75,7 @@ class TruthOfRecording(Protocol):
 
 
 class Floor(Protocol):
-    """What scoring asks of `hopdata.landings.surface.FloorModel`."""
+    """What scoring asks of `hopdata.landings.floor_surface.FloorModel`."""
 
     def height(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
         """Height of the floor at places (x, y), m."""

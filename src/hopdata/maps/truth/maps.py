@@ -5,7 +5,7 @@ attitude that the study has seen. Neighbours of the landing at which the exact m
 a little in one coordinate, carry them over.
 
 The error of a map is a relative difference of predictions for the study's true inputs
-(`hopdata.maps.truth.map_differences`), outputs as displacements of the markers.
+(`hopdata.maps.truth.maps`), outputs as displacements of the markers.
 """
 
 from __future__ import annotations
@@ -189,7 +189,7 @@ def marker_states(coordinates: FloatArray, shape: FloatArray) -> FloatArray:
     Parameters
     ----------
     coordinates
-        (n, 11), see `hopdata.maps.rigid.OUTPUT_NAMES`: place and heading in the plane, and the
+        (n, 11), see `hopdata.maps.coordinates.OUTPUT_NAMES`: place and heading in the plane, and the
         inputs, with velocities in the frame of the plane.
     shape
         (B, 3) markers in the body, centred, m.

@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 # How close linear maps fitted to landings come to the exact ones.
 #
 # Landings are those of a simulated study, as measured and as they truly were. Maps take the eight
-# coordinates of the body at the pre section to eleven at the post section (`hopdata.maps.rigid`),
+# coordinates of the body at the pre section to eleven at the post section (`hopdata.maps.coordinates`),
 # in
 # the axes of the true body. Errors are relative differences of predictions for the study's inputs
-# (`hopdata.maps.truth.map_differences`), outputs as displacements of the markers
+# (`hopdata.maps.truth.maps`), outputs as displacements of the markers
 # in the study's unit of time, as the errors of Fig. 2.4 are.
 
 Coordinates = tuple[FloatArray, FloatArray]
@@ -67,7 +67,7 @@ def map_error_table(
     Parameters
     ----------
     pairs, true, rows
-        See `hopdata.maps.truth.state_errors.true_rows`.
+        See `hopdata.maps.truth.landings.true_rows`.
     exact
         Content of ``exact_maps.json``.
     time_unit_s

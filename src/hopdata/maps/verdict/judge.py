@@ -1,6 +1,6 @@
 """The verdict: one smooth map through the landing, a map for every contact order, or no answer.
 
-What decides is the test of the kinks (`significance`); the size of the difference and what could
+What decides is the test of the kinks (`test`); the size of the difference and what could
 have been excluded or seen stand beside it (`effect`).
 """
 

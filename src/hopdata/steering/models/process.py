@@ -207,7 +207,7 @@ class FrameChangeProcess:
     Parameters
     ----------
     smoothness : float
-        See `hopdata.steering.models.kernels`.
+        See `hopdata.steering.models.process`.
     periodic : bool
         Whether boom angles are compared by points on the circle.
     inputs : (m, d) array

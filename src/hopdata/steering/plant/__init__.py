@@ -1,1 +1,0 @@
-"""Plant: the simulated hopper that is steered where there is no robot."""

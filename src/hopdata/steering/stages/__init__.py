@@ -1,1 +1,0 @@
-"""Stages: the steps of a steering study, from plain options and tables to tables."""
