@@ -145,11 +145,11 @@ def _turned(vectors: FloatArray, yaw: FloatArray) -> FloatArray:
 #
 # The flow of an event-selected system is continuous, and to first order it is linear on each mode
 # schedule (Burden et al. 2016; chapter I of the dissertation). Its maps can differ between
-# schedules
-# only in how they depend on the contact instants, and they must agree where two feet touch at once.
-# So the difference from one linear map is a continuous function of the contact instants that is
-# linear on each order of them. The functions "latest contact of a set of feet" span all of these:
-# 2^n - n - 1 for n feet. They vanish from the map exactly if it has one derivative.
+# schedules only in how they depend on the contact instants, and they must agree where two feet
+# touch at once. So the difference from one linear map is a continuous function of the contact
+# instants that is linear on each order of them. The functions "latest contact of a set of feet"
+# span all of these: 2^n - n - 1 for n feet. They vanish from the map exactly if it has one
+# derivative.
 #
 # A map that is C1 can still have second derivatives that differ between schedules. The differences
 # begin with the squares of the time between two contacts, ``d |d|``, and go on with ``|d|^3``.
@@ -207,9 +207,8 @@ def time_differences(instants: FloatArray) -> FloatArray:
 #
 # Terms up to the third order are fitted freely. Terms of the fourth order, and those of the third
 # that are different on the two sides of a double contact, would leave too little of the kinks to be
-# seen; they are shrunk, by as much as the data say (see `hopdata.maps.verdict.model`). They
-# come
-# in two groups, each with a size of its own: terms that change at a double contact or hold contact
+# seen; they are shrunk, by as much as the data say (see `hopdata.maps.verdict.model`). They come in
+# two groups, each with a size of its own: terms that change at a double contact or hold contact
 # instants only, and products of two contact instants and two inputs.
 
 #: Landings wanted for each free term.

@@ -111,8 +111,7 @@ current, stop_catching = _caught.get, _caught.reset
 # A trampoline is a compiled function of the same signature, so the driver calls it like any other.
 # It takes the interpreter's lock, hands over arrays that are the driver's own memory, and calls the
 # Python function. Numba's object mode does the same in half as much time again, and takes five
-# times
-# longer to compile.
+# times longer to compile.
 
 DTYPES = {types.float64: np.dtype(np.float64), types.int64: np.dtype(np.int64)}
 # A NaN that no arithmetic makes, by which an element that was not filled is told from a NaN.

@@ -31,8 +31,7 @@ from hopdata.hybrid.compiled.memory import INDEX, View, lower_row
 # A compiler that does not know that two blocks of a table are apart must write each sum to memory
 # before it reads the next factor. Here rows are loaded as vectors once, and stay in registers. Sums
 # are taken in the order of the indices, each product and sum rounded once (see `fused`), whatever
-# the
-# width of the machine's vectors.
+# the width of the machine's vectors.
 
 DOUBLE, BLOCKS_INDEX, LANE = ir.DoubleType(), ir.IntType(64), ir.IntType(32)
 ALIGNMENT = 8  # of a row, in bytes

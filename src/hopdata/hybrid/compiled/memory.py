@@ -227,9 +227,8 @@ address_of: Any = _address_of
 #
 # A named tuple of views is handed to a compiled function as one number after the other, thirty for
 # the driver's memory: a call costs more than what is called. A record is one address, whatever is
-# in
-# it. Its items stay the same while the code that reads them runs, so that the compiler may read one
-# once and keep it, though it cannot know what the stores in between change.
+# in it. Its items stay the same while the code that reads them runs, so that the compiler may read
+# one once and keep it, though it cannot know what the stores in between change.
 
 Tuple = TypeVar("Tuple", bound=tuple[Any, ...])
 

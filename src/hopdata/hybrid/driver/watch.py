@@ -214,8 +214,8 @@ def gather_coming(p: Problem, m: Memory, dt: float) -> int:
 #
 # A step that spans an event is good only up to there, and the farther past it reaches, the more of
 # it is lost, and the more guards seem to flip in it. So the step is clipped to a little more than
-# the
-# time in which the nearest guard will flip: by its value, its rate, and the bend of the last step.
+# the time in which the nearest guard will flip: by its value, its rate, and the bend of the last
+# step.
 
 SOON = 4.0  # times the last two events' distance: the next flip is first looked for within this
 OVERSHOOT = 1.2  # past the predicted flip, so that the step finds it if the guess was a bit short

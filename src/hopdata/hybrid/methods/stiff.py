@@ -247,14 +247,11 @@ H = np.array(
 # One step of the Rosenbrock method Rodas5P, for modes that are too stiff for explicit methods.
 #
 # Eight linear systems with one matrix; no iteration. L-stable and stiffly accurate: however
-# strongly
-# a contact is damped, only accuracy limits the step.
+# strongly a contact is damped, only accuracy limits the step.
 #
 # `step` and `interpolant` are templates: FIELD, N, FILL_JACOBIAN and TIME_DERIVATIVE are put in,
-# the
-# last two being specialised functions of `differences`. The field evaluations of a step, which
-# vary,
-# are left in INFO, and the Jacobian at its start in the rows from JAC on.
+# the last two being specialised functions of `differences`. The field evaluations of a step, which
+# vary, are left in INFO, and the Jacobian at its start in the rows from JAC on.
 
 NAME = "rosenbrock"
 EVALUATIONS = STAGES + 1  # with a given Jacobian and a field that does not depend on time

@@ -191,13 +191,11 @@ def tangent_template(tableau: Tableau, known: dict[str, Any]) -> FunctionType:
 # The flow's Jacobian over a short step, along the interpolant of the state: of order four.
 #
 # Phi' = A(t) Phi, where A, the field's derivative, is taken at the two Gauss points of the step and
-# a
-# straight line between them: its integral and its first moment, on which alone order four depends,
-# are then right (Blanes, Casas, Oteo, Ros 2009, section 5.2). The linear equation is stepped over
-# by
-# the classical Runge-Kutta method. Two evaluations of A and four products do the work of one each
-# for
-# each stage of a method, and the stages need not be those of a step that ends where the flip is.
+# a straight line between them: its integral and its first moment, on which alone order four
+# depends, are then right (Blanes, Casas, Oteo, Ros 2009, section 5.2). The linear equation is
+# stepped over by the classical Runge-Kutta method. Two evaluations of A and four products do the
+# work of one each for each stage of a method, and the stages need not be those of a step that ends
+# where the flip is.
 #
 # The driver puts the states at the two points into the rows SCRATCH and SLOPE.
 

@@ -62,8 +62,7 @@ def fastest_motion(table: FloatTable, first: int) -> float:
 #
 # Each term needs the one before it, so a step takes as long as this chain of products. For a small
 # system it is written out: matrix and term are numbers that stay in the processor's registers. For
-# a
-# larger one they are rows of the table, in loops. Both come from the same lines.
+# a larger one they are rows of the table, in loops. Both come from the same lines.
 #
 # The chain is of the derivatives times powers of the step; each is divided by its factorial beside
 # the chain, not within it.

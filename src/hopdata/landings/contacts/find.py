@@ -44,7 +44,8 @@ class Contacts:
     instant, se : (L, n) array
         Contact instant and its standard error, s; NaN where none was found.
     status : (L, n) int array
-        Codes of `hopdata.landings.contacts.descents`: ``LANDED``, or why there is no instant to trust.
+        Codes of `hopdata.landings.contacts.descents`: ``LANDED``, or why no instant is to be
+        trusted.
     noise_m : float
         Standard deviation of a foot's height in this recording, m.
     """

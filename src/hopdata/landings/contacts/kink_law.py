@@ -15,8 +15,7 @@ from hopdata.landings.contacts.kink import FlightPriors, KinkFits, kink_fits
 # What the kink fits of a recording say about its feet: noise, laws of flight and stance.
 #
 # Empirical Bayes: the distribution of an entry of the law over all landings is the prior of its
-# value
-# in each.
+# value in each.
 
 Part = tuple[FloatArray, FloatArray, float, float]  # posteriors of an entry, and its prior
 Distribution = tuple[float, float] | None  # mean and sd; None where too little is known

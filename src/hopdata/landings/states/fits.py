@@ -140,8 +140,8 @@ def together(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit all landings at once: about free fall before the contacts, smooth after them.
 
     Accelerations and beyond are drawn from a population that is learned from the landings (see
-    `hopdata.landings.states.coefficients`). Each degree gets the widest window in which it fits; of these
-    the one that expects the smallest errors of velocities is taken.
+    `hopdata.landings.states.coefficients`). Each degree gets the widest window in which it fits; of
+    these the one that expects the smallest errors of velocities is taken.
     """
     found = [_drawn(tracks, degree, width) for degree, width in _choices(tracks, window_s)]
     known = [each for each in found if each is not None]

@@ -4,7 +4,8 @@ Ordinary least squares errs twice. Noise of the inputs pulls its coefficients to
 in variables; Fuller 1987), and at a finite spread of the landings it is a secant of a curved map,
 not its derivative. Each can be corrected, and both.
 
-All is in the coordinates of a rigid body on a section: 8 inputs, 11 outputs (`hopdata.maps.coordinates`).
+All is in the coordinates of a rigid body on a section: 8 inputs, 11 outputs
+(`hopdata.maps.coordinates`).
 """
 
 from __future__ import annotations
@@ -27,8 +28,7 @@ from hopdata.maps.corrected.marker_noise import InputErrors, calibration
 # term this is the moment correction of Fuller (1987). Inputs and their errors are taken as normal.
 #
 # The largest second-order terms of a landing are not products of inputs but ``d |d|``, the squares
-# of
-# the times between two contacts with the sign of their order: a map that is C1 may have them.
+# of the times between two contacts with the sign of their order: a map that is C1 may have them.
 
 #: Landings wanted for each term. Cubic terms of p inputs multiply the variance of a derivative by
 #: 1 + (p + 2) / 2: they are worth it only where landings are many.

@@ -81,8 +81,7 @@ def _ordered(a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
 #
 # The dissertation compares with "noised identical matrices ... with a signal-to-noise ratio of 10"
 # (Sec. 2.3) and does not say what is noised or how the ratio is counted. `READINGS` has every way
-# to
-# read it; the one that is taken for Fig. 2.5 gives distances like the printed ones.
+# to read it; the one that is taken for Fig. 2.5 gives distances like the printed ones.
 
 # Powers of the ratio, and of the number of rows, by which the noise of an entry goes.
 RATIOS = {"amplitude": -1.0, "power": -0.5}
@@ -168,8 +167,7 @@ def random(generator: np.random.Generator, shape: tuple[int, int], count: int) -
 #
 # All are functions of the principal angles. In the names of that paper; others call the chordal
 # F-norm the Procrustes distance (the least ``norm(a q - b)`` over rotations q), the projection
-# F-norm
-# the chordal distance, and the projection 2-norm the gap.
+# F-norm the chordal distance, and the projection 2-norm the gap.
 
 
 def arc_length_of(angles: FloatArray) -> FloatArray:

@@ -58,9 +58,8 @@ def quantile(values: NDArray[Any], fraction: float) -> float:
 # How far linear maps are from each other, for the inputs that a study has.
 #
 # A difference counts by what it does to predictions: its rms over the inputs, relative to the rms
-# of
-# what a map predicts, with each output in its own unit. It has no unit and does not change with the
-# coordinates of the inputs.
+# of what a map predicts, with each output in its own unit. It has no unit and does not change with
+# the coordinates of the inputs.
 
 
 def input_root(x: FloatArray) -> FloatArray:
@@ -189,8 +188,8 @@ def marker_states(coordinates: FloatArray, shape: FloatArray) -> FloatArray:
     Parameters
     ----------
     coordinates
-        (n, 11), see `hopdata.maps.coordinates.OUTPUT_NAMES`: place and heading in the plane, and the
-        inputs, with velocities in the frame of the plane.
+        (n, 11), see `hopdata.maps.coordinates.OUTPUT_NAMES`: place and heading in the plane, and
+        the inputs, with velocities in the frame of the plane.
     shape
         (B, 3) markers in the body, centred, m.
     """

@@ -35,11 +35,10 @@ if TYPE_CHECKING:
 # How close linear maps fitted to landings come to the exact ones.
 #
 # Landings are those of a simulated study, as measured and as they truly were. Maps take the eight
-# coordinates of the body at the pre section to eleven at the post section (`hopdata.maps.coordinates`),
-# in
-# the axes of the true body. Errors are relative differences of predictions for the study's inputs
-# (`hopdata.maps.truth.maps`), outputs as displacements of the markers
-# in the study's unit of time, as the errors of Fig. 2.4 are.
+# coordinates of the body at the pre section to eleven at the post section
+# (`hopdata.maps.coordinates`), in the axes of the true body. Errors are relative differences of
+# predictions for the study's inputs (`hopdata.maps.truth.maps`), outputs as displacements of the
+# markers in the study's unit of time, as the errors of Fig. 2.4 are.
 
 Coordinates = tuple[FloatArray, FloatArray]
 

@@ -15,10 +15,8 @@ from hopdata.maps.coordinates import ALL_SETS_UP_TO, free_terms, kinks, shrunk_t
 #
 # Per output the coefficients of each of two groups of shrunk terms are taken as normal with one
 # variance for the group. Their ratios to the variance of the noise are found from what the free
-# terms
-# and the kinks leave over (Patterson and Thompson 1971). Where the data show no such terms the
-# ratio
-# is zero, and they cost nothing; where they show them, they count as one more source of
+# terms and the kinks leave over (Patterson and Thompson 1971). Where the data show no such terms
+# the ratio is zero, and they cost nothing; where they show them, they count as one more source of
 # uncertainty.
 
 _RATIOS = np.concatenate([[0.0], np.logspace(-5, 1.5, 80)])

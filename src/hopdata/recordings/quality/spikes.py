@@ -12,8 +12,7 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 # How far positions are from what the frames before them, and those after them, let expect.
 #
 # A contact bends a track, so one of the two sides still predicts every frame. A spike is foreseen
-# by
-# neither side; a step is a miss of both sides in one and the same direction.
+# by neither side; a step is a miss of both sides in one and the same direction.
 
 LONGEST_SPIKE = 3  # frames
 # A miss is gross above the marker's own 99.9 % quantile, the more so the heavier its tail (quantile

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 # Datasets and attributes of HDF5 files that may be damaged: none is read before it is looked at.
 #
 # The library that reads HDF5 believes what a file says of itself: it would make an array of any
-# size,
-# and follow a type that is none into memory that is not its own.
+# size, and follow a type that is none into memory that is not its own.
 
 _DEFLATE_MOST = 1032  # no byte of deflated data gives more bytes than that
 NUMBER_BYTES = 8  # what a number takes that is read, however it is stored

@@ -258,9 +258,9 @@ def find_labels(wanted: Sequence[str], labels: Sequence[str]) -> list[int]:
 # Bytes are screened before the client of the protocol sees them.
 #
 # The client trusts what it is sent: a header that says "0 bytes" makes it read that packet for
-# ever,
-# an unknown event or a damaged component ends its connection, and an absurd size makes it wait for
-# data that never come. So whole packets are cut out here and checked, and it gets sound ones only.
+# ever, an unknown event or a damaged component ends its connection, and an absurd size makes it
+# wait for data that never come. So whole packets are cut out here and checked, and it gets sound
+# ones only.
 
 LOOK_AGAIN_S = 0.02
 

@@ -231,8 +231,7 @@ def training_table(process: FrameChangeProcess) -> pd.DataFrame:
 #
 # The mean of a process of which no hyper-parameter is fitted depends on the ratio of noise to
 # variance alone, not on the units. Once the length scale is fitted and the variance is not, the
-# units
-# decide.
+# units decide.
 
 _FITTED = replace(PRINTED, length_scale=None, noise=None)
 READINGS: Mapping[str, ProcessOptions] = {

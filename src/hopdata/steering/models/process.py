@@ -46,15 +46,13 @@ def input_rows(inputs: tuple[ArrayLike, ...], wanted: int) -> FloatArray:
 
 # Covariance functions of boom angle, swing and what came before.
 #
-# A kernel is a function of the scaled squared distance between two hops,
-# ``s = sum of (difference / length scale)^2``. In the boom angle the difference is that of the
-# angles
-# themselves, or the chord between their points on the unit circle, which makes all predictions
-# periodic without any copies of the data.
+# A kernel is a function of the scaled squared distance between two hops, ``s = sum of (difference /
+# length scale)^2``. In the boom angle the difference is that of the angles themselves, or the chord
+# between their points on the unit circle, which makes all predictions periodic without any copies
+# of the data.
 #
 # The Matern family (Rasmussen and Williams 2006, Sec. 4.2) is here for smoothness 1/2, 3/2, 5/2
-# and,
-# as its limit, the Gaussian kernel ("rbf", infinity).
+# and, as its limit, the Gaussian kernel ("rbf", infinity).
 
 SMOOTHNESSES = (0.5, 1.5, 2.5, np.inf)
 

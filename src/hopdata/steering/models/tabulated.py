@@ -149,8 +149,8 @@ def spline_changes(coefficients, limit, angles, swings):  # type: ignore[no-unty
 # What a controller asks of a model: frame changes and their gradients, for many hops at once.
 #
 # Conventions of all models: the frame change is (x, y, heading) in the frame of the first stance;
-# m,
-# m, rad. Angles in rad. The boom angle is periodic: a whole turn more gives the same frame change.
+# m, m, rad. Angles in rad. The boom angle is periodic: a whole turn more gives the same frame
+# change.
 
 COMPONENTS = ("dx", "dy", "dtheta")
 
