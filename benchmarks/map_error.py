@@ -29,7 +29,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from hopdata.landings.states.assemble import assemble_pairs
-from hopdata.landings.states.pairs import contact_instants
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.coordinates import output_weights
 from hopdata.maps.corrected.estimates import estimate_maps
@@ -85,7 +84,7 @@ def noise_rows(recording: Recording, truth: Truth, draws: int, seed: int) -> Ite
             pairs = assemble_pairs([seen], table, method=method, **heights)
             rows = errors_of_draws(
                 pairs,
-                contact_instants(pairs, table),
+                pairs.instants,
                 lambda shape: exact_map(maps, states, shape=shape, time_unit_s=TIME_UNIT_S),
                 draws,
                 seed,

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import written_files as c3d_writing
 from external_blocks import block, columns
 from written_files import parameter_bytes, write_c3d
 
@@ -11,7 +12,6 @@ from hopdata.errors import RecordingError
 from hopdata.recording import Event
 from hopdata.recordings.external import read_force_signals
 from hopdata.recordings.raw import RawRecording
-from hopdata.recordings.readers import writers as c3d_writing
 from hopdata.recordings.readers.c3d import read_analogs, read_c3d
 from hopdata.recordings.readers.c3d_parameters import (
     BLOCK,
