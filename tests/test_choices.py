@@ -36,6 +36,7 @@ from hopdata.recordings import (
 from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality import orientation as free_fall
 from hopdata.recordings.quality import orientation as length_unit
+from hopdata.scenes import SCENES
 from hopdata.steering import excitation
 from hopdata.steering.control import objectives, printed
 from hopdata.steering.experiments import tasks
@@ -193,6 +194,7 @@ CONFIGURED = {
     "figures.formats": saving.METADATA,
     "steering.excitation.method": excitation.EXCITATIONS,
     "steering.model.kernel": models.KERNELS,
+    "simulation.scene": SCENES,
 }
 
 

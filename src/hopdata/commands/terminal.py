@@ -6,11 +6,10 @@ import sys
 import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from hopdata.errors import HopdataError
 
@@ -180,7 +179,7 @@ def _unsure(is_sure: bool) -> str:
 def _rigid(inspection: Inspection) -> list[str]:
     white = MM_PER_M * inspection.typical_noise_m
     noise = f"{white:.2f} mm a coordinate from frame to frame (median of the markers)"
-    lines = _wrapped("noise", noise if np.isfinite(white) else "no five frames in a row")
+    lines = _wrapped("noise", noise if isfinite(white) else "no five frames in a row")
     for cluster in inspection.clusters:
         names = ", ".join(inspection.markers[m] for m in cluster.markers)
         noise = f"{MM_PER_M * cluster.noise:.2f} mm a coordinate by its distances"
@@ -211,6 +210,8 @@ def _gaps(inspection: Inspection) -> list[str]:
 
 def _bar(gaps: MarkerGaps, n_columns: int) -> str:
     """Draw one bar; a column is partly seen if a single frame in it is missing."""
+    import numpy as np
+
     unseen = np.zeros(gaps.n_frames, dtype=bool)
     for start, stop in gaps.stretches:
         unseen[start:stop] = True
