@@ -135,10 +135,12 @@ def test_a_class_of_five_is_left_out_by_name():
     x, y, schedule, spread = study(3, (90, 5))
     assert "1>3>2" not in set(predict(x, y, schedule, spread).errors["schedule"])
     notes = predict(x, y, schedule, spread).notes
-    assert any(note["what"].endswith("1>3>2") and "5 landings" in note["reason"] for note in notes)
+    assert any(
+        note["what"].endswith("1>3>2") and "5 touchdowns" in note["reason"] for note in notes
+    )
     found = bootstrap_subspaces(x, y, schedule, seed=1, bootstraps=4)
     assert list(found.bases) == ["1>2>3"]
-    assert "5 landings, 30 distinct ones wanted" in found.notes[0]["reason"]
+    assert "5 touchdowns, 30 distinct ones wanted" in found.notes[0]["reason"]
 
 
 def test_constant_columns_change_no_prediction_and_no_distance():

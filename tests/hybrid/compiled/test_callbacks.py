@@ -138,7 +138,7 @@ def test_what_numba_does_not_know_works_with_a_warning():
     def slow(t, y, mode, params, dy):
         dy[:] = CONSTANTS["speed"]
 
-    with pytest.warns(SlowCallbackWarning, match=r"'slow' .*test_trampoline.py:\d+"):
+    with pytest.warns(SlowCallbackWarning, match=r"'slow' .*test_callbacks.py:\d+"):
         solution = solve(System(slow, n_states=3), (0, 1), [0.0, 1.0, 2.0])
     assert not slow.compiled
     assert solution.y_end == pytest.approx([2.0, 3.0, 4.0], abs=1e-13)

@@ -40,7 +40,7 @@ def test_too_few_arguments():
             params[0] = 1.0
 
     assert "expected f(t, y, mode, params, dy)" in str(caught.value)
-    assert "test_declaration.py:" in str(caught.value)
+    assert "test_declare.py:" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -235,7 +235,7 @@ def test_reason_and_advice_in_one_line(function, reason, advice):
         assert field(function).address > 0
     assert len(seen) == 1
     text = str(seen[0].message)
-    for word in (function.__name__, "test_diagnosis.py:", reason, advice, "compiled=False"):
+    for word in (function.__name__, "test_declare.py:", reason, advice, "compiled=False"):
         assert word in text
     assert "\n" not in text
     assert seen[0].filename == __file__

@@ -103,6 +103,7 @@ def test_with_a_numba_that_lacks_a_name(monkeypatch, owner, name):
     monkeypatch.delattr(owner, name)
     spec = importlib.util.spec_from_file_location("kernels_elsewhere", kernels.__file__)
     elsewhere = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, spec.name, elsewhere)
     spec.loader.exec_module(elsewhere)
     monkeypatch.undo()
     assert elsewhere.ENTRY == {"error_model": "numpy"}

@@ -44,7 +44,7 @@ def stepper(a, b, y, **options):
     """A stepper at t = 0 for y' = a y + b."""
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     n = len(b)
-    method = SimpleNamespace(**vars(taylor), step=series.step_function(n), ORDER=series.ORDER)
+    method = SimpleNamespace(**{**vars(taylor), "step": series.step_function(n)})
     made = CODES.setdefault(n, Stepper(method, affine_field, n, AFFINE=affine))
     made.s[:] = np.nan
     made.params = np.concatenate([a.ravel(), b])
