@@ -7,7 +7,13 @@ from collections.abc import Iterable
 
 
 class HopdataError(Exception):
-    """Base of every error that hopdata raises for a mistake in its input."""
+    """Base of every error that hopdata raises for a mistake in its input.
+
+    Its arguments are the lines of the message, whatever characters the names in them have.
+    """
+
+    def __str__(self) -> str:
+        return "\n".join(printable(str(line)) for line in self.args)
 
 
 class ConfigError(HopdataError):
@@ -20,6 +26,11 @@ class RecordingError(HopdataError):
 
 class AnalysisError(HopdataError):
     """The data are sound but do not suffice for the analysis asked for."""
+
+
+def printable(text: str) -> str:
+    """Return a text of a user as it can stand in a message: one line, nothing that steers."""
+    return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)
 
 
 def did_you_mean(name: str, choices: Iterable[str]) -> str:

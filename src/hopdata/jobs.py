@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import logging
 import os
+import re
 import sys
 import traceback
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,8 @@ TEXT_COLUMNS = (
     *("recording", "schedule", "schedule_a", "schedule_b", "reason"),
     *("foot", "first_foot", "feet", "marker", "column", "name"),
 )
+RUN = "[=+\\-@\t\r\n＝＋－＠]"  # beginnings of a text that a spreadsheet may run as a formula
+_RUN, _GUARDED = re.compile(f"'*{RUN}"), re.compile(f"'+{RUN}")
 DIGITS, MOST_DIGITS = 9, 16
 LATE_S = 1e3  # instants (columns in "_s") after it need more digits than 9
 
@@ -87,12 +90,31 @@ def read_json(path: str | Path) -> Any:
 
 
 def write_table(path: str | Path, table: pd.DataFrame) -> None:
-    """Write a table as CSV, whole or not at all, with 9 digits, late instants with 16."""
+    """Write a table as CSV, whole or not at all, with 9 digits, late instants with 16.
+
+    What a spreadsheet would run has an apostrophe before it, which `read_table` takes off.
+    """
+    table = _changed(table, guarded)
     exact = {name: _printed(table[name]) for name in table.columns if _is_late(table[name])}
     with whole_file(path) as temporary:
         table.assign(**exact).to_csv(
             temporary, index=False, float_format=f"%.{DIGITS}g", lineterminator="\n"
         )
+
+
+def guarded(cell: object) -> object:
+    """Put an apostrophe before a text that a spreadsheet would run; others stay as they are."""
+    return f"'{cell}" if isinstance(cell, str) and _RUN.match(cell) else cell
+
+
+def _unguarded(cell: object) -> object:
+    return cell[1:] if isinstance(cell, str) and _GUARDED.match(cell) else cell
+
+
+def _changed(table: pd.DataFrame, change: Callable[[object], object]) -> pd.DataFrame:
+    """Change the texts of a table, the names of its columns too."""
+    texts = table.select_dtypes(["object", "str"]) if len(table) else ()
+    return table.assign(**{name: table[name].map(change) for name in texts}).rename(columns=change)
 
 
 def _is_late(column: pd.Series) -> bool:
@@ -115,7 +137,7 @@ def read_table(path: str | Path) -> pd.DataFrame:
     table = pd.read_csv(  # a recording may be called NA; an empty cell alone is a missing value
         path, dtype=dict.fromkeys(text, str), keep_default_na=False, na_values=[""]
     )
-    return table.assign(**{name: table[name].fillna("") for name in text})
+    return _changed(table.assign(**{name: table[name].fillna("") for name in text}), _unguarded)
 
 
 def read_tables(paths: Iterable[str | Path]) -> pd.DataFrame:

@@ -212,7 +212,7 @@ REPLACED = {
     "recordings: a space in the name": (
         ("name: one", "name: day one"),
         "3: recordings[0].name: expected text (letters, digits, `_` and `-`, "
-        "a letter or digit first), found 'day one'",
+        "a letter or digit first, at most 100), found 'day one'",
     ),
     "recordings: the wrong file name": (
         ("file: one.tsv", "file: on.tsv"),

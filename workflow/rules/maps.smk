@@ -112,7 +112,7 @@ rule true_sections:
         f"{RESULTS}/benchmarks/true_sections.tsv"
     params:
         recordings=RECORDINGS,
-        body=STUDY["markers"]["body"],
+        markers=STUDY["markers"],
         code=code("true_sections"),
     script:
         "../scripts/true_sections.py"
@@ -136,7 +136,7 @@ rule map_errors:
         f"{RESULTS}/benchmarks/map_errors.tsv"
     params:
         recordings=RECORDINGS,
-        feet=STUDY["markers"]["feet"],
+        markers=STUDY["markers"],
         seed=STUDY["seed"],
         code=code("map_errors"),
     script:
@@ -157,7 +157,7 @@ rule scaling_study:
     threads: workflow.cores
     params:
         options=STUDY["scaling_study"],
-        body=STUDY["markers"]["body"],
+        markers=STUDY["markers"],
         code=code("scaling_study"),
     script:
         "../scripts/scaling_study.py"
@@ -262,7 +262,7 @@ rule score:
     params:
         methods=SCORED_METHODS,
         recordings=RECORDINGS,
-        feet=STUDY["markers"]["feet"],
+        markers=STUDY["markers"],
         code=code("score"),
     script:
         "../scripts/score.py"

@@ -15,7 +15,7 @@ with reported(snakemake.log[0]):
     }
     table, exact = read_table(source.touchdowns), read_json(source.maps)
     time_unit_s = read_json(source.units)["time_unit_s"]
-    rows = true_rows(pairs, table, true, contacts, snakemake.params.feet)
+    rows = true_rows(pairs, table, true, contacts, snakemake.params.markers["feet"])
     seed = snakemake.params.seed
     errors = map_error_table(pairs, true, rows, exact, time_unit_s=time_unit_s, seed=seed)
     write_table(output.errors, errors)

@@ -9,7 +9,7 @@ with reported(snakemake.log[0]):
     sections = read_json(snakemake.input.sections)
     landings = study_landings(
         [read_truth(path) for path in snakemake.input.recordings],
-        body=snakemake.params.body,
+        body=snakemake.params.markers["body"],
         pre_m=sections["pre_height_m"],
         post_m=sections["post_height_m"],
         workers=snakemake.threads,

@@ -23,7 +23,7 @@ with reported(snakemake.log[0]):
     }
     entries = score(
         known,
-        feet=snakemake.params.feet,
+        feet=snakemake.params.markers["feet"],
         tables=tables,
         sections=read_json(source.sections),
         touchdowns=read_table(source.touchdowns),

@@ -11,7 +11,7 @@ from hopdata.synthesis.landings import SectionHeights
 from hopdata.synthesis.true_sections import exact_maps, true_states
 
 with reported(snakemake.log[0]):
-    found, body = read_json(snakemake.input.sections), snakemake.params.body
+    found, body = read_json(snakemake.input.sections), snakemake.params.markers["body"]
     truths = [read_truth(path) for path in snakemake.input.recordings]
     scene = common_scene(truths)
     sections = SectionHeights(found["pre_height_m"], found["post_height_m"], scene.points_of(body))

@@ -62,7 +62,7 @@ def check(options: argparse.Namespace) -> int:
     except RecordingError as error:
         mistakes.append(str(error))
     if mistakes:
-        raise RecordingError("\n".join(mistakes))
+        raise RecordingError(*mistakes)
     print(f"{options.config} is sound")
     return OK
 

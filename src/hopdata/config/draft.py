@@ -10,9 +10,11 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from hopdata.errors import printable
+
 WIDTH = 96
-_PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./-]*")
-_WORDS = {"true", "false", "yes", "no", "on", "off", "null"}
+_PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./-]*")
+_WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
 
 
 @dataclass(frozen=True)
@@ -91,14 +93,19 @@ def study_name(text: str) -> str:
     """
     plain = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
     name = re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")
-    return name or "study"
+    return name[:100] or "study"
 
 
 def scalar(value: object) -> str:
     """Write a value as YAML, quoted only where it must be."""
-    if isinstance(value, str) and _PLAIN.fullmatch(value) and value.lower() not in _WORDS:
+    import yaml
+
+    if not isinstance(value, str):
+        return json.dumps(value)
+    if _PLAIN.fullmatch(value) and value.lower() not in _WORDS:
         return value
-    return json.dumps(value, ensure_ascii=False)
+    quoted: str = yaml.safe_dump(value, default_style='"', allow_unicode=True, width=float("inf"))
+    return quoted.rstrip("\n")
 
 
 def _markers(draft: Draft) -> list[str]:
@@ -124,5 +131,5 @@ def _list(key: str, names: Sequence[str]) -> list[str]:
 
 
 def _comment(text: str, *, indent: str = "") -> list[str]:
-    text = text[:1].upper() + text[1:]
+    text = printable(text[:1].upper() + text[1:])
     return [f"{indent}# {line}" for line in textwrap.wrap(text, WIDTH - len(indent) - 2)]

@@ -128,4 +128,4 @@ def _raise_all(place: str, files: list[str | Path], mistakes: list[str]) -> None
     if len(mistakes) > MOST_MISTAKES:
         more = len(mistakes) - MOST_MISTAKES
         lines.append(f"{place}: and {more} more mistake" + ("s" if more > 1 else ""))
-    raise ConfigError("\n".join(lines))
+    raise ConfigError(*lines)

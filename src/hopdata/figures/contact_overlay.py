@@ -15,6 +15,7 @@ from hopdata.figures.style import (
     MS_PER_S,
     foot_colour,
     foot_dash,
+    label_of,
     letter,
     message_figure,
     paper_figure,
@@ -98,7 +99,7 @@ def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -
                 rows["external_s"], rows["difference_s"] * MS_PER_S, yerr=rows["se_s"] * MS_PER_S,
                 fmt=MARKERS[number % len(MARKERS)], color=foot_colour(number),
                 markerfacecolor=face, **look,
-                label=column if face != "white" or left_out.all() else None,
+                label=label_of(column) if face != "white" or left_out.all() else None,
             )  # fmt: skip
     if contacts.loc[contacts["status"] == "matched", "excluded"].astype(bool).any():
         axes.plot([], [], "o", color=INK, mfc="white", ms=3, mew=0.7, label="touchdown excluded")
@@ -158,7 +159,7 @@ def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
         rows = example[(example["kind"] == "height") & (example["name"] == foot)]
         height.plot(
             rows["time_s"] * MS_PER_S, rows["value"] * MM_PER_M, color=foot_colour(number),
-            linestyle=foot_dash(number), marker=".", ms=3, label=str(foot),
+            linestyle=foot_dash(number), marker=".", ms=3, label=label_of(foot),
         )  # fmt: skip
     height.set_ylabel("foot height (mm)")
     lowest = panels.get("f", height)
@@ -194,7 +195,7 @@ def _draw_force(axes: Axes, example: pd.DataFrame) -> None:
         colour = INK if len(rows["name"].unique()) == 1 else foot_colour(number)
         axes.plot(
             samples["time_s"] * MS_PER_S, samples["value"], color=colour,
-            linestyle=foot_dash(number), marker=".", ms=2.5, label=str(column),
+            linestyle=foot_dash(number), marker=".", ms=2.5, label=label_of(str(column)),
         )  # fmt: skip
     threshold = float(example.loc[example["kind"] == "threshold", "value"].iloc[0])
     axes.axhline(threshold, color=GREY, linestyle=(0, (1, 1)), linewidth=0.8)

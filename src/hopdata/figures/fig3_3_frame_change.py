@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 # Column of the tables: what the reader sees, its unit, whether zero is a middle.
 COMPONENTS = {
-    "dx_mm": ("forward", r"$\Delta x$ (mm)", False),
-    "dy_mm": ("sideways", r"$\Delta y$ (mm)", True),
-    "dtheta_deg": ("turn", r"$\Delta\theta$ (degrees)", True),
+    "dx_mm": ("forward", "Δx (mm)", False),
+    "dy_mm": ("sideways", "Δy (mm)", True),
+    "dtheta_deg": ("turn", "Δθ (degrees)", True),
 }
 ONE_SIDED, ABOUT_ZERO, SPREAD = "cividis", "RdBu_r", "Greys"
 
@@ -112,7 +112,7 @@ def _edges(nodes: NDArray[np.float64]) -> tuple[float, float]:
 
 def _axes(panels: Any) -> None:
     turns = [-2, -1, 0, 1, 2, 3, 4]
-    labels = [r"$-2\pi$", "", "0", "", r"$2\pi$", "", r"$4\pi$"]
+    labels = ["−2π", "", "0", "", "2π", "", "4π"]
     for axes in panels.ravel():
         for turn in (0.0, 2 * np.pi):
             axes.axvline(turn, color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
@@ -121,6 +121,6 @@ def _axes(panels: Any) -> None:
     for axes in panels[0]:
         axes.tick_params(labelbottom=False)
     for axes in panels[-1]:
-        axes.set_xlabel(r"boom angle $\phi$ (rad)")
+        axes.set_xlabel("boom angle φ (rad)")
     for axes in panels[:, 0]:
-        axes.set_ylabel(r"swing $\Delta\phi$ (rad)")
+        axes.set_ylabel("swing Δφ (rad)")

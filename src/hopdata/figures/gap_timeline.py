@@ -13,6 +13,7 @@ from hopdata.figures.style import (
     ORANGE,
     PURPLE,
     VERMILION,
+    label_of,
     message_figure,
     paper_figure,
     styled,
@@ -75,7 +76,7 @@ def draw_timeline(
     for row, marker in enumerate(markers):
         _draw_gaps(axes, row, gaps[gaps["marker"] == marker], duration_s)
     _draw_faults(axes, faults, markers)
-    axes.set_yticks(range(len(markers)), list(markers))
+    axes.set_yticks(range(len(markers)), [label_of(marker) for marker in markers])
     axes.set_ylim(len(markers) - 0.4, -0.6)
     axes.set_xlim(0.0, duration_s)
     axes.spines["left"].set_visible(False)

@@ -38,7 +38,7 @@ LINES: dict[str, tuple[str, str, Any, str]] = {
 }  # fmt: skip
 ROWS = {"smooth truth": "analytic, smooth", "hopper": "hopper"}
 COLUMNS = {"dx": "forward", "dy": "sideways", "dtheta": "turn"}
-SMOOTHNESSES = {0.5: "1/2", 1.5: "3/2", 2.5: "5/2", np.inf: r"$\infty$"}
+SMOOTHNESSES = {0.5: "1/2", 1.5: "3/2", 2.5: "5/2", np.inf: "∞"}
 FLOOR = -0.15  # lower values are drawn here
 
 
@@ -70,7 +70,7 @@ def kernel_smoothness_figure(table: pd.DataFrame) -> Figure:
     for axes, title in zip(panels[0], COLUMNS.values(), strict=True):
         axes.set_title(title)
     for axes in panels[-1]:
-        axes.set_xlabel(r"smoothness $\nu$ of the kernel")
+        axes.set_xlabel("smoothness ν of the kernel")
     panels[0, 0].set_xticks(range(len(SMOOTHNESSES)), list(SMOOTHNESSES.values()))
     panels[0, 0].set_yticks([0, 0.25, 0.5, 0.75, 1])
     for axes, name in zip(panels.ravel(), "abcdef", strict=False):

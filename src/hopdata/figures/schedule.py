@@ -15,6 +15,7 @@ from hopdata.figures.style import (
     YELLOW,
     foot_colour,
     foot_dash,
+    label_of,
     letter,
     message_figure,
     paper_figure,
@@ -109,7 +110,13 @@ def _draw_signal(
     for number, foot in enumerate(feet):
         rows = example[example["foot"] == foot]
         time, value = rows["time_s"].to_numpy() * MS_PER_S, rows[column].to_numpy() * scale
-        axes.plot(time, value, color=foot_colour(number), linestyle=foot_dash(number), label=foot)
+        axes.plot(
+            time,
+            value,
+            color=foot_colour(number),
+            linestyle=foot_dash(number),
+            label=label_of(foot),
+        )
         seen = np.isfinite(value)
         instant = contacts[foot][0]
         if np.isfinite(instant) and seen.any():
@@ -141,7 +148,7 @@ def _draw_contacts(
         )
         if not np.isfinite(instant):
             axes.text(0.5, row, "no contact", transform=axes.get_yaxis_transform(), ha="center")
-    axes.set_yticks(range(len(feet)), [f"{feet[i]} ({i + 1})" for i in order])
+    axes.set_yticks(range(len(feet)), [f"{label_of(feet[i])} ({i + 1})" for i in order])
     axes.set_ylim(len(feet) - 0.4, -0.6)
     axes.margins(x=0.15)
     axes.grid(axis="x")

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
-from functools import wraps
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import lru_cache, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, ParamSpec
+from typing import TYPE_CHECKING, Any, ParamSpec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,12 +47,21 @@ FOOT_DASHES: tuple[str | tuple[float, tuple[float, ...]], ...] = (
     (0, (3, 1, 1, 1, 1, 1)),
 )
 
+LONGEST_LABEL = 24
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-def style_context() -> AbstractContextManager[None]:
-    """Return a context in which matplotlib's defaults and the hopdata style alone hold."""
+
+@contextmanager
+def style_context() -> Iterator[None]:
+    """Let matplotlib's defaults and the hopdata style alone hold within.
+
+    A sign that the font lacks is drawn as a box, and no more is said of it.
+    """
     import matplotlib
 
-    return matplotlib.rc_context(fname=str(STYLE_FILE))
+    with matplotlib.rc_context(fname=str(STYLE_FILE)), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from font")
+        yield
 
 
 def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
@@ -60,9 +70,44 @@ def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
     @wraps(draw)
     def draw_in_style(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
         with style_context():
-            return draw(*args, **kwargs)
+            figure = draw(*args, **kwargs)
+            _write_powers(figure)
+            return figure
 
     return draw_in_style
+
+
+def _write_powers(figure: Figure) -> None:
+    """Write powers of ten on logarithmic axes as 10⁻³, since text is not read as mathematics."""
+    from matplotlib.ticker import LogFormatterMathtext
+
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        if isinstance(axis.get_major_formatter(), LogFormatterMathtext):
+            axis.set_major_formatter(_powers()())
+        if isinstance(axis.get_minor_formatter(), LogFormatterMathtext):
+            axis.set_minor_formatter(_powers()())
+
+
+@lru_cache(maxsize=1)
+def _powers() -> Any:
+    """Return matplotlib's formatter of powers, but with the signs of Unicode."""
+    from matplotlib.ticker import LogFormatterSciNotation
+
+    class Powers(LogFormatterSciNotation):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            text = super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
+            base, _, power = text.replace(r"\times", "×").partition("^{")
+            return base + power.removesuffix("}").translate(SUPERSCRIPTS)
+
+    return Powers
+
+
+def label_of(name: str) -> str:
+    """Return a name as figures show it: one short line, which a legend does not leave out."""
+    plain = " ".join("".join(c if c.isprintable() else " " for c in name).split()) or "?"
+    if len(plain) > LONGEST_LABEL:
+        plain = plain[: LONGEST_LABEL - 1] + "…"
+    return f" {plain}" if plain.startswith("_") else plain
 
 
 def paper_figure(width_mm: float, height_mm: float) -> Figure:

@@ -15,6 +15,7 @@ from hopdata.figures.style import (
     YELLOW,
     foot_colour,
     foot_dash,
+    label_of,
     message_figure,
     paper_figure,
     styled,
@@ -73,7 +74,8 @@ def _draw(axes: Axes, row: Mapping[str, Any], samples: pd.DataFrame, feet: list[
         colour = foot_colour(number)
         axes.plot(
             MS_PER_S * own["time_s"], MM_PER_M * own["height_m"], color=colour,
-            linestyle=foot_dash(number), marker="o", markersize=1.6, linewidth=0.8, label=foot,
+            linestyle=foot_dash(number), marker="o", markersize=1.6, linewidth=0.8,
+            label=label_of(foot),
         )  # fmt: skip
         contact = MS_PER_S * (float(row[f"contact_{foot}_s"]) - float(row["t_pre_s"]))
         if np.isfinite(contact):

@@ -10,7 +10,7 @@ import numpy as np
 
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.frame_times import events_outside, irregular
-from hopdata.recordings.raw import RawRecording, printable, resolve_rate
+from hopdata.recordings.raw import RawRecording, distinct_names, resolve_rate
 
 LARGEST = 1e9  # mm or m: no camera sees so far
 
@@ -48,7 +48,7 @@ def _hdf5(path: Path, rate_hz: float | None) -> RawRecording:
     if own.filled is not None:  # what was filled in was not seen
         own.positions[own.filled] = np.nan
     return RawRecording(
-        own.markers,
+        distinct_names(str(path), own.markers),
         own.time,
         own.positions,
         resolve_rate(str(path), stated=own.rate_hz, given=rate_hz),
@@ -101,11 +101,8 @@ def read_raw(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
         )
     if not path.is_file():
         raise RecordingError(f"{path}: expected a file, found none{_near_files(path)}")
-    try:
-        raw = _READERS[path.suffix.lower()](path, rate_hz)
-        _check_finite(path, raw)
-    except RecordingError as error:
-        raise RecordingError(printable(str(error))) from None
+    raw = _READERS[path.suffix.lower()](path, rate_hz)
+    _check_finite(path, raw)
     more = irregular(str(path), raw.time, raw.rate_hz)
     more += events_outside(str(path), raw.events, raw.time, raw.rate_hz)
     return replace(raw, remarks=raw.remarks + more)

@@ -126,11 +126,6 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
     return stated
 
 
-def printable(text: str) -> str:
-    """Return a text of a file as it can stand in a message: one line, nothing that steers."""
-    return "".join(c if c.isprintable() else "?" for c in text)
-
-
 def distinct_names(place: str, names: Sequence[str]) -> tuple[str, ...]:
     """Return marker names that are all there and all different.
 

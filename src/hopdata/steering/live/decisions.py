@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from hopdata.jobs import whole_file
+from hopdata.jobs import guarded, whole_file
 from hopdata.steering.live.states import Status
 
 Outcome = Literal["planned", "cut", "held", "overtaken"]
@@ -101,4 +101,4 @@ def _write(path: str | Path, columns: Iterable[str], rows: Iterable[Iterable[obj
     with whole_file(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows(rows)
+        writer.writerows(map(guarded, row) for row in rows)

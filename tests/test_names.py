@@ -1,0 +1,222 @@
+"""Names as users give them, through a small study: files, tables, figures, page, configuration."""
+
+import csv
+import json
+import warnings
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pandas as pd
+import pytest
+import yaml
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+
+from hopdata.config import load_config
+from hopdata.config.draft import Draft, draft_config
+from hopdata.errors import ConfigError, RecordingError
+from hopdata.figures.contact_overlay import contact_overlay_figure
+from hopdata.figures.recording_gaps import recording_gaps_figure
+from hopdata.figures.saving import save_figure
+from hopdata.figures.schedule import schedule_figure, touchdown_of
+from hopdata.figures.style import label_of
+from hopdata.figures.worst_landings import worst_landings_figure
+from hopdata.jobs import read_table, write_table
+from hopdata.landings.example_touchdown import example_touchdown
+from hopdata.landings.external_truth import overlay_external_truth
+from hopdata.landings.floor import fit_floor, level
+from hopdata.landings.pair_assembly import assemble_pairs
+from hopdata.landings.quality.worst import landing_samples, worst_landings
+from hopdata.landings.sections import select_sections
+from hopdata.landings.touchdowns import touchdown_table
+from hopdata.recordings.hdf5 import read_recording, write_recording
+from hopdata.recordings.importing import import_recording
+from hopdata.recordings.quality.tables import recording_tables
+from hopdata.report.inputs import ReportInputs, describe_recording
+from hopdata.report.page import build_report
+
+FRAMES = 600
+FORMULA = tuple("=+-@\t\r")
+NASTY = (
+    *("{x}", "{0}", "$\\frac{$", "$x$", "<b>%s</b>", '"', "'", "&amp;", "%", "\\", "a,b", "a: b"),
+    *("=1+1", "'=1+1", "+a", "-a", "@a", "''@", "_a", "#", ".5", "1e3", "yes", "null", "NA", "~"),
+    *("Fuß", "鹿", "🦌", "a b", " a", "x" * 80, "{{ x }}", "</pre><script>", "--", "]]>", "a%sb"),
+)
+names = st.one_of(
+    st.sampled_from(NASTY),
+    st.text(min_size=1, max_size=12).filter(lambda name: name.isprintable() and name.strip()),
+)
+seven = st.lists(names, min_size=7, max_size=7, unique=True)
+
+
+@pytest.fixture(scope="module")
+def piece(sample_path):
+    """A few landings of the sample, with a gap in the third body marker."""
+    recording = read_recording(sample_path).part(slice(0, FRAMES))
+    recording.positions[100:110, 2] = float("nan")
+    return recording
+
+
+def stages(recording, folder, home):
+    """The tables of a study in which names stand, written and read back as its jobs do."""
+    floored = level(recording, fit_floor(recording, degree=0))
+    sections = select_sections([floored], tail_fraction=0.01)
+    heights = {key: getattr(sections, key) for key in ("pre_height_m", "post_height_m")}
+    table = touchdown_table(floored, **heights, method="velocity_minimum")
+    write_table(folder / "touchdowns.csv", table)
+    table = read_table(folder / "touchdowns.csv")
+    assemble_pairs([floored], table, **heights, home_marker=home)
+    worst = worst_landings(table, 4)
+    known = table[[f"contact_{foot}_s" for foot in recording.names("foot")]]
+    known.to_csv(folder / "known.csv", index=False, header=["a", "b", "c"])
+    columns = [{"name": n, "feet": [f]} for n, f in zip("abc", recording.names("foot"), strict=True)]
+    block = {"file": str(folder / "known.csv"), "columns": columns, "unit": "s", "offset_s": 0.0}
+    block |= {"label_column": None, "time_column": None}
+    configured = {recording.name: {"contacts": block, "forces": {"file": None}}}
+    overlay = overlay_external_truth([floored], table, configured, window_s=0.05)
+    tables = {
+        **recording_tables([recording]),
+        "touchdowns": table,
+        "example": example_touchdown([floored], table),
+        "worst": worst,
+        "samples": landing_samples([floored], worst),
+        "contacts": overlay.contacts,
+        "summary": overlay.summary,
+        "landing": overlay.example,
+    }
+    return {name: through_a_file(folder / f"{name}.csv", one) for name, one in tables.items()}
+
+
+def through_a_file(path, table):
+    """Write a table, see that no cell of it is a formula, and read it back the same."""
+    write_table(path, table)
+    with path.open(newline="", encoding="utf-8") as file:
+        cells = [cell for row in csv.reader(file) for cell in row]
+    assert not [cell for cell in cells if cell.startswith(FORMULA) and not is_number(cell)]
+    back = read_table(path)
+    assert list(back) == list(table)
+    for column in table:
+        texts = table[column].map(lambda cell: cell if isinstance(cell, str) else "")
+        if texts.any():
+            assert back[column].fillna("").tolist() == texts.tolist()
+    return back
+
+
+def is_number(cell):
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def figures(tables):
+    touchdown = touchdown_of(tables["example"], tables["touchdowns"])
+    yield schedule_figure(tables["example"], touchdown)
+    yield worst_landings_figure(tables["worst"], tables["samples"])
+    yield recording_gaps_figure(tables["markers"], tables["gaps"], tables["faults"])
+    yield contact_overlay_figure(tables["contacts"], tables["summary"], tables["landing"])
+
+
+class Texts(HTMLParser):
+    """Tags and cells of a page."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.tags, self.cells = set(), [""]
+        self.feed(page)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.add(tag)
+        self.cells.append("")
+
+    def handle_endtag(self, tag):
+        self.cells.append("")
+
+    def handle_data(self, data):
+        self.cells[-1] += data
+
+
+@settings(
+    max_examples=10,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@example(list(NASTY[:7]))
+@example(list(NASTY[12:19]))
+@given(seven)
+def test_any_names_come_through_a_study(piece, tmp_path, names):
+    markers = {"body": names[:3], "feet": names[3:6], "boom": names[6:]}
+    write_recording(tmp_path / "file.h5", replace(piece, markers=tuple(names)))
+    draft = Draft("mine", "monday", str(tmp_path / "file.h5"), markers, all_markers=names)
+    (tmp_path / "study.yaml").write_text(draft_config(draft, path="x.yaml"), encoding="utf-8")
+    config = load_config(tmp_path / "study.yaml")
+    assert config["markers"] == markers
+    recording, _ = import_recording(tmp_path / "file.h5", name="monday", markers=config["markers"])
+    assert recording.markers == tuple(names)
+    tables = stages(recording, tmp_path, config["home"]["marker"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for figure in figures(tables):
+            (svg,) = save_figure(figure, tmp_path / "figure", formats=("svg",))
+            ET.parse(svg)
+    page = build_report(
+        ReportInputs(
+            study="mine",
+            recordings=[describe_recording(recording)],
+            touchdowns=tables["touchdowns"],
+            overlay={"contact_overlay_summary": tables["summary"]},
+            faults=tables["faults"],
+            notes=names,
+            provenance=json.loads(json.dumps({"config": config})),
+        )
+    )
+    found = Texts(page)
+    assert not found.tags & {"b", "script"}
+    assert set(names) <= set(found.cells)
+    assert yaml.safe_load(max(found.cells, key=lambda cell: cell.count("\n"))) is not None
+
+
+@given(st.lists(st.text(st.characters(exclude_categories=["C"]), max_size=9), min_size=1))
+def test_texts_of_tables_come_back_and_are_no_formulas(tmp_path_factory, texts):
+    table = pd.DataFrame({"name": texts, "x_m": range(len(texts))})
+    through_a_file(tmp_path_factory.getbasetemp() / "texts.csv", table)
+
+
+@given(names)
+def test_a_draft_quotes_what_must_be_quoted(name):
+    markers = {"body": [name, "b2", "b3"], "feet": ["f1", "f2"]}
+    draft = Draft(
+        "mine", "monday", "a.tsv", markers, {"markers.body": name}, remarks=[name], all_markers=[name]
+    )
+    assert yaml.safe_load(draft_config(draft, path=name))["markers"] == markers
+
+
+@pytest.mark.parametrize("name", ["a\nb", "a\x1b[2Jb", "a\u2028b"])
+def test_a_name_that_no_line_can_hold_is_told_in_one(piece, tmp_path, name):
+    write_recording(tmp_path / "a.h5", replace(piece, markers=(name, *piece.markers[1:])))
+    with pytest.raises(RecordingError, match=r"a\.h5: .*marker 1, found") as caught:
+        import_recording(tmp_path / "a.h5", name="a", markers={"body": [name]})
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("name", ["a\n", "a/b", "{a}", "a" * 101, "-a", "", "é", "a*"])
+@pytest.mark.parametrize("key", ["study", "name"])
+def test_names_of_paths_are_plain(key, name):
+    config = {
+        "study": "mine",
+        "recordings": [{"name": "monday"}],
+        "markers": {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2", "foot3"]},
+    }
+    (config if key == "study" else config["recordings"][0])[key] = name
+    with pytest.raises(ConfigError, match="expected text .letters, digits") as caught:
+        load_config(config)
+    assert str(caught.value).isprintable()
+
+
+def test_labels_are_short_and_no_legend_hides_them():
+    assert label_of("_a") == " _a"
+    assert label_of("a\n\tb\x00") == "a b"
+    assert len(label_of("x" * 80)) == 24
