@@ -114,7 +114,9 @@ def _unguarded(cell: object) -> object:
 def _changed(table: pd.DataFrame, change: Callable[[object], object]) -> pd.DataFrame:
     """Change the texts of a table, the names of its columns too."""
     texts = table.select_dtypes(["object", "str"]) if len(table) else ()
-    return table.assign(**{name: table[name].map(change) for name in texts}).rename(columns=change)
+    return table.assign(**{str(name): table[name].map(change) for name in texts}).rename(
+        columns=change
+    )
 
 
 def _is_late(column: pd.Series) -> bool:
