@@ -14,7 +14,7 @@ from hopdata.errors import printable
 
 WIDTH = 96
 _PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_./-]*")
-_WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
+_WORDS = {"true", "false", "yes", "no", "on", "off", "null"}
 
 
 @dataclass(frozen=True)
