@@ -12,6 +12,7 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from matplotlib.text import Text
 
 from hopdata.config import load_config
 from hopdata.config.draft import Draft, draft_config
@@ -20,7 +21,7 @@ from hopdata.figures.contact_overlay import contact_overlay_figure
 from hopdata.figures.recording_gaps import recording_gaps_figure
 from hopdata.figures.saving import save_figure
 from hopdata.figures.schedule import schedule_figure, touchdown_of
-from hopdata.figures.style import label_of
+from hopdata.figures.style import label_of, paper_figure, style_context, styled
 from hopdata.figures.worst_landings import worst_landings_figure
 from hopdata.jobs import read_table, write_table
 from hopdata.landings.example_touchdown import example_touchdown
@@ -70,7 +71,9 @@ def stages(recording, folder, home):
     worst = worst_landings(table, 4)
     known = table[[f"contact_{foot}_s" for foot in recording.names("foot")]]
     known.to_csv(folder / "known.csv", index=False, header=["a", "b", "c"])
-    columns = [{"name": n, "feet": [f]} for n, f in zip("abc", recording.names("foot"), strict=True)]
+    columns = [
+        {"name": n, "feet": [f]} for n, f in zip("abc", recording.names("foot"), strict=True)
+    ]
     block = {"file": str(folder / "known.csv"), "columns": columns, "unit": "s", "offset_s": 0.0}
     block |= {"label_column": None, "time_column": None}
     configured = {recording.name: {"contacts": block, "forces": {"file": None}}}
@@ -127,19 +130,32 @@ class Texts(HTMLParser):
         self.tags, self.cells = set(), [""]
         self.feed(page)
 
-    def handle_starttag(self, tag, attributes):
+    def handle_starttag(self, tag, _attributes):
         self.tags.add(tag)
         self.cells.append("")
 
-    def handle_endtag(self, tag):
+    def handle_endtag(self, _tag):
         self.cells.append("")
 
     def handle_data(self, data):
         self.cells[-1] += data
 
 
+def imported(piece, folder, names):
+    """The recording of a file with these names, by the configuration that `init` drafts."""
+    markers = {"body": names[:3], "feet": names[3:6], "boom": names[6:]}
+    write_recording(folder / "file.h5", replace(piece, markers=tuple(names)))
+    draft = Draft("mine", "monday", str(folder / "file.h5"), markers, all_markers=names)
+    (folder / "study.yaml").write_text(draft_config(draft, path="x.yaml"), encoding="utf-8")
+    config = load_config(folder / "study.yaml")
+    assert config["markers"] == markers
+    recording, _ = import_recording(folder / "file.h5", name="monday", markers=config["markers"])
+    assert recording.markers == tuple(names)
+    return recording, config
+
+
 @settings(
-    max_examples=10,
+    max_examples=8,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
@@ -148,20 +164,8 @@ class Texts(HTMLParser):
 @example(list(NASTY[12:19]))
 @given(seven)
 def test_any_names_come_through_a_study(piece, tmp_path, names):
-    markers = {"body": names[:3], "feet": names[3:6], "boom": names[6:]}
-    write_recording(tmp_path / "file.h5", replace(piece, markers=tuple(names)))
-    draft = Draft("mine", "monday", str(tmp_path / "file.h5"), markers, all_markers=names)
-    (tmp_path / "study.yaml").write_text(draft_config(draft, path="x.yaml"), encoding="utf-8")
-    config = load_config(tmp_path / "study.yaml")
-    assert config["markers"] == markers
-    recording, _ = import_recording(tmp_path / "file.h5", name="monday", markers=config["markers"])
-    assert recording.markers == tuple(names)
+    recording, config = imported(piece, tmp_path, names)
     tables = stages(recording, tmp_path, config["home"]["marker"])
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        for figure in figures(tables):
-            (svg,) = save_figure(figure, tmp_path / "figure", formats=("svg",))
-            ET.parse(svg)
     page = build_report(
         ReportInputs(
             study="mine",
@@ -176,7 +180,46 @@ def test_any_names_come_through_a_study(piece, tmp_path, names):
     found = Texts(page)
     assert not found.tags & {"b", "script"}
     assert set(names) <= set(found.cells)
-    assert yaml.safe_load(max(found.cells, key=lambda cell: cell.count("\n"))) is not None
+
+
+@pytest.mark.parametrize("names", [NASTY[:7], (*NASTY[12:18], "🦌")])
+def test_figures_show_any_names_as_they_are(piece, tmp_path, names):
+    recording, config = imported(piece, tmp_path, list(names))
+    tables = stages(recording, tmp_path, config["home"]["marker"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for figure in figures(tables):
+            (svg,) = save_figure(figure, tmp_path / "figure", formats=("svg",))
+            ET.parse(svg)
+
+
+@styled
+def figure_of(name):
+    """A figure with a name in every kind of text."""
+    figure = paper_figure(60, 60)
+    axes = figure.subplots()
+    axes.semilogy([1, 2], [1e-3, 1e2], label=name)
+    axes.set(title=name, xlabel=name, xticks=[1, 2], xticklabels=[name, name])
+    axes.annotate(name, (1, 1))
+    figure.suptitle(name)
+    figure.legend()
+    figure.legend(*axes.get_legend_handles_labels(), title=name)
+    return figure
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@example("$\\frac{$")
+@given(names)
+def test_no_text_of_a_figure_is_read_as_mathematics(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure = figure_of(label_of(name))
+        with style_context():
+            figure.canvas.draw()
+    texts = [text for text in figure.findobj(Text) if text.get_text()]
+    assert sum(text.get_text() == label_of(name) for text in texts) >= 8
+    assert not any(text.get_parse_math() for text in texts)
+    assert "10⁻²" in [text.get_text() for text in figure.axes[0].get_yticklabels()]
 
 
 @given(st.lists(st.text(st.characters(exclude_categories=["C"]), max_size=9), min_size=1))
@@ -189,7 +232,13 @@ def test_texts_of_tables_come_back_and_are_no_formulas(tmp_path_factory, texts):
 def test_a_draft_quotes_what_must_be_quoted(name):
     markers = {"body": [name, "b2", "b3"], "feet": ["f1", "f2"]}
     draft = Draft(
-        "mine", "monday", "a.tsv", markers, {"markers.body": name}, remarks=[name], all_markers=[name]
+        "mine",
+        "monday",
+        "a.tsv",
+        markers,
+        {"markers.body": name},
+        remarks=[name],
+        all_markers=[name],
     )
     assert yaml.safe_load(draft_config(draft, path=name))["markers"] == markers
 
@@ -211,7 +260,7 @@ def test_names_of_paths_are_plain(key, name):
         "markers": {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2", "foot3"]},
     }
     (config if key == "study" else config["recordings"][0])[key] = name
-    with pytest.raises(ConfigError, match="expected text .letters, digits") as caught:
+    with pytest.raises(ConfigError, match=r"expected text .letters, digits") as caught:
         load_config(config)
     assert str(caught.value).isprintable()
 

@@ -3,6 +3,7 @@
 import json
 import shutil
 from dataclasses import replace
+from html import escape
 
 import numpy as np
 import pandas as pd
@@ -13,6 +14,15 @@ from hopdata.recordings.hdf5 import read_recording, read_truth, write_recording
 
 pytestmark = pytest.mark.workflow
 
+# Names that other programs read as code, for a study whose markers are free to be called anything.
+CALLED = {
+    "body1": "{x}",
+    "body2": "$\\frac{$",
+    "body3": "=1+1",
+    "foot1": "<b>%s</b>",
+    "foot2": '-"Fuß" 鹿\'',
+    "boom": "@{0}",
+}
 STEERING_FIGURES = (
     "fig3_5_origin",
     "fig3_6_turn",
@@ -103,7 +113,7 @@ def test_a_small_study_of_a_hexapod_runs_to_a_report(checkout):
         assert (results / "figures" / f"{name}.svg").exists()
 
 
-def test_a_small_study_of_a_biped_whose_file_has_y_up_runs_to_a_report(checkout):
+def test_a_biped_with_odd_names_whose_file_has_y_up_runs_to_a_report(checkout):
     edited = edit_config(checkout, lambda c: small(c, 160), source="config/biped.yaml")
     run = snakemake(checkout, "--configfile", edited, "--", "results/biped/simulated/trial1.h5")
     assert run.returncode == 0, run.stdout + run.stderr
@@ -112,13 +122,17 @@ def test_a_small_study_of_a_biped_whose_file_has_y_up_runs_to_a_report(checkout)
     y_up = np.ascontiguousarray(recording.positions[..., [1, 2, 0]])
     target = checkout / "data" / "external" / "biped.h5"
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_recording(target, replace(recording, positions=y_up), None)
+    named = tuple(CALLED[name] for name in recording.markers)
+    write_recording(target, replace(recording, positions=y_up, markers=named), None)
 
     def from_file(config):
         small(config, 160)
         config["study"] = "biped_y"
         config["recordings"] = [{"name": "trial1", "file": "data/external/biped.h5"}]
         config["input"] = {"vertical_axis": "y"}
+        config["markers"] = {
+            role: [CALLED[name] for name in names] for role, names in config["markers"].items()
+        }
         del config["simulation"]
 
     edited = edit_config(checkout, from_file, source="config/biped.yaml")
@@ -129,7 +143,7 @@ def test_a_small_study_of_a_biped_whose_file_has_y_up_runs_to_a_report(checkout)
     used = table[~table["excluded"]]
     assert len(used) >= 150
     assert set(used["schedule"]) == {"1>2", "2>1"}
-    found = used[["contact_foot1_s", "contact_foot2_s"]].to_numpy()
+    found = used[[f"contact_{CALLED[foot]}_s" for foot in ("foot1", "foot2")]].to_numpy()
     nearest = np.abs(found.mean(axis=1)[:, None] - truth.contact_times.mean(axis=1)).argmin(axis=1)
     error = found - truth.contact_times[nearest]
     assert 1e3 * error.std() < 0.5, "ms"
@@ -139,6 +153,7 @@ def test_a_small_study_of_a_biped_whose_file_has_y_up_runs_to_a_report(checkout)
     assert verdict["sentence"] in (results / "report.html").read_text()
     for name in FIGURES:
         assert (results / "figures" / f"{name}.svg").exists()
+    assert escape(CALLED["foot1"]) in (results / "report.html").read_text()
 
 
 @pytest.fixture(scope="module")
