@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import TypeVar
+
+Entry = TypeVar("Entry")
 
 
 class HopdataError(Exception):
@@ -52,5 +55,11 @@ def require_choice(key: str, value: str, choices: Iterable[str]) -> None:
     if value not in choices:
         raise ConfigError(
             f"{key}: expected one of {', '.join(choices)}, found {value!r}"
-            f"{did_you_mean(value, choices)}"
+            f"{did_you_mean(str(value), choices)}"
         )
+
+
+def chosen(key: str, name: str, table: Mapping[str, Entry]) -> Entry:
+    """Return what a table has under a name; raise a `ConfigError` that lists it if it has none."""
+    require_choice(key, name, table)
+    return table[name]

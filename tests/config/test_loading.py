@@ -457,19 +457,3 @@ def test_the_keys_of_a_section_are_the_options_of_its_stage(section):
         if key not in elsewhere:
             assert key in options
             assert listed(options[key].default) == default
-
-
-@pytest.mark.parametrize(
-    ("section", "key", "module", "name"),
-    [
-        ("touchdowns", "method", "hopdata.landings.contacts", "METHODS"),
-        ("touchdowns", "gravity", "hopdata.landings.contacts", "GRAVITIES"),
-        ("filling", "method", "hopdata.landings.filling", "METHODS"),
-        ("touchdowns", "ambiguous", "hopdata.landings.touchdowns", "TREATMENTS"),
-        ("states", "method", "hopdata.landings.states", "METHODS"),
-        ("states", "gravity", "hopdata.landings.states", "GRAVITIES"),
-    ],
-)
-def test_choices_are_those_of_the_stage(section, key, module, name):
-    choices = load_schema()["properties"][section]["properties"][key]["enum"]
-    assert set(choices) == set(getattr(import_module(module), name))

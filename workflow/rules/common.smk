@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 from hopdata.config import files_of, load_config, simulation_of
+from hopdata.config.schema import load_schema
 from hopdata.errors import HopdataError
 from hopdata.provenance import code_digest
 
@@ -31,7 +32,7 @@ STEERING = f"{RESULTS}/steering"
 SOURCES = {entry["name"]: files_of(entry) for entry in STUDY["recordings"]}
 RECORDINGS = list(SOURCES)
 METHOD = STUDY["touchdowns"]["method"]
-METHODS = ["kink", "velocity_minimum", "velocity_minimum_parabola"]
+METHODS = load_schema()["properties"]["touchdowns"]["properties"]["method"]["enum"]
 # Only a simulation, or a file of ours, can carry the truth that all methods are scored against.
 MAY_HAVE_TRUTH = any(
     not files or files[0].endswith((".h5", ".hdf5")) for files in SOURCES.values() if len(files) < 2

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from hopdata.errors import chosen
 from hopdata.figures.distances import KINDS, draw_box, draw_cumulative, label_axes
 from hopdata.figures.style import DOUBLE_COLUMN_MM, letter, paper_figure, styled
 
@@ -54,8 +55,10 @@ def _in_short(verdict: Mapping[str, Any]) -> str:
     effect, test = verdict["effect"], verdict["test"]
     if effect is None or test is None:
         return str(verdict["conclusion"])
-    size = {
+    sizes = {
         "different": f"different by {effect['estimate']:.2g}",
         "no difference": f"no difference above {effect['upper_bound']:.2g}",
-    }.get(verdict["conclusion"], "these data cannot tell")
+        "cannot tell": "these data cannot tell",
+    }
+    size = chosen("conclusion", verdict["conclusion"], sizes)
     return f"{size} (p = {test['p_value']:.2g})"

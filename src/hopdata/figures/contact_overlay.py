@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopdata.errors import chosen
 from hopdata.figures.style import (
     DOUBLE_COLUMN_MM,
     GREY,
@@ -204,4 +205,4 @@ def _draw_force(axes: Axes, example: pd.DataFrame) -> None:
         textcoords="offset points", ha="right", va="bottom", fontsize=6, color=INK,
     )  # fmt: skip
     unit = str(rows["unit"].iloc[0])
-    axes.set_ylabel(f"force ({UNITS.get(unit, unit)})")
+    axes.set_ylabel(f"force ({chosen('unit', unit, UNITS)})")

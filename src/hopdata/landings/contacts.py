@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.errors import require_choice
+from hopdata.errors import chosen, require_choice
 from hopdata.landings.approach import LANDED, MISSING, POOR_FIT, approaches, height_noise
 from hopdata.landings.kink import KinkFits
 from hopdata.landings.kink_learning import pooled_noise
-from hopdata.landings.kink_recording import FootHeights, joint_fits, single_fits
+from hopdata.landings.kink_recording import GRAVITIES, FootHeights, joint_fits, single_fits
 from hopdata.landings.transitions import Transitions
 from hopdata.landings.velocity_minimum import velocity_minima
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-METHODS = ("kink", "velocity_minimum", "velocity_minimum_parabola")
-GRAVITIES = ("learned", "free", "known")
 LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight law holds
 SHORT_WINDOWS_S = (0.04, 0.027)  # where it does not
 REFUTED = 2.0  # rms residual over measurement noise from which the flight law does not hold
@@ -42,6 +43,18 @@ class Contacts:
 
     instant: FloatArray
     se: FloatArray
+    status: IntArray
+    noise_m: float
+
+
+@dataclass(frozen=True)
+class _Descents:
+    """What every method looks at: see `find_contacts` and `hopdata.landings.approach`."""
+
+    time: FloatArray
+    heights: FloatArray
+    transitions: Transitions
+    near: FloatArray
     status: IntArray
     noise_m: float
 
@@ -92,7 +105,7 @@ def find_contacts(
     ConfigError
         If `method` or `gravity` is unknown.
     """
-    require_choice("touchdowns.method", method, METHODS)
+    find = chosen("touchdowns.method", method, METHODS)
     require_choice("touchdowns.gravity", gravity, GRAVITIES)
     noise_m = height_noise(heights)
     near, status = approaches(
@@ -104,31 +117,45 @@ def find_contacts(
         lead_s=window_before_s or SHORT_WINDOWS_S[0],
         trail_s=window_after_s or SHORT_WINDOWS_S[1],
     )
-    if method != "kink":
-        return _by_velocity(time, heights, transitions, status, noise_m, method)
-    asked = (window_before_s, window_after_s)
+    return find(
+        _Descents(time, heights, transitions, near, status, noise_m),
+        gravity=gravity,
+        asked=(window_before_s, window_after_s),
+        maximum_misfit=maximum_misfit,
+    )
+
+
+def _by_kink(
+    seen: _Descents,
+    *,
+    gravity: str,
+    asked: tuple[float | None, float | None],
+    maximum_misfit: float,
+) -> Contacts:
+    time, heights, noise_m = seen.time, seen.heights, seen.noise_m
     feet = FootHeights(time, heights, _windows(time, asked, LONG_WINDOWS_S))
-    fits = joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
+    fits = joint_fits(feet, seen.near, noise_m=noise_m, gravity=gravity)
     if not pooled_noise(fits) <= REFUTED * noise_m:
         feet = FootHeights(time, heights, _windows(time, asked, SHORT_WINDOWS_S))
-        fits = single_fits(feet, near, noise_m=noise_m, gravity=gravity)
-    return _judged(fits, status, pooled_noise(fits), maximum_misfit)
+        fits = single_fits(feet, seen.near, noise_m=noise_m, gravity=gravity)
+    return _judged(fits, seen.status, pooled_noise(fits), maximum_misfit)
 
 
-def _by_velocity(
-    time: FloatArray,
-    heights: FloatArray,
-    transitions: Transitions,
-    status: IntArray,
-    noise_m: float,
-    method: str,
-) -> Contacts:
+def _by_velocity(seen: _Descents, *, parabola: bool, **_of_the_kink: Any) -> Contacts:
     instant, se = velocity_minima(
-        time, heights, transitions, noise_m=noise_m, parabola=method.endswith("parabola")
+        seen.time, seen.heights, seen.transitions, noise_m=seen.noise_m, parabola=parabola
     )
-    landed = status == LANDED
+    landed = seen.status == LANDED
     instant, se = np.where(landed, instant, np.nan), np.where(landed, se, np.nan)
-    return Contacts(instant, se, np.where(landed & np.isnan(instant), MISSING, status), noise_m)
+    status = np.where(landed & np.isnan(instant), MISSING, seen.status)
+    return Contacts(instant, se, status, seen.noise_m)
+
+
+METHODS: dict[str, Callable[..., Contacts]] = {
+    "kink": _by_kink,
+    "velocity_minimum": partial(_by_velocity, parabola=False),
+    "velocity_minimum_parabola": partial(_by_velocity, parabola=True),
+}
 
 
 def _windows(

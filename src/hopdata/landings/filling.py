@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.errors import require_choice
+from hopdata.errors import chosen
 from hopdata.landings.cubic_filling import cubic_places
 from hopdata.landings.rigid_filling import learn_shape, rigid_places
 from hopdata.landings.section_fits import WINDOWS_S
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-METHODS = ("rigid", "cubic", "rigid_or_cubic")
 REACH_S = max(WINDOWS_S)  # about the sections: frames that states may be fitted to
 TOO_MUCH_FILLED = "too much of the body filled in"
 
@@ -53,22 +52,31 @@ def fill_gaps(recording: Recording, *, longest_s: float = 0.1, method: str = "ri
     ConfigError
         If `method` is unknown.
     """
-    require_choice("filling.method", method, METHODS)
+    ways = chosen("filling.method", method, METHODS)
     bodies = recording.indices("body")
     body = recording.body.copy()
     longest = int(longest_s * recording.rate_hz + 1e-6)
     wanted = _short_gaps(~seen(body), longest)
-    if method != "cubic" and (shape := learn_shape(body)) is not None:
-        body = np.where(wanted[..., None], rigid_places(recording.body, wanted, shape), body)
-    if method != "rigid":
+    for fill in ways:
         left = wanted & ~seen(body)
-        feet = recording.feet[:, :, 2]
-        places = cubic_places(recording.time, recording.body, feet, left, longest=longest)
-        body = np.where(left[..., None], places, body)
+        body = np.where(left[..., None], fill(recording, left, longest), body)
     positions, filled = recording.positions.copy(), np.zeros(recording.positions.shape[:2], bool)
     positions[:, bodies] = body
     filled[:, bodies] = seen(body) & ~seen(recording.body)
     return replace(recording, positions=positions, filled=filled)
+
+
+def _rigid(recording: Recording, wanted: BoolArray, _longest: int) -> FloatArray:
+    shape = learn_shape(recording.body)
+    return recording.body if shape is None else rigid_places(recording.body, wanted, shape)
+
+
+def _cubic(recording: Recording, wanted: BoolArray, longest: int) -> FloatArray:
+    feet = recording.feet[:, :, 2]
+    return cubic_places(recording.time, recording.body, feet, wanted, longest=longest)
+
+
+METHODS = {"rigid": (_rigid,), "cubic": (_cubic,), "rigid_or_cubic": (_rigid, _cubic)}
 
 
 def mark_filled(

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.errors import chosen
 from hopdata.gravity import GRAVITY_M_S2
 from hopdata.landings.kink import FlightPriors, KinkFits, kink_fits
 from hopdata.landings.kink_learning import learn, pooled_noise
@@ -15,6 +16,12 @@ from hopdata.landings.kink_learning import learn, pooled_noise
 FloatArray = NDArray[np.float64]
 
 FLAT_SD, SHARP_SD = 1e4, 1e-3  # m/s^2: as good as no prior, and as good as known
+# Mean and standard deviation of a foot's acceleration before the recording has been asked, m/s^2.
+GRAVITIES = {
+    "learned": (0.0, FLAT_SD),
+    "free": (0.0, FLAT_SD),
+    "known": (-GRAVITY_M_S2, SHARP_SD),
+}
 WEAK_CHANGE_SD, WEAK_JERK_SD = 30.0, 500.0  # m/s^2, m/s^3: pushes not yet learned
 WEAK_CREEP_SD = 0.1  # m/s
 LEARNING_STEPS = 6
@@ -202,7 +209,6 @@ def weak_priors(n: int, gravity: str) -> FlightPriors:
     """Priors of n feet before the recording has been asked: see `find_contacts` for `gravity`."""
     mean = np.zeros((n, 2 * n))
     pushes = [WEAK_CHANGE_SD, WEAK_JERK_SD] * (n - 1)
-    sd = np.tile([FLAT_SD, *pushes, WEAK_CREEP_SD], (n, 1))
-    if gravity == "known":
-        mean[:, 0], sd[:, 0] = -GRAVITY_M_S2, SHARP_SD
+    mean[:, 0], acceleration_sd = chosen("touchdowns.gravity", gravity, GRAVITIES)
+    sd = np.tile([acceleration_sd, *pushes, WEAK_CREEP_SD], (n, 1))
     return FlightPriors(mean, sd)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.errors import AnalysisError, ConfigError, did_you_mean
+from hopdata.errors import AnalysisError, ConfigError, did_you_mean, require_choice
 from hopdata.landings.home_frame import home_frames
 from hopdata.landings.pairs import Pairs
-from hopdata.landings.schedules import AMBIGUOUS
+from hopdata.landings.schedules import AMBIGUOUS, TREATMENTS
 from hopdata.landings.states import SectionStates, section_states
 from hopdata.recordings.recording import Recording
 
@@ -69,8 +69,9 @@ def assemble_pairs(
     AnalysisError
         If fewer than `LEAST_PAIRS` are left, or the recordings differ in their body markers.
     ConfigError
-        If `home_marker` is no body marker.
+        If `home_marker` is no body marker, or `method`, `gravity` or `ambiguous` is unknown.
     """
+    require_choice("touchdowns.ambiguous", ambiguous, TREATMENTS)
     recordings, parts = list(recordings), []
     if ambiguous == "pool":
         table = table.assign(schedule=table["schedule"].where(table["class"] != AMBIGUOUS, ""))

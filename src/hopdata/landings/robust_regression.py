@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.errors import chosen
 from hopdata.landings.reweighted import Reweighted
 
 FloatArray = NDArray[np.float64]
 
-NORMS = ("tukey", "huber")
 _TUKEY, _HUBER = 4.685, 1.345  # 95 % efficiency on normal residuals
 NORMAL_MEDIAN = 0.6744897501960817  # median of |z| for a standard normal z
 
@@ -49,9 +49,7 @@ def robust_regression(
     tests compare with, iterated to convergence. Its own end depends on the unit of the values, and
     it finds covariances that nobody reads here (docs/decisions.md).
     """
-    if norm not in NORMS:
-        raise ValueError(f"norm: expected 'tukey' or 'huber', found {norm!r}")
-    weights = _tukey if norm == "tukey" else _huber
+    weights = chosen("floor.norm", norm, NORMS)
     fits = Reweighted(columns, values)
     found = fits.unweighted()
     residuals = fits.residuals(found)
@@ -83,3 +81,6 @@ def _huber(size: FloatArray) -> FloatArray:
     """Weights (n,) of residuals of some size, in units of the scale."""
     weights: FloatArray = _HUBER / np.maximum(size, _HUBER)
     return weights
+
+
+NORMS = {"tukey": _tukey, "huber": _huber}

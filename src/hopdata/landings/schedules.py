@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 AMBIGUOUS = "ambiguous"
+TREATMENTS = ("keep", "pool", "exclude")  # of ambiguous orders
 REACH = 8.5  # standard deviations beyond which a normal is nothing
 CELL_NODES = 8
 CHUNK = 500  # landings integrated together

@@ -110,7 +110,7 @@ def _body_curves(
         min_foot_m=sections.min_foot_threshold_m,
         max_foot_m=sections.max_foot_threshold_m,
         ground_m=sections.ground_m,
-        landings_only=sections.frames == "landings",
+        landings_only=sections.landings_only,
     )
     groups = {
         "body_all": frames.body,

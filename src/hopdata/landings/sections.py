@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.errors import AnalysisError
+from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contact_frames import BoolArray, Frames, heights_of, pool_frames
 from hopdata.landings.modes import GroundMode
 from hopdata.landings.thresholds import Thresholds, select_thresholds
 from hopdata.recordings.recording import Recording
 
+FRAMES = {"all": False, "landings": True}  # whether those of landings alone count
 _LEAST_FRAMES = 5  # with all feet up, and with all down: fewer are not hopping
 
 
@@ -58,6 +59,11 @@ class Sections:
     decided: dict[str, str]
     n_frames: int
     n_used: int
+
+    @property
+    def landings_only(self) -> bool:
+        """Whether the frames of landings alone count."""
+        return chosen("sections.frames", self.frames, FRAMES)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, strings and dictionaries, for JSON."""
@@ -138,7 +144,7 @@ def select_sections(
         min_foot_m=thresholds.min_foot_m,
         max_foot_m=thresholds.max_foot_m,
         ground_m=thresholds.ground_m,
-        landings_only=frames == "landings",
+        landings_only=FRAMES[frames],
     )
     if pre_height_m is None or post_height_m is None:
         _require_hopping(pooled, thresholds, frames)
@@ -189,7 +195,7 @@ def _require_hopping(pooled: Frames, thresholds: Thresholds, frames: str) -> Non
         _require_both("min_foot_threshold_m", thresholds.min_foot_m, "up", pooled.all_up)
         _require_both("max_foot_threshold_m", thresholds.max_foot_m, "down", pooled.all_down)
         return
-    if frames == "landings":
+    if FRAMES[frames]:
         raise AnalysisError(
             "sections: expected descents of the body in which the feet go from all up to all "
             f"down, found none (all up: lowest foot above {thresholds.min_foot_m:.4f} m; all "
@@ -235,8 +241,7 @@ def _check_options(
     """Raise an error for an option that is out of its range."""
     if not recordings:
         raise ValueError("recordings: expected at least one, found none")
-    if frames not in ("all", "landings"):
-        raise ValueError(f"frames: expected 'all' or 'landings', found {frames!r}")
+    require_choice("sections.frames", frames, FRAMES)
     if not 0 <= tail_fraction <= 0.1:
         raise ValueError(f"tail_fraction: expected 0 to 0.1, found {tail_fraction}")
     if not threshold_sigmas > 0:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.errors import require_choice
+from hopdata.errors import chosen
 from hopdata.landings.crossings import SectionStates, cross
 from hopdata.landings.section_fits import (
     GRAVITY_M_S2,
@@ -23,8 +25,10 @@ __all__ = ["GRAVITY_M_S2", "SectionStates", "section_states"]
 
 FloatArray = NDArray[np.float64]
 
-METHODS = ("split_fit", "savitzky_golay")
-GRAVITIES = ("auto", "known", "free")
+Fitting = Callable[[Tracks, float | None], Fit]
+
+GRAVITIES: dict[str, Fitting | None] = {"auto": None, "known": ballistic, "free": accelerated}
+SIDES = {"before": True, "after": False}  # whether the section lies in flight
 
 
 def section_states(
@@ -76,19 +80,24 @@ def section_states(
     Raises
     ------
     ConfigError
-        If `method` or `gravity` is unknown.
+        If `method`, `gravity` or `side` is unknown.
     """
-    require_choice("states.method", method, METHODS)
-    require_choice("states.gravity", gravity, GRAVITIES)
-    tracks = Tracks(time, body, near, contact, side == "before")
-    sums, fit = _fit(tracks, method, window_s, gravity)
+    fitted = chosen("states.method", method, METHODS)
+    flying = chosen("states.gravity", gravity, GRAVITIES)
+    tracks = Tracks(time, body, near, contact, chosen("side", side, SIDES))
+    sums, fit = fitted(tracks, window_s, flying)
     return cross(sums, fit, near, height_m)
 
 
-def _fit(tracks: Tracks, method: str, window_s: float | None, gravity: str) -> Fit:
-    if method == "savitzky_golay":
-        return filtered(tracks)
-    if tracks.flight and gravity != "auto":
-        return (ballistic if gravity == "known" else accelerated)(tracks, window_s)
+def _split_fit(tracks: Tracks, window_s: float | None, flying: Fitting | None) -> Fit:
+    if tracks.flight and flying is not None:
+        return flying(tracks, window_s)
     enough = len(tracks.near) >= LEAST_LANDINGS
     return (together if enough else alone)(tracks, window_s)
+
+
+def _savitzky_golay(tracks: Tracks, _window_s: float | None, _flying: Fitting | None) -> Fit:
+    return filtered(tracks)
+
+
+METHODS = {"split_fit": _split_fit, "savitzky_golay": _savitzky_golay}

@@ -14,6 +14,7 @@ from hopdata.landings.exclusions import HIDDEN_PRE, exclusion_reasons
 from hopdata.landings.hidden_landings import find_hidden_landings
 from hopdata.landings.schedules import (
     AMBIGUOUS,
+    TREATMENTS,
     order_names,
     order_probability,
     runner_up,
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
-TREATMENTS = ("keep", "pool", "exclude")  # of ambiguous orders
 LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may be missing
 LONGEST_GAP_S = 0.025  # the same, where frames are many: the body moves no further for them
 LEAST_DOWN_SHARE = 0.15  # of the distance between the sections

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hopdata.errors import chosen
 from hopdata.recordings.raw import FloatArray
 
 # The recording's x, y, z as directions of the file, for each direction that pointed up there. Along
@@ -24,7 +25,7 @@ def rotate_up(positions: FloatArray, vertical_axis: str) -> FloatArray:
 
     Numbers are exchanged and mirrored, so that none loses a digit.
     """
-    axes = FILE_AXES[vertical_axis]
+    axes = chosen("input.vertical_axis", vertical_axis, FILE_AXES)
     if axes == FILE_AXES["z"]:
         return positions
     turned = np.ascontiguousarray(positions[..., ["xyz".index(axis[-1]) for axis in axes]])

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.errors import RecordingError, did_you_mean
+from hopdata.errors import RecordingError, chosen, did_you_mean
 from hopdata.recordings.columns import FloatArray, listed, open_table
 from hopdata.recordings.external import Column, ContactTimes, columns_of
 from hopdata.recordings.qtm_header import KEYS
@@ -43,7 +43,7 @@ def read_contact_times(
     RecordingError
         Naming the file, the column, what was expected and what was found.
     """
-    path, unit = Path(options["file"]), SECONDS_PER_UNIT[options["unit"]]
+    path, unit = Path(options["file"]), chosen("contacts.unit", options["unit"], SECONDS_PER_UNIT)
     columns = columns_of(options["columns"], feet)
     if _is_recording(path):
         found = _events(path, columns, rate_hz)

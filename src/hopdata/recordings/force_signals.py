@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.errors import RecordingError
+from hopdata.errors import RecordingError, chosen
 from hopdata.recordings.columns import ColumnTable, FloatArray, open_table
 from hopdata.recordings.external import Column, ForceSignal, columns_of
 
@@ -115,7 +115,8 @@ def _counting(rate: float) -> str:
 def _signal(
     path: Path, column: Column, time: FloatArray, force: FloatArray, options: Mapping[str, Any]
 ) -> ForceSignal:
-    upward = force * NEWTONS_PER_UNIT[options["unit"]] * (-1.0 if options["inverted"] else 1.0)
+    newtons = chosen("forces.unit", options["unit"], NEWTONS_PER_UNIT)
+    upward = force * newtons * (-1.0 if options["inverted"] else 1.0)
     place = f"{path}: column '{column.name}'"
     if len(upward) < 2 or np.isnan(upward).all():
         raise RecordingError(f"{place}: expected a force in each row, found none")

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from hopdata.errors import RecordingError
+from hopdata.errors import RecordingError, require_choice
 from hopdata.recordings.plausibility import PLAUSIBLE_EXTENT_M
 from hopdata.recordings.quality.free_fall import free_fall
 from hopdata.recordings.raw import METRES_PER_UNIT, FloatArray, RawRecording
 from hopdata.recordings.span import extent
+
+UNITS = ("auto", *METRES_PER_UNIT)
 
 
 def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
@@ -24,6 +26,7 @@ def choose_unit(positions: FloatArray, *, unit: str, nominal: str) -> str:
     nominal : {"m", "mm"}
         The format's own unit.
     """
+    require_choice("input.unit", unit, UNITS)
     if unit != "auto":
         return unit
     size = extent(positions)

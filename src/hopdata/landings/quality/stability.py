@@ -89,7 +89,7 @@ def _farthest_frames(
             min_foot_m=sections.min_foot_threshold_m,
             max_foot_m=sections.max_foot_threshold_m,
             ground_m=sections.ground_m,
-            landings_only=sections.frames == "landings",
+            landings_only=sections.landings_only,
         )
         for h in heights
     ]

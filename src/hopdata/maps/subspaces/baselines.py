@@ -12,8 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.errors import chosen
 from hopdata.maps.subspaces.grassmann import arc_length, orthonormalised
 
+# Powers of the ratio, and of the number of rows, by which the noise of an entry goes.
+RATIOS = {"amplitude": -1.0, "power": -0.5}
+SIGNALS = {"entry": 0.0, "matrix": -0.5}
 #: The signal-to-noise ratio that is printed.
 PRINTED_SNR = 10.0
 
@@ -41,15 +45,12 @@ class Reading:
 
     def noise_sd(self, shape: tuple[int, int], snr: float = PRINTED_SNR) -> float:
         """Return the sd of the noise on each entry of a (D, k) identity."""
-        level = 1 / snr if self.ratio == "amplitude" else snr**-0.5
-        return level if self.signal == "entry" else level * shape[0] ** -0.5
+        level = snr ** chosen("ratio", self.ratio, RATIOS)
+        return level * shape[0] ** chosen("signal", self.signal, SIGNALS)
 
 
 READINGS = tuple(
-    Reading(ratio, signal, noised)
-    for ratio in ("amplitude", "power")
-    for signal in ("entry", "matrix")
-    for noised in (2, 1)
+    Reading(ratio, signal, noised) for ratio in RATIOS for signal in SIGNALS for noised in (2, 1)
 )
 #: Noise of sd 0.1 on every entry of both matrices: the reading of Fig. 2.5.
 PRINTED_READING = READINGS[0]

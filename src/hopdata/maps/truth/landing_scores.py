@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hopdata.errors import chosen
 from hopdata.landings.contact_frames import landing_frames
 from hopdata.landings.schedules import AMBIGUOUS, schedule_names
+from hopdata.landings.sections import FRAMES
 from hopdata.maps.truth.entries import Entries, entry, mean, quantile
 from hopdata.maps.truth.matching import match_landings
 
@@ -195,7 +197,7 @@ def _true_frames(item: KnownRecording, frames: str) -> tuple[Floats, Bools, Bool
     keep = np.isfinite(item.body_height)
     n_down = item.foot_down.sum(axis=1)
     all_up, all_down = n_down == 0, n_down == item.foot_down.shape[1]
-    if frames == "landings":
+    if chosen("sections.frames", frames, FRAMES):
         keep, landed = landing_frames(item.body_height, all_up, all_down)
         all_up, all_down = all_up & ~landed, all_down | landed
     return item.body_height[keep], all_up[keep], all_down[keep]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopdata.errors import require_choice
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.estimate import CURVATURE_SHARE
 from hopdata.maps.verdict.graphs import SubspaceTest
@@ -16,7 +17,7 @@ from hopdata.maps.verdict.specialised import SpecialisedTest
 if TYPE_CHECKING:
     import pandas as pd
 
-DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = "different", "no difference", "cannot tell"
+DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no difference", "cannot tell")
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,7 @@ def sentence(
     conclusion: str, effect: EffectSize, test: KinkTest, confidence: float, margin: float
 ) -> str:
     """Say a conclusion in one sentence."""
+    require_choice("conclusion", conclusion, CONCLUSIONS)
     sure = f"{100 * confidence:g} %"
     if conclusion == DIFFERENT:
         return (

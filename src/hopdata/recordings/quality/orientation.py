@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hopdata.errors import chosen
 from hopdata.recordings.length_unit import choose_unit
 from hopdata.recordings.plausibility import PLAUSIBLE_EXTENT_M
 from hopdata.recordings.quality.free_fall import UNITS_IN_M, FreeFall, free_fall
@@ -48,7 +49,7 @@ def guess_unit_and_up(
     unit, up : Guess
         The unit ``"m"``, ``"mm"``, ``"cm"`` or ``"inch"``; the direction as ``"z"`` or ``"-y"``.
     """
-    units = UNITS_IN_M if unit is None else {unit: UNITS_IN_M[unit]}
+    units = UNITS_IN_M if unit is None else {unit: chosen("unit", unit, UNITS_IN_M)}
     fall = free_fall(raw.positions, raw.rate_hz, units=units)
     return (
         Guess(unit, "as given") if unit else _unit(raw, fall),

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias
 
+from hopdata.errors import chosen
 from hopdata.steering.control.globalised import GlobalisedController
 from hopdata.steering.control.objectives import Horizon, Objective, ToHeading, ToPoint
 from hopdata.steering.control.plan import Controller
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import PrintedController
-from hopdata.steering.experiments.tasks import ANY, FACING, ORIGIN
+from hopdata.steering.experiments.tasks import ANY, FACING, to_origin
 from hopdata.steering.models.interface import FrameChangeMap
 from hopdata.steering.models.tabulated import TabulatedMap
 from hopdata.steering.plant.true_map import TrueFrameChanges
@@ -48,7 +49,7 @@ def policies(
     true_map = TabulatedMap(truth.average(), swing_limit_rad)
 
     printed = [_printed(model, horizon) for model in models]
-    starts = {(FACING, PRINTED): printed} if manoeuvre == ORIGIN else {}
+    starts = {(FACING, PRINTED): printed} if to_origin(manoeuvre) else {}
     return starts | {
         (ANY, PRINTED): printed,
         (ANY, options["controller"]): [
@@ -66,10 +67,24 @@ def _recommended(
     options: Mapping[str, Any], manoeuvre: str, model: FrameChangeMap, horizon: Horizon
 ) -> Policy:
     """Return what makes the recommended controller; what takes long is computed here, once."""
-    if options["controller"] == GLOBALISED:
-        return GlobalisedController(model=model, horizon=horizon).towards
+    make = chosen("steering.control.controller", options["controller"], CONTROLLERS)
+    return make(options, manoeuvre, model, horizon)
+
+
+def _planner(
+    options: Mapping[str, Any], manoeuvre: str, model: FrameChangeMap, horizon: Horizon
+) -> Policy:
     return planner(
         model,
-        ToPoint() if manoeuvre == ORIGIN else ToHeading(),
+        ToPoint() if to_origin(manoeuvre) else ToHeading(),
         horizon=replace(horizon, hops=options["planner_horizon"]),
     ).towards
+
+
+def _globalised(
+    _options: Mapping[str, Any], _manoeuvre: str, model: FrameChangeMap, horizon: Horizon
+) -> Policy:
+    return GlobalisedController(model=model, horizon=horizon).towards
+
+
+CONTROLLERS = {PLANNER: _planner, GLOBALISED: _globalised}

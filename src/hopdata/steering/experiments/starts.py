@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.steering.experiments.tasks import EXPERIMENTS, FACING, ORIGIN
+from hopdata.errors import chosen, require_choice
+from hopdata.steering.experiments.tasks import EXPERIMENTS, FACING, HEADINGS, to_origin
 from hopdata.steering.streams import FLOOR, START
 
 FloatArray = NDArray[np.float64]
@@ -49,14 +50,15 @@ def draw_starts(
     seed : int
         The study's.
     """
-    manoeuvre, _ = EXPERIMENTS[experiment]
+    require_choice("heading", heading, HEADINGS)
+    manoeuvre, _ = chosen("experiment", experiment, EXPERIMENTS)
     place = list(EXPERIMENTS).index(experiment)
     starts = []
     for k in range(number):
         stream = np.random.SeedSequence(seed, spawn_key=(START, place, k))
         bearing, turn = np.random.default_rng(stream).uniform(-np.pi, np.pi, 2)
         x, y = distance_m * np.array([np.cos(bearing), np.sin(bearing)])
-        if manoeuvre != ORIGIN:
+        if not to_origin(manoeuvre):
             pose = np.array([0.0, 0.0, turn])
         elif heading == FACING:
             pose = np.array([x, y, np.arctan2(-y, -x)])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hopdata.errors import chosen
 from hopdata.steering.control.objectives import Objective, ToHeading, ToPoint
 from hopdata.steering.plant.obstacle import Board
 from hopdata.steering.se2 import wrapped
@@ -17,7 +18,7 @@ FloatArray = NDArray[np.float64]
 
 ORIGIN, TURN = "origin", "turn"
 FREE, BOARD = "free", "board"
-FACING, ANY = "facing", "any"
+FACING, ANY = HEADINGS = ("facing", "any")
 
 # Name of each experiment: its manoeuvre and its way, and the figure of the dissertation.
 EXPERIMENTS: Mapping[str, tuple[str, str]] = {
@@ -26,6 +27,14 @@ EXPERIMENTS: Mapping[str, tuple[str, str]] = {
     "origin_board": (ORIGIN, BOARD),
     "turn_board": (TURN, BOARD),
 }
+
+
+MANOEUVRES = {ORIGIN: True, TURN: False}  # whether it leads to the origin
+
+
+def to_origin(manoeuvre: str) -> bool:
+    """Tell whether a manoeuvre, one of `MANOEUVRES`, leads to the origin; the other turns."""
+    return chosen("manoeuvre", manoeuvre, MANOEUVRES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +103,7 @@ def tasks_of(experiments: Mapping[str, Any]) -> dict[tuple[str, str], Task]:
 
 def goal_of(manoeuvre: str, start: ArrayLike) -> Objective:
     """Return what a controller is told: the origin, or the heading opposite to the first."""
-    if manoeuvre == ORIGIN:
+    if to_origin(manoeuvre):
         return ToPoint(point_m=(0.0, 0.0))
     return ToHeading(heading_rad=float(wrapped(float(np.asarray(start)[2]) + np.pi)))
 
@@ -102,7 +111,7 @@ def goal_of(manoeuvre: str, start: ArrayLike) -> Objective:
 def errors_of(manoeuvre: str, start: ArrayLike, poses: ArrayLike) -> FloatArray:
     """Distance from the origin, m, or size of the heading's error, rad, at poses (..., 3)."""
     poses = np.asarray(poses, dtype=float)
-    if manoeuvre == ORIGIN:
+    if to_origin(manoeuvre):
         return np.asarray(np.hypot(poses[..., 0], poses[..., 1]))
     return np.abs(wrapped(poses[..., 2] - np.asarray(start)[2] - np.pi))
 
@@ -126,7 +135,7 @@ def board_for(
     """
     pose = np.asarray(start, dtype=float)
     way = np.array([np.cos(pose[2]), np.sin(pose[2])])
-    if manoeuvre == ORIGIN:
+    if to_origin(manoeuvre):
         way = -pose[:2] / np.hypot(pose[0], pose[1])
     place = float(pose[:2] @ way) + ahead_m + reach_m
     return Board(

@@ -7,13 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.errors import ConfigError, require_choice
+from hopdata.errors import ConfigError, chosen, require_choice
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models.kernels import kernel_code
 
 FloatArray = NDArray[np.float64]
 
-HISTORIES = ("none", "swing", "change", "swing and change")
+# What of the hop before are inputs: columns of `FrameChanges`.
+HISTORIES: dict[str, tuple[str, ...]] = {
+    "none": (),
+    "swing": ("previous_swing_rad",),
+    "change": ("previous_change",),
+    "swing and change": ("previous_swing_rad", "previous_change"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,9 +92,5 @@ PRINTED = ProcessOptions(
 
 def process_inputs(changes: FrameChanges, history: str) -> FloatArray:
     """Return the inputs (n, d): boom angle, swing, and what `history` adds; NaN where unknown."""
-    columns = [changes.boom_angle_rad, changes.swing_rad]
-    if history in ("swing", "swing and change"):
-        columns.append(changes.previous_swing_rad)
-    if history in ("change", "swing and change"):
-        columns.extend(changes.previous_change.T)
-    return np.column_stack(columns)
+    added = [getattr(changes, name) for name in chosen("history", history, HISTORIES)]
+    return np.column_stack([changes.boom_angle_rad, changes.swing_rad, *added])

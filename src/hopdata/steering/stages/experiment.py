@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hopdata.errors import chosen
 from hopdata.steering.experiments.policies import policies
 from hopdata.steering.experiments.starts import floor_stream
 from hopdata.steering.experiments.study import ExperimentTables, run_experiment
@@ -51,7 +52,7 @@ def experiment_of(
         steering["experiments"],
         policies(
             steering["control"],
-            EXPERIMENTS[experiment][0],
+            chosen("experiment", experiment, EXPERIMENTS)[0],
             models=models,
             truth=truth,
             swing_limit_rad=robot.swing_limit_rad,

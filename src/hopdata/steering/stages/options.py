@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from hopdata.errors import chosen
 from hopdata.steering.excitation import (
     ControlGrid,
     Excitation,
@@ -21,6 +22,10 @@ from hopdata.synthesis.simulate import MotionCapture
 
 Options = Mapping[str, Any]
 
+EXCITATIONS: dict[str, Callable[[ControlGrid, np.random.Generator], Excitation]] = {
+    "eulerian": eulerian_excitation,
+    "random": random_excitation,
+}
 KERNELS = {"recommended": RECOMMENDED, "printed": PRINTED}
 
 
@@ -50,10 +55,9 @@ def camera_of(options: Options) -> MotionCapture:
 def excitation_of(options: Options, rng: np.random.Generator) -> Excitation:
     """Draw the excitation of the block ``steering.excitation``."""
     grid = ControlGrid(**{key: options[key] for key in ("n_angles", "n_steps", "repeats")})
-    draw = eulerian_excitation if options["method"] == "eulerian" else random_excitation
-    return draw(grid, rng)
+    return chosen("steering.excitation.method", options["method"], EXCITATIONS)(grid, rng)
 
 
 def process_of(options: Options) -> ProcessOptions:
     """Return the set-up of the processes that the block ``steering.model`` names."""
-    return KERNELS[options["kernel"]]
+    return chosen("steering.model.kernel", options["kernel"], KERNELS)

@@ -1,0 +1,210 @@
+"""Where a choice is made by name there is one table of names, and an unknown one is an error."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from hopdata.config.schema import load_schema
+from hopdata.figures import both_sides, saving
+from hopdata.hybrid.methods import table as integrators
+from hopdata.hybrid.printed import theorem
+from hopdata.landings import (
+    contacts,
+    filling,
+    kink_recording,
+    pair_assembly,
+    robust_regression,
+    schedules,
+    sections,
+    states,
+    touchdowns,
+)
+from hopdata.maps.subspaces import baselines
+from hopdata.maps.truth import landing_scores
+from hopdata.maps.verdict import answer
+from hopdata.recordings import axes, external_contacts, force_signals, length_unit
+from hopdata.recordings.quality import free_fall, orientation
+from hopdata.steering.control import objectives, printed
+from hopdata.steering.experiments import policies, starts, tasks
+from hopdata.steering.models import options as models
+from hopdata.steering.observation import calibration, printed_stances
+from hopdata.steering.stages import options
+
+ANY = SimpleNamespace()  # in the place of what is not looked at before the name is
+FORCES = {"unit": "lbf", "inverted": False}
+NONE = np.empty((0, 3))
+
+
+def heights(name="kink", gravity="learned"):
+    """Look for contacts where there are none."""
+    return contacts.find_contacts(NONE, NONE, ANY, down_height_m=0.0, method=name, gravity=gravity)
+
+
+# Of each table what asks it for a name that it may not know.
+ASKED = {
+    "touchdowns.method": (contacts.METHODS, heights),
+    "touchdowns.gravity": (contacts.GRAVITIES, lambda name: heights(gravity=name)),
+    "gravity of the priors": (
+        kink_recording.GRAVITIES,
+        lambda name: kink_recording.weak_priors(3, name),
+    ),
+    "touchdowns.ambiguous": (
+        schedules.TREATMENTS,
+        lambda name: touchdowns.touchdown_table(
+            ANY, pre_height_m=1.0, post_height_m=0.0, ambiguous=name
+        ),
+    ),
+    "ambiguous pairs": (
+        schedules.TREATMENTS,
+        lambda name: pair_assembly.assemble_pairs(
+            [], ANY, pre_height_m=1.0, post_height_m=0.0, ambiguous=name
+        ),
+    ),
+    "states.method": (states.METHODS, lambda name: section(method=name)),
+    "states.gravity": (states.GRAVITIES, lambda name: section(gravity=name)),
+    "side of a section": (states.SIDES, lambda name: section(side=name)),
+    "filling.method": (filling.METHODS, lambda name: filling.fill_gaps(ANY, method=name)),
+    "floor.norm": (
+        robust_regression.NORMS,
+        lambda name: robust_regression.robust_regression(NONE, NONE, norm=name),
+    ),
+    "sections.frames": (
+        sections.FRAMES,
+        lambda name: sections.select_sections([ANY], frames=name),
+    ),
+    "true frames": (
+        sections.FRAMES,
+        lambda name: landing_scores._true_frames(
+            SimpleNamespace(body_height=np.zeros(2), foot_down=np.zeros((2, 3), bool)), name
+        ),
+    ),
+    "figures.formats": (
+        saving.METADATA,
+        lambda name: saving.save_figure(ANY, "figure", formats=(name,)),
+    ),
+    "input.vertical_axis": (axes.FILE_AXES, lambda name: axes.rotate_up(NONE, name)),
+    "input.unit": (
+        length_unit.UNITS,
+        lambda name: length_unit.choose_unit(NONE, unit=name, nominal="m"),
+    ),
+    "unit to inspect": (
+        free_fall.UNITS_IN_M,
+        lambda name: orientation.guess_unit_and_up(ANY, unit=name),
+    ),
+    "contacts.unit": (
+        external_contacts.SECONDS_PER_UNIT,
+        lambda name: external_contacts.read_contact_times({"file": "a", "unit": name}, feet=[]),
+    ),
+    "forces.unit": (
+        force_signals.NEWTONS_PER_UNIT,
+        lambda name: force_signals._signal(ANY, ANY, NONE, NONE, {**FORCES, "unit": name}),
+    ),
+    "excitation.method": (
+        options.EXCITATIONS,
+        lambda name: options.excitation_of(
+            {"n_angles": 3, "n_steps": 1, "repeats": 1, "method": name}, np.random.default_rng(0)
+        ),
+    ),
+    "model.kernel": (options.KERNELS, lambda name: options.process_of({"kernel": name})),
+    "control.controller": (
+        policies.CONTROLLERS,
+        lambda name: policies._recommended({"controller": name}, "origin", ANY, ANY),
+    ),
+    "experiment": (
+        tasks.EXPERIMENTS,
+        lambda name: starts.draw_starts(name, "any", 1, distance_m=1.0, seed=0),
+    ),
+    "heading": (
+        tasks.HEADINGS,
+        lambda name: starts.draw_starts("turn", name, 1, distance_m=1.0, seed=0),
+    ),
+    "goal": (tasks.MANOEUVRES, lambda name: tasks.goal_of(name, np.zeros(3))),
+    "errors": (tasks.MANOEUVRES, lambda name: tasks.errors_of(name, np.zeros(3), np.zeros(3))),
+    "board": (
+        tasks.MANOEUVRES,
+        lambda name: tasks.board_for(name, np.zeros(3), drag_n=1.0, ahead_m=1.0),
+    ),
+    "history": (models.HISTORIES, lambda name: models.process_inputs(ANY, name)),
+    "penalty": (objectives.PENALTIES, lambda name: objectives.ToPoint(penalty=name)),
+    "stances": (objectives.STANCES, lambda name: objectives.ToHeading(stances=name)),
+    "gradient": (
+        printed.GRADIENTS,
+        lambda name: printed.PrintedController(model=ANY, gradient=name),
+    ),
+    "start": (printed.STARTS, lambda name: printed.PrintedController(model=ANY, start=name)),
+    "level": (calibration.LEVELS, lambda name: calibration.calibrate(ANY, level=name)),
+    "forward": (calibration.FORWARDS, lambda name: calibration.calibrate(ANY, forward=name)),
+    "extrema_of": (
+        printed_stances.EXTREMA_OF,
+        lambda name: printed_stances.printed_stance_pairs(NONE, extrema_of=name),
+    ),
+    "ratio": (baselines.RATIOS, lambda name: baselines.Reading(name, "entry", 2).noise_sd((3, 2))),
+    "signal": (
+        baselines.SIGNALS,
+        lambda name: baselines.Reading("power", name, 2).noise_sd((3, 2)),
+    ),
+    "conclusion": (answer.CONCLUSIONS, lambda name: answer.sentence(name, ANY, ANY, 0.95, 0.1)),
+    "conclusion in short": (
+        answer.CONCLUSIONS,
+        lambda name: both_sides._in_short(
+            {"conclusion": name, "effect": {"estimate": 0.1, "upper_bound": 0.2}, "test": {}}
+        ),
+    ),
+    "integrator": (
+        integrators.CHOICES,
+        lambda name: integrators.check_method(name, ANY, jacobian=False),
+    ),
+    "mesh": (theorem.MESHES, lambda name: theorem.mesh_ends(ANY, 0.0, 1.0, name)),
+}
+# Choices of the configuration, and the tables that they are made from.
+CONFIGURED = {
+    "recordings.contacts.unit": external_contacts.SECONDS_PER_UNIT,
+    "recordings.forces.unit": force_signals.NEWTONS_PER_UNIT,
+    "input.unit": length_unit.UNITS,
+    "input.vertical_axis": axes.FILE_AXES,
+    "floor.norm": robust_regression.NORMS,
+    "filling.method": filling.METHODS,
+    "sections.frames": sections.FRAMES,
+    "touchdowns.method": contacts.METHODS,
+    "touchdowns.gravity": contacts.GRAVITIES,
+    "touchdowns.ambiguous": schedules.TREATMENTS,
+    "states.method": states.METHODS,
+    "states.gravity": states.GRAVITIES,
+    "figures.formats": saving.METADATA,
+    "steering.excitation.method": options.EXCITATIONS,
+    "steering.model.kernel": options.KERNELS,
+    "steering.control.controller": policies.CONTROLLERS,
+}
+
+
+def section(method="split_fit", gravity="auto", side="before"):
+    """Fit states where there are none."""
+    return states.section_states(
+        NONE, NONE, NONE, height_m=0.0, side=side, contact=NONE, method=method, gravity=gravity
+    )
+
+
+@pytest.mark.parametrize("choice", ASKED)
+def test_an_unknown_name_is_an_error_that_lists_the_known_ones(choice):
+    table, ask = ASKED[choice]
+    with pytest.raises(Exception, match="expected one of ") as caught:
+        ask("no such name")
+    assert all(str(name) in str(caught.value) for name in table)
+    assert "no such name" in str(caught.value)
+    assert "hopdata" in caught.type.__module__ or caught.type is ValueError
+
+
+def enumerations(schema, path=()):
+    """Choices of each key of a schema, by its path."""
+    if "enum" in schema:
+        yield ".".join(path), schema["enum"]
+    for key, inner in schema.get("properties", {}).items():
+        yield from enumerations(inner, (*path, key))
+    if "items" in schema:
+        yield from enumerations(schema["items"], path)
+
+
+def test_the_choices_of_the_configuration_are_those_of_the_tables():
+    found = {path: set(choices) for path, choices in enumerations(load_schema())}
+    assert found == {path: set(table) for path, table in CONFIGURED.items()}
