@@ -23,7 +23,14 @@ from hopdata.landings import (
 from hopdata.maps.subspaces import baselines
 from hopdata.maps.truth import landing_scores
 from hopdata.maps.verdict import answer
-from hopdata.recordings import axes, external_contacts, force_signals, length_unit
+from hopdata.recordings import (
+    axes,
+    external_contacts,
+    force_signals,
+    importing,
+    length_unit,
+    recording,
+)
 from hopdata.recordings.quality import free_fall, orientation
 from hopdata.steering.control import objectives, printed
 from hopdata.steering.experiments import policies, starts, tasks
@@ -34,6 +41,7 @@ from hopdata.steering.stages import options
 ANY = SimpleNamespace()  # in the place of what is not looked at before the name is
 FORCES = {"unit": "lbf", "inverted": False}
 NONE = np.empty((0, 3))
+EMPTY = recording.Recording("a", np.empty(0), np.empty((0, 0, 3)), (), (), 1.0)
 
 
 def heights(name="kink", gravity="learned"):
@@ -91,6 +99,16 @@ ASKED = {
     "unit to inspect": (
         free_fall.UNITS_IN_M,
         lambda name: orientation.guess_unit_and_up(ANY, unit=name),
+    ),
+    "role": (
+        recording.ROLES,
+        lambda name: recording.Recording("a", np.empty(0), np.empty((0, 0, 3)), (), (), 1.0).names(
+            name
+        ),
+    ),
+    "markers": (
+        importing.ROLE_OF_KEY,
+        lambda name: importing._chosen(ANY, ANY, {name: ["a"]}),
     ),
     "contacts.unit": (
         external_contacts.SECONDS_PER_UNIT,

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from hopdata.errors import RecordingError, did_you_mean
+from hopdata.errors import RecordingError, did_you_mean, require_choice
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.formats import read_raw, suffixes
 from hopdata.recordings.joining import join
@@ -105,6 +105,8 @@ def sha256(path: Path) -> str:
 
 def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) -> RawRecording:
     """Only the configured markers, body first, then feet, then boom."""
+    for key in wanted:
+        require_choice("markers", key, ROLE_OF_KEY)
     chosen: list[str] = []
     for key in ROLE_OF_KEY:
         for marker in wanted.get(key) or ():

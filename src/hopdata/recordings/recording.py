@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.errors import require_choice
 from hopdata.recordings.raw import Event
 
 FloatArray = NDArray[np.float64]
@@ -78,6 +79,7 @@ class Recording:
 
     def indices(self, role: str) -> list[int]:
         """Return indices of the markers with this role, in order."""
+        require_choice("role", role, ROLES)
         return [i for i, r in enumerate(self.roles) if r == role]
 
     def names(self, role: str) -> tuple[str, ...]:
