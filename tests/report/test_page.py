@@ -103,7 +103,7 @@ def test_the_language_and_the_title_are_given():
 
 def test_every_table_is_there(full):
     assert full.captions == [
-        "Tests of one map for all contact orders",
+        "Test of the kinks, which decides",
         "The difference in windows of contact spread",
         "Can these data be trusted?",
         "Faults of the recordings",

@@ -157,7 +157,7 @@ def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
     others = {key: value for key, value in record.items() if key not in SHOWN_ELSEWHERE}
     digests = ("source file", "SHA-256")
     return {
-        "tests": verdict.table_of_tests(inputs.verdict),
+        "test": verdict.table_of_test(inputs.verdict),
         "windows": verdict.windows_table(inputs.verdict),
         "quality": quality.quality_table(inputs.quality),
         "faults": quality.faults_table(inputs.faults),

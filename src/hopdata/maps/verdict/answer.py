@@ -9,9 +9,7 @@ import numpy as np
 
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.estimate import CURVATURE_SHARE
-from hopdata.maps.verdict.graphs import SubspaceTest
 from hopdata.maps.verdict.significance import KinkTest
-from hopdata.maps.verdict.specialised import SpecialisedTest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,8 +31,6 @@ class WindowResult:
         Share of unmodelled curvature in the variance of the kinks.
     kinks, kinks_low, kinks_high
         Relative difference of the derivatives at zero spread, with its interval.
-    separate
-        Relative difference of linear maps fitted to each schedule on its own.
     chosen
         Whether the verdict rests on this window.
     """
@@ -48,7 +44,6 @@ class WindowResult:
     kinks: float
     kinks_low: float
     kinks_high: float
-    separate: float
     chosen: bool
 
 
@@ -69,8 +64,6 @@ class Verdict:
         the detectable one would have been found.
     effect, test
         Size and significance of the kinks in the chosen window; None if there is no answer.
-    specialised, subspaces
-        The two other tests; None where landings do not suffice.
     windows
         The same estimate in every window.
     notes
@@ -88,8 +81,6 @@ class Verdict:
     power: float
     effect: EffectSize | None = None
     test: KinkTest | None = None
-    specialised: SpecialisedTest | None = None
-    subspaces: SubspaceTest | None = None
     windows: tuple[WindowResult, ...] = ()
     notes: list[dict[str, str]] = field(default_factory=list)
     curvature_limit: float = CURVATURE_SHARE
