@@ -62,7 +62,7 @@ def test_captions_name_the_numbers_of_the_study():
     shown = {name: " ".join(render_caption(captions()[name], facts, name=name).paragraphs)
              for name in NAMES}  # fmt: skip
     assert "211\u00a0mm" in shown["fig2_2_sections"]
-    assert f"{facts['n_used']} of 431 touchdowns" in shown["fig2_3_schedule"]
+    assert f"{facts['n_used']} of {facts['n_landings']} landings" in shown["fig2_3_schedule"]
     assert "29.1\u00a0mm and 27\u00a0ms" in shown["fig2_4_prediction"]
     assert "3.10 rad" in shown["fig2_5_distances"]
 

@@ -112,7 +112,7 @@ def _draw_kinks(axes: Axes, rows: list[dict[Any, Any]], top: float) -> None:
     axes.get_xticklabels()[[bool(row["chosen"]) for row in rows].index(True)].set_fontweight("bold")
     axes.set_xlim(-0.6, len(rows) - 0.4)
     axes.set_ylim(0.0, top)
-    axes.set_xlabel("window: landings used (%)")
+    axes.set_xlabel("window: touchdowns used (%)")
     axes.set_ylabel(DIFFERENCE)
 
 

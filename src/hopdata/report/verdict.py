@@ -102,8 +102,8 @@ def windows_table(verdict: Verdict | None) -> Table | None:
         for row in verdict["windows"]
     )
     head = (
-        "nearest landings (%)",
-        "landings",
+        "nearest touchdowns (%)",
+        "touchdowns used",
         "free terms to order",
         "mean spread (ms)",
         "largest spread (ms)",

@@ -76,7 +76,7 @@ def section_landings(x: Floats, y: Floats, instants: Floats, time_unit_s: float)
         If there are too few landings or markers, or nothing varies.
     """
     if len(x) < 2:
-        raise AnalysisError(f"{len(x)} landings with known contact instants")
+        raise AnalysisError(f"{len(x)} touchdowns with known contact instants")
     shape = body_shape(split_states(x)[0])
     before = rigid_states(x, shape)
     inputs, outputs = section_coordinates(before, rigid_states(y, shape))
@@ -84,7 +84,7 @@ def section_landings(x: Floats, y: Floats, instants: Floats, time_unit_s: float)
     least = inputs.shape[1] + 2  # an affine fit of the contact instants, with one landing to spare
     if len(x) < least:
         raise AnalysisError(
-            f"landings with known contact instants: expected at least {least}, found {len(x)}"
+            f"touchdowns with known contact instants: expected at least {least}, found {len(x)}"
         )
     if not (deviation > 0).all():
         raise AnalysisError("the states before the landing do not vary")

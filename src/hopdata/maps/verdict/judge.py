@@ -128,13 +128,13 @@ def _without_attenuation(fit: KinkFit, landings: SectionLandings, seed: int) -> 
 def _check_enough(landings: SectionLandings, fits: list[KinkFit]) -> None:
     if len(landings.schedules) < 2:
         raise AnalysisError(
-            f"mode schedules with {LEAST_CLASS} landings or more: expected at least 2, found "
+            f"mode schedules with {LEAST_CLASS} touchdowns or more: expected at least 2, found "
             f"{len(landings.schedules)}"
         )
     if not fits:
-        raise AnalysisError(f"{len(landings.inputs)} landings are too few for second-order terms")
+        raise AnalysisError(f"{len(landings.inputs)} touchdowns are too few for second-order terms")
     if not choose_window(fits).coefficients.size:
-        raise AnalysisError("no two feet exchange their order among these landings")
+        raise AnalysisError("no two feet exchange their order among these touchdowns")
 
 
 def _window_result(
@@ -168,8 +168,10 @@ def _no_answer(
 def _unknown_notes(known: NDArray[np.bool_]) -> Notes:
     if known.all():
         return []
-    reason = f"{int((~known).sum())} of {len(known)} landings lack the contact instant of a foot"
-    return [{"what": "landings left out of the verdict", "reason": reason}]
+    reason = (
+        f"{int((~known).sum())} of {len(known)} touchdowns used lack the contact instant of a foot"
+    )
+    return [{"what": "touchdowns left out of the verdict", "reason": reason}]
 
 
 def _feet_notes(feet: int) -> Notes:
@@ -185,9 +187,9 @@ def _feet_notes(feet: int) -> Notes:
 def _window_notes(fit: KinkFit) -> Notes:
     notes = []
     if not fit.nearly_straight and fit.window > WINDOWS[-1]:
-        reason = f"{len(fit.rows)} landings in the narrowest window that their number allows"
+        reason = f"{len(fit.rows)} touchdowns in the narrowest window that their number allows"
         notes.append({"what": "window of the verdict", "reason": reason})
     if fit.degree < 3:
-        reason = f"{len(fit.rows)} landings: third-order terms are shrunk, not fitted freely"
+        reason = f"{len(fit.rows)} touchdowns: third-order terms are shrunk, not fitted freely"
         notes.append({"what": "smooth terms of the verdict", "reason": reason})
     return notes
