@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import yaml
 from made_up_files import export
-from made_up_hopper import hopping
+from made_up_hopper import hopping, with_spike
+from made_up_jumps import STYLES, jumping
 
 from hopdata.cli import main
 from hopdata.config import load_config
@@ -100,9 +101,35 @@ def test_what_cannot_be_guessed_is_said_and_left_to_fill_in(folder, capsys):
     text = (folder / "config/monday.yaml").read_text()
     assert "# TO DO: markers.feet" in text
     assert "# Not used: " in text
+    assert re.search(r"feet: \[.*\]  # TO DO: fill in, see above", text)
     assert len(yaml.safe_load(text)["markers"]["feet"]) < 2
     assert main(["check", "config/monday.yaml"]) == 1
     assert "markers.feet: expected a list of 2 to 6 names, found" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_a_jump_on_two_feet_becomes_a_sound_study(style, folder, capsys):
+    export(folder, jumping([*style.encode()]), names=STYLES[style])
+    assert main(["init", "monday.tsv"]) == 0
+    out = capsys.readouterr().out
+    assert "These are guesses: correct in the file what is not so." in out
+    assert main(["check", "config/monday.yaml"]) == 0
+    markers = load_config("config/monday.yaml")["markers"]
+    assert len(markers["feet"]) >= 4
+    assert len(markers["body"]) >= 4
+
+
+def test_a_suspected_marker_is_not_taken_for_home_and_it_is_said_why(folder, capsys):
+    export(folder, with_spike(hopping(1)[1], "hip1", 700, 0.05))
+    assert main(["init", "monday.tsv"]) == 0
+    assert "home  hip2 (the first of the body's markers but for hip1 (1 suspected fault))" in (
+        capsys.readouterr().out
+    )
+    assert load_config("config/monday.yaml")["home"]["marker"] == "hip2"
+    text = (folder / "config/monday.yaml").read_text()
+    assert (
+        "  # The first of the body's markers but for hip1 (1 suspected fault).\n  marker: h" in text
+    )
 
 
 def test_centimetres_are_told(folder, capsys):

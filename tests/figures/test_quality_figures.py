@@ -75,7 +75,7 @@ def test_a_panel_for_each_landing(n):
     figure = worst_landings_figure(*landings(n))
     shown = [axes for axes in figure.axes if axes.get_visible()]
     assert len(shown) == n
-    assert "landing 0" in shown[0].get_title(loc="left")
+    assert "descent 0" in shown[0].get_title(loc="left")
     labelled = [axes for axes in shown if axes.get_xlabel()]
     assert len(labelled) == min(n, 3)
     assert text_faults(figure) == []

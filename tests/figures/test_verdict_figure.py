@@ -31,19 +31,16 @@ def verdict(conclusion="no difference", **changes):
         "power": 0.8,
         "effect": dict(zip(names, sizes, strict=True)),
         "test": {"p_value": p},
-        "specialised": {"p_value": 0.23},
-        "subspaces": {"p_value": 0.92},
     } | changes
 
 
 def windows(n=5, chosen=1):
     shares = np.array([1.0, 0.71, 0.5, 0.35, 0.25])[:n]
-    table = pd.DataFrame({"window": shares, "mean_spread_ms": 10.0 * shares**0.7})
+    table = pd.DataFrame({"window": shares})
     return table.assign(
         kinks=[0.0, 0.05, 0.1, 0.02, 0.2][:n],
         kinks_low=0.0,
         kinks_high=[0.1, 0.13, 0.2, 0.3, 0.6][:n],
-        separate=0.25 * shares,
         chosen=np.arange(n) == chosen,
     )
 
@@ -55,7 +52,7 @@ def texts(figure, panel):
 @pytest.mark.parametrize("conclusion", EFFECTS)
 def test_every_conclusion_is_drawn_without_overlap(conclusion):
     figure = verdict_figure(verdict(conclusion), windows())
-    assert len(figure.axes) == 4
+    assert len(figure.axes) == 2
     shown = figure.get_supxlabel().replace("\n", " ").replace("\u00a0", " ")
     assert shown == SENTENCES[conclusion]
     assert text_faults(figure) == []
@@ -77,36 +74,15 @@ def test_the_chosen_window_is_filled_and_bold():
     assert [tick.get_fontweight() == "bold" for tick in ticks] == [i == 2 for i in range(5)]
 
 
-def test_the_separate_maps_are_drawn_as_given_on_the_same_axis():
-    table = windows()
-    kinks, spread = verdict_figure(verdict(), table).axes[:2]
-    line = next(one for one in spread.lines if one.get_marker() == "o")
-    ordered = table.sort_values("window")
-    assert list(line.get_xdata()) == list(ordered["mean_spread_ms"])
-    assert list(line.get_ydata()) == list(ordered["separate"])
-    assert kinks.get_ylim() == spread.get_ylim()
-    assert spread.get_xlim()[0] == 0.0
-
-
-def test_separate_maps_that_could_not_be_fitted_are_left_out_or_said():
-    table = windows()
-    table.loc[table["window"] < 0.6, "separate"] = np.nan
-    spread = verdict_figure(verdict(), table).axes[1]
-    assert len(next(x for x in spread.lines if x.get_marker() == "o").get_xdata()) == 2
-    figure = verdict_figure(verdict(), table.assign(separate=np.nan))
-    assert figure.axes[1].texts[0].get_text() == "not fitted:\ntoo few landings"
-    assert text_faults(figure) == []
-
-
 def test_size_bound_and_detectable_difference_are_those_given():
-    axes = verdict_figure(verdict("cannot tell"), windows()).axes[2]
+    axes = verdict_figure(verdict("cannot tell"), windows()).axes[1]
     interval, estimate, *rest = axes.lines
     assert (list(interval.get_xdata()), list(estimate.get_xdata())) == ([0.0, 0.36], [0.0])
     starts = [x.get_xdata()[0] for x in rest if x.get_marker() == "|"]
     assert starts == [0.33, 0.13]
     assert axes.get_xlabel() == DIFFERENCE
     assert any("0 (0 to 0.36)" in text for text in texts(verdict_figure(verdict("cannot tell"),
-               windows()), 2))  # fmt: skip
+               windows()), 1))  # fmt: skip
 
 
 def test_an_endless_interval_is_cut_and_ends_in_an_arrowhead():
@@ -117,16 +93,6 @@ def test_an_endless_interval_is_cut_and_ends_in_an_arrowhead():
     assert top < 2
     assert sum(line.get_marker() == "^" for line in figure.axes[0].lines) == 5
     assert max(np.max(line.get_ydata()) for line in figure.axes[0].lines) <= top
-    assert text_faults(figure) == []
-
-
-def test_p_values_stand_on_a_logarithmic_axis_and_a_missing_one_is_said():
-    figure = verdict_figure(verdict(subspaces=None), windows())
-    axes = figure.axes[3]
-    assert axes.get_xscale() == "log"
-    points = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "D"]
-    assert points == [0.73, 0.23]
-    assert texts(figure, 3)[2] == "constraint subspaces\ntoo few landings"
     assert text_faults(figure) == []
 
 

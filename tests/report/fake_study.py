@@ -127,7 +127,7 @@ def _entry(value: object, unit: str, what: str) -> dict[str, object]:
 
 def verdict(**changes: object) -> dict[str, object]:
     window = {"degree": 3, "curvature_share": 0.009, "kinks_low": 0.0, "kinks_high": 0.21}
-    window |= {"kinks": 0.04, "separate": 0.15, "largest_spread_ms": 12.7, "mean_spread_ms": 7.5}
+    window |= {"kinks": 0.04, "largest_spread_ms": 12.7, "mean_spread_ms": 7.5}
     shares = ((1.0, 986, False), (0.71, 700, True), (0.5, 493, False))
     return {
         "conclusion": "no difference",
@@ -145,16 +145,6 @@ def verdict(**changes: object) -> dict[str, object]:
             "detectable": 0.0752,
         },
         "test": {"statistic": 38.81, "degrees_of_freedom": 44, "p_value": 0.728},
-        "specialised": {"error_ratio": 1.0032, "null_high": 1.0086, "p_value": 0.232},
-        "subspaces": {
-            "rank": 8,
-            "within_rad": 0.222,
-            "across_rad": 0.246,
-            "excess_rad": 0.024,
-            "null_high_rad": 0.029,
-            "p_value": 0.916,
-            "n_schedules": 6,
-        },
         "windows": [window | {"window": w, "landings": n, "chosen": c} for w, n, c in shares],
         "notes": [],
     } | changes
@@ -167,8 +157,6 @@ def no_answer() -> dict[str, object]:
         sentence=f"These data cannot tell: {reason}.",
         effect=None,
         test=None,
-        specialised=None,
-        subspaces=None,
         windows=[],
         notes=[{"what": "verdict", "reason": reason}],
     )

@@ -58,7 +58,7 @@ def test_rare_schedules_beyond_the_list_are_mentioned():
 def test_exclusions_by_reason_and_recording():
     data = touchdowns(recordings=("a", "b"))
     table = landing_tables.exclusions_table(data)
-    assert table.head == ("reason", "a", "b", "touchdowns")
+    assert table.head == ("reason", "a", "b", "descents")
     assert table.rows[-1][0] == "all reasons"
     for row in table.rows:
         assert int(row[1]) + int(row[2]) == int(row[3])
@@ -68,7 +68,7 @@ def test_exclusions_by_reason_and_recording():
 def test_one_recording_needs_no_columns_of_its_own_and_a_lost_reason_is_said():
     data = touchdowns().assign(reason=np.nan)
     table = landing_tables.exclusions_table(data)
-    assert table.head == ("reason", "touchdowns")
+    assert table.head == ("reason", "descents")
     assert table.rows[0][0] == "no reason given"
     assert landing_tables.exclusions_table(data[~data["excluded"]]) is None
 
@@ -112,12 +112,12 @@ def test_an_unknown_model_or_kind_is_shown_too():
     extra = pd.concat([prediction(), prediction().tail(1).assign(model="ridge")])
     assert column(result_tables.prediction_table(extra), "model")[-1] == "ridge"
     kinds = pd.concat([distances(), distances().tail(1).assign(kind="shuffled")])
-    assert column(result_tables.distances_table(kinds), "pairs of subspaces")[-1] == "shuffled"
+    assert column(result_tables.distances_table(kinds), "subspaces")[-1] == "shuffled"
 
 
 def test_a_kind_without_pairs_has_zero():
     table = result_tables.distances_table(distances().iloc[2:])
-    assert column(table, "n") == ["0", "0", "1000", "1000"]
+    assert column(table, "pairs") == ["0", "0", "1000", "1000"]
 
 
 def test_truth_reads_as_sentences():

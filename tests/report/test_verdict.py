@@ -1,9 +1,8 @@
-import pytest
 from fake_study import full_study, no_answer, verdict
 from test_page import Page
 
 from hopdata.report.page import build_report
-from hopdata.report.verdict import notes, table_of_tests, verdict_facts, windows_table
+from hopdata.report.verdict import notes, table_of_test, verdict_facts, windows_table
 
 
 def test_the_card_says_effect_interval_p_and_the_bound_that_decides():
@@ -32,36 +31,19 @@ def test_without_an_answer_or_a_verdict_the_same_keys_are_there():
     assert notes(None) == ()
 
 
-def test_the_tests_stand_with_what_they_cannot_show():
-    table = table_of_tests(verdict())
-    assert [row[0] for row in table.rows] == [
-        "kinks (decides)",
-        "one map or one per order",
-        "constraint subspaces",
-    ]
-    assert all("cannot" in row[1] or "does not" in row[1] for row in table.rows)
-    assert [row[-1] for row in table.rows] == ["0.73", "0.23", "0.92"]
-    assert table.rows[0][2:4] == ("38.8", "44 expected")
-    assert table.note == ""
-
-
-@pytest.mark.parametrize("missing", ["specialised", "subspaces"])
-def test_a_test_that_was_not_made_has_dashes(missing):
-    table = table_of_tests(verdict(**{missing: None}))
-    dashed = [row for row in table.rows if row[2:] == ("—",) * 3]
-    assert len(dashed) == 1
-    assert "too few landings" in table.note
+def test_the_one_test_stands_with_what_it_cannot_show():
+    table = table_of_test(verdict())
+    assert len(table.rows) == 1
+    assert "It cannot see" in table.rows[0][0]
+    assert table.rows[0][1:] == ("38.8", "44 expected", "0.73")
 
 
 def test_the_windows_mark_the_chosen_one():
     table = windows_table(verdict())
     assert [row[0] for row in table.rows] == ["100", "71 (the verdict's)", "50"]
     assert {len(row) for row in table.rows} == {len(table.head)}
-    one = verdict()["windows"][0] | {"separate": None, "kinks_high": None}
-    lacking = windows_table(verdict(windows=[one]))
-    assert lacking.rows[0][-2:] == ("—", "—")
-    assert "A dash" in lacking.note
-    assert "A dash" not in table.note
+    one = verdict()["windows"][0] | {"kinks_high": None}
+    assert windows_table(verdict(windows=[one])).rows[0][-1] == "—"
 
 
 def test_the_windows_say_by_what_the_widest_is_chosen():
@@ -71,7 +53,7 @@ def test_the_windows_say_by_what_the_widest_is_chosen():
 
 def test_what_is_missing_has_no_table():
     for absent in (None, {}, no_answer()):
-        assert table_of_tests(absent) is None
+        assert table_of_test(absent) is None
         assert windows_table(absent) is None
 
 

@@ -85,7 +85,7 @@ def small(config, hops):
     config["prediction"] = {"bootstraps": 40, "train": 30, "test": 10, "minimum_class": 15}
     config["subspaces"] = {"bootstraps": 40}
     config["distances"] = {"pairs": 40}
-    config["verdict"] = {"flips": 99, "permutations": 19}
+    config["verdict"] = {"flips": 99}
     config["scaling_study"] = {"landings": 100, "scales": [1.0, 0.25]}
 
 

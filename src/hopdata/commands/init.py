@@ -37,8 +37,9 @@ def init(options: argparse.Namespace) -> int:
     draft = _draft(options, name, study_name(out.stem), inspection, roles, remarks)
     write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
-    for key in ("body", "feet", "boom"):
-        names = ", ".join(getattr(roles, key)) or "not guessed" * (key != "boom")
+    guessed = {key: ", ".join(getattr(roles, key)) for key in ("body", "feet", "boom")}
+    for key, found in (guessed | {"home": roles.home}).items():
+        names = found or "not guessed" * (key in ("body", "feet"))
         if names:
             reason = roles.reasons.get(key)
             print(f"  {key:5} {names}" + (f" ({reason})" if reason else ""))
@@ -46,8 +47,9 @@ def init(options: argparse.Namespace) -> int:
         print(f"note: {remark}")
     quoted = shlex.quote(str(out))
     if roles.problems:
-        print(f"next: fill in what is missing in {out}, then hopdata check {quoted}")
+        print(f"next: fill in what is missing in {out} (TO DO), then hopdata check {quoted}")
         return PROBLEM
+    print("These are guesses: correct in the file what is not so.")
     print(f"next: hopdata check {quoted}\n      snakemake --cores 2 --configfile {quoted}")
     return OK
 
@@ -62,7 +64,13 @@ def _draft(
 ) -> Draft:
     from hopdata.config.draft import Draft
 
-    reasons = {f"markers.{key}": f"{_WHAT[key]} {why}." for key, why in roles.reasons.items()}
+    reasons = {
+        f"markers.{key}": f"{what} {roles.reasons[key]}."
+        for key, what in _WHAT.items()
+        if roles.reasons.get(key)
+    }
+    if roles.reasons["home"]:
+        reasons["home.marker"] = f"{roles.reasons['home']}."
     settings: dict[str, dict[str, object]] = {"input": {}}
     if inspection.unit.is_sure and inspection.unit.value in READABLE_UNITS:
         settings["input"]["unit"] = inspection.unit.value
@@ -89,6 +97,7 @@ def _draft(
         settings={section: values for section, values in settings.items() if values},
         remarks=remarks,
         all_markers=inspection.markers,
+        home=roles.home,
     )
 
 

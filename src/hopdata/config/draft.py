@@ -36,6 +36,8 @@ class Draft:
         What the user should know or do first; stands on top.
     all_markers : sequence of str
         All names in the file.
+    home : str
+        Marker of the home frame; none by default.
     """
 
     study: str
@@ -46,6 +48,7 @@ class Draft:
     settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     remarks: Sequence[str] = ()
     all_markers: Sequence[str] = ()
+    home: str = ""
 
 
 def draft_config(draft: Draft, *, path: str) -> str:
@@ -80,9 +83,9 @@ def draft_config(draft: Draft, *, path: str) -> str:
         for key, value in values.items():
             lines += _comment(draft.reasons.get(f"{section}.{key}", ""), indent="  ")
             lines.append(f"  {key}: {scalar(value)}")
-    if draft.markers.get("body"):
-        first = scalar(draft.markers["body"][0])
-        lines += ["", "home:", f"  marker: {first}  # the home frame's x-axis runs through it"]
+    if draft.home:
+        lines += ["", "home:", *_comment(draft.reasons.get("home.marker", ""), indent="  ")]
+        lines.append(f"  marker: {scalar(draft.home)}  # the home frame's x-axis runs through it")
     return "\n".join(lines) + "\n"
 
 
@@ -116,6 +119,7 @@ def _markers(draft: Draft) -> list[str]:
         if names or key != "boom":
             lines += _comment(draft.reasons.get(f"markers.{key}", ""), indent="  ")
             lines += _list(key, names)
+            lines[-1] += "" if names else "  # TO DO: fill in, see above"
     used = {name for names in draft.markers.values() for name in names}
     left = [name for name in draft.all_markers if name not in used]
     if left:

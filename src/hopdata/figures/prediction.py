@@ -65,7 +65,7 @@ def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure
     rows = {str(row["model"]): row for row in summary.to_dict("records")}
     fitted = [name for name in MODELS if _is_fitted(rows.get(name))]
     if not fitted:
-        return message_figure("No model could be fitted: there are too few usable touchdowns.")
+        return message_figure("No model could be fitted: there are too few touchdowns used.")
     figure = paper_figure(DOUBLE_COLUMN_MM, 72.0)
     axes = figure.subplots()
     axes.set_yscale("log")

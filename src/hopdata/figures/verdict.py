@@ -12,10 +12,7 @@ from hopdata.figures.style import (
     BLUE,
     DOUBLE_COLUMN_MM,
     GREEN,
-    GREY,
     INK,
-    ON_WHITE,
-    ORANGE,
     PURPLE,
     letter,
     message_figure,
@@ -28,17 +25,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PANELS = (("kinks", "spread", "size"), ("kinks", "spread", "tests"))
 DIFFERENCE = "difference (share of the map)"
 MARGIN: Mapping[str, Any] = {"color": GREEN, "linestyle": (0, (5, 1.5)), "linewidth": 1.2}
 DETECTABLE: Mapping[str, Any] = {"color": PURPLE, "linestyle": (0, (1.5, 1.2)), "linewidth": 1.4}
-# Key in verdict.json and what the picture calls the test; the first one decides.
-TESTS: Mapping[str, str] = {
-    "test": "kinks (decides)",
-    "specialised": "one map or one per order",
-    "subspaces": "constraint subspaces",
-}
-LEAST_P = 1e-4
 # An interval longer than this many times all else is cut and ends in an arrowhead.
 LONGEST = 3.0
 SENTENCE_WIDTH = 100
@@ -53,32 +42,28 @@ def verdict_figure(verdict: Mapping[str, Any], windows: pd.DataFrame) -> Figure:
     verdict : mapping
         Contents of ``verdict.json``; see docs/verdict.md.
     windows : DataFrame
-        One row a window of contact spread: ``window`` (share of the landings), ``mean_spread_ms``,
-        ``kinks, kinks_low, kinks_high, separate`` (relative differences; NaN where not known) and
-        ``chosen``.
+        One row a window of contact spread: ``window`` (share of the landings),
+        ``kinks, kinks_low, kinks_high`` (relative differences; NaN where not known) and ``chosen``.
 
     Returns
     -------
     Figure
-        (a) the jump at zero spread found in each window, (b) the plain difference of separately
-        fitted maps against the contact spread, (c) size and limits of the difference, (d) p-values;
+        (a) the jump at zero spread found in each window, (b) size and limits of the difference;
         the verdict in words beneath. A study without an answer has the words alone.
     """
     if verdict.get("effect") is None or windows.empty:
         return message_figure(_wrapped(verdict), width_mm=DOUBLE_COLUMN_MM)
-    figure = paper_figure(DOUBLE_COLUMN_MM, 92.0)
-    axes = figure.subplot_mosaic([list(row) for row in PANELS], width_ratios=(1.0, 1.5, 1.4))
+    figure = paper_figure(DOUBLE_COLUMN_MM, 62.0)
+    left, right = figure.subplots(1, 2)
     rows = windows.sort_values("window").to_dict("records")
     top = _top(verdict, rows)
-    _draw_kinks(axes["kinks"], rows, top)
-    _draw_separate(axes["spread"], rows, top)
-    _draw_limits(axes["kinks"], axes["spread"], verdict)
-    _draw_size(axes["size"], verdict, top)
-    _draw_tests(axes["tests"], verdict)
+    _draw_kinks(left, rows, top)
+    _draw_limits(left, verdict)
+    _draw_size(right, verdict, top)
     figure.supxlabel(_wrapped(verdict), fontsize=8, fontweight="bold")
-    for text, name in zip("abcd", ("kinks", "spread", "size", "tests"), strict=True):
-        letter(axes[name], text)
-    figure.legend(*_handles(axes["kinks"], axes["spread"]), loc="outside upper center", ncols=4)
+    letter(left, "a")
+    letter(right, "b")
+    figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
 
 
@@ -90,7 +75,7 @@ def _number(mapping: Mapping[Any, Any], key: str) -> float:
 def _top(verdict: Mapping[str, Any], rows: list[dict[Any, Any]]) -> float:
     """Upper end of the axes of relative difference: all points, and the intervals that count."""
     effect = verdict["effect"]
-    points = [_number(row, key) for row in rows for key in ("kinks", "separate")]
+    points = [_number(row, "kinks") for row in rows]
     points += [
         _number(verdict, "margin"),
         *(_number(effect, k) for k in ("estimate", "detectable")),
@@ -127,48 +112,14 @@ def _draw_kinks(axes: Axes, rows: list[dict[Any, Any]], top: float) -> None:
     axes.get_xticklabels()[[bool(row["chosen"]) for row in rows].index(True)].set_fontweight("bold")
     axes.set_xlim(-0.6, len(rows) - 0.4)
     axes.set_ylim(0.0, top)
-    axes.set_xlabel("window: landings\nused (%)")
+    axes.set_xlabel("window: touchdowns used (%)")
     axes.set_ylabel(DIFFERENCE)
-    axes.set_title("at zero spread")
 
 
-def _draw_separate(axes: Axes, rows: list[dict[Any, Any]], top: float) -> None:
-    """Draw the difference of the maps that each schedule is fitted on its own."""
-    known = [row for row in rows if np.isfinite(_number(row, "separate"))]
-    spreads = [float(row["mean_spread_ms"]) for row in known]
-    axes.plot(
-        spreads,
-        [float(row["separate"]) for row in known],
-        color=ORANGE,
-        marker="o",
-        markersize=5,
-        clip_on=not known,  # nothing to draw has no extent to lay out
-        label="maps fitted separately",
-    )
-    axes.set_xlim(0.0, 1.05 * max(float(row["mean_spread_ms"]) for row in rows))
-    axes.set_ylim(0.0, top)
-    axes.tick_params(labelleft=False)
-    axes.set_xlabel("mean contact spread\nof the window (ms)")
-    axes.set_title("at the spread of the data")
-    if not known:
-        axes.text(
-            0.5,
-            0.5,
-            "not fitted:\ntoo few landings",
-            transform=axes.transAxes,
-            ha="center",
-            va="center",
-            color=GREY,
-            bbox=ON_WHITE,
-        )
-
-
-def _draw_limits(kinks: Axes, spread: Axes, verdict: Mapping[str, Any]) -> None:
-    for axes in (kinks, spread):
-        axes.axhline(_number(verdict, "margin"), zorder=1, **MARGIN)
-        axes.axhline(_number(verdict["effect"], "detectable"), zorder=1, **DETECTABLE)
-    spread.plot([], [], label="margin to exclude", **MARGIN)
-    spread.plot([], [], label=f"detectable{_with_power(verdict)}", **DETECTABLE)
+def _draw_limits(axes: Axes, verdict: Mapping[str, Any]) -> None:
+    seen, label = _number(verdict["effect"], "detectable"), f"detectable{_with_power(verdict)}"
+    axes.axhline(_number(verdict, "margin"), zorder=1, label="margin to exclude", **MARGIN)
+    axes.axhline(seen, zorder=1, label=label, **DETECTABLE)
 
 
 def _with_power(verdict: Mapping[str, Any]) -> str:
@@ -203,26 +154,6 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     axes.set_xlabel(DIFFERENCE)
 
 
-def _draw_tests(axes: Axes, verdict: Mapping[str, Any]) -> None:
-    """Draw the p-values on a logarithmic axis; what is left of the level is significant."""
-    level = 1.0 - float(verdict["confidence"])
-    axes.set_xscale("log")
-    axes.set_xlim(LEAST_P, 1.4)
-    axes.set_ylim(len(TESTS) - 0.4, -0.6)
-    axes.axvspan(LEAST_P, level, color=GREY, alpha=0.18, linewidth=0)
-    labels = []
-    for place, (key, name) in enumerate(TESTS.items()):
-        p = _number(verdict.get(key) or {}, "p_value")
-        if np.isfinite(p):
-            fill = BLUE if key == "test" else "white"
-            shown = max(p, LEAST_P)
-            axes.plot(shown, place, marker="D", color=BLUE, markerfacecolor=fill, clip_on=False)
-        labels.append(f"{name}\n" + (f"p = {p:.2g}" if np.isfinite(p) else "too few landings"))
-    axes.set_yticks(range(len(TESTS)), labels)
-    axes.tick_params(axis="y", length=0, pad=6)
-    axes.set_xlabel(f"p-value (grey: below {level:.2g})")
-
-
 def _wrapped(verdict: Mapping[str, Any]) -> str:
     """Break the sentence into lines, but never within ``p = 0.05`` or ``95 %``."""
     sentence = str(verdict["sentence"])
@@ -230,8 +161,3 @@ def _wrapped(verdict: Mapping[str, Any]) -> str:
         sentence = sentence.replace(f" {sign} ", f"\u00a0{sign}\u00a0")
     sentence = sentence.replace("<=", "\u2264").replace(" %", "\u00a0%")
     return textwrap.fill(sentence, SENTENCE_WIDTH)
-
-
-def _handles(*panels: Axes) -> tuple[list[Any], list[Any]]:
-    pairs = [panel.get_legend_handles_labels() for panel in panels]
-    return [h for handles, _ in pairs for h in handles], [t for _, texts in pairs for t in texts]

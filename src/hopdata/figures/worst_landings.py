@@ -85,5 +85,5 @@ def _draw(axes: Axes, row: Mapping[str, Any], samples: pd.DataFrame, feet: list[
         axes.axvspan(0.0, end, color=YELLOW, alpha=0.25, linewidth=0, zorder=0)
     else:
         axes.axvline(0.0, color=YELLOW, linewidth=2.0, zorder=0)
-    title = f"{row['recording']}, landing {int(row['index'])}: {row['why']}"
+    title = f"{row['recording']}, descent {int(row['index'])}: {row['why']}"
     axes.set_title(fill(title, TITLE_WIDTH), loc="left", fontsize=6)

@@ -29,9 +29,9 @@ def rare_notes(what: str, sizes: Mapping[str, int], wanted: str) -> Notes:
     """
     if len(sizes) <= MOST_ONE_BY_ONE:
         return [
-            {"what": f"{what} of schedule {name}", "reason": f"{size} landings, {wanted}"}
+            {"what": f"{what} of schedule {name}", "reason": f"{size} touchdowns, {wanted}"}
             for name, size in sizes.items()
         ]
     counts = sizes.values()
-    reason = f"{min(counts)} to {max(counts)} landings each, {sum(counts)} in all, {wanted}"
+    reason = f"{min(counts)} to {max(counts)} touchdowns each, {sum(counts)} in all, {wanted}"
     return [{"what": f"{what} of {len(sizes)} schedules", "reason": reason}]

@@ -11,6 +11,8 @@ from hopdata.report.landing_tables import excluded
 from hopdata.report.result_tables import KIND_NAMES, MODEL_NAMES
 from hopdata.report.verdict import verdict_facts
 
+NO_FOOT_LANDED = "no foot landed"  # the reason in the table of touchdowns
+
 
 def two_decimals(value: Any) -> str:
     """Format a distance in rad."""
@@ -23,7 +25,9 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
     Returns
     -------
     dict
-        Counts (``n_recordings, n_touchdowns, n_used, n_excluded, n_schedules, n_frames``: int),
+        Counts (int): ``n_recordings, n_frames``; ``n_descents`` of the body; ``n_landings``, those
+        in which a foot of the study lands; ``n_not_landed``, the others; ``n_used`` of the
+        landings and ``n_excluded``, the rest of them; ``n_schedules`` of those used;
         texts with units (``pre, post, travel, min_threshold, max_threshold, length_unit,
         time_unit, units, spread``), ``landings_only`` (sections made
         from the body's descents alone), ``medians`` of the fitted models (normalised) and
@@ -49,15 +53,26 @@ def _counts(inputs: ReportInputs) -> dict[str, Any]:
     frames = [item["n_frames"] for item in inputs.recordings if item.get("n_frames")]
     table = inputs.touchdowns
     counts: dict[str, Any] = dict.fromkeys(
-        ("n_touchdowns", "n_used", "n_excluded", "n_schedules", "spread")
+        (
+            "n_descents",
+            "n_landings",
+            "n_not_landed",
+            "n_used",
+            "n_excluded",
+            "n_schedules",
+            "spread",
+        )
     )
     if table is not None:
         used = table[~excluded(table)]
+        landings = int((table["reason"] != NO_FOOT_LANDED).sum())
         names |= set(table["recording"].astype(str))
         counts = {
-            "n_touchdowns": len(table),
+            "n_descents": len(table),
+            "n_landings": landings,
+            "n_not_landed": len(table) - landings,
             "n_used": len(used),
-            "n_excluded": len(table) - len(used),
+            "n_excluded": landings - len(used),
             "n_schedules": int(used["schedule"].replace("", None).nunique()),
             "spread": _shown(used["spread_s"].median() if len(used) else None, 1e3, "ms"),
         }
@@ -108,7 +123,7 @@ def _medians(
 
 
 def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str, str | None]]:
-    """Right mode schedules by method, in per cent: of the usable touchdowns, of all landings."""
+    """Right mode schedules by method, in per cent: of the touchdowns used, of all landings."""
     prefix, of_all = "labels_right_", "labels_right_of_all_"
     others = (of_all, "labels_right_unambiguous_")
     methods = [

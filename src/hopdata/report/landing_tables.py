@@ -179,7 +179,7 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> Table | None:
 
 
 def exclusions_table(touchdowns: pd.DataFrame | None) -> Table | None:
-    """Excluded touchdowns by reason, and by recording where these are few."""
+    """Descents that are not used by reason, and by recording where these are few."""
     if touchdowns is None or touchdowns.empty or not excluded(touchdowns).any():
         return None
     out = touchdowns[excluded(touchdowns)]
@@ -193,7 +193,7 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> Table | None:
         rows.append((str(reason), *each, count(total)))
     each = tuple(count((out["recording"].astype(str) == name).sum()) for name in shown)
     rows.append(("all reasons", *each, count(len(out))))
-    return Table("Excluded touchdowns", ("reason", *shown, "touchdowns"), tuple(rows))
+    return Table("Descents that are not used", ("reason", *shown, "descents"), tuple(rows))
 
 
 def excluded(touchdowns: pd.DataFrame) -> pd.Series:

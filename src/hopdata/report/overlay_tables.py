@@ -40,7 +40,8 @@ def agreement_table(overlay: Mapping[str, pd.DataFrame]) -> Table | None:
     )
     note = (
         "Contact found less contact known: the median, and the deviation by the median absolute "
-        "deviation. Of feet that share a column the first contact of each landing is compared."
+        "deviation. All counts are of contacts; those excluded are of descents that are not used. "
+        "Of feet that share a column the first contact of each landing is compared."
     )
     return Table("Agreement of the contacts", head, rows, text_columns=3, note=note)
 
@@ -56,7 +57,7 @@ def unmatched_table(overlay: Mapping[str, pd.DataFrame]) -> Table | None:
     rows = tuple(_unmatched(row) for row in out.head(MOST_UNMATCHED).to_dict("records"))
     left = len(out) - len(rows)
     note = f"{left} more stand in contact_overlay.csv." if left > 0 else ""
-    head = ("recording", "column", "contact", "touchdown", "reason", "time (s)")
+    head = ("recording", "column", "contact", "descent", "reason", "time (s)")
     return Table("Contacts missed or invented", head, rows, text_columns=5, note=note)
 
 

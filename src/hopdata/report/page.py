@@ -87,17 +87,16 @@ def _all_seen(inputs: ReportInputs) -> bool:
 def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[str, str, str]]:
     """Name, value and remark of each key number; the value is a dash where it is not known."""
     frames = f"{count(facts['n_frames'])} frames" if facts["n_frames"] else ""
-    listed = f"{count(facts['n_touchdowns'])} landing" + ("s" if facts["n_touchdowns"] != 1 else "")
-    found = f"of {listed}, {count(facts['n_excluded'])} excluded"
     between = f"pre section {facts['pre']}, post section {facts['post']}"
     feet = max((item.get("n_feet") or 0 for item in inputs.recordings), default=0)
-    of_all = [f"of {count(math.factorial(feet))} possible"] if feet > 1 else []
+    possible = f"of {count(math.factorial(feet))} possible, in the touchdowns used"
+    of_all = [possible] if feet > 1 else []
     apart = [f"median spread of contacts {facts['spread']}"] if facts["spread"] else []
     cards = [
         ("Difference of the maps", facts["verdict"]["difference"], facts["verdict"]["remark"]),
         ("Quality of the data", *quality.summary(inputs.quality)),
         ("Recordings", count(facts["n_recordings"]), frames),
-        ("Touchdowns used", count(facts["n_used"]), found if facts["n_touchdowns"] else ""),
+        ("Touchdowns used", count(facts["n_used"]), _of_landings(facts)),
         ("Contact orders seen", count(facts["n_schedules"]), "; ".join(of_all + apart)),
         ("Travel through the touchdown", facts["travel"], between if facts["travel"] else ""),
         (
@@ -113,6 +112,17 @@ def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[st
         missed = f"; {of_all} of all true landings" if of_all else ""
         cards.append((f"Orders right, {method}", share, f"of those used{missed}"))
     return [(name, _known(value), remark) for name, value, remark in cards]
+
+
+def _of_landings(facts: Mapping[str, Any]) -> str:
+    """Say of how many landings these are, and of how many descents of the body those."""
+    if not facts["n_descents"]:
+        return ""
+    landings, others = facts["n_landings"], facts["n_not_landed"]
+    found = f"of {count(landings)} landing{'' if landings == 1 else 's'}"
+    found += f", {count(facts['n_excluded'])} excluded"
+    of_descents = f"; in {count(others)} more of {count(facts['n_descents'])} descents"
+    return found + (f"{of_descents} no foot of the study landed" if others else "")
 
 
 def _known(value: str | None) -> str:
@@ -157,7 +167,7 @@ def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
     others = {key: value for key, value in record.items() if key not in SHOWN_ELSEWHERE}
     digests = ("source file", "SHA-256")
     return {
-        "tests": verdict.table_of_tests(inputs.verdict),
+        "test": verdict.table_of_test(inputs.verdict),
         "windows": verdict.windows_table(inputs.verdict),
         "quality": quality.quality_table(inputs.quality),
         "faults": quality.faults_table(inputs.faults),

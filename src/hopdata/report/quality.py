@@ -101,7 +101,7 @@ def remarks_table(remarks: pd.DataFrame | None) -> Table | None:
 
 
 def excluded_table(touchdowns: pd.DataFrame | None) -> Table | None:
-    """One row a touchdown that was left out, with its reason."""
+    """One row a descent that is not used, with its reason."""
     if touchdowns is None or touchdowns.empty:
         return None
     out = touchdowns[excluded(touchdowns)]
@@ -114,7 +114,7 @@ def excluded_table(touchdowns: pd.DataFrame | None) -> Table | None:
     left = len(out) - len(rows)
     note = f"{count(left)} more in tables/touchdowns.csv." if left > 0 else ""
     head = ("recording", "reason", "descent", "time (s)")
-    return Table("Every touchdown that was left out", head, rows, text_columns=2, note=note)
+    return Table("Every descent that is not used", head, rows, text_columns=2, note=note)
 
 
 def _text(value: Any) -> str:

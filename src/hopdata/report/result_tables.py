@@ -78,6 +78,10 @@ def prediction_table(summary: pd.DataFrame | None) -> Table | None:
         f" Worst position and velocity: {percent(97.5)} of the bootstraps keep below these with "
         "the rms error of the coordinate of a marker that they predict worst."
     )
+    note += (
+        " Classes: groups of touchdowns with a model of their own; train and test: touchdowns in "
+        "each bootstrap."
+    )
     note += " A dash: not fitted, too few touchdowns." if len(found) < len(MODEL_NAMES) else ""
     return Table("Prediction errors", (*head, *worst), tuple(rows), note=note)
 
@@ -100,8 +104,8 @@ def distances_table(summary: pd.DataFrame | None) -> Table | None:
             )
         )
     head = (
-        "pairs of subspaces",
-        "n",
+        "subspaces",
+        "pairs",
         "mean",
         "sd",
         *map(percent, (5, 25)),

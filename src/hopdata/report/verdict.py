@@ -18,24 +18,10 @@ from hopdata.report.table import Table, scaled
 
 Verdict = Mapping[str, Any]
 
-# Key in verdict.json: name, what it can show, what it cannot.
-TESTS = {
-    "test": (
-        "kinks (decides)",
-        "A jump of the derivative at the simultaneous contact, curvature allowed for. It cannot "
-        "see a difference in second derivatives, which a C1 map may have.",
-    ),
-    "specialised": (
-        "one map or one per order",
-        "Whether maps of their own explain more than one smooth map. It cannot say how much they "
-        "differ, nor tell a kink from curvature of high order.",
-    ),
-    "subspaces": (
-        "constraint subspaces",
-        "Whether the directions with most signal differ more across orders than between halves of "
-        "one. It has little power: a large p-value does not show that the maps agree.",
-    ),
-}
+MEANING = (
+    "A jump of the derivative at the simultaneous contact, curvature allowed for. It cannot see a "
+    "difference in second derivatives, which a C1 map may have."
+)
 
 
 def verdict_facts(verdict: Verdict | None) -> dict[str, Any]:
@@ -88,39 +74,15 @@ def notes(verdict: Verdict | None) -> Sequence[Mapping[str, Any]]:
     return found
 
 
-def table_of_tests(verdict: Verdict | None) -> Table | None:
-    """One row a test: what it is about, what was found, and what no difference would give."""
-    if not verdict or verdict.get("test") is None:
+def table_of_test(verdict: Verdict | None) -> Table | None:
+    """Say what the test is about, what it found, and what no difference would give."""
+    test = (verdict or {}).get("test")
+    if test is None:
         return None
-    rows = tuple(
-        (name, meaning, *_found(key, verdict.get(key))) for key, (name, meaning) in TESTS.items()
-    )
-    head = ("test", "what it can and cannot show", "found", "without a difference", "p")
-    note = "A dash: the orders have too few landings for this test."
-    return Table(
-        "Tests of one map for all contact orders",
-        head,
-        rows,
-        text_columns=2,
-        note=note if any(row[-1] == MISSING for row in rows) else "",
-    )
-
-
-def _found(key: str, result: Mapping[str, Any] | None) -> tuple[str, str, str]:
-    """Return the statistic, what it is without a difference, and the p-value."""
-    if result is None:
-        return MISSING, MISSING, MISSING
-    if key == "test":
-        expected = f"{count(result['degrees_of_freedom'])} expected"
-        cells = (significant(result["statistic"]), expected)
-    elif key == "specialised":
-        cells = (fixed(result["error_ratio"], 4), f"95 % below {fixed(result['null_high'], 4)}")
-    else:
-        cells = (
-            with_unit(fixed(result["excess_rad"], 3), "rad"),
-            f"95 % below {fixed(result['null_high_rad'], 3)}",
-        )
-    return *cells, _number(result["p_value"])
+    expected = f"{count(test['degrees_of_freedom'])} expected"
+    row = (MEANING, significant(test["statistic"]), expected, _number(test["p_value"]))
+    head = ("what it can and cannot show", "found", "without a difference", "p")
+    return Table("Test of the kinks, which decides", head, (row,))
 
 
 def windows_table(verdict: Verdict | None) -> Table | None:
@@ -135,13 +97,13 @@ def windows_table(verdict: Verdict | None) -> Table | None:
             fixed(row["mean_spread_ms"], 1),
             fixed(row["largest_spread_ms"], 1),
             fixed(scaled(row["curvature_share"], 100), 1),
-            *(fixed(row[key], 3) for key in ("kinks", "kinks_low", "kinks_high", "separate")),
+            *(fixed(row[key], 3) for key in ("kinks", "kinks_low", "kinks_high")),
         )
         for row in verdict["windows"]
     )
     head = (
-        "nearest landings (%)",
-        "landings",
+        "nearest touchdowns (%)",
+        "touchdowns used",
         "free terms to order",
         "mean spread (ms)",
         "largest spread (ms)",
@@ -149,7 +111,6 @@ def windows_table(verdict: Verdict | None) -> Table | None:
         "jump at zero spread",
         "interval from",
         "interval to",
-        "separate maps differ by",
     )
     return Table(
         "The difference in windows of contact spread", head, rows, note=_windows_note(verdict)
@@ -157,17 +118,14 @@ def windows_table(verdict: Verdict | None) -> Table | None:
 
 
 def _windows_note(verdict: Verdict) -> str:
-    """Say what the columns are, which window is the verdict's, and what a dash means."""
+    """Say what the columns are, and which window is the verdict's."""
     limit = _share(verdict.get("curvature_limit"))
     little = "little" if limit is None else f"at most {limit}"
-    note = (
+    return (
         f"Differences as shares of the map, with {_share(verdict.get('confidence'))} intervals. "
         f"The verdict rests on the widest window in which curvature is {little} of the variance, "
-        "or else on the narrowest. The separate maps differ by curvature too, a part that falls "
-        "with the spread."
+        "or else on the narrowest."
     )
-    lacking = any(is_missing(row["separate"]) for row in verdict["windows"])
-    return note + (" A dash there: too few landings for them." if lacking else "")
 
 
 def _number(value: Any) -> str:

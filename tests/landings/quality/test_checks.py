@@ -10,7 +10,7 @@ WHAT = {
     "seen": "frames seen, worst marker",
     "faults": "swaps, spikes, jumps, frozen, time",
     "noise": "noise of a coordinate over expected",
-    "used": "descents used",
+    "used": "touchdowns used",
     "error": "error of a contact over the spread",
     "order": "orders less sure than 0.9",
     "sections": "sections move, over their distance",
@@ -161,7 +161,7 @@ def test_landings_of_feet_that_are_not_followed_do_not_count(tables, other_feet,
     tables["touchdowns"]["excluded"] = tables["touchdowns"]["reason"] != ""
     found = judged(tables, other_feet=other_feet)[WHAT["used"]]
     assert (found.value, found.status) == (value, status)
-    assert ("5 of other feet" in found.remark) == other_feet
+    assert ("5 more descents, of other feet" in found.remark) == other_feet
 
 
 def test_no_landing_of_any_followed_foot_is_poor(tables):

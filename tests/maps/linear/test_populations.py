@@ -23,13 +23,13 @@ def test_near_and_far_are_below_and_above_the_median_of_all():
         "far": [2, 3],
     }
     assert notes == [
-        {"what": "specialised models of schedule 2>1", "reason": "1 landings, at least 2 wanted"}
+        {"what": "specialised models of schedule 2>1", "reason": "1 touchdowns, at least 2 wanted"}
     ]
 
 
 def test_no_class_is_said_once_more_for_all():
     _, notes = select_populations(np.array(["", ""]), np.array([np.nan, np.nan]), 40)
-    assert notes == [{"what": "specialised models", "reason": "no mode schedule has 40 landings"}]
+    assert notes == [{"what": "specialised models", "reason": "no mode schedule has 40 touchdowns"}]
 
 
 @pytest.mark.parametrize(
@@ -88,6 +88,6 @@ def test_many_thin_classes_are_counted_together():
     assert notes == [
         {
             "what": "affine models of 9 schedules",
-            "reason": "15 to 21 landings each to fit, an affine map of these inputs needs 26",
+            "reason": "15 to 21 touchdowns each to fit, an affine map of these inputs needs 26",
         }
     ]

@@ -95,7 +95,7 @@ def test_a_small_class_is_named_and_left_out():
     assert "2>1>3" not in set(result.errors["schedule"])
     assert {
         "what": "specialised models of schedule 2>1>3",
-        "reason": "5 landings, at least 40 wanted",
+        "reason": "5 touchdowns, at least 40 wanted",
     } in result.notes
 
 
@@ -121,7 +121,7 @@ def test_almost_no_landings_do_not_crash(n, models):
     x, y, schedule, spread = (part[:n] for part in study(np.random.default_rng(10), n=40))
     result = bootstrap_prediction(x, y, schedule, spread, seed=1, bootstraps=5)
     assert result.summary["model"].tolist() == models
-    assert "affine model of all landings" in {note["what"] for note in result.notes}
+    assert "affine model of all touchdowns" in {note["what"] for note in result.notes}
 
 
 def test_constant_columns_and_duplicates_are_harmless():

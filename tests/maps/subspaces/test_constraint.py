@@ -98,7 +98,7 @@ def test_classes_that_are_too_small_or_flat_are_named():
         },
         {
             "what": "subspaces of schedule 2>1",
-            "reason": "29 landings, 30 distinct ones wanted in each draw",
+            "reason": "29 touchdowns, 30 distinct ones wanted in each draw",
         },
     ]
 
@@ -111,7 +111,7 @@ def test_many_rare_schedules_are_counted_together():
     assert study.notes == [
         {
             "what": "subspaces of 12 schedules",
-            "reason": "3 to 4 landings each, 40 in all, 30 distinct ones wanted in each draw",
+            "reason": "3 to 4 touchdowns each, 40 in all, 30 distinct ones wanted in each draw",
         }
     ]
 

@@ -16,12 +16,9 @@ from hopdata.maps.verdict.effect import (
     squared_size,
 )
 from hopdata.maps.verdict.estimate import choose_window, fit_kinks, fit_window, window_kinks
-from hopdata.maps.verdict.expected_contacts import expected_contacts
-from hopdata.maps.verdict.graphs import rank_gap
+from hopdata.maps.verdict.expected_contacts import contact_orders, expected_contacts
 from hopdata.maps.verdict.inputs import section_landings
 from hopdata.maps.verdict.kinks import foot_sets, kink_slopes, kinks
-from hopdata.maps.verdict.membership import memberships
-from hopdata.maps.verdict.residuals import shuffled
 from hopdata.maps.verdict.shrinkage import variance_ratios
 from hopdata.maps.verdict.significance import KinkTest, draws, flip_signs
 from hopdata.maps.verdict.smooth import (
@@ -203,26 +200,10 @@ def _with_high_order(data, strength):
     return data.y + 0.01 * strength * data.y.std(axis=0) * (d**3 * np.abs(d))[:, None]
 
 
-def test_memberships_are_probabilities():
-    instants = np.array([[0.0, 0.001, 0.02], [0.0, 0.01, 0.02], [0.0, np.nan, 0.02]])
-    found = memberships(np.tile(instants, (30, 1)), np.full((90, 3), 0.001), 20)
-    assert found.schedules == ((0, 1, 2),)
-    assert found.weights[1, 0] == pytest.approx(1.0)
-    assert found.weights[0, 0] == pytest.approx(0.7602, abs=1e-3)  # Phi(1 / sqrt 2)
-    assert found.weights[2, 0] == 0.0
-
-
-def test_rows_change_places_within_their_strata_only(rng):
-    strata = rng.integers(0, 4, 200)
-    for order in shuffled(strata, 5, rng):
-        assert sorted(order) == list(range(200))
-        assert (strata[order] == strata).all()
-        assert (order != np.arange(200)).any()
-
-
-def test_rank_is_where_the_gap_is(rng):
-    signal = rng.standard_normal((400, 8)) @ rng.standard_normal((8, 19))
-    assert rank_gap(signal + 0.01 * rng.standard_normal((400, 19))) == 8
+def test_orders_of_enough_landings_are_those_seen():
+    instants = np.array([[0.0, 0.001, 0.02], [0.02, 0.01, 0.0], [0.0, 0.02, 0.01]])
+    found = contact_orders(np.repeat(instants, (30, 20, 19), axis=0), 20)
+    assert found == ((0, 1, 2), (2, 1, 0))
 
 
 @pytest.fixture(scope="module")
@@ -230,7 +211,7 @@ def fitted():
     data = landings(n=600, noise=0.3)
     section = section_landings(data.before, data.after, data.instants, 0.05)
     fit = choose_window(fit_kinks(section.inputs, section.outputs, section.expected))
-    schedules = list(section.members.schedules)
+    schedules = list(section.schedules)
     outcome = outcome_variance(fit, section.inputs, section.expected, schedules)
     form = squared_size(fit, section.expected, schedules, outcome)
     return fit, form

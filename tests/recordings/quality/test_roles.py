@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
-from made_up_hopper import MARKERS, hopping
+from made_up_hopper import MARKERS, hopping, with_gap, with_spike, with_swap
+from made_up_jumps import STYLES, jumping
 
 from hopdata.recordings.quality.inspection import inspect_recording
-from hopdata.recordings.quality.names import part_by_name
+from hopdata.recordings.quality.names import part_by_name, place_by_name
 from hopdata.recordings.quality.roles import guess_roles
 from hopdata.recordings.raw import RawRecording
 
@@ -25,6 +26,15 @@ def roles(positions, markers=MARKERS, rate_hz=100.0):
         ("body1", "body"),
         ("LPSI", "body"),
         ("boom", "boom"),
+        ("RHEE", "foot"),
+        ("L_FCC", "foot"),
+        ("R_FM5", "foot"),
+        ("LANK", "ankle"),
+        ("R.Ankle.Lat", "ankle"),
+        ("L_FAL", "ankle"),
+        ("L_IPS", "body"),
+        ("LSACR", "body"),
+        ("LKNE", ""),
         ("R.Shank.Top.Medial", ""),
         ("Marker 7", ""),
         ("", ""),
@@ -32,6 +42,84 @@ def roles(positions, markers=MARKERS, rate_hz=100.0):
 )
 def test_part_by_name(name, part):
     assert part_by_name(name) == part
+
+
+@pytest.mark.parametrize(
+    ("left", "right"),
+    [("LHEE", "RHEE"), ("L_mt1", "rMT1"), ("LeftFootIn", "RightFootIn"), ("toe_l", "R.Toe")],
+)
+def test_both_sides_have_places_of_the_same_name(left, right):
+    assert place_by_name(left) == place_by_name(right)
+    assert place_by_name("LMT1") != place_by_name("LMT5")
+
+
+@pytest.mark.parametrize("jumps", [1, 2, 4])
+@pytest.mark.parametrize("style", STYLES)
+def test_jumps_on_two_feet_with_heels_and_toes(style, jumps):
+    names = STYLES[style]
+    found = roles(jumping([jumps, *style.encode()], jumps=jumps), names)
+    feet = {names.index(name) for name in found.feet}
+    heels_and_toes = {4, 5, 10, 11}
+    if style == "numbers":  # by motion alone: the lowest, of both sides
+        assert feet <= {*range(4, 9), *range(10, 15)}
+        assert len(feet & {4, 5, 6, 7, 8}) == len(feet) / 2 >= 2
+    else:
+        assert feet > heels_and_toes
+        assert feet <= {*range(4, 8), *range(10, 14)}, "no ankle"
+        assert set(found.body) == set(names[:4])
+        assert "one rigid part" not in found.reasons["feet"]
+    assert found.problems == ()
+    assert found.other_feet == ()
+
+
+def test_ankles_are_taken_where_there_is_no_foot():
+    positions, names = jumping(3), STYLES["plug-in gait"]
+    kept = [m for m, name in enumerate(names) if name[1:] not in ("HEE", "TOE", "MT1", "MT5")]
+    found = roles(positions[:, kept], tuple(names[m] for m in kept))
+    assert found.feet == ("LANK", "RANK")
+
+
+def test_where_all_stand_still_no_marker_is_a_boom():
+    found = roles(jumping(4)[:60] * 0.1, STYLES["opensim"])
+    assert found.boom == ()
+
+
+def test_named_feet_that_never_land_are_named_in_the_problem():
+    standing = jumping(4)[:60]
+    (problem,) = roles(standing, STYLES["opensim"]).problems
+    assert "leave it and land, found none" in problem
+    assert "named as feet: " in problem
+    assert "L.Heel" in problem
+    (problem,) = roles(standing, STYLES["numbers"]).problems
+    assert "nearest to the floor: " in problem
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        lambda p: with_spike(p, "hip1", 700, 0.05),
+        lambda p: with_gap(p, "hip1", 100, 300),
+        lambda p: with_swap(p, "hip1", "toe2", 900, 960),
+    ],
+    ids=["spike", "gap", "swap"],
+)
+def test_the_home_marker_is_one_that_inspect_calls_good(spoilt):
+    positions = hopping(5)[1]
+    assert roles(positions).home == "hip1"
+    found = roles(spoilt(positions))
+    assert found.body[0] == "hip1"
+    assert found.home == "hip2"
+    assert "but for hip1 (" in found.reasons["home"]
+
+
+def test_of_body_markers_that_are_all_suspected_home_is_the_least_bad():
+    positions = hopping(5)[1]
+    for name, frames in {"hip1": (300, 700), "hip2": (300, 900), "hip3": (400,)}.items():
+        for frame in frames:
+            positions = with_spike(positions, name, frame, 0.05)
+    found = roles(positions)
+    assert found.home == "hip3"
+    assert "none of the body's markers is without fault, it has 1 susp" in found.reasons["home"]
 
 
 @pytest.mark.parametrize("seed", range(5))

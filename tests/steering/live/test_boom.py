@@ -1,4 +1,5 @@
 import socket
+import time
 
 import pytest
 from loopback import wait_until
@@ -34,6 +35,29 @@ def test_what_is_not_a_swing_is_left_out_and_counted(swings, line):
         got = []
         wait_until(lambda: got.append(swings.newest()) or 0.5 in got)
     assert swings.garbled == 1
+
+
+def test_swings_that_are_old_or_come_twice_are_left_out_and_counted(swings):
+    got = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for line in (b"swing 7 0.1", b"swing 9 0.3", b"swing 8 0.2", b"swing 9 0.3"):
+            sender.sendto(line, ("127.0.0.1", swings.port))
+        wait_until(lambda: got.append(swings.newest()) or swings.outdated == 2)
+        sender.sendto(b"swing 9 0.3", ("127.0.0.1", swings.port))
+        wait_until(lambda: got.append(swings.newest()) or swings.outdated == 3)
+    assert [g for g in got if g is not None][-1] == 0.3
+    assert got[-1] is None
+    assert swings.garbled == 0
+
+
+def test_a_later_drive_is_not_taken_for_old(swings):
+    got = []
+    for rad in (0.1, 0.2):
+        with UdpBoom(swings.port) as boom:
+            boom.swing(rad)
+            wait_until(lambda rad=rad: got.append(swings.newest()) or got[-1] == rad)
+        time.sleep(0.005)
+    assert swings.outdated == 0
 
 
 @pytest.mark.parametrize("port", ["x", 0, 65536, -1, 5000.0, None])

@@ -1,5 +1,9 @@
+import signal
+import subprocess
+import sys
 import threading
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,6 +22,7 @@ from hopdata.steering.live.simulated import LiveHopper
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
 from hopdata.steering.plant.robot import SteeredHopper
 
+ENDLESS = Path(__file__).with_name("endless_drive.py")
 LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, hop_s=LONG_S)
 SPEED = 4.0
 
@@ -132,6 +137,53 @@ def test_at_the_end_the_boom_is_told_to_stay():
         robot.boom = SimpleNamespace(swing=told.append, close=robot.boom.close)
         drive_until(robot, Controller(), 2)
     assert told[-1] == 0.0
+
+
+@pytest.mark.parametrize(("told", "code"), [("SIGTERM", 143), ("SIGINT", 130)])
+def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(tmp_path, told, code):
+    heard = []
+    with Robot(faults=Faults(dropped=0.05), seed=3) as robot:
+        robot.hopper._swings = lambda: 0.0  # those of the process are listened to here
+        process = subprocess.Popen(
+            [sys.executable, ENDLESS, str(robot.server.port), str(robot.swings.port), tmp_path]
+        )
+        try:
+            wait_until(lambda: heard.append(robot.swings.newest()) or len(set(heard)) > 2)
+            process.send_signal(getattr(signal, told))
+            process.send_signal(getattr(signal, told))  # nobody's patience spoils the end
+            assert process.wait(LONG_S) == code
+        finally:
+            process.kill()
+            process.wait()
+        heard.append(robot.swings.newest())
+    assert heard[-1] == 0.0
+    decisions = pd.read_csv(tmp_path / "decisions.csv", keep_default_na=False)
+    assert {h for h in heard if h} <= set(decisions.command_rad)
+    assert f"ended by {told}" in pd.read_csv(tmp_path / "stream_states.csv").message.iloc[-1]
+    counts = pd.read_csv(tmp_path / "counts.csv").set_index(["part", "count"]).value
+    assert counts["stream", "frames"] >= counts["loop", "frames"] > 0
+    assert counts["stream", "missing"] > 0
+
+
+def test_a_handler_of_the_callers_own_is_left_and_the_default_is_put_back():
+    seen = []
+    before = signal.signal(signal.SIGTERM, lambda *_: seen.append(signal.getsignal(signal.SIGINT)))
+    try:
+        with Robot() as robot:
+            stop = threading.Event()
+
+            def listen(_):
+                signal.raise_signal(signal.SIGTERM)
+                stop.set()
+
+            drive(
+                geometry(), Controller(), robot.boom, port=robot.server.port, stop=stop,
+                limits=LENIENT, seconds=LONG_S, on_decision=listen,
+            )  # fmt: skip
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert seen
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_a_marker_of_another_name_is_a_clear_error_and_the_boom_stays():

@@ -73,6 +73,35 @@ def test_garbled_frames_are_left_out_and_counted():
         assert times == sorted(times)
 
 
+class Untidy(LoopbackServer):
+    """Sends every seventh frame again, two others later, and every tenth one place too late."""
+
+    def _send(self, frame, *, garbled=False):
+        held = self.__dict__.setdefault("held", {})
+        if frame.number % 10 == 0:
+            held[frame.number + 1] = frame
+            return
+        super()._send(frame, garbled=garbled)
+        if frame.number in held:
+            super()._send(held.pop(frame.number))
+        if frame.number % 7 == 0:
+            held[frame.number + 2] = frame
+
+
+def test_frames_that_come_late_or_twice_are_left_out_and_counted():
+    with (
+        Untidy(ramp(209), LABELS, speed=FAST) as server,
+        MarkerStream(LABELS, port=server.port, patience=BRISK, capacity=4096) as stream,
+    ):
+        assert server.ended.wait(LONG_S)
+        wait_until(lambda: stream.buffer.written and stream.buffer.newest().number == 209)
+        numbers = [f.number for f in stream.buffer.since(0)]
+        assert {f.epoch for f in stream.buffer.since(0)} == {0}
+    assert numbers == [k for k in range(1, 210) if k % 10]
+    assert stream.counts.outdated >= 20 + 20
+    assert stream.counts.garbled == 0
+
+
 def test_garbage_between_packets_is_a_clear_error_and_the_stream_comes_back():
     with linked(10**6, outages=[Outage(0.5, kind="garbage")], seed=4) as (_, stream):
         wait_until(lambda: stream.counts.connections == 2 and stream.counts.frames > 200)

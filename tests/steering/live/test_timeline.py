@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from hopdata.steering.live.timeline import CameraClock, Timeline
 
@@ -22,11 +24,36 @@ def test_missing_frames_are_counted():
     assert timeline.missing == 0
 
 
-@pytest.mark.parametrize("damaged", [(2, 1e9), (2_000_000, 0.02), (1, 0.01), (0, -5.0)])
+@pytest.mark.parametrize("damaged", [(2, 1e9), (2_000_000, 0.02), (1, 0.02), (0, -5.0)])
 def test_one_damaged_frame_does_not_disturb_those_after_it(damaged):
     assert verdicts([(1, 0.01), damaged, (3, 0.03), (4, 0.04)]) == [
         "next", "implausible", "next", "next",
     ]  # fmt: skip
+
+
+def test_frames_that_come_late_twice_or_out_of_order_are_outdated():
+    numbers = [10, 8, 9, 11, 11, 13, 12, 10, 11, 14]
+    heard = verdicts([(k, k / 100) for k in numbers])
+    late = {1, 2, 4, 6, 7, 8}
+    assert heard == ["outdated" if k in late else "next" for k in range(len(numbers))]
+
+
+@given(st.integers(1, 60), st.lists(st.tuples(st.integers(0, 8), st.booleans()), max_size=300))
+def test_a_stream_that_is_shuffled_a_little_keeps_its_order_and_its_clock(first, delays):
+    sent = [
+        (k + delay, first + k) for k, (delay, twice) in enumerate(delays) for _ in range(1 + twice)
+    ]
+    numbers = [number for _, number in sorted(sent)]
+    heard = verdicts([(k, k / 100) for k in numbers])
+    assert set(heard) <= {"next", "outdated"}
+    kept = [k for k, verdict in zip(numbers, heard, strict=True) if verdict == "next"]
+    assert kept == sorted(set(kept))
+    assert kept == list(dict.fromkeys(np.maximum.accumulate(np.array(numbers, int)).tolist()))
+
+
+def test_a_camera_system_that_begins_anew_soon_is_followed_in_the_end():
+    frames = [(k, k / 100) for k in [*range(1, 31), *range(1, 31)]]
+    assert verdicts(frames) == ["next"] * 30 + ["outdated"] * 10 + ["restart"] + ["next"] * 19
 
 
 def test_a_camera_system_that_begins_anew_is_followed():

@@ -144,20 +144,23 @@ def _unseen(markers: pd.DataFrame) -> str:
 
 
 def _used(markers: pd.DataFrame, touchdowns: pd.DataFrame, other_feet: bool) -> Check:
-    what, unseen = "descents used", _unseen(markers)
+    what, unseen = "touchdowns used", _unseen(markers)
     if touchdowns.empty:
         return _check(what, None, "%", (80.0, 50.0), f"no descent found{unseen}")
     theirs = other_feet & (touchdowns["reason"] == NO_FOOT_LANDED)
     if theirs.all():
-        return _check(what, 0.0, "%", (80.0, 50.0), f"{NO_FOOT_LANDED} in any of {len(theirs)}")
+        return _check(
+            what, 0.0, "%", (80.0, 50.0), f"{NO_FOOT_LANDED} in any of {len(theirs)} descents"
+        )
     touchdowns = touchdowns[~theirs]
     out = touchdowns["excluded"].astype(bool)
     reasons = touchdowns.loc[out, "reason"].value_counts()
-    remark = f"{int((~out).sum())} of {len(out)}"
+    counted = "landings" if other_feet else "descents"
+    remark = f"{int((~out).sum())} of {len(out)} {counted}"
     if len(reasons):
         remark += f"; most often: {reasons.index[0]} ({int(reasons.iloc[0])})"
     if theirs.any():
-        remark += f"; not counted: {int(theirs.sum())} of other feet"
+        remark += f"; not counted: {int(theirs.sum())} more descents, of other feet"
     return _check(what, 100.0 * float((~out).mean()), "%", (80.0, 50.0), remark + unseen)
 
 

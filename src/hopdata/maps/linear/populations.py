@@ -47,7 +47,7 @@ def select_populations(
             rare[name] = len(rows)
     notes = rare_notes("specialised models", rare, f"at least {minimum_class} wanted")
     if not populations:
-        reason = f"no mode schedule has {minimum_class} landings"
+        reason = f"no mode schedule has {minimum_class} touchdowns"
         notes.append({"what": "specialised models", "reason": reason})
     known = np.isfinite(spread)
     median = np.median(spread[known]) if known.any() else np.nan
@@ -90,8 +90,8 @@ def large_enough(
         if not enough and population.kind == "class":
             thin[population.name] = fitted
         elif not enough:
-            what = "affine model of all landings" if population.kind == "all" else population.name
-            notes.append({"what": what, "reason": f"{fitted} landings to fit, {wanted}"})
+            what = "affine model of all touchdowns" if population.kind == "all" else population.name
+            notes.append({"what": what, "reason": f"{fitted} touchdowns to fit, {wanted}"})
         if enough or (population.kind == "all" and size >= 2):
             kept.append(population)
     return kept, _thin_notes(thin, wanted) + notes
@@ -101,10 +101,10 @@ def _thin_notes(thin: dict[str, int], wanted: str) -> Notes:
     """Note the schedules without an affine map, together where they are many."""
     if len(thin) <= MOST_ONE_BY_ONE:
         return [
-            {"what": name, "reason": f"{fitted} landings to fit, {wanted}"}
+            {"what": name, "reason": f"{fitted} touchdowns to fit, {wanted}"}
             for name, fitted in thin.items()
         ]
-    sizes = f"{min(thin.values())} to {max(thin.values())} landings each to fit"
+    sizes = f"{min(thin.values())} to {max(thin.values())} touchdowns each to fit"
     return [{"what": f"affine models of {len(thin)} schedules", "reason": f"{sizes}, {wanted}"}]
 
 

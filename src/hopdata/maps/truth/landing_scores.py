@@ -86,7 +86,7 @@ def score_contacts(
 ) -> Entries:
     """Score the mode schedules and contact instants of one method.
 
-    Two shares of right schedules are given: of the usable touchdowns, and of all true landings,
+    Two shares of right schedules are given: of the touchdowns used, and of all true landings,
     where an excluded or missed landing counts as not right. Touchdowns of recordings without a
     truth are not scored; one without a true landing nearby, or beside a closer one, is wrong.
 
@@ -117,7 +117,7 @@ def score_contacts(
     who = f"{method.replace('_', ' ')} method"
     return {
         f"labels_right_{method}": entry(
-            mean(right), "1", f"Share of right mode schedules among usable touchdowns, {who}"
+            mean(right), "1", f"Share of right mode schedules among the touchdowns used, {who}"
         ),
         f"labels_right_unambiguous_{method}": entry(
             mean(right[sure]), "1", f"The same share among those not ambiguous, {who}"
@@ -135,13 +135,13 @@ def score_contacts(
             n_landings - matched, "landings", f"True landings excluded or missed, {who}"
         ),
         f"unmatched_{method}": entry(
-            len(usable) - matched, "touchdowns", f"Usable touchdowns without a true landing, {who}"
+            len(usable) - matched, "touchdowns", f"Touchdowns used without a true landing, {who}"
         ),
     }
 
 
 def count_touchdowns(table: pd.DataFrame) -> Entries:
-    """Count the usable touchdowns, and the excluded ones by reason."""
+    """Count the touchdowns used, and the excluded ones by reason."""
     excluded = table["excluded"].astype(bool)
     usable = int((~excluded).sum())
     entries = {"touchdowns_usable": entry(usable, "touchdowns", "Touchdowns used in the study")}

@@ -10,9 +10,7 @@ import numpy as np
 from hopdata.errors import require_choice
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.estimate import CURVATURE_SHARE
-from hopdata.maps.verdict.graphs import SubspaceTest
 from hopdata.maps.verdict.significance import KinkTest
-from hopdata.maps.verdict.specialised import SpecialisedTest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,8 +32,6 @@ class WindowResult:
         Share of unmodelled curvature in the variance of the kinks.
     kinks, kinks_low, kinks_high
         Relative difference of the derivatives at zero spread, with its interval.
-    separate
-        Relative difference of linear maps fitted to each schedule on its own.
     chosen
         Whether the verdict rests on this window.
     """
@@ -49,7 +45,6 @@ class WindowResult:
     kinks: float
     kinks_low: float
     kinks_high: float
-    separate: float
     chosen: bool
 
 
@@ -70,8 +65,6 @@ class Verdict:
         the detectable one would have been found.
     effect, test
         Size and significance of the kinks in the chosen window; None if there is no answer.
-    specialised, subspaces
-        The two other tests; None where landings do not suffice.
     windows
         The same estimate in every window.
     notes
@@ -89,8 +82,6 @@ class Verdict:
     power: float
     effect: EffectSize | None = None
     test: KinkTest | None = None
-    specialised: SpecialisedTest | None = None
-    subspaces: SubspaceTest | None = None
     windows: tuple[WindowResult, ...] = ()
     notes: list[dict[str, str]] = field(default_factory=list)
     curvature_limit: float = CURVATURE_SHARE

@@ -1,10 +1,11 @@
-"""The contact instants that the state before a landing leads one to expect."""
+"""The contact instants, and their orders, that the state before a landing leads one to expect."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.maps.verdict.kinks import Feet
 from hopdata.maps.verdict.smooth import affordable_degree, monomials
 
 _OUTLYING = 5.0
@@ -36,3 +37,10 @@ def expected_contacts(x: Floats, instants: Floats) -> Floats:
             best, least = fitted, error
     expected: Floats = best - best.mean(axis=1, keepdims=True)
     return expected
+
+
+def contact_orders(instants: Floats, least: int) -> tuple[Feet, ...]:
+    """Return the orders, each as its feet from 0, that `least` landings (N, feet) or more have."""
+    order = np.argsort(instants, axis=1, kind="stable")
+    orders, counts = np.unique(order, axis=0, return_counts=True)
+    return tuple(tuple(feet) for feet in orders[counts >= least].tolist())

@@ -18,8 +18,8 @@ from hopdata.maps.rigid import (
     section_coordinates,
     split_states,
 )
-from hopdata.maps.verdict.expected_contacts import expected_contacts
-from hopdata.maps.verdict.membership import Memberships, memberships
+from hopdata.maps.verdict.expected_contacts import contact_orders, expected_contacts
+from hopdata.maps.verdict.kinks import Feet
 
 #: Schedules with fewer landings play no part.
 LEAST_CLASS = 20
@@ -39,8 +39,8 @@ class SectionLandings:
         (n, 11) coordinates at the post section, as displacements of the markers, m.
     expected
         (n, feet) contact instants to be expected from the inputs, s, mean of the feet removed.
-    members
-        Schedules to be expected, with weights.
+    schedules
+        Mode schedules to be expected for `LEAST_CLASS` landings or more, each as its feet from 0.
     errors
         (8, 8) covariance of the errors of the inputs.
     instant_noise_s
@@ -50,15 +50,9 @@ class SectionLandings:
     inputs: Floats
     outputs: Floats
     expected: Floats
-    members: Memberships
+    schedules: tuple[Feet, ...]
     errors: Floats
     instant_noise_s: Floats
-
-    @property
-    def noise(self) -> Floats:
-        """Standard deviations (8,) of the errors of the inputs, whose own are one."""
-        deviations: Floats = np.sqrt(np.diag(self.errors))
-        return deviations
 
 
 def section_landings(x: Floats, y: Floats, instants: Floats, time_unit_s: float) -> SectionLandings:
@@ -82,7 +76,7 @@ def section_landings(x: Floats, y: Floats, instants: Floats, time_unit_s: float)
         If there are too few landings or markers, or nothing varies.
     """
     if len(x) < 2:
-        raise AnalysisError(f"{len(x)} landings with known contact instants")
+        raise AnalysisError(f"{len(x)} touchdowns with known contact instants")
     shape = body_shape(split_states(x)[0])
     before = rigid_states(x, shape)
     inputs, outputs = section_coordinates(before, rigid_states(y, shape))
@@ -90,7 +84,7 @@ def section_landings(x: Floats, y: Floats, instants: Floats, time_unit_s: float)
     least = inputs.shape[1] + 2  # an affine fit of the contact instants, with one landing to spare
     if len(x) < least:
         raise AnalysisError(
-            f"landings with known contact instants: expected at least {least}, found {len(x)}"
+            f"touchdowns with known contact instants: expected at least {least}, found {len(x)}"
         )
     if not (deviation > 0).all():
         raise AnalysisError("the states before the landing do not vary")
@@ -99,9 +93,9 @@ def section_landings(x: Floats, y: Floats, instants: Floats, time_unit_s: float)
     expected = expected_contacts(inputs, instants)
     miss = instants - instants.mean(axis=1, keepdims=True) - expected
     doubt = 1.4826 * np.median(np.abs(miss), axis=0)
-    members = memberships(expected, np.broadcast_to(doubt, expected.shape), LEAST_CLASS)
+    schedules = contact_orders(expected, LEAST_CLASS)
     errors = _input_errors(x, y, before, shape) / np.outer(deviation, deviation)
-    return SectionLandings(inputs, outputs, expected, members, errors, doubt)
+    return SectionLandings(inputs, outputs, expected, schedules, errors, doubt)
 
 
 def _input_errors(x: Floats, y: Floats, before: RigidStates, shape: Floats) -> Floats:

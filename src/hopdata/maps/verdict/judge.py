@@ -1,8 +1,7 @@
 """The verdict: one smooth map through the landing, a map for every contact order, or no answer.
 
 What decides is the test of the kinks (`significance`); the size of the difference and what could
-have been excluded or seen stand beside it (`effect`), and two more tests that look at the same
-question in the dissertation's ways (`specialised`, `graphs`).
+have been excluded or seen stand beside it (`effect`).
 """
 
 from __future__ import annotations
@@ -22,12 +21,8 @@ from hopdata.maps.verdict.effect import (
     squared_size,
 )
 from hopdata.maps.verdict.estimate import WINDOWS, KinkFit, choose_window, fit_kinks
-from hopdata.maps.verdict.graphs import SubspaceTest, compare_subspaces
 from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings, section_landings
-from hopdata.maps.verdict.residuals import smooth_residuals
-from hopdata.maps.verdict.separate import separate_difference
 from hopdata.maps.verdict.significance import flip_signs
-from hopdata.maps.verdict.specialised import SpecialisedTest, compare_specialised
 
 Floats = NDArray[np.float64]
 Notes = list[dict[str, str]]
@@ -46,7 +41,6 @@ def judge(
     confidence: float = 0.95,
     power: float = 0.8,
     flips: int = 1999,
-    permutations: int = 499,
     all_windows: bool = True,
 ) -> Verdict:
     """Say whether the map through the landing has one derivative.
@@ -66,9 +60,8 @@ def judge(
         Relative difference that the study wants to exclude.
     confidence, power
         Of intervals, and of the detectable difference. The test's level is 1 - confidence.
-    flips, permutations
-        Number of random sign patterns, and of shuffled data sets of the other tests; with 0 of
-        these they are left out.
+    flips
+        Number of random sign patterns.
     all_windows
         Whether to report every window, or only the one that the verdict rests on.
     """
@@ -85,7 +78,7 @@ def judge(
     except AnalysisError as error:
         return _no_answer(str(error), *limits)
     fit = choose_window(fits)
-    schedules = list(landings.members.schedules)
+    schedules = list(landings.schedules)
 
     # Each window sees kinks of its own; all are measured against the same linear map.
     whole = _without_attenuation(fit, landings, seed)
@@ -101,26 +94,19 @@ def judge(
     sizes = {one.window: size(one) for one in (fits if all_windows else [fit])}
     sizes[fit.window] = effect = agreeing(sizes[fit.window], test.p_value, 1.0 - confidence)
     windows = tuple(
-        _window_result(landings, one, sizes[one.window], fit, seed)
-        for one in fits
-        if one.window in sizes
-    )
-    specialised, subspaces = (
-        _other_tests(landings, fit, seed, permutations) if permutations else (None, None)
+        _window_result(landings, one, sizes[one.window], fit) for one in fits if one.window in sizes
     )
     conclusion = conclude(test, effect, 1.0 - confidence, margin)
     return Verdict(
         conclusion,
         sentence(conclusion, effect, test, confidence, margin),
         len(landings.inputs),
-        len(landings.members.schedules),
+        len(schedules),
         confidence,
         margin,
         power,
         effect,
         test,
-        specialised,
-        subspaces,
         windows,
         notes + _window_notes(fit) + _feet_notes(times.shape[1]),
     )
@@ -140,53 +126,24 @@ def _without_attenuation(fit: KinkFit, landings: SectionLandings, seed: int) -> 
 
 
 def _check_enough(landings: SectionLandings, fits: list[KinkFit]) -> None:
-    if len(landings.members.schedules) < 2:
+    if len(landings.schedules) < 2:
         raise AnalysisError(
-            f"mode schedules with {LEAST_CLASS} landings or more: expected at least 2, found "
-            f"{len(landings.members.schedules)}"
+            f"mode schedules with {LEAST_CLASS} touchdowns or more: expected at least 2, found "
+            f"{len(landings.schedules)}"
         )
     if not fits:
-        raise AnalysisError(f"{len(landings.inputs)} landings are too few for second-order terms")
+        raise AnalysisError(f"{len(landings.inputs)} touchdowns are too few for second-order terms")
     if not choose_window(fits).coefficients.size:
-        raise AnalysisError("no two feet exchange their order among these landings")
-
-
-def _other_tests(
-    landings: SectionLandings, fit: KinkFit, seed: int, permutations: int
-) -> tuple[SpecialisedTest, SubspaceTest | None]:
-    residuals = smooth_residuals(fit, landings.inputs, landings.outputs, landings.expected)
-    weights = landings.members.weights[fit.rows]
-    specialised = compare_specialised(
-        residuals,
-        weights,
-        generator=named_generator(seed, "verdict", "specialised"),
-        permutations=permutations,
-    )
-    subspaces = compare_subspaces(
-        residuals,
-        weights,
-        landings.noise,
-        generator=named_generator(seed, "verdict", "subspaces"),
-        permutations=permutations,
-    )
-    return specialised, subspaces
+        raise AnalysisError("no two feet exchange their order among these touchdowns")
 
 
 def _window_result(
-    landings: SectionLandings, fit: KinkFit, effect: EffectSize, chosen: KinkFit, seed: int
+    landings: SectionLandings, fit: KinkFit, effect: EffectSize, chosen: KinkFit
 ) -> WindowResult:
-    rows = fit.rows
-    separate = separate_difference(
-        landings.inputs[rows],
-        landings.outputs[rows],
-        landings.members.weights[rows],
-        np.cov(landings.inputs, rowvar=False),
-        generator=named_generator(seed, "verdict", "separate", str(fit.window)),
-    )
-    spread = 1e3 * landings.expected[rows].std(axis=1)
+    spread = 1e3 * landings.expected[fit.rows].std(axis=1)
     return WindowResult(
         fit.window,
-        len(rows),
+        len(fit.rows),
         fit.degree,
         float(spread.mean()),
         float(spread.max()),
@@ -194,7 +151,6 @@ def _window_result(
         effect.estimate,
         effect.low,
         effect.high,
-        separate,
         fit is chosen,
     )
 
@@ -212,8 +168,10 @@ def _no_answer(
 def _unknown_notes(known: NDArray[np.bool_]) -> Notes:
     if known.all():
         return []
-    reason = f"{int((~known).sum())} of {len(known)} landings lack the contact instant of a foot"
-    return [{"what": "landings left out of the verdict", "reason": reason}]
+    reason = (
+        f"{int((~known).sum())} of {len(known)} touchdowns used lack the contact instant of a foot"
+    )
+    return [{"what": "touchdowns left out of the verdict", "reason": reason}]
 
 
 def _feet_notes(feet: int) -> Notes:
@@ -229,9 +187,9 @@ def _feet_notes(feet: int) -> Notes:
 def _window_notes(fit: KinkFit) -> Notes:
     notes = []
     if not fit.nearly_straight and fit.window > WINDOWS[-1]:
-        reason = f"{len(fit.rows)} landings in the narrowest window that their number allows"
+        reason = f"{len(fit.rows)} touchdowns in the narrowest window that their number allows"
         notes.append({"what": "window of the verdict", "reason": reason})
     if fit.degree < 3:
-        reason = f"{len(fit.rows)} landings: third-order terms are shrunk, not fitted freely"
+        reason = f"{len(fit.rows)} touchdowns: third-order terms are shrunk, not fitted freely"
         notes.append({"what": "smooth terms of the verdict", "reason": reason})
     return notes

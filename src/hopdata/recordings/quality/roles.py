@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.recordings.quality.inspection import Inspection
-from hopdata.recordings.quality.names import part_by_name
-from hopdata.recordings.quality.resting import at_rest, lowest
+from hopdata.recordings.quality.inspection import Faults, Inspection
+from hopdata.recordings.quality.names import part_by_name, place_by_name
+from hopdata.recordings.quality.resting import BAND_M, at_rest, lowest
 from hopdata.recordings.quality.rigid import PairDistances
 from hopdata.recordings.quality.runs import runs
 
@@ -17,11 +18,14 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MOST_FEET, LEAST_FEET, LEAST_BODY = 6, 2, 3
-LEAST_RESTS = 3
+LEAST_RESTS = 3  # of a marker that nothing else tells to be on a foot
 RESTS_SHARE = (0.03, 0.95)  # of the frames
+LIFT_M = 0.05  # a marker that was so much higher, and then rests, has landed
+SEEN_SHARE = 0.01  # of the frames may be lacking of the home marker
 NEAR_FLOOR = 0.08  # of the height of the highest marker: how high a foot marker may rest
 TOGETHER = 0.5  # share of the shorter rests in which both rest: feet that land together
 STILL_M = 0.003  # a marker that stays within this is fixed in the world
+MOST_FIXED = 0.25  # share of the markers; where more stay, somebody stands still
 UNEVEN_M = 0.01  # markers of one part that rest further apart in height are not all on its sole
 BEND = 0.04  # relative spread of a distance up to which named body markers are taken as a body
 
@@ -34,8 +38,10 @@ class Roles:
     ----------
     body, feet, boom : tuple of str
         Marker names.
+    home : str
+        Marker of the body through which the home frame's axis is to run.
     reasons : dict
-        Of ``"body"``, ``"feet"``, ``"boom"``: why these.
+        Of ``"body"``, ``"feet"``, ``"boom"``, ``"home"``: why these.
     other_feet : tuple of tuple of str
         Further groups of feet, which land at other times.
     problems : tuple of str
@@ -45,6 +51,7 @@ class Roles:
     body: tuple[str, ...]
     feet: tuple[str, ...]
     boom: tuple[str, ...]
+    home: str
     reasons: dict[str, str]
     other_feet: tuple[tuple[str, ...], ...]
     problems: tuple[str, ...]
@@ -53,12 +60,12 @@ class Roles:
 def guess_roles(inspection: Inspection) -> Roles:
     """Guess the roles of all markers.
 
-    Feet are markers that rest near the floor again and again, and together; the body is the rigid
-    cluster that never does; the boom is what is named so, or stays fixed in the world.
+    Feet are markers that rest near the floor again and again, and together, or that land there at
+    least once if they are named as feet or no others are found; the body is the rigid cluster that
+    never does; the boom is what is named so, or stays fixed in the world.
     """
     markers, positions = inspection.markers, inspection.positions
-    rests = at_rest(positions[:, :, 2], inspection.rate_hz)
-    fixed = _fixed(positions)
+    rests, fixed = at_rest(positions[:, :, 2], inspection.rate_hz), _fixed(positions)
     boom = tuple(name for m, name in enumerate(markers) if fixed[m] or part_by_name(name) == "boom")
     candidates = [m for m in _resting(inspection, rests, fixed) if markers[m] not in boom]
     groups = _together(candidates, rests)
@@ -70,7 +77,7 @@ def guess_roles(inspection: Inspection) -> Roles:
         reasons["feet"] = _feet_reason(group, rests) + _one_part(group, inspection)
         reasons["feet"] += _beyond_most(group, groups, markers)
     else:
-        problems.append(_no_feet(group, markers))
+        problems.append(_no_feet(group, inspection))
     taken = {m for g in groups for m in g} | {markers.index(name) for name in boom}
     body, reasons["body"] = _body(inspection, taken)
     if len(body) < LEAST_BODY:
@@ -78,11 +85,14 @@ def guess_roles(inspection: Inspection) -> Roles:
             "markers.body: expected three markers or more that keep their distances, found none; "
             "name them by hand"
         )
+    body = sorted(body)
+    home, reasons["home"] = _home(body, inspection) if body else ("", "")
     others = [tuple(markers[m] for m in g) for g in groups if not set(g) & set(group)]
     return Roles(
-        tuple(markers[m] for m in sorted(body)),
+        tuple(markers[m] for m in body),
         tuple(markers[m] for m in sorted(group)),
         boom,
+        home,
         reasons,
         tuple(others),
         tuple(problems),
@@ -90,18 +100,18 @@ def guess_roles(inspection: Inspection) -> Roles:
 
 
 def _fixed(positions: FloatArray) -> BoolArray:
-    """Markers that stay at one place of the world but for noise, (M,)."""
+    """Markers that stay at one place of the world but for noise, (M,); none if many do."""
     fixed = np.zeros(positions.shape[1], dtype=bool)
     for m in range(positions.shape[1]):
         known = positions[np.isfinite(positions[:, m, 0]), m]
         if len(known):
             low, high = np.quantile(known, [0.02, 0.98], axis=0)
             fixed[m] = bool(np.all(high - low < STILL_M))
-    return fixed
+    return fixed & (fixed.mean() <= MOST_FIXED)
 
 
 def _resting(inspection: Inspection, rests: BoolArray, fixed: BoolArray) -> list[int]:
-    """Markers that rest near the floor, again and again but not always.
+    """Markers that rest near the floor, again and again but not always, or that land there.
 
     Where the floor is does not depend on markers that are fixed in the world: they may be below it.
     """
@@ -113,14 +123,25 @@ def _resting(inspection: Inspection, rests: BoolArray, fixed: BoolArray) -> list
     floor = low[known[~fixed[known]]].min()
     top = max(float(np.nanmedian(heights[:, m])) for m in known)
     share = rests.sum(axis=0) / max(len(rests), 1)
-    return [
+    parts = [part_by_name(name) for name in inspection.markers]
+    near = [
         m
         for m in known.tolist()
         if low[m] - floor < NEAR_FLOOR * (top - floor)
-        and RESTS_SHARE[0] < share[m] < RESTS_SHARE[1]
-        and len(runs(rests[:, m])) >= LEAST_RESTS
-        and part_by_name(inspection.markers[m]) in ("foot", "")
+        and share[m] > RESTS_SHARE[0]
+        and parts[m] in ("foot", "ankle", "")
     ]
+    often = [m for m in near if share[m] < RESTS_SHARE[1] and len(runs(rests[:, m])) >= LEAST_RESTS]
+    once = [m for m in near if _landings(heights[:, m], rests[:, m])]
+    named = [m for m in once if parts[m] == "foot"]
+    return sorted({*often, *named}) if len(named) + len(often) >= LEAST_FEET else once
+
+
+def _landings(heights: FloatArray, rests: BoolArray) -> int:
+    """Count the rests before which a marker was well above the floor since the rest before."""
+    high = heights > lowest(heights[:, None])[0] + BAND_M + LIFT_M
+    starts = [start for start, _ in runs(rests)]
+    return sum(bool(high[a:b].any()) for a, b in zip([0, *starts], starts, strict=False))
 
 
 def _together(candidates: list[int], rests: BoolArray) -> list[list[int]]:
@@ -138,14 +159,63 @@ def _overlap(one: BoolArray, other: BoolArray) -> bool:
 
 
 def _chosen(groups: list[list[int]], markers: tuple[str, ...], positions: FloatArray) -> list[int]:
-    """Choose the group to analyse: at most six markers of it, named feet and low ones first."""
+    """Choose the group to analyse: at most six markers of it, of both sides alike.
+
+    Heels come first, then toes, then low markers. Others than those named as feet are taken where
+    no two are, ankles where there is nothing else.
+    """
     if not groups:
         return []
     if len(groups[0]) == 1:  # one marker a foot, and no two land together
         groups = [[m for g in groups for m in g]]
     low = lowest(positions[:, :, 2])
-    ranked = sorted(groups[0], key=lambda m: (part_by_name(markers[m]) != "foot", low[m]))
-    return sorted(ranked[:MOST_FEET])
+    parts = {m: part_by_name(markers[m]) for m in groups[0]}
+    named, others = (
+        [m for m in groups[0] if parts[m] in kinds] for kinds in (["foot"], ["foot", ""])
+    )
+    group = next((g for g in (named, others) if len(g) >= LEAST_FEET), groups[0])
+
+    def rank(m: int) -> tuple[bool, int, float]:
+        return parts[m] != "foot", place_by_name(markers[m])[0], float(low[m])
+
+    chosen: list[int] = []
+    for m in sorted(group, key=rank):
+        place = place_by_name(markers[m])[1]
+        alike = [k for k in group if place_by_name(markers[k])[1] == place or k == m]
+        if m not in chosen and len(chosen) + len(alike) <= MOST_FEET:
+            chosen += alike
+    return sorted(chosen)
+
+
+def _home(body: list[int], inspection: Inspection) -> tuple[str, str]:
+    """Return the first body marker that nothing is wrong with, or the least bad, and why."""
+    markers, faults = inspection.markers, _faults_by_marker(inspection.faults)
+    unseen = 1.0 - np.isfinite(inspection.positions[:, body, 0]).mean(axis=0)
+
+    def rank(k: int) -> tuple[int, float]:
+        return faults.get(markers[body[k]], 0), unseen[k] if unseen[k] > SEEN_SHARE else 0.0
+
+    best = min(range(len(body)), key=rank)
+    passed = [f"{markers[body[k]]} ({_wrong(*rank(k))})" for k in range(best)]
+    reason = f"the first of the body's markers but for {', '.join(passed)}" if passed else ""
+    if rank(best) != (0, 0.0):
+        all_bad = f"none of the body's markers is without fault, it has {_wrong(*rank(best))}"
+        return markers[body[best]], f"{all_bad}; look at hopdata inspect"
+    return markers[body[best]], reason
+
+
+def _faults_by_marker(faults: Faults) -> Counter[str]:
+    """Count what looks wrong with each marker."""
+    named = [name for swap in faults.swaps for name in swap.markers]
+    for faulty in (faults.spikes, faults.jumps, faults.frozen):
+        named += [fault.marker for fault in faulty]
+    return Counter([*named, *faults.never_seen])
+
+
+def _wrong(faults: int, unseen: float) -> str:
+    parts = [f"{faults} suspected fault{'s' if faults > 1 else ''}"] if faults else []
+    parts += [f"unseen in {100 * unseen:.2g} % of the frames"] if unseen else []
+    return ", ".join(parts)
 
 
 def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str]:
@@ -157,7 +227,11 @@ def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str]:
     rigid.sort(key=lambda c: -float(np.nanmedian(inspection.positions[:, c, 2])))
     of_named = [c for c in rigid if set(c) & set(named)]
     if of_named:
-        return of_named[0], f"rigid, {_strain(of_named[0], inspection.pairs)}; never on the floor"
+        kept = [m for m in of_named[0] if m in named]
+        kept = kept if len(kept) >= LEAST_BODY else of_named[0]
+        left = [markers[m] for m in of_named[0] if m not in kept]
+        others = f"; left out, for their names: {', '.join(left)}" if left else ""
+        return kept, f"rigid, {_strain(kept, inspection.pairs)}; never on the floor{others}"
     if len(named) >= LEAST_BODY:
         kept = _stiffest(named, inspection.pairs)
         if kept:
@@ -208,7 +282,9 @@ def _feet_reason(group: list[int], rests: BoolArray) -> str:
 
 def _one_part(group: list[int], inspection: Inspection) -> str:
     """Say if the feet are one rigid part, such as a shoe, and not all of them on its sole."""
-    if not any(set(group) <= set(cluster.markers) for cluster in inspection.clusters):
+    two_sides = len({place_by_name(inspection.markers[m]) for m in group}) < len(group)
+    one = any(set(group) <= set(cluster.markers) for cluster in inspection.clusters)
+    if two_sides or not one:
         return ""
     apart = float(np.ptp(lowest(inspection.positions[:, group, 2])))
     if apart < UNEVEN_M:
@@ -222,7 +298,8 @@ def _one_part(group: list[int], inspection: Inspection) -> str:
 def _beyond_most(group: list[int], groups: list[list[int]], markers: tuple[str, ...]) -> str:
     """Say which markers that land with the feet are not among them, since there are too many."""
     left = [markers[m] for g in groups if set(g) & set(group) for m in g if m not in group]
-    return f"; {MOST_FEET} at most, left out: {', '.join(left)}" if left else ""
+    most = f"{MOST_FEET} at most, " if len(group) + 1 >= MOST_FEET else ""
+    return f"; {most}left out: {', '.join(left)}" if left else ""
 
 
 def _land_together(group: list[int], rests: BoolArray) -> bool:
@@ -233,9 +310,15 @@ def _boom_reason(boom: list[int], fixed: BoolArray) -> str:
     return "stays fixed in the world" if fixed[boom].all() else "by name"
 
 
-def _no_feet(group: list[int], markers: tuple[str, ...]) -> str:
+def _no_feet(group: list[int], inspection: Inspection) -> str:
+    """Say that no feet were found, and which may be meant: those named so, or the lowest."""
+    markers, low = inspection.markers, lowest(inspection.positions[:, :, 2])
     found = f"only {markers[group[0]]}" if group else "none"
+    by_height = [markers[m] for m in np.argsort(low, kind="stable") if np.isfinite(low[m])]
+    named = [name for name in by_height if part_by_name(name) == "foot"]
+    likely = f"named as feet: {', '.join(named)}" if named else ""
+    likely = likely or f"nearest to the floor: {', '.join(by_height[:MOST_FEET]) or 'none'}"
     return (
-        "markers.feet: expected two markers or more that rest near the floor again and again, "
-        f"found {found}; name them by hand"
+        "markers.feet: expected two markers or more that rest near the floor again and again, or "
+        f"leave it and land, found {found}; name them by hand ({likely})"
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import socket
+import time
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -24,6 +25,8 @@ class Boom(Protocol):
 class UdpBoom:
     """Sends each swing as a line, `swing <number> <rad>`, in a datagram of its own.
 
+    Numbers grow by one, from the milliseconds since 1970 on: those of a later drive are higher.
+
     Parameters
     ----------
     port, host : int, str
@@ -36,13 +39,14 @@ class UdpBoom:
     """
 
     def __init__(self, port: int, *, host: str = LOOPBACK) -> None:
-        self._address, self._sent = _address(host, port), 0  # looked up once, not in each flight
+        self._address = _address(host, port)  # looked up once, not in each flight
+        self._number = time.time_ns() // 1_000_000
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
     def swing(self, rad: float) -> None:
         """Send a swing."""
-        self._sent += 1
-        self._socket.sendto(f"swing {self._sent} {rad!r}\n".encode(), self._address)
+        self._number += 1
+        self._socket.sendto(f"swing {self._number} {rad!r}\n".encode(), self._address)
 
     def close(self) -> None:
         """Close the socket."""
@@ -60,7 +64,8 @@ class UdpBoom:
 class UdpSwings:
     """Receives the lines of `UdpBoom`, on the loopback address unless told otherwise.
 
-    Lines that cannot be read are left out and counted in `garbled`.
+    Lines that cannot be read are left out and counted in `garbled`; those whose number is not above
+    all before, since they come late, twice or out of order, in `outdated`.
 
     Raises
     ------
@@ -69,7 +74,8 @@ class UdpSwings:
     """
 
     def __init__(self, port: int = 0, *, host: str = LOOPBACK) -> None:
-        self.garbled = 0
+        self.garbled = self.outdated = 0
+        self._number = -1  # of the newest so far
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
@@ -88,8 +94,12 @@ class UdpSwings:
             except BlockingIOError:
                 return swing
             found = _swing(line)
-            self.garbled += found is None
-            swing = swing if found is None else found
+            if found is None:
+                self.garbled += 1
+            elif found[0] <= self._number:
+                self.outdated += 1
+            else:
+                self._number, swing = found
 
     def close(self) -> None:
         """Close the socket."""
@@ -108,7 +118,8 @@ def _address(host: str, port: int) -> tuple[str, int]:
     return str(found[0][4][0]), port
 
 
-def _swing(line: bytes) -> float | None:
+def _swing(line: bytes) -> tuple[int, float] | None:
+    """Return number and swing, rad, of a line."""
     words = line.split()
     if len(words) != 3 or words[0] != b"swing" or not words[1].isdigit():
         return None
@@ -116,4 +127,4 @@ def _swing(line: bytes) -> float | None:
         rad = float(words[2])
     except ValueError:
         return None
-    return rad if math.isfinite(rad) else None
+    return (int(words[1]), rad) if math.isfinite(rad) else None

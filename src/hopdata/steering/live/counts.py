@@ -22,13 +22,15 @@ class ServerCounts:
 class StreamCounts:
     """What came, in frames, markers, packets and connections, and what did not.
 
-    `missing` frames are those whose numbers were skipped; `garbled` packets were damaged and left
+    `missing` frames are those whose numbers were skipped; `outdated` ones came twice, or after one
+    with a higher number, and were left out; `garbled` packets were damaged and left
     out, and so were frames with implausible numbers, times or positions; in `broken` connections
     it was lost where packets begin.
     """
 
     frames: int = 0
     missing: int = 0
+    outdated: int = 0
     late: int = 0
     hidden_markers: int = 0
     garbled: int = 0

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from hopdata.jobs import guarded, whole_file
+from hopdata.steering.live.counts import LoopCounts, StreamCounts
 from hopdata.steering.live.states import Status
 
 Outcome = Literal["planned", "cut", "held", "overtaken"]
@@ -95,6 +96,13 @@ def write_decisions(path: str | Path, decisions: Iterable[Decision]) -> None:
 def write_states(path: str | Path, states: Iterable[Status]) -> None:
     """Write the states of a stream as CSV, one row a change; times on the monotonic clock."""
     _write(path, ("at_s", "state", "message"), [[s.at_s, s.state, s.message] for s in states])
+
+
+def write_counts(path: str | Path, stream: StreamCounts, loop: LoopCounts) -> None:
+    """Write what was counted as CSV, one row a count: whose it is, its name and its value."""
+    parts = {"stream": stream, "loop": loop}
+    rows = [[part, *item] for part, counts in parts.items() for item in vars(counts).items()]
+    _write(path, ("part", "count", "value"), rows)
 
 
 def _write(path: str | Path, columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:

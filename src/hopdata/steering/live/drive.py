@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import signal
 import threading
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType, TracebackType
+from typing import Any, Self
 
 from hopdata.errors import ConfigError
 from hopdata.steering.live.boom import Boom
 from hopdata.steering.live.counts import LoopCounts, StreamCounts
-from hopdata.steering.live.decisions import Decision, write_decisions, write_states
+from hopdata.steering.live.decisions import Decision, write_counts, write_decisions, write_states
 from hopdata.steering.live.interfaces import Controller, Detector, Tracker
 from hopdata.steering.live.limits import Limits
 from hopdata.steering.live.loop import ControlLoop
@@ -22,6 +25,8 @@ from hopdata.steering.live.stream import MarkerStream
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.live_stances import StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker
+
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # those of them that the system has
 
 
 @dataclass(frozen=True)
@@ -80,7 +85,9 @@ def drive(
     """Plan at each stance of a hopper that a Qualisys system sees, and tell its boom.
 
     Returns when `stop` is set, or after `seconds`. However it ends, the boom is then told to stay,
-    no thread is left, and the logs are written.
+    no thread is left, and the logs are written. So it is, too, when the process is told to end
+    by a signal, unless it is ignored, has a handler of the caller's own, or `drive` is not called
+    in the main thread.
 
     Parameters
     ----------
@@ -105,7 +112,7 @@ def drive(
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
     folder : path, optional
-        Where `decisions.csv` and `stream_states.csv` are written.
+        Where `decisions.csv`, `stream_states.csv` and `counts.csv` are written.
 
     Raises
     ------
@@ -117,6 +124,9 @@ def drive(
     LiveError
         If no frame comes, or the camera system is set up otherwise: a marker has another name, z is
         not up, or the frame rate is not `rate_hz`.
+    SystemExit
+        After SIGINT, SIGTERM or SIGHUP (a terminal that closes), at the end, with 128 and the
+        number of the signal: 130, 143 or 129.
     """
     _check_parts(geometry, controller, boom)
     if folder is not None:
@@ -131,17 +141,66 @@ def drive(
         limits=limits,
         on_decision=on_decision,
     )
-    try:
-        with stream, loop:
-            stream.wait_until_streaming(first_frame_s)
-            stop.wait(seconds)
-    finally:
-        with suppress(Exception):  # the robot may be gone
-            boom.swing(0.0)
-        if folder is not None:
-            write_decisions(Path(folder) / "decisions.csv", loop.decisions())
-            write_states(Path(folder) / "stream_states.csv", stream.states.history())
+    with _Signals() as signals:
+        try:
+            with stream, loop, signals.heeded():
+                stream.wait_until_streaming(first_frame_s)
+                stop.wait(seconds)
+        finally:
+            with suppress(Exception):  # the robot may be gone
+                boom.swing(0.0)
+            if signals.first is not None:
+                stream.states.report("closed", f"the drive was ended by {signals.first.name}")
+            if folder is not None:
+                write_decisions(Path(folder) / "decisions.csv", loop.decisions())
+                write_states(Path(folder) / "stream_states.csv", stream.states.history())
+                write_counts(Path(folder) / "counts.csv", stream.counts, loop.counts)
     return Drive(loop.decisions(), stream.states.history(), stream.counts, loop.counts)
+
+
+class _Signals:
+    """Keeps the signals that end a process until the boom rests and the logs are written.
+
+    The first one is raised as `SystemExit`: at once where it is heeded, elsewhere at the end.
+    """
+
+    def __init__(self) -> None:
+        self.first: signal.Signals | None = None
+        self._heeded = False
+        self._before: dict[signal.Signals, Any] = {}
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():  # no other may set handlers
+            for number in (getattr(signal, name) for name in SIGNALS if hasattr(signal, name)):
+                before = signal.getsignal(number)
+                if before in (signal.SIG_DFL, signal.default_int_handler):
+                    self._before[number] = signal.signal(number, self._note)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        for number, before in self._before.items():
+            signal.signal(number, before)
+        if self.first is not None and not isinstance(error, SystemExit):
+            raise SystemExit(128 + self.first)
+
+    @contextmanager
+    def heeded(self) -> Iterator[None]:
+        """Let a signal end what is done inside, once."""
+        self._heeded = True
+        try:
+            if self.first is not None:
+                raise SystemExit(128 + self.first)
+            yield
+        finally:
+            self._heeded = False
+
+    def _note(self, number: int, _: FrameType | None) -> None:
+        self.first = self.first or signal.Signals(number)
+        if self._heeded:
+            self._heeded = False
+            raise SystemExit(128 + self.first)
 
 
 def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -> None:

@@ -234,6 +234,9 @@ class MarkerStream:
 
     def _keep(self, number: int, time_s: float, arrival_s: float, markers: np.ndarray) -> None:
         verdict = self._timeline.judge(number, time_s)
+        if verdict == "outdated":
+            self.counts.outdated += 1
+            return
         if verdict == "implausible":
             self._note_garbled(f"frame {number} at {time_s:.3f} s does not follow on the last")
             return
