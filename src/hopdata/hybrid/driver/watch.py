@@ -1,0 +1,300 @@
+"""Up to where in a step its ends tell what the guards do: all the way for those that are affine.
+
+A guard that is affine in state and time follows the step's own polynomial. One that bends (a sine,
+a product, a table) may rise and fall within the step unseen, so it is looked at by windows. The
+cubic through values and rates at a window's ends predicts both in its middle: by how much it errs
+there says whether the guard is resolved. Windows have a size control of their own; the step ends
+before the first in which a guard that bends may flip, and the next step is that window.
+"""
+
+from __future__ import annotations
+
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
+from hopdata.hybrid.driver.hermite import cubic, turning_points
+from hopdata.hybrid.driver.layout import (
+    BENT,
+    CULPRIT,
+    END,
+    H0,
+    H1,
+    INSTANTS,
+    K1,
+    KEND,
+    MEASURED,
+    N_AWAKE,
+    N_BENT,
+    N_NEAR,
+    NEAR,
+    NEXT_DT,
+    RATE,
+    RATE0,
+    RATE1,
+    RATE_ALONG,
+    ROUGH,
+    SCRATCH,
+    SIZE,
+    SLOPE,
+    WATCHED,
+    WINDOW,
+    H,
+    Memory,
+    T,
+    Y,
+)
+from hopdata.hybrid.driver.localisation import just_left
+from hopdata.hybrid.driver.problem import Problem, awake, eval_guards, guards_at_end
+from hopdata.hybrid.driver.stepping import take_step
+from hopdata.hybrid.driver.surface import blur, time_resolution
+from hopdata.hybrid.status import RATE_DIFFERS
+
+GOLDEN = 0.6180339887498949
+AFFINE = 1e-11  # of a guard's values: rounding of one that is affine
+EVEN, TURN, FAR = 0.02, 0.25, 4.0  # of a short step, in which ends tell all
+LONGEST = 1.0 / 64.0  # of the run: a window, at most
+SHORTEST = 2.0**-26  # of the step: a shorter window is not divided
+FINE = 2.0**-8  # of the longest window: shorter ones need not show what is far from the surface
+SURE = 2.0  # times the error in the middle: a margin above this is clear
+OWN, FLOOR = 0.2, 1e-9  # of the change over a window, and of the margin: errors allowed anywhere
+RESOLVED = 0.05  # of that change: an error up to which the ends tell of a flip
+ROOMY, GROW = 40.0, 2.0  # an error this many times smaller than allowed lets the next window grow
+MOST_ROUGH = 2000  # windows in which the rates are not those of the values, twice, less the others
+CLEAR, OPEN, DIVIDE = 0, 1, 2
+
+
+@kernel_in_loop
+def set_way(m: Memory) -> None:
+    """Put a rate of the state into SLOPE that no guard is likely to be blind to."""
+    where = 0.5
+    for i in range(m.states.width):
+        where += GOLDEN
+        where -= 1.0 if where >= 1.0 else 0.0
+        m.states[SLOPE, i] = where - 0.43
+
+
+@kernel_in_loop
+def measure(p: Problem, m: Memory) -> None:
+    """Keep the guards' rates along one way: an affine guard has the same everywhere in a mode."""
+    m.counts[MEASURED] = m.counts[INSTANTS]
+    set_way(m)
+    eval_guards(p, m, m.clock[T], Y, SLOPE, H, RATE_ALONG)
+
+
+@kernel
+def look_at_middle(p: Problem, m: Memory, dt: float) -> None:
+    """Evaluate the guards in the middle of the states' cubic over the step, and rates along the way."""
+    s = m.states
+    for i in range(s.width):
+        s[SCRATCH, i] = 0.5 * (s[Y, i] + s[END, i]) + 0.125 * dt * (s[K1, i] - s[KEND, i])
+    set_way(m)
+    eval_guards(p, m, m.clock[T] + 0.5 * dt, SCRATCH, SLOPE, H, RATE)
+
+
+@kernel
+def mark_bent(p: Problem, m: Memory, dt: float, mark: bool) -> int:
+    """Count the guards that were straight and are not on this step; `mark` them as bent if so."""
+    g, found = m.guards, 0
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        along = g[RATE_ALONG, k]
+        same = (abs(g[RATE, k] - along) <= AFFINE * abs(along)) & (abs(along) > 0.0)
+        off = g[H, k] - 0.5 * (g[H0, k] + g[H1, k]) - 0.125 * dt * (g[RATE0, k] - g[RATE1, k])
+        size = abs(g[H0, k]) + abs(g[H1, k]) + dt * (abs(g[RATE0, k]) + abs(g[RATE1, k]))
+        new = 0 if (same & (abs(off) <= AFFINE * size)) | (m.flags[BENT, k] != 0) else 1
+        found += new
+        m.flags[BENT, k] += new if mark else 0
+    return found
+
+
+@kernel
+def find_bent(p: Problem, m: Memory, dt: float) -> None:
+    """Mark the guards that this step shows not to be affine, in the state and in time."""
+    look_at_middle(p, m, dt)
+    stale = m.counts[MEASURED] != m.counts[INSTANTS]
+    if mark_bent(p, m, dt, not stale) == 0:
+        return
+    if stale:  # in another mode a guard may be another plane
+        measure(p, m)
+        look_at_middle(p, m, dt)
+        mark_bent(p, m, dt, True)
+    m.counts[N_BENT] = 0
+    for k in range(m.flags.width):
+        m.counts[N_BENT] += m.flags[BENT, k]
+
+
+@kernel_in_loop
+def is_slow(p: Problem, m: Memory, dt: float) -> bool:
+    """Tell whether the step is no longer than a window, and no guard has moved quickly within it."""
+    if dt > m.clock[WINDOW]:
+        return False
+    g, fast = m.guards, 0
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        rise, d0, d1 = g[H1, k] - g[H0, k], g[RATE0, k] * dt, g[RATE1, k] * dt
+        uneven = abs(rise - 0.5 * (d0 + d1))
+        even = (uneven <= EVEN * abs(rise)) & (abs(d1 - d0) <= TURN * abs(d0))
+        room = FAR * (abs(d0) + abs(d1) + abs(rise))
+        far = (abs(g[H0, k]) > room) & (abs(g[H1, k]) > room) & (uneven <= OWN * abs(rise))
+        fast += 0 if even | far else 1
+    return fast == 0
+
+
+@kernel
+def leave_out_bent(m: Memory) -> int:
+    """Take the guards that were looked at by windows out of NEAR; return how many are left."""
+    count = 0
+    for a in range(m.counts[N_NEAR]):
+        k = m.lists[NEAR, a]
+        m.lists[NEAR, count] = k
+        count += 1 - m.flags[BENT, k]
+    m.counts[N_NEAR] = count
+    return count
+
+
+@kernel
+def lowest(g0: float, d0: float, g1: float, d1: float) -> float:
+    """Return the least of the cubic behind its start."""
+    _, bottom = turning_points(g0, d0, g1, d1)
+    return min(g1, cubic(g0, d0, g1, d1, bottom)) if bottom < 1.0 else g1
+
+
+@kernel
+def judge(
+    g0: float, d0: float, gc: float, dc: float, g1: float, d1: float, leaving: bool, noise: float
+) -> tuple[int, float, float]:
+    """Judge a guard in a window by margins and slopes (per window) at ends and middle.
+
+    Returns what it is, the error in the middle, and the error that is allowed anywhere.
+    """
+    error = abs(gc - 0.5 * (g0 + g1) - 0.125 * (d0 - d1))
+    error += 0.25 * abs(dc - 1.5 * (g1 - g0) + 0.25 * (d0 + d1))
+    change = max(g0, max(gc, g1)) - min(g0, min(gc, g1))
+    own = OWN * change + FLOOR * (abs(g0) + abs(g1)) + noise
+    first, second = lowest(g0, 0.5 * d0, gc, 0.5 * dc), lowest(gc, 0.5 * dc, g1, 0.5 * d1)
+    low = min(first, second) if leaving else min(g0, min(first, second))
+    if low > SURE * error:
+        return CLEAR, error, min(own, low / SURE)
+    if error <= noise or (error <= RESOLVED * change and low < -SURE * error):
+        return OPEN, error, own
+    return DIVIDE, error, own
+
+
+@kernel
+def judge_all(
+    p: Problem, m: Memory, dt: float, low: float, high: float, a: int, c: int, b: int
+) -> tuple[int, float]:
+    """Judge the guards that bend in a window, by rows: the worst of them, and the least room.
+
+    Room is the allowed error over the error: below 1, the rates are not those of the values.
+    """
+    g, span, worst, least = m.guards, dt * (high - low), CLEAR, 1e300
+    resolution = time_resolution(m.clock[T], dt)
+    fine = span <= FINE * LONGEST * (p.t_end - p.t_start)
+    for i in range(m.counts[N_AWAKE]):
+        k = awake(p, m, i)
+        if m.flags[BENT, k] == 0:
+            continue
+        lock = p.mode[k]
+        leaving = low == 0.0 and just_left(p, m, dt, k)
+        noise = blur(max(g[SIZE, k], max(abs(g[a, k]), abs(g[b, k]))), g[c + 1, k], resolution)
+        kind, error, own = judge(
+            0.0 if leaving else lock * g[a, k], lock * g[a + 1, k] * span,
+            lock * g[c, k], lock * g[c + 1, k] * span,
+            lock * g[b, k], lock * g[b + 1, k] * span, leaving, noise,
+        )  # fmt: skip
+        room = own / max(error, 1e-300)
+        if room < 1.0 and m.counts[ROUGH] >= MOST_ROUGH - 1:
+            m.counts[CULPRIT] = k
+        if kind == DIVIDE or (room < 1.0 and not fine):
+            return DIVIDE, room
+        worst, least = max(worst, kind), min(least, room)
+    return worst, least
+
+
+@kernel
+def any_past(p: Problem, m: Memory, row: int) -> int:
+    """Return the first guard that bends and is past its surface by a row; -1 if there is none."""
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        if m.flags[BENT, k] != 0 and p.mode[k] * m.guards[row, k] < 0.0:
+            return k
+    return -1
+
+
+@kernel
+def unused(a: int, b: int) -> int:
+    """Return a row of the guards, of three to spare, that is neither of two."""
+    if a != H and b != H:
+        return H
+    row = H0 + 2
+    return row if row not in (a, b) else row + 2
+
+
+@kernel
+def look(p: Problem, m: Memory, dt: float, theta: float, row: int) -> None:
+    """Evaluate the guards on the interpolant at `theta` into a row, their rates into the next."""
+    interpolate_with_slope(p, m, theta, dt)
+    eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, row, row + 1)
+
+
+@kernel
+def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
+    """Return how much of the step is free of flips of the guards that bend, s.
+
+    If one may flip in the very first window, that window, and WATCHED is 0 then: its ends tell.
+    """
+    prepare_interpolant(p, m, dt)
+    longest = LONGEST * (p.t_end - p.t_start) / dt
+    shortest = max(SHORTEST, 16.0 * time_resolution(m.clock[T], dt) / dt)
+    width, low, a = m.clock[WINDOW] / dt, 0.0, H0
+    m.counts[WATCHED] = 1
+    while low < 1.0 and m.counts[ROUGH] <= MOST_ROUGH:
+        high, b, divided = low + width, H1, False
+        if low + 1.25 * width < 1.0:
+            b = unused(a, H1)
+            look(p, m, dt, high, b)
+        else:
+            high = 1.0
+        while True:
+            c, middle = unused(a, b), 0.5 * (low + high)
+            look(p, m, dt, middle, c)
+            kind, room = judge_all(p, m, dt, low, high, a, c, b)
+            if kind != DIVIDE or high - low <= shortest:
+                break
+            high, b, divided = middle, c, True
+        rough = 2 if room < 1.0 or kind == DIVIDE else -1
+        m.counts[ROUGH] = max(0, m.counts[ROUGH] + rough)
+        if divided or room <= ROOMY:
+            width = min(width, high - low)
+        else:
+            width = min(GROW * (high - low), longest)
+        if kind == OPEN or (kind == DIVIDE and (any_past(p, m, c) >= 0 or any_past(p, m, b) >= 0)):
+            m.clock[WINDOW] = (high - low) * dt
+            m.counts[WATCHED] = 1 if low > 0.0 else 0
+            return low * dt if low > 0.0 else high * dt
+        low, a = high, b
+    m.clock[WINDOW] = width * dt
+    return low * dt
+
+
+@kernel_in_loop
+def watched(p: Problem, m: Memory, dt: float) -> float:
+    """Shorten the step to where its ends tell what the guards do; return its length, or a status.
+
+    WATCHED is 1 if no guard that bends flips in it, whatever its ends look like.
+    """
+    m.counts[WATCHED] = 0
+    if m.flags.width == 0:
+        return dt
+    if m.counts[N_BENT] < m.flags.width:
+        find_bent(p, m, dt)
+    if m.counts[N_BENT] == 0 or is_slow(p, m, dt):
+        return dt
+    part = look_by_windows(p, m, dt)
+    if m.counts[ROUGH] > MOST_ROUGH:
+        return float(RATE_DIFFERS)
+    if part < dt:
+        m.clock[NEXT_DT] = min(m.clock[NEXT_DT], m.clock[WINDOW])
+        take_step(p, m, m.clock[T], part)
+        guards_at_end(p, m, m.clock[T] + part)
+    return part
