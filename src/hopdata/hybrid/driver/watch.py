@@ -18,10 +18,12 @@ from hopdata.hybrid.driver.layout import (
     END,
     H0,
     H1,
+    IN_POWERS,
     INSTANTS,
     K1,
     KEND,
     MEASURED,
+    METHOD,
     N_AWAKE,
     N_BENT,
     N_NEAR,
@@ -51,7 +53,8 @@ from hopdata.hybrid.status import RATE_DIFFERS
 GOLDEN = 0.6180339887498949
 AFFINE = 1e-11  # of a guard's values: rounding of one that is affine
 EVEN, TURN, FAR = 0.02, 0.25, 4.0  # of a short step, in which ends tell all
-LONGEST = 1.0 / 64.0  # of the run: a window, at most
+LONGEST, LONGEST_IF_SURE = 1.0 / 64.0, 1.0 / 8.0  # of the run: a window, at most
+OF_PATH = 0.05  # of the change: what a step's cubic may err by from its path
 SHORTEST = 2.0**-26  # of the step: a shorter window is not divided
 FINE = 2.0**-8  # of the longest window: shorter ones need not show what is far from the surface
 SURE = 2.0  # times the error in the middle: a margin above this is clear
@@ -80,17 +83,23 @@ def measure(p: Problem, m: Memory) -> None:
     eval_guards(p, m, m.clock[T], Y, SLOPE, H, RATE_ALONG)
 
 
-@kernel
-def look_at_middle(p: Problem, m: Memory, dt: float) -> None:
-    """Evaluate the guards in the middle of the states' cubic over the step, and rates along the way."""
-    s = m.states
+@kernel_in_loop
+def look_at_middle(p: Problem, m: Memory, dt: float, along: bool) -> None:
+    """Evaluate the guards in the middle of the states' cubic over the step, into H and RATE.
+
+    Rates are along the cubic or, if `along`, along the way of `measure`.
+    """
+    s, per_s = m.states, 1.0 / dt
     for i in range(s.width):
-        s[SCRATCH, i] = 0.5 * (s[Y, i] + s[END, i]) + 0.125 * dt * (s[K1, i] - s[KEND, i])
-    set_way(m)
+        rise = s[END, i] - s[Y, i]
+        s[SCRATCH, i] = s[Y, i] + 0.5 * rise + 0.125 * dt * (s[K1, i] - s[KEND, i])
+        s[SLOPE, i] = 1.5 * rise * per_s - 0.25 * (s[K1, i] + s[KEND, i])
+    if along:
+        set_way(m)
     eval_guards(p, m, m.clock[T] + 0.5 * dt, SCRATCH, SLOPE, H, RATE)
 
 
-@kernel
+@kernel_in_loop
 def mark_bent(p: Problem, m: Memory, dt: float, mark: bool) -> int:
     """Count the guards that were straight and are not on this step; `mark` them as bent if so."""
     g, found = m.guards, 0
@@ -106,27 +115,22 @@ def mark_bent(p: Problem, m: Memory, dt: float, mark: bool) -> int:
     return found
 
 
-@kernel
+@kernel_in_loop
 def find_bent(p: Problem, m: Memory, dt: float) -> None:
     """Mark the guards that this step shows not to be affine, in the state and in time."""
-    look_at_middle(p, m, dt)
-    stale = m.counts[MEASURED] != m.counts[INSTANTS]
-    if mark_bent(p, m, dt, not stale) == 0:
-        return
-    if stale:  # in another mode a guard may be another plane
-        measure(p, m)
-        look_at_middle(p, m, dt)
-        mark_bent(p, m, dt, True)
-    m.counts[N_BENT] = 0
-    for k in range(m.flags.width):
-        m.counts[N_BENT] += m.flags[BENT, k]
+    look_at_middle(p, m, dt, True)
+    found = mark_bent(p, m, dt, m.counts[MEASURED] == m.counts[INSTANTS])
+    if found > 0 and m.counts[MEASURED] != m.counts[INSTANTS]:
+        measure(p, m)  # in another mode a guard may be another plane
+        look_at_middle(p, m, dt, True)
+        found = mark_bent(p, m, dt, True)
+    m.counts[N_BENT] += found
+    m.counts[MEASURED] = m.counts[INSTANTS]
 
 
 @kernel_in_loop
-def is_slow(p: Problem, m: Memory, dt: float) -> bool:
-    """Tell whether the step is no longer than a window, and no guard has moved quickly within it."""
-    if dt > m.clock[WINDOW]:
-        return False
+def moves_evenly(p: Problem, m: Memory, dt: float) -> bool:
+    """Tell whether the step's ends show that each guard moves evenly, or is far away."""
     g, fast = m.guards, 0
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
@@ -160,55 +164,77 @@ def lowest(g0: float, d0: float, g1: float, d1: float) -> float:
 
 @kernel
 def judge(
-    g0: float, d0: float, gc: float, dc: float, g1: float, d1: float, leaving: bool, noise: float
-) -> tuple[int, float, float]:
+    g0: float, d0: float, gc: float, dc: float, g1: float, d1: float, leaving: bool, noise: float,
+    slack: float,
+) -> tuple[int, float, float, float]:  # fmt: skip
     """Judge a guard in a window by margins and slopes (per window) at ends and middle.
 
-    Returns what it is, the error in the middle, and the error that is allowed anywhere.
+    A margin must exceed the error by `slack` of the change, too. Returns what the guard is, the
+    error in the middle, the error that is allowed anywhere, and the change.
     """
     error = abs(gc - 0.5 * (g0 + g1) - 0.125 * (d0 - d1))
     error += 0.25 * abs(dc - 1.5 * (g1 - g0) + 0.25 * (d0 + d1))
-    change = max(g0, max(gc, g1)) - min(g0, min(gc, g1))
+    change = max(g0, gc, g1) - min(g0, gc, g1)
     own = OWN * change + FLOOR * (abs(g0) + abs(g1)) + noise
     first, second = lowest(g0, 0.5 * d0, gc, 0.5 * dc), lowest(gc, 0.5 * dc, g1, 0.5 * d1)
-    low = min(first, second) if leaving else min(g0, min(first, second))
-    if low > SURE * error:
-        return CLEAR, error, min(own, low / SURE)
-    if error <= noise or (error <= RESOLVED * change and low < -SURE * error):
-        return OPEN, error, own
-    return DIVIDE, error, own
+    low = min(first, second) if leaving else min(g0, first, second)
+    if leaving:  # its cubic must lead away at once
+        low = min(low, d0 / 6.0)
+    unsure = SURE * error + slack * change
+    if low > unsure:
+        return CLEAR, error, min(own, low / SURE), change
+    if error <= noise or (error <= RESOLVED * change and low < -unsure):
+        return OPEN, error, own, change
+    return DIVIDE, error, own, change
 
 
 @kernel
 def judge_all(
-    p: Problem, m: Memory, dt: float, low: float, high: float, a: int, c: int, b: int
-) -> tuple[int, float]:
+    p: Problem, m: Memory, dt: float, low: float, high: float, a: int, c: int, b: int, slack: float
+) -> tuple[int, float, bool]:
     """Judge the guards that bend in a window, by rows: the worst of them, and the least room.
 
-    Room is the allowed error over the error: below 1, the rates are not those of the values.
+    Room is the allowed error over the error: below 1, the rates are not those of the values. Last
+    is whether all guards move as their cubics say.
     """
-    g, span, worst, least = m.guards, dt * (high - low), CLEAR, 1e300
-    resolution = time_resolution(m.clock[T], dt)
-    fine = span <= FINE * LONGEST * (p.t_end - p.t_start)
+    g, span, worst, least, sure = m.guards, dt * (high - low), CLEAR, 1e300, True
+    resolution, longest = time_resolution(m.clock[T], dt), LONGEST * (p.t_end - p.t_start)
     for i in range(m.counts[N_AWAKE]):
         k = awake(p, m, i)
         if m.flags[BENT, k] == 0:
             continue
         lock = p.mode[k]
         leaving = low == 0.0 and just_left(p, m, dt, k)
-        noise = blur(max(g[SIZE, k], max(abs(g[a, k]), abs(g[b, k]))), g[c + 1, k], resolution)
-        kind, error, own = judge(
+        noise = blur(max(g[SIZE, k], abs(g[a, k]), abs(g[b, k])), g[c + 1, k], resolution)
+        kind, error, own, change = judge(
             0.0 if leaving else lock * g[a, k], lock * g[a + 1, k] * span,
             lock * g[c, k], lock * g[c + 1, k] * span,
-            lock * g[b, k], lock * g[b + 1, k] * span, leaving, noise,
+            lock * g[b, k], lock * g[b + 1, k] * span, leaving, noise, slack,
         )  # fmt: skip
         room = own / max(error, 1e-300)
         if room < 1.0 and m.counts[ROUGH] >= MOST_ROUGH - 1:
             m.counts[CULPRIT] = k
-        if kind == DIVIDE or (room < 1.0 and not fine):
-            return DIVIDE, room
+        moves = error <= EVEN * change
+        rough, long = room < 1.0 and span > FINE * longest, span > longest and not moves
+        if kind == DIVIDE or rough or long:
+            return DIVIDE, room, False
+        sure = sure and moves
         worst, least = max(worst, kind), min(least, room)
-    return worst, least
+    return worst, least, sure
+
+
+@kernel
+def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
+    """Tell whether ends and middle of the step tell all: the path is as good as its cubic then."""
+    longest = LONGEST_IF_SURE * (p.t_end - p.t_start)
+    if dt > longest or p.methods[m.counts[METHOD], IN_POWERS] != 0:
+        return False
+    look_at_middle(p, m, dt, False)
+    kind, room, _ = judge_all(p, m, dt, 0.0, 1.0, H0, H, H1, OF_PATH)
+    if kind == DIVIDE or room < 1.0:
+        return False
+    m.clock[WINDOW] = max(m.clock[WINDOW], dt)
+    return True
 
 
 @kernel
@@ -244,9 +270,9 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
     If one may flip in the very first window, that window, and WATCHED is 0 then: its ends tell.
     """
     prepare_interpolant(p, m, dt)
-    longest = LONGEST * (p.t_end - p.t_start) / dt
+    run = (p.t_end - p.t_start) / dt
     shortest = max(SHORTEST, 16.0 * time_resolution(m.clock[T], dt) / dt)
-    width, low, a = m.clock[WINDOW] / dt, 0.0, H0
+    width, low, a = min(m.clock[WINDOW] / dt, LONGEST_IF_SURE * run), 0.0, H0
     m.counts[WATCHED] = 1
     while low < 1.0 and m.counts[ROUGH] <= MOST_ROUGH:
         high, b, divided = low + width, H1, False
@@ -258,7 +284,7 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
         while True:
             c, middle = unused(a, b), 0.5 * (low + high)
             look(p, m, dt, middle, c)
-            kind, room = judge_all(p, m, dt, low, high, a, c, b)
+            kind, room, sure = judge_all(p, m, dt, low, high, a, c, b, 0.0)
             if kind != DIVIDE or high - low <= shortest:
                 break
             high, b, divided = middle, c, True
@@ -267,7 +293,7 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
         if divided or room <= ROOMY:
             width = min(width, high - low)
         else:
-            width = min(GROW * (high - low), longest)
+            width = min(GROW * (high - low), (LONGEST_IF_SURE if sure else LONGEST) * run)
         if kind == OPEN or (kind == DIVIDE and (any_past(p, m, c) >= 0 or any_past(p, m, b) >= 0)):
             m.clock[WINDOW] = (high - low) * dt
             m.counts[WATCHED] = 1 if low > 0.0 else 0
@@ -277,18 +303,18 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
     return low * dt
 
 
-@kernel_in_loop
-def watched(p: Problem, m: Memory, dt: float) -> float:
+@kernel
+def watch(p: Problem, m: Memory, dt: float) -> float:
     """Shorten the step to where its ends tell what the guards do; return its length, or a status.
 
     WATCHED is 1 if no guard that bends flips in it, whatever its ends look like.
     """
-    m.counts[WATCHED] = 0
-    if m.flags.width == 0:
-        return dt
     if m.counts[N_BENT] < m.flags.width:
         find_bent(p, m, dt)
-    if m.counts[N_BENT] == 0 or is_slow(p, m, dt):
+    if m.counts[N_BENT] == 0:
+        m.clock[WINDOW] = max(m.clock[WINDOW], GROW * dt)
+        return dt
+    if middle_tells(p, m, dt):
         return dt
     part = look_by_windows(p, m, dt)
     if m.counts[ROUGH] > MOST_ROUGH:
@@ -298,3 +324,15 @@ def watched(p: Problem, m: Memory, dt: float) -> float:
         take_step(p, m, m.clock[T], part)
         guards_at_end(p, m, m.clock[T] + part)
     return part
+
+
+@kernel_in_loop
+def watched(p: Problem, m: Memory, dt: float) -> float:
+    """Do the same; mostly the step is no longer than a window, and no guard moves quickly in it."""
+    m.counts[WATCHED] = 0
+    if m.flags.width == 0:
+        return dt
+    new = m.counts[MEASURED] != m.counts[INSTANTS] and m.counts[N_BENT] < m.flags.width
+    if not new and dt <= m.clock[WINDOW] and moves_evenly(p, m, dt):
+        return dt
+    return watch(p, m, dt)
