@@ -84,48 +84,76 @@ def measure(p: Problem, m: Memory) -> None:
 
 
 @kernel_in_loop
-def look_at_middle(p: Problem, m: Memory, dt: float, along: bool) -> None:
-    """Evaluate the guards in the middle of the states' cubic over the step, into H and RATE.
+def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -> None:
+    """Evaluate the guards at `theta` of the states' cubic over the step, into H and RATE.
 
     Rates are along the cubic or, if `along`, along the way of `measure`.
     """
     s, per_s = m.states, 1.0 / dt
     for i in range(s.width):
-        rise = s[END, i] - s[Y, i]
-        s[SCRATCH, i] = s[Y, i] + 0.5 * rise + 0.125 * dt * (s[K1, i] - s[KEND, i])
-        s[SLOPE, i] = 1.5 * rise * per_s - 0.25 * (s[K1, i] + s[KEND, i])
+        rise, d0, d1 = s[END, i] - s[Y, i], dt * s[K1, i], dt * s[KEND, i]
+        bend, twist = 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
+        s[SCRATCH, i] = s[Y, i] + theta * (d0 + theta * (bend + theta * twist))
+        s[SLOPE, i] = per_s * (d0 + theta * (2.0 * bend + 3.0 * theta * twist))
     if along:
         set_way(m)
-    eval_guards(p, m, m.clock[T] + 0.5 * dt, SCRATCH, SLOPE, H, RATE)
+    eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, H, RATE)
 
 
 @kernel_in_loop
-def mark_bent(p: Problem, m: Memory, dt: float, mark: bool) -> int:
-    """Count the guards that were straight and are not on this step; `mark` them as bent if so."""
+def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool) -> int:
+    """Count the guards that were straight and are not there; `mark` them as bent if so."""
     g, found = m.guards, 0
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
-        along = g[RATE_ALONG, k]
+        along, d0, d1 = g[RATE_ALONG, k], dt * g[RATE0, k], dt * g[RATE1, k]
         same = (abs(g[RATE, k] - along) <= AFFINE * abs(along)) & (abs(along) > 0.0)
-        off = g[H, k] - 0.5 * (g[H0, k] + g[H1, k]) - 0.125 * dt * (g[RATE0, k] - g[RATE1, k])
-        size = abs(g[H0, k]) + abs(g[H1, k]) + dt * (abs(g[RATE0, k]) + abs(g[RATE1, k]))
-        new = 0 if (same & (abs(off) <= AFFINE * size)) | (m.flags[BENT, k] != 0) else 1
+        off = abs(g[H, k] - cubic(g[H0, k], d0, g[H1, k], d1, theta))
+        size = abs(g[H0, k]) + abs(g[H1, k]) + abs(d0) + abs(d1)
+        new = 0 if (same & (off <= AFFINE * size)) | (m.flags[BENT, k] != 0) else 1
         found += new
         m.flags[BENT, k] += new if mark else 0
+    return found
+
+
+@kernel
+def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
+    """Mark the guards that bend somewhere on a step which is much longer than its cubic is good."""
+    found, parts = 0, int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start))) + 1
+    prepare_interpolant(p, m, dt)
+    for part in range(parts):
+        theta = (part + 0.5) / parts
+        interpolate_with_slope(p, m, theta, dt)
+        set_way(m)
+        eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, H, RATE)
+        for a in range(m.counts[N_AWAKE]):
+            k = awake(p, m, a)
+            along = m.guards[RATE_ALONG, k]
+            if m.flags[BENT, k] == 0 and not abs(m.guards[RATE, k] - along) <= AFFINE * abs(along):
+                m.flags[BENT, k] = 1
+                found += 1
     return found
 
 
 @kernel_in_loop
 def find_bent(p: Problem, m: Memory, dt: float) -> None:
     """Mark the guards that this step shows not to be affine, in the state and in time."""
-    look_at_middle(p, m, dt, True)
-    found = mark_bent(p, m, dt, m.counts[MEASURED] == m.counts[INSTANTS])
-    if found > 0 and m.counts[MEASURED] != m.counts[INSTANTS]:
-        measure(p, m)  # in another mode a guard may be another plane
-        look_at_middle(p, m, dt, True)
-        found = mark_bent(p, m, dt, True)
-    m.counts[N_BENT] += found
+    parts = int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start))) + 1
+    found, part = 0, 0
+    while part < parts:
+        theta = (part + 0.5) / parts
+        look_on_cubic(p, m, dt, theta, True)
+        new = m.counts[MEASURED] == m.counts[INSTANTS]
+        count = mark_bent(p, m, dt, theta, new)
+        if count > 0 and not new:
+            measure(p, m)  # in another mode a guard may be another plane: look again
+        else:
+            found += count
+            part += 1
     m.counts[MEASURED] = m.counts[INSTANTS]
+    if p.methods[m.counts[METHOD], IN_POWERS] != 0:
+        found += bent_on_path(p, m, dt)
+    m.counts[N_BENT] += found
 
 
 @kernel_in_loop
@@ -229,7 +257,7 @@ def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
     longest = LONGEST_IF_SURE * (p.t_end - p.t_start)
     if dt > longest or p.methods[m.counts[METHOD], IN_POWERS] != 0:
         return False
-    look_at_middle(p, m, dt, False)
+    look_on_cubic(p, m, dt, 0.5, False)
     kind, room, _ = judge_all(p, m, dt, 0.0, 1.0, H0, H, H1, OF_PATH)
     if kind == DIVIDE or room < 1.0:
         return False
