@@ -50,7 +50,7 @@ from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.driver.surface import blur, time_resolution
 from hopdata.hybrid.status import RATE_DIFFERS
 
-GOLDEN = 0.6180339887498949
+GOLDEN, MASK, PER_MASK = 40503, 0xFFFF, 2.0**-16  # multiples of the golden section, and the rest
 AFFINE = 1e-11  # of a guard's values: rounding of one that is affine
 EVEN, TURN, FAR = 0.02, 0.25, 4.0  # of a short step, in which ends tell all
 LONGEST, LONGEST_IF_SURE = 1.0 / 64.0, 1.0 / 8.0  # of the run: a window, at most
@@ -66,13 +66,16 @@ CLEAR, OPEN, DIVIDE = 0, 1, 2
 
 
 @kernel_in_loop
+def way(i: int) -> float:
+    """Return a rate of component i, such that no guard is likely to be blind to all of them."""
+    return ((i + 1) * GOLDEN & MASK) * PER_MASK - 0.43
+
+
+@kernel_in_loop
 def set_way(m: Memory) -> None:
-    """Put a rate of the state into SLOPE that no guard is likely to be blind to."""
-    where = 0.5
+    """Put those rates into SLOPE."""
     for i in range(m.states.width):
-        where += GOLDEN
-        where -= 1.0 if where >= 1.0 else 0.0
-        m.states[SLOPE, i] = where - 0.43
+        m.states[SLOPE, i] = way(i)
 
 
 @kernel_in_loop
@@ -93,10 +96,9 @@ def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -
     for i in range(s.width):
         rise, d0, d1 = s[END, i] - s[Y, i], dt * s[K1, i], dt * s[KEND, i]
         bend, twist = 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
+        slope = per_s * (d0 + theta * (2.0 * bend + 3.0 * theta * twist))
         s[SCRATCH, i] = s[Y, i] + theta * (d0 + theta * (bend + theta * twist))
-        s[SLOPE, i] = per_s * (d0 + theta * (2.0 * bend + 3.0 * theta * twist))
-    if along:
-        set_way(m)
+        s[SLOPE, i] = way(i) if along else slope
     eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, H, RATE)
 
 
@@ -138,8 +140,9 @@ def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
 @kernel_in_loop
 def find_bent(p: Problem, m: Memory, dt: float) -> None:
     """Mark the guards that this step shows not to be affine, in the state and in time."""
-    parts = int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start))) + 1
-    found, part = 0, 0
+    longest, found, part, parts = LONGEST_IF_SURE * (p.t_end - p.t_start), 0, 0, 1
+    if dt > longest:
+        parts = int(dt / longest) + 1
     while part < parts:
         theta = (part + 0.5) / parts
         look_on_cubic(p, m, dt, theta, True)
@@ -204,11 +207,12 @@ def judge(
     error += 0.25 * abs(dc - 1.5 * (g1 - g0) + 0.25 * (d0 + d1))
     change = max(g0, gc, g1) - min(g0, gc, g1)
     own = OWN * change + FLOOR * (abs(g0) + abs(g1)) + noise
-    first, second = lowest(g0, 0.5 * d0, gc, 0.5 * dc), lowest(gc, 0.5 * dc, g1, 0.5 * d1)
-    low = min(first, second) if leaving else min(g0, first, second)
-    if leaving:  # its cubic must lead away at once
-        low = min(low, d0 / 6.0)
-    unsure = SURE * error + slack * change
+    unsure, sixth = SURE * error + slack * change, 1.0 / 6.0
+    ends = min(gc, g1) if leaving else min(g0, gc, g1)
+    low = min(ends, g0 + sixth * d0, gc - sixth * dc, gc + sixth * dc, g1 - sixth * d1)
+    if low <= unsure and ends >= -unsure:  # not so clear: by the turning points, too
+        low = min(ends, lowest(g0, 0.5 * d0, gc, 0.5 * dc), lowest(gc, 0.5 * dc, g1, 0.5 * d1))
+        low = min(low, sixth * d0) if leaving else low  # away at once
     if low > unsure:
         return CLEAR, error, min(own, low / SURE), change
     if error <= noise or (error <= RESOLVED * change and low < -unsure):
