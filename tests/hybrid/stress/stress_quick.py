@@ -20,6 +20,7 @@ SURFACE, SINE, BUMP, PRODUCT, POWER, ABSOLUTE, LARGER, TABLE, AFTER, PLANE = ran
 WIDTH, FIXED = 12, 3  # numbers of a guard (kind, then its own); fall, growth, turn
 KNOTS = 8  # of a table
 SAMPLES = 40_000
+MOST_CONTACTS = 24  # two events a contact: later ones tell of rounding
 CLEAR = 2e-4  # of the guard's range: nearer to a turning point members are left out
 OFF = 10.0  # tolerances by which a path that turns may be off
 RTOLS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -150,7 +151,11 @@ def crossings(
     events = []
     for i in np.flatnonzero(signs[1:] != signs[:-1]):
         jumps = t[i] <= after_from < t[i + 1] and at(after_from) * h[i] > 0
-        instant = after_from if jumps else brentq(at, t[i], t[i + 1], xtol=1e-15, rtol=1e-14, maxiter=1000)
+        instant = (
+            after_from
+            if jumps
+            else brentq(at, t[i], t[i + 1], xtol=1e-15, rtol=1e-14, maxiter=1000)
+        )
         events.append((float(instant), k, int(signs[i + 1])))
     return events, int(signs[0])
 
@@ -291,3 +296,72 @@ def quick_member(family: str, rng: np.random.Generator, rtol: float) -> Case:
             answer = Expected(tuple(events), y_end, off, state_off + 1e-9)
             options = {"params": params, "rtol": rtol, "atol": 1e-3 * rtol}
             return Case(family, f"{rtol:g}", quick(), (0.0, end), y0, (answer,), options)
+
+
+# params: restitution, amplitude, angular rate, phase of the table
+
+
+@field
+def fall_field(t, y, mode, params, dy):
+    dy[0], dy[1] = y[1], -9.81
+
+
+@guards
+def table_guard(t, y, dy, mode, params, h, hdot):
+    _, a, w, phase = params
+    h[0], hdot[0] = a * np.sin(w * t + phase) - y[0], a * w * np.cos(w * t + phase) - dy[0]
+
+
+@on_event
+def bounce(t, y, mode, params, guard, direction):
+    if direction > 0:
+        speed = params[1] * params[2] * np.cos(params[2] * t + params[3])
+        y[1] = speed - params[0] * (y[1] - speed)
+    return 0
+
+
+@cache
+def ball_on_table() -> System:
+    return System(fall_field, table_guard, bounce, n_states=2, guard_names=("table",))
+
+
+def bounces(params: np.ndarray, drop: float, end: float) -> tuple[list[Event], np.ndarray] | None:
+    """Return contacts and end of a ball that is let go; None if it touches the table too gently."""
+    e, a, w, phase = params
+    t0, y, v, events = 0.0, drop, 0.0, []
+    while True:
+        t = np.linspace(0.0, end - t0, SAMPLES // 4 + 1)[1:]
+
+        def gap(t, t0=t0, y=y, v=v):
+            return y + v * t - 4.905 * t * t - a * np.sin(w * (t0 + t) + phase)
+
+        h = gap(t)
+        first = np.argmax(h < 0.0) if (h < 0.0).any() else len(h)
+        inside = h[:first]
+        turns = (inside[1:-1] < inside[:-2]) & (inside[1:-1] < inside[2:])
+        if len(inside) < 3 or inside[1:-1][turns].min(initial=1.0) < 1e-4 * a:
+            return None
+        if first == len(h):
+            fall = end - t0
+            return events, np.array([y + v * fall - 4.905 * fall * fall, v - 9.81 * fall])
+        fall = brentq(gap, t[first - 1], t[first], xtol=1e-15, rtol=1e-14)
+        t0, y, v = t0 + fall, y + v * fall - 4.905 * fall * fall, v - 9.81 * fall
+        speed = a * w * np.cos(w * t0 + phase)
+        if speed - v < 0.05 or len(events) > MOST_CONTACTS:
+            return None
+        v = speed - e * (v - speed)
+        events += [(t0, 0, 1), (t0, 0, -1)]
+
+
+def table_member(rng: np.random.Generator, rtol: float) -> Case:
+    """Draw a ball on a shaking table, which it hits with some speed each time."""
+    while True:
+        rate = rng.uniform(10.0, 60.0)
+        params = np.array([rng.uniform(0.3, 0.9), 10.0 / rate**2 * rng.uniform(0.5, 5.0), rate,
+                           rng.uniform(0.0, 6.0)])  # fmt: skip
+        drop, end = params[1] + rng.uniform(0.1, 1.0), rng.uniform(1.0, 2.0)
+        right = bounces(params, drop, end)
+        if right is not None:
+            answer = Expected(tuple(right[0]), right[1], 1e-6, 1e-5)
+            return Case("shaking table", f"{rtol:g}", ball_on_table(), (0.0, end), (drop, 0.0),
+                        (answer,), {"params": params, "rtol": rtol, "atol": 1e-3 * rtol})  # fmt: skip
