@@ -363,5 +363,6 @@ def table_member(rng: np.random.Generator, rtol: float) -> Case:
         right = bounces(params, drop, end)
         if right is not None:
             answer = Expected(tuple(right[0]), right[1], 1e-6, 1e-5)
+            options = {"params": params, "rtol": rtol, "atol": 1e-3 * rtol}
             return Case("shaking table", f"{rtol:g}", ball_on_table(), (0.0, end), (drop, 0.0),
-                        (answer,), {"params": params, "rtol": rtol, "atol": 1e-3 * rtol})  # fmt: skip
+                        (answer,), options)  # fmt: skip

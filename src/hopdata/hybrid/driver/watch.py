@@ -140,9 +140,9 @@ def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
 @kernel_in_loop
 def find_bent(p: Problem, m: Memory, dt: float) -> None:
     """Mark the guards that this step shows not to be affine, in the state and in time."""
-    longest, found, part, parts = LONGEST_IF_SURE * (p.t_end - p.t_start), 0, 0, 1
-    if dt > longest:
-        parts = int(dt / longest) + 1
+    found, part, parts = 0, 0, 1
+    if dt > 2.0 * LONGEST_IF_SURE * (p.t_end - p.t_start):
+        parts = int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start)))
     while part < parts:
         theta = (part + 0.5) / parts
         look_on_cubic(p, m, dt, theta, True)
