@@ -9,7 +9,9 @@ the largest deviation of the final state in the case's own units, `error_over_to
 units of what the case allows, `status` and `right_status` how the integration ended. The rows of
 `scipy` show one call of `solve_ivp` (RK45, same tolerances), which has no locks: its field sees the
 sign of h. `right` there asks of it what is asked of ours; read its `missed`, `spurious` and
-`error_max` instead.
+`error_max` instead. The rows of `quick` are `--systems` / 5 random members of each family of guards
+that bend or move quickly, at each of four tolerances, by all methods in turn; SciPy's DOP853 and
+heyoka (where the guard is an expression) integrate the same, which no event changes, and watch.
 """
 
 from __future__ import annotations
@@ -17,9 +19,11 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -32,6 +36,22 @@ from stress_case import Case, Verdict, compare, judge, matched  # noqa: E402
 from stress_edges import edge_cases  # noqa: E402
 from stress_gaps import gap_cases  # noqa: E402
 from stress_mass import energy, long_case, mass_cases  # noqa: E402
+from stress_quick import (  # noqa: E402
+    BUMP,
+    FAMILIES,
+    FIXED,
+    PLANE,
+    POWER,
+    PRODUCT,
+    RTOLS,
+    SINE,
+    SURFACE,
+    WIDTH,
+    quick,
+    quick_member,
+    table_member,
+)
+from stress_quick import METHODS as QUICK_METHODS  # noqa: E402
 from stress_random import random_case  # noqa: E402
 from stress_roots import root_cases  # noqa: E402
 from stress_swings import METHODS as SWING_METHODS  # noqa: E402
@@ -41,6 +61,7 @@ from hopdata.hybrid import solve  # noqa: E402
 from hopdata.hybrid.arguments import SMALLEST_RTOL  # noqa: E402
 
 BLOCK = 100
+KINKED = ("abs", "max", "table", "after an event")  # families that are no expressions for heyoka
 Row = dict[str, object]
 
 
@@ -89,6 +110,125 @@ def swing_rows(count: int) -> Iterator[Row]:
     for method in SWING_METHODS:
         chosen = [case for case in cases if case.options["method"] == method]
         yield summed_row("swing", f"{len(chosen)} systems, {method}", chosen)
+
+
+def quick_rows(count: int) -> Iterator[Row]:
+    """Yield rows of the families of quick guards: ours, SciPy's and heyoka's."""
+    for family in (*FAMILIES, "shaking table"):
+        for number, rtol in enumerate(RTOLS):
+            rng = np.random.default_rng([number, *map(ord, family)])
+            if family == "shaking table":
+                cases = [table_member(rng, rtol) for _ in range(count)]
+                yield summed_row("quick", f"{family}, {rtol:g}", cases)
+                continue
+            cases = [quick_member(family, rng, rtol) for _ in range(count)]
+            methods = [
+                {"method": method} for _, method in zip(cases, cycle(QUICK_METHODS), strict=False)
+            ]
+            ours = [
+                replace(case, system=quick(m["method"] == "taylor"), options=case.options | m)
+                for case, m in zip(cases, methods, strict=True)
+            ]
+            yield summed_row("quick", f"{family}, {rtol:g}", ours)
+            if family == "after an event":  # of which peers without locks know nothing
+                continue
+            yield peer_row("scipy", f"{family}, {rtol:g}", [watched_by_scipy(c) for c in cases])
+            if family not in KINKED:
+                watch = heyoka_watcher(family, rtol)
+                yield peer_row("heyoka", f"{family}, {rtol:g}", [watch(case) for case in cases])
+
+
+def counted(case: Case, found: list[tuple[float, int]], time_us: float) -> Verdict:
+    """Compare what a peer saw with the right events, to a thousandth of the span."""
+    expected = case.answers[0].events
+    tolerance = max(1e-3 * case.t_span[1], case.answers[0].time_tolerance)
+    pairs = 0
+    for k in range(2):
+        seen = sorted(t for t, guard in found if guard == k)
+        pairs += matched(seen, [t for t, guard, _ in expected if guard == k], tolerance)
+    missed, spurious = len(expected) - pairs, len(found) - pairs
+    return Verdict(len(expected), missed, spurious, np.nan, np.nan, 0, True, True, time_us)
+
+
+def peer_row(solver: str, parameter: str, verdicts: list[Verdict]) -> Row:
+    """Return the sums of what a peer saw."""
+    wrong = sum(v.missed + v.spurious > 0 for v in verdicts)
+    total = Verdict(
+        sum(v.expected for v in verdicts), sum(v.missed for v in verdicts),
+        sum(v.spurious for v in verdicts), np.nan, np.nan, 0, True, wrong == 0,
+        float(np.median([v.time_us for v in verdicts])),
+    )  # fmt: skip
+    return row_of(solver, "quick", f"{parameter}, {wrong} wrong", total) | {"right": wrong == 0}
+
+
+def watched_by_scipy(case: Case) -> Verdict:
+    """Return what `solve_ivp` sees of the guards, by DOP853 and its event functions."""
+    params, mode = np.asarray(case.options["params"]), np.array([-1, -1, 0])
+    system, h, rates, nothing = case.system, np.empty(2), np.empty(2), np.zeros(5)
+    guards, slope_of = system.guards, system.field
+    assert guards is not None
+
+    def height(t: float, y: np.ndarray, k: int) -> float:
+        guards(t, y, nothing, mode, params, h, rates)
+        return float(h[k])
+
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
+        dy = np.empty(5)
+        slope_of(t, y, mode, params, dy)
+        return dy
+
+    start = time.perf_counter()
+    end = solve_ivp(
+        slope, case.t_span, np.asarray(case.y0), method="DOP853", rtol=case.options["rtol"],
+        atol=case.options["atol"], events=[lambda t, y, k=k: height(t, y, k) for k in range(2)],
+    )  # fmt: skip
+    elapsed = 1e6 * (time.perf_counter() - start)
+    return counted(case, [(t, k) for k in range(2) for t in end.t_events[k]], elapsed)
+
+
+def heyoka_watcher(family: str, rtol: float) -> Callable[[Case], Verdict]:
+    """Return a function that integrates a member by heyoka, whose guards are events that go on."""
+    import heyoka as hy
+
+    x, v, c, s = hy.make_vars("x", "v", "c", "s")
+    fall, growth, turn = (hy.par[i] for i in range(FIXED))
+    kinds = [int(row[0]) for row in first_numbers(family)]
+    u, found = x + c, []
+
+    def height(k: int) -> Any:
+        a, b, p, d = (hy.par[FIXED + WIDTH * k + i] for i in range(1, 5))
+        power = int(first_numbers(family)[k][3]) if kinds[k] == POWER else 1
+        return {
+            SURFACE: lambda: u - a - b * hy.sin(p * hy.time + d),
+            SINE: lambda: hy.sin(b * u + p) - d,
+            BUMP: lambda: a * hy.exp(-0.5 * ((u - p) / b) ** 2) - d,
+            PRODUCT: lambda: (u - a) * (v - b) * p,
+            POWER: lambda: b * (u - a) ** power,
+            PLANE: lambda: u - a,
+        }[kinds[k]]()
+
+    def note(k: int) -> Callable[..., None]:
+        return lambda *seen: found.append((seen[1], k))  # the integrator, the instant, a sign
+
+    rates = [(x, v), (v, -fall), (c, growth * c - turn * s), (s, turn * c + growth * s)]
+    integrator = hy.taylor_adaptive(
+        rates, [0.0] * 4, tol=rtol, nt_events=[hy.nt_event(height(k), note(k)) for k in range(2)]
+    )
+
+    def watch(case: Case) -> Verdict:
+        found.clear()
+        integrator.time, integrator.state[:] = 0.0, np.asarray(case.y0)[:4]
+        integrator.pars[:] = np.asarray(case.options["params"])[: len(integrator.pars)]
+        start = time.perf_counter()
+        integrator.propagate_until(case.t_span[1])
+        return counted(case, list(found), 1e6 * (time.perf_counter() - start))
+
+    return watch
+
+
+def first_numbers(family: str) -> list[Any]:
+    """Return the numbers of both guards of some member, whose kinds are those of all."""
+    return [draw(np.random.default_rng(0)) for draw in FAMILIES[family][:2]]
 
 
 def long_row(hops: int, rtol: float) -> Row:
@@ -172,6 +312,7 @@ def main() -> None:
             count = min(BLOCK, arguments.systems - first)
             rows.append(block_row(first, count, affine=affine))
     rows.extend(swing_rows(arguments.systems))
+    rows.extend(quick_rows(max(1, arguments.systems // 5)))
     rows.extend(scipy_rows(cases))
     table = pd.DataFrame(rows)
     arguments.out.parent.mkdir(parents=True, exist_ok=True)

@@ -15,6 +15,7 @@ from hopdata.hybrid.driver.layout import (
     RATE0,
     RATE1,
     SIZE,
+    WATCHED,
     Memory,
     T,
 )
@@ -30,15 +31,15 @@ from hopdata.hybrid.driver.surface import (
     time_resolution,
 )
 from hopdata.hybrid.driver.suspicion import CROSSING, DIP
+from hopdata.hybrid.driver.watch import leave_out_bent
 
 
 @kernel_in_loop
 def gather(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that may flip within the step into NEAR; return how many they are."""
     set_knots(p, m, dt)
-    if m.counts[PIECES] > 1:
-        return gather_near_by_pieces(p, m, dt)
-    return gather_near(p, m, dt)
+    count = gather_near_by_pieces(p, m, dt) if m.counts[PIECES] > 1 else gather_near(p, m, dt)
+    return leave_out_bent(m) if count > 0 and m.counts[WATCHED] > 0 else count
 
 
 @kernel

@@ -49,14 +49,15 @@ GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # of a step, for 
 
 # Rows of `guards`: event functions and their rates at the start of a step, at up to two knots in
 # its inside, at its end, and wherever else; the largest |h| over the step, which is the scale of
-# its rounding error, second derivatives, and how far a guard stays from its surface over the step.
-H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE = index_numbers(13)
-GUARD_ROWS = 13
+# its rounding error, second derivatives, how far a guard stays from its surface over the step, and
+# its rate along one way, by which those that bend are known (see `watch`).
+H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG = index_numbers(14)
+GUARD_ROWS = 14
 
 # Rows of `flags`: the number of the instant at which a guard flipped last, how often it has flipped
-# then, and whether its lock was left open at the start.
-LAST_FLIP, FLIPS, OPEN = index_numbers(3)
-FLAG_ROWS = 3
+# then, whether its lock was left open at the start, and whether it is known to bend.
+LAST_FLIP, FLIPS, OPEN, BENT = index_numbers(4)
+FLAG_ROWS = 4
 
 # Rows of `lists`: the guards that are awake, the heap of those asleep (see `sleep`), the few that
 # the step may concern (see `near`), and those that flip now.
@@ -99,7 +100,8 @@ METHOD_SLOTS = 18
 # the trajectory, GAP the length of the one before it, TRAVEL what no event function can have
 # changed by more than since the start, and SPEED the bound of their rates now. STIFF_SCORE counts
 # steps that stability limits. MOTION is the fastest motion squared in the last step's Jacobian.
-# PIECE is the part of the step between two of its knots.
+# PIECE is the part of the step between two of its knots, WINDOW the length, s, within which guards
+# that bend were resolved last.
 (
     T,
     NEXT_DT,
@@ -116,11 +118,14 @@ METHOD_SLOTS = 18
     GAP,
     MOTION,
     PIECE,
-) = index_numbers(15)
-CLOCK_SLOTS = 15
+    WINDOW,
+) = index_numbers(16)
+CLOCK_SLOTS = 16
 
 # Slots of `counts`. DEGREE is that of the interpolant, if there is one, PIECES how many the knots
-# make of a step.
+# make of a step, MEASURED the instant at which rates along one way were taken, N_BENT how many
+# guards are known to bend, ROUGH how often their rates were not those of their values, WATCHED
+# whether none of them flips in the step.
 (
     NFEV,
     NGEV,
@@ -141,8 +146,12 @@ CLOCK_SLOTS = 15
     INSTANTS,
     DEGREE,
     PIECES,
-) = index_numbers(19)
-COUNT_SLOTS = 19
+    MEASURED,
+    N_BENT,
+    ROUGH,
+    WATCHED,
+) = index_numbers(23)
+COUNT_SLOTS = 23
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for steps and events,

@@ -18,6 +18,7 @@ from hopdata.hybrid.driver.firing import Log, fire_all
 from hopdata.hybrid.driver.first_flip import end_at_first_flip
 from hopdata.hybrid.driver.layout import (
     AWAKE,
+    BENT,
     CLOCK_SLOTS,
     COUNT_SLOTS,
     CULPRIT,
@@ -44,6 +45,7 @@ from hopdata.hybrid.driver.layout import (
     SIZE,
     STEP,
     STEPS,
+    WINDOW,
     Memory,
     T,
     Y,
@@ -62,6 +64,7 @@ from hopdata.hybrid.driver.stepping import (
     first_step,
 )
 from hopdata.hybrid.driver.surface import mark_due, time_resolution
+from hopdata.hybrid.driver.watch import LONGEST, measure, watched
 from hopdata.hybrid.status import (
     BAD_START,
     FINISHED,
@@ -116,6 +119,9 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
     dt = accepted_step(p, m)
     if dt < 0.0:
         return int(dt)
+    dt = watched(p, m, dt)
+    if dt < 0.0:
+        return int(dt)
     dt, n_due = end_at_first_flip(p, m, dt)
     if dt > 0.0:
         if p.first_order:
@@ -137,7 +143,7 @@ def clear(p: Problem, m: Memory) -> bool:
     for row in range(GUARD_ROWS):
         fill_row(m.guards, row, 0.0)
     for k in range(m.flags.width):
-        m.flags[LAST_FLIP, k] = 0
+        m.flags[LAST_FLIP, k], m.flags[BENT, k] = 0, 0
         m.lists[AWAKE, k] = k
     for slot in range(COUNT_SLOTS):
         m.counts[slot] = 0
@@ -145,7 +151,7 @@ def clear(p: Problem, m: Memory) -> bool:
     for slot in range(CLOCK_SLOTS):
         m.clock[slot] = 0.0
     m.clock[T], m.clock[SEGMENT], m.clock[INSTANT] = p.t_start, p.t_start, -np.inf
-    m.clock[MOTION] = np.inf
+    m.clock[MOTION], m.clock[WINDOW] = np.inf, LONGEST * (p.t_end - p.t_start)
     m.clock[NEXT_DT], m.clock[LAST_LOG_ERROR] = p.first_step, LOG_ERROR_FLOOR
     for i in range(m.states.width):
         m.states[Y, i] = p.start_state[i]
@@ -161,6 +167,7 @@ def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
         return status
     if not m.clock[NEXT_DT] > 0.0:
         m.clock[NEXT_DT] = first_step(p, m)
+    measure(p, m)
     sample_start(m, out)
     write_row(m, out)
     for k in range(m.guards.width):

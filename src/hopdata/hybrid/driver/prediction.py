@@ -10,7 +10,20 @@ from __future__ import annotations
 from math import sqrt
 
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.driver.layout import BEND, GAP, H0, H1, N_AWAKE, NEAR, RATE0, RATE1, Memory, T
+from hopdata.hybrid.driver.layout import (
+    BEND,
+    BENT,
+    GAP,
+    H0,
+    H1,
+    N_AWAKE,
+    N_BENT,
+    NEAR,
+    RATE0,
+    RATE1,
+    Memory,
+    T,
+)
 from hopdata.hybrid.driver.near import after, gather_coming
 from hopdata.hybrid.driver.problem import Problem, awake
 from hopdata.hybrid.driver.sleep import wake_for
@@ -28,13 +41,16 @@ TOO_SHORT = 1e6  # the rates at both ends of such a step tell nothing of the ben
 def carry_guards(p: Problem, m: Memory, dt: float) -> None:
     """Make the guards at the end of the step those at its start; keep their second derivatives.
 
-    These are secants over the step.
+    These are secants over the step. Of a guard that bends those of longer steps tell nothing.
     """
     g, tells, per_s = m.guards, dt > TOO_SHORT * time_resolution(m.clock[T], dt), 1.0 / dt
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
         g[BEND, k] = (g[RATE1, k] - g[RATE0, k]) * per_s if tells else g[BEND, k]
         g[H0, k], g[RATE0, k] = g[H1, k], g[RATE1, k]
+    if not tells and m.counts[N_BENT] > 0:
+        for k in range(m.flags.width):
+            g[BEND, k] = g[BEND, k] if m.flags[BENT, k] == 0 else 0.0
 
 
 @kernel

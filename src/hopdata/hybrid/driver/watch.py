@@ -1,0 +1,370 @@
+"""Up to where in a step its ends tell what the guards do: all the way for those that are affine.
+
+A guard that is affine in state and time follows the step's own polynomial. One that bends (a sine,
+a product, a table) may rise and fall within the step unseen, so it is looked at by windows. The
+cubic through values and rates at a window's ends predicts both in its middle: by how much it errs
+there says whether the guard is resolved. Windows have a size control of their own; the step ends
+before the first in which a guard that bends may flip, and the next step is that window.
+"""
+
+from __future__ import annotations
+
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
+from hopdata.hybrid.driver.hermite import cubic, turning_points
+from hopdata.hybrid.driver.layout import (
+    BENT,
+    CULPRIT,
+    END,
+    H0,
+    H1,
+    IN_POWERS,
+    INSTANTS,
+    K1,
+    KEND,
+    MEASURED,
+    METHOD,
+    N_AWAKE,
+    N_BENT,
+    N_NEAR,
+    NEAR,
+    NEXT_DT,
+    RATE,
+    RATE0,
+    RATE1,
+    RATE_ALONG,
+    ROUGH,
+    SCRATCH,
+    SIZE,
+    SLOPE,
+    WATCHED,
+    WINDOW,
+    H,
+    Memory,
+    T,
+    Y,
+)
+from hopdata.hybrid.driver.localisation import just_left
+from hopdata.hybrid.driver.problem import Problem, awake, eval_guards, guards_at_end
+from hopdata.hybrid.driver.stepping import take_step
+from hopdata.hybrid.driver.surface import blur, time_resolution
+from hopdata.hybrid.status import RATE_DIFFERS
+
+GOLDEN, MASK, PER_MASK = 40503, 0xFFFF, 2.0**-16  # multiples of the golden section, and the rest
+AFFINE = 1e-11  # of a guard's values: rounding of one that is affine
+EVEN, TURN, FAR = 0.02, 0.25, 4.0  # of a short step, in which ends tell all
+LONGEST, LONGEST_IF_SURE = 1.0 / 64.0, 1.0 / 8.0  # of the run: a window, at most
+OF_PATH = 0.05  # of the change: what a step's cubic may err by from its path
+SHORTEST = 2.0**-26  # of the step: a shorter window is not divided
+FINE = 2.0**-8  # of the longest window: shorter ones need not show what is far from the surface
+SURE = 2.0  # times the error in the middle: a margin above this is clear
+OWN, FLOOR = 0.2, 1e-9  # of the change over a window, and of the margin: errors allowed anywhere
+RESOLVED = 0.05  # of that change: an error up to which the ends tell of a flip
+ROOMY, GROW = 40.0, 2.0  # an error this many times smaller than allowed lets the next window grow
+MOST_ROUGH = 2000  # windows in which the rates are not those of the values, twice, less the others
+CLEAR, OPEN, DIVIDE = 0, 1, 2
+
+
+@kernel_in_loop
+def way(i: int) -> float:
+    """Return a rate of component i, such that no guard is likely to be blind to all of them."""
+    return ((i + 1) * GOLDEN & MASK) * PER_MASK - 0.43
+
+
+@kernel_in_loop
+def set_way(m: Memory) -> None:
+    """Put those rates into SLOPE."""
+    for i in range(m.states.width):
+        m.states[SLOPE, i] = way(i)
+
+
+@kernel_in_loop
+def measure(p: Problem, m: Memory) -> None:
+    """Keep the guards' rates along one way: an affine guard has the same everywhere in a mode."""
+    m.counts[MEASURED] = m.counts[INSTANTS]
+    set_way(m)
+    eval_guards(p, m, m.clock[T], Y, SLOPE, H, RATE_ALONG)
+
+
+@kernel_in_loop
+def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -> None:
+    """Evaluate the guards at `theta` of the states' cubic over the step, into H and RATE.
+
+    Rates are along the cubic or, if `along`, along the way of `measure`.
+    """
+    s, per_s = m.states, 1.0 / dt
+    for i in range(s.width):
+        rise, d0, d1 = s[END, i] - s[Y, i], dt * s[K1, i], dt * s[KEND, i]
+        bend, twist = 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
+        slope = per_s * (d0 + theta * (2.0 * bend + 3.0 * theta * twist))
+        s[SCRATCH, i] = s[Y, i] + theta * (d0 + theta * (bend + theta * twist))
+        s[SLOPE, i] = way(i) if along else slope
+    eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, H, RATE)
+
+
+@kernel_in_loop
+def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool) -> int:
+    """Count the guards that were straight and are not there; `mark` them as bent if so."""
+    g, found = m.guards, 0
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        along, d0, d1 = g[RATE_ALONG, k], dt * g[RATE0, k], dt * g[RATE1, k]
+        same = (abs(g[RATE, k] - along) <= AFFINE * abs(along)) & (abs(along) > 0.0)
+        off = abs(g[H, k] - cubic(g[H0, k], d0, g[H1, k], d1, theta))
+        size = abs(g[H0, k]) + abs(g[H1, k]) + abs(d0) + abs(d1)
+        new = 0 if (same & (off <= AFFINE * size)) | (m.flags[BENT, k] != 0) else 1
+        found += new
+        m.flags[BENT, k] += new if mark else 0
+    return found
+
+
+@kernel
+def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
+    """Mark the guards that bend somewhere on a step which is much longer than its cubic is good."""
+    found, parts = 0, int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start))) + 1
+    prepare_interpolant(p, m, dt)
+    for part in range(parts):
+        theta = (part + 0.5) / parts
+        interpolate_with_slope(p, m, theta, dt)
+        set_way(m)
+        eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, H, RATE)
+        for a in range(m.counts[N_AWAKE]):
+            k = awake(p, m, a)
+            along = m.guards[RATE_ALONG, k]
+            if m.flags[BENT, k] == 0 and not abs(m.guards[RATE, k] - along) <= AFFINE * abs(along):
+                m.flags[BENT, k] = 1
+                found += 1
+    return found
+
+
+@kernel_in_loop
+def find_bent(p: Problem, m: Memory, dt: float) -> None:
+    """Mark the guards that this step shows not to be affine, in the state and in time."""
+    found, part, parts = 0, 0, 1
+    if dt > 2.0 * LONGEST_IF_SURE * (p.t_end - p.t_start):
+        parts = int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start)))
+    while part < parts:
+        theta = (part + 0.5) / parts
+        look_on_cubic(p, m, dt, theta, True)
+        new = m.counts[MEASURED] == m.counts[INSTANTS]
+        count = mark_bent(p, m, dt, theta, new)
+        if count > 0 and not new:
+            measure(p, m)  # in another mode a guard may be another plane: look again
+        else:
+            found += count
+            part += 1
+    m.counts[MEASURED] = m.counts[INSTANTS]
+    if p.methods[m.counts[METHOD], IN_POWERS] != 0:
+        found += bent_on_path(p, m, dt)
+    m.counts[N_BENT] += found
+
+
+@kernel_in_loop
+def moves_evenly(p: Problem, m: Memory, dt: float) -> bool:
+    """Tell whether the step's ends show that each guard moves evenly, or is far away."""
+    g, fast = m.guards, 0
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        rise, d0, d1 = g[H1, k] - g[H0, k], g[RATE0, k] * dt, g[RATE1, k] * dt
+        uneven = abs(rise - 0.5 * (d0 + d1))
+        even = (uneven <= EVEN * abs(rise)) & (abs(d1 - d0) <= TURN * abs(d0))
+        room = FAR * (abs(d0) + abs(d1) + abs(rise))
+        far = (abs(g[H0, k]) > room) & (abs(g[H1, k]) > room) & (uneven <= OWN * abs(rise))
+        fast += 0 if even | far else 1
+    return fast == 0
+
+
+@kernel
+def leave_out_bent(m: Memory) -> int:
+    """Take the guards that were looked at by windows out of NEAR; return how many are left."""
+    count = 0
+    for a in range(m.counts[N_NEAR]):
+        k = m.lists[NEAR, a]
+        m.lists[NEAR, count] = k
+        count += 1 - m.flags[BENT, k]
+    m.counts[N_NEAR] = count
+    return count
+
+
+@kernel
+def lowest(g0: float, d0: float, g1: float, d1: float) -> float:
+    """Return the least of the cubic behind its start."""
+    _, bottom = turning_points(g0, d0, g1, d1)
+    return min(g1, cubic(g0, d0, g1, d1, bottom)) if bottom < 1.0 else g1
+
+
+@kernel
+def judge(
+    g0: float, d0: float, gc: float, dc: float, g1: float, d1: float, leaving: bool, noise: float,
+    slack: float,
+) -> tuple[int, float, float, float]:  # fmt: skip
+    """Judge a guard in a window by margins and slopes (per window) at ends and middle.
+
+    A margin must exceed the error by `slack` of the change, too. Returns what the guard is, the
+    error in the middle, the error that is allowed anywhere, and the change.
+    """
+    error = abs(gc - 0.5 * (g0 + g1) - 0.125 * (d0 - d1))
+    error += 0.25 * abs(dc - 1.5 * (g1 - g0) + 0.25 * (d0 + d1))
+    change = max(g0, gc, g1) - min(g0, gc, g1)
+    own = OWN * change + FLOOR * (abs(g0) + abs(g1)) + noise
+    unsure, sixth = SURE * error + slack * change, 1.0 / 6.0
+    ends = min(gc, g1) if leaving else min(g0, gc, g1)
+    low = min(ends, g0 + sixth * d0, gc - sixth * dc, gc + sixth * dc, g1 - sixth * d1)
+    if low <= unsure and ends >= -unsure:  # not so clear: by the turning points, too
+        low = min(ends, lowest(g0, 0.5 * d0, gc, 0.5 * dc), lowest(gc, 0.5 * dc, g1, 0.5 * d1))
+        low = min(low, sixth * d0) if leaving else low  # away at once
+    if low > unsure:
+        return CLEAR, error, min(own, low / SURE), change
+    if error <= noise or (error <= RESOLVED * change and low < -unsure):
+        return OPEN, error, own, change
+    return DIVIDE, error, own, change
+
+
+@kernel
+def judge_all(
+    p: Problem, m: Memory, dt: float, low: float, high: float, a: int, c: int, b: int, slack: float
+) -> tuple[int, float, bool]:
+    """Judge the guards that bend in a window, by rows: the worst of them, and the least room.
+
+    Room is the allowed error over the error: below 1, the rates are not those of the values. Last
+    is whether all guards move as their cubics say.
+    """
+    g, span, worst, least, sure = m.guards, dt * (high - low), CLEAR, 1e300, True
+    resolution, longest = time_resolution(m.clock[T], dt), LONGEST * (p.t_end - p.t_start)
+    for i in range(m.counts[N_AWAKE]):
+        k = awake(p, m, i)
+        if m.flags[BENT, k] == 0:
+            continue
+        lock = p.mode[k]
+        leaving = low == 0.0 and just_left(p, m, dt, k)
+        noise = blur(max(g[SIZE, k], abs(g[a, k]), abs(g[b, k])), g[c + 1, k], resolution)
+        kind, error, own, change = judge(
+            0.0 if leaving else lock * g[a, k], lock * g[a + 1, k] * span,
+            lock * g[c, k], lock * g[c + 1, k] * span,
+            lock * g[b, k], lock * g[b + 1, k] * span, leaving, noise, slack,
+        )  # fmt: skip
+        room = own / max(error, 1e-300)
+        if room < 1.0 and m.counts[ROUGH] >= MOST_ROUGH - 1:
+            m.counts[CULPRIT] = k
+        moves = error <= EVEN * change
+        rough, long = room < 1.0 and span > FINE * longest, span > longest and not moves
+        if kind == DIVIDE or rough or long:
+            return DIVIDE, room, False
+        sure = sure and moves
+        worst, least = max(worst, kind), min(least, room)
+    return worst, least, sure
+
+
+@kernel
+def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
+    """Tell whether ends and middle of the step tell all: the path is as good as its cubic then."""
+    longest = LONGEST_IF_SURE * (p.t_end - p.t_start)
+    if dt > longest or p.methods[m.counts[METHOD], IN_POWERS] != 0:
+        return False
+    look_on_cubic(p, m, dt, 0.5, False)
+    kind, room, _ = judge_all(p, m, dt, 0.0, 1.0, H0, H, H1, OF_PATH)
+    if kind == DIVIDE or room < 1.0:
+        return False
+    m.clock[WINDOW] = max(m.clock[WINDOW], dt)
+    return True
+
+
+@kernel
+def any_past(p: Problem, m: Memory, row: int) -> int:
+    """Return the first guard that bends and is past its surface by a row; -1 if there is none."""
+    for a in range(m.counts[N_AWAKE]):
+        k = awake(p, m, a)
+        if m.flags[BENT, k] != 0 and p.mode[k] * m.guards[row, k] < 0.0:
+            return k
+    return -1
+
+
+@kernel
+def unused(a: int, b: int) -> int:
+    """Return a row of the guards, of three to spare, that is neither of two."""
+    if a != H and b != H:
+        return H
+    row = H0 + 2
+    return row if row not in (a, b) else row + 2
+
+
+@kernel
+def look(p: Problem, m: Memory, dt: float, theta: float, row: int) -> None:
+    """Evaluate the guards on the interpolant at `theta` into a row, their rates into the next."""
+    interpolate_with_slope(p, m, theta, dt)
+    eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, row, row + 1)
+
+
+@kernel
+def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
+    """Return how much of the step is free of flips of the guards that bend, s.
+
+    If one may flip in the very first window, that window, and WATCHED is 0 then: its ends tell.
+    """
+    prepare_interpolant(p, m, dt)
+    run = (p.t_end - p.t_start) / dt
+    shortest = max(SHORTEST, 16.0 * time_resolution(m.clock[T], dt) / dt)
+    width, low, a = min(m.clock[WINDOW] / dt, LONGEST_IF_SURE * run), 0.0, H0
+    m.counts[WATCHED] = 1
+    while low < 1.0 and m.counts[ROUGH] <= MOST_ROUGH:
+        high, b, divided = low + width, H1, False
+        if low + 1.25 * width < 1.0:
+            b = unused(a, H1)
+            look(p, m, dt, high, b)
+        else:
+            high = 1.0
+        while True:
+            c, middle = unused(a, b), 0.5 * (low + high)
+            look(p, m, dt, middle, c)
+            kind, room, sure = judge_all(p, m, dt, low, high, a, c, b, 0.0)
+            if kind != DIVIDE or high - low <= shortest:
+                break
+            high, b, divided = middle, c, True
+        rough = 2 if room < 1.0 or kind == DIVIDE else -1
+        m.counts[ROUGH] = max(0, m.counts[ROUGH] + rough)
+        if divided or room <= ROOMY:
+            width = min(width, high - low)
+        else:
+            width = min(GROW * (high - low), (LONGEST_IF_SURE if sure else LONGEST) * run)
+        if kind == OPEN or (kind == DIVIDE and (any_past(p, m, c) >= 0 or any_past(p, m, b) >= 0)):
+            m.clock[WINDOW] = (high - low) * dt
+            m.counts[WATCHED] = 1 if low > 0.0 else 0
+            return low * dt if low > 0.0 else high * dt
+        low, a = high, b
+    m.clock[WINDOW] = width * dt
+    return low * dt
+
+
+@kernel
+def watch(p: Problem, m: Memory, dt: float) -> float:
+    """Shorten the step to where its ends tell what the guards do; return its length, or a status.
+
+    WATCHED is 1 if no guard that bends flips in it, whatever its ends look like.
+    """
+    if m.counts[N_BENT] < m.flags.width:
+        find_bent(p, m, dt)
+    if m.counts[N_BENT] == 0:
+        m.clock[WINDOW] = max(m.clock[WINDOW], GROW * dt)
+        return dt
+    if middle_tells(p, m, dt):
+        return dt
+    part = look_by_windows(p, m, dt)
+    if m.counts[ROUGH] > MOST_ROUGH:
+        return float(RATE_DIFFERS)
+    if part < dt:
+        m.clock[NEXT_DT] = min(m.clock[NEXT_DT], m.clock[WINDOW])
+        take_step(p, m, m.clock[T], part)
+        guards_at_end(p, m, m.clock[T] + part)
+    return part
+
+
+@kernel_in_loop
+def watched(p: Problem, m: Memory, dt: float) -> float:
+    """Do the same; mostly the step is no longer than a window, and no guard moves quickly in it."""
+    m.counts[WATCHED] = 0
+    if m.flags.width == 0:
+        return dt
+    new = m.counts[MEASURED] != m.counts[INSTANTS] and m.counts[N_BENT] < m.flags.width
+    if not new and dt <= m.clock[WINDOW] and moves_evenly(p, m, dt):
+        return dt
+    return watch(p, m, dt)

@@ -1,0 +1,138 @@
+"""Guards that bend, or move more quickly than the state: no contact is missed, none is spurious."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from stress_case import judge
+from stress_quick import (
+    FAMILIES,
+    METHODS,
+    RTOLS,
+    ball_on_table,
+    bounces,
+    quick,
+    quick_member,
+    table_member,
+)
+
+from hopdata.hybrid import System, field, guards, solve, solve_batch
+from hopdata.hybrid.status import RATE_DIFFERS, ZENO
+
+MEMBERS = 6  # of each family at each tolerance; `benchmarks/stress.py` takes 200
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_no_contact_of_a_family_is_missed(family):
+    for number, rtol in enumerate(RTOLS):
+        rng = np.random.default_rng([number, *map(ord, family)])
+        for _ in range(MEMBERS):
+            case = quick_member(family, rng, rtol)
+            for method in METHODS:
+                options = {**case.options, "method": method}
+                verdict = judge(replace(case, system=quick(method == "taylor"), options=options))
+                assert verdict.right, (case, options, verdict)
+
+
+@pytest.mark.parametrize("rtol", RTOLS)
+def test_no_contact_with_a_shaking_table_is_missed(rtol):
+    rng = np.random.default_rng(3)
+    for _ in range(5 * MEMBERS):
+        case = table_member(rng, rtol)
+        assert judge(case).right, (case.y0, case.options)
+
+
+@pytest.mark.parametrize("rtol", RTOLS)
+def test_a_ball_does_not_pass_through_the_table(rtol):
+    params = np.array([0.493, 0.0726, 25.17, 0.0])
+    right = bounces(params, 0.6334, 1.5)
+    assert right is not None
+    end = solve(ball_on_table(), (0.0, 1.5), [0.6334, 0.0], params=params, rtol=rtol)
+    assert end.success
+    assert len(end.events) == len(right[0])
+    assert np.abs(end.y_end - right[1]).max() < 1e-9
+
+
+def test_batches_and_jacobians_miss_none():
+    for family in ("surface", "sine of the state", "table", "after an event"):
+        rng = np.random.default_rng(8)
+        for _ in range(MEMBERS):
+            case = quick_member(family, rng, 1e-9)
+            options = {**case.options, "jacobian": True}
+            assert judge(replace(case, options=options)).right, (family, case.options)
+            starts = np.tile(np.asarray(case.y0), (3, 1))
+            batch = solve_batch(case.system, case.t_span, starts, **case.options)
+            assert (batch.n_events == len(case.answers[0].events)).all(), (family, case.options)
+            alone = solve(case.system, case.t_span, case.y0, **case.options)
+            assert (batch.y_end == alone.y_end).all()
+
+
+@field
+def growing(t, y, mode, params, dy):
+    dy[0] = y[0]
+
+
+@guards
+def at_integers(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = np.sin(np.pi * y[0]), np.pi * np.cos(np.pi * y[0]) * dy[0]
+
+
+@pytest.mark.parametrize("rtol", RTOLS)
+def test_a_state_that_grows_passes_each_integer(rtol):
+    """Many events in one step, at any tolerance: the path may be off, but it passes them all."""
+    system = System(growing, at_integers, n_states=1, guard_names=("integer",))
+    solution = solve(system, (0.0, np.log(199.5 / 0.5)), [0.5], rtol=rtol, atol=1e-3 * rtol)
+    assert solution.success
+    passed = np.arange(1, int(solution.y_end[0]) + 1)
+    assert np.abs(solution.events.before[:, 0] - passed).max() < 1e-9 * passed[-1]
+    assert rtol > 1e-5 or len(passed) == 199
+
+
+@field
+def gliding(t, y, mode, params, dy):
+    dy[0] = 1.0
+
+
+@guards
+def told_wrongly(t, y, dy, mode, params, h, hdot):
+    """A wave whose rate is params[0] times the right one, and noise of the size params[1]."""
+    rate = 3.0 * np.cos(3.0 * y[0]) * dy[0]
+    noise = np.sin(1e9 * y[0] % 6.283)
+    h[0], hdot[0] = np.sin(3.0 * y[0]) - 0.5, params[0] * rate + params[1] * noise
+
+
+@pytest.mark.parametrize(("factor", "noise"), [(0.0, 0.0), (-1.0, 0.0), (2.5, 0.0), (1.0, 30.0)])
+def test_wrong_rates_end_in_a_status(factor, noise):
+    system = System(gliding, told_wrongly, n_states=1, guard_names=("wave",))
+    solution = solve(system, (0.0, 10.0), [0.0], params=[factor, noise])
+    assert solution.status in (RATE_DIFFERS, ZENO)
+    assert "'wave'" in solution.message
+    assert solution.n_guard_evaluations < 100_000
+
+
+@pytest.mark.parametrize(("factor", "noise"), [(1.0, 1e-6), (1.0, 1e-2), (1.1, 0.0)])
+def test_rates_that_err_a_little_do_not_matter(factor, noise):
+    system = System(gliding, told_wrongly, n_states=1, guard_names=("wave",))
+    solution = solve(system, (0.0, 10.0), [0.0], params=[factor, noise])
+    first, second = np.arcsin(0.5) / 3.0, (np.pi - np.arcsin(0.5)) / 3.0
+    turns = np.arange(5) * 2.0 * np.pi / 3.0
+    expected = np.sort(np.concatenate([first + turns, second + turns]))
+    assert solution.success
+    assert np.abs(solution.events.time - expected[expected < 10.0]).max() < 1e-9
+
+
+@guards
+def narrow(t, y, dy, mode, params, h, hdot):
+    """A root that does not exist beyond 2."""
+    if y[0] > 2.0:
+        raise ValueError("beyond the end of the world")
+    h[0], hdot[0] = np.sqrt(2.0 - y[0]) - 1.2, -0.5 * dy[0] / np.sqrt(2.0 - y[0])
+
+
+def test_guards_are_asked_on_the_path_only():
+    system = System(gliding, narrow, n_states=1, guard_names=("root",))
+    solution = solve(system, (0.0, 1.999), [0.0])
+    assert solution.success
+    assert abs(solution.events.time[0] - (2.0 - 1.2**2)) < 1e-12
