@@ -17,7 +17,7 @@ DIGITS = 16
 
 
 PACKAGE = "hopdata.hybrid"
-IMPORT = re.compile(rf"^from ({re.escape(PACKAGE)}[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
+IMPORT = re.compile(rf"^ *from ({re.escape(PACKAGE)}[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
 NOT_IN_CODE = ("compiled/cache.py", "compiled/digest.py")  # they say where code is kept, not what
 
 

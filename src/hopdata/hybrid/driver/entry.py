@@ -16,7 +16,7 @@ from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.hybrid.compiled.cache import cache_directory
 from hopdata.hybrid.compiled.calls import VALUE, caller
 from hopdata.hybrid.compiled.digest import driver_digest
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import ENTRY, kernel
 from hopdata.hybrid.compiled.views import FloatVector, IntVector, float_vector, int_vector
 from hopdata.hybrid.driver.layout import (
     DESK_SLOTS,
@@ -69,7 +69,7 @@ def _enter(desk: int, flags: int) -> int:
 def compiled_run() -> Any:
     """Return the driver's machine code: from the cache, or compiled now (some seconds)."""
     with cache_directory(_run, driver_digest()) as cached:
-        return cfunc(RUN_NATIVE, cache=cached, error_model="numpy")(_run)
+        return cfunc(RUN_NATIVE, cache=cached, **ENTRY)(_run)
 
 
 def run_address() -> int:
@@ -80,7 +80,7 @@ def run_address() -> int:
 def compiled_entry(function: Callable[..., Any], native: Any) -> Any:
     """Return a small compiled function which releases the interpreter's lock."""
     with cache_directory(function, driver_digest()) as cached:
-        return njit(native, cache=cached, nogil=True, error_model="numpy")(function)
+        return njit(native, cache=cached, nogil=True, **ENTRY)(function)
 
 
 @cache
