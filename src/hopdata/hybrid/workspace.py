@@ -229,10 +229,10 @@ class Workspace:
         """Have room for the flow's Jacobian, which begins as the identity."""
         if self.tangent is None:
             self.tangent = tangent_table(methods, len(self.state))
+            self._identity = self.tangent[: len(self.state)].copy()
             self._lay_out(layout.TANGENT_TABLE, self.tangent)
         else:
-            self.tangent[: len(self.state)] = 0.0
-            np.fill_diagonal(self.tangent, 1.0)
+            self.tangent[: len(self.state)] = self._identity
 
     def forget_samples(self) -> None:
         """Lay out the workspace's own room for samples again, after another's was used."""

@@ -14,10 +14,7 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
-from numba import (
-    _dynfunc,  # type: ignore[attr-defined]
-    njit,
-)
+from numba import _dynfunc, njit  # type: ignore[attr-defined]
 from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import register_pass
@@ -53,13 +50,20 @@ class _Library(JITCodeLibrary):
         if self._linking_libraries:
             self._link()
             self._shared_module = None
+        return self.own_module()
+
+    def own_module(self) -> Any:
+        """Return the code of this library alone, if it is a kernel's."""
         return super()._get_module_for_linking()
 
     def _link(self) -> None:
         for library in _callers_first(self):
-            whole = not isinstance(library, _Library)
-            owner = library if whole else super(_Library, library)
-            self._final_module.link_in(owner._get_module_for_linking(), preserve=True)
+            own = (
+                library.own_module()
+                if isinstance(library, _Library)
+                else library._get_module_for_linking()
+            )
+            self._final_module.link_in(own, preserve=True)
         self._linking_libraries = []
 
 
@@ -159,7 +163,7 @@ def _compiled_alone(function: Function) -> Any:
 
 def linked(compiler: type[Entry], function: Function, **options: Any) -> Any:
     """Return a function as a kernel of this compiler, without what calls from Python would need."""
-    alone = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": compiler}
-    kernel = njit(error_model="numpy", **alone, **options)(function)
+    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": compiler}
+    kernel: Any = njit(error_model="numpy", **options)(function)
     kernel.__class__ = _KernelDispatcher
     return kernel

@@ -20,7 +20,7 @@ from typing import Any
 
 from numba import cfunc
 
-from hopdata.hybrid.compiled.cache import compiled_in_cache, is_in_cache
+from hopdata.code_cache import compiled_in_cache, is_in_cache
 from hopdata.hybrid.compiled.calls import (
     INTERPOLANT_NATIVE,
     REFRESH_NATIVE,
