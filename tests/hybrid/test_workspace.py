@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import copy
+import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 from hybrid_systems import ball, growth, ladder, raising_field
 
-from hopdata.hybrid import System, solve
+from hopdata.hybrid import System, field, guards, solve, solve_batch, workspace
 from hopdata.scenes.plate import Plate
 
 BOUNCES = {"params": (2.0, 0.0, 1.0), "max_step": 0.25}
@@ -219,3 +220,49 @@ def test_counts_may_be_whole_numbers_of_another_type():
     system = ladder(1)
     for _ in range(2):
         assert solve(system, (0, 1), (0.0, 0.0), **options).success
+
+
+@field
+def shrinking(t, y, mode, params, dy):
+    for i in range(len(y)):
+        dy[i] = -y[i]
+
+
+@guards
+def half_of_first(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = 0.5 - y[0], -dy[0]
+
+
+def peak_vectors(n, run):
+    """Most memory at a time, in vectors of n numbers, of a system of that size."""
+    tracemalloc.start()
+    try:
+        run(System(shrinking, half_of_first, n_states=n, guard_names=("half",)))
+        return tracemalloc.get_traced_memory()[1] / (8 * n)
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("method", ["auto", "dopri5", "dop853"])
+def test_memory_grows_with_the_states_and_not_with_their_square(method):
+    n = 300_000
+    y0, options = np.ones(n), {"rtol": 1e-3, "method": method, "t_eval": [1.0]}
+
+    def both(system):
+        alone = solve(system, (0, 1), y0, **options)
+        batch = solve_batch(system, (0, 1), y0[None], **options)
+        assert alone.y_end.tobytes() == batch.y_end[0].tobytes()
+        assert alone.y_end == pytest.approx(np.exp(-1.0), rel=1e-2)
+        assert len(alone.events) == 1
+
+    assert peak_vectors(n, both) < 200
+
+
+def test_long_states_get_fewer_rows_at_a_time(monkeypatch):
+    system = System(shrinking, half_of_first, n_states=3, guard_names=("half",))
+    whole = solve(system, (0, 9), np.ones(3))
+    monkeypatch.setattr(workspace, "LARGEST_ROOM", 8)
+    few = System(shrinking, half_of_first, n_states=3, guard_names=("half",))
+    parts = [solve(few, (0, 9), np.ones(3)) for _ in range(2)]
+    assert len(whole.t) > 20
+    assert all(same(whole, one) for one in parts)

@@ -109,7 +109,7 @@ class _Room:
         self.ends = np.empty((n_runs, END_STATE + n))
         self.modes = np.empty((n_runs, system.n_modes), dtype=np.int64)
         self.counts = np.empty((n_runs, COUNT_SLOTS), dtype=np.int64)
-        self.samples = np.full((n_runs if n_wanted else 0, n_wanted, n), np.nan)
+        self.samples = np.empty((n_runs if n_wanted else 0, n_wanted, n))
         self.jacobians = np.empty((n_runs if jacobian else 0, n, n))
 
     @property
@@ -228,10 +228,10 @@ def _parameters(params: ArrayLike, n_runs: int) -> FloatArray:
 def _solution(
     room: _Room, times: FloatArray, jacobian: bool, guard_names: tuple[str, ...]
 ) -> BatchSolution:
-    y = np.ascontiguousarray(np.swapaxes(room.samples, 1, 2)) if len(times) else None
-    if y is not None:
-        reached = room.counts[:, SAMPLES]
-        y[np.arange(len(times)) >= reached[:, None, None] + np.zeros((1, y.shape[1], 1))] = np.nan
+    y = None
+    if len(times):
+        room.samples[np.arange(len(times)) >= room.counts[:, SAMPLES, None]] = np.nan
+        y = np.ascontiguousarray(np.swapaxes(room.samples, 1, 2))
     return BatchSolution(
         status=room.status[:, 0],
         t_end=room.ends[:, 0],

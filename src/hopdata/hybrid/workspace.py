@@ -31,6 +31,7 @@ FIRST_ROWS = 256
 FIRST_EVENTS = 64
 LARGEST_CHUNK = 1 << 16
 LARGEST_KEPT = 1 << 13  # rows that a workspace keeps for the next integration
+LARGEST_ROOM = 1 << 23  # numbers in a table of rows or events: long states get fewer rows
 
 PLAIN = (tuple, list)  # what is written without a look at it: others might have any shape
 OPTIONS = "5d3q"  # as `layout` numbers them
@@ -101,17 +102,16 @@ class Workspace:
         self._wake_at = np.zeros(n_guards)
         self.drive, self.caught = driver_entry(), Caught()
         self.ready_for: object = NOTHING
-        self._identity = np.eye(n_states)
         self.tangent: FloatArray | None = None
-        self._rows = np.empty((FIRST_ROWS, 1 + n_states))
-        self._log = np.empty((FIRST_EVENTS + 2 * n_guards, 3 + 2 * n_states + n_logged_modes))
+        self._spare = 2 * n_guards  # for the events of one more instant
+        self._widths = 1 + n_states, 3 + 2 * n_states + n_logged_modes
+        self._make_records(FIRST_ROWS, FIRST_EVENTS)
         self._wanted, self._samples = np.empty(0), np.empty((0, n_states))
         self._kept: list[tuple[memoryview, memoryview]] = []  # chunks that are full
-        self._form = Form(n_states, n_modes, self._log.shape[1], guard_names)
+        self._form = Form(n_states, n_modes, self._widths[1], guard_names)
         self._lay_out(layout.RULES, rules, self._atol)
         self._lay_out(layout.GUARD_TABLE, self._guards, self._flags, self._lists, self._wake_at)
         self._lay_out(layout.WANTED, self._wanted, self._samples)
-        self._lay_out_records()
 
     def _make_clockwork(self, n_modes: int) -> None:
         """Make times, counters and mode, side by side: they are taken out together."""
@@ -218,7 +218,7 @@ class Workspace:
         if self._kept:
             self._kept = []
             if max(len(self._rows), len(self._log)) > LARGEST_KEPT:
-                self._change_room(LARGEST_KEPT, LARGEST_KEPT)
+                self._make_records(LARGEST_KEPT, LARGEST_KEPT)
         if t_eval is not None or len(self._wanted) > 0:
             self._wanted = np.empty(0) if t_eval is None else t_eval
             self._samples = np.empty((len(self._wanted), len(self.state)))
@@ -229,6 +229,7 @@ class Workspace:
         """Have room for the flow's Jacobian, which begins as the identity."""
         if self.tangent is None:
             self.tangent = tangent_table(methods, len(self.state))
+            self._identity = self.tangent[: len(self.state)].copy()
             self._lay_out(layout.TANGENT_TABLE, self.tangent)
         else:
             self.tangent[: len(self.state)] = self._identity
@@ -256,7 +257,7 @@ class Workspace:
         n_rows, n_events = len(self._rows), len(self._log)
         n_rows = 2 * n_rows if rows > n_rows // 2 else n_rows
         n_events = 2 * n_events if events > n_events // 2 else n_events
-        self._change_room(min(n_rows, LARGEST_CHUNK), min(n_events, LARGEST_CHUNK))
+        self._make_records(min(n_rows, LARGEST_CHUNK), min(n_events, LARGEST_CHUNK))
         self.counts[layout.ROWS] = self.counts[layout.EVENT_ROWS] = 0
 
     def solution(self, status: int) -> Solution:
@@ -290,13 +291,14 @@ class Workspace:
         count = int(self.counts[layout.SAMPLES])
         return np.column_stack([self._wanted[:count], self._samples[:count]]).tobytes()
 
-    def _change_room(self, n_rows: int, n_events: int) -> None:
-        spare = 2 * len(self._form.guard_names)  # for the events of one more instant
-        self._rows = np.empty((n_rows, self._rows.shape[1]))
-        self._log = np.empty((n_events + spare, self._log.shape[1]))
-        self._lay_out_records()
-
-    def _lay_out_records(self) -> None:
+    def _make_records(self, n_rows: int, n_events: int) -> None:
+        """Make and lay out room for so many rows and events, or fewer if the states are long."""
+        n_rows, n_events = (
+            min(count, max(1, LARGEST_ROOM // width))
+            for count, width in zip((n_rows, n_events), self._widths, strict=True)
+        )
+        self._rows = np.empty((n_rows, self._widths[0]))
+        self._log = np.empty((n_events + self._spare, self._widths[1]))
         self._row_size, self._log_size = self._rows.strides[0], self._log.strides[0]
         self._row_bytes = self._rows.data.cast("B")
         self._log_bytes = self._log.data.cast("B")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from numba import njit
+from hopdata.code_cache import kept_njit
 
 
-@njit(cache=True, nogil=True)
+@kept_njit(nogil=True)
 def spread_samples(values, origin, nodes_per_unit, counts):  # type: ignore[no-untyped-def]
     """Add six times the cubic B-spline of each sample to `counts`; return how many are finite.
 

@@ -12,7 +12,8 @@ from __future__ import annotations
 from math import exp, isnan, log, sqrt
 
 import numpy as np
-from numba import njit
+
+from hopdata.code_cache import kept_njit
 
 GOLDEN = 0.3819660112501051
 REFINEMENTS = 10  # at most, after the grid
@@ -20,7 +21,7 @@ CLOSE = 0.004  # of the grid's step: where the refinement ends
 LEAST_FRAMES = 4
 
 
-@njit(cache=True)
+@kept_njit()
 def _design_row(s, tau, t, m, others, soft, size, row):  # type: ignore[no-untyped-def]
     """Fill `row` with the derivatives of the height at `t` = tau + s by the coefficients."""
     row[0] = 1.0
@@ -41,7 +42,7 @@ def _design_row(s, tau, t, m, others, soft, size, row):  # type: ignore[no-untyp
         row[3 + 2 * m] = 0.0
 
 
-@njit(cache=True)
+@kept_njit()
 def _factor(size, gram):  # type: ignore[no-untyped-def]
     """Cholesky-factor `gram` in place (lower triangle); False if it is singular."""
     for a in range(size):
@@ -57,7 +58,7 @@ def _factor(size, gram):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True)
+@kept_njit()
 def _solve(size, factor, right):  # type: ignore[no-untyped-def]
     """Solve L L^T x = right in place; return the sum of squares of L^-1 right."""
     total = 0.0
@@ -73,7 +74,7 @@ def _solve(size, factor, right):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True)
+@kept_njit()
 def _misfit(tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row):  # type: ignore[no-untyped-def]
     """Return -2 noise2 times the log marginal likelihood of `tau`, but for a constant.
 
@@ -110,7 +111,7 @@ def _misfit(tau, n, t, z, m, others, soft, size, mean, weight, noise2, gram, rig
     return total - _solve(size, gram, right)
 
 
-@njit(cache=True)
+@kept_njit()
 def _vertex(left, value_left, x, value, right, value_right, close):  # type: ignore[no-untyped-def]
     """Next point of the search in (left, right) about x: the vertex of a parabola, or golden."""
     low, high = x - left, right - x
@@ -127,7 +128,7 @@ def _vertex(left, value_left, x, value, right, value_right, close):  # type: ign
     return min(max(u, left + 0.05 * low), right - 0.05 * high)
 
 
-@njit(cache=True)
+@kept_njit()
 def _search(  # type: ignore[no-untyped-def]
     low, high, steps, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row, grid
 ):
@@ -175,7 +176,7 @@ def _search(  # type: ignore[no-untyped-def]
     return np.nan, np.inf
 
 
-@njit(cache=True)
+@kept_njit()
 def _summary(  # type: ignore[no-untyped-def]
     tau, n, t, z, m, others, soft, size, weight, factor, right, row, cross, unit, variance
 ):
@@ -220,7 +221,7 @@ def _summary(  # type: ignore[no-untyped-def]
     return (1 / own if own > 0.0 else np.inf), misfit, parameters
 
 
-@njit(cache=True)
+@kept_njit()
 def fit_all(  # type: ignore[no-untyped-def]
     times, heights, low, high, steps, contacts, others, soft, creeps, mean, weight, noise2, out
 ):

@@ -78,10 +78,10 @@ def test_a_guard_whose_inputs_are_named_costs_fewer_evaluations():
     named, looped = (
         System(pushed, one, n_states=3, guard_names=("bend",)) for one in (by_numbers, by_a_loop)
     )
-    assert named.methods("dopri5", True).rate_inputs == [0, 1]
-    assert named.methods("dopri5", True).steady
-    assert looped.methods("dopri5", True).rate_inputs == [0, 1, 2]
-    assert not looped.methods("dopri5", True).steady
+    assert named.methods("dopri5", True).scene.rate_inputs == (0, 1)
+    assert named.methods("dopri5", True).scene.steady
+    assert looped.methods("dopri5", True).scene.rate_inputs == (0, 1, 2)
+    assert not looped.methods("dopri5", True).scene.steady
 
 
 def test_ladder_of_speeds():

@@ -9,7 +9,7 @@ from typing import Any
 
 import numba
 
-from hopdata.hybrid.compiled.cache import compiled_in_cache
+from hopdata.code_cache import compiled_in_cache
 from hopdata.hybrid.compiled.declaration import check_declaration, function_name, place
 from hopdata.hybrid.compiled.diagnosis import raise_if_mistaken, reason_and_advice, warn_slow
 from hopdata.hybrid.compiled.digest import function_digest, with_digest

@@ -5,18 +5,22 @@ The driver itself is compiled once per install, as a C function; what calls it i
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable
 from functools import cache
 from math import inf
+from pathlib import Path
 from typing import Any
 
 from numba import cfunc, njit, types
+from numba.core import event
 
+from hopdata.code_cache import cache_directory, compiled_in_cache
 from hopdata.hybrid.arguments import SMALLEST_RTOL
-from hopdata.hybrid.compiled.cache import cache_directory
 from hopdata.hybrid.compiled.calls import VALUE, caller
 from hopdata.hybrid.compiled.digest import driver_digest
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import ENTRY, kernel
 from hopdata.hybrid.compiled.views import FloatVector, IntVector, float_vector, int_vector
 from hopdata.hybrid.driver.layout import (
     DESK_SLOTS,
@@ -35,6 +39,7 @@ from hopdata.hybrid.status import BAD_NUMBERS
 _INT, _FLOAT = types.int64, types.float64
 
 RUN_NATIVE = _INT(_INT, _INT)
+NOT_KEPT = "no folder to keep it in can be written to: set NUMBA_CACHE_DIR to one that can"
 
 call_run = caller(RUN_NATIVE, *((kind, VALUE) for kind in RUN_NATIVE.args))
 
@@ -67,9 +72,38 @@ def _enter(desk: int, flags: int) -> int:
 
 @cache
 def compiled_run() -> Any:
-    """Return the driver's machine code: from the cache, or compiled now (some seconds)."""
-    with cache_directory(_run, driver_digest()) as cached:
-        return cfunc(RUN_NATIVE, cache=cached, error_model="numpy")(_run)
+    """Return the driver's machine code: from the cache, or compiled now, which stderr then says."""
+    notice = _Notice()
+    with event.install_listener("numba:run_pass", notice):
+        code = compiled_in_cache(
+            _run, driver_digest(), lambda cached: cfunc(RUN_NATIVE, cache=cached, **ENTRY)(_run)
+        )
+    with cache_directory(_run, driver_digest()) as folder:
+        notice.end(folder)
+    return code
+
+
+class _Notice(event.Listener):  # type: ignore[misc]
+    """Says on stderr that the driver is being compiled, from the compiler's first pass on."""
+
+    started_s: float | None = None
+
+    def on_start(self, _event: object) -> None:
+        if self.started_s is None:
+            self.started_s = time.monotonic()
+            _say("compiling the integrator, some 20 s of one core; later processes load it")
+
+    def on_end(self, _event: object) -> None:
+        pass
+
+    def end(self, folder: Path | None) -> None:
+        if self.started_s is not None:
+            where = f"it is kept in {folder.parent}" if folder else NOT_KEPT
+            _say(f"compiled in {time.monotonic() - self.started_s:.0f} s; {where}")
+
+
+def _say(what: str) -> None:
+    print(f"hopdata: {what}", file=sys.stderr, flush=True)
 
 
 def run_address() -> int:
@@ -79,8 +113,11 @@ def run_address() -> int:
 
 def compiled_entry(function: Callable[..., Any], native: Any) -> Any:
     """Return a small compiled function which releases the interpreter's lock."""
-    with cache_directory(function, driver_digest()) as cached:
-        return njit(native, cache=cached, nogil=True, error_model="numpy")(function)
+
+    def compile_it(cached: bool) -> Any:
+        return njit(native, cache=cached, nogil=True, **ENTRY)(function)
+
+    return compiled_in_cache(function, driver_digest(), compile_it)
 
 
 @cache

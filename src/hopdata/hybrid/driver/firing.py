@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from hopdata.hybrid.compiled.calls import call_on_event, call_refresh
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.views import FloatTable, IntTable
 from hopdata.hybrid.driver.layout import (
     CROWD,
@@ -172,7 +172,7 @@ def keep_culprit(m: Memory) -> None:
     m.counts[CULPRIT] = next_due(m, -1)
 
 
-@kernel_in_loop
+@kernel_apart
 def fire_all(p: Problem, m: Memory, log: Log) -> int:
     """Let all guards in DUE flip, and those that their handlers push across; refresh the field.
 

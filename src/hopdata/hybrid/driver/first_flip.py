@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver.knots import set_knots
 from hopdata.hybrid.driver.landing import land, look_at_end
 from hopdata.hybrid.driver.layout import (
@@ -42,7 +42,7 @@ def gather(p: Problem, m: Memory, dt: float) -> int:
     return leave_out_bent(m) if count > 0 and m.counts[WATCHED] > 0 else count
 
 
-@kernel
+@kernel_apart
 def end_at_dips(
     p: Problem, m: Memory, dt: float, kind: int, k: int, theta: float
 ) -> tuple[float, int, int, float]:

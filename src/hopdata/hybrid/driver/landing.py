@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver.dense import interpolate
 from hopdata.hybrid.driver.layout import (
     END,
@@ -86,7 +86,7 @@ def look_at_end(p: Problem, m: Memory, t: float, resolution: float) -> None:
     gather_reached(p, m, H1, RATE1, resolution)
 
 
-@kernel
+@kernel_apart
 def end_at(
     p: Problem, m: Memory, span: float, on_interpolant: bool, resolution: float, k: int
 ) -> float:
@@ -96,7 +96,7 @@ def end_at(
     return p.mode[k] * m.guards[H1, k]
 
 
-@kernel
+@kernel_apart
 def end_behind_jump(
     p: Problem, m: Memory, k: int, span: float, on_interpolant: bool, resolution: float
 ) -> float:
@@ -128,7 +128,7 @@ def beyond_rounding(m: Memory, k: int, resolution: float) -> bool:
     return abs(g[H1, k]) > blur(g[SIZE, k], g[RATE1, k], resolution)
 
 
-@kernel
+@kernel_apart
 def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple[float, int]:
     """Make the step end on guard k, about `span` from now.
 

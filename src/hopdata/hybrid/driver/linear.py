@@ -7,7 +7,7 @@ from math import sqrt
 import numpy as np
 
 from hopdata.hybrid.compiled.calls import call_tangent
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.layout import (
     ERROR,
@@ -46,7 +46,7 @@ def has_short_tangent(p: Problem, m: Memory, dt: float) -> bool:
     return turn * turn * sqrt(turn) <= SHORT * p.rtol
 
 
-@kernel
+@kernel_apart
 def tangent(p: Problem, m: Memory, dt: float) -> float:
     """Write the new Jacobian behind the old one; return its error in units of the tolerance.
 
@@ -64,7 +64,7 @@ def tangent(p: Problem, m: Memory, dt: float) -> float:
     return call_tangent(address, t, dt, p.rtol, m.states, p.mode, p.params, p.atol, p.tangent)
 
 
-@kernel_in_loop
+@kernel_apart
 def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
     """Multiply the flow's Jacobian by that of the step that ends at END.
 

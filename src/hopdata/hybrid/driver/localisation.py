@@ -5,7 +5,7 @@ It begins where the guard's cubic vanishes or is lowest (see `suspicion`).
 
 from __future__ import annotations
 
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
 from hopdata.hybrid.driver.knots import ends_between, knot, piece_before
 from hopdata.hybrid.driver.layout import (
@@ -31,14 +31,14 @@ LITTLE_PUT_RIGHT = 1e-3  # of Newton's step, up to which the series of the cubic
 MAX_ROOT, MAX_DIP, PATIENCE, MOST_RIVALS = 120, 40, 8, 2
 
 
-@kernel
+@kernel_apart
 def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     """Evaluate the guards on the interpolant at `theta`, into H and RATE."""
     interpolate_with_slope(p, m, theta, dt)
     near_inside(p, m, m.clock[T] + theta * dt)
 
 
-@kernel
+@kernel_apart
 def lowest_point(
     p: Problem, m: Memory, dt: float, k: int, theta: float, piece: int, end: float
 ) -> float:
@@ -70,7 +70,7 @@ def lowest_point(
     return theta
 
 
-@kernel
+@kernel_apart
 def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
     """Return a theta, at most `low`, where guard k is clear of its surface; 0 if there is none."""
     while low > LEAVING:
@@ -114,7 +114,7 @@ def way_to_root(
     return way - way * right, close and abs(right) <= LITTLE_PUT_RIGHT
 
 
-@kernel
+@kernel_apart
 def crossing(
     p: Problem, m: Memory, dt: float, k: int, guess: float, low: float, piece: int, end: float
 ) -> float:
@@ -155,7 +155,7 @@ def crossing(
     return high
 
 
-@kernel
+@kernel_apart
 def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     """Return (kind, guard, theta): where the step must end for a guard in NEAR, and why.
 

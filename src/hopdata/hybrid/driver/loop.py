@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.views import IntVector
 from hopdata.hybrid.driver.choice import choose_after_event, choose_after_step, first_method
 from hopdata.hybrid.driver.desk import desk_log, desk_memory, desk_output, desk_problem
@@ -95,7 +95,7 @@ def move_on(p: Problem, m: Memory, out: Output, dt: float) -> None:
     write_row(m, out)
 
 
-@kernel_in_loop
+@kernel_apart
 def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Let the events of this instant happen, and write down the state after them."""
     status = fire_all(p, m, log)
@@ -158,7 +158,7 @@ def clear(p: Problem, m: Memory) -> bool:
     return first_not_finite(m.states, Y) < 0
 
 
-@kernel
+@kernel_apart
 def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Settle the locks at t0, choose the first step, and fire what is past its surface already."""
     m.counts[METHOD] = first_method(p)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver.knots import piece_ends
 from hopdata.hybrid.driver.layout import (
     BEND,
@@ -72,7 +72,7 @@ def gather_unclear(p: Problem, m: Memory, unclear: int, first: int) -> int:
     return count
 
 
-@kernel_in_loop
+@kernel_apart
 def gather_near(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that may flip within the step, by its ends, into NEAR; return their number."""
     g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
@@ -88,7 +88,7 @@ def gather_near(p: Problem, m: Memory, dt: float) -> int:
     return gather_unclear(p, m, unclear, first)
 
 
-@kernel
+@kernel_apart
 def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
     """Do the same by all knots of the step: a guard must stay clear between each two."""
     g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
@@ -104,7 +104,7 @@ def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
     return gather_unclear(p, m, unclear, first)
 
 
-@kernel_in_loop
+@kernel_apart
 def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
     """Put the guards that are at their surface or past it, by rows `h` and `rate`, into NEAR."""
     g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
@@ -117,7 +117,7 @@ def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) 
     return gather_unclear(p, m, unclear, first)
 
 
-@kernel
+@kernel_apart
 def gather_coming(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that rate and bend would take to their surface within `dt` into NEAR."""
     g, unclear, first = m.guards, 0, m.counts[N_AWAKE]

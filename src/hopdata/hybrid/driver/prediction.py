@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from math import sqrt
 
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver.layout import (
     BEND,
     BENT,
@@ -37,7 +37,7 @@ CLIP_MOST = 1e3  # leave events that are nearer to localisation
 TOO_SHORT = 1e6  # the rates at both ends of such a step tell nothing of the bend
 
 
-@kernel
+@kernel_apart
 def carry_guards(p: Problem, m: Memory, dt: float) -> None:
     """Make the guards at the end of the step those at its start; keep their second derivatives.
 

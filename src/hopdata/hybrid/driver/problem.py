@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hopdata.hybrid.compiled.calls import call_field, call_guard, call_guards
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.views import FloatTable, FloatVector, IntTable, IntVector
 from hopdata.hybrid.driver.layout import (
     AWAKE,
@@ -78,7 +78,7 @@ def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
     call_field(p.field, t, m.states, y, p.mode, p.params, m.states, dy)
 
 
-@kernel_in_loop
+@kernel_apart
 def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int) -> None:
     """Evaluate the guards that are awake at rows `y` and `dy` into rows `h` and `rate`."""
     if p.guards != 0:

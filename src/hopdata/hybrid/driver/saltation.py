@@ -9,7 +9,7 @@ instance, is put to the guard that has flipped, if there is only one.
 from __future__ import annotations
 
 from hopdata.hybrid.compiled.calls import call_field, call_guard, call_guards
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver.layout import (
     ALONG,
     COLUMN,
@@ -110,7 +110,7 @@ def add_jump(p: Problem, m: Memory) -> None:
                 phi[i, j] += jump * phi[along, j]
 
 
-@kernel
+@kernel_apart
 def saltate(p: Problem, m: Memory) -> None:
     """Pass all guards that are due, one after the other, by their locks alone.
 

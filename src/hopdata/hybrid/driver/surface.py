@@ -7,7 +7,7 @@ side by decree, whatever rounding makes of h.
 
 from __future__ import annotations
 
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver.layout import DUE, N_DUE, N_NEAR, NEAR, SIZE, Memory
 from hopdata.hybrid.driver.problem import Problem
 
@@ -45,7 +45,7 @@ def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
     return g < -noise or (g <= noise and rate < 0.0)
 
 
-@kernel_in_loop
+@kernel_apart
 def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
     """Put those of the guards in NEAR that flip now, by rows `h` and `rate`, into DUE."""
     g, total = m.guards, 0

@@ -18,9 +18,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from numba import cfunc, njit
+from numba import cfunc
 
-from hopdata.hybrid.compiled.cache import compiled_in_cache, is_in_cache
+from hopdata.code_cache import compiled_in_cache, is_in_cache
 from hopdata.hybrid.compiled.calls import (
     INTERPOLANT_NATIVE,
     REFRESH_NATIVE,
@@ -28,6 +28,7 @@ from hopdata.hybrid.compiled.calls import (
     TANGENT_NATIVE,
 )
 from hopdata.hybrid.compiled.digest import driver_digest, function_digest, with_digest
+from hopdata.hybrid.compiled.kernel import ENTRY, kernel_in_loop
 from hopdata.hybrid.compiled.views import array_of, float_table, float_vector, int_vector
 
 Function = Callable[..., Any]
@@ -141,14 +142,14 @@ def compiled_entry(
     entry, digest = _entry(template, function, n_states)
 
     def compile_it(cached: bool) -> Any:
-        return cfunc(native, cache=cache and cached, error_model="numpy")(entry)
+        return cfunc(native, cache=cache and cached, **ENTRY)(entry)
 
     return compiled_in_cache(entry, digest, compile_it)
 
 
 def _entry(template: Function, function: Function, n_states: int) -> tuple[Function, str]:
     """Return the entry to a method's function, to be compiled, and its digest."""
-    inner = njit(error_model="numpy", forceinline=True)(with_digest(function))
+    inner = kernel_in_loop(with_digest(function))
     entry = with_digest(template, FUNCTION=inner, N=n_states)
     return entry, f"{function_digest(entry)}-{driver_digest()}"
 

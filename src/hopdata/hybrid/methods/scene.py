@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any
 
-from numba import njit
-
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.digest import with_digest
-from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
 from hopdata.hybrid.compiled.views import row, square
 from hopdata.hybrid.driver.layout import PHI_ROWS
 from hopdata.hybrid.methods import (
@@ -80,7 +78,8 @@ def matrix(s: Any, first: int, _n: int) -> Any:
 
 def put_in(template: Any, *, inline: bool = False, **names: Any) -> Any:
     """Return a template with these names put in, to be called by other compiled code."""
-    return njit(error_model="numpy", forceinline=inline)(with_digest(template, **names))
+    compiled = kernel_in_loop if inline else kernel
+    return compiled(with_digest(template, **names))
 
 
 def explicit(tableau: Tableau, scene: Scene) -> Method:

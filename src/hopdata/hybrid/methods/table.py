@@ -101,22 +101,19 @@ class MethodTable:
         Methods whose code is generic now, by their numbers.
     steps : int
         Steps of the integrations that have ended, counted by the caller while there are any.
-    rate_inputs : list of int
-        Components of the state's rate on which the rates of the event functions may depend.
-    steady : bool
-        Whether the event functions do not depend on time.
+    scene : Scene
+        What they are made for.
     """
 
     def __init__(self, choice: str, scene: Scene, jacobian: bool) -> None:
         self.choice, self._names = choice, check_method(choice, scene, jacobian)
-        self._scene, self._jacobian = scene, jacobian
+        self.scene, self._jacobian = scene, jacobian
         self._kept_alive: list[Any] = []
         self._methods: dict[int, Method] = {}
         self.generic: set[int] = set()
         self.steps = 0
         self.work_rows = work_rows(self._names, scene.n_states)
         self.tangent_rows = 0
-        self.rate_inputs, self.steady = list(scene.rate_inputs), scene.steady
         self.rows: IntArray = np.zeros((len(self._names), layout.METHOD_SLOTS), dtype=np.int64)
         for number in range(len(self._names)):
             self._describe(number)
@@ -125,7 +122,7 @@ class MethodTable:
 
     def _describe(self, number: int) -> None:
         name, row = self._names[number], self.rows[number]
-        method = self._methods[number] = MAKERS[name](self._scene)
+        method = self._methods[number] = MAKERS[name](self.scene)
         row[layout.EVALUATIONS], row[layout.ORDER] = method.evaluations, method.order
         row[layout.INTERPOLANT_EVALUATIONS] = method.interpolant_evaluations
         row[layout.INTERPOLANT_ERROR], row[layout.IN_POWERS] = (
@@ -165,14 +162,14 @@ class MethodTable:
     def _generic_will_do(self, number: int) -> bool:
         if self._names[number] not in TABLEAUS or self._jacobian:
             return False
-        if not self._scene.field.compiled:
+        if not self.scene.field.compiled:
             return True
         few = self.steps < WORTH_COMPILING
-        return few and not is_compiled(self._methods[number], self._scene.n_states)
+        return few and not is_compiled(self._methods[number], self.scene.n_states)
 
     def wants_own_code(self, steps: int = 0) -> bool:
         """Tell whether, with these steps more, so many are taken that the scene wants its code."""
-        return self.steps + steps >= WORTH_COMPILING and self._scene.field.compiled
+        return self.steps + steps >= WORTH_COMPILING and self.scene.field.compiled
 
     def specialise(self, steps: int = 0) -> None:
         """Compile for the scene what is generic, if with these steps more it has taken many."""
@@ -183,7 +180,7 @@ class MethodTable:
 
     def compile_all(self) -> None:
         """Compile all methods for the scene, as far as its field is compiled."""
-        make = self.compile if self._scene.field.compiled else self.provide
+        make = self.compile if self.scene.field.compiled else self.provide
         generic, self.generic = self.generic, set()
         for number in range(len(self._names)):
             if number in generic or self.rows[number, layout.STEP] == 0:
@@ -197,7 +194,7 @@ class MethodTable:
 
     def _compile_tangent(self, number: int, slot: int, tangent: Any) -> None:
         if tangent is not None:
-            scene = self._scene
+            scene = self.scene
             compiled = compiled_tangent(tangent, scene.n_states, cache=scene.cacheable)
             self._kept_alive.append(compiled)
             self.rows[number][slot] = compiled.address
@@ -205,7 +202,7 @@ class MethodTable:
     def compile(self, number: int) -> None:
         """Make the machine code of a method for the scene."""
         method, row = self._methods[number], self.rows[number]
-        n_states, cache = self._scene.n_states, self._scene.cacheable
+        n_states, cache = self.scene.n_states, self.scene.cacheable
         if method.refresh is not None:
             refresh = compiled_refresh(method, n_states, cache=cache)
             self._kept_alive.append(refresh)
@@ -220,7 +217,7 @@ class MethodTable:
 def tangent_table(methods: MethodTable, n_states: int) -> FloatArray:
     """Return room for the flow's Jacobian, which begins as the identity."""
     table = np.zeros((methods.tangent_rows, n_states))
-    table[:n_states] = np.eye(n_states)
-    table[3 * n_states + layout.RATE_INPUTS, methods.rate_inputs] = 1.0
-    table[3 * n_states + layout.STEADY] = methods.steady
+    np.fill_diagonal(table[:n_states], 1.0)
+    table[3 * n_states + layout.RATE_INPUTS, list(methods.scene.rate_inputs)] = 1.0
+    table[3 * n_states + layout.STEADY] = methods.scene.steady
     return table

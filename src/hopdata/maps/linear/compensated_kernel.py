@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from numba import njit
+from hopdata.code_cache import kept_njit
 
 
-@njit(cache=True, nogil=True)
+@kept_njit(nogil=True)
 def add_products(values, lost, matrix, top, rest, high, low):  # type: ignore[no-untyped-def]
     """Add ``(values + lost) @ matrix`` to `high`, and what its roundings lose to `low`.
 

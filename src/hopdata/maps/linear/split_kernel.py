@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hopdata.code_cache import kept_njit
 from hopdata.maps.linear.vectors import (
     TILE_ROWS,
     WIDTH,
@@ -19,7 +19,7 @@ from hopdata.maps.linear.vectors import (
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True)
+@kept_njit(nogil=True)
 def _normal_equations(rows, index, count, normal):  # type: ignore[no-untyped-def]
     """Fill the first `count` rows of `normal`, on and right of the diagonal."""
     for a in range(0, count, TILE_ROWS):
@@ -37,7 +37,7 @@ def _normal_equations(rows, index, count, normal):  # type: ignore[no-untyped-de
                 b += 3 * WIDTH
 
 
-@njit(cache=True, nogil=True)
+@kept_njit(nogil=True)
 def _solve(count, normal):  # type: ignore[no-untyped-def]
     """Solve the normal equations in place; return the smallest over the largest pivot, 0 if bad."""
     smallest, largest = np.inf, 0.0
@@ -69,7 +69,7 @@ def padded_rows(inputs: Floats, outputs: Floats) -> Floats:
     return rows
 
 
-@njit(cache=True, nogil=True)
+@kept_njit(nogil=True)
 def affine_split_errors(rows, count, train, test, errors, spread):  # type: ignore[no-untyped-def]
     """Fit each training set by its normal equations and sum the squares of its test errors.
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 from math import acos, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hopdata.code_cache import kept_njit
 from hopdata.maps.subspaces.lanes import LANES, any_above, load, root, spread, store, where_above
 
 #: Rows and columns of a tile of a product; bases are padded to a multiple of it.
@@ -26,7 +26,7 @@ _MOST_SWEEPS = 60
 Floats = NDArray[np.float64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _tile(x, y, count, width, p, q, out, at, step):  # type: ignore[no-untyped-def]
     """Fill 3 by 3 elements of ``x.T @ y``, both (count, width, LANES), in `out` from `at` on."""
     s00 = s01 = s02 = s10 = s11 = s12 = s20 = s21 = s22 = spread(0.0)
@@ -48,7 +48,7 @@ def _tile(x, y, count, width, p, q, out, at, step):  # type: ignore[no-untyped-d
     store(out, at + 2 * step + 2 * LANES, s22)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _product(x, y, count, width, out):  # type: ignore[no-untyped-def]
     """Fill ``x.T @ y``, (width, width, LANES)."""
     for p in range(0, width, TILE):
@@ -57,14 +57,14 @@ def _product(x, y, count, width, out):  # type: ignore[no-untyped-def]
             _tile(x, y, count, width, p, q, out, at, width * LANES)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _row(i):  # type: ignore[no-untyped-def]
     """Return where row i of a lower triangle begins, whose rows end with their tile."""
     tile = i // TILE
     return (TILE * tile * (tile + 1) // 2 + (i - TILE * tile) * (tile + 1)) * TILE * LANES
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _gram(x, width, out):  # type: ignore[no-untyped-def]
     """Fill the lower triangle of ``x.T @ x``."""
     for p in range(0, width, TILE):
@@ -72,7 +72,7 @@ def _gram(x, width, out):  # type: ignore[no-untyped-def]
             _tile(x, x, width, width, p, q, out, _row(p) + q * LANES, (p + TILE) * LANES)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _tridiagonal(size, gram, u, v, diagonal, squares):  # type: ignore[no-untyped-def]
     """Reduce the lower triangle of `gram` by reflections to a diagonal and squares beside it."""
     zero, one = spread(0.0), spread(1.0)
@@ -115,7 +115,7 @@ def _tridiagonal(size, gram, u, v, diagonal, squares):  # type: ignore[no-untype
     store(diagonal, last * LANES, load(gram, _row(last) + last * LANES))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _sweep(first, last, diagonal, squares, open_lanes):  # type: ignore[no-untyped-def]
     """Do one QL sweep with Wilkinson's shift from `last` to `first`, where lanes are open."""
     zero, one, limit = spread(0.0), spread(1.0), spread(_NEGLIGIBLE)
@@ -147,7 +147,7 @@ def _sweep(first, last, diagonal, squares, open_lanes):  # type: ignore[no-untyp
     store(diagonal, first * LANES, where_above(open_lanes, limit, shift + gamma, corner))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _eigenvalues(size, diagonal, squares):  # type: ignore[no-untyped-def]
     """Turn the diagonal of each lane's tridiagonal matrix into its eigenvalues."""
     limit = spread(_NEGLIGIBLE)
@@ -159,7 +159,7 @@ def _eigenvalues(size, diagonal, squares):  # type: ignore[no-untyped-def]
             _sweep(first, size - 1, diagonal, squares, open_lanes)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _length(size, lane, diagonal):  # type: ignore[no-untyped-def]
     """Return arc length and error bound of a lane.
 
@@ -177,7 +177,7 @@ def _length(size, lane, diagonal):  # type: ignore[no-untyped-def]
     return length, SQUARED_COSINE_ERROR * growth / (2.0 * length)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _lengths(x, y, count, size, work, lengths, bounds):  # type: ignore[no-untyped-def]
     """Fill lengths and bounds of the pairs in the lanes of two bases, (count, width, LANES)."""
     product, gram, u, v, diagonal, squares = work
@@ -190,7 +190,7 @@ def _lengths(x, y, count, size, work, lengths, bounds):  # type: ignore[no-untyp
         lengths[lane], bounds[lane] = _length(size, lane, diagonal)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def fill_lanes(bases, lanes):  # type: ignore[no-untyped-def]
     """Put (R, D, k) bases, R at most LANES, into the lanes of a flat (D, width, LANES) array."""
     count, size = bases.shape[1:]
@@ -202,7 +202,7 @@ def fill_lanes(bases, lanes):  # type: ignore[no-untyped-def]
                 lanes[at + lane] = bases[lane, row, column]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def paired_lengths(a, b, x, y, work, lengths, bounds):  # type: ignore[no-untyped-def]
     """Fill (R,) arc lengths and their error bounds of R pairs of (D, k) bases.
 
@@ -215,7 +215,7 @@ def paired_lengths(a, b, x, y, work, lengths, bounds):  # type: ignore[no-untype
         _lengths(x, y, *a.shape[1:], work, lengths[first:last], bounds[first:last])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def row_lengths(a, blocks, x, work, lengths, bounds):  # type: ignore[no-untyped-def]
     """Fill the arc lengths between one (D, k) basis and all in `blocks`, and their error bounds.
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 from math import cos, sin
 
 import numpy as np
-from numba import njit
 
+from hopdata.code_cache import kept_njit
 from hopdata.steering.control.rollout_kernel import penalty
 from hopdata.steering.models.compiled_spline import spline_change
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def changes_of_grid(coefficients, limit, boom, n, horizon):  # type: ignore[no-untyped-def]
     """Frame changes (horizon (n - 1) + 1, n, 3): of boom angles a step apart, by the swings."""
     step = 2.0 * limit / (n - 1)
@@ -28,7 +28,7 @@ def changes_of_grid(coefficients, limit, boom, n, horizon):  # type: ignore[no-u
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def coarse_table(coefficients, limit, pose, boom, n, horizon, target, values):  # type: ignore[no-untyped-def]
     """Fill `values` (n^horizon,): objectives, the first swing slowest; n odd."""
     changes = changes_of_grid(coefficients, limit, boom, n, horizon)
@@ -56,7 +56,7 @@ def coarse_table(coefficients, limit, pose, boom, n, horizon, target, values):  
         changed = _advance(digits, n, horizon - 2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _step(poses, k, change):  # type: ignore[no-untyped-def]
     c, s = cos(poses[k, 2]), sin(poses[k, 2])
     poses[k + 1, 0] = poses[k, 0] + c * change[0] - s * change[1]
@@ -64,7 +64,7 @@ def _step(poses, k, change):  # type: ignore[no-untyped-def]
     poses[k + 1, 2] = poses[k, 2] + change[2]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _advance(digits, n, k):  # type: ignore[no-untyped-def]
     """Count on; the place of the first digit that changed."""
     while k >= 0:
@@ -76,7 +76,7 @@ def _advance(digits, n, k):  # type: ignore[no-untyped-def]
     return 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def lowest_dips(values, n, horizon, starts):  # type: ignore[no-untyped-def]
     """Fill `starts` with the places of the lowest values that no neighbour along an axis undercuts.
 
@@ -97,7 +97,7 @@ def lowest_dips(values, n, horizon, starts):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _is_dip(values, place, n, horizon):  # type: ignore[no-untyped-def]
     stride = 1
     for _ in range(horizon):

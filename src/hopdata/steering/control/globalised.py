@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from hopdata.code_cache import kept_njit
 from hopdata.errors import ConfigError
 from hopdata.steering.control.coarse_kernel import coarse_table, lowest_dips
 from hopdata.steering.control.objectives import Horizon, Objective, ToPoint
@@ -99,7 +99,7 @@ class GlobalisedController:
         return Plan(swings, poses, value)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def best_swings(coefficients, limit, pose, boom, n, most_starts, target, smoothings, swings, poses):  # type: ignore[no-untyped-def]
     """Fill `swings` (H,) and `poses` (H + 1, 3) with the best found; its objective."""
     horizon = swings.size

@@ -5,13 +5,13 @@ from __future__ import annotations
 from math import pi
 
 import numpy as np
-from numba import njit
 
+from hopdata.code_cache import kept_njit
 from hopdata.steering.control.point_value_kernel import boom_place, stage_cost
 from hopdata.steering.control.rollout_kernel import wrap
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def heading_value(values, error, boom):  # type: ignore[no-untyped-def]
     """Cost-to-go at a heading error in [-pi, pi) and a boom angle; linear between the nodes."""
     errors, angles = values.shape
@@ -26,7 +26,7 @@ def heading_value(values, error, boom):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def improve_heading(values, policy, choose, turns, swings, width, discount):  # type: ignore[no-untyped-def]
     """Sweep once over `values` (E, A) in place; the largest change.
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 from math import cos, sin
 
 import numpy as np
-from numba import njit
 
+from hopdata.code_cache import kept_njit
 from hopdata.steering.control.heading_value_kernel import heading_value
 from hopdata.steering.control.point_value_kernel import point_value, stage_cost
 from hopdata.steering.control.rollout_kernel import wrap
 from hopdata.steering.models.compiled_spline import spline_change
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _hop(error, change, is_heading, after):  # type: ignore[no-untyped-def]
     """Fill `after` (3,): what is left of the way to the goal, in the body frame, after a hop."""
     dx, dy, turn = change
@@ -25,19 +25,19 @@ def _hop(error, change, is_heading, after):  # type: ignore[no-untyped-def]
     after[0], after[1], after[2] = c * px + s * py, c * py - s * px, 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _ahead(values, farthest, error, boom, is_heading):  # type: ignore[no-untyped-def]
     if is_heading:
         return heading_value(values[0], error[2], boom)
     return point_value(values, farthest, error[0], error[1], boom)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _stage(error, width):  # type: ignore[no-untyped-def]
     return stage_cost(error[0] ** 2 + error[1] ** 2 + error[2] ** 2, width)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def cost_of(  # type: ignore[no-untyped-def]
     coefficients, limit, values, farthest, width, discount, is_heading, error, boom, swings, errors
 ):
@@ -54,7 +54,7 @@ def cost_of(  # type: ignore[no-untyped-def]
     return total + weight * _ahead(values, farthest, errors[swings.size], boom, is_heading)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def best_ahead(  # type: ignore[no-untyped-def]
     coefficients, limit, values, farthest, width, discount, is_heading, error, boom, n, swings
 ):

@@ -8,8 +8,9 @@ from __future__ import annotations
 from math import atan2, cos, exp, floor, log, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from hopdata.code_cache import kept_njit
 
 FloatArray = NDArray[np.float64]
 
@@ -25,13 +26,13 @@ def distances_of(count: int, farthest_m: float) -> FloatArray:
     return np.asarray(farthest_m * np.expm1(STRETCH * place) / np.expm1(STRETCH))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def stage_cost(squared_error, width):  # type: ignore[no-untyped-def]
     """Cost of a stance from its squared error."""
     return squared_error / (squared_error + width * width)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _place(count, bearings, farthest, x, y):  # type: ignore[no-untyped-def]
     """Cell of a goal at (x, y), its places in the cell, and the distance beyond the farthest."""
     distance = sqrt(x * x + y * y)
@@ -44,7 +45,7 @@ def _place(count, bearings, farthest, x, y):  # type: ignore[no-untyped-def]
     return i, j, d - i, b - j, excess
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def boom_place(angles, boom):  # type: ignore[no-untyped-def]
     """Cell of a boom angle, and its place in it."""
     a = boom * (angles / (2.0 * pi))
@@ -52,7 +53,7 @@ def boom_place(angles, boom):  # type: ignore[no-untyped-def]
     return int(cell) % angles, a - cell
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _between(values, i, j, k, d, b, a):  # type: ignore[no-untyped-def]
     """Linear interpolation; bearing and boom angle go round."""
     j1 = j + 1 if j + 1 < values.shape[1] else 0
@@ -64,7 +65,7 @@ def _between(values, i, j, k, d, b, a):  # type: ignore[no-untyped-def]
     return (1.0 - d) * near + d * far
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def point_value(values, farthest, x, y, boom):  # type: ignore[no-untyped-def]
     """Cost-to-go where the goal is at (x, y) in the body frame; linear between the nodes."""
     count, bearings, angles = values.shape
@@ -73,7 +74,7 @@ def point_value(values, farthest, x, y, boom):  # type: ignore[no-untyped-def]
     return _between(values, i, j, k, d, b, a) + BEYOND * excess
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def point_hops(distances, bearings, changes, width, discount, cells, places):  # type: ignore[no-untyped-def]
     """Where each swing leads from each node, over (D, B, A, U).
 
@@ -98,7 +99,7 @@ def point_hops(distances, bearings, changes, width, discount, cells, places):  #
                     places[i, j, k, u, 2] = cost
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def improve_point(values, policy, choose, cells, places, boom_cells, boom_places, discount):  # type: ignore[no-untyped-def]
     """Sweep once over `values` (D, B, A) in place; the largest change.
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numba import njit
 
+from hopdata.code_cache import kept_njit
 from hopdata.steering.control.rollout_kernel import rollout
 
 _DIFFERENCE = 1e-5  # rad
@@ -18,7 +18,7 @@ _MOST_STEPS = 12
 _STILL = 1e-10  # what a step must gain
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def polish(coefficients, limit, pose, boom, swings, target, smoothings, poses):  # type: ignore[no-untyped-def]
     """Improve `swings` (H,) in place; fills `poses` (H + 1, 3); the objective without smoothing."""
     horizon = swings.size
@@ -43,7 +43,7 @@ def polish(coefficients, limit, pose, boom, swings, target, smoothings, poses): 
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _descend(  # type: ignore[no-untyped-def]
     coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes
 ):
@@ -105,7 +105,7 @@ def _descend(  # type: ignore[no-untyped-def]
         damping *= 0.05
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _newton_step(hessian, slopes, swings, limit, damping, step):  # type: ignore[no-untyped-def]
     """Fill `step`; the damping is raised until the free part of the Hessian is positive."""
     n = slopes.size
@@ -127,7 +127,7 @@ def _newton_step(hessian, slopes, swings, limit, damping, step):  # type: ignore
         step[i] /= factor[i, i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _factored(hessian, free, damping, factor):  # type: ignore[no-untyped-def]
     """Cholesky factor of the damped Hessian of the free swings; false if there is none."""
     n = free.size

@@ -11,9 +11,9 @@ from __future__ import annotations
 from math import cos, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from hopdata.code_cache import kept_njit
 from hopdata.steering.control.objectives import Objective, ToHeading
 from hopdata.steering.models.compiled_spline import spline_change
 
@@ -28,13 +28,13 @@ def target_of(objective: Objective) -> FloatArray:
     return np.array([0.0, *objective.point_m, 0.0, square, last])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def wrap(angle):  # type: ignore[no-untyped-def]
     """Bring an angle to [-pi, pi)."""
     return (angle + pi) % (2.0 * pi) - pi
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def penalty(target, smooth, x, y, heading):  # type: ignore[no-untyped-def]
     """Penalty of a pose."""
     if target[0] == 1.0:
@@ -47,7 +47,7 @@ def penalty(target, smooth, x, y, heading):  # type: ignore[no-untyped-def]
     return sqrt(squared + smooth * smooth) - smooth
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def penalty_slopes(target, smooth, x, y, heading):  # type: ignore[no-untyped-def]
     """Return the derivatives of the penalty by x, y and heading."""
     ex = ey = eh = 0.0
@@ -63,7 +63,7 @@ def penalty_slopes(target, smooth, x, y, heading):  # type: ignore[no-untyped-de
     return ex / size, ey / size, eh / size
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def rollout(  # type: ignore[no-untyped-def]
     coefficients, limit, pose, boom, swings, target, smooth, poses, changes, gradients, slopes
 ):
@@ -89,7 +89,7 @@ def rollout(  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kept_njit(nogil=True, error_model="numpy")
 def _backwards(target, smooth, poses, changes, gradients, slopes):  # type: ignore[no-untyped-def]
     """Fill the derivatives of the objective by the swings, from the last hop to the first."""
     horizon = slopes.size
@@ -107,7 +107,7 @@ def _backwards(target, smooth, poses, changes, gradients, slopes):  # type: igno
         by_heading += by_dy * change[0] - by_dx * change[1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@kept_njit(nogil=True, error_model="numpy", inline="always")
 def _along(gradient, axis, by_dx, by_dy, by_heading):  # type: ignore[no-untyped-def]
     """Return the derivative by boom angle (axis 0) or swing (1), from those by the frame change."""
     return by_dx * gradient[0, axis] + by_dy * gradient[1, axis] + by_heading * gradient[2, axis]

@@ -5,12 +5,12 @@ from __future__ import annotations
 from math import cos, sin
 
 import numpy as np
-from numba import njit
 
+from hopdata.code_cache import kept_njit
 from hopdata.steering.models.kernels import correlation_and_slope
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def accumulate(  # type: ignore[no-untyped-def]
     point, train, weights, inverse_squares, offset, code, periodic, value, gradient
 ):
@@ -45,7 +45,7 @@ def accumulate(  # type: ignore[no-untyped-def]
                 gradient[j, a] += weights[j, i] * slope * slopes[a] * inverse_squares[j, a]
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def mean_and_gradient(  # type: ignore[no-untyped-def]
     points, train, weights, inverse_squares, offset, code, periodic
 ):
@@ -60,7 +60,7 @@ def mean_and_gradient(  # type: ignore[no-untyped-def]
     return values, gradients
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def mean(points, train, weights, inverse_squares, offset, code, periodic):  # type: ignore[no-untyped-def]
     """Return means (n, 3) at points (n, d); see `accumulate`."""
     values, gradient = np.empty((len(points), 3)), np.empty((3, points.shape[1]))

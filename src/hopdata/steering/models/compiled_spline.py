@@ -10,8 +10,9 @@ from __future__ import annotations
 from math import floor, pi
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
+
+from hopdata.code_cache import kept_njit
 
 FloatArray = NDArray[np.float64]
 
@@ -60,7 +61,7 @@ def _open(values: FloatArray, axis: int) -> FloatArray:
     return np.moveaxis(solved, 0, axis)
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def _basis(f):  # type: ignore[no-untyped-def]
     """Return the four B-splines at `f`, 0 to 1 in the cell."""
     g = 1.0 - f
@@ -72,7 +73,7 @@ def _basis(f):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def _slopes(f, per_unit):  # type: ignore[no-untyped-def]
     """Return the derivatives of the four B-splines by the input."""
     g = 1.0 - f
@@ -84,7 +85,7 @@ def _slopes(f, per_unit):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def _on_turn(angle, nodes):  # type: ignore[no-untyped-def]
     """Return cell and place in it of an angle, rad, and cells per rad; `nodes` make a turn."""
     per_unit = nodes / (2.0 * pi)
@@ -94,7 +95,7 @@ def _on_turn(angle, nodes):  # type: ignore[no-untyped-def]
     return cell, place - cell, per_unit
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def _on_line(x, limit, nodes):  # type: ignore[no-untyped-def]
     """Return the same for `nodes` from -limit to limit; beyond, the last cell's cubic goes on."""
     per_unit = (nodes - 1) / (2.0 * limit)
@@ -103,7 +104,7 @@ def _on_line(x, limit, nodes):  # type: ignore[no-untyped-def]
     return cell, place - cell, per_unit
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def spline_change(coefficients, limit, angle, swing, value, gradient):  # type: ignore[no-untyped-def]
     """Write value (3,) and gradient (3, 2) of a spline (A + 3, S + 2, 3) of angle and swing."""
     i, f, per_angle = _on_turn(angle, coefficients.shape[0] - 3)
@@ -126,7 +127,7 @@ def spline_change(coefficients, limit, angle, swing, value, gradient):  # type: 
         gradient[j, 1] = by_swing
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def spline_change_with_history(  # type: ignore[no-untyped-def]
     coefficients, limit, angle, swing, previous, value, gradient
 ):
@@ -154,7 +155,7 @@ def spline_change_with_history(  # type: ignore[no-untyped-def]
                 gradient[j, 2] += b[p] * e[q] * slope
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def spline_changes(coefficients, limit, angles, swings):  # type: ignore[no-untyped-def]
     """Return values (n, 3) and gradients (n, 3, 2); see `spline_change`."""
     n = len(angles)
@@ -164,7 +165,7 @@ def spline_changes(coefficients, limit, angles, swings):  # type: ignore[no-unty
     return values, gradients
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def spline_changes_with_history(coefficients, limit, angles, swings, previous):  # type: ignore[no-untyped-def]
     """Return values (n, 3) and gradients (n, 3, 3); see `spline_change_with_history`."""
     n = len(angles)

@@ -14,9 +14,9 @@ from __future__ import annotations
 from math import exp, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from hopdata.code_cache import kept_njit
 from hopdata.errors import ConfigError
 
 FloatArray = NDArray[np.float64]
@@ -76,7 +76,7 @@ def correlation(squared: FloatArray, smoothness: float) -> FloatArray:
     return np.asarray(polynomial * np.exp(-r))
 
 
-@njit(cache=True, error_model="numpy")
+@kept_njit(error_model="numpy")
 def correlation_and_slope(squared, code):  # type: ignore[no-untyped-def]
     """Return the kernel and its derivative by the squared distance; `code` is `kernel_code`.
 

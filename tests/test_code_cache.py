@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -12,7 +14,10 @@ import numba
 import pytest
 
 import hopdata
-from hopdata.hybrid.compiled.cache import cache_directory
+from hopdata.code_cache import cache_directory
+from hopdata.hybrid.driver import entry
+
+PACKAGE = Path(hopdata.__file__).parent
 
 SCENE = """
 from numba import njit
@@ -95,6 +100,100 @@ def test_in_the_users_cache_if_the_source_is_not_writable(source_function, monke
     with cache_directory(source_function, "abc") as cached:
         assert cached
         assert Path(numba.config.CACHE_DIR).is_relative_to(tmp_path / "home")
+
+
+@pytest.fixture
+def no_home(source_function, monkeypatch, tmp_path):
+    """A function whose cache can be neither beside it nor in its user's home."""
+    (tmp_path / "sources" / "__pycache__").write_text("a file where the folder should be")
+    for name in ("HOME", "XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.setenv(name, str(tmp_path / "sources" / "module.py"))
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return source_function
+
+
+def test_else_among_the_temporary_files(no_home, tmp_path):
+    with cache_directory(no_home, "abc") as folder:
+        assert folder.parent.parent == tmp_path
+        assert str(folder) == numba.config.CACHE_DIR
+    assert folder.parent.stat().st_mode & 0o777 == 0o700
+
+
+def test_not_where_others_can_write(no_home, tmp_path):
+    with cache_directory(no_home, "abc") as folder:
+        folder.parent.chmod(0o777)
+    with cache_directory(no_home, "abc") as folder:
+        assert folder is None
+
+
+@pytest.mark.parametrize("home", ["", "not/absolute"])
+def test_not_where_the_process_happens_to_be(no_home, monkeypatch, tmp_path, home):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", home)
+    with cache_directory(no_home, "abc") as folder:
+        assert folder.parent.name.startswith("hopdata-")
+    assert not (tmp_path / "not").exists()
+    assert not (tmp_path / "hopdata").exists()
+
+
+def test_where_the_users_folder_cannot_be_written(no_home, monkeypatch, tmp_path):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "sources" / "module.py" / "x"))
+    with cache_directory(no_home, "abc") as folder:
+        assert folder.parent.parent == tmp_path
+
+
+WITHOUT_ANY_FOLDER = """
+import tempfile
+import numpy as np
+
+tempfile.tempdir = "/dev/null"
+from hopdata.landings.density_kernel import spread_samples
+
+print(spread_samples(np.array([0.5, np.nan]), 0.0, 10.0, np.zeros((2, 20))))
+"""
+
+
+def test_import_where_nothing_can_be_written(tmp_path):
+    """A read-only install, no home: kernels are compiled in each process, and work."""
+    package = tmp_path / "hopdata"
+    shutil.copytree(PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in {path.parent for path in package.rglob("*.py")}:
+        (folder / "__pycache__").write_text("a file where the folder should be")
+    nowhere = dict.fromkeys(("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"), "/dev/null")
+    environment = {**os.environ, **nowhere, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_ANY_FOLDER],
+        check=False,
+        capture_output=True,
+        text=True,
+        env=environment,
+    )
+    assert (done.stdout, done.stderr) == ("1\n", "")
+
+
+def tiny_driver(desk, flags):
+    return desk + flags
+
+
+def test_compiling_the_driver_is_said_once(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(entry, "_run", tiny_driver)
+    entry.compiled_run.__wrapped__()
+    first, last = capsys.readouterr().err.splitlines()
+    assert "compiling the integrator" in first
+    assert "20 s" in first
+    assert last.endswith(f"it is kept in {tmp_path}")
+    entry.compiled_run.__wrapped__()
+    assert capsys.readouterr().err == ""
+
+
+def test_what_to_do_where_the_driver_cannot_be_kept(monkeypatch, capsys, no_home):
+    monkeypatch.setattr(entry, "_run", no_home)
+    monkeypatch.setattr(tempfile, "tempdir", "/dev/null")
+    no_home.__code__ = tiny_driver.__code__.replace(co_filename=no_home.__code__.co_filename)
+    entry.compiled_run.__wrapped__()
+    assert "set NUMBA_CACHE_DIR" in capsys.readouterr().err.splitlines()[-1]
 
 
 def test_nowhere_if_there_is_no_file():

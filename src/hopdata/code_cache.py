@@ -1,0 +1,206 @@
+"""Where compiled machine code is kept from one process to the next.
+
+Numba's own cache notices a change of the file that holds a function, not of the functions and
+constants which that function takes from other files. So each compiled function gets a folder
+named by a digest of all that it is made from: a change anywhere leads to a fresh folder.
+
+The folders stand in the first of these that can be written to: ``NUMBA_CACHE_DIR`` if the user has
+set it, ``__pycache__`` beside the source, the user's cache folder, and a folder of the user's own
+among the temporary files. Where there is none, functions are compiled anew in each process.
+Removing them is always safe.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+from numba import config, njit
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.errors import NumbaError
+from numba.core.extending import _Intrinsic
+
+DIGITS = 16
+
+
+def kept_njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Return `numba.njit` with these options, whose machine code is kept if it can be."""
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        def compile_it(cached: bool) -> Any:
+            return njit(cache=cached, **options)(function)
+
+        return compiled_in_cache(function, function_digest(function), compile_it)
+
+    return decorate
+
+
+@contextmanager
+def cache_directory(function: Callable[..., Any], digest: str) -> Iterator[Path | None]:
+    """Point Numba's cache to the folder for `function` while it is being decorated.
+
+    Parameters
+    ----------
+    function : callable
+        The Python function that is about to be compiled.
+    digest : str
+        Names the state of the sources that it depends on.
+
+    Yields
+    ------
+    Path or None
+        The folder, if there is one to cache in.
+    """
+    with global_compiler_lock:  # the setting is Numba's, and there is one for all threads
+        chosen_by_user = config.CACHE_DIR  # type: ignore[attr-defined]
+        base = next(filter(_can_be_written, _candidates(function, chosen_by_user)), None)
+        folder = None if base is None else base / f"hopdata-{digest}"
+        if folder is not None:
+            config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+        try:
+            yield folder
+        finally:
+            config.CACHE_DIR = chosen_by_user  # type: ignore[attr-defined]
+
+
+def compiled_in_cache(
+    function: Callable[..., Any], digest: str, compile_it: Callable[[bool], Any]
+) -> Any:
+    """Return ``compile_it(True)``, loaded from the cache if it is there.
+
+    Where caching fails (a full disk, a module that cannot be imported by its name), it is
+    ``compile_it(False)``: compiled without.
+    """
+    with cache_directory(function, digest) as folder:
+        try:
+            return compile_it(folder is not None)
+        except NumbaError:
+            raise
+        except Exception:
+            if folder is None:
+                raise
+        return compile_it(False)
+
+
+def is_in_cache(function: Callable[..., Any], digest: str) -> bool:
+    """Tell whether the folder of this name holds the index of some machine code."""
+    with cache_directory(function, digest) as folder:
+        return folder is not None and any(True for _ in folder.glob("*/*.nbi"))
+
+
+def _candidates(function: Callable[..., Any], chosen_by_user: str) -> Iterator[Path]:
+    source = Path(function.__code__.co_filename)
+    if not source.exists():  # typed at a prompt: there is no file to compare the cache with
+        return
+    if chosen_by_user:
+        yield Path(chosen_by_user)
+    else:
+        yield source.parent / "__pycache__"
+    from numba.misc.appdirs import AppDirs
+
+    users = Path(AppDirs(appname="hopdata", appauthor=False).user_cache_dir)
+    if users.is_absolute():  # it is not where there is no home: it would be made right here
+        yield users
+    yield from _temporary()
+
+
+def _temporary() -> Iterator[Path]:
+    """Yield a folder among the temporary files which nobody else can have put code into."""
+    try:
+        name = f"hopdata-{os.getuid()}" if hasattr(os, "getuid") else "hopdata"
+        folder = Path(tempfile.gettempdir()) / name
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+    except OSError:
+        return
+    if not hasattr(os, "getuid") or (found.st_uid == os.getuid() and found.st_mode & 0o022 == 0):
+        yield folder
+
+
+def _can_be_written(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+def function_digest(function: Callable[..., Any]) -> str:
+    """Return a digest of a function and of all functions and constants that it reaches.
+
+    Parameters
+    ----------
+    function : callable
+        A Python function or a Numba dispatcher.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits. They change with the code of the function, of each function that
+        it reaches by a global name, a module's attribute or a closure, and with the numbers,
+        strings, tuples and arrays reached in the same way, in whichever file they stand.
+    """
+    digest = hashlib.sha256()
+    for part in _parts(function, set()):
+        digest.update(part)
+    return digest.hexdigest()[:DIGITS]
+
+
+def _parts(value: Any, seen: set[int]) -> Iterator[bytes]:
+    function = getattr(value, "py_func", value)
+    if isinstance(value, _Intrinsic):  # builds code by whatever stands in its module
+        yield _source(value._defn.__code__.co_filename)
+    elif not isinstance(function, FunctionType):
+        yield _constant_bytes(value)
+    elif id(function) not in seen:
+        seen.add(id(function))
+        yield from _code_parts(function.__code__)
+        yield repr(function.__defaults__).encode()
+        for name, reached in _references(function):
+            yield name.encode()
+            yield from _parts(reached, seen)
+
+
+@cache
+def _source(path: str) -> bytes:
+    return Path(path).read_bytes() if Path(path).is_file() else b""
+
+
+def _code_parts(code: CodeType) -> Iterator[bytes]:
+    yield code.co_code
+    yield repr((code.co_names, code.co_varnames)).encode()
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _code_parts(constant)
+        else:
+            yield repr(constant).encode()
+
+
+def _references(function: FunctionType) -> Iterator[tuple[str, Any]]:
+    names = function.__code__.co_names
+    for name in names:
+        value = function.__globals__.get(name)
+        if isinstance(value, ModuleType):
+            inside = vars(value)
+            yield from ((item, inside[item]) for item in names if item in inside)
+        else:
+            yield name, value
+    for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
+        yield name, cell.cell_contents
+
+
+def _constant_bytes(value: Any) -> bytes:
+    if isinstance(value, np.ndarray):
+        return value.tobytes() + repr((value.dtype, value.shape)).encode()
+    if isinstance(value, bool | int | float | complex | str | tuple | frozenset | np.number):
+        return repr(value).encode()
+    return b""

@@ -1,0 +1,169 @@
+"""Kernels are translated one by one, and linked, optimised and generated once, for their entry.
+
+By itself, Numba does all of it for each function and all that it calls, and so on up the tree of
+calls: nearly the same code, again and again, five sixths of the time. Here a kernel stays as
+translated; an entry, which is called from outside, links whatever it reaches.
+
+Nothing of Numba is changed: these are a code library and passes of our own, which kernels and
+entries ask for by `pipeline_class`. Import fails with ImportError where Numba lacks a name of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Any
+
+from numba import _dynfunc, njit  # type: ignore[attr-defined]
+from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
+from numba.core.compiler_machinery import register_pass
+from numba.core.lowering import Lower
+from numba.core.registry import CPUDispatcher
+from numba.core.typed_passes import NativeLowering
+
+Function = Callable[..., Any]
+
+_MADE = {"_final_module", "_linking_libraries", "_shared_module"}
+_NEEDED = "finalize", "_finalize_dynamic_globals", "_get_module_for_linking"
+if not _MADE.issubset(CPUCodeLibrary.__init__.__code__.co_names) or not all(
+    hasattr(JITCodeLibrary, name) for name in _NEEDED
+):
+    raise ImportError("Numba's code library is not the one that is known here")
+
+
+class _Library(JITCodeLibrary):
+    """A kernel as translated, or an entry with all that it reaches."""
+
+    is_entry = False
+
+    def finalize(self) -> None:
+        if self.is_entry:
+            self._link()
+            super().finalize()
+        else:
+            self._finalize_dynamic_globals()
+            self._finalized = True
+
+    def _get_module_for_linking(self) -> Any:
+        """Return the code for a library of Numba's, which links only what it calls itself."""
+        if self._linking_libraries:
+            self._link()
+            self._shared_module = None
+        return self.own_module()
+
+    def own_module(self) -> Any:
+        """Return the code of this library alone, if it is a kernel's."""
+        return super()._get_module_for_linking()
+
+    def _link(self) -> None:
+        for library in _callers_first(self):
+            own = (
+                library.own_module()
+                if isinstance(library, _Library)
+                else library._get_module_for_linking()
+            )
+            self._final_module.link_in(own, preserve=True)
+        self._linking_libraries = []
+
+
+def _callers_first(root: _Library) -> Iterator[Any]:
+    """Return the libraries that one reaches: LLVM drops a function that nobody has referred to."""
+    seen: set[Any] = set()
+    order: list[Any] = []
+
+    def visit(library: Any) -> None:
+        for called in library._linking_libraries if isinstance(library, _Library) else ():
+            if called not in seen:
+                seen.add(called)
+                visit(called)
+                order.append(called)
+
+    visit(root)
+    return reversed(order)
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _LowerEntry(NativeLowering):
+    _name = "entry"
+
+    def run_pass(self, state: Any) -> bool:
+        state.library = _Library(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        state.library.is_entry = True
+        return bool(super().run_pass(state))
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _LowerKernel(NativeLowering):
+    _name = "kernel"
+
+    def run_pass(self, state: Any) -> bool:
+        state.library = _Library(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.flags.no_compile = True
+        super().run_pass(state)
+        made = state["cr"]
+        name, module = made.fndesc.qualname, made.fndesc.lookup_module()
+        callee = _dynfunc.make_function(module, name, "", 0, made.env, (state.library,))
+        state.targetctx.insert_user_function(callee, made.fndesc, [state.library])
+        state["cr"] = type(made)(made.fndesc, made.call_helper, cfunc=callee, env=made.env)
+        return True
+
+
+class _Apart(Lower):
+    def setup_function(self, fndesc: Any) -> None:
+        super().setup_function(fndesc)
+        self.function.attributes.discard("alwaysinline")
+        self.function.attributes.add("noinline")
+
+
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _LowerApart(_LowerKernel):
+    _name, lowering_class = "kernel_apart", _Apart
+
+
+class Entry(CompilerBase):
+    """Compiles what is called from outside."""
+
+    lowering: Any = _LowerEntry
+
+    def define_pipelines(self) -> list[Any]:
+        """Return Numba's own passes, the last but one exchanged."""
+        manager = DefaultPassBuilder.define_nopython_pipeline(self.state)
+        manager.passes = [
+            (self.lowering if one is NativeLowering else one, why) for one, why in manager.passes
+        ]
+        manager.finalize()
+        return [manager]
+
+
+class Kernel(Entry):
+    """Translates what is called by compiled code."""
+
+    lowering = _LowerKernel
+
+
+class Apart(Entry):
+    """Translates what stays a function of its own, and is not put into its callers."""
+
+    lowering = _LowerApart
+
+
+class _KernelDispatcher(CPUDispatcher):
+    """A kernel. To call it from Python, it is compiled by itself, as Numba compiles functions."""
+
+    def __call__(self, *arguments: Any) -> Any:
+        return _compiled_alone(self.py_func)(*arguments)
+
+
+@cache
+def _compiled_alone(function: Function) -> Any:
+    return njit(error_model="numpy")(function)
+
+
+def linked(compiler: type[Entry], function: Function, **options: Any) -> Any:
+    """Return a function as a kernel of this compiler, without what calls from Python would need."""
+    options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": compiler}
+    kernel: Any = njit(error_model="numpy", **options)(function)
+    kernel.__class__ = _KernelDispatcher
+    return kernel

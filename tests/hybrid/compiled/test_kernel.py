@@ -1,0 +1,106 @@
+"""Kernels are linked and optimised once, for their entry, and come to the same in any way."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from ctypes import CFUNCTYPE, c_double
+
+import numba
+import pytest
+from numba.core import codegen, compiler, typed_passes
+
+from hopdata.hybrid.compiled import kernel as kernels
+
+NATIVE = numba.float64(numba.float64)
+
+
+def made(how):
+    """Return an entry and the kernels that it reaches, one of them in two ways."""
+
+    @how.kernel_apart
+    def total(x):
+        result = 0.0
+        for i in range(int(x)):
+            result += x / (i + 1)
+        return result
+
+    @how.kernel_in_loop
+    def shifted(x):
+        return total(x) + 1.0
+
+    @how.kernel
+    def ratio(x):
+        return shifted(x) / (x - 3.0)
+
+    def entry(x):
+        return ratio(x) + shifted(x) + total(2.0 * x)
+
+    return numba.cfunc(NATIVE, **how.ENTRY)(entry), ratio
+
+
+def value(code, x):
+    return CFUNCTYPE(c_double, c_double)(code.address)(x)
+
+
+TOTAL_OF_4, TOTAL_OF_8 = 25 / 3, 761 / 35
+OF_4 = 2 * (TOTAL_OF_4 + 1.0) + TOTAL_OF_8
+
+
+def test_all_is_optimised_once(monkeypatch):
+    made(kernels)  # what Numba compiles for itself
+    optimised, plainly = [], codegen.CPUCodeLibrary._optimize_final_module
+    monkeypatch.setattr(
+        codegen.CPUCodeLibrary, "_optimize_final_module",
+        lambda library: (optimised.append(library.name), plainly(library)),
+    )  # fmt: skip
+    code, _ = made(kernels)
+    assert [name.split(".")[-1] for name in optimised] == ["entry"]
+    assert value(code, 4.0) == pytest.approx(OF_4, rel=1e-15)
+
+
+def test_apart_is_not_put_into_its_callers():
+    code, _ = made(kernels)
+    defined = [line for line in code.inspect_llvm().splitlines() if line.startswith("define")]
+    assert sum("total" in line for line in defined) == 1
+    assert not [line for line in defined if "shifted" in line and "alwaysinline" not in line]
+
+
+def test_division_by_zero():
+    _, ratio = made(kernels)
+    assert ratio(3.0) == float("inf")
+
+
+def test_called_from_python_and_from_other_compiled_code():
+    _, ratio = made(kernels)
+    alone = ratio(4.0)
+
+    @numba.njit
+    def others(x):
+        return ratio(x) + ratio(x + 4.0)
+
+    assert alone == pytest.approx(TOTAL_OF_4 + 1.0, rel=1e-15)
+    assert others(4.0) == pytest.approx(alone + (TOTAL_OF_8 + 1.0) / 5.0, rel=1e-15)
+    assert ratio(4.0) == alone
+
+
+@pytest.mark.parametrize(
+    ("owner", "name"),
+    [
+        (codegen, "JITCodeLibrary"),
+        (codegen.CPUCodeLibrary, "_get_module_for_linking"),
+        (typed_passes, "NativeLowering"),
+        (compiler, "CompilerBase"),
+    ],
+)
+def test_with_a_numba_that_lacks_a_name(monkeypatch, owner, name):
+    monkeypatch.delitem(sys.modules, "hopdata.hybrid.compiled.linking")
+    monkeypatch.delattr(owner, name)
+    spec = importlib.util.spec_from_file_location("kernels_elsewhere", kernels.__file__)
+    elsewhere = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(elsewhere)
+    monkeypatch.undo()
+    assert elsewhere.ENTRY == {"error_model": "numpy"}
+    code, ratio = made(elsewhere)
+    assert value(code, 4.0) == value(made(kernels)[0], 4.0)
+    assert ratio(3.0) == float("inf")
