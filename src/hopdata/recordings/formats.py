@@ -10,7 +10,7 @@ import numpy as np
 
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.frame_times import events_outside, irregular
-from hopdata.recordings.raw import RawRecording, printable, resolve_rate
+from hopdata.recordings.raw import RawRecording, largest, printable, resolve_rate
 
 LARGEST = 1e9  # mm or m: no camera sees so far
 
@@ -118,8 +118,8 @@ def _check_finite(path: Path, raw: RawRecording) -> None:
         raise RecordingError(
             f"{path}: frame {frame + 1}: expected a finite time, found {raw.time[frame]}"
         )
-    absurd = np.abs(raw.positions) > LARGEST
-    if absurd.any():
+    if largest(raw.positions) > LARGEST:
+        absurd = np.abs(raw.positions) > LARGEST
         frame, marker, axis = np.argwhere(absurd)[0]
         raise RecordingError(
             f"{path}: frame {frame + 1}, marker {raw.markers[marker]}, {'xyz'[axis]}: expected a "

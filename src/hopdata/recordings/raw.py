@@ -126,6 +126,12 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
     return stated
 
 
+def largest(numbers: FloatArray) -> float:
+    """Largest absolute value of an array, in no memory of its size; NaN if all are."""
+    bounds = (extreme.reduce(numbers, axis=None, initial=np.nan) for extreme in (np.fmin, np.fmax))
+    return float(max(map(abs, bounds)))
+
+
 def printable(text: str) -> str:
     """Return a text of a file as it can stand in a message: one line, nothing that steers."""
     return "".join(c if c.isprintable() else "?" for c in text)
