@@ -112,6 +112,7 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
                 raise RecordingError(
                     f"{path}: markers.{key}: expected a marker of the file "
                     f"({_listed(raw.markers)}), found {marker!r}{did_you_mean(marker, raw.markers)}"
+                    + "".join(f"; {told}" for told in raw.remarks if f"'{marker}' twice" in told)
                 )
             if marker in chosen:
                 raise RecordingError(

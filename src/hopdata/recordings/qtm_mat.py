@@ -64,8 +64,9 @@ def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
     )
     start = _number(export, "StartFrame", place)
     first = 1.0 if start is None else start
+    markers, remarks = distinct_names(f"{inner}.Labels", labels)
     return RawRecording(
-        distinct_names(f"{inner}.Labels", labels),
+        markers,
         np.asarray((first - 1 + np.arange(len(positions))) / rate, dtype=np.float64),
         positions,
         rate,
@@ -73,6 +74,7 @@ def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
         events=_events(export, place),
         trajectory_types=_types(labelled, len(labels)),
         started=moment(export.get("Timestamp")),
+        remarks=remarks,
     )
 
 

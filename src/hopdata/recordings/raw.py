@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import count
 from types import MappingProxyType
 
 import numpy as np
@@ -137,8 +139,13 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)
 
 
-def distinct_names(place: str, names: Sequence[str]) -> tuple[str, ...]:
-    """Return marker names that are all there and all different.
+def distinct_names(
+    place: str, names: Sequence[str], *, may_lack: bool = False
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return marker names that are all there and all different, and remarks on those changed.
+
+    Markers of one name are numbered, all of them: who asks for that name finds none, and may then
+    choose.
 
     Parameters
     ----------
@@ -146,21 +153,38 @@ def distinct_names(place: str, names: Sequence[str]) -> tuple[str, ...]:
         File (and line), for the message.
     names : sequence of str
         The M names, in the file's order.
+    may_lack : bool
+        Whether a marker without a name is called ``unnamed`` and its number.
 
     Raises
     ------
     RecordingError
-        If a name is empty, holds control characters, or stands twice.
+        If a name holds control characters, or is empty and may not be.
     """
-    seen: set[str] = set()
+    n_nameless = sum(not name for name in names)
     for i, name in enumerate(names):
-        if not name:
+        if not name and not may_lack:
             raise RecordingError(f"{place}: expected a name for marker {i + 1}, found none")
         if not name.isprintable():
             raise RecordingError(
                 f"{place}: expected a name of letters and digits for marker {i + 1}, found {name!r}"
             )
-        if name in seen:
-            raise RecordingError(f"{place}: expected each marker name once, found '{name}' twice")
-        seen.add(name)
-    return tuple(names)
+    distinct = [name or f"unnamed {i + 1}" for i, name in enumerate(names)]
+    remarks = []
+    if n_nameless:
+        remarks.append(
+            f"{place}: {n_nameless} of {len(names)} markers have no name, called 'unnamed <number>'"
+        )
+    taken = set(distinct)
+    for name in [name for name, times in Counter(distinct).items() if times > 1]:
+        free = (f"{name} {k}" for k in count(1) if f"{name} {k}" not in taken)
+        at = [i for i, other in enumerate(distinct) if other == name]
+        for i in at:
+            distinct[i] = next(free)
+        told = ", ".join(f"'{distinct[i]}'" for i in at)
+        remarks.append(
+            f"{place}: expected each marker name once, found '{name}' twice or more; "
+            f"they are called {told}"
+        )
+        taken.update(distinct)
+    return tuple(distinct), tuple(remarks)

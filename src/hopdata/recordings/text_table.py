@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterator
 from csv import QUOTE_NONE
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,9 +21,9 @@ if TYPE_CHECKING:
 BLOCK = 1 << 20  # bytes
 ROWS = 20_000  # read at a time
 # Programs print what is missing as nothing, in words, or as their C library prints a NaN.
+_NAN = ["".join(letters) for letters in product("nN", "aA", "nN")]
 MISSING = (
-    "",
-    *("NULL", "Null", "null", "NaN", "nan", "NAN", "-NaN", "-nan", "-NAN"),
+    *("", "NULL", "Null", "null", *_NAN, *(f"-{nan}" for nan in _NAN)),
     *("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),
 )
 
@@ -52,7 +53,9 @@ class Rows:
             row that is too short or too long.
         """
         n_tabs, is_text = self._survey()
-        table = np.empty((n_tabs // max(self.width - 1, 1), self.width))
+        n_empty, n_idle = self._empty_lines_at_the_end()
+        n_tabs -= n_idle
+        table = np.empty((n_tabs // max(self.width - 1, 1) + n_empty, self.width))
         n = 0
         for frame in self._frames():
             if any(kind.kind not in "iuf" for kind in frame.dtypes):
@@ -61,6 +64,7 @@ class Rows:
                 raise self._bad_row(f"rows of {frame.shape[1]} fields")
             table[n : n + len(frame)] = frame
             n += len(frame)
+        n -= n_empty
         if not is_text or n_tabs != n * (self.width - 1) or np.isinf(largest(table[:n])):
             raise self._bad_row(f"{n} rows with {n_tabs} tabs")
         return table[:n]
@@ -85,6 +89,16 @@ class Rows:
                 )
             except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
                 raise self._bad_row(str(error)) from None
+
+    def _empty_lines_at_the_end(self) -> tuple[int, int]:
+        """Count the last lines that hold tabs and nothing else, and are no row, and their tabs."""
+        with self.path.open("rb") as file:
+            file.seek(max(self.offset, self.path.stat().st_size - BLOCK))
+            lines = file.read().splitlines()
+        empty = []
+        while lines and not lines[-1].strip() and lines[-1].count(b"\t") != self.width - 1:
+            empty.append(lines.pop().count(b"\t"))
+        return sum(map(bool, empty)), sum(empty)
 
     def line(self, row: int) -> str:
         """File and line of a row, for messages; rows count from 0."""
