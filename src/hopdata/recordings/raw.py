@@ -21,6 +21,7 @@ METRES_PER_UNIT: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
 USUAL_UNIT = "mm"  # of files that may state a unit and do not
 
 FASTEST_HZ = 1e5  # as in the schema of input.rate_hz
+MOST_UNPACKED_MB = 2000.0  # as the default of input.most_unpacked_mb in the schema
 RATE_TOLERANCE = 1e-3  # relative; files round their rate, but not by more than this
 
 
@@ -126,6 +127,21 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
             f"found input.rate_hz: {given:g}; leave that key out"
         )
     return stated
+
+
+def require_unpacked(n_bytes: int, most_mb: float) -> None:
+    """Refuse content that would take more memory than a file may ask for.
+
+    Raises
+    ------
+    ValueError
+        Without the file's name.
+    """
+    if n_bytes > 1e6 * most_mb:
+        raise ValueError(
+            f"expected at most {most_mb:g} MB once it is unpacked (input.most_unpacked_mb), found "
+            f"{n_bytes / 1e6:.0f} MB; raise that key if the file is what it should be"
+        )
 
 
 def largest(numbers: FloatArray) -> float:
