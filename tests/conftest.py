@@ -44,6 +44,13 @@ def same_run():
 
 
 @pytest.fixture(scope="session")
+def opensim_files():
+    """TRC files of the public test data of OpenSim, where they have been fetched."""
+    folder = ROOT.parent / "shared/recordings/opensim_trc"
+    return sorted(folder.glob("*.trc")) or pytest.skip(f"no TRC files in {folder}")
+
+
+@pytest.fixture(scope="session")
 def sample_path():
     """Path of the bundled synthetic recording."""
     return ROOT / "data/sample/hopper.h5"

@@ -9,6 +9,7 @@ import yaml
 
 from hopdata.config import files_of, load_config, simulation_of
 from hopdata.config.schema import in_words, load_schema
+from hopdata.config.yaml_file import read_yaml
 from hopdata.errors import ConfigError
 
 ROOT = Path(__file__).parents[2]
@@ -381,6 +382,7 @@ UNITS = {
     "_s": "s",
     "_kg": "kg",
     "_hz": "Hz",
+    "_mb": "MB",
     "_n": "N",
     "_rad": "rad",
     "_m_s": "m/s",
@@ -457,3 +459,22 @@ def test_the_keys_of_a_section_are_the_options_of_its_stage(section):
         if key not in elsewhere:
             assert key in options
             assert listed(options[key].default) == default
+
+
+def test_aliases_that_unfold_to_very_much_are_refused(tmp_path):
+    lines = ["study: a", "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 7)]
+    file = tmp_path / "config.yaml"
+    file.write_text("\n".join(lines))
+    with pytest.raises(ConfigError, match=r"at most 100000 entries, found 1\d{7} once"):
+        load_config(file)
+
+
+def test_an_alias_that_repeats_a_little_is_as_if_written_out(tmp_path):
+    file = tmp_path / "config.yaml"
+    file.write_text("one: &one {a: 1, b: [2]}\nother: {<<: *one, c: 3}\nthird: *one\n")
+    assert read_yaml(file) == {
+        "one": {"a": 1, "b": [2]},
+        "other": {"a": 1, "b": [2], "c": 3},
+        "third": {"a": 1, "b": [2]},
+    }

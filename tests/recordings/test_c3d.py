@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from hopdata.errors import RecordingError
+from hopdata.recordings import c3d_writing
 from hopdata.recordings.c3d import read_c3d
 from hopdata.recordings.c3d_header import count_frames, read_c3d_header
 from hopdata.recordings.c3d_numbers import PROCESSORS
@@ -56,6 +57,69 @@ def test_an_unseen_marker_has_a_negative_residual_a_nan_or_three_zeros(tmp_path)
     changed(path, start + 2 * frame + 12, np.array([-1], "<f4").tobytes())
     found = np.isnan(read_c3d(path).positions).all(axis=2)
     assert np.argwhere(found).tolist() == [[0, 0], [1, 0], [2, 0], [3, 1]]
+
+
+def test_a_residual_may_be_a_16_bit_word_beside_the_cameras(tmp_path):
+    path = written(tmp_path)
+    header = read_c3d_header(path.read_bytes()[:512], INTEL)
+    for frame, (cameras, residual) in enumerate([(127, 12), (-1, 3), (127, -1), (0, -16512)]):
+        at = header.data_start + frame * header.frame_bytes + 12
+        changed(path, at, np.array([cameras, residual], "<i2").tobytes())
+    found = np.isnan(read_c3d(path).positions).all(axis=2)
+    assert np.argwhere(found).tolist() == [[2, 0], [3, 0]]
+
+
+@pytest.fixture
+def with_parameters(monkeypatch, tmp_path):
+    """Write a recording whose group POINT has some parameters more."""
+    groups = c3d_writing._groups
+
+    def write(content, **more):
+        def enlarged(*given):
+            found = groups(*given)
+            return {**found, "POINT": {**found["POINT"], **more}}
+
+        monkeypatch.setattr(c3d_writing, "_groups", enlarged)
+        return written(tmp_path, content)
+
+    return write
+
+
+def test_a_parameter_of_an_unknown_type_is_left_out_and_said(with_parameters):
+    path = with_parameters(raw(), ODD=np.array([1.0], "<f4"), LAST=1)
+    at = value_at(path, b"ODD") - 3
+    again = read_c3d(changed(path, at, b"\x03"))
+    np.testing.assert_array_equal(again.positions, raw().positions)
+    (remark,) = again.remarks
+    assert f"byte {at}: parameter ODD: expected the type -1, 1, 2 or 4, found 3" in remark
+
+
+def test_model_outputs_are_no_markers(with_parameters):
+    names = ("hip", "Angle", "toe", "Force", "Power")
+    content = raw(n_markers=5, markers=names)
+    more = {"ANGLES": ["Angle"], "FORCES": ["Force"], "POWERS": ["None such"], "POWERS2": ["Power"]}
+    again = read_c3d(with_parameters(content, **more))
+    assert again.markers == ("hip", "toe")
+    np.testing.assert_array_equal(again.positions, content.positions[:, [0, 2]])
+    assert "3 model outputs are no markers and left out: Angle, Force, Power" in again.remarks[0]
+    with pytest.raises(RecordingError, match="expected markers, found model outputs only"):
+        read_c3d(with_parameters(content, ANGLES=list(names)))
+
+
+def test_markers_of_one_name_are_numbered_and_said(tmp_path):
+    content = raw(markers=("toe", "hip", "toe"))
+    again = read_c3d(written(tmp_path, content))
+    assert again.markers == ("toe 1", "hip", "toe 2")
+    np.testing.assert_array_equal(again.positions, content.positions)
+    assert "POINT:LABELS: expected each marker name once, found 'toe' twice" in again.remarks[0]
+
+
+def test_a_clipped_header_alone_is_replaced_by_the_size(tmp_path):
+    data = written(tmp_path).read_bytes()
+    parameters = read_parameters(tmp_path / "a.c3d", data[512:], 512)
+    parameters.groups = {}
+    header = replace(read_c3d_header(data[:512], INTEL), first=10, last=65_535)
+    assert count_frames(header, parameters, 182_611 * header.frame_bytes)[0] == 182_611
 
 
 def test_event_times_are_absolute(tmp_path):

@@ -10,6 +10,7 @@ from hopdata.recordings.c3d_numbers import PROCESSORS
 from hopdata.recordings.c3d_parameter_writing import parameter_bytes
 from hopdata.recordings.c3d_parameters import BLOCK
 from hopdata.recordings.force_signals import read_force_signals
+from hopdata.recordings.formats import read_raw
 
 INTEL = PROCESSORS[84]
 N_FRAMES, PER_FRAME, RATE_HZ, FIRST = 40, 5, 100.0, 3
@@ -19,8 +20,10 @@ FORCE = np.column_stack(
 )
 
 
-def written(path, *, kind=INTEL, whole=False, offset=(0, 10, 0), scale=(1, 0.5, 1), **changed):
-    """One marker at (1, 2, 3) and three channels of five samples a frame."""
+def written(
+    path, *, kind=INTEL, whole=False, offset=(0, 10, 0), scale=(1, 0.5, 1), n_points=1, **changed
+):
+    """One marker (or none) at (1, 2, 3) and three channels of five samples a frame."""
     analog = {
         "USED": 3,
         "LABELS": ["Fx", "Fz", "EMG"],
@@ -32,26 +35,25 @@ def written(path, *, kind=INTEL, whole=False, offset=(0, 10, 0), scale=(1, 0.5, 
         **changed,
     }
     stored = FORCE / (0.1 * np.asarray(scale)) + np.asarray(offset)
-    frames = np.zeros((N_FRAMES, 4 + 3 * PER_FRAME))
-    frames[:, :3] = [1, 2, 3]
-    frames[:, 4:] = stored.reshape(N_FRAMES, -1)
+    point = np.tile([1.0, 2.0, 3.0, 0.0][: 4 * n_points], (N_FRAMES, 1))
+    frames = np.hstack([point, stored.reshape(N_FRAMES, -1)])
     data = kind.from_whole(np.round(frames).ravel()) if whole else kind.from_floats(frames)
     point_scale = 1.0 if whole else -1.0
 
     def groups(start):
         point = {
-            "USED": 1,
+            "USED": n_points,
             "SCALE": np.float32(point_scale),
             "RATE": np.float32(RATE_HZ),
             "DATA_START": start,
             "FRAMES": N_FRAMES,
             "UNITS": ["mm"],
-            "LABELS": ["a"],
+            "LABELS": ["a"][:n_points],
         }
         return {"POINT": point, "ANALOG": analog}  # fmt: skip
 
     start = 2 + len(parameter_bytes(kind, groups(0))) // BLOCK
-    words = [1, 3 * PER_FRAME, FIRST, FIRST + N_FRAMES - 1, 0]
+    words = [n_points, 3 * PER_FRAME, FIRST, FIRST + N_FRAMES - 1, 0]
     head = bytes([2, 0x50]) + kind.from_whole(words) + kind.from_floats([point_scale])
     head += kind.from_whole([start, PER_FRAME]) + kind.from_floats([RATE_HZ])
     content = head.ljust(BLOCK, b"\0") + parameter_bytes(kind, groups(start)) + data
@@ -101,3 +103,20 @@ def test_mistakes_are_told(tmp_path, mistake):
         read_analogs(file).channel("Fz")
     for part in (str(file), "expected", "found", *parts):
         assert part in str(caught.value)
+
+
+def test_analog_channels_need_no_points_and_points_no_analog_channels(tmp_path):
+    path = written(tmp_path / "plate.c3d", n_points=0)
+    np.testing.assert_allclose(read_analogs(path).values, FORCE, atol=1e-3)
+    with pytest.raises(RecordingError, match="expected markers, found none"):
+        read_raw(path)
+    assert read_raw(written(tmp_path / "both.c3d")).markers == ("a",)
+
+
+def test_parameters_of_many_channels_go_on_in_further_ones(tmp_path):
+    scale, offset = np.array([1, 0.5, 1], np.float32), np.array([0, 10, 0])
+    more = {"SCALE": scale[:2], "SCALE2": scale[2:], "OFFSET": offset[:1], "OFFSET2": offset[1:]}
+    path = written(tmp_path / "many.c3d", LABELS=["Fx"], LABELS2=["Fz"], LABELS3=["EMG"], **more)
+    found = read_analogs(path)
+    assert found.names == ("Fx", "Fz", "EMG")
+    np.testing.assert_allclose(found.values, FORCE, atol=1e-3)

@@ -94,8 +94,8 @@ MISTAKES = {
         ["markers.feet", "'heel'", "did you mean 'heal'"],
     ),
     "name twice.tsv": (
-        tsv(qtm_text(names=("hip left", "hip right", "back", "toe", "toe"))),
-        ["line 10", "each marker name once", "'toe' twice"],
+        tsv(qtm_text(names=("hip left", "hip right", "back", "heel", "heel"))),
+        ["markers.feet", "line 10", "each marker name once", "'heel' twice", "'heel 1', 'heel 2'"],
     ),
     "no rate.tsv": (
         tsv(qtm_text(frequency="EXT", counters=False)),

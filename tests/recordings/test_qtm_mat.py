@@ -51,6 +51,14 @@ def test_one_marker_and_one_frame(tmp_path, kind):
     np.testing.assert_array_equal(raw.positions, one)
 
 
+@pytest.mark.parametrize("kind", ["version 5", "version 7.3"])
+def test_markers_of_one_name_are_numbered_and_said(tmp_path, kind):
+    labels = np.array([["a", "b", "c", "b", "e"]], object)
+    raw = read_raw(WRITERS[kind](tmp_path / "trial.mat", labelled(Labels=labels)))
+    assert raw.markers == ("a", "b 1", "c", "b 2", "e")
+    assert "'b' twice" in raw.remarks[0]
+
+
 def without(key):
     struct = qtm_struct(positions(), NAMES)
     del struct[key]
@@ -74,10 +82,6 @@ FAULTS = {
     "labels of others": (
         labelled(Labels=np.array([["a", "b"]], object)),
         ["Labels: expected 5 as in Data, found 2"],
-    ),
-    "twice": (
-        labelled(Labels=np.array([["a", "b", "c", "b", "e"]], object)),
-        ["each marker name once", "'b' twice"],
     ),
     "flat data": (labelled(Data=np.ones((5, 7, 15))), ["markers x 4 x frames", "5 x 7 x 15"]),
     "data in words": (labelled(Data="many"), ["Data: expected numbers, found text"]),

@@ -164,10 +164,6 @@ FAULTS = {
         qtm_text(POSITIONS, header={"MARKER_NAMES": "a\tb\tc\td"}),
         ["line 10", "expected 5 marker names", "found 4"],
     ),
-    "a name twice": (
-        qtm_text(POSITIONS, names=("a", "b", "c", "b", "e")),
-        ["line 10", "each marker name once", "'b' twice"],
-    ),
     "an empty name": (qtm_text(POSITIONS, names=("a", "", "c", "d", "e")), ["line 10", "marker 2"]),
     "column row of other markers": (
         qtm_text(POSITIONS, header={"MARKER_NAMES": "\t".join(("hip", *NAMES[1:]))}),
@@ -346,6 +342,14 @@ def test_trajectory_types_and_the_start_are_kept(tmp_path):
 
 def remarks(folder, text, **options):
     return read_raw(write(folder, text), **options).remarks
+
+
+@pytest.mark.parametrize("column_row", [True, False])
+def test_markers_of_one_name_are_numbered_and_said(tmp_path, column_row):
+    text = qtm_text(POSITIONS, names=("a", "b", "c", "b", "e"), column_row=column_row)
+    assert read(tmp_path, text).markers == ("a", "b 1", "c", "b 2", "e")
+    (said,) = remarks(tmp_path, text)
+    assert "line 10: expected each marker name once, found 'b' twice" in said
 
 
 def test_a_sound_file_gives_no_remark(tmp_path):

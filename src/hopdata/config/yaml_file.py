@@ -8,6 +8,8 @@ from typing import Any
 
 from hopdata.errors import ConfigError
 
+MOST_ENTRIES = 100_000
+
 
 def read_yaml(path: str | Path) -> Any:
     """Read a YAML file.
@@ -15,7 +17,8 @@ def read_yaml(path: str | Path) -> Any:
     Raises
     ------
     ConfigError
-        If the file cannot be read, is not YAML, or names a key twice.
+        If the file cannot be read, is not YAML, names a key twice, or has aliases that would
+        unfold to more than `MOST_ENTRIES`.
     """
     import yaml
 
@@ -28,8 +31,18 @@ def read_yaml(path: str | Path) -> Any:
         ) from None
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: expected YAML in UTF-8, found other bytes") from None
+    loader = None
     try:
-        return yaml.load(text, Loader=_loader())
+        loader = _loader()(text)
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        if (size := _expanded(node, {})) > MOST_ENTRIES:
+            raise ConfigError(
+                f"{path}: expected at most {MOST_ENTRIES} entries, found {size} once the aliases "
+                "(*name) stand for what they repeat; write out what is needed"
+            )
+        return loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         where = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
@@ -37,6 +50,21 @@ def read_yaml(path: str | Path) -> Any:
         raise ConfigError(f"{path}{where}: expected YAML, found: {error.problem}{hint}") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: expected YAML, found: {error}") from None
+    finally:
+        if loader is not None:
+            loader.dispose()
+
+
+def _expanded(node: Any, known: dict[int, int]) -> int:
+    """Count the entries of a node with its aliases written out, each node looked at once."""
+    if id(node) not in known:
+        known[id(node)] = 0  # one within itself is refused elsewhere
+        inner = node.value if isinstance(node.value, list) else []
+        parts = [
+            part for entry in inner for part in (entry if isinstance(entry, tuple) else [entry])
+        ]
+        known[id(node)] = 1 + sum(_expanded(part, known) for part in parts)
+    return known[id(node)]
 
 
 def _hint(problem: str | None, character: str) -> str:

@@ -23,6 +23,7 @@ from hopdata.recordings.c3d_header import (
 )
 from hopdata.recordings.c3d_numbers import Processor
 from hopdata.recordings.c3d_parameters import BLOCK, Parameters, read_parameters
+from hopdata.recordings.columns import listed
 from hopdata.recordings.raw import (
     METRES_PER_UNIT,
     RATE_TOLERANCE,
@@ -35,6 +36,8 @@ from hopdata.recordings.raw import (
 )
 
 MOST_PARAMETER_BYTES = 255 * BLOCK
+# Parameters of POINT that name points which are no markers, but what a model made of them.
+MODEL_OUTPUTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 
 
 def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
@@ -67,9 +70,9 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
     if not n_points:
         raise RecordingError(f"{path}: expected markers, found none")
     n_frames, remarks = count_frames(header, parameters, end - start)
-    markers, more = _markers(parameters, n_points)
+    markers, kept, more = _markers(parameters, n_points)
     unit = _unit(parameters)
-    positions = _positions(path, header, parameters.processor, n_frames)
+    positions = _positions(path, header, parameters.processor, n_frames)[:, kept]
     rate = resolve_rate(f"{path}: header", stated=frame_rate(header, parameters), given=rate_hz)
     time = (first_frame(header, parameters) - 1 + np.arange(n_frames)) / rate
     return RawRecording(
@@ -81,7 +84,7 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
         unit_is_stated=bool(unit),
         events=_events(parameters) or header.events,
         stated_up=_stated_up(parameters),
-        remarks=remarks + more,
+        remarks=parameters.remarks + remarks + more,
     )
 
 
@@ -127,20 +130,30 @@ def frame_rate(header: C3dHeader, parameters: Parameters) -> float:
     return stated
 
 
-def _markers(parameters: Parameters, n_points: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Marker names, with a remark if some have none."""
+def _markers(
+    parameters: Parameters, n_points: int
+) -> tuple[tuple[str, ...], list[int] | slice, tuple[str, ...]]:
+    """Names of the points that are markers, which points these are, and remarks."""
+    place = parameters.place("POINT", "LABELS")
     labels = parameters.texts("POINT", "LABELS")[:n_points]
     if not labels:
         raise RecordingError(
-            f"{parameters.place('POINT', 'LABELS')}: expected {n_points} marker names, found none"
+            f"{place}: expected {n_points} marker names, found none"
             f"{parameters.near('POINT', 'LABELS')}"
         )
     labels += [""] * (n_points - len(labels))
-    n_nameless = labels.count("")
-    named = [label or f"unnamed {i + 1}" for i, label in enumerate(labels)]
-    place = parameters.place("POINT", "LABELS")
-    remark = f"{place}: {n_nameless} of {n_points} markers have no name, called 'unnamed <number>'"
-    return distinct_names(place, named), (remark,) if n_nameless else ()
+    outputs = {name for key in MODEL_OUTPUTS for name in parameters.texts("POINT", key)} - {""}
+    kept = [i for i, label in enumerate(labels) if label not in outputs]
+    if not kept:
+        raise RecordingError(
+            f"{place}: expected markers, found model outputs only ({listed(labels)})"
+        )
+    markers, remarks = distinct_names(place, [labels[i] for i in kept], may_lack=True)
+    if len(kept) == n_points:
+        return markers, slice(None), remarks
+    told = listed([label for label in labels if label in outputs])
+    left_out = f"{place}: {n_points - len(kept)} model outputs are no markers and left out: {told}"
+    return markers, kept, (*remarks, left_out)
 
 
 def _unit(parameters: Parameters) -> str:
@@ -181,8 +194,6 @@ def _events(parameters: Parameters) -> tuple[Event, ...]:
     if not used:
         return ()
     labels, times = parameters.texts("EVENT", "LABELS"), parameters.numbers("EVENT", "TIMES")
-    for i in range(2, 20):
-        times += parameters.numbers("EVENT", f"TIMES{i}")
     contexts = parameters.texts("EVENT", "CONTEXTS") or [""] * len(labels)
     if not (used == len(labels) == len(contexts) == len(times) / 2) or not np.isfinite(times).all():
         raise RecordingError(

@@ -139,7 +139,8 @@ def _claims(header: C3dHeader, parameters: Parameters) -> dict[str, float]:
         if stated is not None and math.isfinite(stated):
             claims[f"POINT:{name}"] = unsigned(stated) if stated > -32769 else stated
     if header.last < MOST_16_BIT or not claims:  # a full last frame says nothing beside others
-        claims["header"] = header.last - header.first + 1
+        full = header.last == MOST_16_BIT
+        claims["header"] = MOST_16_BIT if full else header.last - header.first + 1
     return claims
 
 

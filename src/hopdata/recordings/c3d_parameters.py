@@ -28,6 +28,7 @@ class Parameters:
     path: Path
     processor: Processor
     groups: dict[str, dict[str, Any]] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
     def place(self, group: str, name: str) -> str:
         """File and parameter, for messages."""
@@ -45,19 +46,14 @@ class Parameters:
         return numbers[0] if numbers else None
 
     def numbers(self, group: str, name: str) -> list[float]:
-        """All numbers of a parameter, none if it is absent.
+        """All numbers of a parameter and of its continuations (``SCALE2`` ...), none if absent.
 
         Raises
         ------
         RecordingError
             If it is text.
         """
-        value = self.groups.get(group, {}).get(name)
-        if value is None:
-            return []
-        if not isinstance(value, np.ndarray):
-            raise RecordingError(f"{self.place(group, name)}: expected numbers, found text")
-        return [float(x) for x in value]
+        return [float(x) for value in self._all(group, name, np.ndarray) for x in value]
 
     def texts(self, group: str, name: str) -> list[str]:
         """All texts of a parameter and of its continuations (``LABELS2`` ...), none if absent.
@@ -67,15 +63,20 @@ class Parameters:
         RecordingError
             If it is a number.
         """
-        found: list[str] = []
+        return [text for value in self._all(group, name, list) for text in value]
+
+    def _all(self, group: str, name: str, kind: type) -> Iterator[Any]:
+        """Yield the values of a parameter and of its continuations, which are of one kind."""
         named = self.groups.get(group, {})
         for key in [name, *(f"{name}{i}" for i in range(2, len(named) + 2))]:
             if key not in named:
-                break
-            if not isinstance(named[key], list):
-                raise RecordingError(f"{self.place(group, key)}: expected text, found numbers")
-            found += named[key]
-        return found
+                return
+            if not isinstance(named[key], kind):
+                told = ("text", "numbers") if kind is list else ("numbers", "text")
+                raise RecordingError(
+                    f"{self.place(group, key)}: expected {told[0]}, found {told[1]}"
+                )
+            yield named[key]
 
     def near(self, group: str, name: str) -> str:
         """Hint at a parameter of a similar name."""
@@ -97,7 +98,7 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
     Raises
     ------
     RecordingError
-        If a record reaches beyond the section, or is of an unknown kind.
+        If a record reaches beyond the section.
     """
     if len(section) < 4:
         raise RecordingError(
@@ -116,8 +117,13 @@ def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:
     for number, name, start in source.records():
         if number < 0:
             names[-number] = name
+        elif (kind := source.kind(start)) in _WIDTH:
+            found.append((number, name, source.value(start)))
         else:
-            found.append((number, name, source.value(start, name)))
+            parameters.remarks += (
+                f"{path}, byte {offset + start}: parameter {name}: expected the type -1, 1, 2 or "
+                f"4, found {kind}; it is left out",
+            )
     for number, name, value in found:
         if number not in names:
             raise RecordingError(
@@ -152,11 +158,13 @@ class _Section:
                 raise self.fault(after, f"the distance to the next record, found {step}")
             at = after + int(step)
 
-    def value(self, at: int, name: str) -> Any:
+    def kind(self, at: int) -> int:
+        """Type of a parameter."""
+        return _signed(self.take(at, 1)[0])
+
+    def value(self, at: int) -> Any:
         """Value of a parameter: an array of its numbers or a list of its texts."""
-        kind, n_dimensions = _signed(self.take(at, 1)[0]), self.take(at + 1, 1)[0]
-        if kind not in _WIDTH:
-            raise self.fault(at, f"the type of {name} (-1, 1, 2 or 4), found {kind}")
+        kind, n_dimensions = self.kind(at), self.take(at + 1, 1)[0]
         sizes = list(self.take(at + 2, n_dimensions))
         data = self.take(at + 2 + n_dimensions, prod(sizes) * _WIDTH[kind])
         if kind == -1:

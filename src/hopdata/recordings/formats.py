@@ -10,45 +10,52 @@ import numpy as np
 
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.frame_times import events_outside, irregular
-from hopdata.recordings.raw import RawRecording, distinct_names, resolve_rate
+from hopdata.recordings.raw import (
+    MOST_UNPACKED_MB,
+    RawRecording,
+    distinct_names,
+    largest,
+    resolve_rate,
+)
 
 LARGEST = 1e9  # mm or m: no camera sees so far
 
-Reader = Callable[[Path, float | None], RawRecording]
+Reader = Callable[[Path, float | None, float], RawRecording]
 
 
-def _tsv(path: Path, rate_hz: float | None) -> RawRecording:
+def _tsv(path: Path, rate_hz: float | None, _most_mb: float) -> RawRecording:
     from hopdata.recordings.qtm_tsv import read_qtm_tsv
 
     return read_qtm_tsv(path, rate_hz=rate_hz)
 
 
-def _mat(path: Path, rate_hz: float | None) -> RawRecording:
+def _mat(path: Path, rate_hz: float | None, most_mb: float) -> RawRecording:
     from hopdata.recordings.qtm_mat import read_qtm_mat
 
-    return read_qtm_mat(path, rate_hz=rate_hz)
+    return read_qtm_mat(path, rate_hz=rate_hz, most_unpacked_mb=most_mb)
 
 
-def _c3d(path: Path, rate_hz: float | None) -> RawRecording:
+def _c3d(path: Path, rate_hz: float | None, _most_mb: float) -> RawRecording:
     from hopdata.recordings.c3d import read_c3d
 
     return read_c3d(path, rate_hz=rate_hz)
 
 
-def _trc(path: Path, rate_hz: float | None) -> RawRecording:
+def _trc(path: Path, rate_hz: float | None, _most_mb: float) -> RawRecording:
     from hopdata.recordings.trc import read_trc
 
     return read_trc(path, rate_hz=rate_hz)
 
 
-def _hdf5(path: Path, rate_hz: float | None) -> RawRecording:
+def _hdf5(path: Path, rate_hz: float | None, most_mb: float) -> RawRecording:
     from hopdata.recordings.hdf5 import read_recording
 
-    own = read_recording(path)
+    own = read_recording(path, most_unpacked_mb=most_mb)
     if own.filled is not None:  # what was filled in was not seen
         own.positions[own.filled] = np.nan
+    names, renamed = distinct_names(str(path), own.markers)
     return RawRecording(
-        distinct_names(str(path), own.markers),
+        names,
         own.time,
         own.positions,
         resolve_rate(str(path), stated=own.rate_hz, given=rate_hz),
@@ -57,7 +64,7 @@ def _hdf5(path: Path, rate_hz: float | None) -> RawRecording:
         roles=own.roles,
         events=own.events,
         stated_up="z",
-        remarks=own.remarks,
+        remarks=own.remarks + renamed,
     )
 
 
@@ -78,7 +85,12 @@ def suffixes() -> tuple[str, ...]:
     return tuple(_READERS)
 
 
-def read_raw(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
+def read_raw(
+    path: str | Path,
+    *,
+    rate_hz: float | None = None,
+    most_unpacked_mb: float = MOST_UNPACKED_MB,
+) -> RawRecording:
     """Read all markers of a file, by the reader that its suffix calls for.
 
     Parameters
@@ -87,6 +99,8 @@ def read_raw(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
         A file whose suffix is one of `suffixes`.
     rate_hz : float, optional
         Frame rate, for files that do not state it.
+    most_unpacked_mb : float
+        Memory that a packed file (MAT, HDF5) may ask for, MB.
 
     Raises
     ------
@@ -101,7 +115,7 @@ def read_raw(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
         )
     if not path.is_file():
         raise RecordingError(f"{path}: expected a file, found none{_near_files(path)}")
-    raw = _READERS[path.suffix.lower()](path, rate_hz)
+    raw = _READERS[path.suffix.lower()](path, rate_hz, most_unpacked_mb)
     _check_finite(path, raw)
     more = irregular(str(path), raw.time, raw.rate_hz)
     more += events_outside(str(path), raw.events, raw.time, raw.rate_hz)
@@ -115,8 +129,8 @@ def _check_finite(path: Path, raw: RawRecording) -> None:
         raise RecordingError(
             f"{path}: frame {frame + 1}: expected a finite time, found {raw.time[frame]}"
         )
-    absurd = np.abs(raw.positions) > LARGEST
-    if absurd.any():
+    if largest(raw.positions) > LARGEST:
+        absurd = np.abs(raw.positions) > LARGEST
         frame, marker, axis = np.argwhere(absurd)[0]
         raise RecordingError(
             f"{path}: frame {frame + 1}, marker {raw.markers[marker]}, {'xyz'[axis]}: expected a "

@@ -16,6 +16,7 @@ from hopdata.errors import RecordingError
 from hopdata.jobs import whole_file
 from hopdata.recordings.axes import FILE_AXES
 from hopdata.recordings.hdf5_content import number, numbers, stored_texts, text, texts
+from hopdata.recordings.hdf5_limits import require_sound
 from hopdata.recordings.raw import Event
 from hopdata.recordings.recording import ROLES, Recording
 from hopdata.recordings.truth import Truth, check_sizes
@@ -53,8 +54,14 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
             _write_truth(file.create_group("truth"), truth)
 
 
-def read_recording(path: str | Path) -> Recording:
+def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Recording:
     """Read a recording from an HDF5 file.
+
+    Parameters
+    ----------
+    path : path
+    most_unpacked_mb : float
+        Memory that the file may ask for, MB; without limit for files that hopdata has written.
 
     Raises
     ------
@@ -62,7 +69,7 @@ def read_recording(path: str | Path) -> Recording:
         If the file cannot be read, or lacks a dataset or attribute, or their kinds or sizes are
         not those of a recording.
     """
-    with _open(path, "not a recording") as file:
+    with _open(path, "not a recording", most_unpacked_mb) as file:
         recording = Recording(
             time=numbers(file, "time"),
             positions=numbers(file, "positions"),
@@ -111,7 +118,7 @@ def _signed(path: str | Path) -> bool:
 
 
 @contextmanager
-def _open(path: str | Path, fault: str) -> Iterator[h5py.File]:
+def _open(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> Iterator[h5py.File]:
     """Open a file; what is wrong in it, or with it, becomes a RecordingError that names it."""
     import h5py
 
@@ -126,6 +133,7 @@ def _open(path: str | Path, fault: str) -> Iterator[h5py.File]:
         ) from error
     try:
         with file:
+            require_sound(file, most_unpacked_mb)
             yield file
     except Exception as error:  # a damaged file makes h5py raise almost anything
         words = _in_words(error)

@@ -12,11 +12,47 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.recordings.raw import require_unpacked
+
 if TYPE_CHECKING:
     import h5py
 
 _DEFLATE_MOST = 1032  # no byte of deflated data gives more bytes than that
+NUMBER_BYTES = 8  # what a number takes that is read, however it is stored
 _SMALL = 1 << 20  # bytes that any dataset may ask for
+
+
+def require_sound(file: h5py.File, most_unpacked_mb: float) -> None:
+    """Refuse a file that reaches for other files, or would unpack to more than it may.
+
+    Raises
+    ------
+    ValueError
+        Naming a link or dataset that lies outside of the file, or the size of all.
+    """
+    import h5py
+
+    links: list[tuple[str, Any]] = []
+    file.visititems_links(lambda name, link: links.append((name, link)))  # which must not raise
+    total = 0
+    for name, link in links:
+        if isinstance(link, h5py.ExternalLink):
+            raise ValueError(_outside(name, "a link to another file", link.filename))
+        item = file[name] if isinstance(link, h5py.HardLink) else None
+        if not isinstance(item, h5py.Dataset) or item.shape is None:
+            continue
+        if item.external:
+            raise ValueError(_outside(name, "data kept in another file", item.external[0][0]))
+        if item.is_virtual:
+            sources = item.virtual_sources()
+            where = sources[0].file_name if sources else "none"
+            raise ValueError(_outside(name, "a virtual dataset", where))
+        total += prod(item.shape) * max(item.dtype.itemsize, NUMBER_BYTES)
+    require_unpacked(total, most_unpacked_mb)
+
+
+def _outside(name: str, what: str, where: str) -> str:
+    return f"'{name}': expected all data in the file itself, found {what}: {where}; copy it in"
 
 
 def whole_array(dataset: h5py.Dataset) -> NDArray[Any]:

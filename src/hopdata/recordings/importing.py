@@ -13,7 +13,7 @@ from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.formats import read_raw, suffixes
 from hopdata.recordings.joining import join
 from hopdata.recordings.length_unit import choose_unit, speak_for_silent, unit_remarks
-from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
+from hopdata.recordings.raw import METRES_PER_UNIT, MOST_UNPACKED_MB, RawRecording
 from hopdata.recordings.recording import Recording
 from hopdata.recordings.truth import Truth
 
@@ -32,6 +32,7 @@ def import_recording(
     unit: str = "auto",
     vertical_axis: str = "z",
     rate_hz: float | None = None,
+    most_unpacked_mb: float = MOST_UNPACKED_MB,
 ) -> tuple[Recording, Truth | None]:
     """Read a file of any known format, or several in the order of time, into one recording.
 
@@ -52,6 +53,8 @@ def import_recording(
         Axis of the file that points up.
     rate_hz : float, optional
         Frame rate, for files that do not state it.
+    most_unpacked_mb : float
+        Memory that a packed file (MAT, HDF5) may ask for, MB.
 
     Returns
     -------
@@ -69,7 +72,7 @@ def import_recording(
     paths = [Path(p) for p in ([path] if isinstance(path, str | Path) else path)]
     if not paths:
         raise RecordingError(f"recording '{name}': expected at least one file, found none")
-    files = [read_raw(p, rate_hz=rate_hz) for p in paths]
+    files = [read_raw(p, rate_hz=rate_hz, most_unpacked_mb=most_unpacked_mb) for p in paths]
     pieces = [_chosen(p, file, markers) for p, file in zip(paths, files, strict=True)]
     sources = [os.fsencode(p.as_posix()).decode(errors="replace") for p in paths]
     raw = pieces[0]
@@ -114,6 +117,7 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
                 raise RecordingError(
                     f"{path}: markers.{key}: expected a marker of the file "
                     f"({_listed(raw.markers)}), found {marker!r}{did_you_mean(marker, raw.markers)}"
+                    + "".join(f"; {told}" for told in raw.remarks if f"'{marker}' twice" in told)
                 )
             if marker in chosen:
                 raise RecordingError(

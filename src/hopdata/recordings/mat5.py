@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from hopdata.recordings.raw import MOST_UNPACKED_MB, require_unpacked
+
 _STRUCT, _CELL, _CHAR = 2, 1, 4
 _NUMERIC = range(6, 16)
 _LOGICAL_OR_COMPLEX = 0x800
@@ -29,13 +31,15 @@ class MatError(ValueError):
     """What is wrong in the file, without its name."""
 
 
-def read_mat5(data: bytes) -> dict[str, Any]:
+def read_mat5(data: bytes, most_unpacked_mb: float = MOST_UNPACKED_MB) -> dict[str, Any]:
     """Decode all variables.
 
     Parameters
     ----------
     data : bytes
         The whole file.
+    most_unpacked_mb : float
+        Memory that all numbers may ask for, MB.
 
     Returns
     -------
@@ -51,7 +55,8 @@ def read_mat5(data: bytes) -> dict[str, Any]:
     order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
     if order is None:
         raise MatError(f"byte 126: expected 'IM' or 'MI', found {data[126:128]!r}")
-    return dict(_variables(_Bytes(memoryview(data), order, ""), HEADER_BYTES))
+    source = _Bytes(memoryview(data), order, "", _Allowance(most_unpacked_mb))
+    return dict(_variables(source, HEADER_BYTES))
 
 
 def _variables(source: _Bytes, at: int) -> list[tuple[str, Any]]:
@@ -59,22 +64,30 @@ def _variables(source: _Bytes, at: int) -> list[tuple[str, Any]]:
     while at < len(source.data):
         kind, piece, at = source.element(at)
         if kind == _COMPRESSED:
-            whole = memoryview(_inflated(piece, source.where(at)))
-            inner = _Bytes(whole, source.order, " (decompressed)")
+            if source.note:
+                raise MatError(f"{source.where(at)}: expected data, found it compressed again")
+            whole = memoryview(_inflated(piece, source, source.where(at)))
+            inner = _Bytes(whole, source.order, " (decompressed)", source.allowance)
             found += _variables(inner, 0)
         elif kind == _MATRIX:
-            found.append(_matrix(_Bytes(piece, source.order, source.note), 0))
+            found.append(_matrix(source.part(piece), 0))
     return found
 
 
-def _inflated(piece: memoryview, place: str) -> bytes:
+def _inflated(piece: memoryview, source: _Bytes, place: str) -> bytes:
+    """Decompress one element, of the size that its first bytes state, if that may be."""
     stream = zlib.decompressobj()
     try:
-        data = stream.decompress(piece)
+        lead = stream.decompress(piece, 8)
+        if len(lead) < 8:
+            raise MatError(f"{place}: expected an element, found {len(lead)} bytes")
+        size = int(np.frombuffer(lead, f"{source.order}u4")[1])
+        source.allowance.take(size)
+        data = lead + stream.decompress(stream.unconsumed_tail, size + 8)
     except zlib.error as error:
         raise MatError(f"{place}: expected compressed data, found: {error}") from None
     if not stream.eof:
-        raise MatError(f"{place}: expected the end of compressed data, found the end of the file")
+        raise MatError(f"{place}: expected the end of compressed data, found more or a cut")
     return data
 
 
@@ -99,6 +112,7 @@ def _content(source: _Bytes, at: int, kind: int, shape: tuple[int, ...], depth: 
         values, _ = source.array(at)
         if prod(shape) != len(values):
             raise MatError(f"{source.where(at)}: expected {shape} numbers, found {len(values)}")
+        source.allowance.take(8 * len(values) - values.nbytes)  # a float each, in the end
         return values.reshape(shape, order="F")
     if kind == _CHAR:
         return source.text(at)
@@ -135,15 +149,32 @@ def _elements(source: _Bytes, at: int, count: int, depth: int) -> tuple[list[Any
         kind, piece, at = source.element(at)
         if kind != _MATRIX:
             raise MatError(f"{source.where(at)}: expected an element of type 14, found {kind}")
-        values.append(_matrix(_Bytes(piece, source.order, source.note), depth + 1)[1])
+        values.append(_matrix(source.part(piece), depth + 1)[1])
     return values, at
+
+
+class _Allowance:
+    """Counts what a file has asked for."""
+
+    def __init__(self, most_mb: float) -> None:
+        self.most_mb, self.taken = most_mb, 0
+
+    def take(self, n_bytes: int) -> None:
+        self.taken += n_bytes
+        try:
+            require_unpacked(self.taken, self.most_mb)
+        except ValueError as error:
+            raise MatError(str(error)) from None
 
 
 class _Bytes:
     """A stretch of the file, or of what was compressed in it, as tagged elements."""
 
-    def __init__(self, data: memoryview, order: str, note: str) -> None:
-        self.data, self.order, self.note = data, order, note
+    def __init__(self, data: memoryview, order: str, note: str, allowance: _Allowance) -> None:
+        self.data, self.order, self.note, self.allowance = data, order, note, allowance
+
+    def part(self, data: memoryview) -> _Bytes:
+        return _Bytes(data, self.order, self.note, self.allowance)
 
     def where(self, at: int) -> str:
         return f"byte {at}{self.note}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hopdata.recordings.hdf5_limits import checked_attribute, whole_array
+from hopdata.recordings.hdf5_limits import checked_attribute, require_sound, whole_array
 
 if TYPE_CHECKING:
     import h5py
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 _MOST_ITEMS = 20_000
 
 
-def read_mat73(path: Path) -> dict[str, Any]:
+def read_mat73(path: Path, most_unpacked_mb: float) -> dict[str, Any]:
     """Decode all variables, in the same types as `mat5.read_mat5`.
 
     MATLAB stores arrays with their axes reversed; they are turned back.
@@ -25,11 +25,12 @@ def read_mat73(path: Path) -> dict[str, Any]:
     OSError
         If the file is no HDF5 file.
     ValueError
-        If a dataset is not what MATLAB writes.
+        If a dataset is not what MATLAB writes, lies in another file or is too large.
     """
     import h5py
 
     with h5py.File(path, "r") as file:
+        require_sound(file, most_unpacked_mb)
         reader = _Reader(file)
         return {name: reader.decoded(file[name]) for name in file if not name.startswith("#")}
 

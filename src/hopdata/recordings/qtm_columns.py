@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.qtm_header import COUNTERS, KEYS, QtmHeader, coordinate_stems
-from hopdata.recordings.raw import distinct_names
 from hopdata.recordings.text_table import trimmed
 
 
-def marker_names(header: QtmHeader) -> tuple[str, ...]:
-    """Marker names from ``MARKER_NAMES``, or else from the column row.
+def marker_names(header: QtmHeader) -> tuple[str, list[str]]:
+    """Place and marker names of ``MARKER_NAMES``, or else of the column row.
 
     A file of nothing but numbers has ``marker1``, ``marker2`` and so on.
 
     Raises
     ------
     RecordingError
-        If there are none, two are alike, or the number differs from ``NO_OF_MARKERS``.
+        If there are none, or the number differs from ``NO_OF_MARKERS``.
     """
     if "MARKER_NAMES" in header.values:
         place, names = header.place("MARKER_NAMES"), trimmed(header.values["MARKER_NAMES"])
@@ -32,13 +33,12 @@ def marker_names(header: QtmHeader) -> tuple[str, ...]:
         raise RecordingError(
             f"{header.path}: expected MARKER_NAMES or a column row, found neither{hint}"
         )
-    markers = distinct_names(place, names)
     stated = header.number("NO_OF_MARKERS")
     if stated is not None and stated != len(names):
         raise RecordingError(
             f"{place}: expected {stated:g} marker names (NO_OF_MARKERS), found {len(names)}"
         )
-    return markers
+    return place, names
 
 
 def trajectory_types(header: QtmHeader, n_markers: int) -> tuple[str, ...]:
@@ -58,15 +58,15 @@ def trajectory_types(header: QtmHeader, n_markers: int) -> tuple[str, ...]:
     return tuple(types)
 
 
-def counter_columns(header: QtmHeader, markers: tuple[str, ...]) -> list[str]:
+def counter_columns(header: QtmHeader, markers: Sequence[str]) -> list[str]:
     """Names of the columns before the coordinates: of ``Frame`` and ``Time`` those present.
 
     Parameters
     ----------
     header : QtmHeader
         The parsed header.
-    markers : tuple of str
-        The M marker names.
+    markers : sequence of str
+        The M marker names, as in the file.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def counter_columns(header: QtmHeader, markers: tuple[str, ...]) -> list[str]:
     return list(COUNTERS[:n_counters])
 
 
-def n_empty_columns(header: QtmHeader, markers: tuple[str, ...]) -> int:
+def n_empty_columns(header: QtmHeader, markers: Sequence[str]) -> int:
     """Empty columns (0 or 1) after the coordinates, from a tab at each row's end."""
     n_columns = len(header.first_row)
     if header.first_row[-1]:

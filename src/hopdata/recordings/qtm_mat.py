@@ -16,13 +16,25 @@ from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings.mat5 import HEADER_BYTES, MatError, read_mat5
 from hopdata.recordings.mat73 import read_mat73
 from hopdata.recordings.qtm_dates import moment
-from hopdata.recordings.raw import Event, FloatArray, RawRecording, distinct_names, resolve_rate
+from hopdata.recordings.raw import (
+    MOST_UNPACKED_MB,
+    Event,
+    FloatArray,
+    RawRecording,
+    distinct_names,
+    resolve_rate,
+)
 
 _HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 TYPE_NAMES = {1: "Measured", 2: "Gap-filled", 3: "Virtual", 4: "Edited"}
 
 
-def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
+def read_qtm_mat(
+    path: str | Path,
+    *,
+    rate_hz: float | None = None,
+    most_unpacked_mb: float = MOST_UNPACKED_MB,
+) -> RawRecording:
     """Read the labelled trajectories of a MAT file that QTM exported.
 
     A marker counts as unseen where a coordinate is NaN, or where all three are 0.
@@ -33,6 +45,8 @@ def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
         The ``.mat`` file, version 5 to 7.3.
     rate_hz : float, optional
         Frame rate; must be the file's.
+    most_unpacked_mb : float
+        Memory that the file may ask for, MB.
 
     Returns
     -------
@@ -45,7 +59,7 @@ def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
         Naming the file, the field, what was expected and what was found.
     """
     path = Path(path)
-    name, export = _export(path, _variables(path))
+    name, export = _export(path, _variables(path, most_unpacked_mb))
     place = f"{path}: {name}"
     labelled = _field(_field(export, "Trajectories", place), "Labeled", f"{place}.Trajectories")
     inner = f"{place}.Trajectories.Labeled"
@@ -64,8 +78,9 @@ def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
     )
     start = _number(export, "StartFrame", place)
     first = 1.0 if start is None else start
+    markers, remarks = distinct_names(f"{inner}.Labels", labels)
     return RawRecording(
-        distinct_names(f"{inner}.Labels", labels),
+        markers,
         np.asarray((first - 1 + np.arange(len(positions))) / rate, dtype=np.float64),
         positions,
         rate,
@@ -73,10 +88,11 @@ def read_qtm_mat(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
         events=_events(export, place),
         trajectory_types=_types(labelled, len(labels)),
         started=moment(export.get("Timestamp")),
+        remarks=remarks,
     )
 
 
-def _variables(path: Path) -> dict[str, Any]:
+def _variables(path: Path, most_mb: float) -> dict[str, Any]:
     """Variables of a MAT file of either kind; whatever is wrong in it becomes a RecordingError."""
     try:
         with path.open("rb") as file:
@@ -86,8 +102,8 @@ def _variables(path: Path) -> dict[str, Any]:
                 file.seek(0)
                 if len(lead) < HEADER_BYTES:
                     raise MatError(f"expected a header of {HEADER_BYTES} bytes, found {len(lead)}")
-                return read_mat5(file.read())
-        return read_mat73(path)
+                return read_mat5(file.read(), most_mb)
+        return read_mat73(path, most_mb)
     except OSError as error:
         raise RecordingError(
             f"{path}: expected a MAT file, found: {error.strerror or error}"

@@ -16,7 +16,13 @@ from hopdata.recordings.qtm_columns import (
 )
 from hopdata.recordings.qtm_dates import moment
 from hopdata.recordings.qtm_header import KEYS, QtmHeader, read_header
-from hopdata.recordings.raw import USUAL_UNIT, FloatArray, RawRecording, resolve_rate
+from hopdata.recordings.raw import (
+    USUAL_UNIT,
+    FloatArray,
+    RawRecording,
+    distinct_names,
+    resolve_rate,
+)
 from hopdata.recordings.text_table import Rows, blank_unseen, require_counters
 
 KEYS_OF_EXPORTS = frozenset(KEYS)  # which are in mm; of a bare table nothing says so
@@ -47,11 +53,12 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
     """
     header = read_header(Path(path))
     _check_kind(header)
-    markers = marker_names(header)
-    counters = counter_columns(header, markers)
+    place, names = marker_names(header)
+    markers, renamed = distinct_names(place, names)
+    counters = counter_columns(header, names)
     types = trajectory_types(header, len(markers))
     n_columns = len(counters) + 3 * len(markers)
-    width = n_columns + n_empty_columns(header, markers)
+    width = n_columns + n_empty_columns(header, names)
     rows = Rows(header.path, header.n_lines, header.offset, width)
     table = rows.numbers()
     _check_frame_count(header, len(table))
@@ -69,7 +76,7 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
         events=tuple(header.events),
         trajectory_types=types,
         started=moment((header.values.get("TIME_STAMP") or [""])[0]),
-        remarks=remarks + _event_remarks(header, rate),
+        remarks=renamed + remarks + _event_remarks(header, rate),
     )
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import count
 from types import MappingProxyType
 
 import numpy as np
@@ -19,6 +21,7 @@ METRES_PER_UNIT: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
 USUAL_UNIT = "mm"  # of files that may state a unit and do not
 
 FASTEST_HZ = 1e5  # as in the schema of input.rate_hz
+MOST_UNPACKED_MB = 2000.0  # as the default of input.most_unpacked_mb in the schema
 RATE_TOLERANCE = 1e-3  # relative; files round their rate, but not by more than this
 
 
@@ -126,8 +129,34 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
     return stated
 
 
-def distinct_names(place: str, names: Sequence[str]) -> tuple[str, ...]:
-    """Return marker names that are all there and all different.
+def require_unpacked(n_bytes: int, most_mb: float) -> None:
+    """Refuse content that would take more memory than a file may ask for.
+
+    Raises
+    ------
+    ValueError
+        Without the file's name.
+    """
+    if n_bytes > 1e6 * most_mb:
+        raise ValueError(
+            f"expected at most {most_mb:g} MB once it is unpacked (input.most_unpacked_mb), found "
+            f"{n_bytes / 1e6:.0f} MB; raise that key if the file is what it should be"
+        )
+
+
+def largest(numbers: FloatArray) -> float:
+    """Largest absolute value of an array, in no memory of its size; NaN if all are."""
+    bounds = (extreme.reduce(numbers, axis=None, initial=np.nan) for extreme in (np.fmin, np.fmax))
+    return float(max(map(abs, bounds)))
+
+
+def distinct_names(
+    place: str, names: Sequence[str], *, may_lack: bool = False
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return marker names that are all there and all different, and remarks on those changed.
+
+    Markers of one name are numbered, all of them: who asks for that name finds none, and may then
+    choose.
 
     Parameters
     ----------
@@ -135,21 +164,38 @@ def distinct_names(place: str, names: Sequence[str]) -> tuple[str, ...]:
         File (and line), for the message.
     names : sequence of str
         The M names, in the file's order.
+    may_lack : bool
+        Whether a marker without a name is called ``unnamed`` and its number.
 
     Raises
     ------
     RecordingError
-        If a name is empty, holds control characters, or stands twice.
+        If a name holds control characters, or is empty and may not be.
     """
-    seen: set[str] = set()
+    n_nameless = sum(not name for name in names)
     for i, name in enumerate(names):
-        if not name:
+        if not name and not may_lack:
             raise RecordingError(f"{place}: expected a name for marker {i + 1}, found none")
         if not name.isprintable():
             raise RecordingError(
                 f"{place}: expected a name of letters and digits for marker {i + 1}, found {name!r}"
             )
-        if name in seen:
-            raise RecordingError(f"{place}: expected each marker name once, found '{name}' twice")
-        seen.add(name)
-    return tuple(names)
+    distinct = [name or f"unnamed {i + 1}" for i, name in enumerate(names)]
+    remarks = []
+    if n_nameless:
+        remarks.append(
+            f"{place}: {n_nameless} of {len(names)} markers have no name, called 'unnamed <number>'"
+        )
+    taken = set(distinct)
+    for name in [name for name, times in Counter(distinct).items() if times > 1]:
+        free = (f"{name} {k}" for k in count(1) if f"{name} {k}" not in taken)
+        at = [i for i, other in enumerate(distinct) if other == name]
+        for i in at:
+            distinct[i] = next(free)
+        told = ", ".join(f"'{distinct[i]}'" for i in at)
+        remarks.append(
+            f"{place}: expected each marker name once, found '{name}' twice or more; "
+            f"they are called {told}"
+        )
+        taken.update(distinct)
+    return tuple(distinct), tuple(remarks)

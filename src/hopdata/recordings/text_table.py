@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from csv import QUOTE_NONE
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hopdata.errors import RecordingError
-from hopdata.recordings.raw import FloatArray
+from hopdata.recordings.raw import FloatArray, largest
 
 if TYPE_CHECKING:
     import pandas as pd
 
 BLOCK = 1 << 20  # bytes
+ROWS = 20_000  # read at a time
 # Programs print what is missing as nothing, in words, or as their C library prints a NaN.
+_NAN = ["".join(letters) for letters in product("nN", "aA", "nN")]
 MISSING = (
-    "",
-    *("NULL", "Null", "null", "NaN", "nan", "NAN", "-NaN", "-nan", "-NAN"),
+    *("", "NULL", "Null", "null", *_NAN, *(f"-{nan}" for nan in _NAN)),
     *("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),
 )
 
@@ -49,25 +52,31 @@ class Rows:
             Naming the line and column of the first field that is no finite number, or the first
             row that is too short or too long.
         """
-        frame = self._frame()
-        if any(kind.kind not in "iuf" for kind in frame.dtypes):
-            raise self._bad_row("text between the numbers")
-        table: FloatArray = frame.to_numpy(dtype=np.float64)
         n_tabs, is_text = self._survey()
-        if not is_text or n_tabs != len(table) * (self.width - 1) or np.isinf(table).any():
-            raise self._bad_row(f"{len(table)} rows with {n_tabs} tabs")
-        if not table.flags.writeable:
-            table.setflags(write=True)  # the frame is ours alone
-        return table
+        n_empty, n_idle = self._empty_lines_at_the_end()
+        n_tabs -= n_idle
+        table = np.empty((n_tabs // max(self.width - 1, 1) + n_empty, self.width))
+        n = 0
+        for frame in self._frames():
+            if any(kind.kind not in "iuf" for kind in frame.dtypes):
+                raise self._bad_row("text between the numbers")
+            if frame.shape[1] != self.width or n + len(frame) > len(table):
+                raise self._bad_row(f"rows of {frame.shape[1]} fields")
+            table[n : n + len(frame)] = frame
+            n += len(frame)
+        n -= n_empty
+        if not is_text or n_tabs != n * (self.width - 1) or np.isinf(largest(table[:n])):
+            raise self._bad_row(f"{n} rows with {n_tabs} tabs")
+        return table[:n]
 
-    def _frame(self) -> pd.DataFrame:
+    def _frames(self) -> Iterator[pd.DataFrame]:
         """Read by pandas, which finds the kind of each column faster than it obeys a given one."""
         import pandas as pd
 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is refused anyway
             try:
-                return pd.read_csv(
+                yield from pd.read_csv(
                     self.path,
                     sep="\t",
                     header=None,
@@ -76,9 +85,20 @@ class Rows:
                     keep_default_na=False,
                     quoting=QUOTE_NONE,
                     skipinitialspace=True,
+                    chunksize=ROWS,
                 )
             except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
                 raise self._bad_row(str(error)) from None
+
+    def _empty_lines_at_the_end(self) -> tuple[int, int]:
+        """Count the last lines that hold tabs and nothing else, and are no row, and their tabs."""
+        with self.path.open("rb") as file:
+            file.seek(max(self.offset, self.path.stat().st_size - BLOCK))
+            lines = file.read().splitlines()
+        empty = []
+        while lines and not lines[-1].strip() and lines[-1].count(b"\t") != self.width - 1:
+            empty.append(lines.pop().count(b"\t"))
+        return sum(map(bool, empty)), sum(empty)
 
     def line(self, row: int) -> str:
         """File and line of a row, for messages; rows count from 0."""

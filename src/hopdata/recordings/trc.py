@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -31,6 +32,7 @@ KEYS = (
     *("OrigDataRate", "OrigDataStartFrame", "OrigNumFrames"),
 )
 COUNTERS = ["Frame#", "Time"]
+_COUNTERS = (r"frames? ?#?", r"times?( ?\(s(ec)?\))?")
 _HEADER_LINES = 5  # file type, keys, values, marker names, axes; then perhaps an empty one
 
 
@@ -42,6 +44,7 @@ class _Header:
     values: dict[str, str]
     markers: tuple[str, ...]
     rows: Rows
+    remarks: tuple[str, ...] = ()
 
     def number(self, key: str) -> float | None:
         """Value of a key as a finite number; None if the key is absent."""
@@ -79,13 +82,6 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
         f"{path}, line 3: DataRate", stated=header.number("DataRate"), given=rate_hz
     )
     table = header.rows.numbers()
-    n_frames = header.number("NumFrames")
-    if n_frames is not None and n_frames != len(table):
-        cut = "; was the file cut short?" if len(table) < n_frames else ""
-        raise RecordingError(
-            f"{path}, line 3: NumFrames: expected {n_frames:g} frames as stated, "
-            f"found {len(table)} rows{cut}"
-        )
     require_counters(header.rows, table[:, :2], COUNTERS)
     n_columns = 2 + 3 * len(header.markers)
     positions = table[:, 2:n_columns].reshape(len(table), len(header.markers), 3)
@@ -98,7 +94,19 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
         rate,
         unit=unit or USUAL_UNIT,
         unit_is_stated=bool(unit),
-        remarks=remarks,
+        remarks=header.remarks + _frame_count(header, len(table)) + remarks,
+    )
+
+
+def _frame_count(header: _Header, n_rows: int) -> tuple[str, ...]:
+    """Remark on a stated number of frames that is not that of the rows."""
+    stated = header.number("NumFrames")
+    if stated is None or stated == n_rows:
+        return ()
+    cut = "; was the file cut short?" if n_rows < stated else ""
+    return (
+        f"{header.path}, line 3: NumFrames: expected {stated:g} frames as stated, found {n_rows} "
+        f"rows, which are taken{cut}",
     )
 
 
@@ -119,27 +127,35 @@ def _read_header(path: Path) -> _Header:
         raise RecordingError(
             f"{path}: expected a readable file, found: {error.strerror or error}"
         ) from None
-    if not lines or lines[0][0] != "PathFileType":
+    if not lines or re.split(r"[\s,;]", lines[0][0])[0] != "PathFileType":
         found = f"'{lines[0][0][:40]}'" if lines else "an empty file"
         raise RecordingError(f"{path}, line 1: expected PathFileType, found {found}")
     if not first:
         raise RecordingError(f"{path}: expected rows of numbers after the header, found none")
-    values, markers = _values(path, lines[1], lines[2]), _markers(path, lines[3])
-    _check_axes(path, lines[4], len(markers))
-    n_markers = _Header(path, values, markers, Rows(path, 0, 0, 0)).number("NumMarkers")
-    if n_markers is not None and n_markers != len(markers):
+    values, n_axes = _values(path, lines[1], lines[2]), _count_axes(path, lines[4])
+    names = _names(path, lines[3], n_axes)
+    stated = _Header(path, values, (), Rows(path, 0, 0, 0)).number("NumMarkers")
+    if stated == n_axes // 3:  # the last may have no name
+        names += [""] * (n_axes // 3 - len(names))
+    if stated is not None and stated != len(names):
         raise RecordingError(
-            f"{path}, line 4: expected {n_markers:g} marker names (NumMarkers), "
-            f"found {len(markers)}"
+            f"{path}, line 4: expected {stated:g} marker names (NumMarkers), found {len(names)}"
         )
-    width = 2 + 3 * len(markers)
+    markers, remarks = distinct_names(f"{path}, line 4", names, may_lack=True)
     fields = split_line(path, first)
-    width += int(len(fields) == width + 1 and not fields[-1])
-    return _Header(path, values, markers, Rows(path, len(lines), offset, width))
+    width = max(len(fields), 2 + 3 * len(markers))
+    unused = sum(map(bool, fields[2 + 3 * len(markers) :]))
+    if unused or n_axes > 3 * len(markers):
+        remarks += (
+            f"{path}: expected {3 * len(markers)} columns of {len(markers)} markers, found "
+            f"{max(n_axes, len(trimmed(fields)) - 2)}; the others are not read",
+        )
+    return _Header(path, values, markers, Rows(path, len(lines), offset, width), remarks)
 
 
 def _values(path: Path, keys: list[str], values: list[str]) -> dict[str, str]:
-    keys, values = trimmed(keys), trimmed(values)
+    known = {key.lower(): key for key in KEYS}
+    keys, values = [known.get(key.lower(), key) for key in trimmed(keys)], trimmed(values)
     for key in keys:
         if key not in KEYS:
             raise RecordingError(
@@ -154,35 +170,42 @@ def _values(path: Path, keys: list[str], values: list[str]) -> dict[str, str]:
     return dict(zip(keys, values, strict=True))
 
 
-def _markers(path: Path, fields: list[str]) -> tuple[str, ...]:
-    """Marker names, each in the first of its three columns."""
+def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
+    """Marker names, each in the first of its three columns, or all there in whatever columns."""
     place = f"{path}, line 4"
-    if fields[:2] != COUNTERS:
-        raise RecordingError(f"{place}: expected Frame# and Time, found {fields[:2]}")
-    named = trimmed(fields[2:])
-    for i, name in enumerate(named):
-        if bool(name) != (i % 3 == 0):
-            expected = f"the name of marker {i // 3 + 1}" if i % 3 == 0 else "nothing"
-            raise RecordingError(
-                f"{place}, column {i + 3}: expected {expected}, found '{name[:40]}'"
-            )
-    if not named:
+    if not (len(fields) > 1 and all(map(re.fullmatch, _COUNTERS, (f.lower() for f in fields[:2])))):
+        raise RecordingError(f"{place}: expected {' and '.join(COUNTERS)}, found {fields[:2]}")
+    cells = trimmed(fields[2:])
+    names = [name for name in cells if name]
+    astray = next((i for i, name in enumerate(cells) if name and i % 3), None)
+    if astray is None:
+        names = cells[::3]
+    elif 3 * len(names) != n_axes:
+        raise RecordingError(
+            f"{place}, column {astray + 3}: expected nothing, found '{cells[astray][:40]}'"
+        )
+    if not names:
         raise RecordingError(f"{place}: expected marker names, found none")
-    return distinct_names(place, named[::3])
+    if 3 * len(names) > n_axes:
+        raise RecordingError(
+            f"{path}, line 5: expected {3 * len(names)} axes (X, Y, Z of {len(names)} markers), "
+            f"found {n_axes}"
+        )
+    return names
 
 
-def _check_axes(path: Path, fields: list[str], n_markers: int) -> None:
+def _count_axes(path: Path, fields: list[str]) -> int:
     """Require the fifth line to say X1, Y1, Z1, X2 and so on."""
     found = [field for field in fields if field]
-    expected = [f"{axis}{i + 1}" for i in range(n_markers) for axis in "XYZ"]
-    for want, have in zip(expected, found, strict=False):
-        if want != have:
+    for i, have in enumerate(found):
+        want = f"{'XYZ'[i % 3]}{i // 3 + 1}"
+        if want != have.upper():
             raise RecordingError(f"{path}, line 5: expected '{want}', found '{have[:40]}'")
-    if len(found) != len(expected):
+    if len(found) % 3:
         raise RecordingError(
-            f"{path}, line 5: expected {len(expected)} axes (X, Y, Z of {n_markers} markers), "
-            f"found {len(found)}"
+            f"{path}, line 5: expected X, Y, Z of each marker, found {found[-1]} last"
         )
+    return len(found)
 
 
 def _unit(header: _Header) -> str:

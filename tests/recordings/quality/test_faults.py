@@ -1,5 +1,8 @@
 """Planted faults are found with their frame, and clean recordings show none."""
 
+import tracemalloc
+from time import process_time
+
 import numpy as np
 import pytest
 from made_up_hopper import (
@@ -195,3 +198,39 @@ def test_absurd_positions_are_measured_without_error_or_warning(kind):
     inspection = inspect_recording(raw)
     guess_roles(inspection)
     assert "7: hip1" in listing(inspection, "absurd")
+
+
+def test_one_frame_of_many_markers_costs_next_to_nothing():
+    positions = np.random.default_rng(0).uniform(-1, 1, (1, 138, 3))
+    raw = RawRecording(tuple(f"m{i}" for i in range(138)), np.zeros(1), positions, 100.0, "m")
+    begin = process_time()
+    found = inspect_recording(raw)
+    assert process_time() - begin < 2.0
+    assert found.faults.count == 0
+    assert found.clusters == ()  # one frame does not tell what keeps its distances
+
+
+def test_a_long_recording_is_inspected_in_little_more_memory_than_its_own():
+    tile = hopping(3, n_frames=2000)[1]
+    positions = np.tile(np.concatenate([tile, tile[::-1]]), (12, 3, 1))
+    time = np.arange(len(positions)) / 100.0
+    raw = RawRecording(tuple(f"m{i}" for i in range(21)), time, positions, 100.0, "m")
+    tracemalloc.start()
+    found = inspect_recording(raw)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 4.0 * positions.nbytes  # one is the result; some are of a bounded size
+    assert len(found.markers) == 21
+
+
+def test_a_swap_among_many_markers_of_one_rigid_body_is_found():
+    rng = np.random.default_rng(5)
+    hops = hopping(5)[1]
+    positions = hops[:, :1] + rng.uniform(-0.3, 0.3, (40, 3)) + rng.normal(0, 3e-4, (2000, 40, 3))
+    positions[700:750, [11, 30]] = np.nan
+    positions[750:900, [11, 30]] = positions[750:900, [30, 11]]
+    positions[900:980, [11, 30]] = np.nan  # too long for the tracks to tell
+    time, names = np.arange(2000) / 100.0, tuple(f"m{i}" for i in range(40))
+    (swap,) = inspect_recording(RawRecording(names, time, positions, 100.0, "m")).faults.swaps
+    assert (swap.markers, swap.start, swap.stop) == (("m11", "m30"), 750, 900)
+    assert "pair distances" in swap.found_by

@@ -16,6 +16,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 BETTER = 0.2  # the exchanged places must fit better than the own ones by this factor
+BLOCK = 10_000  # frames looked at together
 LONGEST_GAP_S = 0.5  # after a longer one nobody can tell where a marker should be
 
 
@@ -47,58 +48,69 @@ def exchanges(positions: FloatArray, missed: Surprises, *, rate_hz: float) -> li
     rate_hz : float
         Frame rate, Hz.
     """
-    is_seen = seen(positions)
-    back = np.zeros_like(is_seen)
-    back[1:] = is_seen[1:] & ~is_seen[:-1]
-    moved = back | missed.is_step
-    moved[1:] |= missed.is_spike[1:] != missed.is_spike[:-1]
-    with np.errstate(invalid="ignore"):
-        moved |= _steps_beside_gaps(positions, is_seen, missed.limit)
-    last = _last_seen(is_seen)
+    is_seen, is_spike = seen(positions), missed.is_spike
+    moved = missed.is_step
+    moved[1:] |= is_seen[1:] & ~is_seen[:-1]
+    moved[1:] |= is_spike[1:] != is_spike[:-1]
+    moved |= _steps_beside_gaps(positions, is_seen, missed.limit)
+    moved &= is_seen
     longest = max(1, round(LONGEST_GAP_S * rate_hz))
+    frames = np.flatnonzero(np.count_nonzero(moved, axis=1) > 1)
+    last = _last_seen(is_seen, frames)
     found: list[Exchange] = []
-    for frame in np.flatnonzero(moved.any(axis=1)):
-        for cycle in _cycles_at(int(frame), positions, moved, last, missed.limit, longest):
-            found.append(Exchange(cycle, int(frame)))
+    for begin in range(0, len(frames), BLOCK):
+        at, ends = frames[begin : begin + BLOCK], last[begin : begin + BLOCK]
+        taking = moved[at] & (ends >= 0) & (at[:, None] - ends <= longest)
+        way = positions[at] - positions[ends, np.arange(ends.shape[1])]
+        far = taking & (np.linalg.norm(way, axis=2) > missed.limit)
+        for k in np.flatnonzero(np.count_nonzero(far, axis=1) > 1):  # else all are at home
+            for cycle in _cycles_at(int(at[k]), positions, taking[k], ends[k], missed.limit):
+                found.append(Exchange(cycle, int(at[k])))
     return found
 
 
 def _steps_beside_gaps(positions: FloatArray, is_seen: BoolArray, limit: FloatArray) -> BoolArray:
     """Find steps (N, M) where the three frames that a parabola needs are not seen on one side."""
-    steps = np.zeros_like(is_seen)
-    steps[2:] = np.linalg.norm(np.diff(positions, 2, axis=0), axis=2) > 2 * limit
     whole = is_seen.copy()
     for shift in range(1, 4):
         whole[shift:] &= is_seen[:-shift]
         whole[:-shift] &= is_seen[shift:]
     whole[:3] = whole[-3:] = False
-    return steps & ~whole
+    steps = np.zeros_like(is_seen)
+    for m, track in enumerate(np.moveaxis(positions, 1, 0)):
+        beside = np.flatnonzero(~whole[2:, m] & is_seen[2:, m])
+        bend = np.diff([track[beside + k] for k in range(3)], 2, axis=0)[0]
+        steps[2 + beside, m] = np.linalg.norm(bend, axis=1) > 2 * limit[m]
+    return steps
 
 
-def _last_seen(is_seen: BoolArray) -> IntArray:
-    """Frame at which each marker was last seen before each frame, (N, M); -1 if never."""
-    number = np.where(is_seen, np.arange(len(is_seen))[:, None], -1)
-    last = np.full(is_seen.shape, -1, dtype=np.int64)
-    last[1:] = np.maximum.accumulate(number, axis=0)[:-1]
+def _last_seen(is_seen: BoolArray, frames: IntArray) -> IntArray:
+    """Frame at which each marker was last seen before each of the frames (K,), (K, M); -1: never.
+
+    The first frame has none before it.
+    """
+    last = np.full((len(frames), is_seen.shape[1]), -1, dtype=np.int64)
+    later = frames > 0
+    for m in range(is_seen.shape[1]):
+        number = np.where(is_seen[:, m], np.arange(len(is_seen)), -1)
+        last[later, m] = np.maximum.accumulate(number)[frames[later] - 1]
     return last
 
 
 def _cycles_at(
     frame: int,
     positions: FloatArray,
-    moved: BoolArray,
+    is_taking: BoolArray,
     last: IntArray,
     limit: FloatArray,
-    longest: int,
 ) -> Iterator[tuple[int, ...]]:
-    """Yield the circles of markers that fit one another's tracks at a frame."""
+    """Yield the circles of markers that fit one another's tracks at a frame.
+
+    Those that may take a track over (M,) were last seen in the frames `last` (M,).
+    """
     from scipy.optimize import linear_sum_assignment
 
-    present = np.isfinite(positions[frame, :, 0])
-    recent = (last[frame] >= 0) & (frame - last[frame] <= longest)
-    taking = np.flatnonzero(moved[frame] & present & recent)
-    if len(taking) < 2:
-        return
+    taking = np.flatnonzero(is_taking)
     cost = _misses(frame, positions, taking, last)
     rows, columns = linear_sum_assignment(cost)
     own = np.diag(cost)
@@ -118,7 +130,7 @@ def _misses(frame: int, positions: FloatArray, taking: IntArray, last: IntArray)
     that were seen at both ends of a gap: whatever fits best, in the same way for all pairs.
     """
     here = positions[frame, taking]
-    ends = last[frame, taking]
+    ends = last[taking]
     place = positions[ends, taking]
     steps = (frame - ends)[:, None]
     before = np.where(ends[:, None] > 0, place - positions[ends - 1, taking], np.nan) * steps
@@ -126,7 +138,8 @@ def _misses(frame: int, positions: FloatArray, taking: IntArray, last: IntArray)
     if frame + 1 < len(positions):
         after = positions[frame + 1, taking] - here
     still = np.zeros_like(place)
-    common = np.stack([_common_move(positions, int(end), frame, taking) for end in ends])
+    moves = {end: _common_move(positions, end, frame, taking) for end in set(ends.tolist())}
+    common = np.stack([moves[end] for end in ends.tolist()])
     guesses = [
         place[None] + still[None],
         place[None] + before[None],

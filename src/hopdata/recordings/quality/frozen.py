@@ -45,11 +45,11 @@ def frozen_markers(positions: FloatArray, markers: tuple[str, ...]) -> tuple[Fro
     markers : tuple of str
         The M names.
     """
-    repeats = np.all(np.diff(positions, axis=0) == 0, axis=2)
+    n_tests = max(len(positions) - 1, 0) * len(markers)
     found = []
     for m, name in enumerate(markers):
-        stretches = runs(repeats[:, m])
-        for start, stop in stretches[_too_long(stretches, repeats.size)]:
+        stretches = runs(np.all(np.diff(positions[:, m], axis=0) == 0, axis=1))
+        for start, stop in stretches[_too_long(stretches, n_tests)]:
             found.append(Frozen(name, int(start), int(stop) + 1))
     return tuple(found)
 

@@ -53,7 +53,8 @@ class MarkerGaps:
 
 def seen(positions: FloatArray) -> NDArray[np.bool_]:
     """Tell in which frames each marker of (N, M, 3) positions was seen, (N, M)."""
-    return np.asarray(np.isfinite(positions).all(axis=2))
+    x, y, z = np.moveaxis(np.isfinite(positions), 2, 0)  # faster than `all` along a short axis
+    return np.asarray(x & y & z)
 
 
 def marker_gaps(positions: FloatArray, markers: tuple[str, ...]) -> tuple[MarkerGaps, ...]:

@@ -158,8 +158,7 @@ def _inspected(
 ) -> Inspection:
     progress("looking for free fall, to find the unit and the vertical axis")
     unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up)
-    positions = rotate_up(raw.positions * UNITS_IN_M[unit_guess.value], up_guess.value)
-    positions[np.isinf(positions)] = np.nan
+    positions = _turned(raw.positions, UNITS_IN_M[unit_guess.value], up_guess.value)
     progress("measuring distances between markers")
     noise = frame_noise(positions)
     pairs = pair_distances(positions)
@@ -189,6 +188,18 @@ def _inspected(
         raw.markers, raw.time, positions, raw.rate_hz, unit_guess, up_guess, gaps,
         timing, pairs, clusters, noise, faults,
     )  # fmt: skip
+
+
+def _turned(positions: FloatArray, metres: float, up: str) -> FloatArray:
+    """Return (N, M, 3) positions in m and z up, NaN for what is infinite.
+
+    In memory one marker follows the other, since that is how the checks go through them.
+    """
+    tracks = np.empty((positions.shape[1], len(positions), 3))
+    for m, track in enumerate(tracks):
+        track[:] = rotate_up(positions[:, m] * metres, up)
+        track[np.isinf(track)] = np.nan
+    return np.moveaxis(tracks, 0, 1)
 
 
 def _told_elsewhere(

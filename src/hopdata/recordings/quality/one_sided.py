@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 
 LONGEST_SPIKE = 3  # frames
 # A miss is gross above the marker's own 99.9 % quantile, the more so the heavier its tail (quantile
 # over 99 % quantile): noise has a light one, hard impacts a heavy one. All in units of quantiles.
 OF_MEDIAN, OF_99, OF_999, TAIL_POWER = 5.0, 10.0, 3.0, 4
 LEAST_M = 0.005
+MOST_FRAMES = 200_000  # of a longer recording, evenly spaced, what is usual is measured
+AHEAD = (1.0, 3.0, 6.0)  # a parabola's miss one to three frames ahead, in third differences
 # The middle of three frames that are off seems twice as far off by itself, so a longer excursion
 # goes before a shorter one within it from this share of its size on.
 OF_SHORTER = 0.4
@@ -52,47 +55,88 @@ class Surprises:
     ----------
     spikes : tuple of Excursion
         Those that no larger one beside them explains.
-    step : (N, M) array
-        Miss that the step from the frame before makes, seen from both sides, m; 0 where the sides
-        do not agree, NaN where one is not seen.
+    steps : tuple of Excursion
+        Gross steps from the frame before, as both sides see them; `stop` is the frame after.
     limit : (M,) array
         Above this a step is gross for the marker, m.
+    n_frames : int
+        Frames of the recording.
     """
 
     spikes: tuple[Excursion, ...]
-    step: FloatArray
+    steps: tuple[Excursion, ...]
     limit: FloatArray
+    n_frames: int
 
     @property
     def is_step(self) -> BoolArray:
         """Where a marker makes a gross step from the frame before, (N, M)."""
-        return np.asarray(np.nan_to_num(self.step) > self.limit)
+        return self._mask(self.steps)
 
     @property
     def is_spike(self) -> BoolArray:
         """Where a marker is in a spike, (N, M)."""
-        mask = np.zeros(self.step.shape, dtype=bool)
-        for spike in self.spikes:
-            mask[spike.start : spike.stop, spike.marker] = True
+        return self._mask(self.spikes)
+
+    def _mask(self, excursions: tuple[Excursion, ...]) -> BoolArray:
+        mask = np.zeros((self.n_frames, len(self.limit)), dtype=bool)
+        for e in excursions:
+            mask[e.start : e.stop, e.marker] = True
         return mask
 
 
 def surprises(positions: FloatArray) -> Surprises:
     """Compare (N, M, 3) positions, m, with parabolas through three frames on either side."""
-    limit = np.full(positions.shape[1], np.inf)
+    n_frames, n_markers = positions.shape[:2]
+    limit = np.full(n_markers, np.inf)
+    spikes: list[Excursion] = []
+    steps: list[Excursion] = []
+    for m in range(n_markers):
+        third = np.diff(positions[:, m], 3, axis=0)  # [k]: frame k + 3 less the three before
+        if len(third) > 3:
+            found, limit[m] = _spikes(third, m)
+            spikes += found
+            steps += _steps(third, m, limit[m])
+    return Surprises(_separate(spikes, (n_frames, n_markers)), _in_order(steps), limit, n_frames)
+
+
+def _spikes(third: FloatArray, m: int) -> tuple[list[Excursion], float]:
+    """Excursions of one marker by its third differences (N - 3, 3), and its limit for one frame.
+
+    An excursion is no larger than the miss of its first frame by the left side, so only frames
+    with a gross one are looked at. The limits are those of at most `MOST_FRAMES` frames.
+    """
+    n_frames = len(third) + 3
+    gross = np.flatnonzero(_length(third) >= LEAST_M) + 3
+    usual = np.arange(3, n_frames - 3, -(-n_frames // MOST_FRAMES))
+    around, around_usual = _around(third, gross), _around(third, usual)
+    covered = np.zeros(n_frames)  # sizes of longer excursions
     found: list[Excursion] = []
-    covered = np.zeros(positions.shape[:2])  # sizes of longer excursions
+    limit = np.inf
     for length in range(LONGEST_SPIKE, 0, -1):
-        off = _excursions(positions, length)
-        limit = _limits(off)
-        for start, m in np.argwhere(np.nan_to_num(off) > limit).tolist():
-            size, stop = float(off[start, m]), start + length
-            if covered[start:stop, m].min() < OF_SHORTER * size:
-                found.append(Excursion(m, start, stop, size))
+        last = n_frames - length - 3
+        limit = _limit(_excursions(around_usual[:, usual <= last], length))
+        sizes = _excursions(around[:, gross <= last], length)
+        for k in np.flatnonzero(sizes > limit).tolist():
+            start, size = int(gross[k]), float(sizes[k])
+            if covered[start : start + length].min() < OF_SHORTER * size:
+                found.append(Excursion(m, start, start + length, size))
         for e in found:
-            column = covered[e.start : e.stop, e.marker]
-            np.maximum(column, e.size, out=column)
-    return Surprises(_separate(found, positions.shape), _steps(positions), limit)
+            np.maximum(covered[e.start : e.stop], e.size, out=covered[e.start : e.stop])
+    return found, limit
+
+
+def _around(third: FloatArray, frames: IntArray) -> FloatArray:
+    """Third differences that judge up to three frames from each of the given ones (K,) on.
+
+    (6, K, 3): as seen from the left, then from the right.
+    """
+    places = frames + np.arange(-LONGEST_SPIKE, LONGEST_SPIKE)[:, None]
+    return third[np.minimum(places, len(third) - 1)]
+
+
+def _in_order(excursions: list[Excursion]) -> tuple[Excursion, ...]:
+    return tuple(sorted(excursions, key=lambda e: (e.start, e.marker)))
 
 
 def _separate(found: list[Excursion], shape: tuple[int, ...]) -> tuple[Excursion, ...]:
@@ -103,63 +147,52 @@ def _separate(found: list[Excursion], shape: tuple[int, ...]) -> tuple[Excursion
         if not taken[max(0, spike.start - 3) : spike.stop + 3, spike.marker].any():
             taken[spike.start : spike.stop, spike.marker] = True
             kept.append(spike)
-    return tuple(sorted(kept, key=lambda e: (e.start, e.marker)))
+    return _in_order(kept)
 
 
-def _excursions(positions: FloatArray, length: int) -> FloatArray:
-    """How far `length` frames in a row are off, by both sides; (K, M), least of the frames.
+def _excursions(around: FloatArray, length: int) -> FloatArray:
+    """How far `length` frames in a row are off, by both sides; (6, K, 3) to (K,).
 
-    Row k is that of the frames from k on; NaN for the first three, which have no left side.
+    The least of the frames. A parabola through three frames misses the one after them by a third
+    difference, and later ones by sums of these with the weights 1, 3, 6.
     """
-    n = len(positions) - length - 6
-    if n < 0:
-        return np.full((0, positions.shape[1]), np.nan)
-    off = np.full((n + 4, positions.shape[1]), np.nan)
-    before = [positions[2 - i : 2 - i + n + 1] for i in range(3)]
-    after = [positions[3 + length + i : 3 + length + i + n + 1] for i in range(3)]
-    least = np.full((n + 1, positions.shape[1]), np.inf)
+    before, after = around[:length], around[LONGEST_SPIKE : LONGEST_SPIKE + length]
+    least = np.full(around.shape[1], np.inf)
     for k in range(length):
-        here = positions[3 + k : 3 + k + n + 1]
-        from_left = here - _ahead(before, k + 1)
-        from_right = here - _ahead(after, length - k)
-        least = np.minimum(least, _agreed(from_left, from_right))
-    off[3:] = least
-    return off
+        from_left = sum(w * t for w, t in zip(AHEAD, before[k::-1], strict=False))
+        from_right = sum(-w * t for w, t in zip(AHEAD, after[k:], strict=False))
+        least = np.minimum(least, _agreed(np.asarray(from_left), np.asarray(from_right)))
+    return least
 
 
-def _ahead(frames: list[FloatArray], distance: int) -> FloatArray:
-    """Parabola through three frames, the nearest first, taken so many frames further."""
-    d = float(distance)
-    nearest, middle, farthest = frames
-    return (d + 1) * (d + 2) / 2 * nearest - d * (d + 2) * middle + d * (d + 1) / 2 * farthest
+def _steps(third: FloatArray, m: int, limit: float) -> list[Excursion]:
+    """Gross steps of one marker, as both sides see them."""
+    frames = 3 + np.flatnonzero(_length(third[:-2]) >= limit)
+    sizes = _agreed(third[frames - 3], third[frames - 1])
+    gross = sizes > limit
+    return [
+        Excursion(m, frame, frame + 1, size)
+        for frame, size in zip(frames[gross].tolist(), sizes[gross].tolist(), strict=True)
+    ]
 
 
-def _steps(positions: FloatArray) -> FloatArray:
-    """Step into each frame, as both sides see it, (N, M)."""
-    step = np.full(positions.shape[:2], np.nan)
-    if len(positions) > 3:
-        a, b, c, d = (positions[i : len(positions) - 3 + i] for i in range(4))
-        third = d - 3 * c + 3 * b - a  # miss of d by the left, and less that of a by the right
-        step[3:-2] = _agreed(third[:-2], third[2:])
-    return step
+def _length(vectors: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.einsum("...i,...i->...", vectors, vectors)))
 
 
 def _agreed(one: FloatArray, other: FloatArray) -> FloatArray:
     """Return the smaller of two vectors' lengths, 0 where they point apart; (..., 3) to (...)."""
-    squares = [np.einsum("...i,...i->...", vector, vector) for vector in (one, other)]
-    length: FloatArray = np.sqrt(np.minimum(*squares))
+    length = np.minimum(_length(one), _length(other))
     along = np.einsum("...i,...i->...", one, other)
     return np.where(along > 0, length, 0.0 * length)
 
 
-def _limits(off: FloatArray) -> FloatArray:
-    """Limit of each marker, (M,), m; infinite for one that is never seen on both sides."""
-    limits = np.full(off.shape[1], np.inf)
-    for m, values in enumerate(off.T):
-        values = values[np.isfinite(values)]
-        if len(values):
-            middle = np.median(values[values > 0]) if np.any(values > 0) else 0.0
-            q99, q999 = np.quantile(values, [0.99, 0.999])
-            tail = min(OF_999, (q999 / max(q99, 1e-12)) ** TAIL_POWER)
-            limits[m] = max(LEAST_M, OF_MEDIAN * middle, min(OF_99 * q99, tail * q999))
-    return limits
+def _limit(off: FloatArray) -> float:
+    """Limit of a marker, m, by how far it usually is off (K,); infinite if it is never seen."""
+    values = off[np.isfinite(off)]
+    if not len(values):
+        return np.inf
+    middle = np.median(values[values > 0]) if np.any(values > 0) else 0.0
+    q99, q999 = np.quantile(values, [0.99, 0.999])
+    tail = min(OF_999, (q999 / max(q99, 1e-12)) ** TAIL_POWER)
+    return float(max(LEAST_M, OF_MEDIAN * middle, min(OF_99 * q99, tail * q999)))

@@ -19,6 +19,7 @@ WINDOW_S = 0.04
 LEAST_REST_S = 0.03
 FLAT = 0.05  # of the range of heights: the lowest tenth of the frames of a foot spans less
 CLEARER = 2.0
+MOST_FRAMES = 200_000  # of a longer recording, evenly spaced
 ONE_M = 1e-5  # no camera system is so exact: heights whose difference varies by less are copies
 
 
@@ -103,6 +104,7 @@ def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
         for this direction and for the next best.
     """
     found: dict[str, float] = {}
+    positions = positions[:: max(1, -(-len(positions) // MOST_FRAMES))]
     for axis, name in enumerate("xyz"):
         for sign in (1, -1):
             low, tenth, high = _quantiles(sign * positions[:, :, axis], [0.01, 0.1, 0.99])

@@ -78,8 +78,8 @@ def find_jumps(
     for _ in range(LONGEST_SPIKE):
         near_spike[1:] |= near_spike[:-1].copy()
         near_spike[:-1] |= near_spike[1:].copy()
-    gross = missed.is_step & ~explained & ~near_spike
     return tuple(
-        Jump(markers[m], int(frame), float(missed.step[frame, m]))
-        for frame, m in np.argwhere(gross)
+        Jump(markers[e.marker], e.start, e.size)
+        for e in missed.steps
+        if not (explained[e.start, e.marker] or near_spike[e.start, e.marker])
     )
