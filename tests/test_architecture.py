@@ -8,7 +8,7 @@ import pytest
 import hopdata
 
 PACKAGE = Path(hopdata.__file__).parent
-SHARED = {"errors", "gravity", "jobs"}
+SHARED = {"blas", "errors", "gravity", "jobs"}
 MAY_USE = {
     "hybrid": set(),
     "scenes": {"hybrid"},
