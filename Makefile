@@ -68,36 +68,40 @@ $(VENV)/pyvenv.cfg:
 	@if command -v uv >/dev/null 2>&1; then uv venv --quiet --clear --python "$(PYTHON)" $(VENV); \
 	else "$(PYTHON)" -m venv --clear $(VENV); fi
 
-# One recipe for all environments: $(1) is the lock file. Versions agree, so they share a folder.
+# One recipe for all environments: $(1) is the lock file. Versions agree, so they share a folder. What
+# builds comes first, from a lock of its own: an isolated build would fetch what no lock holds.
 define install
 	@if command -v uv >/dev/null 2>&1; then \
-	  uv pip install --quiet --compile-bytecode --python $(BIN)/python --require-hashes -r $(1) && \
-	  uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation -e .; \
+	  pip="uv pip install --quiet --compile-bytecode --python $(BIN)/python"; \
 	else \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(1) && \
-	  $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .; \
-	fi
+	  pip="$(BIN)/python -m pip install --quiet --disable-pip-version-check"; \
+	fi; \
+	$$pip --require-hashes --only-binary :all: -r requirements-build.lock && \
+	$$pip --require-hashes --no-build-isolation -r $(1) && \
+	$$pip --no-deps --no-build-isolation -e .
 	@touch $@
 endef
 
-$(VENV)/.run: requirements.lock pyproject.toml | $(VENV)/pyvenv.cfg
+$(VENV)/.run: requirements.lock requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "Preparing $(VENV) from requirements.lock"
 	$(call install,requirements.lock)
 
-$(VENV)/.dev: requirements-dev.lock pyproject.toml | $(VENV)/pyvenv.cfg
+$(VENV)/.dev: requirements-dev.lock requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "Preparing $(VENV) from requirements-dev.lock"
 	$(call install,requirements-dev.lock)
 
 # The libraries that the benchmarks compare with are many and large: nothing else needs them.
-$(VENV)/.bench: requirements-bench.lock pyproject.toml | $(VENV)/pyvenv.cfg
+$(VENV)/.bench: requirements-bench.lock requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "Preparing $(VENV) from requirements-bench.lock"
 	$(call install,requirements-bench.lock)
 
 LOCK := uv pip compile --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --no-emit-index-url
 lock:
-	echo "flit-core>=3.11,<5" | $(LOCK) pyproject.toml - -o requirements.lock
-	echo "flit-core>=3.11,<5" | $(LOCK) pyproject.toml - --extra test --extra lint -c requirements.lock -o requirements-dev.lock
-	echo "flit-core>=3.11,<5" | $(LOCK) pyproject.toml - --extra bench -c requirements-dev.lock -o requirements-bench.lock
+	$(LOCK) pyproject.toml -o requirements.lock
+	$(LOCK) pyproject.toml --extra test --extra lint -c requirements.lock -o requirements-dev.lock
+	$(LOCK) pyproject.toml --extra bench -c requirements-dev.lock -o requirements-bench.lock
+# What builds hopdata, and connection-pool of Snakemake, which is published as source only.
+	printf 'flit-core>=3.11,<5\nsetuptools\n' | $(LOCK) - -o requirements-build.lock
 
 clean:
 	rm -rf $(VENV) results .snakemake .pytest_cache .mypy_cache .ruff_cache

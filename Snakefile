@@ -15,8 +15,8 @@ if not workflow.overwrite_configfiles:
 
 
 # The base image to build on with `--software-deployment-method apptainer` (hopdata must be installed
-# in it: `pip install --require-hashes -r requirements.lock && pip install --no-deps .`). Without that
-# option, which is the default, the active environment is used and this line does nothing.
+# in it, by the three steps of the Makefile). Without that option, which is the default, the active
+# environment is used and this line does nothing.
 container: "docker://python:3.13-slim"
 
 
@@ -32,14 +32,15 @@ include: "workflow/rules/comparison.smk"
 
 
 onstart:
+    # Scripts that Snakemake wrote out for jobs of a run that was killed; a run beside this one may
+    # be at work with its own.
+    if len(list(Path(".snakemake/locks").glob("*.output.lock"))) == 1:
+        for left in Path(".snakemake/scripts").glob("tmp*"):
+            left.unlink(missing_ok=True)
     # The limit of starts in time is meant for clusters: here it lets each run wait a second more,
     # and there is no option without it.
     if getattr(workflow, "local_exec", False) and hasattr(workflow, "scheduler"):
         workflow.scheduler.job_rate_limiter = None
-
-
-localrules:
-    all,
 
 
 rule all:

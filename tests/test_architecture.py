@@ -8,7 +8,7 @@ import pytest
 import hopdata
 
 PACKAGE = Path(hopdata.__file__).parent
-SHARED = {"code_cache", "errors", "gravity", "jobs"}
+SHARED = {"blas", "code_cache", "errors", "gravity", "jobs"}
 MAY_USE = {
     "hybrid": set(),
     "scenes": {"hybrid"},

@@ -50,6 +50,14 @@ def test_late_instants_keep_their_digits(tmp_path):
     assert (tmp_path / "a.csv").read_text().splitlines()[1].endswith(",3333.33333")
 
 
+def test_what_a_killed_process_left_of_a_file_is_removed(tmp_path):
+    other = tmp_path / ".table.csv.bak.7.part"
+    for left in (tmp_path / ".table[1].csv.12345.part", other):
+        left.touch()
+    write_json(tmp_path / "table[1].csv", {})
+    assert sorted(tmp_path.iterdir()) == sorted([other, tmp_path / "table[1].csv"])
+
+
 def test_a_file_is_whole_or_not_there(tmp_path):
     target = tmp_path / "table.csv"
     target.write_text("old")

@@ -1,4 +1,5 @@
 import hashlib
+import os
 
 import pytest
 from fake_tables import (
@@ -50,6 +51,21 @@ def test_other_data_give_other_bytes(tmp_path):
     one = save_figure(prediction_figure(prediction_summary(), units()), tmp_path / "one")
     two = save_figure(prediction_figure(prediction_summary(("all",)), units()), tmp_path / "two")
     assert one[0].read_bytes() != two[0].read_bytes()
+
+
+def test_nothing_stays_of_a_process_that_was_killed_while_it_saved(tmp_path, monkeypatch):
+    def killed(self, draft, **options):
+        draft.write_bytes(b"half")
+        os._exit(9)
+
+    figure = draw("prediction")
+    if not (child := os.fork()):
+        monkeypatch.setattr(Figure, "savefig", killed)
+        save_figure(figure, tmp_path / "fig")
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+    assert len(list(tmp_path.iterdir())) == 1
+    files = save_figure(figure, tmp_path / "fig")
+    assert sorted(tmp_path.iterdir()) == sorted(files)
 
 
 def test_files_formats_and_resolution(tmp_path):

@@ -36,8 +36,9 @@ def copy_checkout(target):
 
 def snakemake(folder, *arguments, cores=2):
     environment = {**os.environ, "PYTHONPATH": str(folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+    here = [] if cores is None else ["--cores", str(cores)]
     return subprocess.run(
-        [sys.executable, "-m", "snakemake", "--cores", str(cores), *arguments],
+        [sys.executable, "-m", "snakemake", *here, *arguments],
         cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=600,
     )  # fmt: skip
 

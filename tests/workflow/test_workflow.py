@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+import yaml
 from checkouts import FIGURES, ROOT, copy_checkout, edit_config, planned_rules, snakemake
 
 from hopdata.recordings.hdf5 import read_truth
@@ -264,3 +266,58 @@ def test_a_file_where_the_results_belong_is_told_at_once(tmp_path, taken):
     assert run.returncode == 1
     assert f"hopdata: error: {taken}: expected a folder for the results, found a file" in run.stderr
     assert "Traceback" not in run.stderr
+
+
+MODULE = """
+configfile: "landing.yaml"
+
+module hopdata:
+    snakefile: {snakefile!r}
+    config: config["landing"]
+
+use rule * from hopdata as landing_*
+
+rule everything:
+    default_target: True
+    input: rules.landing_all.input
+"""
+
+
+def test_as_a_module_of_another_workflow_on_a_machine_that_is_not_here(tmp_path):
+    """All is planned from another folder; the job is submitted, as to a cluster."""
+    config = yaml.safe_load((ROOT / "config/config.yaml").read_text())
+    config["recordings"][0]["file"] = str(ROOT / config["recordings"][0]["file"])
+    (tmp_path / "landing.yaml").write_text(yaml.safe_dump({"landing": config}))
+    (tmp_path / "Snakefile").write_text(MODULE.format(snakefile=str(ROOT / "Snakefile")))
+    run = snakemake(
+        tmp_path, "--executor", "cluster-generic", "--cluster-generic-submit-cmd", "bash",
+        "--jobs", "1", "--until", "landing_import_recording", cores=None,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert (tmp_path / "results/sample/recordings/hopper.h5").is_file()
+
+
+def test_after_a_kill_the_next_run_says_how_to_unlock_and_leaves_nothing(sample):
+    figure = "results/sample/figures/fig2_3_schedule.svg"
+    before = (sample / figure).read_bytes()
+    (sample / figure).unlink()
+    lock = sample / ".snakemake/locks/0.output.lock"
+    left = [
+        sample / "results/sample/figures/.fig2_3_schedule.svg.123.part",
+        sample / ".snakemake/scripts/tmp123.figure_schedule.py",
+    ]
+    lock.write_text(f"{figure}\n")
+    for path in left:
+        path.touch()
+    run = snakemake(sample, figure)
+    assert run.returncode == 1
+    said = next(line for line in run.stderr.splitlines() if line.startswith("hopdata: "))
+    unlock = shlex.split(said.split("no other runs: ")[1])
+    assert unlock[-1] == "--unlock"
+    assert subprocess.run(unlock, cwd=sample, check=False, timeout=120).returncode == 0
+    assert not lock.exists()
+    run = snakemake(sample, figure)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert not any(path.exists() for path in left)
+    assert (sample / figure).read_bytes() == before
+    assert "hopdata: " not in run.stderr

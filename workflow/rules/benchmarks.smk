@@ -80,11 +80,12 @@ for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES, **REAL_TIME_RUN
             beside=[f"{BENCHMARKS}/{table}" for table in tables[1:]],
         log:
             f"{BENCHMARKS}/{program}.log",
-        # Timings want the machine to themselves: one at a time, whatever --cores says.
-        threads: workflow.cores
+        # Timings want a machine to themselves, and one for all: this one, whose cores they take.
+        localrule: True
+        threads: os.cpu_count()
         params:
             python=sys.executable,
-            program=f"benchmarks/{program}.py",
+            program=f"{PROGRAMS}/{program}.py",
             # Not of `input`: what depends on inputs is no reason for Snakemake to run a rule again.
             code=lambda wildcards, program=program: [code_digest(one) for one in sources(program)],
         shell:

@@ -1,5 +1,6 @@
 import os
 import re
+import shlex
 import sys
 from pathlib import Path
 
@@ -28,6 +29,19 @@ for folder in ("results", RESULTS):
             f"hopdata: error: {folder}: expected a folder for the results, found a file; move it "
             "away, or give the study another name"
         )
+# Snakemake refuses a locked folder, and does not say with which command it is unlocked.
+if (
+    workflow.is_main_process
+    and "--unlock" not in sys.argv
+    and any(Path(".snakemake/locks").glob("*.output.lock"))
+):
+    is_module = sys.argv[0].endswith("__main__.py")
+    program = [sys.executable, "-m", "snakemake"] if is_module else sys.argv[:1]
+    print(
+        "hopdata: .snakemake/locks: another run is at work in this folder, or one was killed; if "
+        f"Snakemake refuses to start and no other runs: {shlex.join([*program, *sys.argv[1:]])} --unlock",
+        file=sys.stderr,
+    )
 STEERING = f"{RESULTS}/steering"
 SOURCES = {entry["name"]: files_of(entry) for entry in STUDY["recordings"]}
 RECORDINGS = list(SOURCES)
@@ -70,12 +84,15 @@ FIGURE_NAMES = [
     *(["contact_overlay"] if EXTERNAL else []),
 ]
 FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
-SCRIPTS = Path(workflow.basedir) / "workflow" / "scripts"
-PROGRAMS = Path("benchmarks")
-# Relative, so that a study may be run in another folder (`--directory`) and a checkout may be moved.
-CAPTIONS = os.path.relpath(Path(workflow.basedir) / "workflow" / "captions")
-STRESS_SUITE = Path("tests/hybrid")  # one of the benchmarks runs it
-DAMAGE_SUITE = Path("tests/recordings")  # and another this
+# Of this file, not of the Snakefile, which is another's where this workflow is a module. Relative, so
+# that a study may be run in another folder (`--directory`) and a checkout may be moved.
+HERE = Path(workflow.current_basedir.get_path_or_uri(secret_free=True))
+CHECKOUT = Path(os.path.relpath(HERE.parents[1]))
+SCRIPTS = CHECKOUT / "workflow" / "scripts"
+CAPTIONS = CHECKOUT / "workflow" / "captions"
+PROGRAMS = CHECKOUT / "benchmarks"
+STRESS_SUITE = CHECKOUT / "tests" / "hybrid"  # one of the benchmarks runs it
+DAMAGE_SUITE = CHECKOUT / "tests" / "recordings"  # and another this
 
 
 wildcard_constraints:

@@ -71,7 +71,7 @@ rule distances:
     benchmark:
         f"{RESULTS}/benchmarks/distances.tsv"
     priority: 1  # more waits for it than for a figure
-    threads: workflow.cores if STUDY["distances"]["all_pairs"] else 1
+    threads: 4 if STUDY["distances"]["all_pairs"] else 1
     params:
         options={k: v for k, v in STUDY["distances"].items() if k != "sensitivity"},
         seed=STUDY["seed"],
@@ -154,7 +154,7 @@ rule scaling_study:
         f"{RESULTS}/logs/scaling_study.log",
     benchmark:
         f"{RESULTS}/benchmarks/scaling_study.tsv"
-    threads: workflow.cores
+    threads: 4
     params:
         options=STUDY["scaling_study"],
         markers=STUDY["markers"],

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hopdata.errors import ConfigError, did_you_mean
 from hopdata.figures.style import style_context
+from hopdata.jobs import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,16 +56,12 @@ def save_figure(
     """
     _check(formats, dpi)
     base = Path(path)
-    base.parent.mkdir(parents=True, exist_ok=True)
     targets = tuple(base.with_name(f"{base.name}.{suffix}") for suffix in formats)
-    with tempfile.TemporaryDirectory(dir=base.parent, prefix=f".{base.name}-") as folder:
-        drafts = [Path(folder) / target.name for target in targets]
-        with style_context(), _laid_out(figure):
-            for draft, suffix in zip(drafts, formats, strict=True):
-                metadata: dict[str, Any] = dict(METADATA[suffix])
-                figure.savefig(draft, format=suffix, dpi=dpi, metadata=metadata)
-        for draft, target in zip(drafts, targets, strict=True):
-            os.replace(draft, target)
+    with ExitStack() as whole, style_context(), _laid_out(figure):
+        for target, suffix in zip(targets, formats, strict=True):
+            draft = whole.enter_context(whole_file(target))
+            metadata: dict[str, Any] = dict(METADATA[suffix])
+            figure.savefig(draft, format=suffix, dpi=dpi, metadata=metadata)
     return targets
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import chosen
 from hopdata.landings.cubic_filling import cubic_places
 from hopdata.landings.rigid_filling import learn_shape, rigid_places
@@ -26,6 +27,7 @@ REACH_S = max(WINDOWS_S)  # about the sections: frames that states may be fitted
 TOO_MUCH_FILLED = "too much of the body filled in"
 
 
+@one_blas_thread()
 def fill_gaps(recording: Recording, *, longest_s: float = 0.1, method: str = "rigid") -> Recording:
     """Fill short gaps of the body markers.
 

@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.landings.floor_notes import degree_notes, raised_notes, slope_notes
 from hopdata.landings.floor_regression import (
@@ -35,6 +36,7 @@ FloatArray = NDArray[np.float64]
 _OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
 
 
+@one_blas_thread()
 def fit_floor(
     recording: Recording,
     *,
@@ -135,6 +137,7 @@ def fit_floor(
     )
 
 
+@one_blas_thread()
 def level(recording: Recording, floor: FloorModel) -> Recording:
     """Take the floor off a recording, so that feet at rest have height 0.
 

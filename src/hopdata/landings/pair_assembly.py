@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, did_you_mean, require_choice
 from hopdata.landings.home_frame import home_frames
 from hopdata.landings.pairs import Pairs
@@ -28,6 +29,7 @@ LEAST_PAIRS = 3  # the units of a study need so many
 STATELESS = "too few frames of the body markers"
 
 
+@one_blas_thread()
 def assemble_pairs(
     recordings: Iterable[Recording],
     table: pd.DataFrame,

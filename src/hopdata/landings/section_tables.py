@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.landings.contact_frames import Heights, heights_of, pool_frames
 from hopdata.landings.density import finite, kde, normal_bandwidth
 from hopdata.landings.sections import Sections
@@ -22,6 +23,7 @@ _FOOT_BANDWIDTH = 0.5  # in deviations of the ground mode: widens it by 12 %
 _FINEST = 1e-5  # of the range of heights: the least bandwidth
 
 
+@one_blas_thread()
 def section_densities(
     recordings: Sequence[Recording], sections: Sections, *, nodes: int = 1024
 ) -> pd.DataFrame:

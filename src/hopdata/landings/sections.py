@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contact_frames import BoolArray, Frames, heights_of, pool_frames
 from hopdata.landings.modes import GroundMode
@@ -76,6 +77,7 @@ class Sections:
         return cls(**{**fields, **modes})
 
 
+@one_blas_thread()
 def select_sections(
     recordings: Sequence[Recording],
     *,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, require_choice
 from hopdata.landings.approach import LANDED, height_noise
 from hopdata.landings.contacts import Contacts, find_contacts
@@ -43,6 +44,7 @@ LOW_FLIGHT = "body stayed below the pre section"
 LOW = 1  # place of the low flights among all landings
 
 
+@one_blas_thread()
 def touchdown_table(
     recording: Recording,
     *,

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.linear.affine import leave_one_out_residuals
 
@@ -64,6 +65,7 @@ class Units:
         }
 
 
+@one_blas_thread()
 def choose_units(
     x: Floats, y: Floats, *, length_m: float | None = None, time_s: float | None = None
 ) -> Units:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import RecordingError, did_you_mean, require_choice
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.formats import read_raw, suffixes
@@ -24,6 +25,7 @@ ROLE_OF_KEY = {"body": "body", "feet": "foot", "boom": "boom"}
 PER_FOOT = ("contact_times", "foot_down", "contact_points", "floor_at_contacts", "preloads_n")
 
 
+@one_blas_thread()
 def import_recording(
     path: str | Path | Sequence[str | Path],
     *,

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import ConfigError, did_you_mean
 from hopdata.recordings.recording import Recording
 from hopdata.recordings.truth import Truth
@@ -109,6 +110,7 @@ _BLOCKS: dict[type, dict[str, type]] = {
 }
 
 
+@one_blas_thread()
 def simulate_recording(
     simulation: Mapping[str, Any] | None = None,
     motion_capture: Mapping[str, Any] | None = None,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.recordings.truth import Truth
 from hopdata.scenes.rigid_body import rotation_matrices
 from hopdata.synthesis.known_scene import KnownScene, common_scene
@@ -46,6 +47,7 @@ class TrueStates:
     index: NDArray[np.int64]
 
 
+@one_blas_thread()
 def true_states(truth: Truth, scene: KnownScene, sections: SectionHeights) -> TrueStates:
     """Integrate the landings of a recording to the sections.
 
@@ -100,6 +102,7 @@ def marker_states(states: FloatArray, points_m: FloatArray) -> FloatArray:
     return np.hstack([positions.reshape(len(states), -1), velocity.reshape(len(states), -1)])
 
 
+@one_blas_thread()
 def exact_maps(truths: Sequence[Truth], sections: SectionHeights) -> dict[str, Any]:
     """Return the exact linear maps of a study as plain data.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.recordings.recording import Recording
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ SE_OF_MEDIAN = 1.2533  # times sd / sqrt(n), for normal values
 LEAST = 5
 
 
+@one_blas_thread()
 def drift_table(recordings: Sequence[Recording], touchdowns: pd.DataFrame) -> pd.DataFrame:
     """Compare used touchdowns between recordings, or between quarters of a single one.
 

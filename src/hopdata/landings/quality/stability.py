@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.landings.contact_frames import heights_of, pool_frames
 from hopdata.landings.sections import Sections, select_sections
@@ -21,6 +22,7 @@ HALF_A_SECOND = 0.5
 COLUMNS = ("kind", "variant", "bandwidth_m", "pre_height_m", "post_height_m", "note")
 
 
+@one_blas_thread()
 def section_stability(
     recordings: Sequence[Recording], sections: Sections, options: Mapping[str, Any]
 ) -> pd.DataFrame:

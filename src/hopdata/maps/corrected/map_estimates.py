@@ -14,6 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.corrected.map_results import ESTIMATORS, MapEstimates, Notes
 from hopdata.maps.corrected.marker_noise import InputErrors, MarkerNoise, input_errors, marker_noise
@@ -32,6 +33,7 @@ from hopdata.maps.rigid import (
 Floats = NDArray[np.float64]
 
 
+@one_blas_thread()
 def estimate_maps(
     x: ArrayLike, y: ArrayLike, instants: ArrayLike, *, time_unit_s: float
 ) -> MapEstimates:

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.maps.draws import distinct_draws, named_generator
 from hopdata.maps.linear.affine import affine_test_errors, mean_test_errors
 from hopdata.maps.linear.populations import (
@@ -69,6 +70,7 @@ class PredictionStudy:
     notes: Notes
 
 
+@one_blas_thread()
 def bootstrap_prediction(
     x: Floats,
     y: Floats,

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.jobs import whole_file
 from hopdata.maps.draws import distinct_draws, named_generator
@@ -121,6 +122,7 @@ def pooled_frame(x: Floats, y: Floats) -> PooledFrame:
     return PooledFrame(kept, dropped, deviations, angles)
 
 
+@one_blas_thread()
 def bootstrap_subspaces(
     x: Floats,
     y: Floats,

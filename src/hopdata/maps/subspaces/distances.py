@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.maps.draws import named_generator
 from hopdata.maps.subspaces.baselines import noised_identity, random
 from hopdata.maps.subspaces.pair_lengths import PairLengths
@@ -55,6 +56,7 @@ class DistanceStudy:
     notes: list[dict[str, str]]
 
 
+@one_blas_thread()
 def measure_distances(
     bases: Mapping[str, Floats],
     shape: tuple[int, int],

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.maps.draws import named_generator
 from hopdata.maps.subspaces.baselines import (
     PRINTED_READING,
@@ -37,6 +38,7 @@ _LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 Floats = NDArray[np.float64]
 
 
+@one_blas_thread()
 def noise_sensitivity(
     shape: tuple[int, int],
     *,
@@ -83,6 +85,7 @@ def noise_sensitivity(
     return pd.DataFrame(rows, columns=list(columns))
 
 
+@one_blas_thread()
 def snr_readings(shape: tuple[int, int], *, seed: int, pairs: int = 1000) -> pd.DataFrame:
     """Measure the arc lengths of the two baselines, the noised identity in every reading.
 

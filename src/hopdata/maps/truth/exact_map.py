@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.maps.rigid import (
     INPUT_NAMES,
     OUTPUT_NAMES,
@@ -80,6 +81,7 @@ class ExactMap:
         )
 
 
+@one_blas_thread()
 def exact_map(
     exact: Mapping[str, Any], states: Floats, *, shape: Floats, time_unit_s: float
 ) -> ExactMap:
@@ -135,6 +137,7 @@ def marker_states(coordinates: Floats, shape: Floats) -> Floats:
     return np.concatenate([positions, velocities], axis=1).reshape(n, -1)
 
 
+@one_blas_thread()
 def estimate_errors(exact: ExactMap, estimates: Mapping[str, Any]) -> pd.DataFrame:
     """Return the errors of the estimates of ``map_estimates.json``.
 

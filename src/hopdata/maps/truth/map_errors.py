@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.rigid import (
     output_weights,
@@ -37,6 +38,7 @@ SOURCES = {"noise_free": "without noise", "measured": "as measured"}
 MODELS = {"pooled": "one map for all schedules", "specialised": "a map of one schedule"}
 
 
+@one_blas_thread()
 def map_error_table(
     pairs: Any,
     true: Any,

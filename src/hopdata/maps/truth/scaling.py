@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.maps.truth.entries import Entries, entry
 from hopdata.maps.truth.map_differences import input_root, largest_difference, relative_difference
 
@@ -63,6 +64,7 @@ class Landings(Protocol):
     exact_maps: Floats
 
 
+@one_blas_thread()
 def scaling_table(samples: Iterable[Landings]) -> pd.DataFrame:
     """Fit maps to each sample.
 

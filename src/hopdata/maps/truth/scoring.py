@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from hopdata.blas import one_blas_thread
 from hopdata.maps.truth.entries import Entries, entry
 from hopdata.maps.truth.exact_map import score_estimates
 from hopdata.maps.truth.landing_scores import (
@@ -37,6 +38,7 @@ MODELS = {
 }
 
 
+@one_blas_thread()
 def score(
     known: Mapping[str, KnownRecording],
     *,

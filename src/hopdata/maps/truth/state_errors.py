@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.maps.rigid import split_states
 from hopdata.maps.truth.entries import Entries, entry
 from hopdata.maps.truth.matching import match_landings
@@ -50,6 +51,7 @@ def true_rows(
     return rows
 
 
+@one_blas_thread()
 def state_errors(pairs: Any, true: Any, rows: Integers) -> pd.DataFrame:
     """Return the errors of the states at the sections.
 

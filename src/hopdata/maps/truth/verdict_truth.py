@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.maps.truth.entries import Entries, entry
 from hopdata.maps.truth.exact_map import exact_map
 from hopdata.maps.truth.map_differences import input_root, relative_difference
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
+@one_blas_thread()
 def true_effect(exact: Mapping[str, Any], states: Floats, *, time_unit_s: float) -> float:
     """Return the relative difference of the exact maps as the verdict measures it.
 

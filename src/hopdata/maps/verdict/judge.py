@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.draws import named_generator
 from hopdata.maps.verdict.answer import CANNOT_TELL, Verdict, WindowResult, conclude, sentence
@@ -30,6 +31,7 @@ Notes = list[dict[str, str]]
 MEASURED_FEET = 3  # of the studies on which the verdict's power was measured
 
 
+@one_blas_thread()
 def judge(
     x: ArrayLike,
     y: ArrayLike,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import RecordingError
 from hopdata.recordings.axes import rotate_up
 from hopdata.recordings.quality.free_fall import UNITS_IN_M
@@ -122,6 +123,7 @@ def _silent(_step: str) -> None:
     """Tell nobody."""
 
 
+@one_blas_thread()
 def inspect_recording(
     raw: RawRecording,
     *,

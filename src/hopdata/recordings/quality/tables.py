@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
+from hopdata.blas import one_blas_thread
 from hopdata.recordings.joining import is_pause
 from hopdata.recordings.quality.inspection import Inspection, inspect_recording
 from hopdata.recordings.raw import RawRecording
@@ -33,6 +34,7 @@ def inspect(recording: Recording) -> Inspection:
     return inspect_recording(raw, unit="m", up="z")
 
 
+@one_blas_thread()
 def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]:
     """Inspect recordings; return their tables ``markers``, ``gaps``, ``faults``, ``remarks``."""
     recordings = list(recordings)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.steering.models.kernels import embedded, embedded_scales
 from hopdata.steering.models.options import ProcessOptions
 from hopdata.steering.models.process import FrameChangeProcess
@@ -49,7 +50,7 @@ def fitted_regressor(
         n_restarts_optimizer=options.restarts,
         random_state=seed,
     )
-    with warnings.catch_warnings():
+    with one_blas_thread(), warnings.catch_warnings():
         # A length scale at its bound means that the input does not matter: no reason to warn.
         warnings.simplefilter("ignore", ConvergenceWarning)
         return regressor.fit(embedded(inputs, options.periodic), target)

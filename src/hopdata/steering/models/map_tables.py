@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.steering.models.learning import IN_UNITS
 from hopdata.steering.models.process import TURN, FrameChangeProcess
@@ -20,6 +21,7 @@ COLUMNS = ("dx_mm", "dy_mm", "dtheta_deg")
 CELLS_PER_TURN = 48
 
 
+@one_blas_thread()
 def map_table(
     process: FrameChangeProcess, swing_limit_rad: float, *, swings: int = 33
 ) -> pd.DataFrame:

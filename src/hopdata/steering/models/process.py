@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.steering.models.arguments import input_rows
 from hopdata.steering.models.compiled_mean import mean, mean_and_gradient
@@ -127,6 +128,7 @@ class FrameChangeProcess:
         """
         return mean(np.ascontiguousarray(points, dtype=float), *self._compiled)
 
+    @one_blas_thread()
     def sd_at(self, points: ArrayLike, *, observed: bool = False) -> FloatArray:
         """Return predictive standard deviations (n, 3) at inputs (n, d); see `mean_at`, `sd`."""
         at = embedded(np.asarray(points, dtype=float), self.periodic)
@@ -161,11 +163,12 @@ class FrameChangeProcess:
 def _inverse_factor(covariance: FloatArray) -> FloatArray:
     from scipy.linalg import cholesky, solve_triangular
 
-    try:
-        factor = cholesky(covariance, lower=True)
-    except np.linalg.LinAlgError as error:
-        raise AnalysisError(
-            "Gaussian process: expected a positive definite covariance, found one that is not; "
-            "the noise is too small for hops that are so much alike"
-        ) from error
-    return np.asarray(solve_triangular(factor, np.eye(len(factor)), lower=True))
+    with one_blas_thread():
+        try:
+            factor = cholesky(covariance, lower=True)
+        except np.linalg.LinAlgError as error:
+            raise AnalysisError(
+                "Gaussian process: expected a positive definite covariance, found one that is not; "
+                "the noise is too small for hops that are so much alike"
+            ) from error
+        return np.asarray(solve_triangular(factor, np.eye(len(factor)), lower=True))

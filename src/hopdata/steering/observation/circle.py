@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
+
 FloatArray = NDArray[np.float64]
 
 
@@ -46,7 +48,8 @@ def geometric_circle(points: FloatArray) -> tuple[FloatArray, float]:
         directions = arms / np.linalg.norm(arms, axis=1, keepdims=True)
         return np.column_stack([-directions, -np.ones(len(arms))])
 
-    found = least_squares(misses, [*centre, radius], jac=slopes, x_scale=max(radius, 1e-9)).x
+    with one_blas_thread():
+        found = least_squares(misses, [*centre, radius], jac=slopes, x_scale=max(radius, 1e-9)).x
     return np.asarray(found[:2]), float(abs(found[2]))
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.steering.plant.robot import Apex, SteeredHop, SteeredHopper, released, steer_hop
 from hopdata.steering.se2 import relative
@@ -43,6 +44,7 @@ class TrueFrameChanges:
         return np.asarray(self.change.mean(axis=2))
 
 
+@one_blas_thread()
 def true_frame_changes(
     robot: SteeredHopper,
     *,

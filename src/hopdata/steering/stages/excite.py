@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopdata.blas import one_blas_thread
 from hopdata.recordings.recording import Recording
 from hopdata.steering.plant.trial import SteeredTrial, record_trial
 from hopdata.steering.stages.options import camera_of, excitation_of, robot_of
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 NAME = "excitation"
 
 
+@one_blas_thread()
 def simulate_excitation(
     steering: Mapping[str, Any], motion_capture: Mapping[str, Any], *, seed: int
 ) -> tuple[Recording, pd.DataFrame, pd.DataFrame]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import chosen
 from hopdata.steering.experiments.policies import policies
 from hopdata.steering.experiments.starts import floor_stream
@@ -18,6 +19,7 @@ from hopdata.steering.stages.options import camera_of, robot_of
 from hopdata.synthesis.floor import draw_floor
 
 
+@one_blas_thread()
 def experiment_of(
     experiment: str,
     steering: Mapping[str, Any],

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models.learning import prediction_score, random_split, score_rows
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 LEFT_TO_TEST = 2  # hops: the fewest that have a variance
 
 
+@one_blas_thread()
 def learn(
     changes: FrameChanges, options: Mapping[str, Any], *, seed: int
 ) -> tuple[list[FrameChangeProcess], pd.DataFrame]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models.learning import learning_scores, with_intervals
@@ -50,6 +51,7 @@ class LearningTables:
     kernels: pd.DataFrame
 
 
+@one_blas_thread()
 def learning_tables(
     changes: FrameChanges, *, training_hops: int, draws: int, seed: int
 ) -> LearningTables:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.recordings.recording import Recording
 from hopdata.steering.frame_changes import FrameChanges, frame_changes, joined
@@ -44,6 +45,7 @@ class Observed:
     counts: list[dict[str, Any]]
 
 
+@one_blas_thread()
 def observe_recordings(recordings: Sequence[Recording], *, swing_limit_rad: float) -> Observed:
     """Observe pose, boom angle and stances, and collect the frame changes.
 

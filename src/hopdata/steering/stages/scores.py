@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.blas import one_blas_thread
 from hopdata.steering.frame_change_errors import SAME_STANCE_S
 from hopdata.steering.models.interface import FrameChangeMap
 from hopdata.steering.plant.true_map import TrueFrameChanges
@@ -21,6 +22,7 @@ FloatArray = NDArray[np.float64]
 COMPONENTS = (("x", "mm", 1e3), ("y", "mm", 1e3), ("heading", "deg", 180 / np.pi))
 
 
+@one_blas_thread()
 def truth_entries(
     motion: pd.DataFrame,
     true_motion: pd.DataFrame,

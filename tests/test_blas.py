@@ -1,0 +1,105 @@
+"""Public functions work with one thread of BLAS, and give the others back."""
+
+import ast
+import importlib
+import inspect
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from hopdata.blas import one_blas_thread
+from hopdata.errors import AnalysisError
+from hopdata.maps.verdict import judge
+
+SCRIPTS = sorted((Path(__file__).parents[1] / "workflow" / "scripts").glob("*.py"))
+ROOMS = ("landings", "maps", "recordings", "steering", "synthesis")
+# Files, tables, and options: no linear algebra worth a thread.
+TABLES = {
+    *("read_recording", "write_recording", "read_truth", "read_pairs", "write_pairs"),
+    *("read_bases", "write_subspaces", "save_process", "load_process", "load_geometry"),
+    *("from_table", "to_table", "true_map_of", "true_map_table", "training_table", "filled_table"),
+    *("camera_of", "robot_of", "common_scene", "known_recording", "require_distinct", "notes"),
+    *("check_plausible", "check_study", "contact_instants", "example_touchdown", "error_ratios"),
+    *("exclude_stateless", "landing_samples", "mark_filled", "outcome_table", "section_frames"),
+    *("overlay_external_truth", "true_rows", "verdict_errors", "worst_landings"),
+    "study_landings",  # integrates, one by one as they are asked for
+}
+
+
+def called_by_stages():
+    for script in SCRIPTS:
+        for node in ast.walk(ast.parse(script.read_text())):
+            if (
+                isinstance(node, ast.ImportFrom)
+                and "." in node.module
+                and node.module.split(".")[1] in ROOMS
+            ):
+                yield from ((node.module, alias.name) for alias in node.names)
+
+
+def blas_threads():
+    return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+
+
+@pytest.mark.parametrize(("module", "name"), sorted(set(called_by_stages())))
+def test_what_a_stage_calls_works_with_one_thread(module, name):
+    function = getattr(importlib.import_module(module), name)
+    if inspect.isclass(function):
+        return
+    assert not (hasattr(function, "__wrapped__") and inspect.isgeneratorfunction(function))
+    assert hasattr(function, "__wrapped__") != (name in TABLES)
+
+
+def test_judge_works_with_one_thread_and_gives_the_others_back(monkeypatch):
+    seen = []
+
+    def look(*_):
+        seen.append(blas_threads())
+        raise AnalysisError("seen enough")
+
+    monkeypatch.setattr(sys.modules["hopdata.maps.verdict.judge"], "section_landings", look)
+    with threadpool_limits(2, user_api="blas"):
+        judge([[0.0]], [[0.0]], [[0.0, 0.0]], seed=1, time_unit_s=1.0)
+        assert blas_threads() == {2}
+    assert seen == [{1}]
+
+
+def test_the_last_of_several_threads_gives_the_others_back():
+    inside, leave = threading.Event(), threading.Event()
+
+    def work():
+        with one_blas_thread():
+            inside.set()
+            leave.wait(10)
+
+    with threadpool_limits(2, user_api="blas"):
+        other = threading.Thread(target=work)
+        with one_blas_thread():
+            other.start()
+            inside.wait(10)
+        assert blas_threads() == {1}
+        leave.set()
+        other.join()
+        assert blas_threads() == {2}
+
+
+def test_a_library_that_is_loaded_inside_is_limited_at_the_next_entry():
+    program = (
+        "import numpy\n"
+        "from hopdata.blas import one_blas_thread\n"
+        "from threadpoolctl import threadpool_info\n"
+        "threads = lambda: [one['num_threads'] for one in threadpool_info()]\n"
+        "before = threads()\n"
+        "with one_blas_thread():\n"
+        "    import scipy.linalg\n"
+        "    with one_blas_thread():\n"
+        "        assert set(threads()) == {1}, threads()\n"
+        "assert set(threads()) == set(before), threads()\n"
+    )
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "2", "MKL_NUM_THREADS": "2"}
+    subprocess.run([sys.executable, "-c", program], env=environment, check=True, timeout=120)
