@@ -176,6 +176,13 @@ def _add_file(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--rate", type=_positive, metavar="HZ", help="frame rate, if the file does not state it"
     )
+    command.add_argument(
+        "--most-unpacked-mb",
+        type=_positive,
+        metavar="MB",
+        default=2000.0,
+        help="memory a packed file may ask for, as input.most_unpacked_mb; %(default)g",
+    )
 
 
 def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

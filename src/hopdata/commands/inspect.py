@@ -33,13 +33,15 @@ def inspect(options: argparse.Namespace) -> int:
 
 
 def inspected(options: argparse.Namespace) -> Inspection:
-    """Read and measure the file of ``file``, ``unit``, ``vertical_axis`` and ``rate``."""
+    """Read and measure the file of ``file``, ``unit``, ``vertical_axis``, ``rate`` ...."""
     from hopdata.recordings.importing import read_raw
     from hopdata.recordings.quality.inspection import inspect_recording
 
     with Progress() as progress:
         progress(f"reading {options.file}")
-        raw = read_raw(options.file, rate_hz=options.rate)
+        raw = read_raw(
+            options.file, rate_hz=options.rate, most_unpacked_mb=options.most_unpacked_mb
+        )
         return inspect_recording(
             raw, unit=options.unit, up=options.vertical_axis, progress=progress
         )

@@ -139,8 +139,9 @@ def require_unpacked(n_bytes: int, most_mb: float) -> None:
     """
     if n_bytes > 1e6 * most_mb:
         raise ValueError(
-            f"expected at most {most_mb:g} MB once it is unpacked (input.most_unpacked_mb), found "
-            f"{n_bytes / 1e6:.0f} MB; raise that key if the file is what it should be"
+            f"expected at most {most_mb:g} MB once it is unpacked (input.most_unpacked_mb, "
+            f"--most-unpacked-mb), found {n_bytes / 1e6:.0f} MB; raise it if the file is what it "
+            "should be"
         )
 
 
