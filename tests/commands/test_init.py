@@ -44,7 +44,12 @@ def test_a_file_in_mm_with_y_up_becomes_a_sound_study(folder, capsys):
     assert config["study"] == "mine"
     assert config["recordings"][0]["name"] == "monday"
     assert config["recordings"][0]["file"] == "monday.tsv"
-    assert config["input"] == {"unit": "mm", "vertical_axis": "y", "rate_hz": None}
+    assert config["input"] == {
+        "unit": "mm",
+        "vertical_axis": "y",
+        "rate_hz": None,
+        "most_unpacked_mb": 2000,
+    }
     assert config["markers"] == {
         "body": ["hip1", "hip2", "hip3"],
         "feet": ["toe1", "toe2", "toe3"],
