@@ -137,7 +137,7 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
     return RUNNING
 
 
-@kernel
+@kernel_apart
 def clear(p: Problem, m: Memory) -> bool:
     """Make the memory that of an integration from the start; tell whether that is finite."""
     for row in range(GUARD_ROWS):

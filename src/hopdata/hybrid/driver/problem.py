@@ -146,7 +146,7 @@ def near_inside(p: Problem, m: Memory, t: float) -> None:
         eval_listed(p, m, NEAR, m.counts[N_NEAR], t, SCRATCH, SLOPE, H, RATE)
 
 
-@kernel_in_loop
+@kernel_apart
 def guards_are_finite(p: Problem, m: Memory, h: int, rate: int) -> bool:
     """Tell whether rows `h` and `rate` are finite; else keep the guard that is not."""
     g, wrong = m.guards, 0
