@@ -143,7 +143,7 @@ def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
 def find_bent(p: Problem, m: Memory, dt: float) -> None:
     """Mark the guards that this step shows not to be affine, in the state and in time."""
     found, part, parts = 0, 0, 1
-    if dt > 2.0 * LONGEST_IF_SURE * (p.t_end - p.t_start):
+    if dt > 0.5 * (p.t_end - p.t_start):  # free flight, mostly
         parts = int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start)))
     while part < parts:
         theta = (part + 0.5) / parts
@@ -194,7 +194,7 @@ def lowest(g0: float, d0: float, g1: float, d1: float) -> float:
     return min(g1, cubic(g0, d0, g1, d1, bottom)) if bottom < 1.0 else g1
 
 
-@kernel
+@kernel_in_loop
 def judge(
     g0: float, d0: float, gc: float, dc: float, g1: float, d1: float, leaving: bool, noise: float,
     slack: float,
@@ -221,7 +221,7 @@ def judge(
     return DIVIDE, error, own, change
 
 
-@kernel
+@kernel_in_loop
 def judge_all(
     p: Problem, m: Memory, dt: float, low: float, high: float, a: int, c: int, b: int, slack: float
 ) -> tuple[int, float, bool]:
@@ -256,7 +256,7 @@ def judge_all(
     return worst, least, sure
 
 
-@kernel
+@kernel_in_loop
 def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
     """Tell whether ends and middle of the step tell all: the path is as good as its cubic then."""
     longest = LONGEST_IF_SURE * (p.t_end - p.t_start)
@@ -336,7 +336,7 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
     return low * dt
 
 
-@kernel
+@kernel_in_loop
 def watch(p: Problem, m: Memory, dt: float) -> float:
     """Shorten the step to where its ends tell what the guards do; return its length, or a status.
 
@@ -366,7 +366,7 @@ def watched(p: Problem, m: Memory, dt: float) -> float:
     m.counts[WATCHED] = 0
     if m.flags.width == 0:
         return dt
-    new = m.counts[MEASURED] != m.counts[INSTANTS]
+    new = m.counts[MEASURED] != m.counts[INSTANTS] and m.counts[N_BENT] < m.flags.width
     if not new and dt <= m.clock[WINDOW] and moves_evenly(p, m, dt):
         return dt
     return watch(p, m, dt)
