@@ -42,8 +42,8 @@ SENTENCES = {
     TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the field: how much "
     "of that belongs to which guard, and so the Jacobian of the flow, is not known.",
     JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite near {at}.",
-    RATE_DIFFERS: "The rate hdot of guard '{guard}' is not that of its values h near {at}: correct "
-    "it (a guard may jump or have kinks, but not everywhere).",
+    RATE_DIFFERS: "The rate hdot of guard '{guard}' is not that of its values h, up to {at}: "
+    "correct @guards (a guard may jump and have kinks, but not everywhere).",
     AFFINE_DIFFERS: "The @affine function does not give the @field function's value at {at}: "
     "they must be the same field, in every mode.",
     RESET_IN_JACOBIAN: "The handler changed the state at {at}: the Jacobian of the flow is known "

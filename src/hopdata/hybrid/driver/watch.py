@@ -52,7 +52,9 @@ from hopdata.hybrid.status import RATE_DIFFERS
 
 GOLDEN, MASK, PER_MASK = 40503, 0xFFFF, 2.0**-16  # multiples of the golden section, and the rest
 AFFINE = 1e-11  # of a guard's values: rounding of one that is affine
-EVEN, TURN, FAR = 0.02, 0.25, 4.0  # of a short step, in which ends tell all
+EVEN, TURN, FAR = 0.05, 1.0, 2.0  # of a short step, in which ends tell all
+MOVES = 0.02  # of the change over a window: an error up to which the guard moves as its cubic says
+LEAP = 8.0  # times a step in which all guards were straight: steps up to this are taken to be so
 LONGEST, LONGEST_IF_SURE = 1.0 / 64.0, 1.0 / 8.0  # of the run: a window, at most
 OF_PATH = 0.05  # of the change: what a step's cubic may err by from its path
 SHORTEST = 2.0**-26  # of the step: a shorter window is not divided
@@ -141,7 +143,7 @@ def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
 def find_bent(p: Problem, m: Memory, dt: float) -> None:
     """Mark the guards that this step shows not to be affine, in the state and in time."""
     found, part, parts = 0, 0, 1
-    if dt > 2.0 * LONGEST_IF_SURE * (p.t_end - p.t_start):
+    if dt > 0.5 * (p.t_end - p.t_start):  # free flight, mostly
         parts = int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start)))
     while part < parts:
         theta = (part + 0.5) / parts
@@ -153,7 +155,6 @@ def find_bent(p: Problem, m: Memory, dt: float) -> None:
         else:
             found += count
             part += 1
-    m.counts[MEASURED] = m.counts[INSTANTS]
     if p.methods[m.counts[METHOD], IN_POWERS] != 0:
         found += bent_on_path(p, m, dt)
     m.counts[N_BENT] += found
@@ -167,7 +168,7 @@ def moves_evenly(p: Problem, m: Memory, dt: float) -> bool:
         k = awake(p, m, a)
         rise, d0, d1 = g[H1, k] - g[H0, k], g[RATE0, k] * dt, g[RATE1, k] * dt
         uneven = abs(rise - 0.5 * (d0 + d1))
-        even = (uneven <= EVEN * abs(rise)) & (abs(d1 - d0) <= TURN * abs(d0))
+        even = (uneven <= EVEN * abs(d0)) & (abs(d1 - d0) <= TURN * abs(d0))
         room = FAR * (abs(d0) + abs(d1) + abs(rise))
         far = (abs(g[H0, k]) > room) & (abs(g[H1, k]) > room) & (uneven <= OWN * abs(rise))
         fast += 0 if even | far else 1
@@ -193,7 +194,7 @@ def lowest(g0: float, d0: float, g1: float, d1: float) -> float:
     return min(g1, cubic(g0, d0, g1, d1, bottom)) if bottom < 1.0 else g1
 
 
-@kernel
+@kernel_in_loop
 def judge(
     g0: float, d0: float, gc: float, dc: float, g1: float, d1: float, leaving: bool, noise: float,
     slack: float,
@@ -220,7 +221,7 @@ def judge(
     return DIVIDE, error, own, change
 
 
-@kernel
+@kernel_in_loop
 def judge_all(
     p: Problem, m: Memory, dt: float, low: float, high: float, a: int, c: int, b: int, slack: float
 ) -> tuple[int, float, bool]:
@@ -246,7 +247,7 @@ def judge_all(
         room = own / max(error, 1e-300)
         if room < 1.0 and m.counts[ROUGH] >= MOST_ROUGH - 1:
             m.counts[CULPRIT] = k
-        moves = error <= EVEN * change
+        moves = error <= MOVES * change
         rough, long = room < 1.0 and span > FINE * longest, span > longest and not moves
         if kind == DIVIDE or rough or long:
             return DIVIDE, room, False
@@ -255,7 +256,7 @@ def judge_all(
     return worst, least, sure
 
 
-@kernel
+@kernel_in_loop
 def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
     """Tell whether ends and middle of the step tell all: the path is as good as its cubic then."""
     longest = LONGEST_IF_SURE * (p.t_end - p.t_start)
@@ -335,7 +336,7 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
     return low * dt
 
 
-@kernel
+@kernel_in_loop
 def watch(p: Problem, m: Memory, dt: float) -> float:
     """Shorten the step to where its ends tell what the guards do; return its length, or a status.
 
@@ -343,8 +344,9 @@ def watch(p: Problem, m: Memory, dt: float) -> float:
     """
     if m.counts[N_BENT] < m.flags.width:
         find_bent(p, m, dt)
+    m.counts[MEASURED] = m.counts[INSTANTS]
     if m.counts[N_BENT] == 0:
-        m.clock[WINDOW] = max(m.clock[WINDOW], GROW * dt)
+        m.clock[WINDOW] = max(m.clock[WINDOW], LEAP * dt)
         return dt
     if middle_tells(p, m, dt):
         return dt
