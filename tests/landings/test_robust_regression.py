@@ -7,6 +7,7 @@ import pytest
 from statsmodels.robust import norms
 from statsmodels.robust.robust_linear_model import RLM
 
+from hopdata.errors import ConfigError
 from hopdata.landings.robust_regression import NORMS, robust_regression
 
 both_norms = pytest.mark.parametrize("norm", NORMS)
@@ -124,5 +125,5 @@ def test_a_smaller_tolerance_comes_nearer_to_the_optimum(norm):
 
 
 def test_an_unknown_norm_is_named():
-    with pytest.raises(ValueError, match="found 'cauchy'"):
+    with pytest.raises(ConfigError, match="found 'cauchy'"):
         robust_regression(np.ones((3, 1)), np.ones(3), norm="cauchy")

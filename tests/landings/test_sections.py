@@ -209,7 +209,7 @@ def test_the_pre_section_must_be_above_the_post_section(fake):
 
 @pytest.mark.parametrize(
     "options",
-    [{"frames": "some"}, {"tail_fraction": -0.1}, {"tail_fraction": 0.5}, {"threshold_sigmas": 0}],
+    [{"tail_fraction": -0.1}, {"tail_fraction": 0.5}, {"threshold_sigmas": 0}],
 )
 def test_options_out_of_range(fake, options):
     with pytest.raises(ValueError, match=f"{next(iter(options))}: expected"):
