@@ -1,0 +1,59 @@
+"""What is installed is what the lock files hold, what builds it included."""
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).parents[1]
+SOURCE_ONLY = "connection-pool"  # of Snakemake's: has no wheel, and so is built
+
+
+def entries(lock):
+    """Name -> its lines, version and hashes."""
+    entry = (ROOT / lock).read_text().replace("\\\n", " ").splitlines()
+    return {line.split("==")[0]: line for line in entry if line and not line.startswith("#")}
+
+
+def test_every_requirement_is_pinned_with_hashes():
+    for lock in ROOT.glob("requirements*.lock"):
+        for name, entry in entries(lock).items():
+            assert entry.startswith(f"{name}=="), f"{lock}: {name}"
+            assert "--hash=sha256:" in entry, f"{lock}: {name}"
+
+
+def test_what_builds_hopdata_is_locked():
+    locked = entries("requirements-build.lock")
+    for text in tomllib.loads((ROOT / "pyproject.toml").read_text())["build-system"]["requires"]:
+        needed = Requirement(text)
+        version = locked[needed.name.replace("_", "-")].split("==")[1].split()[0]
+        assert needed.specifier.contains(version)
+
+
+def test_an_environment_is_made_of_hashed_files_alone(tmp_path):
+    """The Makefile's steps by pip, with the one dependency that has to be built."""
+    for name in ("Makefile", "pyproject.toml", "README.md", "LICENSE", "requirements-build.lock"):
+        shutil.copy(ROOT / name, tmp_path)
+    (tmp_path / "src").symlink_to(ROOT / "src")
+    built = entries("requirements.lock")[SOURCE_ONLY]
+    (tmp_path / "requirements.lock").write_text(f"{built}\n")
+    log = tmp_path / "pip.log"
+    tools = tmp_path / "tools"  # without uv
+    tools.mkdir()
+    for name in ("sh", "touch", "echo", "test"):
+        (tools / name).symlink_to(shutil.which(name))
+    environment = {**os.environ, "PATH": str(tools), "PIP_LOG": str(log)}
+    run = subprocess.run(
+        [shutil.which("make"), ".venv/.run", "VENV=.venv", f"PYTHON={sys.executable}"],
+        cwd=tmp_path, env=environment, capture_output=True, text=True, check=False, timeout=300,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    said = log.read_text()
+    assert "Successfully built connection-pool" in said
+    assert "build dependencies" not in said.lower(), (
+        "a build was isolated: its tools are not locked"
+    )
