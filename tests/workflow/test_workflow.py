@@ -306,9 +306,10 @@ def test_after_a_kill_the_next_run_says_how_to_unlock_and_leaves_nothing(sample)
         sample / "results/sample/figures/.fig2_3_schedule.svg.123.part",
         sample / ".snakemake/scripts/tmp123.figure_schedule.py",
     ]
-    lock.write_text(f"{figure}\n")
-    for path in left:
+    for path in [lock, *left]:
+        path.parent.mkdir(exist_ok=True)
         path.touch()
+    lock.write_text(f"{figure}\n")
     run = snakemake(sample, figure)
     assert run.returncode == 1
     said = next(line for line in run.stderr.splitlines() if line.startswith("hopdata: "))
