@@ -46,7 +46,7 @@ def test_an_environment_is_made_of_hashed_files_alone(tmp_path):
     tools.mkdir()
     for name in ("sh", "touch", "echo", "test"):
         (tools / name).symlink_to(shutil.which(name))
-    environment = {**os.environ, "PATH": str(tools), "PIP_LOG": str(log)}
+    environment = {**os.environ, "PATH": str(tools), "PIP_LOG": str(log), "PIP_NO_CACHE_DIR": "1"}
     run = subprocess.run(
         [shutil.which("make"), ".venv/.run", "VENV=.venv", f"PYTHON={sys.executable}"],
         cwd=tmp_path, env=environment, capture_output=True, text=True, check=False, timeout=300,
