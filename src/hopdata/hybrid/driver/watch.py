@@ -9,7 +9,7 @@ before the first in which a guard that bends may flip, and the next step is that
 
 from __future__ import annotations
 
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
 from hopdata.hybrid.driver.hermite import cubic, turning_points
 from hopdata.hybrid.driver.layout import (
@@ -120,10 +120,10 @@ def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool) -> int
     return found
 
 
-@kernel
+@kernel_apart
 def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
     """Mark the guards that bend somewhere on a step which is much longer than its cubic is good."""
-    found, parts = 0, int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start))) + 1
+    found, parts = 0, max(1, int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start))))
     prepare_interpolant(p, m, dt)
     for part in range(parts):
         theta = (part + 0.5) / parts
@@ -143,7 +143,8 @@ def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
 def find_bent(p: Problem, m: Memory, dt: float) -> None:
     """Mark the guards that this step shows not to be affine, in the state and in time."""
     found, part, parts = 0, 0, 1
-    if dt > 0.5 * (p.t_end - p.t_start):  # free flight, mostly
+    in_powers = p.methods[m.counts[METHOD], IN_POWERS] != 0
+    if dt > 0.5 * (p.t_end - p.t_start) and not in_powers:  # free flight, mostly
         parts = int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start)))
     while part < parts:
         theta = (part + 0.5) / parts
@@ -155,7 +156,7 @@ def find_bent(p: Problem, m: Memory, dt: float) -> None:
         else:
             found += count
             part += 1
-    if p.methods[m.counts[METHOD], IN_POWERS] != 0:
+    if in_powers:
         found += bent_on_path(p, m, dt)
     m.counts[N_BENT] += found
 
@@ -210,10 +211,12 @@ def judge(
     own = OWN * change + FLOOR * (abs(g0) + abs(g1)) + noise
     unsure, sixth = SURE * error + slack * change, 1.0 / 6.0
     ends = min(gc, g1) if leaving else min(g0, gc, g1)
-    low = min(ends, g0 + sixth * d0, gc - sixth * dc, gc + sixth * dc, g1 - sixth * d1)
+    away = leaving and d0 >= 0.0  # from its surface, and without a slope like the square of time
+    near = ends if away else g0 + sixth * d0
+    low = min(ends, near, gc - sixth * dc, gc + sixth * dc, g1 - sixth * d1)
     if low <= unsure and ends >= -unsure:  # not so clear: by the turning points, too
         low = min(ends, lowest(g0, 0.5 * d0, gc, 0.5 * dc), lowest(gc, 0.5 * dc, g1, 0.5 * d1))
-        low = min(low, sixth * d0) if leaving else low  # away at once
+        low = min(low, near) if leaving else low
     if low > unsure:
         return CLEAR, error, min(own, low / SURE), change
     if error <= noise or (error <= RESOLVED * change and low < -unsure):
@@ -296,7 +299,7 @@ def look(p: Problem, m: Memory, dt: float, theta: float, row: int) -> None:
     eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, row, row + 1)
 
 
-@kernel
+@kernel_apart
 def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
     """Return how much of the step is free of flips of the guards that bend, s.
 
@@ -336,7 +339,7 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
     return low * dt
 
 
-@kernel_in_loop
+@kernel_apart
 def watch(p: Problem, m: Memory, dt: float) -> float:
     """Shorten the step to where its ends tell what the guards do; return its length, or a status.
 
