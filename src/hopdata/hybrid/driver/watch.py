@@ -52,7 +52,7 @@ from hopdata.hybrid.status import RATE_DIFFERS
 
 GOLDEN, MASK, PER_MASK = 40503, 0xFFFF, 2.0**-16  # multiples of the golden section, and the rest
 AFFINE = 1e-11  # of a guard's values: rounding of one that is affine
-EVEN, TURN, FAR = 0.05, 1.0, 2.0  # of a short step, in which ends tell all
+EVEN, TURN, FAR = 0.05, 1.0, 1.0  # of a short step, in which ends tell all
 MOVES = 0.02  # of the change over a window: an error up to which the guard moves as its cubic says
 LEAP = 8.0  # times a step in which all guards were straight: steps up to this are taken to be so
 LONGEST, LONGEST_IF_SURE = 1.0 / 64.0, 1.0 / 8.0  # of the run: a window, at most
@@ -170,8 +170,9 @@ def moves_evenly(p: Problem, m: Memory, dt: float) -> bool:
         rise, d0, d1 = g[H1, k] - g[H0, k], g[RATE0, k] * dt, g[RATE1, k] * dt
         uneven = abs(rise - 0.5 * (d0 + d1))
         even = (uneven <= EVEN * abs(d0)) & (abs(d1 - d0) <= TURN * abs(d0))
-        room = FAR * (abs(d0) + abs(d1) + abs(rise))
-        far = (abs(g[H0, k]) > room) & (abs(g[H1, k]) > room) & (uneven <= OWN * abs(rise))
+        slopes = abs(d0) + abs(d1)
+        room = FAR * (slopes + abs(rise))
+        far = (abs(g[H0, k]) > room) & (abs(g[H1, k]) > room) & (uneven <= OWN * slopes)
         fast += 0 if even | far else 1
     return fast == 0
 
