@@ -71,12 +71,16 @@ def test_a_fast_swing_upon_a_slow_one_is_seen():
 
 
 @pytest.mark.parametrize(
-    ("method", "span", "inside"), [("taylor", 1.0, 0), ("taylor", 2.5, 1), ("dopri5", 2.5, 0)]
+    ("method", "span", "inside"), [("taylor", 1.0, 9), ("taylor", 2.5, 10), ("dopri5", 2.5, 1)]
 )
 def test_only_long_steps_have_knots_inside(method, span, inside):
-    """Twice at the start, whose locks are settled first, then at the end of each step."""
+    """Three times at the start, whose locks are settled first, then at the end of each step.
+
+    And to see whether the guard is affine: in the middle of the longest step, and in eight places
+    along a Taylor step that is as long as the span.
+    """
     solution = solve(
         SWINGS, (0, span), [1.0, 0.0, 0.0, 0.0], params=(1.0, 1.0, 0.0, 5.0), method=method
     )  # fmt: skip
     assert method != "taylor" or solution.n_steps == 1
-    assert solution.n_guard_evaluations == 2 + solution.n_steps + inside
+    assert solution.n_guard_evaluations == 3 + solution.n_steps + inside

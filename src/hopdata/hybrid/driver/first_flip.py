@@ -31,7 +31,7 @@ from hopdata.hybrid.driver.surface import (
     time_resolution,
 )
 from hopdata.hybrid.driver.suspicion import CROSSING, DIP
-from hopdata.hybrid.driver.watch import leave_out_bent
+from hopdata.hybrid.driver.watch import BY_WINDOWS, NONE_NEAR, leave_out_bent
 
 
 @kernel_in_loop
@@ -39,7 +39,7 @@ def gather(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that may flip within the step into NEAR; return how many they are."""
     set_knots(p, m, dt)
     count = gather_near_by_pieces(p, m, dt) if m.counts[PIECES] > 1 else gather_near(p, m, dt)
-    return leave_out_bent(m) if count > 0 and m.counts[WATCHED] > 0 else count
+    return leave_out_bent(m) if count > 0 and m.counts[WATCHED] == BY_WINDOWS else count
 
 
 @kernel_apart
@@ -68,7 +68,9 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
     Marks in DUE the guards that flip at its end; returns its length (0 if they flip at its very
     start) and how many they are.
     """
-    if gather(p, m, dt) == 0:  # mostly: what the search needs is not even prepared
+    if (
+        m.counts[WATCHED] == NONE_NEAR or gather(p, m, dt) == 0
+    ):  # mostly: what the search needs is not even prepared
         return dt, 0
     kind, k, theta = first_cut(p, m, dt)
     if kind == DIP:

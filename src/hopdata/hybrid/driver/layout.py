@@ -125,7 +125,7 @@ CLOCK_SLOTS = 16
 # Slots of `counts`. DEGREE is that of the interpolant, if there is one, PIECES how many the knots
 # make of a step, MEASURED the instant at which rates along one way were taken, N_BENT how many
 # guards are known to bend, ROUGH how often their rates were not those of their values, WATCHED
-# whether none of them flips in the step.
+# what is known of the step (see `watch`).
 (
     NFEV,
     NGEV,

@@ -9,7 +9,7 @@ before the first in which a guard that bends may flip, and the next step is that
 
 from __future__ import annotations
 
-from hopdata.hybrid.compiled.kernel import kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
 from hopdata.hybrid.driver.hermite import cubic, turning_points
 from hopdata.hybrid.driver.layout import (
@@ -45,6 +45,7 @@ from hopdata.hybrid.driver.layout import (
     Y,
 )
 from hopdata.hybrid.driver.localisation import just_left
+from hopdata.hybrid.driver.near import facing
 from hopdata.hybrid.driver.problem import Problem, awake, eval_guards, guards_at_end
 from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.driver.surface import blur, time_resolution
@@ -52,7 +53,7 @@ from hopdata.hybrid.status import RATE_DIFFERS
 
 GOLDEN, MASK, PER_MASK = 40503, 0xFFFF, 2.0**-16  # multiples of the golden section, and the rest
 AFFINE = 1e-11  # of a guard's values: rounding of one that is affine
-EVEN, TURN, FAR = 0.05, 1.0, 2.0  # of a short step, in which ends tell all
+ERROR_IF_EVEN = 0.05  # of the slope over a step in which ends tell all
 MOVES = 0.02  # of the change over a window: an error up to which the guard moves as its cubic says
 LEAP = 8.0  # times a step in which all guards were straight: steps up to this are taken to be so
 LONGEST, LONGEST_IF_SURE = 1.0 / 64.0, 1.0 / 8.0  # of the run: a window, at most
@@ -65,6 +66,8 @@ RESOLVED = 0.05  # of that change: an error up to which the ends tell of a flip
 ROOMY, GROW = 40.0, 2.0  # an error this many times smaller than allowed lets the next window grow
 MOST_ROUGH = 2000  # windows in which the rates are not those of the values, twice, less the others
 CLEAR, OPEN, DIVIDE = 0, 1, 2
+UNEVEN, EVEN, AFAR = 0, 1, 2
+BY_ENDS, BY_WINDOWS, NONE_NEAR = 0, 1, 2  # what is left to do is told by WATCHED
 
 
 @kernel_in_loop
@@ -120,10 +123,10 @@ def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool) -> int
     return found
 
 
-@kernel
+@kernel_apart
 def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
     """Mark the guards that bend somewhere on a step which is much longer than its cubic is good."""
-    found, parts = 0, int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start))) + 1
+    found, parts = 0, max(1, int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start))))
     prepare_interpolant(p, m, dt)
     for part in range(parts):
         theta = (part + 0.5) / parts
@@ -143,7 +146,8 @@ def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
 def find_bent(p: Problem, m: Memory, dt: float) -> None:
     """Mark the guards that this step shows not to be affine, in the state and in time."""
     found, part, parts = 0, 0, 1
-    if dt > 0.5 * (p.t_end - p.t_start):  # free flight, mostly
+    in_powers = p.methods[m.counts[METHOD], IN_POWERS] != 0
+    if dt > 0.5 * (p.t_end - p.t_start) and not in_powers:  # free flight, mostly
         parts = int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start)))
     while part < parts:
         theta = (part + 0.5) / parts
@@ -155,24 +159,30 @@ def find_bent(p: Problem, m: Memory, dt: float) -> None:
         else:
             found += count
             part += 1
-    if p.methods[m.counts[METHOD], IN_POWERS] != 0:
+    if in_powers:
         found += bent_on_path(p, m, dt)
     m.counts[N_BENT] += found
 
 
-@kernel_in_loop
-def moves_evenly(p: Problem, m: Memory, dt: float) -> bool:
-    """Tell whether the step's ends show that each guard moves evenly, or is far away."""
-    g, fast = m.guards, 0
+@kernel_apart
+def by_ends(p: Problem, m: Memory, dt: float) -> int:
+    """Judge the step by its ends: AFAR if no guard can reach its surface, EVEN if all move evenly.
+
+    Else UNEVEN.
+    """
+    g, near, fast = m.guards, 0, 0
     for a in range(m.counts[N_AWAKE]):
         k = awake(p, m, a)
-        rise, d0, d1 = g[H1, k] - g[H0, k], g[RATE0, k] * dt, g[RATE1, k] * dt
-        uneven = abs(rise - 0.5 * (d0 + d1))
-        even = (uneven <= EVEN * abs(d0)) & (abs(d1 - d0) <= TURN * abs(d0))
-        room = FAR * (abs(d0) + abs(d1) + abs(rise))
-        far = (abs(g[H0, k]) > room) & (abs(g[H1, k]) > room) & (uneven <= OWN * abs(rise))
-        fast += 0 if even | far else 1
-    return fast == 0
+        lock = p.mode[k]
+        g0, g1 = facing(lock, g[H0, k]), facing(lock, g[H1, k])
+        d0, d1 = g[RATE0, k] * dt, g[RATE1, k] * dt
+        rise, slopes = abs(g1 - g0), abs(d0) + abs(d1)
+        uneven = abs(g[H1, k] - g[H0, k] - 0.5 * (d0 + d1))
+        even = (uneven <= ERROR_IF_EVEN * abs(d0)) & (abs(d1 - d0) <= abs(d0))
+        afar = (g0 > slopes + rise) & (g1 > slopes + rise) & (uneven <= OWN * slopes)
+        near += 0 if afar else 1
+        fast += 0 if even | afar else 1
+    return AFAR if near == 0 else EVEN if fast == 0 else UNEVEN
 
 
 @kernel
@@ -210,10 +220,12 @@ def judge(
     own = OWN * change + FLOOR * (abs(g0) + abs(g1)) + noise
     unsure, sixth = SURE * error + slack * change, 1.0 / 6.0
     ends = min(gc, g1) if leaving else min(g0, gc, g1)
-    low = min(ends, g0 + sixth * d0, gc - sixth * dc, gc + sixth * dc, g1 - sixth * d1)
+    away = leaving and d0 >= 0.0  # from its surface, and without a slope like the square of time
+    near = ends if away else g0 + sixth * d0
+    low = min(ends, near, gc - sixth * dc, gc + sixth * dc, g1 - sixth * d1)
     if low <= unsure and ends >= -unsure:  # not so clear: by the turning points, too
         low = min(ends, lowest(g0, 0.5 * d0, gc, 0.5 * dc), lowest(gc, 0.5 * dc, g1, 0.5 * d1))
-        low = min(low, sixth * d0) if leaving else low  # away at once
+        low = min(low, near) if leaving else low
     if low > unsure:
         return CLEAR, error, min(own, low / SURE), change
     if error <= noise or (error <= RESOLVED * change and low < -unsure):
@@ -296,17 +308,17 @@ def look(p: Problem, m: Memory, dt: float, theta: float, row: int) -> None:
     eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, row, row + 1)
 
 
-@kernel
+@kernel_apart
 def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
     """Return how much of the step is free of flips of the guards that bend, s.
 
-    If one may flip in the very first window, that window, and WATCHED is 0 then: its ends tell.
+    If one may flip in the very first window, that window: its ends tell then, as WATCHED says.
     """
     prepare_interpolant(p, m, dt)
     run = (p.t_end - p.t_start) / dt
     shortest = max(SHORTEST, 16.0 * time_resolution(m.clock[T], dt) / dt)
     width, low, a = min(m.clock[WINDOW] / dt, LONGEST_IF_SURE * run), 0.0, H0
-    m.counts[WATCHED] = 1
+    m.counts[WATCHED] = BY_WINDOWS
     while low < 1.0 and m.counts[ROUGH] <= MOST_ROUGH:
         high, b, divided = low + width, H1, False
         if low + 1.25 * width < 1.0:
@@ -329,18 +341,18 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
             width = min(GROW * (high - low), (LONGEST_IF_SURE if sure else LONGEST) * run)
         if kind == OPEN or (kind == DIVIDE and (any_past(p, m, c) >= 0 or any_past(p, m, b) >= 0)):
             m.clock[WINDOW] = (high - low) * dt
-            m.counts[WATCHED] = 1 if low > 0.0 else 0
+            m.counts[WATCHED] = BY_WINDOWS if low > 0.0 else BY_ENDS
             return low * dt if low > 0.0 else high * dt
         low, a = high, b
     m.clock[WINDOW] = width * dt
     return low * dt
 
 
-@kernel_in_loop
+@kernel_apart
 def watch(p: Problem, m: Memory, dt: float) -> float:
     """Shorten the step to where its ends tell what the guards do; return its length, or a status.
 
-    WATCHED is 1 if no guard that bends flips in it, whatever its ends look like.
+    WATCHED says whether the guards that bend may flip in it: not if windows have said so.
     """
     if m.counts[N_BENT] < m.flags.width:
         find_bent(p, m, dt)
@@ -363,10 +375,14 @@ def watch(p: Problem, m: Memory, dt: float) -> float:
 @kernel_in_loop
 def watched(p: Problem, m: Memory, dt: float) -> float:
     """Do the same; mostly the step is no longer than a window, and no guard moves quickly in it."""
-    m.counts[WATCHED] = 0
+    m.counts[WATCHED] = BY_ENDS
     if m.flags.width == 0:
         return dt
     new = m.counts[MEASURED] != m.counts[INSTANTS] and m.counts[N_BENT] < m.flags.width
-    if not new and dt <= m.clock[WINDOW] and moves_evenly(p, m, dt):
-        return dt
+    if not new and dt <= m.clock[WINDOW]:
+        kind = by_ends(p, m, dt)
+        if kind == AFAR and p.methods[m.counts[METHOD], IN_POWERS] == 0:
+            m.counts[WATCHED] = NONE_NEAR
+        if kind != UNEVEN:
+            return dt
     return watch(p, m, dt)
