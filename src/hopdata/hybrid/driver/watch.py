@@ -162,6 +162,8 @@ def find_bent(p: Problem, m: Memory, dt: float) -> None:
     if in_powers:
         found += bent_on_path(p, m, dt)
     m.counts[N_BENT] += found
+    if found > 0:  # what was learned of straight guards says nothing of these
+        m.clock[WINDOW] = min(m.clock[WINDOW], LONGEST * (p.t_end - p.t_start))
 
 
 @kernel_apart
@@ -257,7 +259,7 @@ def judge_all(
             lock * g[b, k], lock * g[b + 1, k] * span, leaving, noise, slack,
         )  # fmt: skip
         room = own / max(error, 1e-300)
-        if room < 1.0 and m.counts[ROUGH] >= MOST_ROUGH - 1:
+        if (room < 1.0 or kind == DIVIDE) and m.counts[ROUGH] >= MOST_ROUGH - 1:
             m.counts[CULPRIT] = k
         moves = error <= MOVES * change
         rough, long = room < 1.0 and span > FINE * longest, span > longest and not moves
