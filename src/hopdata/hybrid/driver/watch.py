@@ -166,7 +166,7 @@ def find_bent(p: Problem, m: Memory, dt: float) -> None:
         m.clock[WINDOW] = min(m.clock[WINDOW], LONGEST * (p.t_end - p.t_start))
 
 
-@kernel_apart
+@kernel
 def by_ends(p: Problem, m: Memory, dt: float) -> int:
     """Judge the step by its ends: AFAR if no guard can reach its surface, EVEN if all move evenly.
 
