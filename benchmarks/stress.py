@@ -193,6 +193,7 @@ def heyoka_watcher(family: str, rtol: float) -> Callable[[Case], Verdict]:
     """Return a function that integrates a member by heyoka, whose guards are events that go on."""
     import heyoka as hy
 
+    hy.set_logger_level_error()  # flat roots: a warning each
     x, v, c, s = hy.make_vars("x", "v", "c", "s")
     fall, growth, turn = (hy.par[i] for i in range(FIXED))
     kinds = [int(row[0]) for row in first_numbers(family)]
