@@ -33,7 +33,7 @@ figures: $(VENV)/.run
 	$(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
 
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -n $(CORES) --dist loadfile $(PYTEST_ARGS)
+	$(BIN)/python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
 
 both-sides: $(VENV)/.run
 	$(BIN)/snakemake --cores $(CORES) --configfile config/thesis.yaml

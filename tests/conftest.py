@@ -10,6 +10,12 @@ import pytest
 for library in ("OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
+
+def pytest_collection_modifyitems(items):
+    """Begin with whole studies: the longest files must not be the last of one process."""
+    items.sort(key=lambda item: item.get_closest_marker("workflow") is None)
+
+
 ROOT = Path(__file__).parents[1]
 EXTERNAL = "RBDS001runT25markers.tsv"
 EXTERNAL_FORCES = "RBDS001runT25forces.txt"

@@ -39,7 +39,7 @@ def snakemake(folder, *arguments, cores=2):
     here = [] if cores is None else ["--cores", str(cores)]
     return subprocess.run(
         [sys.executable, "-m", "snakemake", *here, *arguments],
-        cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=600,
+        cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=1200,
     )  # fmt: skip
 
 
