@@ -26,7 +26,7 @@ def snakemake(folder, *arguments):
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
     run = subprocess.run(
         [sys.executable, "-m", "snakemake", "--cores", "2", *arguments],
-        cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=300,
+        cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=1200,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
     return run.stdout + run.stderr
