@@ -98,6 +98,8 @@ rule benchmark_page:
         f"{BENCHMARKS}/figures/README.md",
     log:
         f"{BENCHMARKS}/benchmark_page.log",
+    resources:
+        **needs(minutes=10),
     params:
         code=code("benchmark_page"),
     script:

@@ -42,6 +42,8 @@ rule distances:
     benchmark:
         f"{RESULTS}/benchmarks/distances.tsv"
     priority: 1  # more waits for it than for a figure
+    resources:
+        **needs(mb_a_mb=60, minutes=30),
     params:
         subspaces=STUDY["subspaces"],
         options={k: v for k, v in STUDY["distances"].items() if k != "sensitivity"},
