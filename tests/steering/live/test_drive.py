@@ -138,6 +138,15 @@ def test_at_the_end_the_boom_is_told_to_stay():
     assert told[-1] == 0.0
 
 
+@pytest.fixture
+def interruptible():
+    """SIGINT as in a terminal: tests in the background inherit that it is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize(("told", "code"), [("SIGTERM", 143), ("SIGINT", 130)])
 def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(tmp_path, told, code):
     heard = []
@@ -164,6 +173,7 @@ def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(tmp_
     assert counts["stream", "missing"] > 0
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_a_handler_of_the_callers_own_is_left_and_the_default_is_put_back():
     seen = []
     before = signal.signal(signal.SIGTERM, lambda *_: seen.append(signal.getsignal(signal.SIGINT)))
