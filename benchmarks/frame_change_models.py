@@ -28,12 +28,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
-import one_thread  # noqa: F401  first, since it sets the number of threads
 import pandas as pd
-from numpy.typing import NDArray
-from timing import quartiles
+from machine import quartiles
 
+from hopdata.arrays import FloatArray
 from hopdata.steering.excitation import ControlGrid, random_excitation
 from hopdata.steering.frame_changes import (
     FrameChanges,
@@ -70,8 +70,6 @@ from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import SteeredHopper
 from hopdata.steering.trial import SteeredTrial, TrueFrameChanges, record_trial, true_frame_changes
-
-FloatArray = NDArray[np.float64]
 
 ROBOT = SteeredHopper()
 LIMIT = ROBOT.swing_limit_rad

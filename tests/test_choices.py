@@ -4,6 +4,7 @@ from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
+import order as theorem
 import pytest
 
 from hopdata import recording
@@ -11,7 +12,6 @@ from hopdata.config.schema import load_schema
 from hopdata.figures import distances as both_sides
 from hopdata.figures import style as saving
 from hopdata.hybrid.methods import table as integrators
-from hopdata.hybrid.printed import theorem
 from hopdata.landings import floor_surface as robust_regression
 from hopdata.landings import schedules, touchdowns
 from hopdata.landings.contacts import find as contacts

@@ -167,8 +167,6 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         "kernel_smoothness": _of_benchmarks(
             "kernel_smoothness", "kernel_smoothness_figure", "frame_change_kernels"
         ),
-    },
-    "studies": {
         "verdict_power": _of_benchmarks("verdict", "verdict_power_figure", "verdict_power"),
     },
 }
