@@ -37,6 +37,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from live_hopper import LiveHopper
+from loopback_server import Faults, LoopbackServer, Outage
 
 from hopdata.jobs import write_table
 from hopdata.recording import Recording
@@ -44,11 +46,9 @@ from hopdata.steering.control.objectives import WayPointFollower, WayPoints
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.frame_changes import frame_changes_at_frames
 from hopdata.steering.live.buffer import Status
-from hopdata.steering.live.drive import Drive, LiveHopper, drive
-from hopdata.steering.live.faults import Faults, Outage
+from hopdata.steering.live.drive import Drive, drive
 from hopdata.steering.live.loop import Decision
 from hopdata.steering.live.safety import Limits, UdpBoom, UdpSwings
-from hopdata.steering.live.server import LoopbackServer
 from hopdata.steering.models.training import trained_process
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry

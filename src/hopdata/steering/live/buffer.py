@@ -120,19 +120,6 @@ class FrameBuffer:
 
 
 @dataclass
-class ServerCounts:
-    """What the server has done so far, in frames, markers and connections."""
-
-    frames: int = 0
-    dropped: int = 0
-    hidden_markers: int = 0
-    garbled: int = 0
-    skipped: int = 0
-    connections: int = 0
-    refused_packets: int = 0
-
-
-@dataclass
 class StreamCounts:
     """What came, in frames, markers, packets and connections, and what did not.
 
