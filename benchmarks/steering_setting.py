@@ -1,19 +1,20 @@
-"""What the benchmarks of control share: the learned and the true map, starts, and the board."""
+"""What the benchmarks of steering share: printed excitation, maps, starts, and the board."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.steering.excitation import ControlGrid, random_excitation
+from hopdata.steering.excitation import ControlGrid, Excitation
 from hopdata.steering.experiments.tasks import ORIGIN, board_for
 from hopdata.steering.frame_changes import FrameChanges, frame_changes
 from hopdata.steering.models.learning import random_split
-from hopdata.steering.models.process import FrameChangeProcess, embedded
+from hopdata.steering.models.process import FrameChangeProcess, embedded, embedded_scales
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated
-from hopdata.steering.models.training import RECOMMENDED, regressor_of, trained_process
+from hopdata.steering.models.training import RECOMMENDED, trained_process
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import Board, SteeredHopper
@@ -26,6 +27,58 @@ LIMIT = ROBOT.swing_limit_rad
 HOPS = 100
 EXCITATIONS = 3
 COPIES = replace(RECOMMENDED, periodic=False)
+
+
+def random_excitation(
+    grid: ControlGrid, rng: np.random.Generator, *, start: int = 0, limit: int | None = None
+) -> Excitation:
+    """Draw moves at random until all are made (Algorithm 1).
+
+    The next angle is drawn with the weight ``1 / n_steps + its number of moves still to make``,
+    among those to which a move is still wanted, or among all in reach if there are none. Put right
+    are what the print leaves out or mistakes: the size of its matrix, the draw itself, the copy of
+    the matrix, and the last angle, without which the last move would not be commanded.
+
+    Parameters
+    ----------
+    grid : ControlGrid
+    rng : numpy Generator
+    start : int
+        Index of the first boom angle.
+    limit : int, optional
+        Stop after so many hops; `Excitation.coverage` then tells what is missing.
+    """
+    wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
+    made: list[int] = []
+    k, left = start % grid.n_angles, wanted.sum()
+    while left > 0 and (limit is None or len(made) < limit):
+        choices = np.flatnonzero(wanted[k]) if wanted[k].any() else np.arange(len(grid.steps))
+        ends = (k + grid.steps[choices]) % grid.n_angles
+        weights = wanted[ends].sum(axis=1) + 1.0 / grid.n_steps
+        move = rng.choice(choices, p=weights / weights.sum())
+        if wanted[k, move] > 0:
+            wanted[k, move] -= 1
+            left -= 1
+        made.append(int(grid.steps[move]))
+        k = int((k + grid.steps[move]) % grid.n_angles)
+    return Excitation(grid, start % grid.n_angles, np.array(made, dtype=int))
+
+
+def regressor_of(process: FrameChangeProcess, component: int) -> Any:
+    """Return scikit-learn's regressor of one component with the hyper-parameters of a process.
+
+    It predicts the output as modelled, for embedded inputs: a peer to compare with.
+    """
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
+
+    j = component
+    lengths = embedded_scales(process.length_scales[j], process.periodic)
+    matern = Matern(lengths, nu=process.smoothness)
+    kernel = ConstantKernel(process.variance[j]) * matern + WhiteKernel(process.noise[j])
+    target = (process.outputs[:, j] - process.offset[j]) / process.unit[j]
+    regressor = GaussianProcessRegressor(kernel, alpha=0.0, optimizer=None)
+    return regressor.fit(embedded(process.inputs, process.periodic), target)
 
 
 class SklearnMap:

@@ -2,7 +2,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from live_hopper import LiveHopper
+from live_loop import LiveHopper
 
 from hopdata.steering.robot import Board, SteeredHopper, released, steer_hop
 

@@ -13,7 +13,7 @@ from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.recording import Recording
 from hopdata.rigid import relative
-from hopdata.steering.excitation import EXCITATION, TRIAL, excitation_of
+from hopdata.steering.excitation import EXCITATION, TRIAL, ControlGrid, eulerian_excitation
 from hopdata.steering.robot import (
     Apex,
     SteeredHop,
@@ -301,7 +301,7 @@ def simulate_excitation(
     camera = camera_of(motion_capture)
     robot = robot_of(steering["robot"], camera)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(EXCITATION,)))
-    swings = excitation_of(steering["excitation"], rng).swings
+    swings = eulerian_excitation(ControlGrid(**steering["excitation"]), rng).swings
     trial = record_trial(robot, swings, seed=(seed, TRIAL), camera=camera, name=NAME)
     return trial.recording, _stances(trial), _motion(trial)
 

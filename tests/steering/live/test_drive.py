@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from live_hopper import LiveHopper
+from live_loop import LiveHopper
 from loopback import BRISK, LONG_S, our_threads, wait_until
 from loopback_server import Faults, LoopbackServer, Outage
 

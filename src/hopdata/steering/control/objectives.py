@@ -63,42 +63,6 @@ Objective: TypeAlias = ToPoint | ToHeading
 
 
 @dataclass(frozen=True, kw_only=True)
-class WayPoints:
-    """Visit points of the floor one after the other, and stay at the last.
-
-    Parameters
-    ----------
-    points_m : tuple of (x, y)
-        Points in the world frame, m.
-    arrival_m : float
-        Distance at which a point counts as visited, m.
-    penalty, stances : str
-        As for a single point.
-    """
-
-    points_m: tuple[tuple[float, float], ...]
-    arrival_m: float = 0.15
-    penalty: str = "absolute"
-    stances: str = "all"
-
-    def __post_init__(self) -> None:
-        if not np.iterable(self.points_m):
-            raise ConfigError(f"points_m: expected points (x, y), found {self.points_m}")
-        if not len(self.points_m):
-            raise ConfigError("points_m: expected one point at least, found none")
-        if not (_is_finite(self.arrival_m) and self.arrival_m > 0):
-            raise ConfigError(f"arrival_m: expected more than 0, found {self.arrival_m}")
-        self.legs()
-
-    def legs(self) -> tuple[ToPoint, ...]:
-        """Return the objectives of the single points, in order."""
-        return tuple(
-            ToPoint(point_m=point, penalty=self.penalty, stances=self.stances)
-            for point in self.points_m
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
 class Horizon:
     """How far a controller looks ahead, and how far the boom may swing in a hop.
 
@@ -233,46 +197,3 @@ def checked_state(pose: ArrayLike, boom_angle_rad: float) -> tuple[FloatArray, f
     if not np.isfinite(boom):
         raise PlanningError(f"plan: expected a finite boom angle, found {boom_angle_rad!r}")
     return state, boom % (2 * np.pi)
-
-
-# Along way-points: one point after the other, with any controller that steers to points.
-
-
-class Steerable(Protocol):
-    """A controller that can be given another point."""
-
-    def towards(self, objective: ToPoint, /) -> Controller:
-        """Return the same controller with another objective."""
-        ...
-
-
-class WayPointFollower:
-    """Steers to the first of the way-points that has not been visited, and stays at the last.
-
-    It remembers which have been visited, so each run needs one of its own.
-
-    Parameters
-    ----------
-    controller : Steerable
-        Such as a `GlobalisedController`.
-    way_points : WayPoints
-    """
-
-    def __init__(self, controller: Steerable, way_points: WayPoints) -> None:
-        self._legs = way_points.legs()
-        self._controllers = [controller.towards(leg) for leg in self._legs]
-        self._arrival_m = way_points.arrival_m
-        self.visited = 0
-
-    def plan(
-        self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
-    ) -> Plan:
-        """Plan towards the present way-point; one that is within reach counts as visited."""
-        here, boom = checked_state(pose, boom_angle_rad)
-        while self.visited < len(self._legs) and self._arrived(here):
-            self.visited += 1
-        leg = min(self.visited, len(self._legs) - 1)
-        return self._controllers[leg].plan(here, boom, previous_swing_rad)
-
-    def _arrived(self, pose: ArrayLike) -> bool:
-        return bool(np.all(errors_left(self._legs[self.visited], pose) <= self._arrival_m))

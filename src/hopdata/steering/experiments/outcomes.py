@@ -22,7 +22,6 @@ from hopdata.steering.experiments.tasks import (
     PLANNER,
     PRINTED,
 )
-from hopdata.steering.frame_changes import SAME_STANCE_S
 from hopdata.steering.models.tabulated import FrameChangeMap
 from hopdata.steering.trial import TrueFrameChanges
 
@@ -206,6 +205,7 @@ def _met(row: dict[str, Any], asked: dict[str, float]) -> str:
 
 # What was observed and learned against what the simulator knows.
 
+SAME_STANCE_S = 0.1  # a sixth of a hop
 COMPONENTS = (("x", "mm", 1e3), ("y", "mm", 1e3), ("heading", "deg", 180 / np.pi))
 
 

@@ -12,7 +12,7 @@ from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.steering.excitation import TRAINING
-from hopdata.steering.frame_changes import USED, FrameChanges
+from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models.process import SMOOTHNESSES, TURN, FrameChangeProcess
 from hopdata.steering.models.tabulated import COMPONENTS
 from hopdata.steering.models.training import (
@@ -244,38 +244,6 @@ READINGS: Mapping[str, ProcessOptions] = {
     "printed, length and noise fitted, m": replace(_FITTED, length_unit_m=1.0),
     "standardised, all fitted": RECOMMENDED,
 }
-
-SMOOTH_NOISE = np.array([0.5e-3, 0.5e-3, 2e-3])
-
-
-def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
-    """Return frame changes by analytic functions of boom angle and swing, with a little noise.
-
-    Their sizes are those of the hopper: a few cm and about five degrees. The noise is that of
-    poses from motion capture (`SMOOTH_NOISE`).
-    """
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    angle = rng.uniform(0, 2 * np.pi, hops)
-    swing = rng.uniform(-swing_limit_rad, swing_limit_rad, hops)
-    middle = angle + swing / 2
-    change = np.column_stack(
-        [
-            0.05 - 0.025 * np.cos(middle) + 0.01 * np.sin(swing),
-            -0.02 * np.sin(middle) + 0.01 * np.cos(2 * angle) * np.cos(swing),
-            0.12 * np.sin(swing) + 0.03 * np.sin(angle) - 0.02 * np.cos(middle),
-        ]
-    )
-    unknown = np.full(hops, np.nan)
-    return FrameChanges(
-        recording=np.full(hops, "smooth truth"),
-        time_s=np.arange(hops, dtype=float),
-        boom_angle_rad=angle,
-        swing_rad=swing,
-        change=change + SMOOTH_NOISE * rng.standard_normal(change.shape),
-        previous_swing_rad=unknown,
-        previous_change=np.full((hops, 3), np.nan),
-        reason=np.full(hops, USED),
-    )
 
 
 def smoothness_scores(
