@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 import one_thread  # noqa: F401  first, since it sets the number of threads
 import pandas as pd
-from best_plan import reference_objective
+from best_plan import GradientController, reference_objective
 from closed_loop import ClosedLoopTrial, PoseNoise, closed_loop
 from numpy.typing import NDArray
 from steering_setting import (
@@ -182,7 +182,7 @@ def control_table(found: Maps, starts: int, seed: int) -> pd.DataFrame:
 
 def short_rows(task: str, goal: Any, found: Maps, starts: int, seed: int) -> list[dict[str, Any]]:
     """Rows of the controllers without a cost-to-go."""
-    printed = PrintedController(model=found.true, objective=goal, gradient="closed form")
+    printed = GradientController(model=found.true, objective=goal)
     rows = [control_row(task, "printed", "true", [printed], starts, seed)[0]]
     if task in ("facing", "turn"):
         faithful = [PrintedController(model=one, objective=goal) for one in found.sklearn]
@@ -205,9 +205,7 @@ def replanning_table(found: Maps, plans: int, slow_plans: int, seed: int) -> pd.
     table = tabulated(found.copies[0], LIMIT)
     methods = {
         "printed, closed-form gradient": (
-            lambda goal: PrintedController(
-                model=found.copies[0], objective=goal, gradient="closed form"
-            ),
+            lambda goal: GradientController(model=found.copies[0], objective=goal),
             plans,
         ),
         "printed": (

@@ -26,12 +26,12 @@ from typing import Any
 import numpy as np
 import one_thread  # noqa: F401  first, since it sets the number of threads
 import pandas as pd
+from best_plan import STARTS, GradientController
 from steering_control import to_origin, turning
 from steering_setting import EXCITATIONS, LIMIT, ROBOT, excited
 
 from hopdata.rigid import relative
 from hopdata.steering.control.planner import planner
-from hopdata.steering.control.printed import STARTS, PrintedController
 from hopdata.steering.experiments.outcomes import rate_interval
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated
 from hopdata.steering.models.training import trained_process
@@ -62,7 +62,7 @@ def drift(robot: SteeredHopper, hops: int = 12) -> dict[str, float]:
 def rows(robot: SteeredHopper, starts: int, seed: int) -> Iterator[dict[str, Any]]:
     """Yield the rows of one hopper."""
     learned = models(robot, seed)
-    printed = PrintedController(model=learned[0], gradient="closed form")
+    printed = GradientController(model=learned[0])
     cases = [
         (name, f"printed, {begun}", [replace(printed, model=m, start=begun) for m in learned])
         for begun in STARTS

@@ -9,54 +9,30 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import ConfigError, HopdataError, require_choice
+from hopdata.errors import ConfigError, HopdataError
 from hopdata.rigid import wrapped
-
-PENALTIES = ("absolute", "square")
-STANCES = ("all", "last")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToPoint:
-    """Come near a point of the floor (dissertation, Sec. 3.4.3).
-
-    Parameters
-    ----------
-    point_m : (x, y)
-        The point in the world frame, m.
-    penalty : {"absolute", "square"}
-        Distance from the point, or its square.
-    stances : {"all", "last"}
-        Whether the penalties of all stances within the horizon are added up, or that of the last
-        one counts.
-    """
+    """Come near a point (x, y) of the floor, world frame, m (dissertation, Sec. 3.4.3)."""
 
     point_m: tuple[float, float] = (0.0, 0.0)
-    penalty: str = "absolute"
-    stances: str = "all"
 
     def __post_init__(self) -> None:
         if not _is_finite(self.point_m, shape=(2,)):
             raise ConfigError(f"point_m: expected two finite numbers, found {self.point_m}")
-        _check_choices(self.penalty, self.stances)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToHeading:
-    """Turn to a heading of the world frame, rad; the error is wrapped (Sec. 3.4.3, footnote 8).
-
-    `penalty` and `stances` as for a point: the size of the error or its square, of all stances or
-    of the last.
-    """
+    """Turn to a heading of the world frame, rad; the error is wrapped (Sec. 3.4.3, footnote 8)."""
 
     heading_rad: float = 0.0
-    penalty: str = "absolute"
-    stances: str = "all"
 
     def __post_init__(self) -> None:
         if not _is_finite(self.heading_rad):
             raise ConfigError(f"heading_rad: expected a finite number, found {self.heading_rad}")
-        _check_choices(self.penalty, self.stances)
 
 
 Objective: TypeAlias = ToPoint | ToHeading
@@ -96,10 +72,8 @@ def errors_left(objective: Objective, poses: ArrayLike) -> FloatArray:
 
 
 def objective_value(objective: Objective, poses: ArrayLike) -> float:
-    """Value of an objective over the stances (H, 3) that come after the present one."""
-    left = errors_left(objective, poses)
-    penalties = left**2 if objective.penalty == "square" else left
-    return float(penalties[-1] if objective.stances == "last" else penalties.sum())
+    """Sum of what is left at the stances (H, 3) that come after the present one."""
+    return float(errors_left(objective, poses).sum())
 
 
 def _is_finite(value: object, shape: tuple[int, ...] = ()) -> bool:
@@ -109,11 +83,6 @@ def _is_finite(value: object, shape: tuple[int, ...] = ()) -> bool:
     except (TypeError, ValueError):
         return False
     return numbers.shape == shape and bool(np.isfinite(numbers).all())
-
-
-def _check_choices(penalty: str, stances: str) -> None:
-    require_choice("penalty", penalty, PENALTIES)
-    require_choice("stances", stances, STANCES)
 
 
 # What every controller takes and gives.
