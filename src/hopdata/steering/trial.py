@@ -13,17 +13,8 @@ from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.recording import Recording
 from hopdata.rigid import relative
+from hopdata.steering import robot as plant
 from hopdata.steering.excitation import EXCITATION, TRIAL, ControlGrid, eulerian_excitation
-from hopdata.steering.robot import (
-    Apex,
-    SteeredHop,
-    SteeredHopper,
-    camera_of,
-    marker_poses,
-    released,
-    robot_of,
-    steer_hop,
-)
 from hopdata.synthesis.camera import draw_floor, fixed_markers, track_markers
 from hopdata.synthesis.simulate import MotionCapture, observed
 from hopdata.synthesis.trial import Operator, Trial, run_trial
@@ -77,7 +68,7 @@ class SteeredTrial:
 
 
 def record_trial(
-    robot: SteeredHopper,
+    robot: plant.SteeredHopper,
     swings_rad: Iterable[float],
     *,
     seed: int | Sequence[int],
@@ -130,7 +121,7 @@ def record_trial(
     return SteeredTrial(
         recording=recording,
         stances=true_stances(robot, trial),
-        poses=marker_poses(robot, trial.states),
+        poses=plant.marker_poses(robot, trial.states),
         boom_angle_rad=_boom_angles(robot, trial),
         tilt_rad=np.arccos(np.cos(trial.states[:, 4]) * np.cos(trial.states[:, 5])),
     )
@@ -150,7 +141,7 @@ def _numbers(swings_rad: Iterable[float]) -> FloatArray:
     return numbers
 
 
-def true_stances(robot: SteeredHopper, trial: Trial) -> TrueStances:
+def true_stances(robot: plant.SteeredHopper, trial: Trial) -> TrueStances:
     """Return the stances of the hops in which all legs stood."""
     body = fixed_markers(trial.states, np.array(robot.markers.body_m))
     height = body[..., 2].mean(axis=1)
@@ -165,13 +156,13 @@ def true_stances(robot: SteeredHopper, trial: Trial) -> TrueStances:
     return TrueStances(
         frame=frame,
         time_s=frame / trial.rate_hz,
-        pose=marker_poses(robot, trial.states[frame]),
+        pose=plant.marker_poses(robot, trial.states[frame]),
         boom_angle_rad=_boom_angles(robot, trial)[frame],
         follows=joined[stood],
     )
 
 
-def _boom_angles(robot: SteeredHopper, trial: Trial) -> FloatArray:
+def _boom_angles(robot: plant.SteeredHopper, trial: Trial) -> FloatArray:
     """Angle of the boom at every frame, (N,), from the places of the counterweight."""
     x = trial.boom[:, 0] - robot.hopper.boom_offset_m
     angle = np.unwrap(np.arctan2(trial.boom[:, 1], x))
@@ -212,7 +203,7 @@ class TrueFrameChanges:
 
 @one_blas_thread()
 def true_frame_changes(
-    robot: SteeredHopper,
+    robot: plant.SteeredHopper,
     *,
     boom_angles: int = 24,
     swings: int = 7,
@@ -243,7 +234,7 @@ def true_frame_changes(
 
 
 def _at_angle(
-    robot: SteeredHopper, grid: FloatArray, settling_hops: int, boom_angle_rad: float
+    robot: plant.SteeredHopper, grid: FloatArray, settling_hops: int, boom_angle_rad: float
 ) -> FloatArray:
     """Frame changes (S, P, 3) from one boom angle."""
     changes = np.empty((len(grid), len(grid), 3))
@@ -256,15 +247,15 @@ def _at_angle(
     return changes
 
 
-def _settled(robot: SteeredHopper, boom_angle_rad: float, hops: int) -> Apex:
-    apex = released(robot, np.zeros(3), boom_angle_rad)
+def _settled(robot: plant.SteeredHopper, boom_angle_rad: float, hops: int) -> plant.Apex:
+    apex = plant.released(robot, np.zeros(3), boom_angle_rad)
     for _ in range(hops):
         apex = _whole(robot, apex, 0.0).end
     return apex
 
 
-def _whole(robot: SteeredHopper, apex: Apex, swing_rad: float) -> SteeredHop:
-    hop = steer_hop(robot, apex, swing_rad, rng=np.random.default_rng(0))
+def _whole(robot: plant.SteeredHopper, apex: plant.Apex, swing_rad: float) -> plant.SteeredHop:
+    hop = plant.steer_hop(robot, apex, swing_rad, rng=np.random.default_rng(0))
     if hop.stance.fell:
         raise AnalysisError(
             f"true map: expected a hopper that does not fall, found one that did after a swing of "
@@ -298,8 +289,8 @@ def simulate_excitation(
         The truth: one row a stance (``frame, time_s, x_m, y_m, heading_rad, boom_angle_rad,
         follows``) and one row a frame (``time_s``, pose, ``boom_angle_rad, tilt_rad``).
     """
-    camera = camera_of(motion_capture)
-    robot = robot_of(steering["robot"], camera)
+    camera = plant.camera_of(motion_capture)
+    robot = plant.robot_of(steering["robot"], camera)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(EXCITATION,)))
     swings = eulerian_excitation(ControlGrid(**steering["excitation"]), rng).swings
     trial = record_trial(robot, swings, seed=(seed, TRIAL), camera=camera, name=NAME)

@@ -14,8 +14,8 @@ from live_loop import LiveHopper
 from loopback import BRISK, LONG_S, our_threads, wait_until
 from loopback_server import Faults, LoopbackServer, Outage
 
-from hopdata.errors import AnalysisError, ConfigError
-from hopdata.steering.live.drive import drive, observers
+from hopdata.errors import ConfigError
+from hopdata.steering.live.drive import drive
 from hopdata.steering.live.packets import ConnectionLostError, LabelError
 from hopdata.steering.live.safety import Limits, UdpBoom, UdpSwings
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
@@ -225,11 +225,6 @@ def test_no_camera_system_is_a_clear_error():
         )
     swings.close()
     wait_until(lambda: our_threads() == [])
-
-
-def test_observers_need_the_markers_of_the_geometry():
-    with pytest.raises(AnalysisError, match="boom"):
-        observers(geometry(), ("body1", "body2", "body3"))
 
 
 def test_a_folder_that_cannot_be_made_is_an_error_before_anything_moves(tmp_path):

@@ -10,14 +10,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.rigid import composed
-from hopdata.steering.control.objectives import (
-    Horizon,
-    Objective,
-    Plan,
-    ToPoint,
-    checked_state,
-    objective_value,
-)
+from hopdata.steering.control import objectives
 from hopdata.steering.models.tabulated import FrameChangeMap
 
 
@@ -38,21 +31,21 @@ class PrintedController:
     """
 
     model: FrameChangeMap
-    objective: Objective = field(default_factory=ToPoint)
-    horizon: Horizon = field(default_factory=Horizon)
+    objective: objectives.Objective = field(default_factory=objectives.ToPoint)
+    horizon: objectives.Horizon = field(default_factory=objectives.Horizon)
 
-    def towards(self, objective: Objective) -> Self:
+    def towards(self, objective: objectives.Objective) -> Self:
         """Return the same controller with another objective."""
         return replace(self, objective=objective)
 
     def plan(
         self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
-    ) -> Plan:
+    ) -> objectives.Plan:
         """Plan from a pose and a boom angle; the search may begin with the previous swing."""
-        start, boom = checked_state(pose, boom_angle_rad)
+        start, boom = objectives.checked_state(pose, boom_angle_rad)
         ends = [self.descended(start, boom, one) for one in self.first_swings(previous_swing_rad)]
         solved = min(ends, key=lambda end: end.fun)
-        return Plan(
+        return objectives.Plan(
             swings_rad=solved.x,
             poses=predicted_poses(self.model, start, boom, solved.x),
             objective=float(solved.fun),
@@ -74,7 +67,7 @@ class PrintedController:
 
         def value(swings: FloatArray) -> float:
             poses = predicted_poses(self.model, pose, boom_angle_rad, swings)
-            return objective_value(self.objective, poses[1:])
+            return objectives.objective_value(self.objective, poses[1:])
 
         limit, hops = self.horizon.swing_limit_rad, self.horizon.hops
         return minimize(

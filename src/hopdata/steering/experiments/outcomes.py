@@ -12,16 +12,7 @@ from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.rigid import wrapped
 from hopdata.steering.excitation import BOOTSTRAP
-from hopdata.steering.experiments.tasks import (
-    ANY,
-    CEILING,
-    FACING,
-    FELL,
-    LATE,
-    LEFT,
-    PLANNER,
-    PRINTED,
-)
+from hopdata.steering.experiments import tasks
 from hopdata.steering.models.tabulated import FrameChangeMap
 from hopdata.steering.trial import TrueFrameChanges
 
@@ -109,13 +100,16 @@ def ratio_interval(
 
 # What is asked of whom: the least share of runs that succeed.
 ASKED = {
-    ("origin", FACING, PRINTED): 24 / 30,
-    ("turn", ANY, PRINTED): 1.0,
-    ("origin", ANY, PLANNER): 27 / 30,
-    ("origin_board", ANY, PLANNER): 24 / 30,
+    ("origin", tasks.FACING, tasks.PRINTED): 24 / 30,
+    ("turn", tasks.ANY, tasks.PRINTED): 1.0,
+    ("origin", tasks.ANY, tasks.PLANNER): 27 / 30,
+    ("origin_board", tasks.ANY, tasks.PLANNER): 24 / 30,
 }
 # The most hops, in those of the policy that knows the true map.
-ASKED_RATIO = {("origin", ANY, PLANNER): 1.3, ("origin_board", ANY, PLANNER): 1.3}
+ASKED_RATIO = {
+    ("origin", tasks.ANY, tasks.PLANNER): 1.3,
+    ("origin_board", tasks.ANY, tasks.PLANNER): 1.3,
+}
 
 GROUP = ["experiment", "start", "controller"]
 
@@ -149,7 +143,7 @@ def outcome_table(runs: pd.DataFrame, *, seed: int, confidence: float = 0.95) ->
     for key, group in runs.groupby(GROUP, sort=False):
         best = runs[
             (runs["experiment"] == key[0]) & (runs["start"] == key[1])
-            & (runs["controller"] == CEILING)
+            & (runs["controller"] == tasks.CEILING)
         ]  # fmt: skip
         rows.append(_row(key, group, best, seed, confidence))
     return pd.DataFrame(rows)
@@ -173,9 +167,9 @@ def _row(
         "hops": float(np.median(hops)) if len(hops) else float("nan"),
         "hops_low": hops_low,
         "hops_high": hops_high,
-        "late": int(reasons.get(LATE, 0)),
-        "left": int(reasons.get(LEFT, 0)),
-        "fell": int(reasons.get(FELL, 0)),
+        "late": int(reasons.get(tasks.LATE, 0)),
+        "left": int(reasons.get(tasks.LEFT, 0)),
+        "fell": int(reasons.get(tasks.FELL, 0)),
         "stances": int(group["stances"].sum()),
         "blind": int(group["blind"].sum()),
     }

@@ -154,6 +154,19 @@ class LoopCounts:
 JOIN_S = 10.0
 
 
+def joined(thread: threading.Thread) -> None:
+    """Wait for the end of a thread.
+
+    Raises
+    ------
+    LiveError
+        If it does not end.
+    """
+    thread.join(JOIN_S)
+    if thread.is_alive():
+        raise LiveError(f"thread {thread.name!r} has not ended within {JOIN_S:g} s")
+
+
 class LoopThread:
     """Runs `main` in a thread; `failure` is the exception that ended it, if any."""
 
@@ -194,9 +207,7 @@ class LoopThread:
             return
         if self._task is not None:
             self.call(self._task.cancel)
-        self._thread.join(JOIN_S)
-        if self._thread.is_alive():
-            raise LiveError(f"thread {self._thread.name!r} has not ended within {JOIN_S:g} s")
+        joined(self._thread)
 
     def _run(self) -> None:
         try:

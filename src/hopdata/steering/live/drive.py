@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,16 +12,11 @@ from types import FrameType, TracebackType
 from typing import Any, Self
 
 from hopdata.errors import ConfigError
+from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import LoopCounts, Status, StreamCounts
-from hopdata.steering.live.loop import (
-    ControlLoop,
-    Decision,
-    write_counts,
-    write_decisions,
-    write_states,
-)
+from hopdata.steering.live.loop import ControlLoop, Decision, write_logs
 from hopdata.steering.live.packets import PORT
-from hopdata.steering.live.safety import Boom, Controller, Detector, Limits, Tracker
+from hopdata.steering.live.safety import Boom, Limits
 from hopdata.steering.live.stream import MarkerStream, Patience
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.live_stances import StanceDetector
@@ -38,33 +33,6 @@ class Drive:
     states: tuple[Status, ...]
     stream: StreamCounts
     loop: LoopCounts
-
-
-def observers(
-    geometry: HopperGeometry, labels: Sequence[str], *, rate_hz: float = 100.0
-) -> Callable[[], tuple[Tracker, Detector]]:
-    """Return what makes a tracker and a stance detector for a hopper that has been calibrated.
-
-    Parameters
-    ----------
-    geometry : HopperGeometry
-        From `hopdata.steering.observation.calibration.calibrate`, of a recording of this hopper.
-    labels : sequence of str
-        Markers of the stream, in its order.
-    rate_hz : float
-        Frame rate, Hz.
-
-    Raises
-    ------
-    AnalysisError
-        If a marker of the geometry is not among the labels.
-    """
-
-    def fresh() -> tuple[Tracker, Detector]:
-        return HopperTracker(geometry, labels), StanceDetector.of(geometry, rate_hz=rate_hz)
-
-    fresh()  # complains now rather than in the loop
-    return fresh
 
 
 def drive(
@@ -95,7 +63,8 @@ def drive(
     geometry : HopperGeometry
         The hopper; its markers must be labelled in the camera system by the names that it has here.
     controller : Controller
-        Plans the swings; see `hopdata.steering.control`.
+        Plans the swings, as those of `hopdata.steering.control` do; of a plan nothing but its
+        `swing_rad` is used.
     boom : Boom
         Told each swing.
     host, port : str, int
@@ -136,7 +105,7 @@ def drive(
     stream = MarkerStream(names, host=host, port=port, rate_hz=rate_hz, patience=patience)
     loop = ControlLoop(
         stream.buffer,
-        observers(geometry, names, rate_hz=rate_hz),
+        lambda: (HopperTracker(geometry, names), StanceDetector.of(geometry, rate_hz=rate_hz)),
         controller,
         boom,
         limits=limits,
@@ -153,9 +122,9 @@ def drive(
             if signals.first is not None:
                 stream.states.report("closed", f"the drive was ended by {signals.first.name}")
             if folder is not None:
-                write_decisions(Path(folder) / "decisions.csv", loop.decisions())
-                write_states(Path(folder) / "stream_states.csv", stream.states.history())
-                write_counts(Path(folder) / "counts.csv", stream.counts, loop.counts)
+                states = stream.states.history()
+                counts = {"stream": stream.counts, "loop": loop.counts}
+                write_logs(Path(folder), loop.decisions(), states, **counts)
     return Drive(loop.decisions(), stream.states.history(), stream.counts, loop.counts)
 
 
@@ -211,11 +180,11 @@ def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -
             "geometry: expected a boom and its circle, found none; calibrate with a recording that "
             "has a marker with the role boom (markers.boom)"
         )
-    parts: tuple[tuple[str, object, str], ...] = (
-        ("controller", controller, "plan"),
-        ("boom", boom, "swing"),
-    )
-    for name, part, method in parts:
+    parts: dict[str, tuple[object, str]] = {
+        "controller": (controller, "plan"),
+        "boom": (boom, "swing"),
+    }
+    for name, (part, method) in parts.items():
         if isinstance(part, type) or not callable(getattr(part, method, None)):
             kind = f"the class {part.__name__}" if isinstance(part, type) else type(part).__name__
             raise ConfigError(f"{name}: expected an object with the method {method}, found {kind}")

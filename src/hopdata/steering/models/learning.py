@@ -13,19 +13,9 @@ from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.steering.excitation import TRAINING
 from hopdata.steering.frame_changes import FrameChanges
+from hopdata.steering.models import training
 from hopdata.steering.models.process import SMOOTHNESSES, TURN, FrameChangeProcess
 from hopdata.steering.models.tabulated import COMPONENTS
-from hopdata.steering.models.training import (
-    LEAST_HOPS,
-    PRINTED,
-    RECOMMENDED,
-    WITH_PREVIOUS_CHANGE,
-    WITH_PREVIOUS_SWING,
-    ProcessOptions,
-    process_inputs,
-    process_of,
-    trained_process,
-)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,7 +76,7 @@ def random_split(hops: int, train: int, rng: np.random.Generator) -> tuple[Float
 
 def learning_scores(
     changes: FrameChanges,
-    options: Mapping[str, ProcessOptions],
+    options: Mapping[str, training.ProcessOptions],
     sizes: Sequence[int],
     *,
     draws: int,
@@ -125,9 +115,11 @@ def learning_scores(
         for draw, stream in enumerate(streams):
             train, test = random_split(len(hops), size, np.random.default_rng(stream))
             for name, chosen in options.items():
-                process = trained_process(hops.rows(train), chosen, seed=seed + draw)
+                process = training.trained_process(hops.rows(train), chosen, seed=seed + draw)
                 rest = hops.rows(test)
-                score = prediction_score(process, process_inputs(rest, chosen.history), rest.change)
+                score = prediction_score(
+                    process, training.process_inputs(rest, chosen.history), rest.change
+                )
                 rows.extend(score_rows(score, {"model": name, "hops": size, "draw": draw}))
     return pd.DataFrame(rows)
 
@@ -233,16 +225,16 @@ def training_table(process: FrameChangeProcess) -> pd.DataFrame:
 # variance alone, not on the units. Once the length scale is fitted and the variance is not, the
 # units decide.
 
-_FITTED = replace(PRINTED, length_scale=None, noise=None)
-READINGS: Mapping[str, ProcessOptions] = {
+_FITTED = replace(training.PRINTED, length_scale=None, noise=None)
+READINGS: Mapping[str, training.ProcessOptions] = {
     # The formula: variance and length scale 1, noise 0.1; mm and rad.
-    "printed, all fixed": PRINTED,
+    "printed, all fixed": training.PRINTED,
     # The length scale fitted, the rest as before.
-    "printed, length fitted": replace(PRINTED, length_scale=None),
+    "printed, length fitted": replace(training.PRINTED, length_scale=None),
     # scikit-learn's `Matern(nu) + WhiteKernel(0.1)`: the noise is only where the search begins.
     "printed, length and noise fitted, mm": _FITTED,
     "printed, length and noise fitted, m": replace(_FITTED, length_unit_m=1.0),
-    "standardised, all fitted": RECOMMENDED,
+    "standardised, all fitted": training.RECOMMENDED,
 }
 
 
@@ -252,7 +244,7 @@ def smoothness_scores(
     train: int = 100,
     draws: int,
     seed: int,
-    readings: Mapping[str, ProcessOptions] = READINGS,
+    readings: Mapping[str, training.ProcessOptions] = READINGS,
 ) -> pd.DataFrame:
     """Score the four smoothnesses in each reading of the set-up, on the same random hops.
 
@@ -273,8 +265,10 @@ def smoothness_scores(
         for reading, options in readings.items():
             for smoothness in SMOOTHNESSES:
                 setup = replace(options, smoothness=smoothness)
-                process = trained_process(hops.rows(chosen), setup, seed=seed + draw)
-                score = prediction_score(process, process_inputs(test, setup.history), test.change)
+                process = training.trained_process(hops.rows(chosen), setup, seed=seed + draw)
+                score = prediction_score(
+                    process, training.process_inputs(test, setup.history), test.change
+                )
                 labels = {"reading": reading, "smoothness": smoothness, "draw": draw}
                 rows.extend(
                     {**row, "log_likelihood": value}
@@ -323,10 +317,10 @@ def learn(
     for k in range(options["sets"]):
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(TRAINING, k)))
         train, rest = random_split(len(hops), wanted, rng)
-        setup = process_of(options)
-        process = trained_process(hops.rows(train), setup, seed=seed)
+        setup = training.process_of(options)
+        process = training.trained_process(hops.rows(train), setup, seed=seed)
         test = hops.rows(rest)
-        score = prediction_score(process, process_inputs(test, setup.history), test.change)
+        score = prediction_score(process, training.process_inputs(test, setup.history), test.change)
         processes.append(process)
         rows += score_rows(score, {"set": k + 1})
     sizes = {"training_hops": wanted, "test_hops": len(hops) - wanted}
@@ -343,10 +337,11 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
     """
     hops = changes.used()
     left_out = f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
-    if len(hops) < LEAST_HOPS + LEFT_TO_TEST:
+    least = training.LEAST_HOPS + LEFT_TO_TEST
+    if len(hops) < least:
         raise AnalysisError(
-            f"steering: expected at least {LEAST_HOPS + LEFT_TO_TEST} hops that can be used, to "
-            f"learn from and to test on, found {len(hops)} {left_out}"
+            f"steering: expected at least {least} hops that can be used, to learn from and to test "
+            f"on, found {len(hops)} {left_out}"
         )
     if len(hops) < training_hops + LEFT_TO_TEST:
         raise AnalysisError(
@@ -359,10 +354,10 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
 # How many hops it takes to learn the frame change, and whether the kernel matters.
 
 MODELS = {
-    "printed": PRINTED,
-    "recommended": RECOMMENDED,
-    "previous swing": WITH_PREVIOUS_SWING,
-    "previous change": WITH_PREVIOUS_CHANGE,
+    "printed": training.PRINTED,
+    "recommended": training.RECOMMENDED,
+    "previous swing": training.WITH_PREVIOUS_SWING,
+    "previous change": training.WITH_PREVIOUS_CHANGE,
 }
 SIZES = (20, 35, 60, 100, 170)
 LEAST_TESTED = 30  # hops left to test on

@@ -13,12 +13,7 @@ from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, chosen, require_choice
 from hopdata.steering.frame_changes import FrameChanges
-from hopdata.steering.models.process import (
-    TURN,
-    FrameChangeProcess,
-    embedded,
-    kernel_code,
-)
+from hopdata.steering.models.process import TURN, FrameChangeProcess, embedded, kernel_code
 from hopdata.steering.robot import Options
 
 # How the processes are set up: the printed way, the recommended one, and others between them.
