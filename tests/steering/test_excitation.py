@@ -32,7 +32,8 @@ def test_an_eulerian_sequence_makes_every_move_as_often_as_wanted(grid, start, s
     found = eulerian_excitation(grid, generator(seed), start=start)
     assert (counts(grid, found.start, found.steps) == grid.repeats).all()
     assert len(found.steps) == grid.n_angles * len(grid.steps) * grid.repeats
-    assert found.indices[0] == found.indices[-1] == start % grid.n_angles
+    assert found.start == start % grid.n_angles
+    assert found.steps.sum() % grid.n_angles == 0
 
 
 @settings(max_examples=20, deadline=None)
@@ -63,8 +64,7 @@ def test_angles_follow_the_swings_past_the_back():
     angles = found.angles(first_rad=np.pi)
     np.testing.assert_allclose(np.diff(angles), found.swings)
     assert np.abs(found.swings).max() == pytest.approx(np.deg2rad(67.5))
-    on_grid = np.pi + found.indices * found.grid.step_rad
-    np.testing.assert_allclose(np.exp(1j * angles), np.exp(1j * on_grid), atol=1e-9)
+    np.testing.assert_allclose(angles[[0, -1]], np.pi + 5 * found.grid.step_rad)
 
 
 def test_a_seed_gives_the_same_sequence_again():

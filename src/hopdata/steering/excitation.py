@@ -73,12 +73,6 @@ class Excitation:
     steps: IntArray
 
     @property
-    def indices(self) -> IntArray:
-        """Index of the boom angle at each stance, (n + 1,), 0 to n_angles - 1."""
-        travel = np.concatenate([[0], np.cumsum(self.steps)])
-        return np.asarray((self.start + travel) % self.grid.n_angles)
-
-    @property
     def swings(self) -> FloatArray:
         """Swing in the flight after each stance but the last, (n,), rad."""
         return np.asarray(self.steps * self.grid.step_rad, dtype=float)

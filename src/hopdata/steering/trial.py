@@ -73,7 +73,6 @@ def record_trial(
     *,
     seed: int | Sequence[int],
     camera: MotionCapture | None = None,
-    operator: Operator | None = None,
     name: str = "steered",
 ) -> SteeredTrial:
     """Let the hopper hop with these swings, and record it.
@@ -87,8 +86,6 @@ def record_trial(
         Seed of kicks, floor, noise and gaps, which have streams of their own.
     camera : MotionCapture, optional
         How the hopper is seen.
-    operator : Operator, optional
-        Who carries it back when it strays, and lets it go as the robot says if not given.
     name : str
         Name of the recording.
 
@@ -98,9 +95,7 @@ def record_trial(
         If a swing is not a finite number, or there is none.
     """
     camera = camera or MotionCapture()
-    operator = operator or Operator(
-        release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s
-    )
+    operator = Operator(release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s)
     swings = np.clip(_numbers(swings_rad), -robot.swing_limit_rad, robot.swing_limit_rad)
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     kicks_rng, floor_rng, noise_rng, gaps_rng = streams
@@ -176,6 +171,8 @@ def _boom_angles(robot: plant.SteeredHopper, trial: Trial) -> FloatArray:
 # So the map is that of a hopper that has settled with the boom at rest, has made one swing since,
 # and makes the next; averaged over that one swing it is a function of boom angle and swing alone.
 
+SETTLING_HOPS = 10  # with the boom at rest
+
 
 @dataclass(frozen=True)
 class TrueFrameChanges:
@@ -207,7 +204,6 @@ def true_frame_changes(
     *,
     boom_angles: int = 24,
     swings: int = 7,
-    settling_hops: int = 10,
 ) -> TrueFrameChanges:
     """Measure the frame changes of a hopper that nothing disturbs.
 
@@ -218,8 +214,6 @@ def true_frame_changes(
     boom_angles, swings : int
         Number of boom angles over a turn, and of swings from limit to limit (also of previous
         ones).
-    settling_hops : int
-        Hops with the boom at rest that come before.
 
     Raises
     ------
@@ -229,29 +223,22 @@ def true_frame_changes(
     angles = 2 * np.pi * np.arange(boom_angles) / boom_angles
     grid = np.linspace(-robot.swing_limit_rad, robot.swing_limit_rad, swings)
     still = robot.still()
-    changes = [_at_angle(still, grid, settling_hops, angle) for angle in angles]
+    changes = [_at_angle(still, grid, angle) for angle in angles]
     return TrueFrameChanges(angles, grid, grid, np.array(changes))
 
 
-def _at_angle(
-    robot: plant.SteeredHopper, grid: FloatArray, settling_hops: int, boom_angle_rad: float
-) -> FloatArray:
+def _at_angle(robot: plant.SteeredHopper, grid: FloatArray, boom_angle_rad: float) -> FloatArray:
     """Frame changes (S, P, 3) from one boom angle."""
     changes = np.empty((len(grid), len(grid), 3))
     for p, previous in enumerate(grid):
-        apex = _settled(robot, boom_angle_rad - previous, settling_hops)
+        apex = plant.released(robot, np.zeros(3), boom_angle_rad - previous)
+        for _ in range(SETTLING_HOPS):
+            apex = _whole(robot, apex, 0.0).end
         before = _whole(robot, apex, previous)
         for s, swing in enumerate(grid):
             after = _whole(robot, before.end, swing)
             changes[s, p] = relative(before.stance.pose, after.stance.pose)
     return changes
-
-
-def _settled(robot: plant.SteeredHopper, boom_angle_rad: float, hops: int) -> plant.Apex:
-    apex = plant.released(robot, np.zeros(3), boom_angle_rad)
-    for _ in range(hops):
-        apex = _whole(robot, apex, 0.0).end
-    return apex
 
 
 def _whole(robot: plant.SteeredHopper, apex: plant.Apex, swing_rad: float) -> plant.SteeredHop:

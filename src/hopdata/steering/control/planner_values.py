@@ -18,7 +18,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.code_cache import kept_njit
 from hopdata.errors import AnalysisError, ConfigError
-from hopdata.steering.models.tabulated import TabulatedMap, spline_change, turn_nodes
+from hopdata.steering.models.tabulated import LEAST_NODES, TabulatedMap, spline_change, turn_nodes
 
 
 @kept_njit(nogil=True, error_model="numpy")
@@ -300,13 +300,7 @@ class PointGrid:
     farthest_m: float = 3.0
 
     def __post_init__(self) -> None:
-        _at_least(
-            4,
-            distances=self.distances,
-            bearings=self.bearings,
-            boom_angles=self.boom_angles,
-            swings=self.swings,
-        )
+        _check_counts(self)
         if not self.farthest_m > 0:
             raise ConfigError(f"farthest_m: expected more than 0, found {self.farthest_m}")
 
@@ -320,7 +314,7 @@ class HeadingGrid:
     swings: int = 37
 
     def __post_init__(self) -> None:
-        _at_least(4, errors=self.errors, boom_angles=self.boom_angles, swings=self.swings)
+        _check_counts(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -447,7 +441,7 @@ def _iterated(
     )
 
 
-def _at_least(least: int, **counts: int) -> None:
-    for name, count in counts.items():
-        if count < least:
-            raise ConfigError(f"{name}: expected {least} at least, found {count}")
+def _check_counts(grid: PointGrid | HeadingGrid) -> None:
+    for name, count in vars(grid).items():
+        if count < LEAST_NODES and name != "farthest_m":
+            raise ConfigError(f"{name}: expected {LEAST_NODES} at least, found {count}")

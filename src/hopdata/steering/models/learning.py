@@ -58,6 +58,20 @@ def prediction_score(process: FrameChangeProcess, inputs: FloatArray, outputs: F
     )
 
 
+def tested(
+    hops: FrameChanges,
+    train: FloatArray,
+    test: FloatArray,
+    options: training.ProcessOptions,
+    seed: int,
+) -> tuple[FrameChangeProcess, PredictionScore]:
+    """Train on some rows of a table of hops, and score on others."""
+    process = training.trained_process(hops.rows(train), options, seed=seed)
+    rest = hops.rows(test)
+    inputs = training.process_inputs(rest, options.history)
+    return process, prediction_score(process, inputs, rest.change)
+
+
 def random_split(hops: int, train: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Draw which hops to train on; return them and the rest, as row numbers.
 
@@ -115,11 +129,7 @@ def learning_scores(
         for draw, stream in enumerate(streams):
             train, test = random_split(len(hops), size, np.random.default_rng(stream))
             for name, chosen in options.items():
-                process = training.trained_process(hops.rows(train), chosen, seed=seed + draw)
-                rest = hops.rows(test)
-                score = prediction_score(
-                    process, training.process_inputs(rest, chosen.history), rest.change
-                )
+                _, score = tested(hops, train, test, chosen, seed + draw)
                 rows.extend(score_rows(score, {"model": name, "hops": size, "draw": draw}))
     return pd.DataFrame(rows)
 
@@ -261,21 +271,15 @@ def smoothness_scores(
     rows: list[dict[str, object]] = []
     for draw, stream in enumerate(np.random.SeedSequence([seed, train]).spawn(draws)):
         chosen, rest = random_split(len(hops), train, np.random.default_rng(stream))
-        test = hops.rows(rest)
         for reading, options in readings.items():
             for smoothness in SMOOTHNESSES:
                 setup = replace(options, smoothness=smoothness)
-                process = training.trained_process(hops.rows(chosen), setup, seed=seed + draw)
-                score = prediction_score(
-                    process, training.process_inputs(test, setup.history), test.change
+                process, score = tested(hops, chosen, rest, setup, seed + draw)
+                scored = score_rows(
+                    score, {"reading": reading, "smoothness": smoothness, "draw": draw}
                 )
-                labels = {"reading": reading, "smoothness": smoothness, "draw": draw}
-                rows.extend(
-                    {**row, "log_likelihood": value}
-                    for row, value in zip(
-                        score_rows(score, labels), process.log_marginal_likelihood, strict=True
-                    )
-                )
+                for row, value in zip(scored, process.log_marginal_likelihood, strict=True):
+                    rows.append({**row, "log_likelihood": value})
     return pd.DataFrame(rows)
 
 
@@ -313,14 +317,11 @@ def learn(
     import pandas as pd
 
     hops, wanted = hops_to_learn_from(changes, options["training_hops"]), options["training_hops"]
-    processes, rows = [], []
+    setup, processes, rows = training.process_of(options), [], []
     for k in range(options["sets"]):
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(TRAINING, k)))
         train, rest = random_split(len(hops), wanted, rng)
-        setup = training.process_of(options)
-        process = training.trained_process(hops.rows(train), setup, seed=seed)
-        test = hops.rows(rest)
-        score = prediction_score(process, training.process_inputs(test, setup.history), test.change)
+        process, score = tested(hops, train, rest, setup, seed)
         processes.append(process)
         rows += score_rows(score, {"set": k + 1})
     sizes = {"training_hops": wanted, "test_hops": len(hops) - wanted}
