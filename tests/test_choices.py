@@ -37,13 +37,9 @@ from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality import orientation as free_fall
 from hopdata.recordings.quality import orientation as length_unit
 from hopdata.scenes import SCENES
-from hopdata.steering import excitation
-from hopdata.steering.control import objectives, printed
 from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments import tasks as starts
 from hopdata.steering.models import training as models
-from hopdata.steering.observation import calibration
-from hopdata.steering.observation import printed as printed_stances
 
 answer = import_module("hopdata.maps.verdict.judge")  # the package shows a function of that name
 ANY = SimpleNamespace()  # in the place of what is not looked at before the name is
@@ -125,12 +121,6 @@ ASKED = {
         force_signals.NEWTONS_PER_UNIT,
         lambda name: force_signals._signal(ANY, ANY, NONE, NONE, {**FORCES, "unit": name}),
     ),
-    "excitation.method": (
-        excitation.EXCITATIONS,
-        lambda name: excitation.excitation_of(
-            {"n_angles": 3, "n_steps": 1, "repeats": 1, "method": name}, np.random.default_rng(0)
-        ),
-    ),
     "model.kernel": (models.KERNELS, lambda name: models.process_of({"kernel": name})),
     "experiment": (
         tasks.EXPERIMENTS,
@@ -147,19 +137,6 @@ ASKED = {
         lambda name: tasks.board_for(name, np.zeros(3), drag_n=1.0, ahead_m=1.0),
     ),
     "history": (models.HISTORIES, lambda name: models.process_inputs(ANY, name)),
-    "penalty": (objectives.PENALTIES, lambda name: objectives.ToPoint(penalty=name)),
-    "stances": (objectives.STANCES, lambda name: objectives.ToHeading(stances=name)),
-    "gradient": (
-        printed.GRADIENTS,
-        lambda name: printed.PrintedController(model=ANY, gradient=name),
-    ),
-    "start": (printed.STARTS, lambda name: printed.PrintedController(model=ANY, start=name)),
-    "level": (calibration.LEVELS, lambda name: calibration.calibrate(ANY, level=name)),
-    "forward": (calibration.FORWARDS, lambda name: calibration.calibrate(ANY, forward=name)),
-    "extrema_of": (
-        printed_stances.EXTREMA_OF,
-        lambda name: printed_stances.printed_stance_pairs(NONE, extrema_of=name),
-    ),
     "ratio": (baselines.RATIOS, lambda name: baselines.Reading(name, "entry", 2).noise_sd((3, 2))),
     "signal": (
         baselines.SIGNALS,
@@ -192,7 +169,6 @@ CONFIGURED = {
     "states.method": states.METHODS,
     "states.gravity": states.GRAVITIES,
     "figures.formats": saving.METADATA,
-    "steering.excitation.method": excitation.EXCITATIONS,
     "steering.model.kernel": models.KERNELS,
     "simulation.scene": SCENES,
 }

@@ -112,9 +112,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
             "models", "frame_change_figure", _table("model_map", "training_hops")
         ),
         "steering_learning": Drawing("models", "learning_curve_figure", _table("learning_curve")),
-        "steering_kernels": Drawing(
-            "kernel_smoothness", "kernel_smoothness_figure", _table("kernels")
-        ),
+        "steering_kernels": Drawing("models", "kernel_smoothness_figure", _table("kernels")),
     },
     "steering_runs": {
         "fig3_5_origin": _run("origin"),
@@ -165,7 +163,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
             "models", "learning_curve_figure", "frame_change_learning"
         ),
         "kernel_smoothness": _of_benchmarks(
-            "kernel_smoothness", "kernel_smoothness_figure", "frame_change_kernels"
+            "models", "kernel_smoothness_figure", "frame_change_kernels"
         ),
         "verdict_power": _of_benchmarks("verdict", "verdict_power_figure", "verdict_power"),
     },

@@ -5,17 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hopdata.report.formatting import (
-    MISSING,
-    NO_BREAK_SPACE,
-    Table,
-    count,
-    fixed,
-    is_missing,
-    scaled,
-    significant,
-    with_unit,
-)
+from hopdata.report import formatting as show
 
 Verdict = Mapping[str, Any]
 
@@ -58,7 +48,7 @@ def _p_value(test: Mapping[str, Any]) -> str:
     """Return the p-value: a bound where no random sign pattern came as far as the data."""
     p_value, flips = test.get("p_value"), test.get("flips")
     is_least = p_value is not None and flips is not None and p_value * (1 + flips) < 1.5
-    return NO_BREAK_SPACE.join(("p", "≤" if is_least else "=", _number(p_value)))
+    return show.NO_BREAK_SPACE.join(("p", "≤" if is_least else "=", _number(p_value)))
 
 
 def _bound(verdict: Verdict) -> str:
@@ -75,47 +65,36 @@ def notes(verdict: Verdict | None) -> Sequence[Mapping[str, Any]]:
     return found
 
 
-def table_of_test(verdict: Verdict | None) -> Table | None:
+def table_of_test(verdict: Verdict | None) -> show.Table | None:
     """Say what the test is about, what it found, and what no difference would give."""
     test = (verdict or {}).get("test")
     if test is None:
         return None
-    expected = f"{count(test['degrees_of_freedom'])} expected"
-    row = (MEANING, significant(test["statistic"]), expected, _number(test["p_value"]))
+    expected = f"{show.count(test['degrees_of_freedom'])} expected"
+    row = (MEANING, show.significant(test["statistic"]), expected, _number(test["p_value"]))
     head = ("what it can and cannot show", "found", "without a difference", "p")
-    return Table("Test of the kinks, which decides", head, (row,))
+    return show.Table("Test of the kinks, which decides", head, (row,))
 
 
-def windows_table(verdict: Verdict | None) -> Table | None:
+def windows_table(verdict: Verdict | None) -> show.Table | None:
     """One row a window of contact spread; the one that the verdict rests on is marked."""
     if not verdict or not verdict.get("windows"):
         return None
-    rows = tuple(
-        (
-            f"{100 * row['window']:.0f}" + (" (the verdict's)" if row["chosen"] else ""),
-            count(row["landings"]),
-            count(row["degree"]),
-            fixed(row["mean_spread_ms"], 1),
-            fixed(row["largest_spread_ms"], 1),
-            fixed(scaled(row["curvature_share"], 100), 1),
-            *(fixed(row[key], 3) for key in ("kinks", "kinks_low", "kinks_high")),
-        )
-        for row in verdict["windows"]
-    )
-    head = (
-        "nearest touchdowns (%)",
-        "touchdowns used",
-        "free terms to order",
-        "mean spread (ms)",
-        "largest spread (ms)",
-        "curvature in the variance (%)",
-        "jump at zero spread",
-        "interval from",
-        "interval to",
-    )
-    return Table(
-        "The difference in windows of contact spread", head, rows, note=_windows_note(verdict)
-    )
+    columns: show.Columns = {
+        "nearest touchdowns (%)": lambda row: (
+            f"{100 * row['window']:.0f}" + (" (the verdict's)" if row["chosen"] else "")
+        ),
+        "touchdowns used": show.counted("landings"),
+        "free terms to order": show.counted("degree"),
+        "mean spread (ms)": show.decimals("mean_spread_ms", 1),
+        "largest spread (ms)": show.decimals("largest_spread_ms", 1),
+        "curvature in the variance (%)": show.decimals("curvature_share", 1, 100),
+        "jump at zero spread": show.decimals("kinks", 3),
+        "interval from": show.decimals("kinks_low", 3),
+        "interval to": show.decimals("kinks_high", 3),
+    }
+    title = "The difference in windows of contact spread"
+    return show.table_of(title, verdict["windows"], columns, note=_windows_note(verdict))
 
 
 def _windows_note(verdict: Verdict) -> str:
@@ -130,8 +109,8 @@ def _windows_note(verdict: Verdict) -> str:
 
 
 def _number(value: Any) -> str:
-    return MISSING if is_missing(value) else significant(value, 2)
+    return show.MISSING if show.is_missing(value) else show.significant(value, 2)
 
 
 def _share(value: Any) -> str | None:
-    return None if is_missing(value) else with_unit(f"{100 * float(value):g}", "%")
+    return None if show.is_missing(value) else show.with_unit(f"{100 * float(value):g}", "%")
