@@ -38,6 +38,7 @@ from bare import best_time, field_timer, path_of, step_timer
 from exact import hopper_end, octant_end
 from hand_written import hopper_times_ns
 from numpy.typing import NDArray
+from plate_scene import Plate
 from restarted import restarted
 
 from hopdata.hybrid import System, on_event, solve
@@ -45,7 +46,6 @@ from hopdata.hybrid.methods.dop853 import DOP853
 from hopdata.hybrid.methods.explicit import DOPRI5
 from hopdata.scenes.hopper import flight_mode, hopper_event, hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 from hopdata.synthesis.hops import level_state
 

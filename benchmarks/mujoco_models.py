@@ -28,8 +28,8 @@ import numpy as np
 from numba import carray, cfunc, njit, types
 from numba.extending import intrinsic
 from numpy.typing import ArrayLike, NDArray
+from plate_scene import Plate
 
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.small import VerticalHopper
 
 try:

@@ -35,10 +35,10 @@ from machine import machine
 from mujoco_models import ABSENT, INTEGRATORS, Setting, plate_simulation, steps
 from numpy.typing import NDArray
 from plate_reference import reference_end
+from plate_scene import Plate
 from timing import timed
 
 from hopdata.hybrid import Solution, solve
-from hopdata.scenes.plate import Plate
 
 FloatArray = NDArray[np.float64]
 Solver = Callable[[FloatArray], FloatArray]

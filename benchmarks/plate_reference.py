@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from plate_scene import Plate
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
-
-from hopdata.scenes.plate import Plate
 
 FloatArray = NDArray[np.float64]
 

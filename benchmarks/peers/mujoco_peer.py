@@ -8,8 +8,8 @@ from typing import Any
 import mujoco  # noqa: F401  # without it this peer is absent
 import numpy as np
 from mujoco_models import Setting, hopper_simulation, plate_simulation, steps
+from plate_scene import Plate
 
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.small import VerticalHopper
 from peers.problems import Problem
 from peers.solver import FloatArray, Run, Solver

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from exact import hopper_end, octant_end, plate_end
 from numpy.typing import NDArray
+from plate_scene import Plate
 
 from hopdata.hybrid import System
 from hopdata.scenes import small as octant_scene
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.small import VerticalHopper, octant
 
 FloatArray = NDArray[np.float64]
