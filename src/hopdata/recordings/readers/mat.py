@@ -144,7 +144,9 @@ def _count(data: bytes, element: Element, order: str, depth: int = 0) -> int:
     kinds = [part[0] for part in parts]
     sound = flags == (_UINT32, start + 8, start + 16) and kinds[:2] == [_INT32, _INT8]
     sound &= holds.issuperset(kinds[2:])
-    if not sound or (holds is _NUMBERS and len(kinds) != 3 + bool(bits & _IS_COMPLEX)):
+    if holds in (_NUMBERS, _TEXTS):
+        sound &= len(kinds) == 3 + bool(holds is _NUMBERS and bits & _IS_COMPLEX)
+    if not sound:
         raise ValueError(
             f"byte {start} unpacked: expected a matrix of numbers, text, cells or structs, found "
             f"the class {bits & 0xFF} with elements of types {kinds}"
