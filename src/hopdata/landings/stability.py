@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
-from hopdata.landings.sections.frames import heights_of, pool_frames
+from hopdata.landings.sections.frames import heights_of
 from hopdata.landings.sections.select import Sections, select_sections
 from hopdata.recording import Recording
 
@@ -188,16 +188,7 @@ def _farthest_frames(
 ) -> Iterator[tuple[int, int]]:
     """Find recording and frame of the highest body with some foot down, the lowest with one up."""
     heights = [heights_of(recording) for recording in recordings]
-    states = [
-        pool_frames(
-            [h],
-            min_foot_m=sections.min_foot_threshold_m,
-            max_foot_m=sections.max_foot_threshold_m,
-            ground_m=sections.ground_m,
-            landings_only=sections.landings_only,
-        )
-        for h in heights
-    ]
+    states = [sections.pooled([h]) for h in heights]
     for sign, right_side in ((1.0, "all_up"), (-1.0, "all_down")):
         farthest = [
             np.max(sign * frames.body[~getattr(frames, right_side)], initial=-np.inf)
