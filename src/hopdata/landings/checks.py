@@ -187,9 +187,10 @@ def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
 
 def _sections(stability: pd.DataFrame) -> Check:
     what, heights = "sections move, over their distance", ["pre_height_m", "post_height_m"]
-    pre, post = stability.iloc[0][heights].astype(float)
+    chosen = stability.iloc[0][heights].astype(float)
+    pre, post = chosen
     others = stability.iloc[1:]
-    largest = (others[heights] - (pre, post)).abs().max(axis=1)
+    largest = (others[heights] - chosen).abs().max(axis=1)
     failed = int(others["note"].fillna("").astype(bool).sum())
     if largest.notna().sum() == 0 or not pre > post:
         return _check(what, None, "no variant gives sections")
