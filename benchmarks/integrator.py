@@ -39,6 +39,7 @@ import pandas as pd
 from exact import hopper_end, octant_end, restarted
 from numba import njit
 from numpy.typing import NDArray
+from plate_scene import Plate
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, on_event, solve
@@ -49,7 +50,6 @@ from hopdata.hybrid.methods.explicit import DOP853, DOPRI5, Tableau
 from hopdata.hybrid.methods.method import Scene, explicit_method
 from hopdata.scenes.hopper import flight_mode, hopper_event, hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 from hopdata.synthesis.hops import level_state
 

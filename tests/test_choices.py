@@ -12,7 +12,6 @@ from hopdata.config.schema import load_schema
 from hopdata.figures import distances as both_sides
 from hopdata.figures import style as saving
 from hopdata.hybrid.methods import table as integrators
-from hopdata.landings import floor_surface as robust_regression
 from hopdata.landings import schedules, touchdowns
 from hopdata.landings.contacts import find as contacts
 from hopdata.landings.contacts import kink_law as kink_recording
@@ -76,10 +75,6 @@ ASKED = {
     "states.method": (states.METHODS, lambda name: section(method=name)),
     "states.gravity": (states.GRAVITIES, lambda name: section(gravity=name)),
     "side of a section": (states.SIDES, lambda name: section(side=name)),
-    "floor.norm": (
-        robust_regression.NORMS,
-        lambda name: robust_regression.robust_regression(NONE, NONE, norm=name),
-    ),
     "sections.frames": (
         sections.FRAMES,
         lambda name: sections.select_sections([ANY], frames=name),
@@ -161,7 +156,6 @@ CONFIGURED = {
     "recordings.forces.unit": force_signals.NEWTONS_PER_UNIT,
     "input.unit": length_unit.UNITS,
     "input.vertical_axis": axes.FILE_AXES,
-    "floor.norm": robust_regression.NORMS,
     "sections.frames": sections.FRAMES,
     "touchdowns.method": contacts.METHODS,
     "touchdowns.gravity": contacts.GRAVITIES,

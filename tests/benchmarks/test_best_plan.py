@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from steering_setting import GradientController, objective_and_gradient
 from control_models import LIMIT, ClosedForm, random_states
+from steering_setting import GradientController, objective_and_gradient
 
 from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint, objective_value
 from hopdata.steering.control.printed import predicted_poses
