@@ -11,9 +11,9 @@ PYTHON ?= $(shell for limit in 3,14 4,0; do for p in python3 python3.13 python3.
 	"$$p" -c "import sys; sys.exit(not (3, 11) <= sys.version_info < ($$limit))" 2>/dev/null \
 	&& { echo "$$p"; exit; }; done; done)
 BIN := $(VENV)/bin
-# Environments do not leak into the private one.
+# Environments do not leak into the private one; nor is each job to compile all that it imports.
 export PYTHONNOUSERSITE := 1
-unexport PYTHONPATH
+unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
 .PHONY: figures both-sides test benchmarks lint format docs sample lock clean help
 

@@ -36,7 +36,7 @@ def test_all_figures_and_the_report_are_there(sample):
     assert page.count("<figure") >= len(FIGURES)
     record = json.loads((results / "provenance.json").read_text())
     assert record["study"] == "sample"
-    assert len(record["stage_seconds"]) == 13
+    assert len(record["stage_seconds"]) == 11
     assert not any("simulate" in stage for stage in record["stage_seconds"])
 
 
@@ -80,7 +80,7 @@ def test_an_edited_library_module_runs_the_stages_that_use_it(sample):
     planned = planned_rules(sample)
     shutil.rmtree(library)
     library.symlink_to(ROOT / "src")
-    assert {"pairs", "prediction", "distances", "report"} <= planned
+    assert {"pairs", "linear_maps", "distances", "report"} <= planned
     assert not {"recording", "sections", "touchdowns"} & planned
 
 

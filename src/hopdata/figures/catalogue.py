@@ -12,7 +12,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from hopdata.figures.style import save_figure
 from hopdata.jobs import read_json, read_table
 
 
@@ -94,7 +93,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
             "distances",
             "sensitivity_figure",
             _table("distance_sensitivity", "snr_readings", "distance_summary"),
-        ),
+        )
     },
     "truth": {
         "map_errors": Drawing("maps", "map_errors_figure", _table("map_errors")),
@@ -105,7 +104,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
             "overlay",
             "contact_overlay_figure",
             _table("contact_overlay", "contact_overlay_summary", "contact_overlay_example"),
-        ),
+        )
     },
     "steering_model": {
         "steering_map": Drawing(
@@ -133,7 +132,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
                 for name in (*_table("distances", "distance_summary"), "verdict.json")
             ),
             {"names": ("C1 hopper", "control, not C1")},
-        ),
+        )
     },
     "benchmarks": {
         "fig4_2_order": _of_benchmarks("integrator", "order_figure", "order"),
@@ -195,6 +194,10 @@ def draw(name: str, files: list[str], base: str | Path, **options: Any) -> None:
     options
         Of `hopdata.figures.style.save_figure`.
     """
+    from hopdata.figures.style import (
+        save_figure,
+    )  # and matplotlib, which a planned run does without
+
     drawing = _drawing(name)
     content = [read_json(path) if path.endswith(".json") else read_table(path) for path in files]
     function = getattr(import_module(f"hopdata.figures.{drawing.module}"), drawing.function)
