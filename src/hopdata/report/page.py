@@ -250,6 +250,7 @@ def build_report(inputs: ReportInputs) -> str:
             all_seen=all_seen,
             tables=_tables(inputs),
             notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
+            verdict_meaning=verdict.MEANING,
             verdict_notes=[_note(note) for note in verdict.notes(inputs.verdict)],
             config=as_yaml((inputs.provenance or {}).get("config")),
             count=count,
@@ -347,8 +348,6 @@ def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
     others = {key: value for key, value in record.items() if key not in SHOWN_ELSEWHERE}
     digests = ("source file", "SHA-256")
     return {
-        "test": verdict.table_of_test(inputs.verdict),
-        "windows": verdict.windows_table(inputs.verdict),
         "quality": quality.quality_table(inputs.quality),
         "faults": quality.faults_table(inputs.faults),
         "remarks": quality.remarks_table(inputs.remarks),
