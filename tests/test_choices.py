@@ -137,11 +137,11 @@ ASKED = {
         baselines.SIGNALS,
         lambda name: baselines.Reading("power", name, 2).noise_sd((3, 2)),
     ),
-    "conclusion": (answer.CONCLUSIONS, lambda name: answer.sentence(name, ANY, ANY, 0.95, 0.1)),
+    "conclusion": (answer.CONCLUSIONS, lambda name: answer.sentence(name, ANY, "", 0.95, 0.1)),
     "conclusion in short": (
         answer.CONCLUSIONS,
         lambda name: both_sides._in_short(
-            {"conclusion": name, "effect": {"estimate": 0.1, "upper_bound": 0.2}, "test": {}}
+            {"conclusion": name, "effect": {"estimate": 0.1, "upper_bound": 0.2}}
         ),
     ),
     "integrator": (

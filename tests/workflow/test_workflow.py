@@ -68,7 +68,6 @@ def test_the_verdict_on_the_sample(sample):
     assert verdict["conclusion"] in {"no difference", "cannot tell"}
     assert verdict["sentence"] in (sample / "results" / "sample" / "report.html").read_text()
     assert verdict["effect"]["low"] <= verdict["effect"]["estimate"] <= verdict["effect"]["high"]
-    assert [row["chosen"] for row in verdict["windows"]].count(True) == 1
 
 
 def test_an_edited_library_module_runs_the_stages_that_use_it(sample):

@@ -75,9 +75,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         ),
     },
     "maps": {
-        "verdict": Drawing(
-            "verdict", "verdict_figure", ("verdict.json", *_table("verdict_windows"))
-        ),
+        "verdict": Drawing("verdict", "verdict_figure", ("verdict.json",)),
         "fig2_4_prediction": Drawing(
             "prediction", "prediction_figure", (*_table("prediction_summary"), "tables/units.json")
         ),

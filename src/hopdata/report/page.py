@@ -224,6 +224,7 @@ def build_report(inputs: ReportInputs) -> str:
         all_seen=all_seen,
         tables=_tables(inputs),
         notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
+        verdict_meaning=verdict.MEANING,
         verdict_notes=[_note(note) for note in verdict.notes(inputs.verdict)],
         config=as_yaml((inputs.provenance or {}).get("config")),
         count=show.count,
@@ -319,8 +320,6 @@ def _pictures(
 
 def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
     return {
-        "test": verdict.table_of_test(inputs.verdict),
-        "windows": verdict.windows_table(inputs.verdict),
         "quality": quality.quality_table(inputs.quality),
         "faults": quality.faults_table(inputs.faults),
         "remarks": quality.remarks_table(inputs.remarks),
