@@ -34,7 +34,7 @@ from machine import quartiles
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import require_choice
 from hopdata.recording import Recording
-from hopdata.rigid import headings, rigid_fit, wrapped
+from hopdata.rigid import headings, rigid_fit, twists, wrapped
 from hopdata.scenes.body import rotation_matrices
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.steering.observation.calibration import algebraic_circle, calibrate
@@ -275,19 +275,6 @@ def paired(
         if len(last) and z[last[0]] < low:
             pairs.append((first, last[0]))
     return np.array(pairs, dtype=int).reshape(-1, 2)
-
-
-def twists(rotation: FloatArray) -> FloatArray:
-    """Turn about the vertical, (...), rad, that is left when the body is tilted back the short way.
-
-    It does not depend on which body axis is called x, and differs from the yaw by half the product
-    of pitch and roll.
-    """
-    return np.asarray(
-        np.arctan2(
-            rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1]
-        )
-    )
 
 
 # What is compared.
