@@ -23,21 +23,10 @@ from hopdata.hybrid.first_order import project_onto_section
 from hopdata.hybrid.first_order.linearise import Instant, field_at, guards_at, linearise
 from hopdata.hybrid.first_order.saltation import CrossingTree
 from hopdata.hybrid.layout import TERMINATED
-from hopdata.scenes.body import N_STATES, rotation_matrices
+from hopdata.scenes.body import N_STATES, flight_mode, rotation_matrices
 from hopdata.scenes.scene import Control, Scene
-from hopdata.synthesis.hops import flight_mode, padded
-from hopdata.synthesis.landings import (
-    LONGEST_S,
-    SectionHeights,
-    height_slope,
-    input_coordinates,
-    landing_system,
-    landing_vectors,
-    output_coordinates,
-    output_slopes,
-    section_tangents,
-    true_landings,
-)
+from hopdata.synthesis import landings
+from hopdata.synthesis.hops import padded
 
 # What may vary of an apex state whose place and heading are left out.
 FREE = np.array([2, 4, 5, 6, 7, 8, 9, 10, 11])
@@ -191,7 +180,7 @@ def section_jacobians(
     scene: Scene,
     control: Control,
     apex_states: FloatArray,
-    sections: SectionHeights,
+    sections: landings.SectionHeights,
 ) -> SectionJacobians:
     """Return the linear map of each schedule at the simultaneous contact nearest to the mean.
 
@@ -213,7 +202,7 @@ def section_jacobians(
     """
     landing = simultaneous_landing(scene, control, apex_states)
     preloads = np.full((1, scene.n_legs), scene.preload_n)
-    fall = true_landings(
+    fall = landings.true_landings(
         scene, control, landing.apex_state[None], preloads, sections, rtol=RTOL, workers=1
     )
     if not fall.pre_time_s[0] < landing.contact_time_s:
@@ -226,21 +215,21 @@ def section_jacobians(
     flight = _flown(system, vector, (float(fall.pre_time_s[0]), landing.contact_time_s), pre)
     start = Instant(landing.contact_time_s, flight.y_end, flight_mode(system, -1.0), vector)
     tree = CrossingTree(system, start, range(scene.n_legs), np.ones(system.n_states))
-    before = _slopes(flight) @ section_tangents(pre, centre)
+    before = _slopes(flight) @ landings.section_tangents(pre, centre)
     orders = _orders(tree, landing, apex_states, vector)
     maps, outcomes = [], []
     for order in orders:
         node = tree.node(order)
         flow, post = _to_post_section(scene, control, sections, node.here.instant)
         through = flow @ node.product @ before
-        maps.append(output_slopes(pre, post, centre) @ through)
-        outcomes.append(output_coordinates(pre, post, centre))
+        maps.append(landings.output_slopes(pre, post, centre) @ through)
+        outcomes.append(landings.output_coordinates(pre, post, centre))
     return SectionJacobians(
         landing,
         pre,
         tuple(">".join(str(foot + 1) for foot in order) for order in orders),
         np.array(maps),
-        input_coordinates(pre, centre),
+        landings.input_coordinates(pre, centre),
         np.array(outcomes),
     )
 
@@ -261,18 +250,18 @@ def _orders(
 
 
 def _to_post_section(
-    scene: Scene, control: Control, sections: SectionHeights, start: Instant
+    scene: Scene, control: Control, sections: landings.SectionHeights, start: Instant
 ) -> tuple[FloatArray, FloatArray]:
     """Return the derivative, (12, s), of the state at the post section, and that state."""
     n, own = scene.n_legs, scene.system(control)
-    system, mode = landing_system(own), start.mode.copy()
+    system, mode = landings.landing_system(own), start.mode.copy()
     mode[n : n + 2] = [-1, 1]  # falling, above the section
-    vector = landing_vectors(
+    vector = landings.landing_vectors(
         scene, control, np.full((1, n), scene.preload_n),
         point_m=sections.centre_m, height_m=sections.post_m,
     )[0]  # fmt: skip
     stance = solve(
-        system, (start.t, start.t + LONGEST_S), np.append(start.y, np.full(n, start.t)),
+        system, (start.t, start.t + landings.LONGEST_S), np.append(start.y, np.full(n, start.t)),
         params=vector, mode=mode.tolist(), rtol=RTOL, atol=ATOL, jacobian=True,
     )  # fmt: skip
     if stance.status != TERMINATED or stance.mode[n + 1] > 0:
@@ -283,4 +272,4 @@ def _to_post_section(
     end = Instant(stance.t_end, stance.y_end, stance.mode, vector)
     post, flow = stance.y_end[:N_STATES], np.asarray(stance.jacobian)[:N_STATES, : own.n_states]
     rate = field_at(system, end)[:N_STATES]
-    return project_onto_section(flow, rate, height_slope(post, sections.centre_m)), post
+    return project_onto_section(flow, rate, landings.height_slope(post, sections.centre_m)), post
