@@ -88,10 +88,13 @@ class Tracks:
 
     def sums(self, window_s: float, degree: int, *, falling: bool = False) -> Moments:
         """Sum up the frames for polynomials of a degree, about a free fall or not."""
-        fall = GRAVITY_M_S2 if falling else 0.0
-        return moments(
-            self.time, self.body, self.windows(window_s), degree=degree, gravity_m_s2=fall
-        )
+        fall, windows = GRAVITY_M_S2 if falling else 0.0, self.windows(window_s)
+        return moments(self.time, self.body, windows, degree=degree, gravity_m_s2=fall)
+
+    def fitted(self, window_s: float, degree: int, *, falling: bool = False) -> Fit:
+        """Fit polynomials of a degree to each landing for itself."""
+        sums = self.sums(window_s, degree, falling=falling)
+        return sums, coefficients.least_squares(sums)
 
 
 def filtered(tracks: Tracks) -> Fit:
@@ -106,21 +109,18 @@ def filtered(tracks: Tracks) -> Fit:
 
 def ballistic(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit straight lines under gravity, each flight for itself."""
-    sums = tracks.sums(window_s or BALLISTIC_WINDOW_S, 1, falling=True)
-    return sums, coefficients.least_squares(sums)
+    return tracks.fitted(window_s or BALLISTIC_WINDOW_S, 1, falling=True)
 
 
 def accelerated(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit parabolas, each flight for itself."""
-    sums = tracks.sums(window_s or WINDOW_S, 2)
-    return sums, coefficients.least_squares(sums)
+    return tracks.fitted(window_s or WINDOW_S, 2)
 
 
 def alone(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit each landing for itself: where there are too few of them to learn from."""
     if not tracks.flight:
-        sums = tracks.sums(window_s or WINDOW_S, ALONE_DEGREE)
-        return sums, coefficients.least_squares(sums)
+        return tracks.fitted(window_s or WINDOW_S, ALONE_DEGREE)
     free, straight = accelerated(tracks, window_s), ballistic(tracks, window_s)
     rms = [float(np.sqrt(np.mean(fit.noise_m**2))) for _, fit in (free, straight)]
     return straight if rms[1] <= NO_LARGER * rms[0] else free
@@ -277,8 +277,4 @@ def _split_fit(tracks: Tracks, window_s: float | None, flying: Fitting | None) -
     return (together if enough else alone)(tracks, window_s)
 
 
-def _savitzky_golay(tracks: Tracks, _window_s: float | None, _flying: Fitting | None) -> Fit:
-    return filtered(tracks)
-
-
-METHODS = {"split_fit": _split_fit, "savitzky_golay": _savitzky_golay}
+METHODS = {"split_fit": _split_fit, "savitzky_golay": lambda tracks, *_: filtered(tracks)}

@@ -133,10 +133,9 @@ def _labels(labelled: Any, place: str) -> list[str]:
 
 def _check_counts(export: Any, labelled: Any, positions: FloatArray, place: str) -> None:
     n_frames, n_markers = positions.shape[:2]
-    for struct, key, found, where in (
-        (export, "Frames", n_frames, place),
-        (labelled, "Count", n_markers, f"{place}.Trajectories.Labeled"),
-    ):
+    inner = f"{place}.Trajectories.Labeled"
+    claims = ((export, "Frames", n_frames, place), (labelled, "Count", n_markers, inner))
+    for struct, key, found, where in claims:
         stated = _number(struct, key, where)
         if stated is not None and stated != found:
             cut = "; was the file cut short?" if key == "Frames" and stated > found else ""
@@ -161,14 +160,12 @@ def _events(export: dict[str, Any], place: str) -> tuple[Event, ...]:
     if isinstance(found, dict) and any(isinstance(value, list) for value in found.values()):
         lists = [value if isinstance(value, list) else [value] for value in found.values()]
         found = [dict(zip(found, entries, strict=False)) for entries in zip(*lists, strict=False)]
-    events = []
+    events, place = [], f"{place}.Events"
     for event in [found] if isinstance(found, dict) else found if isinstance(found, list) else []:
-        label, time = _field(event, "Label", f"{place}.Events"), None
-        if event:
-            time = _number(event, "Time", f"{place}.Events")
+        label, time = _field(event, "Label", place), _number(event, "Time", place)
         if not isinstance(label, str) or time is None:
             raise RecordingError(
-                f"{place}.Events: expected a Label and a Time each, found {_kind(label)} and {time}"
+                f"{place}: expected a Label and a Time each, found {_kind(label)} and {time}"
             )
         events.append(Event(label.split("\0")[0].strip(), time))
     return tuple(events)
