@@ -41,14 +41,13 @@ class SimultaneousLanding:
 
     Parameters
     ----------
-    apex_state, contact_state : (12,) array
-        States of the body at the apex (place and heading zero) and just before the contacts.
+    apex_state : (12,) array
+        State of the body at the apex, place and heading zero.
     contact_time_s : float
         Instant of the contacts, from the apex, s.
     """
 
     apex_state: FloatArray
-    contact_state: FloatArray
     contact_time_s: float
 
 
@@ -93,9 +92,9 @@ def simultaneous_landing(
     apex, fall = np.zeros(N_STATES), 0.0
     apex[FREE] = mean
     for _ in range(MOST_STEPS):
-        contact, jacobian, fall, delays, instants = _contact(scene, control, apex, fall)
+        jacobian, fall, delays, instants = _contact(scene, control, apex, fall)
         if np.ptp(instants) < SAME_INSTANT_S:
-            return SimultaneousLanding(apex, contact, fall)
+            return SimultaneousLanding(apex, fall)
         slope = (delays @ jacobian)[:, FREE]
         slope, apart = slope - slope.mean(axis=0), instants - instants.mean()
         # The nearest point of the linearised set to the mean, not to the last guess.
@@ -110,11 +109,11 @@ def simultaneous_landing(
 
 def _contact(
     scene: Scene, control: Control, apex: FloatArray, fall: float
-) -> tuple[FloatArray, FloatArray, float, FloatArray, FloatArray]:
+) -> tuple[FloatArray, float, FloatArray, FloatArray]:
     """Fly to the mean contact instant.
 
-    Returns the state there, its derivative by the apex state, the instant, the derivatives of the
-    contact instants by that state, and these instants relative to it.
+    Returns the derivative of the state there by the apex state, the instant, the derivatives of
+    the contact instants by that state, and these instants relative to it.
     """
     n, system, vector = scene.n_legs, scene.system(control), scene.vector(variant=control)
     fall = fall or float(np.sqrt(2 * (apex[2] - scene.leg_length_m) / scene.gravity_m_s2))
@@ -127,7 +126,7 @@ def _contact(
             break
         fall += float(instants.mean())
     delays = -here.gradients[:n] / here.guard_rates[:n, None]
-    return flight.y_end[:N_STATES], _slopes(flight), fall, delays, instants
+    return _slopes(flight), fall, delays, instants
 
 
 def _flown(
