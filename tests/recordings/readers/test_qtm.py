@@ -125,7 +125,8 @@ CLAIMS = {  # what stands in the file, what takes its place, and what the messag
         np.array([16, 9], "<u4"), np.array([255, 9], "<u4"), "expected a matrix of numbers, text",
     ),
     "text that is not there": (
-        np.array([1, 0, 16, 9], "<u4"), np.array([1, 16, 16, 9], "<u4"), "expected a matrix of numbers, text",
+        np.array([1, 0, 16, 9], "<u4"), np.array([1, 16, 16, 9], "<u4"),
+        "expected a matrix of numbers, text",
     ),
 }  # fmt: skip
 
