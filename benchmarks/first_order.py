@@ -18,9 +18,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from machine import in_turn
 from numpy.typing import NDArray
 from plate_scene import Plate
-from timing import in_turn
 
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.first_order import check_c1

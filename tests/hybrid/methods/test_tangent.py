@@ -218,7 +218,8 @@ def short_flow(dt, rtol=1e-6):
     """The flow's Jacobian over dt, its error by its own account, and the motion squared."""
     fastest = with_digest(motion.fastest_motion, N=N)
     names = {"STAGE_JACOBIAN": stage_jacobian, "FASTEST_MOTION": fastest, "N": N}
-    add = with_digest(products.add_product_numbers, N=N, fma=plain_fma)
+    multiply = with_digest(products.multiply, N=N, fma=plain_fma)
+    add = with_digest(products.add_product, MULTIPLY=multiply, N=N, fma=plain_fma)
     step = with_digest(short_tangent.short_tangent, ADD_PRODUCT=add, **names)
     phi = np.zeros((ROWS, N)).view(Table)
     phi[:N] = np.eye(N)
