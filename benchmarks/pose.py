@@ -33,7 +33,7 @@ from swinging import N_ANGLES, Landings, Swinging, filmed, landings, swinging
 from timing import quartiles
 
 from hopdata.recording import Recording
-from hopdata.rigid import headings, rigid_fit, twists, wrapped
+from hopdata.rigid import headings, rigid_fit, wrapped
 from hopdata.scenes.body import rotation_matrices
 from hopdata.steering.observation.calibration import algebraic_circle, calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
@@ -81,6 +81,19 @@ def tilted(tilt_rad: float, frames: int, noise_m: float, seed: int) -> tuple[Flo
     markers = np.einsum("nij,bj->nbi", turn, np.array(MarkerOptions().body_m))
     markers += rng.uniform(-1, 1, (frames, 1, 3))
     return markers + noise_m * rng.standard_normal(markers.shape), yaw, direction
+
+
+def twists(rotation: FloatArray) -> FloatArray:
+    """Turn about the vertical, (...), rad, left when the body is tilted back the short way.
+
+    It does not depend on which body axis is called x, and differs from the yaw by half the product
+    of pitch and roll.
+    """
+    return np.asarray(
+        np.arctan2(
+            rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1]
+        )
+    )
 
 
 def heading_estimates(body: FloatArray, geometry: HopperGeometry) -> dict[str, FloatArray]:
