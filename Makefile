@@ -25,7 +25,7 @@ help:
 	@echo "make lint       ruff, mypy, snakefmt and snakemake --lint"
 	@echo "make format     let ruff and snakefmt rewrite the files"
 	@echo "make docs       write docs/configuration.md from the schema"
-	@echo "make sample     simulate data/sample/hopper.h5 again"
+	@echo "make sample     simulate the recordings of data/sample again"
 	@echo "make lock       resolve requirements*.lock again (needs uv)"
 	@echo "make clean      remove .venv, the results of every study, and caches"
 
@@ -61,7 +61,9 @@ docs: $(VENV)/.run
 
 sample: $(VENV)/.run
 	$(BIN)/snakemake --cores 1 results/sample/simulated/hopper.h5
-	cp results/sample/simulated/hopper.h5 data/sample/hopper.h5
+	cp results/sample/simulated/hopper.h5 data/sample/
+	$(BIN)/snakemake --cores 1 --configfile config/sample_control.yaml results/sample_control/simulated/control.h5
+	cp results/sample_control/simulated/control.h5 data/sample/
 
 $(VENV)/pyvenv.cfg:
 	@test -n "$(PYTHON)" || { echo "hopdata needs Python 3.11 or newer: none found on PATH (set PYTHON=...)" >&2; exit 1; }

@@ -28,6 +28,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from hopdata.arrays import FloatArray
 from hopdata.landings.filling import fill_gaps, mark_filled
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.sections.select import select_sections
@@ -40,8 +41,6 @@ from hopdata.recordings.quality.stretches import marker_gaps
 from hopdata.synthesis.landings import SectionHeights
 from hopdata.synthesis.scaling import known_scene, true_states
 from hopdata.synthesis.simulate import simulate_recording
-
-FloatArray = NDArray[np.float64]
 
 MARKERS = (
     *((0.13, 0.03, 0.05), (-0.08, 0.11, 0.075), (-0.07, -0.14, 0.055)),

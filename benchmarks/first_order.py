@@ -18,15 +18,15 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from machine import in_turn
 from numpy.typing import NDArray
-from timing import in_turn
+from plate_scene import Plate
 
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.first_order import check_c1
 from hopdata.scenes.hopper import flight_mode, hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.scene import Control
 from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 

@@ -27,8 +27,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.landings.floor import fit_floor
 from hopdata.landings.floor_surface import (
     FloorModel,
@@ -39,8 +39,6 @@ from hopdata.landings.floor_surface import (
 )
 from hopdata.recording import Recording, Truth
 from hopdata.synthesis.simulate import simulate_recording
-
-FloatArray = NDArray[np.float64]
 
 DEGREE = 5
 FAULTS = (

@@ -13,27 +13,23 @@ guessed right.
 
 from __future__ import annotations
 
-import one_thread  # noqa: F401
-
-# isort: split
 import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.recording import Recording
 from hopdata.recordings.plausibility import check_fall, check_rigid
 from hopdata.recordings.quality.inspection import Faults, Inspection, inspect_recording
 from hopdata.recordings.quality.roles import guess_roles
 from hopdata.recordings.raw import RawRecording
 from hopdata.synthesis.simulate import simulate_recording
-
-FloatArray = NDArray[np.float64]
 
 CAMERAS = ((100.0, 0.0003), (100.0, 0.0006), (100.0, 0.0012), (250.0, 0.0006))
 HOPS = 50

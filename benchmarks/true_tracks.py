@@ -1,4 +1,6 @@
-"""States of the hopper as they are about each landing, frame by frame.
+"""Landings of simulated studies, without recordings: true states, as seen, printed statistics.
+
+States of the hopper as they are about each landing, frame by frame.
 
 From an apex on the robot itself is integrated, through the landing and beyond. Before it, where a
 recording shows the robot without that apex's kick, it is flown back: a flight turned round in time
@@ -8,17 +10,155 @@ is a flight. (A control is led to the apexes of the hopper's gait; that is the g
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from hopdata.hybrid import System, solve_batch
+from hopdata.landings.schedules import schedule_names
+from hopdata.landings.states.assemble import HomeFrames
+from hopdata.landings.states.fits import section_states
+from hopdata.maps.affine import fit_affine
+from hopdata.maps.coordinates import rigid_states, section_coordinates, split_states
+from hopdata.maps.subspaces.constraint import bootstrap_subspaces
+from hopdata.maps.subspaces.distances import measure_distances
+from hopdata.maps.units import choose_units
+from hopdata.rigid import body_shape
 from hopdata.scenes.body import N_STATES
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
 from hopdata.synthesis.camera import fixed_markers
 from hopdata.synthesis.hops import Hop
-from hopdata.synthesis.landings import NOT_YET, landing_system, landing_vectors
+from hopdata.synthesis.landings import (
+    NOT_YET,
+    SectionHeights,
+    TrueLandings,
+    landing_system,
+    landing_vectors,
+)
 from hopdata.synthesis.trial import Trial
+
+# Landings as motion capture would see them, without the rest of the recordings.
+#
+# The robot's true motion about each landing is seen at random phases of the frames,
+# with noise, and goes through the same fits as a recording's; as in a recording, frames on the far
+# side of the contacts as measured are left out. So errors of the states have the size and the
+# correlations that the pipeline gives them, at a small part of its cost.
+
+APART_S = 1.0
+
+
+@dataclass(frozen=True)
+class SeenLandings:
+    """Marker states (n, 6B) before and after, m and m/s, and contact instants (n, feet), s.
+
+    `rows` (n,) are the numbers of these landings among those that were to be seen.
+    """
+
+    before: np.ndarray
+    after: np.ndarray
+    instants: np.ndarray
+    rows: np.ndarray
+
+
+def see_landings(
+    times: np.ndarray,
+    motion: np.ndarray,
+    landings: TrueLandings,
+    sections: SectionHeights,
+    *,
+    noise_m: float,
+    instant_noise_s: float,
+    rng: np.random.Generator,
+) -> SeenLandings:
+    """Observe L whole landings, as those of one recording, frame by frame.
+
+    Those whose states cannot be fitted are left out. `times` (L, W), s, and `motion` (L, W, 12) are
+    of `true_tracks.true_states`, to beyond the post section (`landings.section_fits.WINDOWS_S`).
+    """
+    tracks = tracks_of(motion, sections.points_m)
+    tracks += noise_m * rng.standard_normal(tracks.shape)
+    contact = landings.contact_s
+    seen = contact + instant_noise_s * rng.standard_normal(contact.shape)
+    start = APART_S * np.arange(len(times))
+
+    def states(side: str, at_s: np.ndarray, contact_s: np.ndarray, height_m: float) -> np.ndarray:
+        found = section_states(
+            (start[:, None] + times).ravel(),
+            tracks.reshape(-1, *tracks.shape[2:]),
+            start + at_s,
+            height_m=height_m,
+            side=side,
+            contact=start + contact_s,
+        )
+        both = np.concatenate([found.position, found.velocity], axis=1)
+        return both.reshape(len(both), -1)
+
+    before = states("before", landings.pre_time_s, seen.min(axis=1), sections.pre_m)
+    after = states("after", landings.post_time_s, seen.max(axis=1), sections.post_m)
+    rows = np.flatnonzero(np.isfinite(np.hstack([before, after])).all(axis=1))
+    return SeenLandings(before[rows], after[rows], seen[rows], rows)
+
+
+# The dissertation's comparison of schedules, and one of maps, on pairs held in memory.
+
+
+BOOTSTRAPS, PAIRS, HALVINGS = 100, 300, 5
+
+
+def printed_overlap(seen: SeenLandings, seed: int) -> tuple[float, float, float]:
+    """Return mean in-class and cross-class arc lengths at k = 17, rad, and the AUC between them."""
+    x, y = _home_pairs(seen)
+    units = choose_units(x, y)
+    factor = np.repeat([1.0 / units.length_unit_m, units.time_unit_s / units.length_unit_m], 9)
+    study = bootstrap_subspaces(
+        x * factor, y * factor, schedule_names(seen.instants), seed=seed, bootstraps=BOOTSTRAPS
+    )
+    found = measure_distances(study.bases, study.shape, seed=seed, pairs=PAIRS).summary
+    rows = found.set_index("kind")
+    return (
+        float(rows.loc["in_class", "mean"]),
+        float(rows.loc["cross_class", "mean"]),
+        float(rows.loc["cross_class", "auc_against_in_class"]),
+    )
+
+
+def operator_ratio(seen: SeenLandings, rng: np.random.Generator) -> float:
+    """Return how far maps of schedules lie apart over how far halves of one schedule do.
+
+    Largest singular value of differences between affine maps in whitened rigid-body coordinates,
+    landings nearer to the simultaneous contact than the median; two times two halves each.
+    """
+    shape = body_shape(split_states(seen.before)[0])
+    x, y = section_coordinates(rigid_states(seen.before, shape), rigid_states(seen.after, shape))
+    spread = seen.instants.std(axis=1)
+    near = spread < np.median(spread)
+    x, y = (part[near] / part[near].std(axis=0) for part in (x, y))
+    names = np.array(schedule_names(seen.instants[near]))
+    classes = [np.flatnonzero(names == name) for name in sorted(set(names.tolist()) - {""})]
+    classes = [rows for rows in classes if len(rows) >= 40]
+    within, across = [], []
+    for _ in range(HALVINGS):
+        mixed = [rng.permutation(rows) for rows in classes]
+        maps = [[fit_affine(x[r[k::2]], y[r[k::2]]).coefficients for k in (0, 1)] for r in mixed]
+        within += [np.linalg.norm(a - b, 2) for a, b in maps]
+        across += [np.linalg.norm(a[0] - b[1], 2) for a, b in combinations(maps, 2)]
+    return float(np.mean(across) / np.mean(within)) if across else float("nan")
+
+
+def _home_pairs(seen: SeenLandings) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs in home frames; means over the touchdown are those of its two ends."""
+    before, after = split_states(seen.before), split_states(seen.after)
+    middle = 0.5 * (before[0] + after[0])[:, :, :2]
+    origin = middle.mean(axis=1)
+    ray = middle[:, 0] - origin
+    home = HomeFrames(origin, ray / np.linalg.norm(ray, axis=1, keepdims=True))
+    x, y = (
+        np.concatenate([home.points(position), home.vectors(velocity)], axis=1)
+        for position, velocity in (before, after)
+    )
+    return x.reshape(len(x), -1), y.reshape(len(y), -1)
+
 
 PHASES = 16  # of the frames: each landing has one of them
 BACK_S = 0.14  # before the apex; of flight there are some 0.15 s

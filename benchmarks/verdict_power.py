@@ -14,9 +14,6 @@ frames, but no noise.
 
 from __future__ import annotations
 
-import one_thread  # noqa: F401
-
-# isort: split
 import argparse
 import os
 import time
@@ -26,12 +23,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from observed_landings import see_landings
-from printed_statistics import operator_ratio, printed_overlap
 from statsmodels.stats.proportion import proportion_confint
-from true_tracks import Apexes, apexes_of, joined, true_states
+from true_tracks import (
+    Apexes,
+    apexes_of,
+    joined,
+    operator_ratio,
+    printed_overlap,
+    see_landings,
+    true_states,
+)
 
 from hopdata.errors import AnalysisError
 from hopdata.landings.states.fits import WINDOWS_S

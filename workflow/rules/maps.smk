@@ -128,12 +128,11 @@ rule scaling_study:
 
 
 rule verdict:
-    """Whether the map through the landing is C1: effect size, interval and tests."""
+    """Whether the map through the landing is C1: effect size, interval and bound."""
     input:
         pairs=rules.pairs.output.pairs,
     output:
         verdict=f"{RESULTS}/verdict.json",
-        windows=f"{RESULTS}/tables/verdict_windows.csv",
     log:
         f"{RESULTS}/logs/verdict.log",
     benchmark:

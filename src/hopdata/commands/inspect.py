@@ -11,7 +11,8 @@ import numpy as np
 
 from hopdata.commands import terminal
 from hopdata.report.formatting import Table
-from hopdata.report.quality import InspectionPage, SvgPicture, build_inspection_page
+from hopdata.report.inputs import ReportFigure, picture_of
+from hopdata.report.quality import build_inspection_page
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,6 +50,7 @@ def inspected(options: argparse.Namespace) -> Inspection:
 # An inspection as one self-contained page.
 
 CAPTION = (
+    "# Where each marker was seen\n\n"
     "One bar a marker; white is where it was not seen. A gap too short to see is drawn a little "
     "wider than it is. Signs mark what looks wrong, dotted lines dropped frames."
 )
@@ -62,16 +64,16 @@ def inspection_html(inspection: Inspection, file: str) -> str:
         for what, guess in (("unit", inspection.unit), ("vertical axis", inspection.up))
         if not guess.is_sure
     ]
-    page = InspectionPage(
+    figure = ReportFigure("seen", _timeline(inspection, found), "image/svg+xml", CAPTION)
+    return build_inspection_page(
         title=file,
         answer=terminal.answer(inspection),
         highlights=_highlights(inspection),
         notes=unsure,
-        pictures=[SvgPicture(_timeline(inspection, found), "Where each marker was seen", CAPTION)],
+        pictures=[picture_of(figure, {})],
         tables=[t for t in (_suspect_table(found), _gap_table(inspection), _rigid_table(inspection))
                 if t.rows],
     )  # fmt: skip
-    return build_inspection_page(page)
 
 
 def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:

@@ -71,7 +71,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         ),
     },
     "maps": {
-        "verdict": Drawing("verdict:verdict_figure", ("verdict.json", *_table("verdict_windows"))),
+        "verdict": Drawing("verdict:verdict_figure", ("verdict.json",)),
         "fig2_4_prediction": Drawing(
             "prediction:prediction_figure", (*_table("prediction_summary"), "tables/units.json")
         ),
@@ -101,9 +101,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
     "steering_model": {
         "steering_map": Drawing("models:frame_change_figure", _table("model_map", "training_hops")),
         "steering_learning": Drawing("models:learning_curve_figure", _table("learning_curve")),
-        "steering_kernels": Drawing(
-            "kernel_smoothness:kernel_smoothness_figure", _table("kernels")
-        ),
+        "steering_kernels": Drawing("models:kernel_smoothness_figure", _table("kernels")),
     },
     "steering_runs": {
         "fig3_5_origin": _run("origin"),
@@ -146,10 +144,10 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         ),
         "learning_curve": _of_benchmarks("models:learning_curve_figure", "frame_change_learning"),
         "kernel_smoothness": _of_benchmarks(
-            "kernel_smoothness:kernel_smoothness_figure", "frame_change_kernels"
+            "models:kernel_smoothness_figure", "frame_change_kernels"
         ),
+        "verdict_power": _of_benchmarks("verdict:verdict_power_figure", "verdict_power"),
     },
-    "studies": {"verdict_power": _of_benchmarks("verdict:verdict_power_figure", "verdict_power")},
 }
 
 

@@ -110,7 +110,7 @@ def both_sides_figure(*content: Any, names: Sequence[str]) -> Figure:
     Returns
     -------
     Figure
-        One column a study: distributions, boxes, and the verdict's conclusion with its p-value.
+        One column a study: distributions, boxes, and the verdict's conclusion with its size.
     """
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 96.0)
     rows = figure.subplots(
@@ -129,16 +129,15 @@ def both_sides_figure(*content: Any, names: Sequence[str]) -> Figure:
 
 
 def _in_short(verdict: Mapping[str, Any]) -> str:
-    effect, test = verdict["effect"], verdict["test"]
-    if effect is None or test is None:
+    effect = verdict["effect"]
+    if effect is None:
         return str(verdict["conclusion"])
     sizes = {
         "different": f"different by {effect['estimate']:.2g}",
         "no difference": f"no difference above {effect['upper_bound']:.2g}",
         "cannot tell": "these data cannot tell",
     }
-    size = chosen("conclusion", verdict["conclusion"], sizes)
-    return f"{size} (p = {test['p_value']:.2g})"
+    return chosen("conclusion", verdict["conclusion"], sizes)
 
 
 # How distances between subspaces answer to noise, and the readings of "a SNR of 10".

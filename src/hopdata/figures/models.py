@@ -1,4 +1,4 @@
-"""Figure 3.3: the frame change of a hop over boom angle and swing, and how sure it is."""
+"""Models of the frame change: Figure 3.3, the learning curve, and the smoothness of the kernel."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hopdata.figures import style
+
+# Figure 3.3: the frame change of a hop over boom angle and swing, and how sure it is.
 
 # Column of the tables: what the reader sees, its unit, whether zero is a middle.
 COMPONENTS = {
@@ -165,4 +167,76 @@ def _draw_learning_curve(axes: Axes, table: pd.DataFrame) -> None:
             continue
         band = (rows["rmse_q05"], rows["rmse_q95"])
         style.banded_line(axes, rows["hops"], rows["rmse"], band, line)
+    axes.grid(axis="y")
+
+
+# How well kernels of four smoothnesses predict, by what is fitted and in which units.
+
+# Reading: what the reader sees, colour, line style, marker.
+READINGS: dict[str, tuple[str, str, Any, str]] = {
+    "printed, all fixed": ("printed formula, nothing fitted", style.GREY, "-", "o"),
+    "printed, length fitted": ("length fitted, mm", style.ORANGE, (0, (5, 1.5)), "v"),
+    "printed, length and noise fitted, mm": (
+        "length and noise fitted, mm", style.GREEN, (0, (3, 1, 1, 1)), "D",
+    ),
+    "printed, length and noise fitted, m": (
+        "length and noise fitted, m", style.VERMILION, (0, (1.5, 1.2)), "^",
+    ),
+    "standardised, all fitted": ("standardised, all fitted", style.BLUE, "-", "s"),
+}  # fmt: skip
+DATA = {"smooth truth": "analytic, smooth", "hopper": "hopper"}
+COLUMNS = {"dx": "forward", "dy": "sideways", "dtheta": "turn"}
+SMOOTHNESSES = {0.5: "1/2", 1.5: "3/2", 2.5: "5/2", np.inf: "∞"}
+FLOOR = -0.15  # lower values are drawn here
+
+
+@style.styled
+def kernel_smoothness_figure(table: pd.DataFrame) -> Figure:
+    """Draw the share of variance that is predicted, by smoothness.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row a setting: ``data`` (of `DATA`), ``reading`` (of `READINGS`), ``component`` (of
+        `COLUMNS`), ``smoothness``, ``r2`` and its standard error ``r2_se``.
+
+    Returns
+    -------
+    Figure
+        Values below `FLOOR` are drawn there.
+    """
+    rows = [name for name in DATA if (table["data"] == name).any()]
+    if not rows:
+        return style.message_figure("No kernels to compare.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 22.0 + 40.0 * len(rows))
+    panels = figure.subplots(len(rows), len(COLUMNS), sharex=True, sharey=True, squeeze=False)
+    for line, data in zip(panels, rows, strict=True):
+        for axes, component in zip(line, COLUMNS, strict=True):
+            chosen = (table["data"] == data) & (table["component"] == component)
+            _draw_smoothness(axes, table[chosen])
+        line[0].set_ylabel(f"{DATA[data]}\nR² of other hops")
+    for axes, title in zip(panels[0], COLUMNS.values(), strict=True):
+        axes.set_title(title)
+    for axes in panels[-1]:
+        axes.set_xlabel("smoothness ν of the kernel")
+    panels[0, 0].set_xticks(range(len(SMOOTHNESSES)), list(SMOOTHNESSES.values()))
+    panels[0, 0].set_yticks([0, 0.25, 0.5, 0.75, 1])
+    for axes, name in zip(panels.ravel(), "abcdef", strict=False):
+        style.letter(axes, name)
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return figure
+
+
+def _draw_smoothness(axes: Axes, table: pd.DataFrame) -> None:
+    places = list(SMOOTHNESSES)
+    for shift, (reading, (label, colour, dash, marker)) in enumerate(READINGS.items()):
+        rows = table[table["reading"] == reading].sort_values("smoothness")
+        if rows.empty:
+            continue
+        x = np.array([places.index(value) for value in rows["smoothness"]]) + 0.05 * (shift - 2)
+        axes.errorbar(
+            x, rows["r2"].clip(lower=FLOOR), yerr=np.where(rows["r2"] > FLOOR, rows["r2_se"], 0),
+            color=colour, linestyle=dash, marker=marker, markersize=3, elinewidth=0.6, label=label,
+        )  # fmt: skip
+    axes.set_ylim(FLOOR - 0.05, 1.05)
     axes.grid(axis="y")

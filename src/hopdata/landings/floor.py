@@ -14,7 +14,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.blas import one_blas_thread
@@ -33,43 +32,43 @@ from hopdata.landings.floor_surface import (
 from hopdata.landings.sections.modes import ground_mode, robust_rms
 from hopdata.recording import Recording
 
-# What is said of a floor beside its numbers.
-
 NOTED_SHARE = 0.05  # of a foot's rests, above the floor, from which that is told
 NOTED_SLOPE_DEG = 1.0  # cameras are levelled better than this
 
 
-def raised_notes(recording: Recording, rest: RestPoints, raised: NDArray[np.bool_]) -> list[str]:
-    """Say which feet often rest above the floor."""
-    names = recording.names("foot")
-    shares = [float(raised[rest.foot == foot].mean()) for foot in range(len(names))]
-    return [
-        f"{name} rests above the floor in {100 * share:.0f} % of its frames at rest, left out"
-        for name, share in zip(names, shares, strict=True)
-        if share >= NOTED_SHARE
-    ]
+def _notes(
+    recording: Recording,
+    rest: RestPoints,
+    raised: BoolArray,
+    degrees: tuple[int, int],
+    largest_error_m: float,
+    ground: FloatArray,
+) -> str:
+    """Say which feet often rest above the floor, why its degree is lower, and that it slopes.
 
-
-def degree_notes(found: int, wanted: int, largest_error_m: float) -> list[str]:
-    """Say why the degree is lower than asked for."""
-    if found == wanted:
-        return []
-    return [f"the feet at rest do not fix a floor of degree {wanted} to {largest_error_m:g} m"]
-
-
-def slope_notes(places: FloatArray, ground_m: FloatArray, degree: int) -> list[str]:
-    """Say that the floor slopes, if the plane through the feet at rest does and they fix one."""
-    if degree == 0:
-        return []
-    columns = np.column_stack([np.ones(len(places)), places])
-    plane = np.linalg.lstsq(columns, ground_m, rcond=None)[0]
+    `ground` (P, 3) is where the feet rest, less their mount heights; `degrees` the one found and
+    the one asked for.
+    """
+    notes = []
+    for foot, name in enumerate(recording.names("foot")):
+        share = float(raised[rest.foot == foot].mean())
+        if share >= NOTED_SHARE:
+            told = f"{100 * share:.0f} % of its frames at rest"
+            notes.append(f"{name} rests above the floor in {told}, left out")
+    found, wanted = degrees
+    if found != wanted:
+        notes.append(
+            f"the feet at rest do not fix a floor of degree {wanted} to {largest_error_m:g} m"
+        )
+    columns = np.column_stack([np.ones(len(ground)), ground[:, :2]])
+    plane = np.linalg.lstsq(columns, ground[:, 2], rcond=None)[0]
     slope = np.rad2deg(np.arctan(np.hypot(plane[1], plane[2])))
-    if slope < NOTED_SLOPE_DEG:
-        return []
-    return [
-        f"the floor slopes by {slope:.1f} degrees; turn the file's axes upright, or raise "
-        "floor.rest_band_m if feet at rest are left out"
-    ]
+    if found > 0 and slope >= NOTED_SLOPE_DEG:
+        notes.append(
+            f"the floor slopes by {slope:.1f} degrees; turn the file's axes upright, or raise "
+            "floor.rest_band_m if feet at rest are left out"
+        )
+    return "; ".join(notes)
 
 
 # Rests above the floor: of a foot that hangs low or drags, or that stands on something.
@@ -154,7 +153,6 @@ def fit_floor(
     rest_window_s: float = 0.04,
     rest_band_m: float = 0.02,
     largest_error_m: float = 0.0005,
-    norm: str = "tukey",
     max_points: int = 10000,
 ) -> FloorModel:
     """Fit the floor under a recording.
@@ -177,8 +175,6 @@ def fit_floor(
     largest_error_m : float
         Largest standard error of the floor on the rim of the ground stepped on, m, with one
         step counted as one point; the degree is lowered until it is met, or is 0.
-    norm : {"tukey", "huber"}
-        Norm of the robust regression.
     max_points : int
         Rest points used, at most; taken evenly from all.
 
@@ -211,7 +207,6 @@ def fit_floor(
         rest,
         scaled,
         degree=degree,
-        norm=norm,
         largest_error_m=largest_error_m,
         independent_share=min(1.0, n_steps / len(rest.foot)),
     )
@@ -223,7 +218,7 @@ def fit_floor(
     raised &= np.abs(fit.residuals) <= rest_band_m
     rms = robust_rms(fit.residuals[used])
     inlier = used & (np.abs(fit.residuals) <= _OUTLIER_SIGMAS * rms)
-    ground_m = rest.points[:, 2] - fit.offsets_m[rest.foot]
+    ground = rest.points - fit.offsets_m[rest.foot][:, None] * [0.0, 0.0, 1.0]
     return FloorModel(
         terms=fit.terms,
         coefficients_m=fit.coefficients_m,
@@ -237,11 +232,7 @@ def fit_floor(
         n_outliers=int((used | raised).sum() - inlier.sum()),
         degree=fit.degree,
         degree_wanted=degree,
-        note="; ".join(
-            raised_notes(recording, rest, raised)
-            + degree_notes(fit.degree, degree, largest_error_m)
-            + slope_notes(rest.points[inlier, :2], ground_m[inlier], fit.degree)
-        ),
+        note=_notes(recording, rest, raised, (fit.degree, degree), largest_error_m, ground[inlier]),
     )
 
 

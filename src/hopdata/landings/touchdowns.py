@@ -60,32 +60,8 @@ def exclusion_reasons(
     longest_gap_s : float
         Longest time without a frame over a crossing, s.
     """
-    return [
-        _transition_reason(transitions, row, longest_gap_s)
-        or _contact_reason(
-            contacts.status[row],
-            contacts.instant[row],
-            contacts.se[row],
-            float(transitions.t_pre[row]),
-            float(transitions.t_post[row]),
-        )
-        for row in range(len(transitions))
-    ]
-
-
-def _transition_reason(transitions: Transitions, row: int, longest_gap_s: float) -> str:
-    if transitions.gap_pre[row] > longest_gap_s:
-        return HIDDEN_PRE
-    if transitions.gap_post[row] > longest_gap_s:
-        return "frames missing at the post section"
-    return "post section never reached" if np.isnan(transitions.t_post[row]) else ""
-
-
-def _contact_reason(
-    status: NDArray[np.int64], instant: FloatArray, se: FloatArray, t_pre: float, t_post: float
-) -> str:
-    if (status == NOT_LANDED).all():
-        return NO_FOOT_LANDED
+    t_pre, t_post = transitions.t_pre[:, None], transitions.t_post[:, None]
+    status, instant, se = contacts.status, contacts.instant, contacts.se
     timed = status == LANDED
     failures = (
         (status == MISSING, "frames missing at the contact of foot {}"),
@@ -98,10 +74,20 @@ def _contact_reason(
         # Known no better than that it is somewhere in the transition, or beyond: no kink was seen.
         (timed & (se > t_post - t_pre), "contact of foot {} not determined"),
     )
-    for failed, text in failures:
-        if failed.any():
-            return text.format(int(np.argmax(failed)) + 1)
-    return ""
+    of_body = (
+        (transitions.gap_pre > longest_gap_s, HIDDEN_PRE),
+        (transitions.gap_post > longest_gap_s, "frames missing at the post section"),
+        (~transitions.complete, "post section never reached"),
+        ((status == NOT_LANDED).all(axis=1), NO_FOOT_LANDED),
+    )
+    reasons = [""] * len(transitions)
+    for failed, text in reversed(failures):
+        for row in np.flatnonzero(failed.any(axis=1)):
+            reasons[row] = text.format(int(np.argmax(failed[row])) + 1)
+    for failed, text in reversed(of_body):
+        for row in np.flatnonzero(failed):
+            reasons[row] = text
+    return reasons
 
 
 # Landings while the body is hidden: seen by the feet alone, so that none is left out unlisted.
@@ -257,11 +243,12 @@ def touchdown_table(
             f"{len(recording.names('foot'))}"
         )
     heights = recording.feet[:, :, 2]
-    sections = {"pre_height_m": pre_height_m, "post_height_m": post_height_m}
     down = down_height_m or max(
         LEAST_DOWN_SHARE * (pre_height_m - post_height_m), LEAST_DOWN_SIGMAS * height_noise(heights)
     )
-    transitions, kind = _all_landings(recording, down, **sections)
+    transitions, kind = _all_landings(
+        recording, down, pre_height_m=pre_height_m, post_height_m=post_height_m
+    )
     contacts = find_contacts(
         recording.time,
         heights,
@@ -282,19 +269,13 @@ def _all_landings(
     recording: Recording, down_height_m: float, *, pre_height_m: float, post_height_m: float
 ) -> tuple[Transitions, NDArray[np.int64]]:
     """Descents of the body, flights below the pre section, and landings with the body hidden."""
-    seen = [
-        find(
-            recording.time,
-            recording.body_height,
-            pre_height_m=pre_height_m,
-            post_height_m=post_height_m,
-        )
-        for find in (find_transitions, find_low_flights)
-    ]
+    time, height = recording.time, recording.body_height
+    sections = {"pre_height_m": pre_height_m, "post_height_m": post_height_m}
+    seen = [find(time, height, **sections) for find in (find_transitions, find_low_flights)]
     hidden = find_hidden_landings(
-        recording.time,
+        time,
         recording.feet[:, :, 2],
-        recording.body_height,
+        height,
         together(*seen)[0],
         down_height_m=down_height_m,
         longest_gap_s=_longest_gap_s(recording),

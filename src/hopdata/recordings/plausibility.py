@@ -239,24 +239,17 @@ def notes(recording: Recording) -> list[str]:
     list of str
         One line each.
     """
-    remarks = list(recording.remarks)
-    remarks += [
-        f"{recording.place}: marker '{name}' is missing in {100 * (1 - fraction):.1f} % of frames"
+    more = [
+        f"marker '{name}' is missing in {100 * (1 - fraction):.1f} % of frames"
         for name, fraction in zip(recording.markers, fraction_seen(recording), strict=True)
         if 1 - fraction > MISSING_NOTE_FRACTION
     ]
     heights, feet = recording.feet[:, :, 2], recording.names("foot")
     high = HIGH_FOOT * body_over_feet(recording)[2]
-    remarks += [
-        f"{recording.place}: {remark}; does it touch the ground?"
-        for remark in high_feet(heights, feet, above_m=high)
-    ]
-    remarks += [
-        f"{recording.place}: {remark}; is one a copy of the other?"
-        for remark in feet_as_one(heights, feet)
-    ]
-    more = [*_rounding(recording), *_missing_times(recording)]
-    return remarks + [f"{recording.place}: {remark}" for remark in more]
+    more += [f"{one}; does it touch the ground?" for one in high_feet(heights, feet, above_m=high)]
+    more += [f"{one}; is one a copy of the other?" for one in feet_as_one(heights, feet)]
+    more += [*_rounding(recording), *_missing_times(recording)]
+    return [*recording.remarks, *(f"{recording.place}: {remark}" for remark in more)]
 
 
 def rounded_to(positions: FloatArray) -> float | None:
@@ -264,17 +257,15 @@ def rounded_to(positions: FloatArray) -> float | None:
 
     What float32 makes of a multiple is one.
     """
-    for step in ROUNDED_TO_M:
-        if all(_all_multiples(part, step) for part in (sampled(positions), positions)):
-            return step
-    return None
 
+    def all_multiples(part: FloatArray, step: float) -> bool:
+        seen = part[np.isfinite(part)]
+        off = np.abs(seen - step * np.round(seen / step))
+        return bool(seen.size and np.all(off <= np.finfo(np.float32).eps * np.abs(seen)))
 
-def _all_multiples(positions: FloatArray, step: float) -> bool:
-    """Tell whether all that is seen is a multiple of a step, and something is seen."""
-    seen = positions[np.isfinite(positions)]
-    off = np.abs(seen - step * np.round(seen / step))
-    return bool(seen.size and np.all(off <= np.finfo(np.float32).eps * np.abs(seen)))
+    parts = (sampled(positions), positions)  # most are told apart by few
+    rounded = (s for s in ROUNDED_TO_M if all(all_multiples(part, s) for part in parts))
+    return next(rounded, None)
 
 
 def _rounding(recording: Recording) -> list[str]:

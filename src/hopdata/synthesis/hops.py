@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -183,12 +184,7 @@ LEAST_FLIGHT_S = 0.05  # in a shorter one the body would be pulled about visibly
 
 
 def control_hop(
-    scene: Scene,
-    control: Control,
-    gait: Hop,
-    *,
-    frame_times_s: FloatArray,
-    limit_s: float,
+    scene: Scene, control: Control, gait: Hop, *, frame_times_s: FloatArray, limit_s: float
 ) -> Hop:
     """Let a control hop from the apex at which a hop of the gait began.
 
@@ -207,14 +203,8 @@ def control_hop(
         It ends in the state in which the hop of the gait ended, unless either fell or the control's
         flight is too short to lead it there.
     """
-    hop = fly_hop(
-        scene,
-        gait.start_state,
-        variant=control,
-        preloads_n=gait.preloads_n,
-        frame_times_s=frame_times_s,
-        limit_s=limit_s,
-    )
+    times: dict[str, Any] = {"frame_times_s": frame_times_s, "limit_s": limit_s}
+    hop = fly_hop(scene, gait.start_state, variant=control, preloads_n=gait.preloads_n, **times)
     if hop.fell or gait.fell or hop.end_time_s - hop.event_time[-1] < LEAST_FLIGHT_S:
         return hop
     return led_to(hop, gait.end_state, frame_times_s[: len(hop.states)])

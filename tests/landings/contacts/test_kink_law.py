@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from contact_instants import mean_kink_bound
 from falling_feet import NOISE_M, RATE_HZ, SPEED_M_S, falls
-from kink_bound import mean_kink_bound
 
 from hopdata.landings.contacts.descents import LANDED
 from hopdata.landings.contacts.find import LONG_WINDOWS_S, find_contacts

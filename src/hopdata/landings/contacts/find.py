@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -52,18 +51,6 @@ class Contacts:
 
     instant: FloatArray
     se: FloatArray
-    status: IntArray
-    noise_m: float
-
-
-@dataclass(frozen=True)
-class _Descents:
-    """What every method looks at: see `find_contacts` and `hopdata.landings.contacts.descents`."""
-
-    time: FloatArray
-    heights: FloatArray
-    transitions: Transitions
-    near: FloatArray
     status: IntArray
     noise_m: float
 
@@ -126,44 +113,25 @@ def find_contacts(
         lead_s=window_before_s or SHORT_WINDOWS_S[0],
         trail_s=window_after_s or SHORT_WINDOWS_S[1],
     )
-    return find(
-        _Descents(time, heights, transitions, near, status, noise_m),
-        gravity=gravity,
-        asked=(window_before_s, window_after_s),
-        maximum_misfit=maximum_misfit,
-    )
-
-
-def _by_kink(
-    seen: _Descents,
-    *,
-    gravity: str,
-    asked: tuple[float | None, float | None],
-    maximum_misfit: float,
-) -> Contacts:
-    time, heights, noise_m = seen.time, seen.heights, seen.noise_m
+    if find is not None:
+        instant, se = find(time, heights, transitions, noise_m=noise_m)
+        landed = status == LANDED
+        instant, se = np.where(landed, instant, np.nan), np.where(landed, se, np.nan)
+        status = np.where(landed & np.isnan(instant), MISSING, status)
+        return Contacts(instant, se, status, noise_m)
+    asked = (window_before_s, window_after_s)
     feet = FootHeights(time, heights, _windows(time, asked, LONG_WINDOWS_S))
-    fits = joint_fits(feet, seen.near, noise_m=noise_m, gravity=gravity)
+    fits = joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
     if not pooled_noise(fits) <= REFUTED * noise_m:
         feet = FootHeights(time, heights, _windows(time, asked, SHORT_WINDOWS_S))
-        fits = single_fits(feet, seen.near, noise_m=noise_m, gravity=gravity)
-    return _judged(fits, seen.status, pooled_noise(fits), maximum_misfit)
+        fits = single_fits(feet, near, noise_m=noise_m, gravity=gravity)
+    return _judged(fits, status, pooled_noise(fits), maximum_misfit)
 
 
-def _by_velocity(seen: _Descents, *, parabola: bool, **_of_the_kink: Any) -> Contacts:
-    instant, se = velocity_minima(
-        seen.time, seen.heights, seen.transitions, noise_m=seen.noise_m, parabola=parabola
-    )
-    landed = seen.status == LANDED
-    instant, se = np.where(landed, instant, np.nan), np.where(landed, se, np.nan)
-    status = np.where(landed & np.isnan(instant), MISSING, seen.status)
-    return Contacts(instant, se, status, seen.noise_m)
-
-
-METHODS: dict[str, Callable[..., Contacts]] = {
-    "kink": _by_kink,
-    "velocity_minimum": partial(_by_velocity, parabola=False),
-    "velocity_minimum_parabola": partial(_by_velocity, parabola=True),
+METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {
+    "kink": None,
+    "velocity_minimum": partial(velocity_minima, parabola=False),
+    "velocity_minimum_parabola": partial(velocity_minima, parabola=True),
 }
 
 

@@ -15,8 +15,6 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
-from hopdata.recordings.mat5 import HEADER_BYTES, MatError, read_mat5
-from hopdata.recordings.mat73 import read_mat73
 from hopdata.recordings.raw import (
     MOST_UNPACKED_MB,
     USUAL_UNIT,
@@ -26,6 +24,7 @@ from hopdata.recordings.raw import (
     resolve_rate,
     settle,
 )
+from hopdata.recordings.readers.mat import read_mat
 from hopdata.recordings.readers.qtm_header import (
     KEYS,
     QtmHeader,
@@ -38,7 +37,6 @@ from hopdata.recordings.readers.qtm_header import (
 )
 from hopdata.recordings.readers.text import Rows, blank_unseen, require_counters
 
-_HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 TYPE_NAMES = {1: "Measured", 2: "Gap-filled", 3: "Virtual", 4: "Edited"}
 
 
@@ -72,7 +70,7 @@ def read_qtm_mat(
         Naming the file, the field, what was expected and what was found.
     """
     path = Path(path)
-    name, export = _export(path, _variables(path, most_unpacked_mb))
+    name, export = _export(path, read_mat(path, most_unpacked_mb))
     place = f"{path}: {name}"
     labelled = _field(_field(export, "Trajectories", place), "Labeled", f"{place}.Trajectories")
     inner = f"{place}.Trajectories.Labeled"
@@ -103,28 +101,6 @@ def read_qtm_mat(
         started=moment(export.get("Timestamp")),
         remarks=remarks,
     )
-
-
-def _variables(path: Path, most_mb: float) -> dict[str, Any]:
-    """Variables of a MAT file of either kind; whatever is wrong in it becomes a RecordingError."""
-    try:
-        with path.open("rb") as file:
-            lead = file.read(HEADER_BYTES)
-            file.seek(512)
-            if _HDF5_MAGIC not in (lead[:8], file.read(8)):
-                file.seek(0)
-                if len(lead) < HEADER_BYTES:
-                    raise MatError(f"expected a header of {HEADER_BYTES} bytes, found {len(lead)}")
-                return read_mat5(file.read(), most_mb)
-        return read_mat73(path, most_mb)
-    except OSError as error:
-        raise RecordingError(
-            f"{path}: expected a MAT file, found: {error.strerror or error}"
-        ) from None
-    except MatError as error:
-        raise RecordingError(f"{path}: expected a MAT file of QTM; {error}") from None
-    except Exception as error:  # a damaged file makes h5py raise almost anything
-        raise RecordingError(f"{path}: expected a MAT file of QTM, found: {error}") from None
 
 
 def _export(path: Path, variables: dict[str, Any]) -> tuple[str, dict[str, Any]]:

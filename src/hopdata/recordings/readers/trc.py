@@ -22,6 +22,7 @@ from hopdata.recordings.readers.text import (
     Rows,
     blank_unseen,
     is_number,
+    readable,
     require_counters,
     split_line,
     trimmed,
@@ -113,20 +114,15 @@ def _frame_count(header: _Header, n_rows: int) -> tuple[str, ...]:
 def _read_header(path: Path) -> _Header:
     lines: list[list[str]] = []
     offset = 0
-    try:
-        with path.open("rb") as file:
-            for line in islice(file, _HEADER_LINES):
-                lines.append(split_line(path, line))
-                offset += len(line)
+    with readable(path) as file:
+        for line in islice(file, _HEADER_LINES):
+            lines.append(split_line(path, line))
+            offset += len(line)
+        first = next(iter(file), b"")
+        while first and not first.strip(b"\r\n\t "):
+            lines.append([])
+            offset += len(first)
             first = next(iter(file), b"")
-            while first and not first.strip(b"\r\n\t "):
-                lines.append([])
-                offset += len(first)
-                first = next(iter(file), b"")
-    except OSError as error:
-        raise RecordingError(
-            f"{path}: expected a readable file, found: {error.strerror or error}"
-        ) from None
     if not lines or re.split(r"[\s,;]", lines[0][0])[0] != "PathFileType":
         found = f"'{lines[0][0][:40]}'" if lines else "an empty file"
         raise RecordingError(f"{path}, line 1: expected PathFileType, found {found}")
