@@ -29,8 +29,14 @@ help:
 	@echo "make lock       resolve requirements*.lock again (needs uv)"
 	@echo "make clean      remove .venv, the results of every study, and caches"
 
+# The bundled study is shown beside its control.
 figures: $(VENV)/.run
 	$(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
+ifeq ($(CONFIG),config/config.yaml)
+	$(BIN)/snakemake --cores $(CORES) --configfile config/sample_control.yaml
+	$(BIN)/snakemake --cores $(CORES) first_look
+	@echo "open results/both_sides/first_look.html, then results/sample/report.html"
+endif
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)

@@ -55,7 +55,7 @@ def heights(name="kink", gravity="learned"):
 # Of each table what asks it for a name that it may not know.
 ASKED = {
     "touchdowns.method": (contacts.METHODS, heights),
-    "touchdowns.gravity": (contacts.GRAVITIES, lambda name: heights(gravity=name)),
+    "touchdowns.gravity": (kink_recording.GRAVITIES, lambda name: heights(gravity=name)),
     "gravity of the priors": (
         kink_recording.GRAVITIES,
         lambda name: kink_recording.weak_priors(3, name),
@@ -158,7 +158,7 @@ CONFIGURED = {
     "input.vertical_axis": axes.FILE_AXES,
     "sections.frames": sections.FRAMES,
     "touchdowns.method": contacts.METHODS,
-    "touchdowns.gravity": contacts.GRAVITIES,
+    "touchdowns.gravity": kink_recording.GRAVITIES,
     "touchdowns.ambiguous": schedules.TREATMENTS,
     "states.method": states.METHODS,
     "states.gravity": states.GRAVITIES,

@@ -51,8 +51,8 @@ def _run(experiment: str) -> Drawing:
 
 
 # The job that draws, and the figures that it draws. Files are found below the study's folder; for
-# `steering_*` in its folder `steering`, for `benchmarks` in ``results/benchmarks``, for `sides` in
-# ``results``.
+# `steering_*` in its folder `steering`, for `benchmarks` in ``results/benchmarks``, for `sides` and
+# `pair` in ``results``.
 FIGURES: dict[str, dict[str, Drawing]] = {
     "landings": {
         "fig2_2_sections": Drawing(
@@ -71,7 +71,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         ),
     },
     "maps": {
-        "verdict": Drawing("verdict:verdict_figure", ("verdict.json",)),
+        "verdict": Drawing("verdict:verdict_figure", ("verdict.json", *_table("touchdowns"))),
         "fig2_4_prediction": Drawing(
             "prediction:prediction_figure", (*_table("prediction_summary"), "tables/units.json")
         ),
@@ -119,6 +119,17 @@ FIGURES: dict[str, dict[str, Drawing]] = {
                 f"{study}/{name}"
                 for study in ("thesis", "control")
                 for name in (*_table("distances", "distance_summary"), "verdict.json")
+            ),
+            {"names": ("C1 hopper", "control, not C1")},
+        )
+    },
+    "pair": {
+        "verdicts": Drawing(
+            "verdict:verdicts_figure",
+            tuple(
+                f"{study}/{name}"
+                for study in ("sample", "sample_control")
+                for name in ("verdict.json", *_table("touchdowns"))
             ),
             {"names": ("C1 hopper", "control, not C1")},
         )

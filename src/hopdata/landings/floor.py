@@ -18,17 +18,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
-from hopdata.landings.floor_surface import (
-    RIM_DIRECTIONS,
-    FloorModel,
-    RestPoints,
-    floor_columns,
-    polynomial_terms,
-    regress_floor,
-    rest_points,
-    rim_of,
-    thinned,
-)
+from hopdata.landings import floor_surface
 from hopdata.landings.sections.modes import ground_mode, robust_rms
 from hopdata.recording import Recording
 
@@ -38,7 +28,7 @@ NOTED_SLOPE_DEG = 1.0  # cameras are levelled better than this
 
 def _notes(
     recording: Recording,
-    rest: RestPoints,
+    rest: floor_surface.RestPoints,
     raised: BoolArray,
     degrees: tuple[int, int],
     largest_error_m: float,
@@ -138,8 +128,6 @@ def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
         return np.asarray(model.fit(q=_QUANTILE, max_iter=_MOST_FITS).params)
 
 
-__all__ = ["FloorModel", "fit_floor", "level"]
-
 _OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
 
 
@@ -154,7 +142,7 @@ def fit_floor(
     rest_band_m: float = 0.02,
     largest_error_m: float = 0.0005,
     max_points: int = 10000,
-) -> FloorModel:
+) -> floor_surface.FloorModel:
     """Fit the floor under a recording.
 
     Parameters
@@ -193,17 +181,17 @@ def fit_floor(
     """
     if not 0 <= degree <= 8:
         raise ValueError(f"degree: expected 0 to 8, found {degree}")
-    rest = rest_points(recording, speed_m_s=rest_speed_m_s, window_s=rest_window_s)
+    rest = floor_surface.rest_points(recording, speed_m_s=rest_speed_m_s, window_s=rest_window_s)
     if not enabled:
         return _zero_floor(recording, rest, degree)
     _require_rest(recording, rest, rest_speed_m_s)
     rest = rest.take(np.abs(rest.above_mode) <= 3 * rest_band_m)
     n_steps = rest.n_steps
-    rest = thinned(rest, max_points)
+    rest = floor_surface.thinned(rest, max_points)
     centre, scale = _centre_and_scale(rest.points[:, :2])
     scaled = (rest.points[:, :2] - centre) / scale
     regress = partial(
-        regress_floor,
+        floor_surface.regress_floor,
         rest,
         scaled,
         degree=degree,
@@ -211,7 +199,7 @@ def fit_floor(
         independent_share=min(1.0, n_steps / len(rest.foot)),
     )
     first = regress(np.full(len(rest.foot), True))
-    columns = floor_columns(rest, scaled, first.terms)
+    columns = floor_surface.floor_columns(rest, scaled, first.terms)
     raised = raised_rests(rest.points[:, 2], columns, band_m=rest_band_m)
     used = (np.abs(first.residuals) <= rest_band_m) & ~raised
     fit = regress(used)
@@ -219,12 +207,12 @@ def fit_floor(
     rms = robust_rms(fit.residuals[used])
     inlier = used & (np.abs(fit.residuals) <= _OUTLIER_SIGMAS * rms)
     ground = rest.points - fit.offsets_m[rest.foot][:, None] * [0.0, 0.0, 1.0]
-    return FloorModel(
+    return floor_surface.FloorModel(
         terms=fit.terms,
         coefficients_m=fit.coefficients_m,
         centre_m=centre,
         scale_m=scale,
-        rim_m=rim_of(scaled[inlier], RIM_DIRECTIONS) * scale,
+        rim_m=floor_surface.rim_of(scaled[inlier], floor_surface.RIM_DIRECTIONS) * scale,
         feet=recording.names("foot"),
         foot_offsets_m=fit.offsets_m,
         residual_rms_m=rms,
@@ -237,7 +225,7 @@ def fit_floor(
 
 
 @one_blas_thread()
-def level(recording: Recording, floor: FloorModel) -> Recording:
+def level(recording: Recording, floor: floor_surface.FloorModel) -> Recording:
     """Take the floor off a recording, so that feet at rest have height 0.
 
     Parameters
@@ -267,7 +255,7 @@ def _centre_and_scale(places: FloatArray) -> tuple[FloatArray, float]:
     return 0.5 * (low + high), max(0.5 * float(np.max(high - low)), 1e-3)
 
 
-def _require_rest(recording: Recording, rest: RestPoints, speed_m_s: float) -> None:
+def _require_rest(recording: Recording, rest: floor_surface.RestPoints, speed_m_s: float) -> None:
     """Raise an error that names the feet which are never at rest."""
     names = recording.names("foot")
     if not names:
@@ -281,15 +269,17 @@ def _require_rest(recording: Recording, rest: RestPoints, speed_m_s: float) -> N
         )
 
 
-def _zero_floor(recording: Recording, rest: RestPoints, degree: int) -> FloorModel:
+def _zero_floor(
+    recording: Recording, rest: floor_surface.RestPoints, degree: int
+) -> floor_surface.FloorModel:
     """Return the floor z = 0, with the residual of the feet at rest on it."""
     n_feet = len(rest.start_m)
-    return FloorModel(
-        terms=polynomial_terms(0),
+    return floor_surface.FloorModel(
+        terms=floor_surface.polynomial_terms(0),
         coefficients_m=np.zeros(1),
         centre_m=np.zeros(2),
         scale_m=1.0,
-        rim_m=np.full(RIM_DIRECTIONS, 1.0),
+        rim_m=np.full(floor_surface.RIM_DIRECTIONS, 1.0),
         feet=recording.names("foot"),
         foot_offsets_m=np.zeros(n_feet),
         residual_rms_m=robust_rms(rest.points[:, 2]) if len(rest.foot) else float("nan"),

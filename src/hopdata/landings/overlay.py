@@ -290,16 +290,12 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
     import pandas as pd
 
     keys = ["source", "column", "feet"]
-    rows = [
-        {"recording": recording, **dict(zip(keys, key, strict=True)), **_measures(group)}
-        for (recording, *key), group in table.groupby(["recording", *keys], sort=False)
-    ]
-    rows += [
-        {"recording": ALL, **dict(zip(keys, key, strict=True)), **_measures(group)}
-        for key, group in table.groupby(keys, sort=False)
-        if len(group["recording"].unique()) > 1
-    ]
-    return pd.DataFrame(rows)
+    groups = list(table.groupby(["recording", *keys], sort=False))
+    for key, group in table.groupby(keys, sort=False):
+        if len(group["recording"].unique()) > 1:
+            groups.append(((ALL, *key), group))
+    names = ["recording", *keys]
+    return pd.DataFrame([dict(zip(names, key, strict=True)) | _measures(g) for key, g in groups])
 
 
 def median_interval(values: FloatArray, *, confidence: float = CONFIDENCE) -> tuple[float, float]:

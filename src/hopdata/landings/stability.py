@@ -111,13 +111,12 @@ def _rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:
     within = np.concatenate([np.abs(v - np.median(v)) for v in parts.values()])
     spread = MAD_TO_SD * float(np.median(within))
     typical = float(np.median(np.concatenate(list(parts.values()))))
-    rows: list[tuple[object, ...]] = []
+    told: list[tuple[object, ...]] = []
     for part, v in parts.items():
-        median = float(np.median(v))
-        se = SE_OF_MEDIAN * spread / np.sqrt(len(v))
+        median, se = float(np.median(v)), SE_OF_MEDIAN * spread / np.sqrt(len(v))
         off = (median - typical) / spread if spread > 0 else 0.0
-        rows.append((name, QUANTITIES[name], part, len(v), median, se, typical, spread, off))
-    return rows
+        told.append((name, QUANTITIES[name], part, len(v), median, se, typical, spread, off))
+    return told
 
 
 BANDWIDTH_FACTORS = (0.35, 0.5, 0.71, 1.41, 2.0, 2.83)

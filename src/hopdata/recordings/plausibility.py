@@ -113,7 +113,13 @@ def check_positions(recording: Recording) -> None:
                 f"{place}: marker '{name}': expected to be seen, found in none of "
                 f"{len(recording.time)} frames"
             )
-        _check_moving(place, name, positions[~np.isnan(positions).any(axis=1)])
+        known = positions[~np.isnan(positions).any(axis=1)]
+        if len(known) > 1 and not np.ptp(known, axis=0).any():
+            where = ", ".join(f"{x:.4g}" for x in known[0])
+            raise RecordingError(
+                f"{place}: marker '{name}': expected to move, found it at ({where}) m in all of "
+                f"{len(known)} frames"
+            )
     frames = sampled(recording.positions)
     for i, name in enumerate(recording.markers):
         for j in range(i):
@@ -125,16 +131,6 @@ def check_positions(recording: Recording) -> None:
                 )
 
 
-def _check_moving(place: str, name: str, positions: FloatArray) -> None:
-    """Require that a marker's seen positions (N, 3) are not one and the same: a frozen track."""
-    if len(positions) > 1 and not np.ptp(positions, axis=0).any():
-        where = ", ".join(f"{x:.4g}" for x in positions[0])
-        raise RecordingError(
-            f"{place}: marker '{name}': expected to move, found it at ({where}) m in all of "
-            f"{len(positions)} frames"
-        )
-
-
 def check_scale(recording: Recording) -> None:
     """Require a size that an animal or a robot can have; millimetres taken for metres do not."""
     size = extent(recording.positions)
@@ -142,10 +138,10 @@ def check_scale(recording: Recording) -> None:
     if np.isnan(size) or low <= size <= high:
         return
     looks = ""
-    if low <= size * 1e-3 <= high:
-        looks = "; the numbers look like millimetres taken for metres: set input.unit: mm"
-    elif low <= size * 1e3 <= high:
-        looks = "; the numbers look like metres taken for millimetres: set input.unit: m"
+    for slip in ("metres taken for millimetres", "millimetres taken for metres"):
+        factor, remedy = WRONG_UNITS[slip]
+        if low <= size * factor <= high:
+            looks = f"; the numbers look like {slip}: {remedy}"
     raise RecordingError(
         f"{recording.place}: scale: expected the markers to span {low:g} to {high:g} m, "
         f"found {size:.3g} m{looks}"
@@ -292,7 +288,7 @@ def _missing_times(recording: Recording) -> list[str]:
         frames = "1 frame is" if dropped == 1 else f"{dropped} frames are"
         remarks.append(f"{frames} missing between the time stamps")
     if len(pauses):
-        longer = f"1 pause of {pauses[0]:.6g} s" if len(pauses) == 1 else f"{len(pauses)} pauses"
-        total = "" if len(pauses) == 1 else f" of {pauses.sum():.6g} s in all"
-        remarks.append(f"{longer}{total} in which nothing was recorded")
+        several = len(pauses) > 1
+        told = f"{len(pauses)} pause{'s' * several} of {pauses.sum():.6g} s{' in all' * several}"
+        remarks.append(f"{told} in which nothing was recorded")
     return remarks

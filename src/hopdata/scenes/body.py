@@ -108,6 +108,14 @@ def legged_system(n_legs: int, *, n_states: int = N_STATES, **functions: Any) ->
     )
 
 
+def flight_mode(system: System, climb_rate_m_s: float) -> IntArray:
+    """Mode of an upright body in flight that has not touched the floor yet."""
+    mode = np.zeros(system.n_modes, dtype=np.int64)
+    mode[: system.n_guards] = -1
+    mode[system.guard_names.index("apex")] = 1 if climb_rate_m_s > 0 else -1
+    return mode
+
+
 def rotation_matrices(angles: FloatArray) -> FloatArray:
     """Rotation matrices, body to world, of many attitudes.
 

@@ -254,11 +254,3 @@ def hopper_event(
 def hopper_system(n_legs: int = 3) -> System:
     """Return the hopper as a hybrid system with this number of legs: see `legged_system`."""
     return legged_system(n_legs, field=hopper_field, guards=hopper_guards, on_event=hopper_event)
-
-
-def flight_mode(n_legs: int, climb_rate_m_s: float) -> IntArray:
-    """Mode of an upright hopper in flight, no leg released, that has not touched yet."""
-    mode = np.zeros(2 * n_legs + 3, dtype=np.int64)
-    mode[: n_legs + 2] = -1
-    mode[n_legs] = 1 if climb_rate_m_s > 0 else -1
-    return mode

@@ -11,7 +11,7 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.layout import SLIDING, TERMINATED, ZENO
-from hopdata.scenes.body import N_STATES, euler_rates, rotation_matrices
+from hopdata.scenes.body import N_STATES, euler_rates, flight_mode, rotation_matrices
 from hopdata.scenes.scene import Control, Scene, Variant
 
 RTOL, ATOL = 1e-10, 1e-12
@@ -136,14 +136,6 @@ def padded(states: FloatArray, system: System) -> FloatArray:
     """States (..., 12) in flight with the system's memory of its feet behind them, at zero."""
     memory = np.zeros((*states.shape[:-1], system.n_states - N_STATES))
     return np.concatenate([states, memory], axis=-1)
-
-
-def flight_mode(system: System, climb_rate_m_s: float) -> IntArray:
-    """Mode of an upright body in flight that has not touched the floor yet."""
-    mode = np.zeros(system.n_modes, dtype=np.int64)
-    mode[: system.n_guards] = -1
-    mode[system.guard_names.index("apex")] = 1 if climb_rate_m_s > 0 else -1
-    return mode
 
 
 def _ending(solution: Solution, n_legs: int) -> str:

@@ -162,7 +162,7 @@ def simulate_recording(
     camera = from_mapping(MotionCapture, motion_capture, "motion_capture")
     scene, control = simulated.scene, simulated.control
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
-    kicks_rng, floor_rng, noise_rng, gaps_rng = streams
+    kicks_rng, floor_rng, *camera_rngs = streams
     trial = run_trial(
         scene,
         hops=simulated.hops,
@@ -175,7 +175,7 @@ def simulate_recording(
     )
     tracks = track_markers(trial, scene, camera.markers, delay_s=control.delay_s)
     floor = draw_floor(camera.floor, floor_rng)
-    recording = observed(tracks, floor, camera, name, noise_rng, gaps_rng)
+    recording = observed(tracks, floor, camera, name, *camera_rngs)
     times, points = first_contacts(trial, scene)
     bodies = [i for i, role in enumerate(tracks.roles) if role == "body"]
     parameters = {"seed": seed, "simulation": simulated.said(), "motion_capture": asdict(camera)}

@@ -14,7 +14,8 @@ from scipy.integrate import solve_ivp
 
 from hopdata.hybrid import System, field, guards, solve, solve_batch
 from hopdata.hybrid.first_order import bouligand_derivative, project_onto_section, saltation_product
-from hopdata.scenes.hopper import flight_mode, hopper_system
+from hopdata.scenes.body import flight_mode
+from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.small import VerticalHopper
 
@@ -224,7 +225,7 @@ def test_vertical_hopper():
 
 
 HOPPER = hopper_system()
-LANDING = {"params": HopperParameters().vector(), "mode": flight_mode(3, -1.0)}
+LANDING = {"params": HopperParameters().vector(), "mode": flight_mode(hopper_system(), -1.0)}
 OBLIQUE = np.array([0.0, 0.0, 0.32, 0.0, 0.03, -0.04, 0.05, -0.03, -1.5, 0.1, -0.2, 0.05])
 
 

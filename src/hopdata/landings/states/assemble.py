@@ -304,14 +304,13 @@ def _pairs_of(
         lost = ", ".join(str(i) for i in used["index"].to_numpy()[~whole])
         logger.warning("%s: too few frames for the states of touchdowns %s", recording.name, lost)
     kept = used[whole]
+    kinds = {"schedule": str, "spread_s": float, "recording": str, "index": np.int64}
+    columns: dict[str, Any] = {name: kept[name].to_numpy(dtype) for name, dtype in kinds.items()}
     return Pairs(
-        x[whole],
-        y[whole],
-        kept["schedule"].to_numpy(dtype=str),
-        kept["spread_s"].to_numpy(dtype=float),
-        kept["recording"].to_numpy(dtype=str),
-        kept["index"].to_numpy(dtype=np.int64),
-        recording.names("body"),
+        x=x[whole],
+        y=y[whole],
+        **columns,
+        body_markers=recording.names("body"),
         x_se=x_se[whole],
         y_se=y_se[whole],
         instants=_columns(kept, "contact_"),

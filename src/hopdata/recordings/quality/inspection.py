@@ -14,14 +14,8 @@ from hopdata.blas import one_blas_thread
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
+from hopdata.recordings.quality import rigid
 from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_unit_and_up
-from hopdata.recordings.quality.rigid import (
-    Cluster,
-    PairDistances,
-    frame_noise,
-    pair_distances,
-    rigid_clusters,
-)
 from hopdata.recordings.quality.spikes import Jump, Spike, find_jumps, find_spikes, surprises
 from hopdata.recordings.quality.stretches import (
     Frozen,
@@ -98,8 +92,8 @@ class Inspection:
     up: Guess
     gaps: tuple[MarkerGaps, ...]
     timing: Timing
-    pairs: PairDistances
-    clusters: tuple[Cluster, ...]
+    pairs: rigid.PairDistances
+    clusters: tuple[rigid.Cluster, ...]
     noise_m: FloatArray
     faults: Faults
 
@@ -160,9 +154,9 @@ def inspect_recording(
     unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up)
     positions = _turned(raw.positions, UNITS_IN_M[unit_guess.value], up_guess.value)
     progress("measuring distances between markers")
-    noise = frame_noise(positions)
-    pairs = pair_distances(positions)
-    clusters = rigid_clusters(pairs, noise)
+    noise = rigid.frame_noise(positions)
+    pairs = rigid.pair_distances(positions)
+    clusters = rigid.rigid_clusters(pairs, noise)
     gaps = marker_gaps(positions, raw.markers)
     progress("looking for swapped markers, spikes and frozen markers")
     missed = surprises(positions)

@@ -17,14 +17,7 @@ from numpy.typing import NDArray
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
 from hopdata.recording import Event
-from hopdata.recordings.raw import (
-    METRES_PER_UNIT,
-    RATE_TOLERANCE,
-    USUAL_UNIT,
-    RawRecording,
-    distinct_names,
-    resolve_rate,
-)
+from hopdata.recordings import raw
 from hopdata.recordings.readers.c3d_parameters import (
     BLOCK,
     C3dHeader,
@@ -42,7 +35,7 @@ MOST_PARAMETER_BYTES = 255 * BLOCK
 MODEL_OUTPUTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 
 
-def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
+def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read the markers of a C3D file.
 
     A marker counts as unseen where its residual is negative, a coordinate is NaN, or all three are
@@ -74,14 +67,14 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
     markers, kept, more = _markers(parameters, n_points)
     unit = _unit(parameters)
     positions = _positions(header, _numbers(path, header, parameters, n_frames))[:, kept]
-    rate = resolve_rate(f"{path}: header", stated=frame_rate(header, parameters), given=rate_hz)
+    rate = raw.resolve_rate(f"{path}: header", stated=frame_rate(header, parameters), given=rate_hz)
     time = (first_frame(header, parameters) - 1 + np.arange(n_frames)) / rate
-    return RawRecording(
+    return raw.RawRecording(
         markers,
         time,
         positions,
         rate,
-        unit=unit or USUAL_UNIT,
+        unit=unit or raw.USUAL_UNIT,
         unit_is_stated=bool(unit),
         events=_events(parameters) or header.events,
         stated_up=_stated_up(parameters),
@@ -118,7 +111,7 @@ def frame_rate(header: C3dHeader, parameters: Parameters) -> float:
     stated = parameters.number("POINT", "RATE")
     if stated is None:
         return header.rate_hz
-    if not abs(stated - header.rate_hz) <= RATE_TOLERANCE * abs(stated):
+    if not abs(stated - header.rate_hz) <= raw.RATE_TOLERANCE * abs(stated):
         raise RecordingError(
             f"{parameters.place('POINT', 'RATE')}: expected {header.rate_hz:g} Hz as in the "
             f"header, found {stated:g} Hz"
@@ -144,7 +137,7 @@ def _markers(
         raise RecordingError(
             f"{place}: expected markers, found model outputs only ({listed(labels)})"
         )
-    markers, remarks = distinct_names(place, [labels[i] for i in kept], may_lack=True)
+    markers, remarks = raw.distinct_names(place, [labels[i] for i in kept], may_lack=True)
     if len(kept) == n_points:
         return markers, slice(None), remarks
     told = listed([label for label in labels if label in outputs])
@@ -156,7 +149,7 @@ def _unit(parameters: Parameters) -> str:
     """Return the unit that the file states; empty if it states none."""
     place, stated = parameters.place("POINT", "UNITS"), parameters.texts("POINT", "UNITS")
     unit = stated[0].lower() if stated else ""
-    if unit and unit not in METRES_PER_UNIT:
+    if unit and unit not in raw.METRES_PER_UNIT:
         raise RecordingError(f"{place}: expected mm or m, found '{stated[0]}'")
     return unit
 

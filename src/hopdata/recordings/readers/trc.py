@@ -10,14 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hopdata.errors import RecordingError, did_you_mean
-from hopdata.recordings.raw import (
-    METRES_PER_UNIT,
-    USUAL_UNIT,
-    RawRecording,
-    distinct_names,
-    resolve_rate,
-    settle,
-)
+from hopdata.recordings import raw
 from hopdata.recordings.readers.text import (
     Rows,
     blank_unseen,
@@ -59,7 +52,7 @@ class _Header:
         return float(text)
 
 
-def read_trc(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
+def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read the markers of a TRC file.
 
     A marker counts as unseen where a coordinate is missing, or where all three are 0.
@@ -79,7 +72,7 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
     path = Path(path)
     header = _read_header(path)
     unit = _unit(header)
-    rate = resolve_rate(
+    rate = raw.resolve_rate(
         f"{path}, line 3: DataRate", stated=header.number("DataRate"), given=rate_hz
     )
     table = header.rows.numbers()
@@ -87,13 +80,13 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
     n_columns = 2 + 3 * len(header.markers)
     positions = table[:, 2:n_columns].reshape(len(table), len(header.markers), 3)
     blank_unseen(positions)
-    time, remarks = settle(str(path), table[:, 1].copy(), table[:, 0].copy(), rate)
-    return RawRecording(
+    time, remarks = raw.settle(str(path), table[:, 1].copy(), table[:, 0].copy(), rate)
+    return raw.RawRecording(
         header.markers,
         time,
         positions,
         rate,
-        unit=unit or USUAL_UNIT,
+        unit=unit or raw.USUAL_UNIT,
         unit_is_stated=bool(unit),
         remarks=header.remarks + _frame_count(header, len(table)) + remarks,
     )
@@ -137,7 +130,7 @@ def _read_header(path: Path) -> _Header:
         raise RecordingError(
             f"{path}, line 4: expected {stated:g} marker names (NumMarkers), found {len(names)}"
         )
-    markers, remarks = distinct_names(f"{path}, line 4", names, may_lack=True)
+    markers, remarks = raw.distinct_names(f"{path}, line 4", names, may_lack=True)
     fields = split_line(path, first)
     width = max(len(fields), 2 + 3 * len(markers))
     unused = sum(map(bool, fields[2 + 3 * len(markers) :]))
@@ -209,6 +202,6 @@ def _unit(header: _Header) -> str:
     stated = header.values.get("Units")
     if stated is None:
         return ""
-    if stated.lower() not in METRES_PER_UNIT:
+    if stated.lower() not in raw.METRES_PER_UNIT:
         raise RecordingError(f"{header.path}, line 3: Units: expected mm or m, found '{stated}'")
     return stated.lower()
