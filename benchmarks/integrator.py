@@ -39,6 +39,7 @@ import pandas as pd
 from exact import hopper_end, octant_end, restarted
 from numba import njit
 from numpy.typing import NDArray
+from plate_scene import Plate
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, on_event, solve
@@ -47,9 +48,9 @@ from hopdata.hybrid.compiled.memory import address_of, array_of, int_vector, vie
 from hopdata.hybrid.layout import END, K1, KEND, W1, Y
 from hopdata.hybrid.methods.explicit import DOP853, DOPRI5, Tableau
 from hopdata.hybrid.methods.method import Scene, explicit_method
-from hopdata.scenes.hopper import flight_mode, hopper_event, hopper_system
+from hopdata.scenes.body import flight_mode
+from hopdata.scenes.hopper import hopper_event, hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 from hopdata.synthesis.hops import level_state
 
@@ -305,7 +306,7 @@ def three_hops() -> Case:
     system = replace(hopper_system(), on_event=keep_hopping)
     case = Case(
         "hopper", system, tuple(hopper.vector()), (0.0, 2.0), tuple(y0), np.empty(0),
-        tuple(int(x) for x in flight_mode(3, -1.0)), with_peers=False,
+        tuple(int(x) for x in flight_mode(hopper_system(), -1.0)), with_peers=False,
     )  # fmt: skip
     return ending_by_itself(case)
 

@@ -34,12 +34,12 @@ import pandas as pd
 from machine import this_machine, timed
 from numpy.typing import NDArray
 from peers.mujoco_peer import ABSENT, INTEGRATORS, Setting, plate_simulation, steps
+from plate_scene import Plate
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import Solution, solve
-from hopdata.scenes.plate import Plate
 
 # Where the plate truly ends: DOP853 at its tightest, started anew at each event.
 #

@@ -47,7 +47,9 @@ from steering_setting import (
     EXCITATIONS,
     LIMIT,
     ROBOT,
+    STARTS,
     ClosedLoopTrial,
+    GradientController,
     Maps,
     PoseNoise,
     board_before,
@@ -63,7 +65,7 @@ from hopdata.arrays import FloatArray
 from hopdata.rigid import relative
 from hopdata.steering.control.objectives import Controller, Horizon, ToHeading, ToPoint
 from hopdata.steering.control.planner import Planner, planner
-from hopdata.steering.control.printed import STARTS, PrintedController
+from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.experiments.outcomes import rate_interval
 from hopdata.steering.experiments.tasks import ORIGIN, TURN, Task, errors_of, judged
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated, turn_nodes
@@ -193,7 +195,7 @@ def control_table(found: Maps, starts: int, seed: int) -> pd.DataFrame:
 
 def short_rows(task: str, goal: Any, found: Maps, starts: int, seed: int) -> list[dict[str, Any]]:
     """Rows of the controllers without a cost-to-go."""
-    printed = PrintedController(model=found.true, objective=goal, gradient="closed form")
+    printed = GradientController(model=found.true, objective=goal)
     rows = [control_row(task, "printed", "true", [printed], starts, seed)[0]]
     if task in ("facing", "turn"):
         faithful = [PrintedController(model=one, objective=goal) for one in found.sklearn]
@@ -216,9 +218,7 @@ def replanning_table(found: Maps, plans: int, slow_plans: int, seed: int) -> pd.
     table = tabulated(found.copies[0], LIMIT)
     methods = {
         "printed, closed-form gradient": (
-            lambda goal: PrintedController(
-                model=found.copies[0], objective=goal, gradient="closed form"
-            ),
+            lambda goal: GradientController(model=found.copies[0], objective=goal),
             plans,
         ),
         "printed": (
@@ -347,7 +347,7 @@ def leg_rows(shares: tuple[float, ...], starts: int, seed: int) -> Iterator[dict
     """Yield the rows of a hopper with such legs."""
     robot = replace(ROBOT, preload_shares=shares)
     learned = learned_of(robot, seed)
-    printed = PrintedController(model=learned[0], gradient="closed form")
+    printed = GradientController(model=learned[0])
     cases = [
         (name, f"printed, {begun}", [replace(printed, model=m, start=begun) for m in learned])
         for begun in STARTS

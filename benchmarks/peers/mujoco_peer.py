@@ -29,8 +29,8 @@ import numpy as np
 from numba import carray, cfunc, njit, types
 from numba.extending import intrinsic
 from numpy.typing import ArrayLike
+from plate_scene import Plate
 
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.small import VerticalHopper
 from peers.problems import FloatArray, Problem, Run, Solver
 

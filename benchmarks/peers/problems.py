@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 from exact import hopper_end, octant_end, plate_end
+from plate_scene import Plate
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import System
 from hopdata.scenes import small as octant_scene
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.small import VerticalHopper, octant
 
 # What every peer offers: named solvers that take a tolerance and give something to run.

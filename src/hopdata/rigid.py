@@ -97,19 +97,6 @@ def headings(rotation: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]))
 
 
-def twists(rotation: FloatArray) -> FloatArray:
-    """Turn about the vertical, (...), rad, that is left when the body is tilted back the short way.
-
-    It does not depend on which body axis is called x, and differs from the yaw by half the product
-    of pitch and roll.
-    """
-    return np.asarray(
-        np.arctan2(
-            rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1]
-        )
-    )
-
-
 # Rigid motions of the plane, SE(2): poses (x, y, heading), m and rad, on the last array axis.
 
 
@@ -192,3 +179,19 @@ def kabsch(centred: FloatArray, shape: FloatArray) -> FloatArray:
     left[:, :, 2] *= handed[:, None]
     rotation: FloatArray = left @ right
     return rotation
+
+
+def twists(rotation: FloatArray) -> FloatArray:
+    """Turn about the vertical, (...), rad, that is left when the body is tilted back the short way.
+
+    It does not depend on which body axis is called x, and differs from the yaw by half the product
+    of pitch and roll.
+    """
+    return np.asarray(
+        np.arctan2(
+            rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1]
+        )
+    )
+
+
+# Rigid motions of the plane, SE(2): poses (x, y, heading), m and rad, on the last array axis.

@@ -15,14 +15,12 @@ from hopdata.figures.distances import (
 DIFFERENT = {
     "conclusion": "different",
     "effect": {"estimate": 0.347, "upper_bound": 0.38},
-    "test": {"p_value": 0.0005},
 }
 SAME = {
     "conclusion": "no difference",
     "effect": {"estimate": 0.01, "upper_bound": 0.126},
-    "test": {"p_value": 0.35},
 }
-NONE = {"conclusion": "cannot tell", "effect": None, "test": None}
+NONE = {"conclusion": "cannot tell", "effect": None}
 
 
 def tables(shift):
@@ -41,8 +39,8 @@ def test_each_study_stands_under_its_verdict():
         *tables(0), SAME, *tables(0.1), DIFFERENT, names=("C1 hopper", "control, not C1")
     )
     titles = [axes.get_title(loc="left") for axes in figure.axes[:2]]
-    assert "no difference above 0.13 (p = 0.35)" in titles[0]
-    assert "different by 0.35 (p = 0.0005)" in titles[1]
+    assert "no difference above 0.13" in titles[0]
+    assert "different by 0.35" in titles[1]
     assert text_faults(figure) == []
 
 

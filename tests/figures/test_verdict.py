@@ -1,27 +1,31 @@
-import numpy as np
 import pandas as pd
 import pytest
 from overlaps import text_faults
 
-from hopdata.figures.verdict import CONTROLS, DIFFERENCE, verdict_figure, verdict_power_figure
+from hopdata.figures.verdict import (
+    ASKED,
+    CONTROLS,
+    verdict_figure,
+    verdict_power_figure,
+    verdicts_figure,
+)
 
 SENTENCES = {
-    "different": "The maps of different contact orders are different: by 0.38 of the map "
-    "(95 % interval 0.32 to 0.45, p = 0.0005).",
-    "no difference": "No difference between the maps of different contact orders larger than 0.12 "
-    "of the map, at 95 % confidence (p = 0.73).",
-    "cannot tell": "These data cannot tell: no difference was found (p = 0.95), but one of up to "
-    "0.33 of the map cannot be excluded, and 0.2 was wanted.",
+    "different": "The maps of 6 contact orders are different: by 0.38 of the map "
+    "(95 % interval 0.32 to 0.45).",
+    "no difference": "No difference between the maps of 6 contact orders larger than 0.12 of the "
+    "map, at 95 % confidence.",
+    "cannot tell": "These data cannot tell: no difference between the maps of 6 contact orders was "
+    "found, but one of up to 0.33 of the map cannot be excluded, and 0.2 was wanted.",
 }
-EFFECTS = {  # estimate, low, high, upper bound, detectable, p
-    "different": (0.38, 0.32, 0.45, 0.44, 0.06, 0.0005),
-    "no difference": (0.0, 0.0, 0.13, 0.12, 0.075, 0.73),
-    "cannot tell": (0.0, 0.0, 0.36, 0.33, 0.13, 0.95),
+EFFECTS = {  # estimate, low, high, upper bound, detectable
+    "different": (0.38, 0.32, 0.45, 0.44, 0.06),
+    "no difference": (0.0, 0.0, 0.13, 0.12, 0.075),
+    "cannot tell": (0.0, 0.0, 0.36, 0.33, 0.13),
 }
 
 
 def verdict(conclusion="no difference", **changes):
-    *sizes, p = EFFECTS[conclusion]
     names = ("estimate", "low", "high", "upper_bound", "detectable")
     return {
         "conclusion": conclusion,
@@ -29,84 +33,91 @@ def verdict(conclusion="no difference", **changes):
         "confidence": 0.95,
         "margin": 0.2,
         "power": 0.8,
-        "effect": dict(zip(names, sizes, strict=True)),
-        "test": {"p_value": p},
+        "effect": dict(zip(names, EFFECTS[conclusion], strict=True)),
     } | changes
 
 
-def windows(n=5, chosen=1):
-    shares = np.array([1.0, 0.71, 0.5, 0.35, 0.25])[:n]
-    table = pd.DataFrame({"window": shares})
-    return table.assign(
-        kinks=[0.0, 0.05, 0.1, 0.02, 0.2][:n],
-        kinks_low=0.0,
-        kinks_high=[0.1, 0.13, 0.2, 0.3, 0.6][:n],
-        chosen=np.arange(n) == chosen,
-    )
+def touchdowns(*schedules):
+    schedules = schedules or ("2>1>3", "2>1>3", "3>1>2", "1>2>3")
+    used = {"schedule": [*schedules, None], "excluded": [*([False] * len(schedules)), True]}
+    return pd.DataFrame(used)
 
 
-def texts(figure, panel):
-    return [label.get_text() for label in figure.axes[panel].get_yticklabels()]
+def texts(axes):
+    return [text.get_text().replace("\u00a0", " ") for text in axes.texts]
 
 
 @pytest.mark.parametrize("conclusion", EFFECTS)
-def test_every_conclusion_is_drawn_without_overlap(conclusion):
-    figure = verdict_figure(verdict(conclusion), windows())
-    assert len(figure.axes) == 2
+@pytest.mark.parametrize(
+    "schedules", [(), ("1>2",), ("6>5>4>3>2>1", "1>2>3>4>5>6"), ("2>1", "1>2")]
+)
+def test_every_conclusion_is_drawn_without_overlap(conclusion, schedules):
+    figure = verdict_figure(verdict(conclusion), touchdowns(*schedules))
     shown = figure.get_supxlabel().replace("\n", " ").replace("\u00a0", " ")
     assert shown == SENTENCES[conclusion]
     assert text_faults(figure) == []
 
 
 def test_the_sentence_is_not_broken_within_a_number():
-    lines = verdict_figure(verdict("different"), windows()).get_supxlabel().splitlines()
+    lines = verdict_figure(verdict("cannot tell"), touchdowns()).get_supxlabel().splitlines()
     assert len(lines) > 1
-    assert not any(line.endswith(("p", "=", "95")) for line in lines)
+    assert not any(line.endswith("95") for line in lines)
 
 
-def test_the_chosen_window_is_filled_and_bold():
-    axes = verdict_figure(verdict(), windows(chosen=2)).axes[0]
-    filled = [line for line in axes.lines if line.get_marker() == "s" and
-              line.get_markerfacecolor() != "white"]  # fmt: skip
-    assert [(line.get_xdata()[0], line.get_ydata()[0]) for line in filled] == [(2, 0.1)]
-    ticks = axes.get_xticklabels()
-    assert [tick.get_text() for tick in ticks] == ["25", "35", "50", "71", "100"]
-    assert [tick.get_fontweight() == "bold" for tick in ticks] == [i == 2 for i in range(5)]
+@pytest.mark.parametrize(
+    ("conclusion", "words", "bar", "label"),
+    [
+        ("different", "Different maps: by 38 % (32 % to 45 %)", [32, 45], "95 % interval"),
+        ("no difference", "One smooth map: no difference above 12 %", [0, 12], "not excluded"),
+        ("cannot tell", "Cannot tell: up to 33 % possible", [0, 33], "not excluded"),
+    ],
+)
+def test_answer_interval_and_what_could_be_seen_are_those_given(conclusion, words, bar, label):
+    axes = verdict_figure(verdict(conclusion), touchdowns()).axes[0]
+    assert axes.get_title("left").replace("\u00a0", " ") == words
+    assert list(axes.lines[0].get_xdata()) == pytest.approx(bar)
+    assert any(text.startswith(label) for text in texts(axes))
+    (seen,) = [
+        x.get_xdata()[0] for x in axes.lines if x.get_marker() == "|" and x.get_ydata()[0] < 1
+    ]
+    assert seen == pytest.approx(100 * EFFECTS[conclusion][-1])
+    assert axes.get_xlabel().startswith(ASKED)
 
 
-def test_size_bound_and_detectable_difference_are_those_given():
-    axes = verdict_figure(verdict("cannot tell"), windows()).axes[1]
-    interval, estimate, *rest = axes.lines
-    assert (list(interval.get_xdata()), list(estimate.get_xdata())) == ([0.0, 0.36], [0.0])
-    starts = [x.get_xdata()[0] for x in rest if x.get_marker() == "|"]
-    assert starts == [0.33, 0.13]
-    assert axes.get_xlabel() == DIFFERENCE
-    assert any("0 (0 to 0.36)" in text for text in texts(verdict_figure(verdict("cannot tell"),
-               windows()), 1))  # fmt: skip
+def test_the_two_commonest_orders_are_drawn_with_their_maps():
+    for conclusion, maps in (("different", 2), ("no difference", 1), ("cannot tell", 1)):
+        drawn = texts(verdict_figure(verdict(conclusion), touchdowns()).axes[1])
+        assert {"feet 2 > 1 > 3", "feet 3 > 1 > 2"} <= set(drawn)
+        assert drawn.index("2nd") < drawn.index("1st") < drawn.index("3rd"), "2 touches first"
+        assert sum("map" in text for text in drawn) == maps
 
 
 def test_an_endless_interval_is_cut_and_ends_in_an_arrowhead():
-    effect = {"estimate": 0.1, "low": 0.0, "high": 1e3, "upper_bound": 900.0, "detectable": 0.3}
-    table = windows().assign(kinks_high=1e3)
-    figure = verdict_figure(verdict(effect=effect), table)
-    top = figure.axes[0].get_ylim()[1]
-    assert top < 2
-    assert sum(line.get_marker() == "^" for line in figure.axes[0].lines) == 5
-    assert max(np.max(line.get_ydata()) for line in figure.axes[0].lines) <= top
+    effect = {"estimate": 0.1, "low": 0.0, "high": 1e3, "upper_bound": 900.0, "detectable": 3.0}
+    figure = verdict_figure(verdict("cannot tell", effect=effect), touchdowns())
+    axes = figure.axes[0]
+    assert axes.get_xlim()[1] < 400
+    assert any(line.get_marker() == ">" and line.get_ydata()[0] == 1 for line in axes.lines)
     assert text_faults(figure) == []
 
 
-def test_one_window_is_enough():
-    assert text_faults(verdict_figure(verdict(), windows(1, chosen=0))) == []
-
-
-@pytest.mark.parametrize("table", [windows(), windows(5).iloc[:0]])
-def test_without_an_answer_the_picture_says_why(table):
+def test_without_an_answer_the_picture_says_why():
     sentence = "These data cannot tell: " + 12 * "a reason that is long, " + "and ends."
-    figure = verdict_figure(verdict(effect=None, sentence=sentence), table)
+    figure = verdict_figure(verdict(effect=None, sentence=sentence), touchdowns())
     assert figure.axes == []
     assert " ".join(figure.texts[0].get_text().split()) == sentence
     assert text_faults(figure) == []
+
+
+def test_verdicts_share_their_scale():
+    different = verdict("different")
+    figure = verdicts_figure(verdict(), touchdowns(), different, touchdowns(), names=("a", "b"))
+    upper, lower = (part.axes[0] for part in figure.subfigs)
+    assert upper.get_xlim() == lower.get_xlim()
+    assert text_faults(figure) == []
+    none = verdict(effect=None, sentence="Nothing.")
+    figure = verdicts_figure(verdict(), touchdowns(), none, touchdowns(), names=("a", "b"))
+    assert [len(part.axes) for part in figure.subfigs] == [2, 0]
 
 
 COLUMNS = (

@@ -54,7 +54,6 @@ MAY_HAVE_TRUTH = any(
     not files or files[0].endswith((".h5", ".hdf5")) for files in SOURCES.values() if len(files) < 2
 )
 SCORED_METHODS = METHODS if MAY_HAVE_TRUTH else [METHOD]
-COMPARED_METHODS = [name for name in SCORED_METHODS if name != METHOD]
 SIMULATIONS = {entry["name"]: simulation_of(STUDY, entry["name"]) for entry in STUDY["recordings"]}
 # The scenes of a study that is simulated as a whole are known, and can be integrated again.
 SIMULATED = not any(SOURCES.values())

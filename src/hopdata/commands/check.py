@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2
-from hopdata.commands.terminal import OK, Progress
+from hopdata.commands import terminal
 from hopdata.errors import RecordingError
 from hopdata.recordings.external import ForceSignal, read_contact_times, read_force_signals
 
@@ -36,7 +36,7 @@ def check(options: argparse.Namespace) -> int:
             print(f"{entry['name']}: simulated, {_length(simulation_of(config, entry['name']))}")
             continue
         try:
-            with Progress() as progress:
+            with terminal.progress_line() as progress:
                 progress(f"reading {', '.join(files)}")
                 recording, _ = import_recording(
                     files, name=entry["name"], markers=config["markers"], **config["input"]
@@ -65,20 +65,19 @@ def check(options: argparse.Namespace) -> int:
     if mistakes:
         raise RecordingError(*mistakes)
     print(f"{options.config} is sound")
-    return OK
+    return terminal.OK
 
 
 def _suspects(recording: Recording) -> list[str]:
     """Say in a line what looks wrong with the study's markers, if anything does."""
-    from hopdata.commands.terminal import answer
     from hopdata.recordings.quality.inspection import inspect
 
-    with Progress() as progress:
+    with terminal.progress_line() as progress:
         progress(f"looking for faults in {recording.source}")
         found = inspect(recording)
     if not found.faults.count:
         return []
-    return [f"{recording.source}: {answer(found)} 'hopdata inspect' lists them"]
+    return [f"{recording.source}: {terminal.answer(found)} 'hopdata inspect' lists them"]
 
 
 def _length(simulation: dict[str, Any]) -> str:

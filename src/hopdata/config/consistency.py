@@ -53,7 +53,7 @@ def _wrong_columns(place: str, block: dict[str, Any], feet: list[str]) -> Iterat
 
 
 def _wrong_options(place: str, recording: dict[str, Any]) -> Iterator[str]:
-    contacts, forces = recording["contacts"], recording["forces"]
+    contacts, forces = (recording[block] for block in BLOCKS)
     if contacts["label_column"] is not None and contacts["time_column"] is None:
         yield (
             f"{place}.contacts.time_column: expected the column of the instants beside "
@@ -131,10 +131,8 @@ ROUNDING = 1e-9
 def steering_mistakes(config: dict[str, Any]) -> Iterator[str]:
     """Yield what does not fit together in the block ``steering``."""
     steering = config["steering"]
-    if steering["recordings"]:
-        yield from _wrong_recordings(config)
-    else:
-        yield from _wrong_excitation(steering)
+    recorded = bool(steering["recordings"])
+    yield from _wrong_recordings(config) if recorded else _wrong_excitation(steering)
     yield from _wrong_distances(steering["experiments"])
 
 
@@ -195,13 +193,12 @@ def _repeated_names(config: dict[str, Any]) -> Iterator[str]:
     seen: dict[str, int] = {}
     for i, recording in enumerate(config["recordings"]):
         name = recording["name"]
-        if name.lower() in seen:  # some file systems do not tell case apart
-            first = seen[name.lower()]
+        first = seen.setdefault(name.lower(), i)  # some file systems do not tell case apart
+        if first != i:
             yield (
                 f"recordings[{i}].name: expected a name of its own, "
                 f"found '{name}' as in recordings[{first}]"
             )
-        seen.setdefault(name.lower(), i)
 
 
 def _repeated_markers(config: dict[str, Any]) -> Iterator[str]:
@@ -209,10 +206,8 @@ def _repeated_markers(config: dict[str, Any]) -> Iterator[str]:
     for role, names in config["markers"].items():
         for name in names:
             if name in seen:
-                other = f"in markers.{seen[name]}" if seen[name] != role else "twice"
-                yield f"markers.{role}: expected each marker once, found '{name}' {other}" + (
-                    " as well" if seen[name] != role else ""
-                )
+                other = f"in markers.{seen[name]} as well" if seen[name] != role else "twice"
+                yield f"markers.{role}: expected each marker once, found '{name}' {other}"
             seen.setdefault(name, role)
 
 
@@ -227,7 +222,7 @@ def _home_marker(config: dict[str, Any]) -> Iterator[str]:
 
 def _sections_in_order(config: dict[str, Any]) -> Iterator[str]:
     pre, post = (config["sections"][key] for key in ("pre_height_m", "post_height_m"))
-    if pre is not None and post is not None and not pre > post:
+    if None not in (pre, post) and not pre > post:
         yield (
             f"sections.pre_height_m: expected more than sections.post_height_m ({post:g} m), "
             f"found {pre:g} m"
@@ -244,8 +239,7 @@ def _enough_samples(config: dict[str, Any]) -> Iterator[str]:
 
 
 def _scales_in_order(config: dict[str, Any]) -> Iterator[str]:
-    scales = config["scaling_study"]["scales"]
-    for one, following in pairwise(scales):
+    for one, following in pairwise(config["scaling_study"]["scales"]):
         if not following < one:
             yield (
                 f"scaling_study.scales: expected the largest first and each smaller than the one "

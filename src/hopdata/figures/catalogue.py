@@ -12,7 +12,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from hopdata.figures.style import save_figure
 from hopdata.jobs import read_json, read_table
 
 
@@ -55,8 +54,8 @@ def _run(experiment: str) -> Drawing:
 _SIDES = ("distances.csv", "distance_summary.csv")
 
 # The job that draws, and the figures that it draws. Files are found below the study's folder; for
-# `steering_*` in its folder `steering`, for `benchmarks` in ``results/benchmarks``, for `sides` in
-# ``results``.
+# `steering_*` in its folder `steering`, for `benchmarks` in ``results/benchmarks``, for `sides` and
+# `pair` in ``results``.
 FIGURES: dict[str, dict[str, Drawing]] = {
     "landings": {
         "fig2_2_sections": Drawing(
@@ -76,9 +75,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         ),
     },
     "maps": {
-        "verdict": Drawing(
-            "verdict", "verdict_figure", ("verdict.json", *_table("verdict_windows"))
-        ),
+        "verdict": Drawing("verdict", "verdict_figure", ("verdict.json", *_table("touchdowns"))),
         "fig2_4_prediction": Drawing(
             "prediction", "prediction_figure", (*_table("prediction_summary"), "tables/units.json")
         ),
@@ -94,7 +91,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
             "distances",
             "sensitivity_figure",
             _table("distance_sensitivity", "snr_readings", "distance_summary"),
-        ),
+        )
     },
     "truth": {
         "map_errors": Drawing("maps", "map_errors_figure", _table("map_errors")),
@@ -105,16 +102,14 @@ FIGURES: dict[str, dict[str, Drawing]] = {
             "overlay",
             "contact_overlay_figure",
             _table("contact_overlay", "contact_overlay_summary", "contact_overlay_example"),
-        ),
+        )
     },
     "steering_model": {
         "steering_map": Drawing(
             "models", "frame_change_figure", _table("model_map", "training_hops")
         ),
         "steering_learning": Drawing("models", "learning_curve_figure", _table("learning_curve")),
-        "steering_kernels": Drawing(
-            "kernel_smoothness", "kernel_smoothness_figure", _table("kernels")
-        ),
+        "steering_kernels": Drawing("models", "kernel_smoothness_figure", _table("kernels")),
     },
     "steering_runs": {
         "fig3_5_origin": _run("origin"),
@@ -135,7 +130,19 @@ FIGURES: dict[str, dict[str, Drawing]] = {
                 for name in (*_table("distances", "distance_summary"), "verdict.json")
             ),
             {"names": ("C1 hopper", "control, not C1")},
-        ),
+        )
+    },
+    "pair": {
+        "verdicts": Drawing(
+            "verdict",
+            "verdicts_figure",
+            tuple(
+                f"{study}/{name}"
+                for study in ("sample", "sample_control")
+                for name in ("verdict.json", *_table("touchdowns"))
+            ),
+            {"names": ("C1 hopper", "control, not C1")},
+        )
     },
     "benchmarks": {
         "fig4_2_order": _of_benchmarks("integrator", "order_figure", "order"),
@@ -165,7 +172,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
             "models", "learning_curve_figure", "frame_change_learning"
         ),
         "kernel_smoothness": _of_benchmarks(
-            "kernel_smoothness", "kernel_smoothness_figure", "frame_change_kernels"
+            "models", "kernel_smoothness_figure", "frame_change_kernels"
         ),
         "verdict_power": _of_benchmarks("verdict", "verdict_power_figure", "verdict_power"),
     },
@@ -197,6 +204,10 @@ def draw(name: str, files: list[str], base: str | Path, **options: Any) -> None:
     options
         Of `hopdata.figures.style.save_figure`.
     """
+    from hopdata.figures.style import (
+        save_figure,
+    )  # and matplotlib, which a planned run does without
+
     drawing = _drawing(name)
     content = [read_json(path) if path.endswith(".json") else read_table(path) for path in files]
     function = getattr(import_module(f"hopdata.figures.{drawing.module}"), drawing.function)

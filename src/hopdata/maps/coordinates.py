@@ -103,15 +103,6 @@ def section_coordinates(pre: RigidStates, post: RigidStates) -> tuple[FloatArray
     return x, np.column_stack([step, turn, y])
 
 
-def input_noise(states: RigidStates, shape: FloatArray) -> FloatArray:
-    """Return the standard deviations (8,) that marker noise gives to the inputs, in their units."""
-    number = np.sqrt(len(shape))
-    about = np.sqrt(np.mean((shape**2).sum(axis=1, keepdims=True) - shape**2, axis=0))
-    place = states.position_residual_m / number
-    speed = states.velocity_residual_m_s / number
-    return np.concatenate([place / about[[1, 0]], np.full(3, speed), speed / about])
-
-
 def output_weights(shape: FloatArray, time_unit_s: float) -> FloatArray:
     """Return weights (11,) that turn outputs into rms displacements of the markers, m.
 
@@ -203,17 +194,10 @@ def time_differences(instants: FloatArray) -> FloatArray:
     return np.column_stack([instants[:, i] - instants[:, j] for i, j in pairs])
 
 
-# The smooth part of a landing map near a simultaneous contact, to third order and beyond.
-#
-# Terms up to the third order are fitted freely. Terms of the fourth order, and those of the third
-# that are different on the two sides of a double contact, would leave too little of the kinks to be
-# seen; they are shrunk, by as much as the data say (see `hopdata.maps.verdict.model`). They come in
-# two groups, each with a size of its own: terms that change at a double contact or hold contact
-# instants only, and products of two contact instants and two inputs.
+# The free smooth terms of a landing map: monomials of the inputs, as many as landings allow.
 
 #: Landings wanted for each free term.
 LANDINGS_PER_TERM = 2.5
-_FLAT = 1e-9
 
 
 def monomials(x: FloatArray, degrees: tuple[int, ...]) -> FloatArray:
@@ -231,7 +215,7 @@ def _products_of(x: FloatArray, degree: int) -> FloatArray:
 
 
 def number_of_free_terms(n_inputs: int, n_feet: int, degree: int) -> int:
-    """Return the number of columns of `free_terms`."""
+    """Return the number of monomials up to a degree, and of odd steps between each two feet."""
     return comb(n_inputs + degree, degree) + n_feet * (n_feet - 1)
 
 
@@ -242,61 +226,3 @@ def affordable_degree(landings: int, n_inputs: int, n_feet: int) -> int:
         if landings >= LANDINGS_PER_TERM * terms:
             return degree
     return 1
-
-
-def free_terms(x: FloatArray, instants: FloatArray, degree: int) -> FloatArray:
-    """Return the terms that are fitted freely.
-
-    Parameters
-    ----------
-    x
-        (n, p) standardised inputs.
-    instants
-        (n, feet) contact instants in units of their spread.
-    degree
-        3, or 2 where landings are few.
-    """
-    d = time_differences(instants)
-    orders = tuple(range(1, degree + 1))
-    steps = [d * np.abs(d), np.abs(d) ** 3]
-    return np.column_stack([np.ones(len(x)), monomials(x, orders), *steps])
-
-
-def shrunk_terms(x: FloatArray, instants: FloatArray, degree: int) -> tuple[FloatArray, FloatArray]:
-    """Return the two groups of terms whose coefficients are shrunk, each with mean square one.
-
-    Parameters
-    ----------
-    x, instants, degree
-        See `free_terms`.
-    """
-    d = time_differences(instants)
-    u = instants[:, :-1] - instants[:, -1:]
-    steps = d * np.abs(d)
-    blocks = [_products(steps, x), _products(steps, monomials(u, (2,))), monomials(u, (4,))]
-    if degree < 3:
-        blocks.append(monomials(u, (3,)))
-    mixed = _products(monomials(_tilts(instants), (2,)), monomials(x, (2,)))
-    return _of_unit_size(np.column_stack(blocks)), _of_unit_size(mixed)
-
-
-def _tilts(instants: FloatArray) -> FloatArray:
-    """Return the two combinations of the contact instants that vary most, or the one of two feet.
-
-    The feet of a rigid body on a floor touch down by its tilt, about two axes.
-    """
-    centred = instants - instants.mean(axis=1, keepdims=True)
-    _, values, right = np.linalg.svd(centred, full_matrices=False)
-    tilts: FloatArray = centred @ right[:2][values[:2] > _FLAT * values[0]].T
-    return tilts
-
-
-def _of_unit_size(terms: FloatArray) -> FloatArray:
-    scale = np.sqrt(np.mean(terms**2, axis=0))
-    scaled: FloatArray = terms[:, scale > 0] / scale[scale > 0]
-    return scaled
-
-
-def _products(a: FloatArray, b: FloatArray) -> FloatArray:
-    products: FloatArray = (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)
-    return products

@@ -1,21 +1,11 @@
-"""The verdict on the page: its card, its tables, and what each number can and cannot show."""
+"""The verdict on the page: its card, and what it can and cannot show."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hopdata.report.formatting import (
-    MISSING,
-    NO_BREAK_SPACE,
-    Table,
-    count,
-    fixed,
-    is_missing,
-    scaled,
-    significant,
-    with_unit,
-)
+from hopdata.report import formatting as show
 
 Verdict = Mapping[str, Any]
 
@@ -31,13 +21,15 @@ def verdict_facts(verdict: Verdict | None) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``sentence``; ``difference``, the effect with its interval; ``remark``, its p-value and the
-        bound that decides; ``confidence``, ``power``; ``found``, whether there is an effect at all.
+        ``sentence``; ``outlook``, what these data could have shown; ``difference``, the effect with
+        its interval; ``remark``, the bound that decides; ``confidence``, ``power``; ``found``,
+        whether there is an effect at all.
     """
     known: Verdict = verdict or {}
     effect = known.get("effect")
     facts: dict[str, Any] = {
         "sentence": known.get("sentence"),
+        "outlook": known.get("outlook"),
         "found": effect is not None,
         "difference": None,
         "remark": "",
@@ -46,27 +38,15 @@ def verdict_facts(verdict: Verdict | None) -> dict[str, Any]:
     }
     if effect is None:
         return facts | {"remark": str(known.get("conclusion", ""))}
-    low, high = _number(effect["low"]), _number(effect["high"])
-    p = _p_value(known.get("test") or {})
+    estimate, low, high, bound = (
+        show.significant(effect[key], 2) for key in ("estimate", "low", "high", "upper_bound")
+    )
+    excluded = f"; larger than {bound} excluded (one-sided), {known['margin']:g} wanted"
     return facts | {
-        "difference": f"{_number(effect['estimate'])} ({low} to {high})",
-        "remark": f"of the map, {facts['confidence']} interval; {p}{_bound(known)}",
+        "difference": f"{estimate} ({low} to {high})",
+        "remark": f"of the map, {facts['confidence']} interval"
+        + ("" if known["conclusion"] == "different" else excluded),
     }
-
-
-def _p_value(test: Mapping[str, Any]) -> str:
-    """Return the p-value: a bound where no random sign pattern came as far as the data."""
-    p_value, flips = test.get("p_value"), test.get("flips")
-    is_least = p_value is not None and flips is not None and p_value * (1 + flips) < 1.5
-    return NO_BREAK_SPACE.join(("p", "≤" if is_least else "=", _number(p_value)))
-
-
-def _bound(verdict: Verdict) -> str:
-    """Say what is excluded and what was wanted; nothing where a difference was found."""
-    if verdict.get("conclusion") == "different":
-        return ""
-    excluded = _number(verdict["effect"]["upper_bound"])
-    return f"; larger than {excluded} excluded (one-sided), {_number(verdict.get('margin'))} wanted"
 
 
 def notes(verdict: Verdict | None) -> Sequence[Mapping[str, Any]]:
@@ -75,63 +55,5 @@ def notes(verdict: Verdict | None) -> Sequence[Mapping[str, Any]]:
     return found
 
 
-def table_of_test(verdict: Verdict | None) -> Table | None:
-    """Say what the test is about, what it found, and what no difference would give."""
-    test = (verdict or {}).get("test")
-    if test is None:
-        return None
-    expected = f"{count(test['degrees_of_freedom'])} expected"
-    row = (MEANING, significant(test["statistic"]), expected, _number(test["p_value"]))
-    head = ("what it can and cannot show", "found", "without a difference", "p")
-    return Table("Test of the kinks, which decides", head, (row,))
-
-
-def windows_table(verdict: Verdict | None) -> Table | None:
-    """One row a window of contact spread; the one that the verdict rests on is marked."""
-    if not verdict or not verdict.get("windows"):
-        return None
-    rows = tuple(
-        (
-            f"{100 * row['window']:.0f}" + (" (the verdict's)" if row["chosen"] else ""),
-            count(row["landings"]),
-            count(row["degree"]),
-            fixed(row["mean_spread_ms"], 1),
-            fixed(row["largest_spread_ms"], 1),
-            fixed(scaled(row["curvature_share"], 100), 1),
-            *(fixed(row[key], 3) for key in ("kinks", "kinks_low", "kinks_high")),
-        )
-        for row in verdict["windows"]
-    )
-    head = (
-        "nearest touchdowns (%)",
-        "touchdowns used",
-        "free terms to order",
-        "mean spread (ms)",
-        "largest spread (ms)",
-        "curvature in the variance (%)",
-        "jump at zero spread",
-        "interval from",
-        "interval to",
-    )
-    return Table(
-        "The difference in windows of contact spread", head, rows, note=_windows_note(verdict)
-    )
-
-
-def _windows_note(verdict: Verdict) -> str:
-    """Say what the columns are, and which window is the verdict's."""
-    limit = _share(verdict.get("curvature_limit"))
-    little = "little" if limit is None else f"at most {limit}"
-    return (
-        f"Differences as shares of the map, with {_share(verdict.get('confidence'))} intervals. "
-        f"The verdict rests on the widest window in which curvature is {little} of the variance, "
-        "or else on the narrowest."
-    )
-
-
-def _number(value: Any) -> str:
-    return MISSING if is_missing(value) else significant(value, 2)
-
-
 def _share(value: Any) -> str | None:
-    return None if is_missing(value) else with_unit(f"{100 * float(value):g}", "%")
+    return None if show.is_missing(value) else show.with_unit(f"{100 * float(value):g}", "%")

@@ -13,6 +13,7 @@ from hopdata.maps.truth.maps import (
     exact_map,
     input_root,
     largest_difference,
+    marker_motions,
     marker_states,
     relative_difference,
     score_estimates,
@@ -145,17 +146,21 @@ def test_the_largest_of_all_pairs_is_relative_to_the_mean_map():
 
 # The true effect of made-up exact maps, and how a verdict is scored against it.
 
-VERDICT_TRUTH_TIME_S = 0.02
 ANSWER = {
     "conclusion": "different",
-    "effect": {"estimate": 0.3, "low": 0.2, "high": 0.4, "upper_bound": 0.38, "detectable": 0.1},
-    "test": {"p_value": 0.001},
+    "effect": {
+        **{"estimate": 0.3, "low": 0.2, "high": 0.4, "upper_bound": 0.38, "detectable": 0.1},
+        "p_value": 0.001,
+    },
 }
+ORDERS = ("1>2>3", "1>3>2", "2>1>3")
+INSTANTS = np.tile([[0.0, 0.01, 0.02], [0.0, 0.02, 0.01], [0.01, 0.0, 0.02]], (14, 1))[:40]
 
 
 def exact(*changes):
     return {
         "body_points_m": POINTS.tolist(),
+        "schedules": ORDERS[: len(changes)],
         "x": MIDDLE.tolist(),
         "y": [END.tolist()] * len(changes),
         "maps": [(coefficients().T * (1 + change)).tolist() for change in changes],
@@ -163,30 +168,31 @@ def exact(*changes):
 
 
 def test_equal_maps_have_no_effect():
-    assert (
-        true_effect(exact(0.0, 0.0, 0.0), landings(40)[0], time_unit_s=VERDICT_TRUTH_TIME_S) < 1e-12
-    )
+    assert true_effect(exact(0.0, 0.0, 0.0), landings(40)[0], INSTANTS) < 1e-12
 
 
 def test_effect_is_the_rms_over_the_pairs_of_schedules():
-    found = true_effect(exact(-0.1, 0.1, 0.0), landings(40)[0], time_unit_s=VERDICT_TRUTH_TIME_S)
+    found = true_effect(exact(-0.1, 0.1, 0.0), landings(40)[0], INSTANTS)
     assert found == pytest.approx(np.sqrt(np.mean([0.2**2, 0.1**2, 0.1**2])), rel=1e-9)
 
 
-def test_effect_is_measured_by_predictions():
-    """A change of one entry counts by what it does over the inputs that occur."""
-    before = landings(40)[0]
+def test_positions_and_velocities_count_alike_whatever_their_units():
     maps = exact(0.0, 0.0)
     changed = np.array(maps["maps"])
-    changed[1, 3, 2] += 0.5
-    maps["maps"] = changed.tolist()
-    body = exact_map(maps, before, shape=np.empty((0, 3)), time_unit_s=VERDICT_TRUTH_TIME_S)
-    root = input_root(body.inputs)
-    size = np.linalg.norm(body.weights[:, None] * (changed.mean(axis=0) @ root))
-    wanted = 0.5 * body.weights[3] * np.linalg.norm(root[2]) / size
-    assert true_effect(maps, before, time_unit_s=VERDICT_TRUTH_TIME_S) == pytest.approx(
-        wanted, rel=1e-9
-    )
+    changed[0, 5:] *= 1.1
+    changed[1, 5:] *= 0.9
+    found = true_effect(maps | {"maps": changed.tolist()}, landings(40)[0], INSTANTS)
+    assert found == pytest.approx(0.2 / np.sqrt(2), rel=1e-9)
+
+
+def test_turns_move_the_markers_as_said():
+    """The rms way of the markers about each axis, by a small turn of the body."""
+    motions = marker_motions(POINTS)
+    arms = POINTS - POINTS.mean(axis=0)
+    for column, axis in ((2, [0, 0, 1]), (3, [0, 1, 0]), (4, [1, 0, 0])):
+        way = np.sqrt(np.mean(np.sum(np.cross(axis, arms) ** 2, axis=1)))
+        assert np.linalg.norm(motions[:, column]) == pytest.approx(way)
+        assert np.linalg.norm(motions[:, 12 - column]) == pytest.approx(way)
 
 
 @pytest.mark.parametrize(("true", "covered"), [(0.35, True), (0.1, False)])
@@ -197,5 +203,5 @@ def test_score_says_whether_the_interval_holds_the_truth(true, covered):
 
 
 def test_no_answer_is_not_scored():
-    none = {"conclusion": "cannot tell", "effect": None, "test": None}
+    none = {"conclusion": "cannot tell", "effect": None}
     assert score_verdict(verdict_errors(0.1, none)) == {}

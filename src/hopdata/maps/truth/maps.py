@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +26,8 @@ from hopdata.maps.coordinates import (
     rigid_states,
     section_coordinates,
 )
+from hopdata.maps.verdict.effect import contrasts, relative_size
+from hopdata.maps.verdict.inputs import contact_orders, marker_root
 from hopdata.rigid import kabsch
 
 if TYPE_CHECKING:
@@ -251,10 +252,8 @@ def _turn(axis: int, angle: FloatArray) -> FloatArray:
 
 
 @one_blas_thread()
-def true_effect(exact: Mapping[str, Any], states: FloatArray, *, time_unit_s: float) -> float:
+def true_effect(exact: Mapping[str, Any], states: FloatArray, instants: FloatArray) -> float:
     """Return the relative difference of the exact maps as the verdict measures it.
-
-    Rms over the pairs of schedules, for the study's inputs; outputs as displacements of markers.
 
     Parameters
     ----------
@@ -262,18 +261,28 @@ def true_effect(exact: Mapping[str, Any], states: FloatArray, *, time_unit_s: fl
         Content of ``exact_maps.json``.
     states
         (n, 6B) true marker states of the study's landings at the pre section, m and m/s.
-    time_unit_s
-        Unit of time that weighs velocities against positions.
+    instants
+        (n, feet) true contact instants, s. Of more than three feet landings count in whose order
+        there is an exact map.
     """
-    in_body = exact_map(exact, states, shape=np.empty((0, 3)), time_unit_s=time_unit_s)
-    root, units = input_root(in_body.inputs), 1.0 / in_body.weights
-    maps = np.array(exact["maps"], float)
-    mean = maps.mean(axis=0)
-    squares = [
-        relative_difference(mean + a - b, mean, root=root, units=units) ** 2
-        for a, b in combinations(maps, 2)
-    ]
-    return float(np.sqrt(np.mean(squares)))
+    points = np.array(exact["body_points_m"], float)
+    body = rigid_states(states, points - points.mean(axis=0))
+    inputs, _ = section_coordinates(body, body)
+    orders = np.array([[int(foot) - 1 for foot in name.split(">")] for name in exact["schedules"]])
+    seen, counts = contact_orders(np.asarray(instants, float), 1)
+    often = {tuple(order): count for order, count in zip(seen.tolist(), counts, strict=True)}
+    weights = contrasts(orders, np.array([often.get(tuple(o), 0) for o in orders.tolist()]))
+    maps = marker_motions(points) @ np.array(exact["maps"], float) @ input_root(inputs)
+    return relative_size(maps, weights)
+
+
+def marker_motions(points_m: FloatArray) -> FloatArray:
+    """Return what takes outputs, see `OUTPUT_NAMES`, to rms motions of markers (B, 3), (11, 11)."""
+    root = marker_root(points_m - points_m.mean(axis=0)).T
+    motions = np.eye(len(OUTPUT_NAMES))
+    motions[2:5, 2:5] = root[:, [2, 1, 0]]  # turn, pitch, roll are about z, y, x
+    motions[8:, 8:] = root
+    return motions
 
 
 def verdict_errors(true: float, verdict: Mapping[str, Any]) -> pd.DataFrame:
@@ -286,13 +295,12 @@ def verdict_errors(true: float, verdict: Mapping[str, Any]) -> pd.DataFrame:
     """
     import pandas as pd
 
-    columns = ["true_effect", "estimate", "low", "high", "upper_bound", "detectable"]
-    effect, test = verdict["effect"], verdict["test"]
-    if effect is None or test is None:
-        return pd.DataFrame(columns=[*columns, "p_value", "conclusion"])
-    row = {"true_effect": true} | {name: effect[name] for name in columns[1:]}
-    row |= {"p_value": test["p_value"], "conclusion": verdict["conclusion"]}
-    return pd.DataFrame([row])
+    columns = ["true_effect", "estimate", "low", "high", "upper_bound", "detectable", "p_value"]
+    effect = verdict["effect"]
+    if effect is None:
+        return pd.DataFrame(columns=[*columns, "conclusion"])
+    row = {"true_effect": true, **effect, "conclusion": verdict["conclusion"]}
+    return pd.DataFrame([row])[[*columns, "conclusion"]]
 
 
 def score_verdict(errors: pd.DataFrame) -> Entries:

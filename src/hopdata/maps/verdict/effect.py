@@ -1,44 +1,60 @@
-"""How different the maps of two schedules are: effect size, its interval, and what could be seen.
+"""How different the maps of the contact orders are: size, interval, bound, what could be seen.
 
-The kinks give the difference between the derivatives of any two schedules. Its size is the rms
-change of the outcome that it makes over the contact instants of the study, relative to the rms
-outcome of the map itself: 0.1 means that after a typical deviation from the simultaneous contact
-the outcome would be another by a tenth, had the feet come down in another order.
+The size is the relative difference of the maps' Jacobians, in Frobenius norm over the landings that
+the study has: with D the difference of two orders' Jacobians, J their mean, S the covariance of the
+inputs,
+
+    e^2 = mean over pairs of orders of  1/2 |D S^1/2|^2 / |J S^1/2|^2  of the positions
+                                      + 1/2 |D S^1/2|^2 / |J S^1/2|^2  of the velocities,
+
+both as rms motions of the markers. In the kinks b it is a quadratic form, e^2 = b'Fb. All that is
+said follows from the one statistic T = b'Fb and its distribution under b = e u, u the direction
+found: each landing's contribution to the error of b is as likely to have the other sign, so random
+signs draw that error whatever the scatter of the landings (Hemerik, Goeman and Finos 2020); smooth
+terms that are not fitted enter as normal draws of their variance.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
-from hopdata.maps.coordinates import Feet, kink_slopes
-from hopdata.maps.verdict.estimate import KinkFit
-from hopdata.maps.verdict.test import draws, symmetric_root
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.errors import AnalysisError
+from hopdata.maps.coordinates import ALL_SETS_UP_TO, kink_slopes
+from hopdata.maps.verdict.inputs import (
+    LEAST_CLASS,
+    POSITIONS,
+    SectionLandings,
+    contact_orders,
+)
+from hopdata.maps.verdict.model import KinkFit, symmetric_root
 
-_BISECTIONS = 60
+_AT_ONCE = 4000  # sign patterns in memory
+_BISECTIONS = 50
 _LARGEST = 1e3
-_KINDS = 400
 
 
 @dataclass(frozen=True)
 class EffectSize:
-    """Relative difference between the schedules' derivatives.
+    """Relative difference between the Jacobians of the contact orders.
 
     Attributes
     ----------
     estimate
-        Rms over all pairs of schedules, what noise adds on average taken off.
+        What noise adds on average taken off.
     low, high
-        Ends of the interval of the given confidence.
+        Ends of the interval; `low` is above zero exactly if the test finds a difference.
     upper_bound
         One-sided bound: no difference larger than this, at the given confidence. Like `high` it
         is never below what the median study without a difference gives.
     detectable
-        Difference that the test would have found with the given power.
+        Difference that the test finds with the given power.
+    p_value
+        Share of the random signs with a statistic as large, the data's own included.
     """
 
     estimate: float
@@ -46,139 +62,235 @@ class EffectSize:
     high: float
     upper_bound: float
     detectable: float
+    p_value: float
 
 
-def outcome_variance(
-    fit: KinkFit, x: FloatArray, instants: FloatArray, schedules: list[Feet]
-) -> float:
-    """Return the mean square outcome of the linear map: the mean of the schedules' derivatives.
+def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return what is compared: the pairs of orders, or of more than three feet the pairs of feet.
+
+    Of the latter the difference between i before j and j before i, all else pooled as it occurs;
+    two feet count if each comes first in `LEAST_CLASS` landings or more.
 
     Parameters
     ----------
-    fit
-        Kinks of the chosen window.
-    x, instants
-        (N, p) inputs and (N, feet) expected contact instants of the study.
-    schedules
-        Schedules seen, each as the feet in their order.
+    orders
+        (S, feet) orders of contact: their feet, first one first.
+    counts
+        (S,) number of landings of each.
+
+    Returns
+    -------
+    tuple of ndarray
+        (C, S) weights of the orders in the differences, and (S,) in the mean.
     """
-    t = instants - instants.mean(axis=1, keepdims=True)
-    slopes = np.mean([kink_slopes(order) for order in schedules], axis=0)
-    outcome = x @ fit.linear + t @ slopes.T @ fit.seen @ fit.coefficients
-    return float(np.sum(np.var(outcome, axis=0, ddof=1)))
+    number, feet = orders.shape
+    if feet <= ALL_SETS_UP_TO:
+        one = np.eye(number)
+        pairs = [one[a] - one[b] for a, b in combinations(range(number), 2)]
+        return np.reshape(pairs, (-1, number)), np.full(number, 1.0 / number)
+    place = np.argsort(orders, axis=1)
+    differences = []
+    for i, j in combinations(range(feet), 2):
+        first = counts * (place[:, i] < place[:, j])
+        last = counts - first
+        if min(first.sum(), last.sum()) >= LEAST_CLASS:
+            differences.append(first / first.sum() - last / last.sum())
+    return np.reshape(differences, (-1, number)), counts / counts.sum()
+
+
+def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
+    """Return what is compared in terms of kinks, and in words.
+
+    Returns
+    -------
+    tuple
+        (C, all kinks, feet) differences of the kinks' derivatives by the contact instants, (all
+        kinks, feet) derivatives of the mean map, and words to follow "the maps of".
+
+    Raises
+    ------
+    AnalysisError
+        If no two orders, or feet, have `LEAST_CLASS` landings each.
+    """
+    feet = landings.expected.shape[1]
+    orders, counts = contact_orders(landings.expected, LEAST_CLASS if feet <= ALL_SETS_UP_TO else 1)
+    differences, mean = contrasts(orders, counts)
+    if not len(differences):
+        raise AnalysisError(
+            f"contact orders with {LEAST_CLASS} touchdowns or more: expected at least 2, found "
+            f"{len(orders)}"
+            if feet <= ALL_SETS_UP_TO
+            else f"no two feet each come first in {LEAST_CLASS} touchdowns"
+        )
+    slopes = np.array([kink_slopes(tuple(order)) for order in orders.tolist()])
+    what = (
+        f"{len(orders)} contact orders"
+        if feet <= ALL_SETS_UP_TO
+        else f"landings with one or the other of two feet first ({len(differences)} pairs of feet)"
+    )
+    return (
+        np.tensordot(differences, slopes, axes=1),
+        np.tensordot(mean, slopes, axes=1),
+        what,
+    )
 
 
 def squared_size(
-    fit: KinkFit, instants: FloatArray, schedules: list[Feet], outcome: float
+    fit: KinkFit, landings: SectionLandings, differences: FloatArray, mean: FloatArray
 ) -> FloatArray:
-    """Return the matrix (m, m) of the squared effect size as a form in the coefficients.
+    """Return a root R (K q, K q) of the squared size of the kinks, |R b|^2 = b'Fb.
+
+    `differences` and `mean` are those of `compared`.
+    """
+    t = landings.expected
+    spread = symmetric_root(np.cov(t, rowvar=False))
+    changes = np.einsum("aK,caf,fg->cKg", fit.seen, differences, spread)
+    form = np.einsum("cKg,cLg->KL", changes, changes) / len(changes)
+    outcome = landings.inputs @ fit.linear + t @ mean.T @ fit.seen @ fit.coefficients
+    power = np.var(outcome, axis=0, ddof=1)
+    weights = np.empty_like(power)
+    for block in (slice(POSITIONS), slice(POSITIONS, None)):
+        weights[block] = 0.5 / power[block].sum()
+    return np.asarray(np.kron(symmetric_root(form), np.diag(np.sqrt(weights))), float)
+
+
+def relative_size(maps: FloatArray, weights: tuple[FloatArray, FloatArray]) -> float:
+    """Return the size of the difference of known maps, as the verdict measures it.
 
     Parameters
     ----------
-    fit
-        Kinks of one window.
-    instants
-        (N, feet) expected contact instants of the study.
-    schedules
-        Schedules seen, each as the feet in their order.
-    outcome
-        See `outcome_variance`.
+    maps
+        (S, 11, p) of each order: from inputs of covariance one to motions of the markers, see
+        `SectionLandings.outputs`.
+    weights
+        See `contrasts`.
     """
-    spread = np.cov(instants - instants.mean(axis=1, keepdims=True), rowvar=False)
-    total = np.zeros((fit.seen.shape[1],) * 2)
-    pairs = list(combinations(schedules, 2))
-    for a, b in pairs:
-        change = fit.seen.T @ (kink_slopes(a) - kink_slopes(b))
-        total += change @ spread @ change.T / len(pairs)
-    return np.asarray(np.kron(total, np.eye(fit.coefficients.shape[1])) / outcome, float)
+    differences, mean = (np.tensordot(one, maps, axes=1) for one in weights)
+    shares = [
+        np.mean(np.sum(differences[:, block] ** 2, axis=(1, 2))) / np.sum(mean[block] ** 2)
+        for block in (slice(POSITIONS), slice(POSITIONS, None))
+    ]
+    return float(np.sqrt(np.mean(shares)))
+
+
+@dataclass(frozen=True)
+class _Draws:
+    """Random errors of the kinks, in axes in which their size is a length.
+
+    `null` and `full` (draws, m) are signed sums of the contributions without any kinks, and with
+    those found; between them they are mixed in proportion to the size that is assumed.
+    """
+
+    null: FloatArray
+    full: FloatArray
+
+    def statistic(self, direction: FloatArray, size: float, found: float) -> FloatArray:
+        """Return draws of T for kinks of this size in a direction (m,), where `found` is theirs."""
+        share = min(1.0, size / found) if found > 0 else 0.0
+        errors = self.null if share == 0.0 else (1.0 - share) * self.null + share * self.full
+        return np.asarray(np.sum((errors + size * direction) ** 2, axis=1))
 
 
 def effect_size(
     fit: KinkFit,
-    form: FloatArray,
+    root: FloatArray,
     *,
     generator: np.random.Generator,
-    confidence: float = 0.95,
-    power: float = 0.8,
-    n_draws: int = 4000,
+    confidence: float,
+    power: float,
+    flips: int,
 ) -> EffectSize:
-    """Return the size of the kinks with its interval, by inversion over one family of sizes.
+    """Return the size of the kinks and all that follows from its distribution.
 
-    The estimate's direction is kept and its length varied; an interval holds the lengths from
-    which the estimate found is not a rare draw.
+    The interval holds the sizes from which T as found is not a rare draw. Below the size at which a
+    statistic as small as the median without kinks becomes rare, only large draws count as rare:
+    so the interval begins above zero exactly if the test, of level 1 - confidence, finds a
+    difference. For `high` and the bound a statistic below that median counts as the median: an
+    estimate smaller than noise alone gives is luck, not knowledge.
 
     Parameters
     ----------
-    fit, form
-        Kinks of the chosen window, and their squared size: see `squared_size`.
+    fit, root
+        Kinks, and the root of their squared size: see `squared_size`.
     generator
-        Source of the draws.
+        Source of the random signs.
     confidence, power
         Of the interval and bound, and of the detectable difference.
-    n_draws
-        Number of random draws of the estimate's error.
+    flips
+        Number of random sign patterns.
     """
-    found = fit.coefficients.ravel()
-    square = float(found @ form @ found)
-    noise = draws(fit.covariance, n_draws, generator)
-    along = noise @ (form @ found) / np.sqrt(square)
-    own = np.sum((noise @ form) * noise, axis=1)
-    tail = (1.0 - confidence) / 2.0
-    # An estimate smaller than noise alone would give is luck, and excludes nothing more for it.
-    least = max(square, float(np.median(own)))
+    root = _axes(fit, root) @ root
+    found = root @ fit.coefficients.ravel()
+    statistic = float(found @ found)
+    size = float(np.sqrt(statistic))
+    draws = _draws(fit, root, flips, generator)
+    null = np.sum(draws.null**2, axis=1)
+    typical = max(statistic, float(np.median(null)))
+    level = 1.0 - confidence
+
+    def below(least: float, share: float) -> float:
+        """Return the size from which this share of the draws is at most `least`."""
+        return _crossing(
+            lambda one: float(np.mean(draws.statistic(found / size, one, size) <= least)) - share
+        )
+
+    floor = below(float(np.median(null)), level / 2.0)
+    noise = float(np.trace(root @ fit.covariance @ root.T))
+    p_value = (1 + int(np.sum(null >= statistic))) / (1 + flips)
+    low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
     return EffectSize(
-        estimate=float(np.sqrt(max(0.0, square - own.mean()))),
-        low=_length(square, along, own, 1.0 - tail),
-        high=_length(least, along, own, tail),
-        upper_bound=_length(least, along, own, 2.0 * tail),
-        detectable=detectable_size(fit, form, generator, 1.0 - confidence, power),
+        estimate=float(np.sqrt(max(0.0, statistic - noise))),
+        low=low if p_value < level else 0.0,
+        high=below(typical, level / 2.0),
+        upper_bound=below(typical, level),
+        detectable=_detectable(draws, level, power, generator),
+        p_value=p_value,
     )
 
 
-def agreeing(effect: EffectSize, p_value: float, level: float) -> EffectSize:
-    """Return the size with an interval that begins at zero where the test does not exclude zero.
+def landings_needed(landings: int, detectable: float, difference: float) -> int:
+    """Return how many landings show a difference as surely as these do the detectable one."""
+    return int(np.ceil(landings * (detectable / difference) ** 2))
 
-    The test weighs kinks by how well the data tell them, the size by what they do to the outcome;
-    so the two can part near the limit, and the test decides.
+
+def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:
+    """Return the principal axes of the error of the size, turned to the side of what was found.
+
+    In them the same random numbers give the same draws, whatever axes the data came in.
     """
-    return effect if p_value < level else replace(effect, low=0.0)
+    scores = fit.null_scores @ root.T
+    axes = np.linalg.eigh(scores.T @ scores)[1].T
+    return np.asarray(axes * np.sign(axes @ root @ fit.coefficients.ravel())[:, None])
 
 
-def detectable_size(
-    fit: KinkFit, form: FloatArray, generator: np.random.Generator, level: float, power: float
-) -> float:
-    """Return the size at which the test finds kinks of a random kind with this power.
+def _draws(fit: KinkFit, root: FloatArray, count: int, generator: np.random.Generator) -> _Draws:
+    both = np.hstack([fit.null_scores @ root.T, fit.scores @ root.T])
+    sums = np.empty((count, both.shape[1]))
+    for first in range(0, count, _AT_ONCE):
+        some = sums[first : first + _AT_ONCE]
+        some[:] = (2.0 * generator.integers(0, 2, size=(len(some), len(both))) - 1.0) @ both
+    normal = generator.standard_normal((count, len(root)))
+    missed = normal @ symmetric_root(root @ fit.curvature @ root.T)
+    null, full = np.split(sums, 2, axis=1)
+    return _Draws(null + missed, full + missed)
 
-    Random kinds change every output by a like share of its own variation.
-    """
-    from scipy.special import chdtri, chndtr
 
-    m, outputs = len(form), fit.coefficients.shape[1]
-    variation = np.sqrt(np.sum(fit.linear**2, axis=0))
-    kinds = generator.standard_normal((_KINDS, m // outputs, outputs)) * variation
-    kinds = (np.linalg.pinv(symmetric_root(form[::outputs, ::outputs])) @ kinds).reshape(_KINDS, m)
-    kinds /= np.sqrt(np.sum((kinds @ form) * kinds, axis=1))[:, None]
-    weights = np.einsum("dm,dm->d", kinds, np.linalg.solve(fit.covariance, kinds.T).T)
-    threshold = chdtri(m, level)
+def _detectable(draws: _Draws, level: float, power: float, generator: np.random.Generator) -> float:
+    """Return the size at which the test finds kinks in random directions with this power."""
+    threshold = float(np.quantile(np.sum(draws.null**2, axis=1), 1.0 - level))
+    directions = generator.standard_normal(draws.null.shape)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
 
     def missed(size: float) -> float:
-        return float(np.mean(chndtr(threshold, m, size**2 * weights))) - (1.0 - power)
+        statistic = np.sum((draws.null + size * directions) ** 2, axis=1)
+        return float(np.mean(statistic <= threshold)) - (1.0 - power)
 
     return _crossing(missed)
 
 
-def _length(square: float, along: FloatArray, own: FloatArray, share: float) -> float:
-    """Return the true length from which this share of the draws lies below the one found."""
-
-    def excess(length: float) -> float:
-        return float(np.mean(length**2 + 2.0 * length * along + own <= square)) - share
-
-    return _crossing(excess)
-
-
 def _crossing(decreasing: Callable[[float], float]) -> float:
     """Return where a decreasing function of the size falls through zero; 0 if it starts below."""
-    low, high = 0.0, 1e-6
+    low, high = 0.0, 1e-3
     if decreasing(0.0) <= 0.0:
         return 0.0
     while decreasing(high) > 0.0 and high < _LARGEST:

@@ -1,4 +1,11 @@
-"""Landings as the verdict sees them: a rigid body on a section, and the order to be expected."""
+"""Landings as the verdict sees them: without units, and with the contacts that are to be expected.
+
+Lengths are in units of the markers' rms distance from their mean, speeds in units of the body's at
+the pre section, contact instants in units of their spread. The axes are those of the body with its
+mean attitude upright; a body's heading is its twist about the vertical, its tilt the direction of
+the vertical in the body. So all coordinates turn together, linearly, with whatever frame the states
+are given in, and nothing that follows depends on it.
+"""
 
 from __future__ import annotations
 
@@ -6,25 +13,87 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import (
-    Feet,
     RigidStates,
     affordable_degree,
-    input_noise,
     monomials,
-    output_weights,
     rigid_states,
-    section_coordinates,
     split_states,
 )
-from hopdata.maps.corrected.marker_noise import input_errors, marker_noise
-from hopdata.rigid import body_shape
+from hopdata.rigid import body_shape, twists, wrapped
 
-# The contact instants, and their orders, that the state before a landing leads one to expect.
-
+#: Schedules with fewer landings, and pairs of feet with fewer in either order, play no part.
+LEAST_CLASS = 20
+#: Outputs that are positions; the rest are velocities.
+POSITIONS = 5
 _OUTLYING = 5.0
+_FLAT = 1e-9
+
+
+@dataclass(frozen=True)
+class SectionLandings:
+    """Landings of a study, n of them.
+
+    Attributes
+    ----------
+    inputs
+        (n, 8) tilt, velocity and spin at the pre section.
+    outputs
+        (n, 11) outcome: step, tilt and turn, as rms displacements of the markers, then velocity
+        and spin at the post section, as their rms velocities.
+    expected
+        (n, feet) contact instants to be expected from the inputs, mean of the feet removed.
+    """
+
+    inputs: FloatArray
+    outputs: FloatArray
+    expected: FloatArray
+
+
+def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> SectionLandings:
+    """Bring pairs to coordinates without units.
+
+    Contacts are those to be expected from the inputs: measured ones err together with the states,
+    and so would make maps differ that do not.
+
+    Parameters
+    ----------
+    x, y
+        (n, 6B) states at the two sections, positions and velocities of markers in any frame that
+        moves with the body in the plane, but the same one for both.
+    instants
+        (n, feet) contact instants.
+
+    Raises
+    ------
+    AnalysisError
+        If there are too few landings or markers, some are repeated, or nothing varies.
+    """
+    least = 8 + 2  # an affine fit of the contact instants, with one landing to spare
+    if len(x) < least:
+        raise AnalysisError(
+            f"touchdowns with known states and contacts: expected at least {least}, found {len(x)}"
+        )
+    repeated = len(x) - len(np.unique(np.hstack([x, y]), axis=0))
+    if repeated:
+        raise AnalysisError(f"{repeated} of {len(x)} touchdowns are copies of others")
+    spread = np.sqrt(np.mean(np.var(instants, axis=1)))
+    if not np.ptp(instants, axis=1).any():
+        raise AnalysisError("all feet touch at the same instant in every touchdown")
+    before, after, shape = _without_units(x, y)
+    pre, post = rigid_states(before, shape), rigid_states(after, shape)
+    inputs, outputs = _inputs(pre), _outputs(pre, post, shape)
+    widths = np.linalg.svd((inputs - inputs.mean(axis=0)) / np.ptp(inputs, axis=0).clip(1e-300))[1]
+    if not widths[-1] > _FLAT * widths[0]:
+        raise AnalysisError("the states before the landing do not vary in all their coordinates")
+    expected = expected_contacts(inputs, instants / spread)
+    return SectionLandings(
+        inputs - inputs.mean(axis=0),
+        outputs - outputs.mean(axis=0),
+        expected,
+    )
 
 
 def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
@@ -37,10 +106,11 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
     t = instants - instants.mean(axis=1, keepdims=True)
     highest = affordable_degree(len(x), x.shape[1], t.shape[1])
     fitted, best, least = np.median(t, axis=0), t, np.inf
+    scaled = (x - x.mean(axis=0)) / x.std(axis=0)
     for degree in range(1, highest + 1):  # a few terms first: wrong instants stand out more
         miss = np.abs(t - fitted).max(axis=1)
         good = miss <= _OUTLYING * 1.4826 * np.median(miss)
-        design = np.column_stack([np.ones(len(x)), monomials(x, tuple(range(1, degree + 1)))])
+        design = np.column_stack([np.ones(len(x)), monomials(scaled, tuple(range(1, degree + 1)))])
         if good.sum() <= design.shape[1]:  # of so few landings none can be told to lie off
             good = np.ones(len(x), dtype=bool)
         basis, root = np.linalg.qr(design[good])
@@ -53,94 +123,55 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
     return expected
 
 
-def contact_orders(instants: FloatArray, least: int) -> tuple[Feet, ...]:
-    """Return the orders, each as its feet from 0, that `least` landings (N, feet) or more have."""
+def contact_orders(instants: FloatArray, least: int) -> tuple[IntArray, IntArray]:
+    """Return the orders (S, feet) that `least` landings (N, feet) or more have, and how many."""
     order = np.argsort(instants, axis=1, kind="stable")
     orders, counts = np.unique(order, axis=0, return_counts=True)
-    return tuple(tuple(feet) for feet in orders[counts >= least].tolist())
+    return orders[counts >= least], counts[counts >= least]
 
 
-#: Schedules with fewer landings play no part.
-LEAST_CLASS = 20
+def marker_root(shape: FloatArray) -> FloatArray:
+    """Return what takes turns (..., 3) about the axes to rms displacements of the markers."""
+    mean_square = np.mean(np.sum(shape**2, axis=1)) * np.eye(3) - shape.T @ shape / len(shape)
+    return np.asarray(np.linalg.cholesky(mean_square))
 
 
-@dataclass(frozen=True)
-class SectionLandings:
-    """Landings of a study, n of them.
-
-    Attributes
-    ----------
-    inputs
-        (n, 8) standardised coordinates at the pre section.
-    outputs
-        (n, 11) coordinates at the post section, as displacements of the markers, m.
-    expected
-        (n, feet) contact instants to be expected from the inputs, s, mean of the feet removed.
-    schedules
-        Mode schedules to be expected for `LEAST_CLASS` landings or more, each as its feet from 0.
-    errors
-        (8, 8) covariance of the errors of the inputs.
-    instant_noise_s
-        (feet,) scatter of the measured instants about those expected, s.
-    """
-
-    inputs: FloatArray
-    outputs: FloatArray
-    expected: FloatArray
-    schedules: tuple[Feet, ...]
-    errors: FloatArray
-    instant_noise_s: FloatArray
-
-
-def section_landings(
-    x: FloatArray, y: FloatArray, instants: FloatArray, time_unit_s: float
-) -> SectionLandings:
-    """Bring pairs to rigid-body coordinates, and find the schedules that they lead to.
-
-    Schedules are those to be expected from the inputs: measured ones err together with the states,
-    and so would make maps differ that do not.
-
-    Parameters
-    ----------
-    x, y
-        (n, 6B) home-frame states at the two sections, m and m/s.
-    instants
-        (n, feet) contact instants, s.
-    time_unit_s
-        Unit of time that weighs velocities against positions.
-
-    Raises
-    ------
-    AnalysisError
-        If there are too few landings or markers, or nothing varies.
-    """
-    if len(x) < 2:
-        raise AnalysisError(f"{len(x)} touchdowns with known contact instants")
+def _without_units(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return states (n, 6B) in units of the body and its speed, and its upright shape (B, 3)."""
     shape = body_shape(split_states(x)[0])
-    before = rigid_states(x, shape)
-    inputs, outputs = section_coordinates(before, rigid_states(y, shape))
-    deviation = inputs.std(axis=0)
-    least = inputs.shape[1] + 2  # an affine fit of the contact instants, with one landing to spare
-    if len(x) < least:
-        raise AnalysisError(
-            f"touchdowns with known contact instants: expected at least {least}, found {len(x)}"
-        )
-    if not (deviation > 0).all():
-        raise AnalysisError("the states before the landing do not vary")
-    inputs = (inputs - inputs.mean(axis=0)) / deviation
-    outputs = (outputs - outputs.mean(axis=0)) * output_weights(shape, time_unit_s)
-    expected = expected_contacts(inputs, instants)
-    miss = instants - instants.mean(axis=1, keepdims=True) - expected
-    doubt = 1.4826 * np.median(np.abs(miss), axis=0)
-    schedules = contact_orders(expected, LEAST_CLASS)
-    errors = _input_errors(x, y, before, shape) / np.outer(deviation, deviation)
-    return SectionLandings(inputs, outputs, expected, schedules, errors, doubt)
+    pre = rigid_states(x, shape)
+    up = pre.rotation[:, 2].mean(axis=0)
+    across = np.cross(np.eye(3)[np.argmin(np.abs(up))], up)
+    axes = np.stack([across, np.cross(up, across), up])
+    shape = shape @ (axes / np.linalg.norm(axes, axis=1, keepdims=True)).T
+    length, speed = np.sqrt(np.mean(shape**2)), np.sqrt(np.mean(pre.velocity**2))
+    if not speed > 0:
+        raise AnalysisError("the body does not move at the pre section")
+    units = np.repeat([length, speed], x.shape[1] // 2)
+    return x / units, y / units, shape / length
 
 
-def _input_errors(
-    x: FloatArray, y: FloatArray, before: RigidStates, shape: FloatArray
-) -> FloatArray:
-    """Return the covariance (8, 8) of the errors of the inputs, from what is not rigid in them."""
-    if (before.velocity[:, 2] < 0).all():
-        return input_errors(x, y, shape, marker_noise(x, shape)).inputs
-    return np.diag(input_noise(before, shape) ** 2)  # no fall through a section, no noisy instant
+def _inputs(pre: RigidStates) -> FloatArray:
+    heading = twists(pre.rotation)
+    return np.column_stack([_tilt(pre.rotation, heading), _turned(pre.velocity, heading), pre.spin])
+
+
+def _outputs(pre: RigidStates, post: RigidStates, shape: FloatArray) -> FloatArray:
+    heading, later = twists(pre.rotation), twists(post.rotation)
+    root = marker_root(shape)
+    turns = np.column_stack([_tilt(post.rotation, later), wrapped(later - heading)])
+    step = _turned(post.centre - pre.centre, heading)[:, :2]
+    return np.column_stack([step, turns @ root, _turned(post.velocity, heading), post.spin @ root])
+
+
+def _tilt(rotation: FloatArray, heading: FloatArray) -> FloatArray:
+    """Return the tilt (n, 2) about the two level axes of the heading frame, rad."""
+    up = _turned(rotation[:, :, 2], heading)
+    return np.column_stack([-up[:, 1], up[:, 0]])
+
+
+def _turned(vectors: FloatArray, heading: FloatArray) -> FloatArray:
+    """Return vectors (n, 3) in frames turned by `heading` about the vertical."""
+    c, s = np.cos(heading), np.sin(heading)
+    x, y = vectors[:, 0], vectors[:, 1]
+    return np.column_stack([c * x + s * y, c * y - s * x, vectors[:, 2]])

@@ -1,13 +1,13 @@
 """The verdict: one smooth map through the landing, a map for every contact order, or no answer.
 
-What decides is the test of the kinks (`test`); the size of the difference and what could
-have been excluded or seen stand beside it (`effect`).
+It follows from the interval of the one size (`effect`): a difference if the interval begins above
+zero, none if the bound is within the margin, and else no answer.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,57 +17,19 @@ from hopdata.errors import AnalysisError, require_choice
 from hopdata.maps.draws import named_generator
 from hopdata.maps.verdict.effect import (
     EffectSize,
-    agreeing,
+    compared,
     effect_size,
-    outcome_variance,
+    landings_needed,
     squared_size,
 )
-from hopdata.maps.verdict.estimate import (
-    CURVATURE_SHARE,
-    WINDOWS,
-    KinkFit,
-    choose_window,
-    fit_kinks,
-)
-from hopdata.maps.verdict.inputs import LEAST_CLASS, SectionLandings, section_landings
-from hopdata.maps.verdict.test import KinkTest, attenuation, calibrated, flip_signs
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-# The form of a verdict: its numbers, and the one sentence that they amount to.
+from hopdata.maps.verdict.inputs import section_landings
+from hopdata.maps.verdict.model import fit_kinks
 
 DIFFERENT, NO_DIFFERENCE, CANNOT_TELL = CONCLUSIONS = ("different", "no difference", "cannot tell")
+#: Difference of which every verdict says how many landings would show it.
+ASKED = 0.1
 
-
-@dataclass(frozen=True)
-class WindowResult:
-    """Difference of the maps in one window of contact spread.
-
-    Attributes
-    ----------
-    window, landings, degree
-        Share and number of the landings, and order of the free smooth terms.
-    mean_spread_ms, largest_spread_ms
-        Contact spread expected for these landings.
-    curvature_share
-        Share of unmodelled curvature in the variance of the kinks.
-    kinks, kinks_low, kinks_high
-        Relative difference of the derivatives at zero spread, with its interval.
-    chosen
-        Whether the verdict rests on this window.
-    """
-
-    window: float
-    landings: int
-    degree: int
-    mean_spread_ms: float
-    largest_spread_ms: float
-    curvature_share: float
-    kinks: float
-    kinks_low: float
-    kinks_high: float
-    chosen: bool
+Notes = list[dict[str, str]]
 
 
 @dataclass(frozen=True)
@@ -80,92 +42,84 @@ class Verdict:
         ``"different"``, ``"no difference"`` (larger than the margin) or ``"cannot tell"``.
     sentence
         The same in one sentence, with its numbers.
-    n_landings, n_schedules
-        Landings and schedules that it rests on.
+    outlook
+        What these data could have shown, and how many landings would show `ASKED`; empty if there
+        is no answer.
+    compared
+        Whose maps were compared, in words.
+    n_landings, n_window
+        Landings used, and how many of them, nearest to the simultaneous contact, were fitted.
     confidence, margin, power
         Of the interval, the difference that the study wants to exclude, and the power with which
         the detectable one would have been found.
-    effect, test
-        Size and significance of the kinks in the chosen window; None if there is no answer.
-    windows
-        The same estimate in every window.
+    flips
+        Number of random sign patterns.
+    effect
+        Size of the difference; None if there is no answer.
+    landings_needed
+        Number that shows a difference of `ASKED` with the given power; None likewise.
     notes
         What limits the answer, each ``{"what": ..., "reason": ...}``.
-    curvature_limit
-        Share of curvature in the variance up to which a window is taken.
     """
 
     conclusion: str
     sentence: str
+    outlook: str
+    compared: str
     n_landings: int
-    n_schedules: int
+    n_window: int
     confidence: float
     margin: float
     power: float
+    flips: int
     effect: EffectSize | None = None
-    test: KinkTest | None = None
-    windows: tuple[WindowResult, ...] = ()
-    notes: list[dict[str, str]] = field(default_factory=list)
-    curvature_limit: float = CURVATURE_SHARE
+    landings_needed: int | None = None
+    notes: Notes = field(default_factory=list)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return all values, for ``verdict.json``; what is not a number is None."""
-        content = asdict(self)
-        content["windows"] = [asdict(row) for row in self.windows]
-        finite: dict[str, Any] = _finite(content)
-        return finite
-
-    def windows_table(self) -> pd.DataFrame:
-        """Return the windows as a table, one row each."""
-        import pandas as pd
-
-        columns = [one.name for one in fields(WindowResult)]
-        return pd.DataFrame([asdict(row) for row in self.windows], columns=columns)
+        """Return all values, for ``verdict.json``."""
+        return asdict(self)
 
 
-def conclude(test: KinkTest, effect: EffectSize, level: float, margin: float) -> str:
-    """Return the conclusion from the test and the one-sided bound of the effect."""
-    if test.p_value < level:
+def conclude(effect: EffectSize, margin: float) -> str:
+    """Return the conclusion from the interval and the one-sided bound."""
+    if effect.low > 0.0:
         return DIFFERENT
     return NO_DIFFERENCE if effect.upper_bound <= margin else CANNOT_TELL
 
 
 def sentence(
-    conclusion: str, effect: EffectSize, test: KinkTest, confidence: float, margin: float
+    conclusion: str, effect: EffectSize, compared: str, confidence: float, margin: float
 ) -> str:
     """Say a conclusion in one sentence."""
     require_choice("conclusion", conclusion, CONCLUSIONS)
     sure = f"{100 * confidence:g} %"
     if conclusion == DIFFERENT:
         return (
-            f"The maps of different contact orders are different: by {effect.estimate:.2g} of the "
-            f"map ({sure} interval {effect.low:.2g} to {effect.high:.2g}, {test.p_text})."
+            f"The maps of {compared} are different: by {effect.estimate:.2g} of the map "
+            f"({sure} interval {effect.low:.2g} to {effect.high:.2g})."
         )
     if conclusion == NO_DIFFERENCE:
         return (
-            f"No difference between the maps of different contact orders larger than "
-            f"{effect.upper_bound:.2g} of the map, at {sure} confidence ({test.p_text})."
+            f"No difference between the maps of {compared} larger than {effect.upper_bound:.2g} of "
+            f"the map, at {sure} confidence."
         )
     return (
-        f"These data cannot tell: no difference was found ({test.p_text}), but one of up "
-        f"to {effect.upper_bound:.2g} of the map cannot be excluded, and {margin:g} was wanted."
+        f"These data cannot tell: no difference between the maps of {compared} was found, but one "
+        f"of up to {effect.upper_bound:.2g} of the map cannot be excluded, and {margin:g} was "
+        "wanted."
     )
 
 
-def _finite(value: Any) -> Any:
-    """Return a nested structure with None for every number that JSON cannot hold."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
-
-
-Notes = list[dict[str, str]]
-
-MEASURED_FEET = 3  # of the studies on which the verdict's power was measured
+def outlook(effect: EffectSize, needed: int, power: float) -> str:
+    """Say what these data could have shown, and what would show more."""
+    seen = (
+        "Nothing could have been seen here: a difference would have to be larger than the map"
+        if effect.detectable > 1.0
+        else f"These data show a difference of {effect.detectable:.2g} in {100 * power:g} % of "
+        "such studies"
+    )
+    return f"{seen}; to see {ASKED:g} you would need about {_two_digits(needed):,} landings."
 
 
 @one_blas_thread()
@@ -175,132 +129,68 @@ def judge(
     instants: ArrayLike,
     *,
     seed: int,
-    time_unit_s: float,
     margin: float = 0.2,
     confidence: float = 0.95,
     power: float = 0.8,
     flips: int = 1999,
-    all_windows: bool = True,
 ) -> Verdict:
     """Say whether the map through the landing has one derivative.
 
     Parameters
     ----------
     x, y
-        (n, 6B) home-frame states at the pre and the post section: positions, m, and velocities,
-        m/s, of the markers of a rigid body.
+        (n, 6B) home-frame states at the pre and the post section: positions and velocities of the
+        markers of a rigid body, in any units.
     instants
-        (n, feet) contact instants, s; NaN where not known.
+        (n, feet) contact instants, in the same unit of time; NaN where not known.
     seed
         Seed of the study.
-    time_unit_s
-        Unit of time that weighs velocities against positions.
     margin
         Relative difference that the study wants to exclude.
     confidence, power
         Of intervals, and of the detectable difference. The test's level is 1 - confidence.
     flips
         Number of random sign patterns.
-    all_windows
-        Whether to report every window, or only the one that the verdict rests on.
     """
-    before, after, times = (np.asarray(part, float) for part in (x, y, instants))
-    known = np.asarray(np.isfinite(times).all(axis=1))
+    parts = [np.asarray(part, float) for part in (x, y, instants)]
+    known = np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))
     notes = _unknown_notes(known)
-    limits = (int(known.sum()), confidence, margin, power, notes)
+    asked: dict[str, Any] = {
+        "n_landings": int(known.sum()),
+        "confidence": confidence,
+        "margin": margin,
+        "power": power,
+        "flips": flips,
+    }
     try:
-        landings = section_landings(before[known], after[known], times[known], time_unit_s)
-        fits = fit_kinks(
-            landings.inputs, landings.outputs, landings.expected, all_windows=all_windows
-        )
-        _check_enough(landings, fits)
+        landings = section_landings(*(part[known] for part in parts))
+        *differences, what = compared(landings)
+        fit = fit_kinks(landings)
     except AnalysisError as error:
-        return _no_answer(str(error), *limits)
-    fit = choose_window(fits)
-    schedules = list(landings.schedules)
-
-    # Each window sees kinks of its own; all are measured against the same linear map.
-    whole = _without_attenuation(fit, landings, seed)
-    outcome = outcome_variance(whole, landings.inputs, landings.expected, schedules)
-
-    def size(one: KinkFit) -> EffectSize:
-        form = squared_size(one, landings.expected, schedules, outcome)
-        own = named_generator(seed, "verdict", "effect", str(one.window))
-        restored = whole if one is fit else _without_attenuation(one, landings, seed)
-        return effect_size(restored, form, generator=own, confidence=confidence, power=power)
-
-    test = flip_signs(fit, generator=named_generator(seed, "verdict", "signs"), flips=flips)
-    sizes = {one.window: size(one) for one in (fits if all_windows else [fit])}
-    sizes[fit.window] = effect = agreeing(sizes[fit.window], test.p_value, 1.0 - confidence)
-    windows = tuple(
-        _window_result(landings, one, sizes[one.window], fit) for one in fits if one.window in sizes
+        reason = str(error)
+        note = {"what": "verdict", "reason": reason}
+        said = f"These data cannot tell: {reason}."
+        return Verdict(CANNOT_TELL, said, "", "", n_window=0, notes=[*notes, note], **asked)
+    effect = effect_size(
+        fit,
+        squared_size(fit, landings, *differences),
+        generator=named_generator(seed, "verdict", "signs"),
+        confidence=confidence,
+        power=power,
+        flips=flips,
     )
-    conclusion = conclude(test, effect, 1.0 - confidence, margin)
+    conclusion = conclude(effect, margin)
+    needed = landings_needed(asked["n_landings"], effect.detectable, ASKED)
     return Verdict(
         conclusion,
-        sentence(conclusion, effect, test, confidence, margin),
-        len(landings.inputs),
-        len(schedules),
-        confidence,
-        margin,
-        power,
-        effect,
-        test,
-        windows,
-        notes + _window_notes(fit) + _feet_notes(times.shape[1]),
-    )
-
-
-def _without_attenuation(fit: KinkFit, landings: SectionLandings, seed: int) -> KinkFit:
-    generator = named_generator(seed, "verdict", "attenuation", str(fit.window))
-    found = attenuation(
-        fit,
-        landings.inputs,
-        landings.expected,
-        landings.errors,
-        landings.instant_noise_s,
-        generator=generator,
-    )
-    return calibrated(fit, found)
-
-
-def _check_enough(landings: SectionLandings, fits: list[KinkFit]) -> None:
-    if len(landings.schedules) < 2:
-        raise AnalysisError(
-            f"mode schedules with {LEAST_CLASS} touchdowns or more: expected at least 2, found "
-            f"{len(landings.schedules)}"
-        )
-    if not fits:
-        raise AnalysisError(f"{len(landings.inputs)} touchdowns are too few for second-order terms")
-    if not choose_window(fits).coefficients.size:
-        raise AnalysisError("no two feet exchange their order among these touchdowns")
-
-
-def _window_result(
-    landings: SectionLandings, fit: KinkFit, effect: EffectSize, chosen: KinkFit
-) -> WindowResult:
-    spread = 1e3 * landings.expected[fit.rows].std(axis=1)
-    return WindowResult(
-        fit.window,
-        len(fit.rows),
-        fit.degree,
-        float(spread.mean()),
-        float(spread.max()),
-        fit.curvature_share,
-        effect.estimate,
-        effect.low,
-        effect.high,
-        fit is chosen,
-    )
-
-
-def _no_answer(
-    reason: str, landings: int, confidence: float, margin: float, power: float, notes: Notes
-) -> Verdict:
-    note = {"what": "verdict", "reason": reason}
-    sentence = f"These data cannot tell: {reason}."
-    return Verdict(
-        CANNOT_TELL, sentence, landings, 0, confidence, margin, power, notes=[*notes, note]
+        sentence(conclusion, effect, what, confidence, margin),
+        outlook(effect, needed, power),
+        what,
+        n_window=len(fit.rows),
+        effect=effect,
+        landings_needed=needed,
+        notes=notes,
+        **asked,
     )
 
 
@@ -308,27 +198,12 @@ def _unknown_notes(known: NDArray[np.bool_]) -> Notes:
     if known.all():
         return []
     reason = (
-        f"{int((~known).sum())} of {len(known)} touchdowns used lack the contact instant of a foot"
+        f"{int((~known).sum())} of {len(known)} touchdowns used lack a state or the contact "
+        "instant of a foot"
     )
     return [{"what": "touchdowns left out of the verdict", "reason": reason}]
 
 
-def _feet_notes(feet: int) -> Notes:
-    if feet == MEASURED_FEET:
-        return []
-    reason = (
-        "the detectable difference and the interval were checked for three feet; with two, four or "
-        "six the test finds less than they say"
-    )
-    return [{"what": f"verdict on {feet} feet", "reason": reason}]
-
-
-def _window_notes(fit: KinkFit) -> Notes:
-    notes = []
-    if not fit.nearly_straight and fit.window > WINDOWS[-1]:
-        reason = f"{len(fit.rows)} touchdowns in the narrowest window that their number allows"
-        notes.append({"what": "window of the verdict", "reason": reason})
-    if fit.degree < 3:
-        reason = f"{len(fit.rows)} touchdowns: third-order terms are shrunk, not fitted freely"
-        notes.append({"what": "smooth terms of the verdict", "reason": reason})
-    return notes
+def _two_digits(number: int) -> int:
+    """Return a number rounded to two digits."""
+    return int(float(f"{number:.1e}"))

@@ -1,91 +1,46 @@
-"""The terms of a landing map in a window about the simultaneous contact, ready to be fitted."""
+"""The kinks of a landing map near a simultaneous contact, fitted beside all that is smooth.
+
+y = smooth(x) + sum_k b_k h_k(t(x)) + noise. The kinks h are the latest contacts of sets of feet
+(`hopdata.maps.coordinates`); all b are zero exactly if the map has one derivative. Monomials of the
+inputs up to the third order are free. What a C1 map may have besides, and what looks like a kink if
+it is left free (d|d|, |d|^3 of the time d between two contacts, their products, fourth order), is
+shrunk by as much as each output says: restricted maximum likelihood, one variance for each group of
+terms (Patterson and Thompson 1971).
+
+Nothing depends on axes: inputs and tilts are whitened, products of them weighed so that a turn of
+the axes is a turn of the products, and outputs taken in the combinations in which signal and noise
+are uncorrelated.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from math import factorial, prod
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray
-from hopdata.maps.coordinates import ALL_SETS_UP_TO, free_terms, kinks, shrunk_terms
+from hopdata.errors import AnalysisError
+from hopdata.maps.coordinates import (
+    ALL_SETS_UP_TO,
+    affordable_degree,
+    kinks,
+    monomials,
+    time_differences,
+)
+from hopdata.maps.verdict.inputs import SectionLandings
 
-# How strongly to shrink the terms beyond the third order: restricted maximum likelihood.
-#
-# Per output the coefficients of each of two groups of shrunk terms are taken as normal with one
-# variance for the group. Their ratios to the variance of the noise are found from what the free
-# terms and the kinks leave over (Patterson and Thompson 1971). Where the data show no such terms
-# the ratio is zero, and they cost nothing; where they show them, they count as one more source of
-# uncertainty.
+#: Share of the landings, those of least contact spread, that the fit takes.
+WINDOW = 0.71
+#: How often the variance of the shrunk terms is counted: orders that are not fitted come on top.
+CURVATURE_COUNT = 3.0
 
-_RATIOS = np.concatenate([[0.0], np.logspace(-5, 1.5, 80)])
-#: Shares of the second group in the sum of the two ratios.
-_SHARES = (0.0, 1e-3, 1e-2, 0.1, 0.5, 1.0)
-
-
-@dataclass(frozen=True)
-class VarianceRatios:
-    """Variances of q outputs.
-
-    Attributes
-    ----------
-    ratios
-        (q, 2) variance of a shrunk coefficient of each group over that of the noise.
-    noise
-        (q,) variance of the noise.
-    """
-
-    ratios: FloatArray
-    noise: FloatArray
-
-
-def variance_ratios(groups: Sequence[FloatArray], outputs: FloatArray, used: int) -> VarianceRatios:
-    """Estimate the variances of each output.
-
-    Parameters
-    ----------
-    groups
-        (n, g) shrunk terms of each group, with all that is fitted freely projected out.
-    outputs
-        (n, q), likewise.
-    used
-        Degrees of freedom that the projection took.
-    """
-    sizes = [group.shape[1] for group in groups]
-    terms = sum(sizes)
-    triangle = np.asarray(np.linalg.qr(np.hstack([*groups, outputs]), mode="r"), np.float64)
-    root, loads = triangle[:terms, :terms], triangle[:terms, terms:]
-    rest = np.sum(triangle[terms:, terms:] ** 2, axis=0)
-    free = len(outputs) - used
-    likelihood, power = np.stack(
-        [
-            _profile(root * np.sqrt(np.repeat([1.0 - share, share], sizes)), loads, rest, free)
-            for share in _SHARES
-        ],
-        axis=1,
-    )
-    columns = np.arange(outputs.shape[1])
-    best = np.argmax(likelihood.reshape(-1, len(columns)), axis=0)
-    share, ratio = np.unravel_index(best, likelihood.shape[:2])
-    of_second = np.asarray(_SHARES)[share]
-    ratios = _RATIOS[ratio, None] * np.column_stack([1.0 - of_second, of_second])
-    return VarianceRatios(ratios, power[share, ratio, columns] / free)
-
-
-def _profile(
-    terms: FloatArray, loads: FloatArray, rest: FloatArray, free: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return log likelihoods and sums of squares (ratios, q), for terms of one common variance."""
-    values, vectors = np.linalg.eigh(terms @ terms.T)
-    own = (vectors.T @ loads) ** 2
-    spread = 1.0 + _RATIOS[:, None] * np.maximum(values, 0.0)
-    power = np.einsum("rg,gq->rq", 1.0 / spread, own) + rest
-    with np.errstate(divide="ignore"):  # an output without any noise
-        likelihood = -0.5 * (np.log(spread).sum(axis=1)[:, None] + free * np.log(power))
-    return likelihood, power
-
-
+_STEPS = 40  # of the fixed-point iteration for the variances
+_NONE = 1e-7  # ratio of variances that counts as zero
+_FLAT = 1e-9
 #: Kinks of which less than this share is left beside the smooth terms are not seen by the data.
 _LEAST_KINK = 1e-3
 #: The same beside the kink that is seen best, where there are kinks of pairs of feet only.
@@ -93,86 +48,202 @@ _LEAST_OF_PAIRS = 0.25
 
 
 @dataclass(frozen=True)
-class Window:
-    """Terms of the n landings of a window, with the free ones projected out of all but themselves.
+class KinkFit:
+    """Kinks of a study; K kinks, q outputs, n landings in the window of N in all.
 
     Attributes
     ----------
-    unit_s, scale
-        Largest contact spread, s, and (p,) standard deviations of the inputs.
-    basis, root
-        The free terms: an orthonormal basis (n, terms), and what takes it to them.
-    kinks, seen, bends
-        (n, all) kinks as they are, the combinations that are seen, and (n, K) those projected.
-    others, gram, across
-        (n, g) shrunk terms, their products with each other and, (g, K), with the kinks.
-    sizes
-        Number of shrunk terms in each group.
-    outputs
-        (n, q), projected.
-    variances
-        Of noise and of the shrunk terms.
+    coefficients
+        (K, q) of the combinations `seen` of the kinks.
+    linear
+        (p, q) derivative of the outputs by the inputs, but for the kinks.
+    scores, null_scores
+        (n, K q) contributions of the landings to the error of the coefficients, row by row: with
+        the kinks that were found taken off the outputs, and with none.
+    curvature
+        (K q, K q) variance that smooth terms beyond the free ones add, `CURVATURE_COUNT` times.
+    seen
+        (all kinks, K) orthonormal combinations of the kinks that the data tell from smooth terms.
+    rows
+        (n,) numbers of the landings in the window.
     """
 
-    unit_s: float
-    scale: FloatArray
+    coefficients: FloatArray
+    linear: FloatArray
+    scores: FloatArray
+    null_scores: FloatArray
+    curvature: FloatArray
+    seen: FloatArray
+    rows: NDArray[np.int64]
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance (K q, K q) of the coefficients: as the landings scatter (White 1980)."""
+        return self.scores.T @ self.scores + self.curvature
+
+
+def fit_kinks(landings: SectionLandings) -> KinkFit:
+    """Fit the kinks to the landings of the window.
+
+    Raises
+    ------
+    AnalysisError
+        If there are too few landings, or none in which two feet exchange their order.
+    """
+    x, t = landings.inputs, landings.expected
+    near = np.argsort(t.std(axis=1), kind="stable")
+    rows = np.sort(near[: round(WINDOW * len(x))])
+    degree = affordable_degree(len(rows), x.shape[1], t.shape[1])
+    if degree < 2:
+        raise AnalysisError(f"{len(x)} touchdowns are too few for second-order terms")
+    terms = _terms(x[rows], t[rows], degree)
+    if not terms.seen.size:
+        raise AnalysisError("no two feet exchange their order among these touchdowns")
+    return _fitted(terms, landings.outputs[rows], rows, x[rows])
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """Terms of n landings, with the free ones projected out of all but themselves.
+
+    `basis` (n, f) and `root` are the free terms: an orthonormal basis, and what takes it to them;
+    `heights` (n, K) kinks in the combinations `seen` (all, K); `bends` and `others` (n, g) kinks
+    and shrunk terms, projected; `gram` (g, g) products of these; `groups` (g,) their groups.
+    """
+
     basis: FloatArray
     root: FloatArray
-    kinks: FloatArray
+    heights: FloatArray
     seen: FloatArray
     bends: FloatArray
     others: FloatArray
     gram: FloatArray
-    across: FloatArray
-    sizes: tuple[int, ...]
-    outputs: FloatArray
-    variances: VarianceRatios
+    groups: NDArray[np.int64]
+
+    def rest(self, columns: FloatArray) -> FloatArray:
+        """Return columns (n, any) with the free terms projected out."""
+        return _without(self.basis, columns)
+
+    def influence(self, ratios: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what takes an output to its kinks, (K, n), and shrunk terms of unit noise, (K, g).
+
+        `ratios` (groups,) are the variances of the shrunk terms over that of the noise.
+        """
+        spreads = np.sqrt(ratios)[self.groups]
+        inner = spreads[:, None] * self.gram * spreads + np.eye(len(spreads))
+        across = spreads[:, None] * (self.others.T @ self.bends)
+        weighted = self.bends - self.others @ (spreads[:, None] * np.linalg.solve(inner, across))
+        influence = np.linalg.solve(self.bends.T @ weighted, weighted.T)
+        return influence, (influence @ self.others) * spreads
+
+    def without_shrunk(self, output: FloatArray, ratios: FloatArray) -> FloatArray:
+        """Return an output (n,) without the fit of the shrunk terms to it."""
+        spreads = np.sqrt(ratios)[self.groups]
+        inner = spreads[:, None] * self.gram * spreads + np.eye(len(spreads))
+        fitted = np.linalg.solve(inner, spreads * (self.others.T @ output))
+        return output - self.others @ (spreads * fitted)
 
 
-def landing_window(
-    x: FloatArray, y: FloatArray, instants: FloatArray, rows: NDArray[np.int64], degree: int
-) -> Window:
-    """Return the terms of the landings `rows` (n,), smooth ones up to `degree` free.
-
-    Parameters are those of `hopdata.maps.verdict.estimate.fit_window`.
-    """
-    times = instants[rows]
-    unit = float(times.std(axis=1).max())
-    inputs = x[rows] - x[rows].mean(axis=0)
-    scale = inputs.std(axis=0)
-    free = free_terms(inputs / scale, times / unit, degree)
-    basis, root = np.linalg.qr(free)
-    whole = kinks(times / unit)
-    bends, outputs = _without(basis, whole), _without(basis, y[rows])
-    groups = shrunk_terms(inputs / scale, times / unit, degree)
-    sizes = tuple(group.shape[1] for group in groups)
+def _terms(inputs: FloatArray, instants: FloatArray, degree: int) -> _Terms:
+    """Return the terms of landings with these inputs (n, p) and expected instants (n, feet)."""
+    x, t = _whitened(inputs), instants / instants.std(axis=1).max()
+    tilts, d = _whitened(t)[:, :2], time_differences(t)
+    orders = tuple(range(1, degree + 1))
+    basis, root = np.linalg.qr(np.column_stack([np.ones(len(x)), monomials(x, orders)]))
+    squares = d * np.abs(d)
+    blocks = [
+        [squares, _products(squares, x)],
+        [np.abs(d) ** 3, _products(squares, _powers(tilts, 2)), _powers(tilts, 4)],
+        [_products(_powers(tilts, 2), _powers(x, 2))],
+        *([[_powers(x, 3)]] if degree < 3 else []),
+    ]
+    groups = [np.hstack([part / np.sqrt(np.mean(part**2)) for part in block]) for block in blocks]
     others = _without(basis, np.hstack(groups))
-    least = _LEAST_OF_PAIRS if times.shape[1] > ALL_SETS_UP_TO else 0.0
-    seen = _seen_directions(bends, whole, least)
-    bends = np.matmul(bends, seen)
-    bend_basis: FloatArray = np.linalg.qr(bends)[0]
-    used = basis.shape[1] + bends.shape[1]
-    unseen = np.split(_without(bend_basis, others), np.cumsum(sizes)[:-1], axis=1)
-    variances = variance_ratios(unseen, _without(bend_basis, outputs), used)
-    gram, across = others.T @ others, others.T @ bends
-    return Window(
-        unit,
-        scale,
-        basis,
-        root,
-        whole,
-        seen,
-        bends,
-        others,
-        gram,
-        across,
-        sizes,
-        outputs,
-        variances,
+    whole = kinks(instants)
+    bends = _without(basis, whole)
+    seen = _seen_directions(bends, whole, t.shape[1])
+    numbers = np.repeat(np.arange(len(groups)), [group.shape[1] for group in groups])
+    return _Terms(basis, root, whole @ seen, seen, bends @ seen, others, others.T @ others, numbers)
+
+
+def _fitted(
+    terms: _Terms, outputs: FloatArray, rows: NDArray[np.int64], inputs: FloatArray
+) -> KinkFit:
+    canonical = _canonical(terms.basis, outputs - outputs.mean(axis=0))
+    projected = terms.rest(outputs @ canonical)
+    ratios, noise = _variance_ratios(terms, projected)
+    n, (kinds, q) = len(rows), (terms.bends.shape[1], outputs.shape[1])
+    slack = 1.0 - np.sum(terms.basis**2, axis=1)
+    found, curvature = np.empty((kinds, q)), np.empty((q, kinds, kinds))
+    scores, null_scores = np.empty((n, kinds, q)), np.empty((n, kinds, q))
+    for k in range(q):
+        output = projected[:, k]
+        influence, missed = terms.influence(ratios[k])
+        found[:, k] = influence @ output
+        rest = terms.without_shrunk(output - terms.bends @ found[:, k], ratios[k])
+        own = slack - np.einsum("nk,kn->n", terms.bends, influence)
+        scores[:, :, k] = influence.T * (rest / np.sqrt(np.maximum(own, 0.1)))[:, None]
+        null_scores[:, :, k] = influence.T * (output / np.sqrt(np.maximum(slack, 0.1)))[:, None]
+        curvature[k] = CURVATURE_COUNT * noise[k] * missed @ missed.T
+    back = np.linalg.inv(canonical)
+    smooth = outputs - terms.heights @ found @ back
+    slopes = np.linalg.solve(terms.root, terms.basis.T @ smooth)[1 : inputs.shape[1] + 1]
+    scale = np.linalg.lstsq(inputs - inputs.mean(axis=0), _whitened(inputs), rcond=None)[0]
+    size = kinds * q
+    return KinkFit(
+        found @ back,
+        scale @ slopes,
+        (scores @ back).reshape(n, size),
+        (null_scores @ back).reshape(n, size),
+        np.einsum("kab,ki,kj->aibj", curvature, back, back).reshape(size, size),
+        terms.seen,
+        rows,
     )
 
 
-def _seen_directions(bends: FloatArray, whole: FloatArray, least: float) -> FloatArray:
+def _canonical(basis: FloatArray, outputs: FloatArray) -> FloatArray:
+    """Return combinations (q, q) of outputs with noise of variance one and signals uncorrelated."""
+    signal = basis.T @ outputs
+    rest = outputs - basis @ signal
+    root = np.linalg.qr(rest, mode="r") / np.sqrt(len(rest) - basis.shape[1])
+    if not np.abs(np.diag(root)).min() > _FLAT * np.abs(root).max():
+        raise AnalysisError("an outcome of the landing does not vary, or without any noise")
+    vectors = np.linalg.svd(np.linalg.solve(root.T, signal.T), full_matrices=False)[0]
+    return np.asarray(np.linalg.solve(root, vectors))
+
+
+def _variance_ratios(terms: _Terms, outputs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the ratios (q, groups) of variances to the noise, and the noise (q,), by REML.
+
+    Fixed-point steps (MacKay 1992), overrelaxed, for what free terms and kinks leave over.
+    """
+    bends = np.asarray(np.linalg.qr(terms.bends)[0])
+    n, g = terms.others.shape
+    count = int(terms.groups[-1]) + 1
+    both = _without(bends, np.hstack([terms.others, outputs]))
+    triangle = np.asarray(np.linalg.qr(both, mode="r"))
+    gram = triangle[:g, :g].T @ triangle[:g, :g]
+    loads = (triangle[:g, :g].T @ triangle[:g, g:]).T
+    power = np.sum(triangle[:, g:] ** 2, axis=0)
+    free = n - terms.basis.shape[1] - bends.shape[1]
+    member = np.eye(count)[terms.groups]
+    noise = power / free
+    variances = np.repeat(1e-3 * noise[:, None], count, axis=1)
+    for _ in range(_STEPS):
+        shrinkage = noise[:, None] / variances[:, terms.groups]
+        inverse = np.linalg.inv(gram + shrinkage[:, :, None] * np.eye(g))
+        sizes = np.einsum("qij,qj->qi", inverse, loads)
+        known = 1.0 - shrinkage * np.einsum("qii->qi", inverse)
+        steps = (sizes**2 @ member) / np.maximum(known @ member, _FLAT) / variances
+        least = _FLAT * noise[:, None]
+        variances = np.maximum(variances * np.maximum(steps, least / variances) ** 1.5, least)
+        rest = power - np.einsum("qi,qi->q", sizes, 2.0 * loads - sizes @ gram)
+        noise = rest / np.maximum(free - known.sum(axis=1), 1.0)
+    ratios = variances / noise[:, None]
+    return np.where(ratios < _NONE, 0.0, ratios), noise
+
+
+def _seen_directions(bends: FloatArray, whole: FloatArray, feet: int) -> FloatArray:
     """Return the combinations of kinks, (all, K), that smooth terms do not explain.
 
     Where a rigid body has many feet its tilt alone decides their order, and the kinks of parallel
@@ -180,24 +251,40 @@ def _seen_directions(bends: FloatArray, whole: FloatArray, least: float) -> Floa
     the others is noise, and with it the test would have no power.
     """
     _, values, right = np.linalg.svd(bends, full_matrices=False)
-    limit = max(_LEAST_KINK * np.linalg.norm(whole, 2), least * values[0])
-    return right[values > limit].T
+    limit = _LEAST_KINK * np.linalg.norm(whole, 2)
+    if feet > ALL_SETS_UP_TO:
+        limit = max(limit, _LEAST_OF_PAIRS * values[0])
+    return np.asarray(right[values > limit].T)
 
 
-def shrinker(part: Window, k: int) -> tuple[FloatArray, FloatArray]:
-    """Return the spreads (g,) of the shrunk terms of output k, and what inverts their shrinking.
+def symmetric_root(covariance: FloatArray) -> FloatArray:
+    """Return the symmetric root (m, m) of a covariance that may be singular.
 
-    Terms u with these spreads s in units of the noise are fitted to a rest r as u s M^-1 s u' r.
+    It is the only one, whereas signs and turns of eigenvectors are left to rounding: with it the
+    same seed gives the same draws wherever the code runs, but for the root of rounding.
     """
-    spreads = np.sqrt(np.repeat(part.variances.ratios[k], part.sizes))
-    return spreads, spreads[:, None] * part.gram * spreads + np.eye(len(spreads))
+    values, vectors = np.linalg.eigh(covariance)
+    kept = np.where(values > _FLAT**1.5 * values[-1], values, 0.0)
+    root: FloatArray = vectors * np.sqrt(kept) @ vectors.T
+    return root
 
 
-def weighted_bends(part: Window, spreads: FloatArray, inner: FloatArray) -> FloatArray:
-    """Return the kinks (n, K) less the fit of the shrunk terms to them."""
-    own = spreads[:, None] * np.linalg.solve(inner, spreads[:, None] * part.across)
-    weighted: FloatArray = part.bends - part.others @ own
-    return weighted
+def _whitened(x: FloatArray) -> FloatArray:
+    """Return as many uncorrelated combinations of columns, of mean square one, as there are."""
+    left, values, _ = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)
+    return np.asarray(left[:, values > _FLAT * values[0]] * np.sqrt(len(x)))
+
+
+def _powers(x: FloatArray, degree: int) -> FloatArray:
+    """Return the products of `degree` columns, which turn with the axes of `x` (n, p)."""
+    chosen = list(combinations_with_replacement(range(x.shape[1]), degree))
+    often = [factorial(degree) / prod(map(factorial, Counter(c).values())) for c in chosen]
+    return monomials(x, (degree,)) * np.sqrt(often)
+
+
+def _products(a: FloatArray, b: FloatArray) -> FloatArray:
+    products: FloatArray = (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)
+    return products
 
 
 def _without(basis: FloatArray, columns: FloatArray) -> FloatArray:
