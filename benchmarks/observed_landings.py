@@ -8,6 +8,7 @@ correlations that the pipeline gives them, at a small part of its cost.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,14 +42,17 @@ def see_landings(
     noise_m: float,
     instant_noise_s: float,
     rng: np.random.Generator,
+    spoil: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> SeenLandings:
     """Observe L whole landings, as those of one recording, frame by frame.
 
     Those whose states cannot be fitted are left out. `times` (L, W), s, and `motion` (L, W, 12) are
     of `true_tracks.true_states`, to beyond the post section (`landings.section_fits.WINDOWS_S`).
+    `spoil` is what becomes of the tracks (L, W, B, 3) besides.
     """
     tracks = tracks_of(motion, sections.points_m)
     tracks += noise_m * rng.standard_normal(tracks.shape)
+    tracks = tracks if spoil is None else spoil(tracks)
     contact = landings.contact_s
     seen = contact + instant_noise_s * rng.standard_normal(contact.shape)
     start = APART_S * np.arange(len(times))

@@ -1,4 +1,4 @@
-"""States of the hopper as they are about each landing, frame by frame.
+"""States of a simulated body as they are about each landing, frame by frame.
 
 From an apex on the robot itself is integrated, through the landing and beyond. Before it, where a
 recording shows the robot without that apex's kick, it is flown back: a flight turned round in time
@@ -13,10 +13,9 @@ import numpy as np
 
 from hopdata.hybrid import System, solve_batch
 from hopdata.scenes.body import N_STATES
-from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.scene import Control
+from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis.camera import fixed_markers
-from hopdata.synthesis.hops import Hop
+from hopdata.synthesis.hops import Hop, padded
 from hopdata.synthesis.landings import NOT_YET, landing_system, landing_vectors
 from hopdata.synthesis.trial import Trial
 
@@ -63,7 +62,7 @@ def joined(parts: list[Apexes]) -> Apexes:
 
 
 def true_states(
-    hopper: HopperParameters,
+    scene: Scene,
     control: Control,
     apexes: Apexes,
     *,
@@ -83,7 +82,7 @@ def true_states(
     states = np.full((*times.shape, N_STATES), np.nan)
     for number in np.flatnonzero(np.bincount(group, minlength=PHASES)):
         rows = np.flatnonzero(group == number)
-        states[rows] = states_at(hopper, control, apexes.some(rows), times[rows[0]])
+        states[rows] = states_at(scene, control, apexes.some(rows), times[rows[0]])
     return times, states
 
 
@@ -93,28 +92,24 @@ def tracks_of(states: np.ndarray, points_m: np.ndarray) -> np.ndarray:
     return flat.reshape(*states.shape[:2], *points_m.shape)
 
 
-def states_at(
-    hopper: HopperParameters, control: Control, apexes: Apexes, times_s: np.ndarray
-) -> np.ndarray:
+def states_at(scene: Scene, control: Control, apexes: Apexes, times_s: np.ndarray) -> np.ndarray:
     """Return states (L, W, 12) at times (W,) counted from the apex, s, in order."""
     vectors = landing_vectors(
-        hopper, control, apexes.preloads_n, point_m=np.zeros(3), height_m=NO_HEIGHT_M
+        scene, control, apexes.preloads_n, point_m=np.zeros(3), height_m=NO_HEIGHT_M
     )
-    system = landing_system(hopper.system(control))
+    own = scene.system(control)
     early = times_s < 0
-    back = _turned_round(
-        _flown(system, _turned_round(apexes.before), vectors, -times_s[early][::-1])
-    )
-    ahead = _flown(system, apexes.after, vectors, times_s[~early])
+    back = _turned_round(_flown(own, _turned_round(apexes.before), vectors, -times_s[early][::-1]))
+    ahead = _flown(own, apexes.after, vectors, times_s[~early])
     return np.concatenate([back[:, ::-1], ahead], axis=1)
 
 
-def _flown(
-    system: System, states: np.ndarray, vectors: np.ndarray, times_s: np.ndarray
-) -> np.ndarray:
-    unknown = np.full((len(states), system.n_states - N_STATES), NOT_YET)
+def _flown(own: System, states: np.ndarray, vectors: np.ndarray, times_s: np.ndarray) -> np.ndarray:
+    system = landing_system(own)
+    unknown = np.full((len(states), system.n_states - own.n_states), NOT_YET)
     solution = solve_batch(
-        system, (0.0, float(times_s[-1])), np.hstack([states, unknown]), params=vectors,
+        system, (0.0, float(times_s[-1])), np.hstack([padded(states, own), unknown]),
+        params=vectors,
         mode=[0] * system.n_modes, rtol=RTOL, atol=ATOL, t_eval=times_s, workers=1,
     )  # fmt: skip
     assert solution.y is not None
