@@ -24,14 +24,19 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
-from hopdata.maps.coordinates import ALL_SETS_UP_TO, kink_slopes
+from hopdata.maps.coordinates import (
+    ALL_SETS_UP_TO,
+    LANDINGS_PER_TERM,
+    kink_slopes,
+    number_of_free_terms,
+)
 from hopdata.maps.verdict.inputs import (
     LEAST_CLASS,
     POSITIONS,
     SectionLandings,
     contact_orders,
 )
-from hopdata.maps.verdict.model import CURVATURE_COUNT, KinkFit, symmetric_root
+from hopdata.maps.verdict.model import CURVATURE_COUNT, WINDOW, KinkFit, symmetric_root
 
 _AT_ONCE = 4000  # sign patterns in memory
 _BISECTIONS = 50
@@ -261,9 +266,13 @@ def effect_size(
     )
 
 
-def landings_needed(landings: int, detectable: float, difference: float) -> int:
-    """Return how many landings show a difference as surely as these do the detectable one."""
-    return int(np.ceil(landings * (detectable / difference) ** 2))
+def landings_needed(landings: int, detectable: float, difference: float, feet: int) -> int:
+    """Return how many landings show a difference as surely as these do the detectable one.
+
+    Errors fall with the root of the number of landings; but it takes so many as second-order terms.
+    """
+    least = LANDINGS_PER_TERM * number_of_free_terms(8, feet, 2) / WINDOW
+    return int(np.ceil(max(least, landings * (detectable / difference) ** 2)))
 
 
 def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:

@@ -180,7 +180,9 @@ def judge(
         flips=flips,
     )
     conclusion = conclude(effect, margin)
-    needed = landings_needed(asked["n_landings"], effect.detectable, ASKED)
+    needed = landings_needed(
+        asked["n_landings"], effect.detectable, ASKED, landings.expected.shape[1]
+    )
     return Verdict(
         conclusion,
         sentence(conclusion, effect, what, confidence, margin),
