@@ -107,6 +107,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_inspect(commands)
     _add_init(commands)
     _add_check(commands)
+    _add_plan(commands)
     _add_config_docs(commands)
     return parser
 
@@ -197,6 +198,23 @@ def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "  hopdata check config/config.yaml\n",
     )
     command.add_argument("config", metavar="CONFIG", help="such as config/config.yaml")
+
+
+def _add_plan(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    command = _command(
+        commands,
+        "plan",
+        "say how many landings show which difference",
+        "Say how many landings a study takes to show a difference of a given size, from the\n"
+        "verdict on a pilot: a short recording of the same kind, or a simulated one. Errors fall\n"
+        "with the root of the number of landings.",
+        "  hopdata plan results/sample/verdict.json\n"
+        "  hopdata plan results/pilot/verdict.json --difference 0.08\n",
+    )
+    command.add_argument("verdict", type=Path, metavar="VERDICT", help="verdict.json of a pilot")
+    command.add_argument(
+        "--difference", type=_positive, metavar="SHARE", help="a size besides those of the table"
+    )
 
 
 def _add_config_docs(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
