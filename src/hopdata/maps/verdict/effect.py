@@ -240,7 +240,7 @@ def effect_size(
     draws = _draws(fit, root, flips, generator)
     null = np.sum((draws.null + draws.missed) ** 2, axis=1)
     typical = max(statistic, float(np.median(np.sum(draws.null**2, axis=1))))
-    level = 1.0 - confidence
+    level = round(1.0 - confidence, 12)  # 0.05, not a little more
 
     def below(least: float, share: float, missed: float = 1.0) -> float:
         """Return the size from which this share of the draws is at most `least`."""
