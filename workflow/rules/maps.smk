@@ -168,6 +168,7 @@ rule verdict:
 rule estimate_errors:
     """The estimates of the landing map, and the verdict, against the exact maps."""
     input:
+        pairs=rules.pairs.output.pairs,
         estimates=rules.map_estimates.output.maps,
         maps=rules.true_sections.output.maps,
         true_pairs=rules.true_sections.output.pairs,

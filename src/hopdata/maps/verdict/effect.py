@@ -36,7 +36,7 @@ from hopdata.maps.verdict.inputs import (
     SectionLandings,
     contact_orders,
 )
-from hopdata.maps.verdict.model import CURVATURE_COUNT, WINDOW, KinkFit, symmetric_root
+from hopdata.maps.verdict.model import WINDOW, KinkFit, symmetric_root
 
 _AT_ONCE = 4000  # sign patterns in memory
 _BISECTIONS = 50
@@ -251,7 +251,7 @@ def effect_size(
 
         return _crossing(excess)
 
-    shift = float(np.sqrt(np.trace(root @ fit.curvature @ root.T) / CURVATURE_COUNT))
+    shift = float(np.sqrt(np.trace(root @ fit.curvature @ root.T)))
     floor = below(float(np.median(null)), level / 2.0)
     low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
     noise = float(np.trace(root @ fit.covariance @ root.T))
