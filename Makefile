@@ -11,9 +11,9 @@ PYTHON ?= $(shell for limit in 3,14 4,0; do for p in python3 python3.13 python3.
 	"$$p" -c "import sys; sys.exit(not (3, 11) <= sys.version_info < ($$limit))" 2>/dev/null \
 	&& { echo "$$p"; exit; }; done; done)
 BIN := $(VENV)/bin
-# Environments do not leak into the private one.
+# Environments do not leak into the private one; nor is each job to compile all that it imports.
 export PYTHONNOUSERSITE := 1
-unexport PYTHONPATH
+unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
 .PHONY: figures both-sides test benchmarks lint format docs sample lock clean help
 
@@ -25,12 +25,18 @@ help:
 	@echo "make lint       ruff, mypy, snakefmt and snakemake --lint"
 	@echo "make format     let ruff and snakefmt rewrite the files"
 	@echo "make docs       write docs/configuration.md from the schema"
-	@echo "make sample     simulate data/sample/hopper.h5 again"
+	@echo "make sample     simulate the recordings of data/sample again"
 	@echo "make lock       resolve requirements*.lock again (needs uv)"
 	@echo "make clean      remove .venv, the results of every study, and caches"
 
+# The bundled study is shown beside its control.
 figures: $(VENV)/.run
 	$(BIN)/snakemake --cores $(CORES) --configfile $(CONFIG)
+ifeq ($(CONFIG),config/config.yaml)
+	$(BIN)/snakemake --cores $(CORES) --configfile config/sample_control.yaml
+	$(BIN)/snakemake --cores $(CORES) first_look
+	@echo "open results/both_sides/first_look.html, then results/sample/report.html"
+endif
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
@@ -61,7 +67,9 @@ docs: $(VENV)/.run
 
 sample: $(VENV)/.run
 	$(BIN)/snakemake --cores 1 results/sample/simulated/hopper.h5
-	cp results/sample/simulated/hopper.h5 data/sample/hopper.h5
+	cp results/sample/simulated/hopper.h5 data/sample/
+	$(BIN)/snakemake --cores 1 --configfile config/sample_control.yaml results/sample_control/simulated/control.h5
+	cp results/sample_control/simulated/control.h5 data/sample/
 
 $(VENV)/pyvenv.cfg:
 	@test -n "$(PYTHON)" || { echo "hopdata needs Python 3.11 or newer: none found on PATH (set PYTHON=...)" >&2; exit 1; }

@@ -54,7 +54,6 @@ rule all:
         FIGURES,
         rules.pairs.output,
         rules.quality.output,
-        rules.prediction.output,
+        rules.linear_maps.output,
         rules.distances.output,
         rules.verdict.output,
-        rules.map_estimates.output,

@@ -16,15 +16,13 @@ memory in use beyond what there was before them, and `recording_mb` the size of 
 
 from __future__ import annotations
 
-import one_thread  # noqa: F401
-
-# isort: split
 import argparse
 import time
 import tracemalloc
 from pathlib import Path
 from typing import Any
 
+import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
 

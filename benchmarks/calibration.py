@@ -3,9 +3,9 @@
     python benchmarks/calibration.py --out results/benchmarks/calibration.csv
 
 From rest at 2 m, k / m = 1000 / s^2, for 2 s, on one thread. MuJoCo is tried in all ways that
-`mujoco_models` knows, with all its integrators, down to time steps of 10 us. Errors are of heights,
-over MuJoCo's steps or 2001 times, and at the end, against the closed form. `time_*` is of a whole
-simulation, by the faster of MuJoCo's two loops in C, `mj_step(nstep)` and `rollout`;
+`peers/mujoco_peer.py` knows, with all its integrators, down to time steps of 10 us. Errors are of
+heights, over MuJoCo's steps or 2001 times, and at the end, against the closed form. `time_*` is of
+a whole simulation, by the faster of MuJoCo's two loops in C, `mj_step(nstep)` and `rollout`;
 `python_loop_ms` of a loop of `mj_step` in Python. Beside the table of all runs come two more:
 
 - ``calibration_table.csv``: the fastest of each solver at or below each error, and the time step
@@ -24,16 +24,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from hopper_exact import hopper_states
-from machine import machine
-from mujoco_models import ABSENT, INTEGRATORS, Setting, hopper_simulation, steps
-from numpy.typing import NDArray
-from timing import quartiles
+from exact import hopper_states
+from machine import quartiles, this_machine
+from peers.mujoco_peer import ABSENT, INTEGRATORS, Setting, hopper_simulation, steps
 
+from hopdata.arrays import FloatArray
 from hopdata.hybrid import solve
 from hopdata.scenes.small import VerticalHopper
-
-FloatArray = NDArray[np.float64]
 
 HOPPER = VerticalHopper()
 START, UNTIL_S = (2.0, 0.0), 2.0
@@ -221,7 +218,7 @@ def main() -> None:
     out.parent.mkdir(parents=True, exist_ok=True)
     rows = [with_hopdata(tolerance) for tolerance in TOLERANCES]
     rows += mujoco_rows()
-    table = pd.DataFrame(rows).assign(**machine("mujoco"))
+    table = pd.DataFrame(rows).assign(**this_machine("mujoco"))
     table.to_csv(out, index=False)
     levels = table_by_level(table)
     levels.to_csv(out.with_name(f"{out.stem}_table.csv"), index=False)

@@ -29,21 +29,124 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from kink_bound import mean_kink_bound
-from numpy.typing import NDArray
-from runner_forces import runner_rows
 from scipy.interpolate import CubicSpline
 from scipy.optimize import curve_fit, least_squares
 
+from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.landings.contacts.descents import LANDED, Transitions
 from hopdata.landings.contacts.find import LONG_WINDOWS_S, find_contacts
 from hopdata.landings.contacts.kink import FlightPriors, kink_fits
+from hopdata.landings.forces import force_onsets
 from hopdata.landings.schedules import order_probability
+from hopdata.landings.touchdowns import touchdown_table
+from hopdata.recording import Recording
 
-FloatArray = NDArray[np.float64]
+# How exactly a contact instant can be known at all: the Cramer-Rao bound of the kink.
+#
+# No unbiased estimate from the same frames has a smaller standard deviation than the inverse of the
+# Fisher information of the instant and of all else that is unknown with it.
+
+PHASES = 100
+
+
+def kink_bound(
+    s: FloatArray,
+    *,
+    noise_m: float,
+    velocity_m_s: float,
+    known_gravity: bool,
+    compliance_s: float = 0.0,
+    creep_m_s: float = 0.0,
+) -> float:
+    """Least standard deviation of a contact instant, s, from frames `s` seconds after it.
+
+    Floor and velocity are unknown with it, and the acceleration in flight unless it is gravity;
+    compliance and creep are known.
+
+    Parameters
+    ----------
+    s : (N,) array
+        Times of the frames from the contact on, s; negative in flight.
+    noise_m : float
+        Standard deviation of a height, m.
+    velocity_m_s : float
+        Vertical velocity just before the contact, m/s, negative.
+    known_gravity : bool
+        Whether the acceleration is known.
+    compliance_s, creep_m_s : float
+        See `hopdata.landings.contacts.kink`.
+
+    Returns
+    -------
+    float
+        Infinite where the frames do not fix the instant.
+    """
+    flight = s < 0
+    decay = np.zeros_like(s)
+    if compliance_s > 0:
+        decay = np.exp(-np.maximum(s, 0.0) / compliance_s)
+    by_instant = np.where(
+        flight, GRAVITY_M_S2 * s - velocity_m_s, -velocity_m_s * decay - creep_m_s
+    )
+    by_velocity = np.where(flight, s, compliance_s * (1 - decay))
+    columns = [by_instant, np.ones_like(s), by_velocity]
+    if not known_gravity:
+        columns.append(np.where(flight, s**2 / 2, 0.0))
+    jacobian = np.column_stack(columns)
+    scale = np.linalg.norm(jacobian, axis=0)
+    jacobian = jacobian / np.where(scale > 0, scale, 1.0)
+    information = jacobian.T @ jacobian
+    if np.linalg.matrix_rank(information, tol=1e-9) < len(columns):
+        return float("inf")
+    return noise_m * float(np.sqrt(np.linalg.inv(information)[0, 0]) / scale[0])
+
+
+def mean_kink_bound(
+    *,
+    rate_hz: float,
+    windows_s: tuple[float, float],
+    noise_m: float,
+    velocity_m_s: float,
+    known_gravity: bool,
+    missing_frames: int = 0,
+    compliance_s: float = 0.0,
+    creep_m_s: float = 0.0,
+) -> float:
+    """Root mean square of the bound over all phases between contact and frames, s.
+
+    Parameters
+    ----------
+    rate_hz : float
+        Frame rate, Hz.
+    windows_s : tuple of float
+        Frames used, from the contact minus the one to the contact plus the other, s.
+    missing_frames : int
+        Odd number of frames about the contact that are not seen, or 0.
+    noise_m, velocity_m_s, known_gravity, compliance_s, creep_m_s
+        See `kink_bound`.
+    """
+    before, after = (round(window * rate_hz) for window in windows_s)
+    bounds = []
+    for phase in (np.arange(PHASES) + 0.5) / PHASES:
+        frames = np.arange(-before, after) + phase
+        seen = np.abs(np.arange(-before, after) + round(phase)) > (missing_frames - 1) / 2
+        seen |= missing_frames == 0
+        bounds.append(
+            kink_bound(
+                frames[seen] / rate_hz,
+                noise_m=noise_m,
+                velocity_m_s=velocity_m_s,
+                known_gravity=known_gravity,
+                compliance_s=compliance_s,
+                creep_m_s=creep_m_s,
+            )
+        )
+    return float(np.sqrt(np.mean(np.square(bounds))))
+
+
 Found = tuple[FloatArray, FloatArray]  # instants and standard errors, s
 
-RATE_HZ, NOISE_M, SPEED_M_S, GRAVITY_M_S2 = 100.0, 6e-4, 1.0, 9.80665
+RATE_HZ, NOISE_M, SPEED_M_S = 100.0, 6e-4, 1.0
 PERIOD_S, NEAR_S, SPREAD_S = 0.5, 0.002, 0.01
 BEFORE_S, AFTER_S = LONG_WINDOWS_S
 AMBIGUOUS_BELOW = 0.9  # the default of touchdowns.ambiguous_below
@@ -301,6 +404,67 @@ COLUMNS = (
     *("unambiguous", "right_of_unambiguous", "right_of_unambiguous_se", "seconds", "us_per_fit"),
     *("times_faster", "missed", "invented"),
 )
+
+
+# First contacts of a runner's feet against the onset of force, method by method.
+
+
+ROOT = Path(__file__).parents[1]
+FOLDERS = (ROOT / "data/external", ROOT.parent / "shared/recordings/treadmill_running")
+MARKERS, FORCES = "RBDS001runT25markers.tsv", "RBDS001runT25forces.txt"
+HEADER_LINES, RUNNER_HZ, FORCE_HZ = 11, 150.0, 300.0
+AT_REST_M = (0.034, 0.045, 0.050)  # heel, first and fifth metatarsal on the standing foot
+SECTIONS = {"pre_height_m": 1.07, "post_height_m": 1.02}  # every descent of the body passes both
+SAME_S = 0.05  # a contact and an onset farther apart are not of one landing
+RUNNER_METHODS = {
+    "velocity minimum, whole frame": "velocity_minimum",
+    "velocity minimum, parabola": "velocity_minimum_parabola",
+    "kink, learned": "kink",
+}
+SIDES = {"L": (0, "left"), "R": (1, "right")}  # the first onset is of the left foot
+
+
+def runner_rows() -> list[dict[str, Any]]:
+    """One row for each foot and method; one that says so where the files are absent."""
+    folder = next((f for f in FOLDERS if (f / MARKERS).is_file() and (f / FORCES).is_file()), None)
+    if folder is None:
+        return [{"condition": "runner against force", "method": "absent: no files of the runner"}]
+    force = pd.read_csv(folder / FORCES, sep="\t")["Fy"].to_numpy(float)  # upwards in this file
+    onsets = force_onsets(np.arange(len(force)) / FORCE_HZ, force)
+    rows = []
+    for side, (turn, name) in SIDES.items():
+        recording = _foot(folder / MARKERS, side)
+        for label, method in RUNNER_METHODS.items():
+            table = touchdown_table(recording, **SECTIONS, method=method)
+            row = {"condition": f"runner's {name} foot against force", "method": label}
+            rows.append(row | _compared(table, onsets[turn::2]))
+    return rows
+
+
+def _foot(path: Path, side: str) -> Recording:
+    frame = pd.read_csv(path, sep="\t", skiprows=HEADER_LINES)
+    names = ("body1", "body2", "body3", f"{side}_heel", f"{side}_mt1", f"{side}_mt5")
+    columns = [[f"{name} {axis}" for axis in "XYZ"] for name in names]
+    positions = np.stack([frame[c].to_numpy(float) / 1000 for c in columns], axis=1)
+    positions[:, 3:, 2] -= AT_REST_M
+    time = np.arange(len(frame)) / RUNNER_HZ
+    return Recording("runner", time, positions, names, ("body",) * 3 + ("foot",) * 3, RUNNER_HZ)
+
+
+def _compared(table: pd.DataFrame, onsets: np.ndarray) -> dict[str, float]:
+    contacts = table[[name for name in table if name.startswith("contact_")]]
+    first = contacts.min(axis=1).dropna().to_numpy()
+    away = np.abs(first[:, None] - onsets)
+    late_ms = 1e3 * (first - onsets[away.argmin(axis=1)])[away.min(axis=1) < SAME_S]
+    middle = float(np.median(late_ms))
+    return {
+        "landings": len(onsets),
+        "found": len(late_ms) / len(onsets),
+        "bias_ms": middle,
+        "sd_ms": 1.4826 * float(np.median(np.abs(late_ms - middle))),
+        "missed": int((away.min(axis=0) >= SAME_S).sum()),
+        "invented": int((away.min(axis=1) >= SAME_S).sum()),
+    }
 
 
 def main() -> None:

@@ -1,15 +1,103 @@
-"""Where the scenes with closed forms truly end."""
+"""Where the scenes with closed forms truly end; and `solve_ivp`, started again at each event."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import Any
+
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numba import njit
+from numpy.typing import ArrayLike
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.hybrid import System
 from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper
 
-FloatArray = NDArray[np.float64]
+# The undamped hopper in closed form, at all times.
+
+
+def hopper_states(hopper: VerticalHopper, drop_m: float, times_s: ArrayLike) -> FloatArray:
+    """Return height and velocity, (2, N), of the hopper dropped from rest; no preload, no damping.
+
+    Touchdown and lift-off are mirror images about the lowest point, so that each hop repeats.
+    """
+    if hopper.damping_n_s_m != 0 or hopper.rest_length_m != hopper.contact_length_m:
+        raise ValueError(f"expected neither damping nor preload, found {hopper}")
+    g, omega = hopper.gravity_m_s2, np.sqrt(hopper.stiffness_n_m / hopper.mass_kg)
+    speed = np.sqrt(2 * g * (drop_m - hopper.contact_length_m))
+    sag = g / omega**2
+    stance = 2 * np.arctan2(speed / omega, -sag) / omega
+    flight = 2 * speed / g
+    since = (np.asarray(times_s, dtype=np.float64) + flight / 2) % (stance + flight)
+    after = since - flight  # since touchdown
+    swing = omega * after
+    down = sag * np.cos(swing) - speed / omega * np.sin(swing) - sag
+    rate = -sag * omega * np.sin(swing) - speed * np.cos(swing)
+    in_flight = after < 0
+    height = np.where(in_flight, speed * since - 0.5 * g * since**2, down)
+    return np.array(
+        [hopper.contact_length_m + height, np.where(in_flight, speed - g * since, rate)]
+    )
+
+
+# scipy's `solve_ivp`, stopped at each event and started again in the new mode.
+#
+# It calls the same Numba-compiled field and guards as ours: a terminal event per guard, in the
+# direction that its lock leaves open. Systems with a handler are not for it.
+
+Restarted = Callable[..., tuple[FloatArray, int]]
+
+
+def restarted(
+    system: System, params: Sequence[float], t_span: tuple[float, float], y0: Sequence[float]
+) -> Restarted:
+    """Return a function of the options of `solve_ivp`: final state and field evaluations.
+
+    Its `first_step`, if given, is that of the start; after an event scipy chooses for itself.
+    """
+    ivp: Any = solve_ivp
+    assert system.guards is not None
+    assert system.on_event is None
+    field, guards = njit(system.field.function), njit(system.guards.function)
+    numbers, n_guards = np.array(params, dtype=np.float64), system.n_guards
+
+    def slope(t: float, y: FloatArray, mode: IntArray) -> FloatArray:
+        dy = np.empty_like(y)
+        field(t, y, mode, numbers, dy)
+        return dy
+
+    def heights(t: float, y: FloatArray, mode: IntArray) -> FloatArray:
+        h, rates = np.empty(n_guards), np.empty(n_guards)
+        guards(t, y, slope(t, y, mode), mode, numbers, h, rates)
+        return h
+
+    def event(k: int, lock: int) -> Callable[..., float]:
+        def value(t: float, y: FloatArray, mode: IntArray) -> float:
+            return heights(t, y, mode)[k]
+
+        value.terminal, value.direction = True, -lock  # type: ignore[attr-defined]
+        return value
+
+    def run(*, first_step: float | None = None, **options: Any) -> tuple[FloatArray, int]:
+        now, state, evaluations = t_span[0], np.array(y0, dtype=np.float64), 0
+        mode = np.full(n_guards, -1)
+        mode[:] = np.where(heights(now, state, mode) > 0, 1, -1)
+        while now < t_span[1]:
+            part = ivp(
+                slope, (now, t_span[1]), state, args=(mode,), first_step=first_step,
+                events=[event(k, lock) for k, lock in enumerate(mode)], **options,
+            )  # fmt: skip
+            now, state, evaluations = part.t[-1], part.y[:, -1], evaluations + part.nfev
+            first_step = None
+            for k, times in enumerate(part.t_events):
+                if len(times) > 0:
+                    mode[k] = -mode[k]
+        return state, evaluations
+
+    return run
 
 
 def affine_flow(rows: ArrayLike, constants: ArrayLike) -> FloatArray:

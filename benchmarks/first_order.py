@@ -18,15 +18,16 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from machine import in_turn
 from numpy.typing import NDArray
-from timing import in_turn
+from plate_scene import Plate
 
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.first_order import check_c1
-from hopdata.scenes.hopper import flight_mode, hopper_system
+from hopdata.scenes.body import flight_mode
+from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.scene import Control
 from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 
@@ -70,7 +71,7 @@ def errors() -> list[tuple[str, str, float, str]]:
          (0.0, 2.2, 0.07, 0.0, 0.0, 0.0), 1e-6),
         ("hopper_landing",
          lambda y, **k: solve(hopper_system(), (0, 0.1), y, params=legs.vector(),
-                              mode=flight_mode(3, -1), **k),
+                              mode=flight_mode(hopper_system(), -1.0), **k),
          TILTED, 1e-6),
     ]  # fmt: skip
     return [
@@ -112,7 +113,7 @@ def costs(contacts: int, starts: int) -> list[tuple[str, str, float, str]]:
 def spreads() -> list[tuple[str, str, float, str]]:
     """Return how far the products over all orders of a landing are apart, C1 and controls."""
     legs = HopperParameters()
-    mode = flight_mode(3, -1.0)
+    mode = flight_mode(hopper_system(), -1.0)
     reports = {
         "hopper": check_c1(hopper_system(), LANDING, params=legs.vector(), mode=mode, guards=FEET)
     }

@@ -24,24 +24,22 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
-import one_thread  # noqa: F401  first, since it sets the number of threads
 import pandas as pd
-from numpy.typing import NDArray
-from timing import quartiles
+from machine import quartiles
+from numpy.typing import ArrayLike
+from steering_setting import random_excitation, regressor_of
 
-from hopdata.steering.excitation import ControlGrid, random_excitation
-from hopdata.steering.frame_changes import (
-    FrameChanges,
-    frame_change_errors,
-    frame_changes,
-    frame_changes_at_frames,
-    joined,
-)
+from hopdata.arrays import FloatArray
+from hopdata.rigid import wrapped
+from hopdata.steering.excitation import ControlGrid
+from hopdata.steering.experiments.outcomes import SAME_STANCE_S
+from hopdata.steering.frame_changes import USED, FrameChanges, frame_changes, joined
 from hopdata.steering.models.learning import (
     IN_UNITS,
     UNITS,
@@ -50,28 +48,24 @@ from hopdata.steering.models.learning import (
     prediction_score,
     random_split,
     score_rows,
-    smooth_truth,
     smoothness_scores,
     training_table,
     with_intervals,
 )
 from hopdata.steering.models.process import FrameChangeProcess, embedded
-from hopdata.steering.models.tabulated import tabulated, tabulation_errors
+from hopdata.steering.models.tabulated import TabulatedMap, tabulated
 from hopdata.steering.models.training import (
     PRINTED,
     RECOMMENDED,
     WITH_PREVIOUS_CHANGE,
     WITH_PREVIOUS_SWING,
     process_inputs,
-    regressor_of,
     trained_process,
 )
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import SteeredHopper
 from hopdata.steering.trial import SteeredTrial, TrueFrameChanges, record_trial, true_frame_changes
-
-FloatArray = NDArray[np.float64]
 
 ROBOT = SteeredHopper()
 LIMIT = ROBOT.swing_limit_rad
@@ -86,7 +80,126 @@ MODELS = {
 CURVES = ("printed", "recommended", "previous swing", "previous change")
 SIZES = (20, 35, 60, 100, 170, 300)
 SCORES = ("r2", "rmse", "coverage")
+BOOM_WINDOW_S = 0.11  # after the stance (printed: 11 frames at 100 Hz)
+SMOOTH_NOISE = np.array([0.5e-3, 0.5e-3, 2e-3])
 STEP = 1.5e-8  # of forward differences, SciPy's default
+
+
+# Frame changes as printed, and against those that truly happened.
+
+
+def frame_changes_at_frames(
+    pairs: ArrayLike,
+    poses: ArrayLike,
+    boom_angles_rad: ArrayLike,
+    *,
+    rate_hz: float,
+    swing_limit_rad: float,
+    recording: str = "",
+) -> FrameChanges:
+    """Collect frame changes as printed: poses of single frames, boom angles of the 11 that follow.
+
+    Parameters
+    ----------
+    pairs : (P, 2) array of int
+        Frames of stances that are a hop apart.
+    poses, boom_angles_rad : (N, 3) and (N,) arrays
+        Pose and boom angle of every frame, as for `frame_changes`.
+    rate_hz : float
+        Frames per second.
+    swing_limit_rad, recording
+        See `frame_changes`.
+    """
+    every = np.asarray(poses, dtype=float)
+    frames, stances = np.unique(np.reshape(pairs, (-1, 2)), return_inverse=True)
+    window = max(1, round(BOOM_WINDOW_S * rate_hz))
+    return frame_changes(
+        frames / rate_hz,
+        every[frames],
+        stance_boom_angles(boom_angles_rad, frames, window),
+        stances.reshape(-1, 2),
+        swing_limit_rad=swing_limit_rad,
+        recording=recording,
+    )
+
+
+def stance_boom_angles(booms_rad: ArrayLike, frames: ArrayLike, window: int) -> FloatArray:
+    """Return the median boom angle of the frames that follow each stance, (S,), rad.
+
+    Angles are taken relative to their mean direction, so that they may pass a whole turn. NaN
+    where fewer than half of the frames have an angle.
+    """
+    booms, frames = np.asarray(booms_rad, dtype=float), np.asarray(frames)
+    padded = np.append(booms, np.full(window, np.nan))
+    near = padded[frames[:, None] + 1 + np.arange(window)]
+    few = np.isfinite(near).sum(axis=1) < (window + 1) // 2
+    near[few] = 0.0
+    direction = np.nansum(np.exp(1j * near), axis=1)
+    centre = np.angle(direction)
+    angle = centre + np.nanmedian(wrapped(near - centre[:, None]), axis=1)
+    return np.where(few, np.nan, angle)
+
+
+@dataclass(frozen=True)
+class FrameChangeErrors:
+    """Errors of the hops that were found.
+
+    Parameters
+    ----------
+    boom_angle_rad, swing_rad : (n,) arrays
+        Measured less true.
+    change : (n, 3) array
+        Likewise, m, m, rad.
+    missed, invented : int
+        True hops without a measured one, and measured ones without a true one.
+    """
+
+    boom_angle_rad: FloatArray
+    swing_rad: FloatArray
+    change: FloatArray
+    missed: int
+    invented: int
+
+    def rms(self) -> dict[str, float]:
+        """Return root mean square errors by name, with the unit in it."""
+        columns = {
+            "boom_angle_rad": self.boom_angle_rad,
+            "swing_rad": self.swing_rad,
+            **dict(zip(("dx_m", "dy_m", "dtheta_rad"), self.change.T, strict=True)),
+        }
+        return {name: float(np.sqrt(np.mean(error**2))) for name, error in columns.items()}
+
+
+def frame_change_errors(measured: FrameChanges, true: FrameChanges) -> FrameChangeErrors:
+    """Compare the used hops of a recording with the true ones.
+
+    Parameters
+    ----------
+    measured, true : FrameChanges
+        Of one recording, in order of time; hops whose first stances are within `SAME_STANCE_S` of
+        each other are the same.
+    """
+    seen, real = measured.used(), true.used()
+    if not len(seen) or not len(real):
+        empty = np.zeros(0)
+        return FrameChangeErrors(empty, empty, np.zeros((0, 3)), len(real), len(seen))
+    nearest = np.abs(seen.time_s[:, None] - real.time_s).argmin(axis=1)
+    matched = np.abs(seen.time_s - real.time_s[nearest]) <= SAME_STANCE_S
+    _, first = np.unique(nearest[matched], return_index=True)
+    found = np.flatnonzero(matched)[first]
+    a, b = seen.rows(found), real.rows(nearest[found])
+    change = a.change - b.change
+    change[:, 2] = wrapped(change[:, 2])
+    return FrameChangeErrors(
+        boom_angle_rad=wrapped(a.boom_angle_rad - b.boom_angle_rad),
+        swing_rad=wrapped(a.swing_rad - b.swing_rad),
+        change=change,
+        missed=len(real) - len(found),
+        invented=len(seen) - len(found),
+    )
+
+
+# Recordings, models and their scores.
 
 
 def observed(trial: SteeredTrial, name: str) -> FrameChanges:
@@ -193,6 +306,36 @@ def with_past(hops: FrameChanges) -> FrameChanges:
     return used.rows(np.isfinite(used.previous_change).all(axis=1))
 
 
+def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
+    """Return frame changes by analytic functions of boom angle and swing, with a little noise.
+
+    Their sizes are those of the hopper: a few cm and about five degrees. The noise is that of
+    poses from motion capture (`SMOOTH_NOISE`).
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    angle = rng.uniform(0, 2 * np.pi, hops)
+    swing = rng.uniform(-swing_limit_rad, swing_limit_rad, hops)
+    middle = angle + swing / 2
+    change = np.column_stack(
+        [
+            0.05 - 0.025 * np.cos(middle) + 0.01 * np.sin(swing),
+            -0.02 * np.sin(middle) + 0.01 * np.cos(2 * angle) * np.cos(swing),
+            0.12 * np.sin(swing) + 0.03 * np.sin(angle) - 0.02 * np.cos(middle),
+        ]
+    )
+    unknown = np.full(hops, np.nan)
+    return FrameChanges(
+        recording=np.full(hops, "smooth truth"),
+        time_s=np.arange(hops, dtype=float),
+        boom_angle_rad=angle,
+        swing_rad=swing,
+        change=change + SMOOTH_NOISE * rng.standard_normal(change.shape),
+        previous_swing_rad=unknown,
+        previous_change=np.full((hops, 3), np.nan),
+        reason=np.full(hops, USED),
+    )
+
+
 def kernel_table(hops: FrameChanges, draws: int, seed: int) -> pd.DataFrame:
     """Compare the smoothnesses on the hopper and on analytic functions."""
     parts = []
@@ -225,6 +368,28 @@ def sklearn_gradient(regressors: list[Any], process: FrameChangeProcess, points:
         moved[:, axis] += STEP
         slopes.append((sklearn_change(regressors, process, moved) - here) / STEP)
     return here, np.stack(slopes, axis=-1)
+
+
+def tabulation_errors(
+    table: TabulatedMap, model: Any, *, points: int = 2000, seed: int = 0
+) -> tuple[FloatArray, FloatArray]:
+    """Return the largest errors of a table against its map at random points.
+
+    Returns
+    -------
+    value, gradient : (3,) arrays
+        Of each component, m, m, rad, and of its derivatives by any input, per rad.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    d = table.values.ndim - 1
+    angle = rng.uniform(0, 2 * np.pi, points)
+    swings = rng.uniform(-table.swing_limit_rad, table.swing_limit_rad, (d - 1, points))
+    here, there = (
+        table.change_and_gradient(angle, *swings),
+        model.change_and_gradient(angle, *swings),
+    )
+    value, gradient = (np.abs(a - b) for a, b in zip(here, there, strict=True))
+    return value.max(axis=0), gradient.max(axis=(0, 2))
 
 
 def cost_rows(hops: FrameChanges, other: FrameChanges, seed: int) -> Iterator[dict[str, Any]]:

@@ -9,12 +9,12 @@ process on one thread, the solvers and their parts taken in turn. `field_ns` is 
 evaluation of the field alone, called by its address in a loop along the trajectory, and
 `over_evaluations` the time of a call over that of its evaluations. `bare_step_ns` and
 `bare_over_evaluations` are of the method's steps alone, in one loop with the field compiled into it
-(`bare.py`): no driver can be faster than its method. `over_bare` is the time of a call over that of
-as many bare steps as its evaluations make.
+(`step_timer`): no driver can be faster than its method. `over_bare` is the time of a call over that
+of as many bare steps as its evaluations make.
 
 Not in turn, but each the least of its repeats: `empty_call_us` is a call of our solver for an empty
 time span; on the hopper in one dimension, `hand_written_step_ns` is a step written by hand for its
-two states (`hand_written.py`), and `inlined_field_ns` an evaluation compiled into its loop, without
+two states (`hopper_times_ns`), and `inlined_field_ns` an evaluation compiled into its loop, without
 a call.
 
 Both solvers use the same methods, and call the same Numba-compiled field and guards. scipy stops at
@@ -28,28 +28,223 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import sqrt
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from bare import best_time, field_timer, path_of, step_timer
-from exact import hopper_end, octant_end
-from hand_written import hopper_times_ns
+from exact import hopper_end, octant_end, restarted
+from numba import njit
 from numpy.typing import NDArray
-from restarted import restarted
+from plate_scene import Plate
 
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, on_event, solve
-from hopdata.hybrid.methods.dop853 import DOP853
-from hopdata.hybrid.methods.explicit import DOPRI5
-from hopdata.scenes.hopper import flight_mode, hopper_event, hopper_system
+from hopdata.hybrid.compiled.kernel import call_field
+from hopdata.hybrid.compiled.memory import address_of, array_of, int_vector, view
+from hopdata.hybrid.layout import END, K1, KEND, W1, Y
+from hopdata.hybrid.methods.explicit import DOP853, DOPRI5, Tableau
+from hopdata.hybrid.methods.method import Scene, explicit_method
+from hopdata.scenes.body import flight_mode
+from hopdata.scenes.hopper import hopper_event, hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
 from hopdata.synthesis.hops import level_state
 
-FloatArray = NDArray[np.float64]
+# What a method costs by itself: its steps in one loop, without events, step control or a driver.
+#
+# Along a path (states and modes of a solution), in machine code: the field alone, called by its
+# address as the driver does; and whole steps of an explicit method with the field compiled into it,
+# so with its stages' sums and its error norm, and nothing else. Each step goes on from the last, as
+# in an integration: a processor works on steps that do not wait for one another at the same time.
+
+EVALUATIONS = 20_000  # at least, in a row
+IN_A_ROW = 8  # evaluations at one state, as a step has them in one mode
+TINY_STEP = 1e-7  # s: the states are given, so it need not be of use
+
+
+@dataclass(frozen=True)
+class Route:
+    """Where a system was.
+
+    Parameters
+    ----------
+    system : System
+    params : (p,) array
+    states : (N, n) array
+    modes : (N, m) array of int
+    """
+
+    system: System
+    params: FloatArray
+    states: FloatArray
+    modes: IntArray
+
+    @property
+    def rounds(self) -> int:
+        """How often to go along it."""
+        return EVALUATIONS // (IN_A_ROW * len(self.states)) + 1
+
+
+def path_of(
+    system: System, t_span: tuple[float, float], y0: Sequence[float], params: Sequence[float],
+    mode: Sequence[int] | None,
+) -> Route:  # fmt: skip
+    """Return the path of a solution, a state for each step."""
+    whole, start = (
+        solve(system, span, y0, params=params, mode=mode, method="dopri5")
+        for span in (t_span, (t_span[0], t_span[0]))
+    )
+    modes = np.vstack([start.mode, whole.events.mode])
+    last_event = np.searchsorted(whole.events.time, whole.t, side="right")
+    states = np.ascontiguousarray(whole.y.T)
+    return Route(system, np.array(params, dtype=np.float64), states, modes[last_event])
+
+
+@njit(error_model="numpy")
+def _evaluate(
+    address: int, states: FloatArray, modes: IntArray, params: FloatArray, rounds: int
+) -> None:
+    table, p, out = view(states), view(params), view(np.empty((1, states.shape[1])))
+    for _ in range(rounds):
+        for i in range(len(states)):
+            mode = int_vector(address_of(view(modes)) + 8 * i * modes.shape[1], modes.shape[1])
+            for _ in range(IN_A_ROW):
+                call_field(address, 0.0, table, i, mode, p, out, 0)
+
+
+@njit(error_model="numpy")
+def _take_steps(
+    step: Any, states: FloatArray, modes: IntArray, params: FloatArray, room: FloatArray,
+    atol: FloatArray, rounds: int,
+) -> float:  # fmt: skip
+    s, allowed, total, n_modes = view(room), view(atol), 0.0, modes.shape[1]
+    for _ in range(rounds):
+        for i in range(len(states)):
+            mode = array_of(int_vector(address_of(view(modes)) + 8 * i * n_modes, n_modes))
+            for j in range(states.shape[1]):
+                s[Y, j], s[K1, j] = states[i, j], 1.0
+            for _ in range(IN_A_ROW):
+                total += step(0.0, TINY_STEP, 1e-9, s, mode, params, allowed, 0)
+                for j in range(states.shape[1]):
+                    s[Y, j], s[K1, j] = s[END, j], s[KEND, j]
+    return total
+
+
+def best_time(run: Callable[[], object], repeats: int) -> float:
+    """Return the least time of a run, s: what is done is the same each time, the rest is noise."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def once(run: Callable[[], object], count: int) -> Callable[[], float]:
+    """Return a function that tells what one of `count` in a run takes now, ns."""
+    run()
+    return lambda: 1e9 * best_time(run, 1) / count
+
+
+def field_timer(path: Route) -> Callable[[], float]:
+    """Return a function that times the field: ns for an evaluation, on the average on the path."""
+    address = path.system.field.address
+    arguments = (address, path.states, path.modes, path.params, path.rounds)
+    return once(lambda: _evaluate(*arguments), path.rounds * len(path.states) * IN_A_ROW)
+
+
+def step_timer(path: Route, tableau: Tableau) -> Callable[[], float]:
+    """Return a function that times a bare step of an explicit method, ns."""
+    n = path.system.n_states
+    step = njit(error_model="numpy")(explicit_method(tableau, Scene(path.system.field, n)).step)
+    room, atol = np.zeros((W1 + tableau.work_rows, n)), np.full(n, 1e-9)
+    arguments = (step, path.states, path.modes, path.params, room, atol, path.rounds)
+    return once(lambda: _take_steps(*arguments), path.rounds * len(path.states) * IN_A_ROW)
+
+
+# The least that a step can cost: DOPRI5 for one scene, written by hand for its two states.
+
+
+STEPS = 20_000  # in a row
+(A21,), (A31, A32), (A41, A42, A43), (A51, A52, A53, A54), A6 = DOPRI5.stages
+A61, A62, A63, A64, A65 = A6
+B1, _, B3, B4, B5, B6 = DOPRI5.weights
+E1, _, E3, E4, E5, E6, E7 = DOPRI5.errors[0]
+
+
+@njit(error_model="numpy")
+def _rate(z: float, v: float, lock: int, p: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the field of `hopdata.scenes.small`, of numbers."""
+    gravity, stiffness, rest_length, damping = p[0], p[1], p[2], p[3]
+    push = stiffness * (rest_length - z) - damping * v if lock < 0 else 0.0
+    return v, push - gravity
+
+
+@njit(error_model="numpy")
+def _steps(count: int, z: float, v: float, lock: int, p: NDArray[np.float64], dt: float) -> float:
+    """Take so many steps; return the sum of their errors, so that nothing may be left out."""
+    tolerance, total = 1e-9, 0.0
+    k1, m1 = _rate(z, v, lock, p)
+    for _ in range(count):
+        k2, m2 = _rate(z + dt * (A21 * k1), v + dt * (A21 * m1), lock, p)
+        k3, m3 = _rate(
+            z + dt * (A31 * k1 + A32 * k2), v + dt * (A31 * m1 + A32 * m2), lock, p
+        )  # fmt: skip
+        k4, m4 = _rate(
+            z + dt * (A43 * k3 + (A41 * k1 + A42 * k2)),
+            v + dt * (A43 * m3 + (A41 * m1 + A42 * m2)), lock, p,
+        )  # fmt: skip
+        k5, m5 = _rate(
+            z + dt * ((A51 * k1 + A52 * k2) + (A53 * k3 + A54 * k4)),
+            v + dt * ((A51 * m1 + A52 * m2) + (A53 * m3 + A54 * m4)), lock, p,
+        )  # fmt: skip
+        k6, m6 = _rate(
+            z + dt * (A65 * k5 + ((A61 * k1 + A62 * k2) + (A63 * k3 + A64 * k4))),
+            v + dt * (A65 * m5 + ((A61 * m1 + A62 * m2) + (A63 * m3 + A64 * m4))), lock, p,
+        )  # fmt: skip
+        z_end = z + dt * (B6 * k6 + ((B1 * k1 + B3 * k3) + (B4 * k4 + B5 * k5)))
+        v_end = v + dt * (B6 * m6 + ((B1 * m1 + B3 * m3) + (B4 * m4 + B5 * m5)))
+        k7, m7 = _rate(z_end, v_end, lock, p)
+        z_error = (E1 * k1 + E3 * k3) + (E4 * k4 + E5 * k5) + (E6 * k6 + E7 * k7)
+        v_error = (E1 * m1 + E3 * m3) + (E4 * m4 + E5 * m5) + (E6 * m6 + E7 * m7)
+        e0 = dt * z_error / (tolerance + tolerance * max(abs(z), abs(z_end)))
+        e1 = dt * v_error / (tolerance + tolerance * max(abs(v), abs(v_end)))
+        total += sqrt(0.5 * (e0 * e0 + e1 * e1))
+        z, v, k1, m1 = z_end, v_end, k7, m7
+    return total
+
+
+@njit(error_model="numpy")
+def _rates(states: NDArray[np.float64], lock: int, p: NDArray[np.float64], rounds: int) -> float:
+    """Evaluate the field along states, with nothing around it."""
+    total = 0.0
+    for _ in range(rounds):
+        for i in range(len(states)):
+            dz, dv = _rate(states[i, 0], states[i, 1], lock, p)
+            total += dz + dv
+    return total
+
+
+def hopper_times_ns(params: tuple[float, ...], repeats: int) -> tuple[float, float]:
+    """Return the times of a step and of an evaluation that is compiled into its loop, in stance."""
+    p = np.array(params)
+    states = np.ascontiguousarray(np.linspace([0.9, -1.0], [1.0, 1.0], 64))
+    rounds = STEPS // len(states)
+
+    def steps() -> float:
+        return float(_steps(STEPS, 0.95, 0.0, -1, p, TINY_STEP))
+
+    def rates() -> float:
+        return float(_rates(states, -1, p, rounds))
+
+    steps(), rates()
+    step_s, rates_s = best_time(steps, repeats), best_time(rates, repeats)
+    return 1e9 * step_s / STEPS, 1e9 * rates_s / (rounds * len(states))
+
 
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 EQUAL_ERROR = 1e-9
@@ -59,6 +254,7 @@ LEAST_CALLS = 5
 EXACT = {"rtol": 1e-14, "atol": 1e-16, "method": "dop853"}
 HOPPER, BY_HAND, FIELD = "vertical_hopper", "hopdata DOPRI5", "field"
 TABLEAUS = {BY_HAND: DOPRI5, "hopdata DOP853": DOP853}
+METHODS = {BY_HAND: "dopri5", "hopdata DOP853": "dop853"}
 COLUMNS = (
     "scene",
     "solver",
@@ -110,7 +306,7 @@ def three_hops() -> Case:
     system = replace(hopper_system(), on_event=keep_hopping)
     case = Case(
         "hopper", system, tuple(hopper.vector()), (0.0, 2.0), tuple(y0), np.empty(0),
-        tuple(int(x) for x in flight_mode(3, -1.0)), with_peers=False,
+        tuple(int(x) for x in flight_mode(hopper_system(), -1.0)), with_peers=False,
     )  # fmt: skip
     return ending_by_itself(case)
 
@@ -185,7 +381,7 @@ def empty_call_us(case: Case, repeats: int) -> float:
 
 def solvers(case: Case) -> dict[str, Callable[[float], tuple[FloatArray, int]]]:
     """Return what integrates a scene, as functions of the tolerance."""
-    ours = {name: with_hopdata(case, tableau.name) for name, tableau in TABLEAUS.items()}
+    ours = {name: with_hopdata(case, method) for name, method in METHODS.items()}
     if not case.with_peers:
         return ours
     peers = {f"scipy {method}": with_scipy(case, method) for method in ("RK45", "DOP853")}

@@ -1,13 +1,85 @@
-"""What the benchmarks ran on: platform, processor, versions; run with `--out machine.csv`."""
+"""What the benchmarks run on, and how they time: `--out machine.csv` writes platform and versions.
+
+Import it before anything that starts threads: it lets every library have one.
+"""
 
 from __future__ import annotations
 
+import os
+
+os.environ.update(
+    OMP_NUM_THREADS="1",
+    OPENBLAS_NUM_THREADS="1",
+    MKL_NUM_THREADS="1",
+    NUMBA_NUM_THREADS="1",
+    JAX_PLATFORMS="cpu",
+    JAX_ENABLE_X64="1",
+    JAX_CPU_ENABLE_ASYNC_DISPATCH="0",
+    XLA_FLAGS="--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
+)
+# isort: split
+
 import argparse
 import csv
-import os
 import platform
+import time
+from collections.abc import Callable, Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+# Times of several functions in turn, as medians with quartiles.
+#
+# Time is the processor time of this thread: that on the clock of an idle machine, and less
+# disturbed by others on a shared one. What is measured must run in this thread alone.
+
+
+Result = TypeVar("Result")
+
+LONGEST_S = 0.25  # of one function's repeats, beyond the fewest
+
+
+def timed(run: Callable[[], Result]) -> tuple[float, Result]:
+    """Return the time of one run, s, and its result."""
+    start = time.thread_time()
+    result = run()
+    return time.thread_time() - start, result
+
+
+def quartiles(
+    runs: Mapping[str, Callable[[], object]], *, fewest: int = 3, most: int = 15
+) -> dict[str, tuple[float, float, float]]:
+    """Return quartile, median and quartile of each function's time, s; see `in_turn`."""
+    times = in_turn(runs, fewest=fewest, most=most)
+    return {name: tuple(np.percentile(sample, [25, 50, 75])) for name, sample in times.items()}
+
+
+def in_turn(
+    runs: Mapping[str, Callable[[], object]], *, fewest: int = 3, most: int = 15
+) -> dict[str, list[float]]:
+    """Return the times of each function, s, turn by turn.
+
+    All run equally often, `most` times if the slowest takes so little, but `fewest` at least. The
+    first run, which warms up, does not count.
+    """
+    slowest = max(timed(run)[0] for run in runs.values())
+    times: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(int(np.clip(LONGEST_S / slowest, fewest, most))):
+        for name, run in runs.items():
+            times[name].append(timed(run)[0])
+    return times
+
+
+def columns_ms(times: Mapping[str, tuple[float, float, float]]) -> dict[str, float]:
+    """Return the columns of a table, ms, that `quartiles` fill: ``<name>_median_ms`` and so on."""
+    return {
+        f"{name}_{level}_ms": 1e3 * seconds
+        for name, levels in times.items()
+        for level, seconds in zip(("q25", "median", "q75"), levels, strict=True)
+    }
+
 
 PEERS = ("scipy", "scikit-learn", "mujoco", "heyoka", "diffrax", "jax", "scikit-sundae")
 
@@ -30,7 +102,7 @@ def installed(package: str) -> str:
         return ""
 
 
-def machine(*packages: str) -> dict[str, str | int]:
+def this_machine(*packages: str) -> dict[str, str | int]:
     """Return platform, processor and versions of Python, numpy, numba and further packages."""
     versions = {f"{name}_version": installed(name) for name in ("numpy", "numba", *packages)}
     return {
@@ -50,7 +122,7 @@ def main() -> None:
     with out.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file, lineterminator="\n")
         rows.writerow(("what", "value"))
-        rows.writerows((what, value or "absent") for what, value in machine(*PEERS).items())
+        rows.writerows((what, value or "absent") for what, value in this_machine(*PEERS).items())
     print(out.read_text())
 
 

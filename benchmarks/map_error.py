@@ -26,8 +26,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.coordinates import output_weights
@@ -39,8 +39,6 @@ from hopdata.scenes.scene import Control
 from hopdata.synthesis.landings import SectionHeights
 from hopdata.synthesis.scaling import exact_maps, known_scene, scaled_landings, true_states
 from hopdata.synthesis.simulate import simulate_recording
-
-FloatArray = NDArray[np.float64]
 
 PRE_M, POST_M, TIME_UNIT_S = 0.502, 0.2815, 0.0137
 NOISES_MM = (0.0, 0.3, 0.6, 1.2)

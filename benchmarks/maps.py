@@ -13,9 +13,6 @@ every core: there `each_us` is from the clock.
 
 from __future__ import annotations
 
-import one_thread  # noqa: F401
-
-# isort: split
 import argparse
 import csv
 import sys
@@ -24,8 +21,9 @@ from functools import partial
 from importlib.util import find_spec
 from typing import Any, TextIO
 
+import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
-from timing import quartiles
+from machine import quartiles
 
 from hopdata.maps.affine import affine_test_errors, mean_test_errors
 from hopdata.maps.draws import distinct_draws, named_generator

@@ -23,32 +23,261 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from swinging import N_ANGLES, Landings, Swinging, filmed, landings, swinging
-from timing import quartiles
+from machine import quartiles
 
+from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.errors import require_choice
 from hopdata.recording import Recording
 from hopdata.rigid import headings, rigid_fit, twists, wrapped
 from hopdata.scenes.body import rotation_matrices
+from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.steering.observation.calibration import algebraic_circle, calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.live_stances import StanceDetector
-from hopdata.steering.observation.printed import (
-    phasor_poses,
-    printed_boom_angles,
-    printed_stance_pairs,
-)
 from hopdata.steering.observation.stances import find_stances
 from hopdata.steering.observation.tracking import HopperTracker, hopper_motion, observe_frame
-from hopdata.synthesis.trial import MarkerOptions
+from hopdata.synthesis.camera import MarkerTracks, draw_floor, draw_gaps, observe, track_markers
+from hopdata.synthesis.trial import FloorOptions, GapOptions, MarkerOptions, Trial, run_trial
 
-FloatArray = NDArray[np.float64]
+# The hopper that is steered, its boom swinging to and fro, with true poses and landings.
+
+
+SWING_RAD = np.deg2rad(67.5)
+N_ANGLES = 8  # recordings start at so many boom angles, and so cover the circle
+FLAT = FloorOptions(bowl_depth_m=0.0, waves=0)
+FINE_HZ = 1000.0  # rate at which the true lowest points are read off
+LEVEL_STRETCH = 40  # frames at rest before the first hop, which the printed boom angle wants
+
+
+@dataclass(frozen=True)
+class Swinging:
+    """A trial with its markers, before any camera saw it."""
+
+    hopper: HopperParameters
+    trial: Trial
+    tracks: MarkerTracks
+
+    @property
+    def yaw(self) -> FloatArray:
+        """Heading at each frame, rad."""
+        return self.trial.states[:, 3]
+
+    @property
+    def boom_angle(self) -> FloatArray:
+        """Boom angle at each frame, rad."""
+        x, y = self.trial.boom[:, 0] - self.hopper.boom_offset_m, self.trial.boom[:, 1]
+        return np.arctan2(y, x)
+
+
+@dataclass(frozen=True)
+class Landings:
+    """True landings: lowest points, s; which are a hop apart from the next; which stumble."""
+
+    lowest_s: FloatArray
+    goes_on: BoolArray
+    stumbles: BoolArray
+
+
+def swinging(number: int, hops: int, rate_hz: float, seed: int) -> Swinging:
+    """Simulate one of the recordings; the hops are the same at all rates."""
+    hopper = HopperParameters(
+        mass_kg=2.6, counterweight_mass_kg=0.1, inertia_z_kg_m2=0.04, damping_n_s_m=5.5,
+        boom_angle_rad=2 * np.pi * number / N_ANGLES, boom_swing_rad=SWING_RAD,
+        boom_duration_s=0.25,
+    )  # fmt: skip
+    rng = np.random.default_rng(np.random.SeedSequence([seed, number]))
+    trial = run_trial(hopper, hops=hops, rate_hz=rate_hz, rng=rng)
+    return Swinging(hopper, trial, track_markers(trial, hopper, MarkerOptions()))
+
+
+def landings(number: int, hops: int, seed: int) -> Landings:
+    """Return the true landings, as they are at a high frame rate.
+
+    A landing stumbles if not all feet stood at once, or if it came from less than half the usual
+    height.
+    """
+    fine = swinging(number, hops, FINE_HZ, seed)
+    height = fine.tracks.positions[:, :3, 2].mean(axis=1)
+    begins = fine.trial.hop_start_s
+    ends = begins + [hop.end_time_s for hop in fine.trial.hops]
+    first, last = np.ceil(begins * FINE_HZ).astype(int), (ends * FINE_HZ).astype(int)
+    lowest = np.array([i + np.argmin(height[i:j]) for i, j in zip(first, last, strict=True)])
+    rise = height[first] - np.median(height[lowest])
+    stood = np.array([hop.all_stood() and not hop.fell for hop in fine.trial.hops])
+    goes_on = np.append(np.abs(ends[:-1] - begins[1:]) < 1e-6, False)
+    return Landings(lowest / FINE_HZ, goes_on, ~stood | (rise < 0.5 * np.median(rise)))
+
+
+def filmed(
+    scene: Swinging,
+    seed: int,
+    *,
+    noise_m: float = 0.0006,
+    gaps_per_min: float = 0.0,
+    curved: bool = False,
+    rest_first: bool = False,
+) -> Recording:
+    """Return what cameras see of it; with some frames of the hopper at rest before, if wanted."""
+    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
+    true, rate_hz = scene.tracks.positions, scene.trial.rate_hz
+    if rest_first:
+        true = np.concatenate([np.repeat(true[:1], LEVEL_STRETCH, axis=0), true])
+    hidden = draw_gaps(
+        GapOptions(rate_per_min=gaps_per_min),
+        frames=len(true), markers=true.shape[1], rate_hz=rate_hz, rng=streams[1],
+    )  # fmt: skip
+    seen = observe(
+        true,
+        floor=draw_floor(FloorOptions() if curved else FLAT, streams[0]),
+        noise_m=noise_m, resolution_m=0.0, hidden=hidden, rng=streams[2],
+    )  # fmt: skip
+    time = np.arange(len(true)) / rate_hz
+    return Recording("swinging", time, seen, scene.tracks.names, scene.tracks.roles, rate_hz)
+
+
 Row = dict[str, object]
+
+# Pose in the plane from markers as seen from above (dissertation, Algorithm 2).
+
+
+def phasor_poses(body: FloatArray) -> FloatArray:
+    """Return poses by complex phasors, (N, 3): x m, y m, heading rad.
+
+    Each marker is a complex number from the mean of all. The others are turned on to the first by
+    their mean ratio to it, and the heading is the angle of the sum, so its zero is the direction
+    to the first marker, nearly. It takes the body for flat: a tilt shortens some phasors more than
+    others. Put right is that the pose is the mean itself, not the markers about it. Any number of
+    markers; a frame is unknown (NaN) unless all are seen.
+
+    Parameters
+    ----------
+    body : (N, B, 3) array
+        Body markers, m; NaN where unseen.
+    """
+    middle = body[:, :, :2].mean(axis=1)
+    arms = body[:, :, :2] - middle[:, None]
+    phasors = arms[..., 0] + 1j * arms[..., 1]
+    known = np.isfinite(phasors).all(axis=1)
+    heading = np.full(len(body), np.nan)
+    if known.any():
+        phasors = phasors[known]
+        ratios = (phasors[:, :1] / phasors).mean(axis=0)
+        heading[known] = np.unwrap(np.angle(phasors @ ratios))
+    return np.column_stack([np.where(known[:, None], middle, np.nan), heading])
+
+
+# Boom angle as printed (dissertation, Algorithm 3), with its mistakes put right.
+
+REST_FRAMES = 40
+
+
+def printed_boom_angles(
+    body: FloatArray, boom: FloatArray, *, rest_frames: int = REST_FRAMES
+) -> FloatArray:
+    """Return boom angles, (N,), rad, wrapped, with an arbitrary zero and sense.
+
+    The home configuration is the mean over the frames at rest at the beginning, of three body
+    markers and a fourth, virtual one across their plane. Circle and angle are in the plane of the
+    two leading principal components, by linear least squares. Put right: the fourth marker, the
+    determinant of the rotation, the centring, and which component is the normal.
+
+    Parameters
+    ----------
+    body : (N, 3, 3) array
+        Body markers, m; NaN where unseen.
+    boom : (N, 3) array
+        Boom marker, m.
+    rest_frames : int
+        How many frames the hopper stands still at first.
+    """
+    four = np.concatenate([body, virtual_marker(body)[:, None]], axis=1)
+    home = np.nanmean(four[:rest_frames], axis=0)
+    fit = rigid_fit(four, home - home.mean(axis=0))
+    places = np.einsum("nji,nj->ni", fit.rotation, boom - fit.centre)
+    known = np.isfinite(places).all(axis=1)
+    centred = places[known] - places[known].mean(axis=0)
+    flat = centred @ np.linalg.svd(centred, full_matrices=False)[2][:2].T
+    arms = flat - algebraic_circle(flat)[0]
+    angles = np.full(len(body), np.nan)
+    angles[known] = np.arctan2(arms[:, 1], arms[:, 0])
+    return angles
+
+
+def virtual_marker(body: FloatArray) -> FloatArray:
+    first, second = body[:, 1] - body[:, 0], body[:, 2] - body[:, 0]
+    across = np.cross(first, second)
+    length = 0.5 * (np.linalg.norm(first, axis=1) + np.linalg.norm(second, axis=1))
+    unit = across / np.linalg.norm(across, axis=1, keepdims=True)
+    return np.asarray(body[:, 0] + length[:, None] * unit)
+
+
+# Stance pairs as printed (dissertation, Algorithm 4), with its mistakes put right or not.
+
+WINDOW, ORDER = 7, 3
+EXTREMA_OF = ("height", "speed")
+
+
+def printed_stance_pairs(height: FloatArray, *, extrema_of: str = "height") -> IntArray:
+    """Return frames of consecutive stances, (P, 2).
+
+    Candidates are the extrema of the height, where the speed of a Savitzky-Golay filter passes
+    zero; literally printed are the extrema of that speed. Stances lie more than a standard
+    deviation below the mean height, flights as far above. Of several stance candidates without a
+    flight between them, the lowest counts. Frames with an unknown height are bridged by straight
+    lines first, which is not printed.
+
+    Parameters
+    ----------
+    height : (N,) array
+        m, at a constant frame rate; NaN where unknown.
+    extrema_of : str
+        "height", or "speed" as printed.
+    """
+    from scipy.signal import savgol_filter
+
+    require_choice("extrema_of", extrema_of, EXTREMA_OF)
+    frames, known = np.arange(len(height)), np.isfinite(height)
+    z = np.interp(frames, frames[known], height[known])
+    low, high = z.mean() - z.std(), z.mean() + z.std()
+    falling = savgol_filter(z, WINDOW, ORDER, deriv=1 if extrema_of == "height" else 2) < 0
+    turn = np.diff(falling.astype(int))
+    stances, flights = np.flatnonzero(turn < 0) + 1, np.flatnonzero(turn > 0) + 1
+    if extrema_of == "height":
+        stances = merged(stances, flights[z[flights] > high], z)
+    return paired(stances, flights, z, low, high)
+
+
+def merged(stances: IntArray, flights: IntArray, z: FloatArray) -> IntArray:
+    """Return the lowest of the stances between two flights."""
+    group = np.searchsorted(flights, stances)
+    return np.array(
+        [min(stances[group == one], key=lambda k: z[k]) for one in np.unique(group)], dtype=int
+    )
+
+
+def paired(
+    stances: IntArray, flights: IntArray, z: FloatArray, low: float, high: float
+) -> IntArray:
+    """Pair each low stance with that after the next flight, if both are far enough from the mean.
+
+    With merged stances, a low rise in a stance must not pass for the flight: only high ones count.
+    """
+    pairs = []
+    for first in stances[z[stances] < low]:
+        flight = flights[flights > first][:1]
+        last = stances[stances > flight[0]][:1] if flight.size and z[flight[0]] > high else []
+        if len(last) and z[last[0]] < low:
+            pairs.append((first, last[0]))
+    return np.array(pairs, dtype=int).reshape(-1, 2)
+
+
+# What is compared.
 
 TILTS_RAD = (0.0, 0.05, 0.15, 0.3)
 DIRECTIONS = 24

@@ -24,41 +24,54 @@ thread.
 
 `steering_turns.csv`: the largest turn that any swings make of the true map, without noise, by the
 number of hops, with the boom in neutral at first or at the best angle.
+
+`steering_legs.csv`: each row is random starts with one hopper, one controller and one way to begin
+its search. Neither the unevenness of the robot nor the start of the search is printed; the legs of
+the first rows are the default. Models are learned as above. `drift_...` is the frame change of the
+settled hopper with its boom in neutral.
 """
 
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
-import one_thread  # noqa: F401  first, since it sets the number of threads
 import pandas as pd
-from best_plan import reference_objective
-from closed_loop import ClosedLoopTrial, PoseNoise, closed_loop
-from numpy.typing import NDArray
+from machine import timed
 from steering_setting import (
+    EXCITATIONS,
     LIMIT,
     ROBOT,
+    STARTS,
+    ClosedLoopTrial,
+    GradientController,
     Maps,
+    PoseNoise,
     board_before,
+    closed_loop,
+    excited,
     maps,
+    reference_objective,
     start_facing,
     start_turning,
 )
-from timing import timed
 
+from hopdata.arrays import FloatArray
+from hopdata.rigid import relative
 from hopdata.steering.control.objectives import Controller, Horizon, ToHeading, ToPoint
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.experiments.outcomes import rate_interval
 from hopdata.steering.experiments.tasks import ORIGIN, TURN, Task, errors_of, judged
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated, turn_nodes
-from hopdata.steering.robot import SteeredHopper
+from hopdata.steering.models.training import trained_process
+from hopdata.steering.robot import SteeredHopper, released, steer_hop
 
-FloatArray = NDArray[np.float64]
 OFF = {
     "facing": 0.0,
     "90 degrees left": -np.pi / 2,
@@ -182,7 +195,7 @@ def control_table(found: Maps, starts: int, seed: int) -> pd.DataFrame:
 
 def short_rows(task: str, goal: Any, found: Maps, starts: int, seed: int) -> list[dict[str, Any]]:
     """Rows of the controllers without a cost-to-go."""
-    printed = PrintedController(model=found.true, objective=goal, gradient="closed form")
+    printed = GradientController(model=found.true, objective=goal)
     rows = [control_row(task, "printed", "true", [printed], starts, seed)[0]]
     if task in ("facing", "turn"):
         faithful = [PrintedController(model=one, objective=goal) for one in found.sklearn]
@@ -205,9 +218,7 @@ def replanning_table(found: Maps, plans: int, slow_plans: int, seed: int) -> pd.
     table = tabulated(found.copies[0], LIMIT)
     methods = {
         "printed, closed-form gradient": (
-            lambda goal: PrintedController(
-                model=found.copies[0], objective=goal, gradient="closed form"
-            ),
+            lambda goal: GradientController(model=found.copies[0], objective=goal),
             plans,
         ),
         "printed": (
@@ -308,6 +319,57 @@ def _largest(values: FloatArray) -> float:
     return float(np.nanmax(values)) if np.any(~np.isnan(values)) else np.nan
 
 
+# How even the legs are, and where the printed search begins: what they decide.
+
+# Preload of each leg as a share; the default first.
+LEGS = (ROBOT.preload_shares, (0.985, 1.02, 0.995), (1.0, 1.04, 0.96), (1.0, 1.06, 0.94))
+
+
+def learned_of(robot: SteeredHopper, seed: int) -> list[TabulatedMap]:
+    """Return what is learned of a hopper."""
+    hops = [excited(seed, number, robot) for number in range(EXCITATIONS)]
+    return [tabulated(trained_process(some), LIMIT) for some in hops]
+
+
+def drift(robot: SteeredHopper, hops: int = 12) -> dict[str, float]:
+    """Return the frame change with the boom in neutral."""
+    still, rng = robot.still(), np.random.default_rng(0)
+    apex, poses = released(still, np.zeros(3)), []
+    for _ in range(hops):
+        hop = steer_hop(still, apex, 0.0, rng=rng)
+        apex = hop.end
+        poses.append(hop.stance.pose)
+    x, y, turn = relative(poses[-2], poses[-1])
+    return {"drift_x_mm": 1e3 * x, "drift_y_mm": 1e3 * y, "drift_deg": float(np.degrees(turn))}
+
+
+def leg_rows(shares: tuple[float, ...], starts: int, seed: int) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a hopper with such legs."""
+    robot = replace(ROBOT, preload_shares=shares)
+    learned = learned_of(robot, seed)
+    printed = GradientController(model=learned[0])
+    cases = [
+        (name, f"printed, {begun}", [replace(printed, model=m, start=begun) for m in learned])
+        for begun in STARTS
+        for name in ("facing", "turn")
+    ]
+    cases.append(("any heading", "planner", [planner(model) for model in learned]))
+    for name, controller, makers in cases:
+        trial = turning if name == "turn" else to_origin
+        good = sum(
+            trial(makers[number % EXCITATIONS], name, number, seed, robot).success
+            for number in range(starts)
+        )
+        low, high = rate_interval(good, starts)
+        row = {
+            "preload_shares": " ".join(map(str, robot.preload_shares)), **drift(robot),
+            "task": name, "controller": controller, "starts": starts, "successes": good,
+            "share": good / starts, "low": low, "high": high,
+        }  # fmt: skip
+        print(row, flush=True)
+        yield row
+
+
 def main() -> None:
     """Measure and tabulate."""
     parser = argparse.ArgumentParser(
@@ -319,14 +381,18 @@ def main() -> None:
     parser.add_argument("--slow-plans", type=int, default=400, help="of the printed controller")
     parser.add_argument("--seed", type=int, default=20261121)
     options = parser.parse_args()
-    found = maps(options.seed)
-    turns = turns_table(found.true)
-    turns.to_csv(options.out.with_name("steering_turns.csv"), index=False, float_format="%.6g")
-    control = control_table(found, options.starts, options.seed)
-    control.to_csv(options.out, index=False, float_format="%.6g")
-    replanning = replanning_table(found, options.plans, options.slow_plans, options.seed)
-    beside = options.out.with_name("steering_replanning.csv")
+    out: Path = options.out
+    known = maps(options.seed)
+    turns = turns_table(known.true)
+    turns.to_csv(out.with_name("steering_turns.csv"), index=False, float_format="%.6g")
+    control = control_table(known, options.starts, options.seed)
+    control.to_csv(out, index=False, float_format="%.6g")
+    replanning = replanning_table(known, options.plans, options.slow_plans, options.seed)
+    beside = out.with_name("steering_replanning.csv")
     replanning.to_csv(beside, index=False, float_format="%.6g")
+    found = [row for shares in LEGS for row in leg_rows(shares, options.starts, options.seed + 1)]
+    legs = pd.DataFrame(found)
+    legs.to_csv(out.with_name("steering_legs.csv"), index=False, float_format="%.6g")
 
 
 if __name__ == "__main__":

@@ -26,8 +26,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray
 from hopdata.landings.states.coefficients import SectionStates, cross
 from hopdata.landings.states.fits import Tracks, alone, section_states
 from hopdata.landings.touchdowns import touchdown_table
@@ -38,8 +38,6 @@ from hopdata.rigid import body_shape
 from hopdata.synthesis.landings import SectionHeights
 from hopdata.synthesis.scaling import known_scene, true_states
 from hopdata.synthesis.simulate import simulate_recording
-
-FloatArray = NDArray[np.float64]
 
 PRE_M, POST_M = 0.502, 0.2815  # where the study `thesis` has its sections
 NEAR_PRE_M, LATE_POST_M = 0.42, 0.265

@@ -17,9 +17,6 @@ median size that they say is found in 80 %.
 
 from __future__ import annotations
 
-import one_thread  # noqa: F401
-
-# isort: split
 import argparse
 import json
 import os
@@ -30,12 +27,12 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from observed_landings import see_landings
 from scipy.signal import butter, sosfiltfilt
 from statsmodels.stats.proportion import proportion_confint
-from true_tracks import Apexes, apexes_of, joined, true_states
+from true_tracks import Apexes, apexes_of, joined, see_landings, true_states
 
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.maps.truth.maps import input_root, marker_motions

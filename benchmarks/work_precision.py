@@ -2,21 +2,23 @@
 
     python benchmarks/work_precision.py --out work_precision.csv
 
-Writes the table and beside it `ratios.csv` (times at an error of 1e-9 over ours). One process, one
-thread. At each tolerance all solvers take turns;
-times are of one trajectory, in CPU time of the process (other programs count for little), median
+Writes the table and beside it `ratios.csv` (times at an error of 1e-9 over ours) and
+`head_to_head.csv`. One process, one thread. At each tolerance all solvers take turns; times are of
+one trajectory, in CPU time of the process (other programs count for little), median
 and quartiles over the turns. What a solver compiles or builds is not in them but in `compile_s`,
 the first call's excess over the second with all that goes before it, on the clock. `setting` is
 the relative and absolute tolerance, or MuJoCo's time step, s. `error_max` is the largest deviation
 of the final state from the exact one. A solver that fails, or is not installed, has a row that
 says so.
+
+`head_to_head.csv`: each solver runs at the loosest of its tolerances, a decade apart, with which
+the final state errs by at most 1e-9; of each package the fastest takes part, of ours one in calls
+of its own and one in a batch. They are timed in turn, and each turn gives a ratio: whatever slows
+the machine down for a while slows down both.
 """
 
 from __future__ import annotations
 
-import one_thread  # noqa: F401
-
-# isort: split
 import argparse
 import time
 import warnings
@@ -26,12 +28,66 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from equal_error import EQUAL_ERROR, best_of_way, ratios
 from peers import solvers_of
-from peers.problems import Problem, problems
-from peers.solver import FloatArray, Solver
+from peers.problems import FloatArray, Problem, Solver, problems
+
+# Times at equal error, and their ratios.
+
+
+EQUAL_ERROR = 1e-9
+SMALLEST = 1e-17  # an error of zero, on a logarithmic axis
+OURS, OUR_CALL, OUR_BATCH = "hopdata", "hopdata, call", "hopdata, batch"
+
+
+def time_at(rows: pd.DataFrame, error: float) -> float:
+    """Interpolate the time at an error, on logarithmic axes, along the least times so far, us.
+
+    NaN where the error is not reached. Where even the loosest tolerance does better, its time.
+    """
+    done = rows[rows["time_median_us"].notna() & rows["error_max"].notna()]
+    if done.empty or done["error_max"].min() > error:
+        return np.nan
+    by_error = done.sort_values("error_max")
+    envelope = np.minimum.accumulate(by_error["time_median_us"])
+    errors = np.log(np.maximum(by_error["error_max"], SMALLEST))
+    return float(np.exp(np.interp(np.log(error), errors, np.log(envelope))))
+
+
+def ratios(table: pd.DataFrame, error: float = EQUAL_ERROR) -> pd.DataFrame:
+    """Return one row a scene and solver: its time at an error over ours.
+
+    Ours is our fastest method: in a call of its own (``ratio``), and in a batch
+    (``ratio_to_batch``). A ratio above 1 says that ours is faster. ``best_of_package`` marks the
+    fastest solver of each package.
+    """
+    parts = []
+    keys = ["scene", "package", "way", "method"]
+    for key, rows in table.groupby(keys, sort=False, dropna=False):
+        parts.append(dict(zip(keys, key, strict=True)) | {
+            "error": error, "time_us": time_at(rows, error), "least_error": rows["error_max"].min(),
+        })  # fmt: skip
+    result = pd.DataFrame(parts)
+    for way, column in ((OUR_CALL, "ratio"), (OUR_BATCH, "ratio_to_batch")):
+        ours = result[result["way"] == way].groupby("scene")["time_us"].min()
+        result[column] = result["time_us"] / result["scene"].map(ours)
+    best = result.groupby(["scene", "package"])["time_us"].transform("min")
+    result["best_of_package"] = result["time_us"] == best
+    result["note"] = np.where(
+        result["time_us"].notna(), "",
+        np.where(result["least_error"].isna(), "no result", "does not reach the error"),
+    )  # fmt: skip
+    return result
+
+
+def best_of_way(ratio_table: pd.DataFrame) -> pd.Series:
+    """Mark in each scene the fastest method of each way; the most exact, where none gets there."""
+    ranked = ratio_table.sort_values(["time_us", "least_error"], na_position="last")
+    first = ranked.groupby(["scene", "way"]).head(1).index
+    return pd.Series(ratio_table.index.isin(first), index=ratio_table.index)
+
 
 FAR_OFF = 0.1  # no tolerance here explains it
 BLOCK_S = 500e-6  # calls in a row, at least so long, for one timing
@@ -129,6 +185,71 @@ def row(problem: Problem, entry: Entry) -> tuple[object, ...]:
     )  # fmt: skip
 
 
+# Our integrator and the best of each peer, turn by turn: fewer, and steadier ratios.
+TRIAL = 15  # timings by which the fastest is found
+LEVELS = {"q25": 25, "median": 50, "q75": 75}
+
+
+def loosest(solver: Solver, problem: Problem) -> Entry | None:
+    """Return a solver at its loosest setting that reaches the error; None if none does."""
+    for setting in sorted(solver.settings, reverse=True):
+        entry = entered(solver, problem, setting, TRIAL)
+        if entry.run is not None and entry.error <= EQUAL_ERROR:
+            return entry
+    return None
+
+
+def contender(entry: Entry) -> str:
+    """Return what an entry competes for: our two ways by themselves, a peer as one package."""
+    return entry.solver.way if entry.solver.package == OURS else entry.solver.package
+
+
+def fastest(entries: list[Entry]) -> dict[str, Entry]:
+    """Return the fastest entry of each contender, by a few timings in turn."""
+    take_turns(entries, TRIAL)
+    best: dict[str, Entry] = {}
+    for entry in sorted(entries, key=lambda one: np.median(one.times)):
+        best.setdefault(contender(entry), entry)
+    return best
+
+
+def take_turns(entries: list[Entry], turns: int) -> None:
+    """Time all entries so often, in turn; what they had before is forgotten."""
+    for entry in entries:
+        entry.times.clear()
+    for _ in range(turns):
+        for entry in entries:
+            entry.time_block()
+
+
+def race_row(problem: Problem, name: str, best: dict[str, Entry]) -> dict[str, object]:
+    """Return what is written of a contender: its time, and its ratios to our two ways."""
+    entry = best[name]
+    s, times = entry.solver, np.array(entry.times)
+    ratios = {"call": times / best[OUR_CALL].times, "batch": times / best[OUR_BATCH].times}
+    return {
+        "scene": problem.name, "package": s.package, "way": s.way, "method": s.method,
+        "setting": entry.setting, "error_max": entry.error, "turns": len(times),
+        "time_median_us": 1e6 * np.median(times),
+    } | {
+        f"over_{way}_{level}": np.percentile(sample, at)
+        for way, sample in ratios.items() for level, at in LEVELS.items()
+    } | {"note": ""}  # fmt: skip
+
+
+def race(problem: Problem, turns: int) -> list[dict[str, object]]:
+    """Return the rows of a scene."""
+    solvers, absent = solvers_of(problem)
+    best = fastest([entry for s in solvers if (entry := loosest(s, problem)) is not None])
+    take_turns(list(best.values()), turns)
+    late = {s.package for s in solvers} - {entry.solver.package for entry in best.values()}
+    notes = dict.fromkeys(sorted(late), f"does not reach {EQUAL_ERROR:g}")
+    notes |= {package: f"absent: {reason}" for package, reason in absent.items()}
+    return [race_row(problem, name, best) for name in best] + [
+        {"scene": problem.name, "package": package, "note": note} for package, note in notes.items()
+    ]
+
+
 def print_ratios(at_equal_error: pd.DataFrame) -> None:
     """Print the best of each package and scene."""
     chosen: Any = at_equal_error[at_equal_error["best_of_package"] | (at_equal_error["note"] != "")]
@@ -139,28 +260,28 @@ def print_ratios(at_equal_error: pd.DataFrame) -> None:
         )
 
 
-def asked(description: str, turns: int) -> tuple[Path, int, list[Problem]]:
-    """Return what the command line asks for: the file to write, the turns, and the scenes."""
-    parser = argparse.ArgumentParser(description=description.splitlines()[0])
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--turns", type=int, default=turns, help="most timings of each solver")
+    parser.add_argument("--turns", type=int, default=15, help="most timings of each solver")
+    parser.add_argument("--race-turns", type=int, default=60, help="timings of the best of each")
     parser.add_argument("--scenes", nargs="*", help="names of scenes; all by default")
     given = parser.parse_args()
-    given.out.parent.mkdir(parents=True, exist_ok=True)
-    chosen = [one for one in problems() if not given.scenes or one.name in given.scenes]
-    return given.out, given.turns, chosen
-
-
-def main() -> None:
-    out, turns, chosen = asked(__doc__, 15)
+    out: Path = given.out
+    out.parent.mkdir(parents=True, exist_ok=True)
     warnings.simplefilter("ignore")
-    rows = [line for problem in chosen for line in measure(problem, turns)]
+    chosen = [one for one in problems() if not given.scenes or one.name in given.scenes]
+    rows = [line for problem in chosen for line in measure(problem, given.turns)]
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     at_equal_error = ratios(table)
     at_equal_error["best_of_way"] = best_of_way(at_equal_error)
     table.to_csv(out, index=False)
     at_equal_error.to_csv(out.with_name("ratios.csv"), index=False)
     print_ratios(at_equal_error)
+    races = pd.DataFrame([line for one in chosen for line in race(one, given.race_turns)])
+    races.to_csv(out.with_name("head_to_head.csv"), index=False)
+    shown = ["scene", "package", "way", "method", "error_max", "time_median_us", "over_call_median"]
+    print(races[[*shown, "over_batch_median", "note"]].to_string(index=False))
 
 
 if __name__ == "__main__":

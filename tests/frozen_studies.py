@@ -104,7 +104,9 @@ def compared(before: Path, after: Path) -> tuple[float, str]:
         f"{len(came)} came, as {came[0]}" if came else "",
         f"{len(went)} went, as {went[0]}" if went else "",
     ]
-    return (math.inf if came or went else apart[worst]), "; ".join(text for text in told if text)
+    return (math.inf if came or went else apart.get(worst, 0.0)), "; ".join(
+        text for text in told if text
+    )
 
 
 def main() -> int:

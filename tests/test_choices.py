@@ -4,6 +4,7 @@ from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
+import order as theorem
 import pytest
 
 from hopdata import recording
@@ -11,8 +12,6 @@ from hopdata.config.schema import load_schema
 from hopdata.figures import distances as both_sides
 from hopdata.figures import style as saving
 from hopdata.hybrid.methods import table as integrators
-from hopdata.hybrid.printed import theorem
-from hopdata.landings import floor_surface as robust_regression
 from hopdata.landings import schedules, touchdowns
 from hopdata.landings.contacts import find as contacts
 from hopdata.landings.contacts import kink_law as kink_recording
@@ -37,13 +36,9 @@ from hopdata.recordings.quality import orientation
 from hopdata.recordings.quality import orientation as free_fall
 from hopdata.recordings.quality import orientation as length_unit
 from hopdata.scenes import SCENES
-from hopdata.steering import excitation
-from hopdata.steering.control import objectives, printed
 from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments import tasks as starts
 from hopdata.steering.models import training as models
-from hopdata.steering.observation import calibration
-from hopdata.steering.observation import printed as printed_stances
 
 answer = import_module("hopdata.maps.verdict.judge")  # the package shows a function of that name
 ANY = SimpleNamespace()  # in the place of what is not looked at before the name is
@@ -60,7 +55,7 @@ def heights(name="kink", gravity="learned"):
 # Of each table what asks it for a name that it may not know.
 ASKED = {
     "touchdowns.method": (contacts.METHODS, heights),
-    "touchdowns.gravity": (contacts.GRAVITIES, lambda name: heights(gravity=name)),
+    "touchdowns.gravity": (kink_recording.GRAVITIES, lambda name: heights(gravity=name)),
     "gravity of the priors": (
         kink_recording.GRAVITIES,
         lambda name: kink_recording.weak_priors(3, name),
@@ -80,10 +75,6 @@ ASKED = {
     "states.method": (states.METHODS, lambda name: section(method=name)),
     "states.gravity": (states.GRAVITIES, lambda name: section(gravity=name)),
     "side of a section": (states.SIDES, lambda name: section(side=name)),
-    "floor.norm": (
-        robust_regression.NORMS,
-        lambda name: robust_regression.robust_regression(NONE, NONE, norm=name),
-    ),
     "sections.frames": (
         sections.FRAMES,
         lambda name: sections.select_sections([ANY], frames=name),
@@ -125,12 +116,6 @@ ASKED = {
         force_signals.NEWTONS_PER_UNIT,
         lambda name: force_signals._signal(ANY, ANY, NONE, NONE, {**FORCES, "unit": name}),
     ),
-    "excitation.method": (
-        excitation.EXCITATIONS,
-        lambda name: excitation.excitation_of(
-            {"n_angles": 3, "n_steps": 1, "repeats": 1, "method": name}, np.random.default_rng(0)
-        ),
-    ),
     "model.kernel": (models.KERNELS, lambda name: models.process_of({"kernel": name})),
     "experiment": (
         tasks.EXPERIMENTS,
@@ -147,19 +132,6 @@ ASKED = {
         lambda name: tasks.board_for(name, np.zeros(3), drag_n=1.0, ahead_m=1.0),
     ),
     "history": (models.HISTORIES, lambda name: models.process_inputs(ANY, name)),
-    "penalty": (objectives.PENALTIES, lambda name: objectives.ToPoint(penalty=name)),
-    "stances": (objectives.STANCES, lambda name: objectives.ToHeading(stances=name)),
-    "gradient": (
-        printed.GRADIENTS,
-        lambda name: printed.PrintedController(model=ANY, gradient=name),
-    ),
-    "start": (printed.STARTS, lambda name: printed.PrintedController(model=ANY, start=name)),
-    "level": (calibration.LEVELS, lambda name: calibration.calibrate(ANY, level=name)),
-    "forward": (calibration.FORWARDS, lambda name: calibration.calibrate(ANY, forward=name)),
-    "extrema_of": (
-        printed_stances.EXTREMA_OF,
-        lambda name: printed_stances.printed_stance_pairs(NONE, extrema_of=name),
-    ),
     "ratio": (baselines.RATIOS, lambda name: baselines.Reading(name, "entry", 2).noise_sd((3, 2))),
     "signal": (
         baselines.SIGNALS,
@@ -184,15 +156,13 @@ CONFIGURED = {
     "recordings.forces.unit": force_signals.NEWTONS_PER_UNIT,
     "input.unit": length_unit.UNITS,
     "input.vertical_axis": axes.FILE_AXES,
-    "floor.norm": robust_regression.NORMS,
     "sections.frames": sections.FRAMES,
     "touchdowns.method": contacts.METHODS,
-    "touchdowns.gravity": contacts.GRAVITIES,
+    "touchdowns.gravity": kink_recording.GRAVITIES,
     "touchdowns.ambiguous": schedules.TREATMENTS,
     "states.method": states.METHODS,
     "states.gravity": states.GRAVITIES,
     "figures.formats": saving.METADATA,
-    "steering.excitation.method": excitation.EXCITATIONS,
     "steering.model.kernel": models.KERNELS,
     "simulation.scene": SCENES,
 }

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hopdata.rigid import composed, headings, inverse, relative, rigid_fit, twists, wrapped
+from hopdata.rigid import composed, headings, inverse, relative, rigid_fit, wrapped
 from hopdata.scenes.body import rotation_matrices
 from hopdata.synthesis.trial import MarkerOptions
 
@@ -97,12 +97,6 @@ def test_the_residual_is_the_noise_of_a_coordinate():
 def test_heading_is_the_yaw_whatever_the_tilt():
     _, rotation, _, angles = moved(SHAPE, 50, 9, tilt=0.4)
     np.testing.assert_allclose(headings(rotation), angles[:, 0], atol=1e-12)
-
-
-def test_the_twist_is_off_by_half_of_pitch_times_roll():
-    angles = np.array([[0.7, 0.02, 0.03], [0.7, -0.02, 0.03]])
-    error = twists(rotation_matrices(angles)) - 0.7
-    np.testing.assert_allclose(error, -0.5 * angles[:, 1] * angles[:, 2], atol=1e-6)
 
 
 def matrix(pose):

@@ -18,8 +18,6 @@ from hopdata.errors import HopdataError, did_you_mean
 # The commands themselves are in `hopdata.commands`, each imported when it runs, so that
 # ``hopdata --help`` is there at once.
 
-Command = Callable[[argparse.Namespace], int]
-
 EXIT_CODES = """\
 exit codes:
   0    all is well
@@ -57,7 +55,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _parser().parse_args(arguments)
     try:
-        code: int = options.run(options)
+        module, _, name = options.run.partition(":")
+        code: int = getattr(import_module(module), name)(options)
         sys.stdout.flush()
         return code
     except HopdataError as error:
@@ -84,17 +83,6 @@ class _Parser(argparse.ArgumentParser):
             )
 
 
-def _lazily(name: str) -> Command:
-    """Return the command of `hopdata.commands`, imported when it runs."""
-    module = "init" if name == "config_docs" else name
-
-    def run(options: argparse.Namespace) -> int:
-        command: Command = getattr(import_module(f"hopdata.commands.{module}"), name)
-        return command(options)
-
-    return run
-
-
 def _parser() -> argparse.ArgumentParser:
     parser: argparse.ArgumentParser = _Parser(
         prog="hopdata",
@@ -104,37 +92,63 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"hopdata {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    _add_inspect(commands)
-    _add_init(commands)
-    _add_check(commands)
-    _add_plan(commands)
-    _add_config_docs(commands)
+    for name, (place, summary, description, examples, add_options) in COMMANDS.items():
+        command = commands.add_parser(
+            name,
+            help=summary,
+            description=description,
+            epilog=f"examples:\n{examples}\n{EXIT_CODES}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.set_defaults(run=place)
+        add_options(command)
     return parser
 
 
-def _command(
-    commands: argparse._SubParsersAction[argparse.ArgumentParser],
-    module: str,
-    summary: str,
-    description: str,
-    examples: str,
-) -> argparse.ArgumentParser:
-    """Add a command with its help, examples and exit codes."""
-    command = commands.add_parser(
-        module.replace("_", "-"),
-        help=summary,
-        description=description,
-        epilog=f"examples:\n{examples}\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+def _inspect_options(command: argparse.ArgumentParser) -> None:
+    _add_file(command)
+    command.add_argument("--html", type=Path, metavar="PAGE", help="also write a page with figures")
+
+
+def _init_options(command: argparse.ArgumentParser) -> None:
+    _add_file(command)
+    command.add_argument(
+        "-o", "--out", type=Path, metavar="CONFIG", help="file to write; else config/FILE.yaml"
     )
-    command.set_defaults(run=_lazily(module))
-    return command
+    command.add_argument("--force", action="store_true", help="replace CONFIG if it is there")
 
 
-def _add_inspect(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    command = _command(
-        commands,
-        "inspect",
+def _check_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("config", metavar="CONFIG", help="such as config/config.yaml")
+
+
+def _plan_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("verdict", type=Path, metavar="VERDICT", help="verdict.json of a pilot")
+    what = "a size besides those of the table"
+    command.add_argument("--difference", type=_positive, metavar="SHARE", help=what)
+
+
+def _config_docs_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--out", type=Path, metavar="FILE", help="file to write; else stdout")
+
+
+def _add_file(command: argparse.ArgumentParser) -> None:
+    """Add the file, and what the user may know better than the guess."""
+    add = command.add_argument
+    add("file", type=Path, metavar="FILE", help="a recording, such as monday.tsv")
+    add("--unit", choices=("mm", "m"), help="unit of the file; else guessed")
+    what = "direction of the file that is up, as in --vertical-axis=-z; else guessed"
+    add("--vertical-axis", choices=("x", "y", "z", "-x", "-y", "-z"), help=what)
+    what = "frame rate, if the file does not state it"
+    add("--rate", type=_positive, metavar="HZ", help=what)
+    what = "memory a packed file may ask for, as input.most_unpacked_mb; %(default)g"
+    add("--most-unpacked-mb", type=_positive, metavar="MB", default=2000.0, help=what)
+
+
+# Command: where it stands, a line on it, what it does, examples, and what adds its options.
+COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser], None]]] = {
+    "inspect": (
+        "hopdata.commands.inspect:inspect",
         "say what is in a recording, and what looks wrong",
         "Say what is in a recording: markers, rate, duration, gaps; unit and vertical axis with\n"
         "the reason for the guess; rigid clusters and noise; and what looks wrong: swapped\n"
@@ -144,88 +158,44 @@ def _add_inspect(commands: argparse._SubParsersAction[argparse.ArgumentParser]) 
         "  hopdata inspect data/sample/hopper.h5\n"
         "  hopdata inspect monday.tsv --html monday.html\n"
         "  hopdata inspect monday.tsv --rate 250        a file that does not state its rate\n",
-    )
-    _add_file(command)
-    command.add_argument("--html", type=Path, metavar="PAGE", help="also write a page with figures")
-
-
-def _add_init(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    command = _command(
-        commands,
-        "init",
+        _inspect_options,
+    ),
+    "init": (
+        "hopdata.commands.init:init",
         "write a first configuration for a recording",
         "Write a configuration with comments, the roles of the markers guessed from their\n"
         "motion and names, each guess with its reason. Exit code 1 if something must be filled\n"
         "in by hand.",
         "  hopdata init data/sample/hopper.h5           writes config/hopper.yaml\n"
         "  hopdata init monday.tsv -o config/mine.yaml\n",
-    )
-    _add_file(command)
-    command.add_argument(
-        "-o", "--out", type=Path, metavar="CONFIG", help="file to write; else config/FILE.yaml"
-    )
-    command.add_argument("--force", action="store_true", help="replace CONFIG if it is there")
-
-
-def _add_file(command: argparse.ArgumentParser) -> None:
-    """Add the file, and what the user may know better than the guess."""
-    command.add_argument("file", type=Path, metavar="FILE", help="a recording, such as monday.tsv")
-    command.add_argument("--unit", choices=("mm", "m"), help="unit of the file; else guessed")
-    command.add_argument(
-        "--vertical-axis",
-        choices=("x", "y", "z", "-x", "-y", "-z"),
-        help="direction of the file that is up, as in --vertical-axis=-z; else guessed",
-    )
-    command.add_argument(
-        "--rate", type=_positive, metavar="HZ", help="frame rate, if the file does not state it"
-    )
-    command.add_argument(
-        "--most-unpacked-mb",
-        type=_positive,
-        metavar="MB",
-        default=2000.0,
-        help="memory a packed file may ask for, as input.most_unpacked_mb; %(default)g",
-    )
-
-
-def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    command = _command(
-        commands,
-        "check",
+        _init_options,
+    ),
+    "check": (
+        "hopdata.commands.check:check",
         "check a configuration and its recordings",
         "Check a configuration, read its recordings, and say what is in them. Exit code 1, and a\n"
         "line on each mistake, if anything is wrong. Nothing is written.",
         "  hopdata check config/config.yaml\n",
-    )
-    command.add_argument("config", metavar="CONFIG", help="such as config/config.yaml")
-
-
-def _add_plan(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    command = _command(
-        commands,
-        "plan",
+        _check_options,
+    ),
+    "plan": (
+        "hopdata.commands.plan:plan",
         "say how many landings show which difference",
         "Say how many landings a study takes to show a difference of a given size, from the\n"
         "verdict on a pilot: a short recording of the same kind, or a simulated one. Errors fall\n"
         "with the root of the number of landings.",
         "  hopdata plan results/sample/verdict.json\n"
         "  hopdata plan results/pilot/verdict.json --difference 0.08\n",
-    )
-    command.add_argument("verdict", type=Path, metavar="VERDICT", help="verdict.json of a pilot")
-    command.add_argument(
-        "--difference", type=_positive, metavar="SHARE", help="a size besides those of the table"
-    )
-
-
-def _add_config_docs(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    command = _command(
-        commands,
-        "config_docs",
+        _plan_options,
+    ),
+    "config-docs": (
+        "hopdata.commands.init:config_docs",
         "describe the configuration's keys",
         "Write the page on all keys of the configuration, as Markdown.",
         "  hopdata config-docs --out docs/configuration.md\n",
-    )
-    command.add_argument("--out", type=Path, metavar="FILE", help="file to write; else stdout")
+        _config_docs_options,
+    ),
+}
 
 
 def _positive(text: str) -> float:

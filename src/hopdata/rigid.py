@@ -123,7 +123,7 @@ def composed(pose: ArrayLike, change: ArrayLike) -> FloatArray:
 
     Headings add up and are not wrapped, so that turns can be counted.
     """
-    (x, y, heading), (dx, dy, turn) = _parts(pose), _parts(change)
+    (x, y, heading), (dx, dy, turn) = (_parts(one) for one in (pose, change))
     c, s = np.cos(heading), np.sin(heading)
     return np.stack([x + c * dx - s * dy, y + s * dx + c * dy, heading + turn], axis=-1)
 
@@ -152,7 +152,7 @@ def _parts(pose: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 _ALIGNMENTS = 20
 _SETTLED = 1e-15  # change of the shape, relative
-_LEAST_WIDTH = 1e-3
+_LEAST_BODY_WIDTH = 1e-3
 
 
 def body_shape(positions: FloatArray) -> FloatArray:
@@ -177,7 +177,7 @@ def body_shape(positions: FloatArray) -> FloatArray:
         if np.abs(shape - before).max() <= _SETTLED * np.abs(shape).max():
             break
     widths = np.linalg.svd(shape, compute_uv=False)
-    if widths[1] < _LEAST_WIDTH * widths[0]:
+    if widths[1] < _LEAST_BODY_WIDTH * widths[0]:
         raise AnalysisError("rigid body: expected body markers that are not on one line")
     return shape
 
@@ -188,7 +188,5 @@ def kabsch(centred: FloatArray, shape: FloatArray) -> FloatArray:
     Least squares over proper rotations (Kabsch 1976); both are centred.
     """
     left, _, right = np.linalg.svd(np.einsum("nbi,bj->nij", centred, shape))
-    handed = np.sign(np.linalg.det(left @ right))
-    left[:, :, 2] *= handed[:, None]
-    rotation: FloatArray = left @ right
-    return rotation
+    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
+    return np.asarray(left @ right)

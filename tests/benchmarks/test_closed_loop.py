@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from closed_loop import PoseNoise, closed_loop
+from steering_setting import PoseNoise, closed_loop
 
 from hopdata.steering.control.objectives import (
     Plan,

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from kink_bound import kink_bound, mean_kink_bound
+from contact_instants import kink_bound, mean_kink_bound
 
 COMMON = {"rate_hz": 100.0, "noise_m": 6e-4, "velocity_m_s": -1.0}
 

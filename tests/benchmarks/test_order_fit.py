@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from order_fit import fit_limit, fit_order
+from order import fit_limit, fit_order
 
 STEPS = np.geomspace(1e-3, 1.0, 25)
 

@@ -2,7 +2,13 @@ import pandas as pd
 import pytest
 from overlaps import text_faults
 
-from hopdata.figures.verdict import CONTROLS, DIFFERENCE, verdict_figure, verdict_power_figure
+from hopdata.figures.verdict import (
+    ASKED,
+    CONTROLS,
+    verdict_figure,
+    verdict_power_figure,
+    verdicts_figure,
+)
 
 SENTENCES = {
     "different": "The maps of 6 contact orders are different: by 0.38 of the map "
@@ -31,45 +37,87 @@ def verdict(conclusion="no difference", **changes):
     } | changes
 
 
+def touchdowns(*schedules):
+    schedules = schedules or ("2>1>3", "2>1>3", "3>1>2", "1>2>3")
+    used = {"schedule": [*schedules, None], "excluded": [*([False] * len(schedules)), True]}
+    return pd.DataFrame(used)
+
+
+def texts(axes):
+    return [text.get_text().replace("\u00a0", " ") for text in axes.texts]
+
+
 @pytest.mark.parametrize("conclusion", EFFECTS)
-def test_every_conclusion_is_drawn_without_overlap(conclusion):
-    figure = verdict_figure(verdict(conclusion))
+@pytest.mark.parametrize(
+    "schedules", [(), ("1>2",), ("6>5>4>3>2>1", "1>2>3>4>5>6"), ("2>1", "1>2")]
+)
+def test_every_conclusion_is_drawn_without_overlap(conclusion, schedules):
+    figure = verdict_figure(verdict(conclusion), touchdowns(*schedules))
     shown = figure.get_supxlabel().replace("\n", " ").replace("\u00a0", " ")
     assert shown == SENTENCES[conclusion]
     assert text_faults(figure) == []
 
 
 def test_the_sentence_is_not_broken_within_a_number():
-    lines = verdict_figure(verdict("cannot tell")).get_supxlabel().splitlines()
+    lines = verdict_figure(verdict("cannot tell"), touchdowns()).get_supxlabel().splitlines()
     assert len(lines) > 1
     assert not any(line.endswith("95") for line in lines)
 
 
-def test_size_bound_and_detectable_difference_are_those_given():
-    axes = verdict_figure(verdict("cannot tell")).axes[0]
-    interval, estimate, *rest = axes.lines
-    assert (list(interval.get_xdata()), list(estimate.get_xdata())) == ([0.0, 0.36], [0.0])
-    starts = [x.get_xdata()[0] for x in rest if x.get_marker() == "|"]
-    assert starts == [0.33, 0.13]
-    assert axes.get_xlabel() == DIFFERENCE
-    assert "0 (0 to 0.36)" in axes.get_yticklabels()[0].get_text()
+@pytest.mark.parametrize(
+    ("conclusion", "words", "bar", "label"),
+    [
+        ("different", "Different maps: by 38 % (32 % to 45 %)", [32, 45], "95 % interval"),
+        ("no difference", "One smooth map: no difference above 12 %", [0, 12], "not excluded"),
+        ("cannot tell", "Cannot tell: up to 33 % possible", [0, 33], "not excluded"),
+    ],
+)
+def test_answer_interval_and_what_could_be_seen_are_those_given(conclusion, words, bar, label):
+    axes = verdict_figure(verdict(conclusion), touchdowns()).axes[0]
+    assert axes.get_title("left").replace("\u00a0", " ") == words
+    assert list(axes.lines[0].get_xdata()) == pytest.approx(bar)
+    assert any(text.startswith(label) for text in texts(axes))
+    (seen,) = [
+        x.get_xdata()[0] for x in axes.lines if x.get_marker() == "|" and x.get_ydata()[0] < 1
+    ]
+    assert seen == pytest.approx(100 * EFFECTS[conclusion][-1])
+    assert axes.get_xlabel().startswith(ASKED)
+
+
+def test_the_two_commonest_orders_are_drawn_with_their_maps():
+    for conclusion, maps in (("different", 2), ("no difference", 1), ("cannot tell", 1)):
+        drawn = texts(verdict_figure(verdict(conclusion), touchdowns()).axes[1])
+        assert {"feet 2 > 1 > 3", "feet 3 > 1 > 2"} <= set(drawn)
+        assert drawn.index("2nd") < drawn.index("1st") < drawn.index("3rd"), "2 touches first"
+        assert sum("map" in text for text in drawn) == maps
 
 
 def test_an_endless_interval_is_cut_and_ends_in_an_arrowhead():
-    effect = {"estimate": 0.1, "low": 0.0, "high": 1e3, "upper_bound": 900.0, "detectable": 0.3}
-    figure = verdict_figure(verdict(effect=effect))
+    effect = {"estimate": 0.1, "low": 0.0, "high": 1e3, "upper_bound": 900.0, "detectable": 3.0}
+    figure = verdict_figure(verdict("cannot tell", effect=effect), touchdowns())
     axes = figure.axes[0]
-    assert axes.get_xlim()[1] < 2
-    assert any(line.get_marker() == ">" and line.get_ydata()[0] == 0 for line in axes.lines)
+    assert axes.get_xlim()[1] < 400
+    assert any(line.get_marker() == ">" and line.get_ydata()[0] == 1 for line in axes.lines)
     assert text_faults(figure) == []
 
 
 def test_without_an_answer_the_picture_says_why():
     sentence = "These data cannot tell: " + 12 * "a reason that is long, " + "and ends."
-    figure = verdict_figure(verdict(effect=None, sentence=sentence))
+    figure = verdict_figure(verdict(effect=None, sentence=sentence), touchdowns())
     assert figure.axes == []
     assert " ".join(figure.texts[0].get_text().split()) == sentence
     assert text_faults(figure) == []
+
+
+def test_verdicts_share_their_scale():
+    different = verdict("different")
+    figure = verdicts_figure(verdict(), touchdowns(), different, touchdowns(), names=("a", "b"))
+    upper, lower = (part.axes[0] for part in figure.subfigs)
+    assert upper.get_xlim() == lower.get_xlim()
+    assert text_faults(figure) == []
+    none = verdict(effect=None, sentence="Nothing.")
+    figure = verdicts_figure(verdict(), touchdowns(), none, touchdowns(), names=("a", "b"))
+    assert [len(part.axes) for part in figure.subfigs] == [2, 0]
 
 
 COLUMNS = (

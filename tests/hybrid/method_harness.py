@@ -11,11 +11,25 @@ from hopdata.hybrid.layout import END, K1, KEND, P1, W1, Y
 
 compiled = numba.njit(error_model="numpy")
 NO_MODE = np.zeros(0, dtype=np.int64)
+NO_ADDRESS = 0  # of a field: it is put in
+
+
+@compiled
+def row(s, r):
+    """Return a row of an array, as the templates take it from a view."""
+    return s[r]
+
+
+@compiled
+def square(s, first):
+    """Return as many rows of an array as they are long."""
+    return s[first : first + s.shape[1]]
 
 
 def specialised(template, **names):
-    """Compile a template function with these globals put in."""
-    return compiled(FunctionType(template.__code__, {**template.__globals__, **names}))
+    """Compile a template function with these globals put in, to work on arrays."""
+    known = {**template.__globals__, "row": row, "square": square, **names}
+    return compiled(FunctionType(template.__code__, known))
 
 
 class Stepper:
@@ -40,7 +54,8 @@ class Stepper:
     def step(self, dt):
         """Return the error of a step, which is not yet accepted."""
         self.dt = dt
-        return self.step_code(self.t, dt, self.rtol, self.s, self.mode, self.params, self.atol)
+        known = self.t, dt, self.rtol, self.s, self.mode, self.params, self.atol
+        return self.step_code(*known, NO_ADDRESS)
 
     def accept(self):
         self.t += self.dt
@@ -48,7 +63,8 @@ class Stepper:
 
     def interpolate(self, theta):
         """State at the fraction `theta` of the last step, by the rule of the method's basis."""
-        degree = self.interpolant_code(self.t, self.dt, self.s, self.mode, self.params)
+        known = self.t, self.dt, self.s, self.mode, self.params
+        degree = self.interpolant_code(*known, NO_ADDRESS)
         total = np.zeros(self.n)
         for k in range(degree - 1, 0, -1):
             other = theta if self.method.BASIS == "power" or k % 2 == 0 else 1.0 - theta

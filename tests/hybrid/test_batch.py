@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from bent_systems import bent, bent_params
 from hybrid_systems import ball, growth, ladder, py_raising, raising, sliding, throw
+from plate_scene import Plate
 
 from hopdata.hybrid import solve, solve_batch
 from hopdata.hybrid.batch import run_in_threads
-from hopdata.scenes.plate import Plate
 
 PARAMS = bent_params(
     [0.5, 0.7, 1.0], drive=0.3, tilts=[0.2, -0.3, 0.4], sways=0.1, gains=[0.4, -0.8, -0.5]

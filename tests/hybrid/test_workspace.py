@@ -9,9 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from hybrid_systems import ball, growth, ladder, raising_field
+from plate_scene import Plate
 
 from hopdata.hybrid import System, field, guards, solve, solve_batch, workspace
-from hopdata.scenes.plate import Plate
 
 BOUNCES = {"params": (2.0, 0.0, 1.0), "max_step": 0.25}
 

@@ -40,16 +40,15 @@ def test_unknown_places_stay_unknown_and_the_given_ones_are_kept():
     assert within_rim(np.empty((0, 2)), np.ones(24)).shape == (0, 2)
 
 
-@pytest.mark.parametrize("norm", ["tukey", "huber"])
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e3])
-def test_the_robust_regression_does_not_depend_on_the_unit(norm, unit):
+def test_the_robust_regression_does_not_depend_on_the_unit(unit):
     rng = np.random.default_rng(3)
     columns = np.column_stack([np.ones(300), rng.uniform(-1, 1, (300, 3))])
     truth = rng.standard_normal(4)
     heights = columns @ truth + 0.001 * rng.standard_normal(300)
     heights[::10] += 0.5
-    found = robust_regression(columns, unit * heights, norm=norm)
-    np.testing.assert_allclose(found / unit, robust_regression(columns, heights, norm=norm))
+    found = robust_regression(columns, unit * heights)
+    np.testing.assert_allclose(found / unit, robust_regression(columns, heights))
     assert np.abs(found / unit - truth).max() < 0.002
-    exact = robust_regression(columns, unit * (columns @ truth), norm=norm)
+    exact = robust_regression(columns, unit * (columns @ truth))
     np.testing.assert_allclose(exact / unit, truth)

@@ -15,6 +15,21 @@ from hopdata.recording import Event
 from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
 from hopdata.recordings.readers.c3d_parameters import BLOCK, MOST_16_BIT, PROCESSORS, Processor
 
+
+def from_whole(processor: Processor, values: Any) -> bytes:
+    """Encode 16-bit whole numbers; up to 65535 as the same bits without a sign."""
+    whole = np.atleast_1d(np.asarray(values, dtype=np.int64)) & 0xFFFF
+    return whole.astype(f"{processor.order}u2").tobytes()
+
+
+def from_floats(processor: Processor, values: Any) -> bytes:
+    """Encode 32-bit floating-point numbers."""
+    if processor.name != "DEC":
+        return np.atleast_1d(values).astype(f"{processor.order}f4").tobytes()
+    halves = np.ravel(np.asarray(values, dtype="<f4") * np.float32(4)).view("<u2")
+    return halves.reshape(-1, 2)[:, ::-1].tobytes()
+
+
 # The parameter section of a C3D file that is to be written.
 
 
@@ -47,7 +62,7 @@ def parameter_bytes(processor: Processor, groups: dict[str, dict[str, Any]]) -> 
 def _record(processor: Processor, name: str, number: int, content: bytes) -> bytes:
     title = name.encode()
     lead = bytes([len(title), number % 256]) + title
-    return lead + processor.from_whole([len(content) + 2]) + content
+    return lead + from_whole(processor, [len(content) + 2]) + content
 
 
 def _content(processor: Processor, name: str, value: Any) -> bytes:
@@ -63,8 +78,8 @@ def _content(processor: Processor, name: str, value: Any) -> bytes:
     array = np.asarray(value)
     sizes = array.shape[::-1]
     if array.dtype.kind == "f":
-        return bytes([4, len(sizes), *sizes]) + processor.from_floats(array)
-    return bytes([2, len(sizes), *sizes]) + processor.from_whole(array)
+        return bytes([4, len(sizes), *sizes]) + from_floats(processor, array)
+    return bytes([2, len(sizes), *sizes]) + from_whole(processor, array)
 
 
 NEAR = 1e-3  # of a frame: C3D has no time stamps, so all must lie on the grid
@@ -201,8 +216,8 @@ def _event_group(events: tuple[Event, ...]) -> dict[str, Any]:
 def _header(processor: Processor, raw: RawRecording, first: int, scale: float, start: int) -> bytes:
     last = min(first + len(raw.time) - 1, MOST_16_BIT)
     words = [len(raw.markers), 0, min(first, MOST_16_BIT), last, 0]
-    lead = bytes([2, 0x50]) + processor.from_whole(words) + processor.from_floats([scale])
-    rest = processor.from_whole([start, 0]) + processor.from_floats([raw.rate_hz])
+    lead = bytes([2, 0x50]) + from_whole(processor, words) + from_floats(processor, [scale])
+    rest = from_whole(processor, [start, 0]) + from_floats(processor, [raw.rate_hz])
     return (lead + rest).ljust(BLOCK, b"\0")
 
 
@@ -213,9 +228,9 @@ def _data(processor: Processor, positions: FloatArray, scale: float) -> bytes:
     points[:, :, :3] = np.where(unseen[:, :, None], 0.0, positions)
     points[:, :, 3] = np.where(unseen, -1.0, 0.0)
     if scale < 0:
-        return processor.from_floats(points)
+        return from_floats(processor, points)
     points[:, :, :3] /= scale
-    return processor.from_whole(np.round(points))
+    return from_whole(processor, np.round(points))
 
 
 # Writer of QTM motion-data exports (TSV).

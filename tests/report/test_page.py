@@ -107,8 +107,6 @@ def test_the_language_and_the_title_are_given():
 
 def test_every_table_is_there(full):
     assert full.captions == [
-        "Test of the kinks, which decides",
-        "The difference in windows of contact spread",
         "Can these data be trusted?",
         "Faults of the recordings",
         "Remarks on the recordings",

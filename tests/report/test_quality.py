@@ -8,11 +8,9 @@ from fake_study import distances, floors, prediction, sections, touchdowns, trut
 from hopdata.report import tables as landing_tables
 from hopdata.report import tables as result_tables
 from hopdata.report.formatting import Table, mapping_table
-from hopdata.report.inputs import ReportInputs
+from hopdata.report.inputs import ReportFigure, ReportInputs, picture_of
 from hopdata.report.page import build_report
 from hopdata.report.quality import (
-    InspectionPage,
-    SvgPicture,
     agreement_table,
     build_inspection_page,
     quality_table,
@@ -23,16 +21,20 @@ from hopdata.report.quality import (
 SVG = b'<svg width="300.5pt" height="20pt"></svg>'
 
 
+def picture(svg, caption=""):
+    return picture_of(ReportFigure("seen", svg, "image/svg+xml", caption), {})
+
+
 def page(**changes):
     parts = {
         "title": "mon<day>.tsv",
         "answer": "Nothing wrong.",
         "highlights": [("Rate", "100 Hz", "0 frames dropped")],
         "notes": [],
-        "pictures": [SvgPicture(SVG, "Where each marker was seen", "One bar a marker.")],
+        "pictures": [picture(SVG, "# Where each marker was seen\n\nOne bar a marker.")],
         "tables": [Table("Markers", ("marker", "gaps"), (("hip & toe", "3"),))],
     }
-    return build_inspection_page(InspectionPage(**{**parts, **changes}))
+    return build_inspection_page(**{**parts, **changes})
 
 
 class Tags(HTMLParser):
@@ -54,7 +56,7 @@ def test_the_page_is_whole_and_loads_nothing():
     tags.feed(page())
     assert tags.opened == []
     sources = [attrs["src"] for tag, attrs in tags.found if tag == "img"]
-    assert sources == [SvgPicture(SVG, "", "").source]
+    assert sources == [picture(SVG).source]
     assert sources[0].startswith("data:image/svg+xml;base64,")
     assert not any("href" in attrs for _, attrs in tags.found)
 
@@ -67,8 +69,8 @@ def test_text_from_the_file_is_escaped():
 
 
 def test_the_picture_s_width_is_that_of_the_svg():
-    assert SvgPicture(SVG, "", "").width_pt == 300.5
-    assert SvgPicture(b"<svg></svg>", "", "").width_pt == 496.0
+    assert picture(SVG).width_pt == 300.5
+    assert picture(b"<svg></svg>").width_pt == 496.0
 
 
 # Tables and section of the contacts known from elsewhere.
@@ -135,7 +137,7 @@ def test_a_long_list_is_cut_and_said():
     many = pd.concat([CONTACTS.iloc[[1]]] * 70, ignore_index=True)
     table = unmatched_table({"contact_overlay": many})
     assert len(table.rows) == 60
-    assert table.note == "10 more stand in contact_overlay.csv."
+    assert table.note == "10 more in tables/contact_overlay.csv."
 
 
 def test_thresholds_and_a_missing_value():

@@ -9,10 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from hopdata.hybrid import solve
 from hopdata.scenes import hopper_parameters as hp
-from hopdata.scenes.body import cross, euler_rates, rotation_entries, rotation_matrices
+from hopdata.scenes.body import cross, euler_rates, flight_mode, rotation_entries, rotation_matrices
 from hopdata.scenes.hopper import (
     boom_motion,
-    flight_mode,
     foot_gap,
     hopper_event,
     hopper_field,
@@ -42,7 +41,7 @@ def surfaces(y, mode, parameters, dy=None):
 
 
 def modes(*legs, n_legs=3):
-    mode = flight_mode(n_legs, -1.0)
+    mode = flight_mode(hopper_system(n_legs), -1.0)
     mode[list(legs)] = 1
     return mode
 
@@ -127,7 +126,7 @@ def fly(parameters, state, t_span, *, rtol=1e-10, **options):
         t_span,
         state,
         params=parameters.vector(),
-        mode=flight_mode(n, state[8]),
+        mode=flight_mode(hopper_system(n), state[8]),
         rtol=rtol,
         atol=1e-12,
         **options,

@@ -5,10 +5,9 @@ import pytest
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.first_order import bouligand_derivative
-from hopdata.scenes.body import rotation_matrices
+from hopdata.scenes.body import flight_mode, rotation_matrices
 from hopdata.scenes.hopper import (
     boom_motion,
-    flight_mode,
     hopper_field,
     hopper_guards,
     hopper_system,
@@ -40,7 +39,7 @@ def landing(control):
 
 
 def modes(*legs):
-    mode = flight_mode(3, -1.0)
+    mode = flight_mode(hopper_system(), -1.0)
     mode[list(legs)] = 1
     return mode
 
@@ -65,7 +64,9 @@ def tilted_start():
 
 
 def hop(system, params):
-    return solve(system, (0, 2.0), tilted_start(), params=params, mode=flight_mode(3, 0.0))
+    return solve(
+        system, (0, 2.0), tilted_start(), params=params, mode=flight_mode(hopper_system(), 0.0)
+    )
 
 
 @pytest.mark.parametrize("hopper", [HOPPER, SWINGING])
@@ -158,7 +159,7 @@ def test_lift_off_apex_and_fall_have_no_impulse():
 def orders_of_landing(control, hopper=HOPPER):
     return bouligand_derivative(
         control_system(), landing(control), params=hopper.vector(variant=control),
-        mode=flight_mode(3, -1.0), guards=(0, 1, 2),
+        mode=flight_mode(hopper_system(), -1.0), guards=(0, 1, 2),
     ).pieces()  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from hopdata.landings.sections.select import select_sections
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.truth.landings import match_landings
 from hopdata.scenes import SCENES, scene_class
-from hopdata.scenes.body import rotation_matrices
+from hopdata.scenes.body import flight_mode, rotation_matrices
 from hopdata.scenes.quadruped import (
     FALLEN,
     N_LEGS,
@@ -24,7 +24,7 @@ from hopdata.scenes.quadruped import (
 from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis import simulate_recording
 from hopdata.synthesis.exact_maps import homed, section_jacobians
-from hopdata.synthesis.hops import flight_mode, fly_hop, level_state
+from hopdata.synthesis.hops import fly_hop, level_state
 from hopdata.synthesis.landings import (
     SectionHeights,
     input_coordinates,

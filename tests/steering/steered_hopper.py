@@ -73,3 +73,19 @@ def _landings(hops, angle, seed):
 
 def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+def heights(hopper, noise_m=0.00035, seed=1):
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    return hopper.middle[:, 2] + noise_m * rng.standard_normal(len(hopper.middle))
+
+
+def as_landings(instants, hopper, within=0.05):
+    near = np.abs(instants[..., None] - hopper.lowest_s).argmin(axis=-1)
+    assert np.abs(instants - hopper.lowest_s[near]).max(initial=0.0) < within
+    return near
+
+
+def true_pairs(hopper):
+    first = np.flatnonzero(hopper.hop)
+    return np.column_stack([first, first + 1])

@@ -8,7 +8,7 @@ import pytest
 from hopdata.config import load_config
 from hopdata.errors import AnalysisError, RecordingError
 from hopdata.recording import Recording
-from hopdata.steering.excitation import excitation_of
+from hopdata.steering.excitation import ControlGrid, eulerian_excitation
 from hopdata.steering.experiments.outcomes import truth_entries
 from hopdata.steering.frame_changes import TILTED, USED, FrameChanges
 from hopdata.steering.models import learning as learning_curve
@@ -34,8 +34,8 @@ def config():
 @pytest.fixture(scope="module")
 def trial(config):
     """A short excitation and its truth: 3 x 24 hops."""
-    steering = {**config["steering"], "excitation": {
-        "method": "eulerian", "n_angles": 8, "n_steps": 1, "repeats": 3}}  # fmt: skip
+    excitation = {"n_angles": 8, "n_steps": 1, "repeats": 3}
+    steering = {**config["steering"], "excitation": excitation}
     return simulate_excitation(steering, config["motion_capture"], seed=5)
 
 
@@ -57,12 +57,9 @@ def test_the_defaults_of_the_configuration_are_those_of_the_robot_and_the_camera
         assert getattr(robot, name) == getattr(standard, name), name
 
 
-def test_the_excitation_and_the_kernel_are_those_named(config):
-    options = config["steering"]["excitation"]
-    ordered = excitation_of(options, rng())
-    drawn = excitation_of({**options, "method": "random"}, rng())
-    assert len(ordered.swings) == 336 < len(drawn.swings)
-    assert ordered.coverage == drawn.coverage == 1.0
+def test_the_excitation_and_the_kernel_are_those_configured(config):
+    grid = ControlGrid(**config["steering"]["excitation"])
+    assert len(eulerian_excitation(grid, rng()).swings) == 336
     assert process_of({"kernel": "printed"}) is PRINTED
     assert process_of({"kernel": "recommended"}) is RECOMMENDED
 

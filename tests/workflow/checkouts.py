@@ -11,7 +11,7 @@ from pathlib import Path
 import yaml
 
 ROOT = Path(__file__).parents[2]
-PARTS = ("Snakefile", "workflow", "config", "profiles", "data/sample", "src", "pyproject.toml")
+PARTS = ("Snakefile", "workflow", "config", "profiles", "data/sample", "pyproject.toml")
 FIGURES = (
     "verdict",
     "fig2_2_sections",
@@ -24,6 +24,9 @@ FIGURES = (
 
 
 def copy_checkout(target):
+    """Copy all but the library, to which a link leads: what it has compiled is compiled once."""
+    (target / "src").parent.mkdir(parents=True, exist_ok=True)
+    (target / "src").symlink_to(ROOT / "src")
     for part in PARTS:
         source, copy = ROOT / part, target / part
         copy.parent.mkdir(parents=True, exist_ok=True)
@@ -35,7 +38,7 @@ def copy_checkout(target):
 
 
 def snakemake(folder, *arguments, cores=2):
-    environment = {**os.environ, "PYTHONPATH": str(folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment = {**os.environ, "PYTHONPATH": str((folder / "src").resolve())}
     here = [] if cores is None else ["--cores", str(cores)]
     return subprocess.run(
         [sys.executable, "-m", "snakemake", *here, *arguments],

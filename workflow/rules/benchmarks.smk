@@ -1,11 +1,10 @@
 BENCHMARKS = "results/benchmarks"
-# Each program of benchmarks/ and the tables that it writes: the one that it is told, others beside it.
+# Each program of benchmarks/, and the tables that it writes: the one that it is told, others beside it.
 BENCHMARK_TABLES = {
     "machine": ["machine.csv"],
     "order": ["order.csv", "theorem.csv"],
     "integrator": ["integrator.csv"],
-    "work_precision": ["work_precision.csv", "ratios.csv"],
-    "head_to_head": ["head_to_head.csv"],
+    "work_precision": ["work_precision.csv", "ratios.csv", "head_to_head.csv"],
     "calibration": ["calibration.csv", "calibration_table.csv", "calibration_trajectories.csv"],
     "plate": ["plate.csv", "plate_marginal.csv", "plate_scaling.csv"],
     "stress": ["stress.csv"],
@@ -13,10 +12,14 @@ BENCHMARK_TABLES = {
     "first_order": ["first_order.csv"],
     "contact_instants": ["contact_instants.csv"],
     "velocities": ["velocities.csv"],
-    "density": ["density.csv"],
     "maps": ["maps.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
-    "gait": ["gait.csv"],
+    "verdict_power": ["verdict_power.csv", "verdict_studies.csv"],
+    "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
+    "animals": ["animals.csv"],
+    "recording_faults": ["recording_faults.csv", "floor_faults.csv", "filling.csv"],
+    "reading": ["reading.csv", "reading_agreement.csv"],
+    "damaged_files": ["damaged_files.csv"],
     "frame_change_models": [
         "frame_change_models.csv",
         "frame_change_learning.csv",
@@ -25,26 +28,33 @@ BENCHMARK_TABLES = {
         "frame_change_map.csv",
         "frame_change_points.csv",
     ],
-    "steering_control": ["steering_control.csv", "steering_replanning.csv", "steering_turns.csv"],
-    "steering_legs": ["steering_legs.csv"],
-    "animals": ["animals.csv"],
-    "filling": ["filling.csv"],
-    "floor_faults": ["floor_faults.csv"],
-    "reading": ["reading.csv", "reading_agreement.csv"],
-    "damaged_files": ["damaged_files.csv"],
-    "recording_faults": ["recording_faults.csv"],
+    "steering_control": [
+        "steering_control.csv",
+        "steering_replanning.csv",
+        "steering_turns.csv",
+        "steering_legs.csv",
+    ],
     "pose": ["pose.csv", "pose_stances.csv", "pose_live.csv", "pose_time.csv"],
-}
-# They take one to two hours, and so are no part of `benchmarks`: `snakemake --cores 2 studies`.
-SIMULATED_STUDIES = {
-    "verdict_power": ["verdict_power.csv", "verdict_studies.csv"],
-    "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
-}
-# They run in real time for a quarter of an hour: `snakemake --cores 2 live`.
-REAL_TIME_RUNS = {
     "live_loop": ["live_loop.csv"],
 }
-for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES, **REAL_TIME_RUNS}.items():
+# Less than a program does by itself, so that all of them are done within forty minutes on two cores.
+BENCHMARK_ARGUMENTS = {
+    "animals": "--hops 60",
+    "damaged_files": "--files 4200",
+    "first_solve": "--repeats 3",
+    "frame_change_models": "--recordings 4 --draws 4",
+    "live_loop": "--seconds 15",
+    "maps": "--bootstraps 300 --pairs 5000",
+    "pose": "--hops 125 --frames 12000",
+    "recording_faults": "--recordings 10",
+    "steering_control": "--starts 10 --plans 400 --slow-plans 80",
+    "stress": "--hops 20000 --systems 300",
+    "study_cost": "--base 0.1",
+    "verdict_power": "--studies 4 --beside 2",
+}
+# Whose tables hold errors and no times: these run beside each other, the others one at a time.
+UNTIMED = {"map_error", "order", "recording_faults", "velocities"}
+for program, tables in BENCHMARK_TABLES.items():
 
     rule:
         name:
@@ -58,18 +68,19 @@ for program, tables in {**BENCHMARK_TABLES, **SIMULATED_STUDIES, **REAL_TIME_RUN
             f"{BENCHMARKS}/{program}.log",
         # Timings want a machine to themselves, and one for all: this one, whose cores they take.
         localrule: True
-        threads: os.cpu_count()
+        threads: 1 if program in UNTIMED else os.cpu_count()
         params:
             python=sys.executable,
             program=f"{PROGRAMS}/{program}.py",
+            arguments=BENCHMARK_ARGUMENTS.get(program, ""),
             # Not of `input`: what depends on inputs is no reason for Snakemake to run a rule again.
             code=lambda wildcards, program=program: [code_digest(one) for one in sources(program)],
         shell:
             "OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMBA_NUM_THREADS=1 "
-            "{params.python} {params.program} --out {output.table} > {log} 2>&1"
+            "{params.python} {params.program} --out {output.table} {params.arguments} > {log} 2>&1"
 
 
-for figure_name in [*CATALOGUE["benchmarks"], *CATALOGUE["studies"]]:
+for figure_name in CATALOGUE["benchmarks"]:
     job = drawn("benchmarks", BENCHMARKS, to=f"{BENCHMARKS}/figures", names=[figure_name])
 
     rule:
@@ -90,17 +101,26 @@ for figure_name in [*CATALOGUE["benchmarks"], *CATALOGUE["studies"]]:
 
 
 rule benchmark_page:
-    """The figures with their captions on a page."""
+    """Every table and figure of the last run on one page, with what it ran on."""
     input:
+        tables=[f"{BENCHMARKS}/{table}" for tables in BENCHMARK_TABLES.values() for table in tables],
         figures=expand(f"{BENCHMARKS}/figures/{{name}}.{FORMATS[0]}", name=CATALOGUE["benchmarks"]),
         captions=expand(f"{CAPTIONS}/{{name}}.md", name=CATALOGUE["benchmarks"]),
     output:
-        f"{BENCHMARKS}/figures/README.md",
+        f"{BENCHMARKS}/README.md",
     log:
         f"{BENCHMARKS}/benchmark_page.log",
     resources:
         **needs(minutes=10),
     params:
+        programs={
+            name: {
+                "file": f"{PROGRAMS}/{name}.py",
+                "tables": tables,
+                "arguments": BENCHMARK_ARGUMENTS.get(name, "").split(),
+            }
+            for name, tables in BENCHMARK_TABLES.items()
+        },
         code=code("benchmark_page"),
     script:
         "../scripts/benchmark_page.py"
@@ -109,25 +129,9 @@ rule benchmark_page:
 rule benchmarks:
     """All tables and figures of the benchmarks: `snakemake --cores 2 benchmarks`."""
     input:
-        [f"{BENCHMARKS}/{table}" for tables in BENCHMARK_TABLES.values() for table in tables],
+        rules.benchmark_page.output,
         expand(
             f"{BENCHMARKS}/figures/{{name}}.{{format}}",
             name=CATALOGUE["benchmarks"],
             format=FORMATS,
         ),
-        rules.benchmark_page.output,
-
-
-rule studies:
-    """Hundreds of simulated studies: `snakemake --cores 2 studies`."""
-    input:
-        [f"{BENCHMARKS}/{table}" for tables in SIMULATED_STUDIES.values() for table in tables],
-        expand(
-            f"{BENCHMARKS}/figures/{{name}}.{{format}}", name=CATALOGUE["studies"], format=FORMATS
-        ),
-
-
-rule live:
-    """The control loop over a real-time stream: `snakemake --cores 2 live`."""
-    input:
-        [f"{BENCHMARKS}/{table}" for tables in REAL_TIME_RUNS.values() for table in tables],

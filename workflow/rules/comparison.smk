@@ -36,3 +36,45 @@ rule prediction_ratios:
         code=code("prediction_ratios"),
     script:
         "../scripts/prediction_ratios.py"
+
+
+# What `make figures` ends with: the bundled sample and its control.
+PAIR = drawn("pair", "results", to="results/both_sides")
+PAIRED = ["sample", "sample_control"]
+
+
+rule verdicts:
+    """The verdicts on the sample and on its control, one below the other."""
+    input:
+        **PAIR["input"],
+    output:
+        PAIR["output"],
+    log:
+        "results/both_sides/verdicts_figure.log",
+    resources:
+        **needs(minutes=10),
+    params:
+        **PAIR["params"],
+    script:
+        "../scripts/figures.py"
+
+
+rule first_look:
+    """Both verdicts on a page, with what does not tell the two apart."""
+    input:
+        figures=rules.verdicts.output,
+        captions=f"{CAPTIONS}/verdicts.md",
+        summaries=expand("results/{study}/tables/prediction_summary.csv", study=PAIRED),
+        distances=expand("results/{study}/tables/distance_summary.csv", study=PAIRED),
+        touchdowns=expand("results/{study}/tables/touchdowns.csv", study=PAIRED),
+    output:
+        "results/both_sides/first_look.html",
+    log:
+        "results/both_sides/first_look.log",
+    resources:
+        **needs(minutes=10),
+    params:
+        names=["c1", "control"],
+        code=code("first_look"),
+    script:
+        "../scripts/first_look.py"

@@ -20,12 +20,12 @@ rule sections:
 
 
 rule touchdowns:
-    """Contact instants, mode schedules and exclusions of one recording."""
+    """Contact instants, mode schedules and exclusions of one recording, by each method."""
     input:
         recording=READY,
         sections=rules.sections.output.sections,
     output:
-        touchdowns=[f"{RESULTS}/landings/{METHOD}/{{recording}}.csv"],
+        touchdowns=[f"{RESULTS}/landings/{method}/{{recording}}.csv" for method in SCORED_METHODS],
     log:
         f"{RESULTS}/logs/touchdowns_{{recording}}.log",
     benchmark:
@@ -34,29 +34,12 @@ rule touchdowns:
     resources:
         **needs(mb_a_mb=40, minutes=30),
     params:
-        methods=[METHOD],
+        methods=SCORED_METHODS,
         options=STUDY["touchdowns"],
         largest_share=STUDY["filling"]["largest_share"],
         code=code("touchdowns"),
     script:
         "../scripts/touchdowns.py"
-
-
-if COMPARED_METHODS:
-
-    # For the score alone: the touchdowns that the study uses wait for nothing.
-    use rule touchdowns as compared_touchdowns with:
-        output:
-            touchdowns=[
-                f"{RESULTS}/landings/{method}/{{recording}}.csv" for method in COMPARED_METHODS
-            ],
-        log:
-            f"{RESULTS}/logs/compared_touchdowns_{{recording}}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/compared_touchdowns_{{recording}}.tsv"
-        priority: 0
-        params:
-            methods=COMPARED_METHODS,
 
 
 rule pairs:

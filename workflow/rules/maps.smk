@@ -1,24 +1,27 @@
-rule prediction:
-    """Bootstrapped prediction errors of the affine and the mean models."""
+rule linear_maps:
+    """Affine maps of each schedule: bootstrapped prediction errors; one map of all, three ways."""
     input:
         pairs=rules.pairs.output.pairs,
     output:
         errors=f"{RESULTS}/tables/prediction_errors.csv",
         summary=f"{RESULTS}/tables/prediction_summary.csv",
         notes=f"{RESULTS}/maps/prediction_notes.json",
+        estimates=f"{RESULTS}/tables/map_estimates.csv",
+        maps=f"{RESULTS}/maps/map_estimates.json",
+        estimate_notes=f"{RESULTS}/maps/map_estimates_notes.json",
     log:
-        f"{RESULTS}/logs/prediction.log",
+        f"{RESULTS}/logs/linear_maps.log",
     benchmark:
-        f"{RESULTS}/benchmarks/prediction.tsv"
+        f"{RESULTS}/benchmarks/linear_maps.tsv"
     priority: 1  # more waits for it than for a figure
     resources:
         **needs(mb_a_mb=60, minutes=20),
     params:
-        options=STUDY["prediction"],
+        prediction=STUDY["prediction"],
         seed=STUDY["seed"],
-        code=code("prediction"),
+        code=code("linear_maps"),
     script:
-        "../scripts/prediction.py"
+        "../scripts/linear_maps.py"
 
 
 rule distances:
@@ -124,26 +127,6 @@ rule scaling_study:
         "../scripts/scaling_study.py"
 
 
-rule map_estimates:
-    """Estimates of the landing map: as printed, and corrected for noise and for curvature."""
-    input:
-        pairs=rules.pairs.output.pairs,
-    output:
-        table=f"{RESULTS}/tables/map_estimates.csv",
-        maps=f"{RESULTS}/maps/map_estimates.json",
-        notes=f"{RESULTS}/maps/map_estimates_notes.json",
-    log:
-        f"{RESULTS}/logs/map_estimates.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/map_estimates.tsv"
-    resources:
-        **needs(mb_a_mb=60, minutes=20),
-    params:
-        code=code("map_estimates"),
-    script:
-        "../scripts/map_estimates.py"
-
-
 rule verdict:
     """Whether the map through the landing is C1: effect size, interval and bound."""
     input:
@@ -169,7 +152,7 @@ rule estimate_errors:
     """The estimates of the landing map, and the verdict, against the exact maps."""
     input:
         pairs=rules.pairs.output.pairs,
-        estimates=rules.map_estimates.output.maps,
+        estimates=rules.linear_maps.output.maps,
         maps=rules.true_sections.output.maps,
         true_pairs=rules.true_sections.output.pairs,
         units=rules.pairs.output.units,
@@ -213,7 +196,7 @@ rule score:
         floors=each_recording(f"{RESULTS}/ready/{{recording}}.json"),
         sections=rules.sections.output.sections,
         touchdowns=rules.pairs.output.touchdowns,
-        prediction=rules.prediction.output.summary,
+        prediction=rules.linear_maps.output.summary,
         distances=rules.distances.output.summary,
     output:
         truth=f"{RESULTS}/truth.json",

@@ -1,15 +1,41 @@
-"""Write the page of the benchmarks' figures, each above its caption."""
+"""Write the page of the benchmarks: every table, and the figures above their captions."""
 
+import ast
 from pathlib import Path
 
+import pandas as pd
+
+from hopdata.figures.catalogue import tables_of
 from hopdata.jobs import reported, whole_file
 from hopdata.report.inputs import render_caption
 
+MOST_ROWS = 40  # of a table, on the page
+
+
+def line(values):
+    """Return a row of a table in Markdown; numbers that are not there are empty."""
+    cells = (f"{x:.4g}" if isinstance(x, float) else str(x).replace("|", "/") for x in values)
+    return f"| {' | '.join('' if cell == 'nan' else cell for cell in cells)} |"
+
+
 with reported(snakemake.log[0]):
-    parts = []
+    page, programs = Path(snakemake.output[0]), snakemake.params.programs
+    drawn = {name: [] for name in programs}
     for figure, text in zip(snakemake.input.figures, snakemake.input.captions, strict=True):
-        caption = render_caption(Path(text).read_text(), {}, name=Path(figure).stem)
-        picture = f"![{caption.alt}]({Path(figure).name})"
-        parts += [f"# {caption.title}", picture, *caption.paragraphs]
-    with whole_file(snakemake.output[0]) as file:
+        name = Path(figure).stem
+        program = next(p for p, about in programs.items() if tables_of(name)[0] in about["tables"])
+        caption = render_caption(Path(text).read_text(), {}, name=name)
+        picture = f"![{caption.alt}]({Path(figure).relative_to(page.parent)})"
+        drawn[program] += [f"### {caption.title}", picture, *caption.paragraphs]
+    parts = ["# The benchmarks' last run"]
+    for name, about in programs.items():
+        title = ast.get_docstring(ast.parse(Path(about["file"]).read_text())).splitlines()[0]
+        parts += [f"## {title}", f"`{' '.join([name + '.py', *about['arguments']])}`", *drawn[name]]
+        for table in about["tables"]:
+            rows = pd.read_csv(page.with_name(table))
+            count = f", {MOST_ROWS} of {len(rows)} rows" if len(rows) > MOST_ROWS else ""
+            body = rows.head(MOST_ROWS).itertuples(index=False)
+            lines = [line(rows.columns), line(["---"] * len(rows.columns)), *map(line, body)]
+            parts += [f"[{table}]({table}){count}:", "\n".join(lines)]
+    with whole_file(page) as file:
         file.write_text("\n\n".join(parts) + "\n", encoding="utf-8")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2
-from hopdata.commands.terminal import OK, Progress
+from hopdata.commands import terminal
 from hopdata.errors import RecordingError
 from hopdata.recordings.external import ForceSignal, read_contact_times, read_force_signals
 
@@ -33,10 +33,12 @@ def check(options: argparse.Namespace) -> int:
     for entry in config["recordings"]:
         files = files_of(entry)
         if not files:
-            print(f"{entry['name']}: simulated, {_length(simulation_of(config, entry['name']))}")
+            hops, cut_s = map(simulation_of(config, entry["name"]).get, ("hops", "duration_s"))
+            cut = "" if cut_s is None else f", cut at {cut_s:g} s"
+            print(f"{entry['name']}: simulated, {hops} hops{cut}")
             continue
         try:
-            with Progress() as progress:
+            with terminal.progress_line() as progress:
                 progress(f"reading {', '.join(files)}")
                 recording, _ = import_recording(
                     files, name=entry["name"], markers=config["markers"], **config["input"]
@@ -65,26 +67,18 @@ def check(options: argparse.Namespace) -> int:
     if mistakes:
         raise RecordingError(*mistakes)
     print(f"{options.config} is sound")
-    return OK
+    return terminal.OK
 
 
 def _suspects(recording: Recording) -> list[str]:
     """Say in a line what looks wrong with the study's markers, if anything does."""
-    from hopdata.commands.terminal import answer
     from hopdata.recordings.quality.inspection import inspect
 
-    with Progress() as progress:
+    with terminal.progress_line() as progress:
         progress(f"looking for faults in {recording.source}")
         found = inspect(recording)
-    if not found.faults.count:
-        return []
-    return [f"{recording.source}: {answer(found)} 'hopdata inspect' lists them"]
-
-
-def _length(simulation: dict[str, Any]) -> str:
-    """Say how long a simulated recording is."""
-    hops, duration = simulation["hops"], simulation["duration_s"]
-    return f"{hops} hops" if duration is None else f"{hops} hops, cut at {duration:g} s"
+    told = f"{recording.source}: {terminal.answer(found)} 'hopdata inspect' lists them"
+    return [told] if found.faults.count else []
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:

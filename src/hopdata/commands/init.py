@@ -14,15 +14,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hopdata.commands import terminal
 from hopdata.commands.inspect import inspected
-from hopdata.commands.terminal import OK, PROBLEM, suspects, write_text
 from hopdata.errors import HopdataError, printable
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
     from hopdata.recordings.quality.roles import Roles
-
-# ``hopdata config-docs``: the page on the configuration's keys.
 
 
 def config_docs(options: argparse.Namespace) -> int:
@@ -30,11 +28,11 @@ def config_docs(options: argparse.Namespace) -> int:
     from hopdata.config.schema import configuration_page
 
     page = configuration_page()
-    if options.out is None:
-        print(page, end="")
+    if options.out is not None:
+        terminal.write_text(options.out, page)
     else:
-        write_text(options.out, page)
-    return OK
+        print(page, end="")
+    return terminal.OK
 
 
 # A first configuration of a study, with a comment for every choice that was made.
@@ -149,16 +147,13 @@ def _markers(draft: Draft) -> list[str]:
             lines[-1] += "" if names else "  # TO DO: fill in, see above"
     used = {name for names in draft.markers.values() for name in names}
     left = [name for name in draft.all_markers if name not in used]
-    if left:
-        lines += _comment("Not used: " + ", ".join(left), indent="  ")
-    return lines
+    return lines + (_comment("Not used: " + ", ".join(left), indent="  ") if left else [])
 
 
 def _list(key: str, names: Sequence[str]) -> list[str]:
     short = f"  {key}: [{', '.join(map(scalar, names))}]"
-    if len(short) <= WIDTH:
-        return [short]
-    return [f"  {key}:", *(f"    - {scalar(name)}" for name in names)]
+    long = [f"  {key}:", *(f"    - {scalar(name)}" for name in names)]
+    return [short] if len(short) <= WIDTH else long
 
 
 def _comment(text: str, *, indent: str = "") -> list[str]:
@@ -173,15 +168,14 @@ def init(options: argparse.Namespace) -> int:
     """Write a configuration with guessed roles; exit code 1 if something must be filled in."""
     from hopdata.recordings.quality.roles import guess_roles
 
-    name = study_name(options.file.stem)
-    out = options.out or Path("config", f"{name}.yaml")
+    out = options.out or Path("config", f"{study_name(options.file.stem)}.yaml")
     if out.exists() and not options.force:
         raise HopdataError(f"{out}: expected no such file yet, found one; --force replaces it")
     inspection = inspected(options)
     roles = guess_roles(inspection)
     remarks = [*roles.problems, *_remarks(inspection)]
-    draft = _draft(options, name, study_name(out.stem), inspection, roles, remarks)
-    write_text(out, draft_config(draft, path=str(out)))
+    draft = _draft(options, out, inspection, roles, remarks)
+    terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
     guessed = {key: ", ".join(getattr(roles, key)) for key in ("body", "feet", "boom")}
     for key, found in (guessed | {"home": roles.home}).items():
@@ -194,26 +188,17 @@ def init(options: argparse.Namespace) -> int:
     quoted = shlex.quote(str(out))
     if roles.problems:
         print(f"next: fill in what is missing in {out} (TO DO), then hopdata check {quoted}")
-        return PROBLEM
+        return terminal.PROBLEM
     print("These are guesses: correct in the file what is not so.")
     print(f"next: hopdata check {quoted}\n      snakemake --cores 2 --configfile {quoted}")
-    return OK
+    return terminal.OK
 
 
 def _draft(
-    options: argparse.Namespace,
-    name: str,
-    study: str,
-    inspection: Inspection,
-    roles: Roles,
-    remarks: list[str],
+    options: argparse.Namespace, out: Path, inspection: Inspection, roles: Roles, remarks: list[str]
 ) -> Draft:
-
-    reasons = {
-        f"markers.{key}": f"{what} {roles.reasons[key]}."
-        for key, what in _WHAT.items()
-        if roles.reasons.get(key)
-    }
+    told = {key: what for key, what in _WHAT.items() if roles.reasons.get(key)}
+    reasons = {f"markers.{key}": f"{what} {roles.reasons[key]}." for key, what in told.items()}
     if roles.reasons["home"]:
         reasons["home.marker"] = f"{roles.reasons['home']}."
     settings: dict[str, dict[str, object]] = {"input": {}}
@@ -234,8 +219,8 @@ def _draft(
             "tell where the sections should be."
         )
     return Draft(
-        study=study,
-        recording=name,
+        study=study_name(out.stem),
+        recording=study_name(options.file.stem),
         file=_relative(options.file),
         markers={"body": roles.body, "feet": roles.feet, "boom": roles.boom},
         reasons=reasons,
@@ -265,7 +250,7 @@ def _remarks(inspection: Inspection) -> list[str]:
         remarks.append(f"input.unit: {unit.value} is not sure ({unit.reason})")
     if not up.is_sure:
         remarks.append(f"input.vertical_axis: {up.value} is not sure ({up.reason})")
-    found = suspects(inspection)
+    found = terminal.suspects(inspection)
     if found:
         more = f" and {len(found) - 1} more" if len(found) > 1 else ""
         remarks.append(f"frame {found[0].frame}: {found[0].text}{more}; hopdata inspect shows all")

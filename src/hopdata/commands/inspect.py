@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hopdata.commands.terminal import OK, PROBLEM, Progress, Suspect, answer, suspects, write_text
+from hopdata.commands import terminal
 from hopdata.report.formatting import Table
-from hopdata.report.quality import InspectionPage, SvgPicture, build_inspection_page
+from hopdata.report.inputs import ReportFigure, picture_of
+from hopdata.report.quality import build_inspection_page
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,18 +22,16 @@ if TYPE_CHECKING:
 
 def inspect(options: argparse.Namespace) -> int:
     """Say what is in a file; exit code 1 if anything looks wrong."""
-    from hopdata.commands.terminal import listing
-
     inspection = inspected(options)
     encoding = sys.stdout.encoding or "ascii"
-    print(listing(inspection, str(options.file), encoding=encoding))
+    print(terminal.listing(inspection, str(options.file), encoding=encoding))
     if options.html is not None:
-        with Progress() as progress:
+        with terminal.progress_line() as progress:
             progress("drawing the page")
             page = inspection_html(inspection, options.file.name)
-        write_text(options.html, page)
+        terminal.write_text(options.html, page)
         print(f"  page     {options.html}")
-    return PROBLEM if inspection.n_problems else OK
+    return terminal.PROBLEM if inspection.n_problems else terminal.OK
 
 
 def inspected(options: argparse.Namespace) -> Inspection:
@@ -40,20 +39,18 @@ def inspected(options: argparse.Namespace) -> Inspection:
     from hopdata.recordings.quality.inspection import inspect_recording
     from hopdata.recordings.readers.formats import read_raw
 
-    with Progress() as progress:
+    with terminal.progress_line() as progress:
         progress(f"reading {options.file}")
-        raw = read_raw(
-            options.file, rate_hz=options.rate, most_unpacked_mb=options.most_unpacked_mb
-        )
-        return inspect_recording(
-            raw, unit=options.unit, up=options.vertical_axis, progress=progress
-        )
+        limits = {"rate_hz": options.rate, "most_unpacked_mb": options.most_unpacked_mb}
+        raw = read_raw(options.file, **limits)
+        guessed = {"unit": options.unit, "up": options.vertical_axis}
+        return inspect_recording(raw, **guessed, progress=progress)
 
 
 # An inspection as one self-contained page.
 
-MM_PER_M = 1000.0
 CAPTION = (
+    "# Where each marker was seen\n\n"
     "One bar a marker; white is where it was not seen. A gap too short to see is drawn a little "
     "wider than it is. Signs mark what looks wrong, dotted lines dropped frames."
 )
@@ -61,28 +58,28 @@ CAPTION = (
 
 def inspection_html(inspection: Inspection, file: str) -> str:
     """Write the page on one recording."""
-    found = suspects(inspection)
+    found = terminal.suspects(inspection)
     unsure = [
         f"{what}: {guess.value} is not sure ({guess.reason})"
         for what, guess in (("unit", inspection.unit), ("vertical axis", inspection.up))
         if not guess.is_sure
     ]
-    page = InspectionPage(
+    figure = ReportFigure("seen", _timeline(inspection, found), "image/svg+xml", CAPTION)
+    return build_inspection_page(
         title=file,
-        answer=answer(inspection),
+        answer=terminal.answer(inspection),
         highlights=_highlights(inspection),
         notes=unsure,
-        pictures=[SvgPicture(_timeline(inspection, found), "Where each marker was seen", CAPTION)],
+        pictures=[picture_of(figure, {})],
         tables=[t for t in (_suspect_table(found), _gap_table(inspection), _rigid_table(inspection))
                 if t.rows],
     )  # fmt: skip
-    return build_inspection_page(page)
 
 
 def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
     timing = inspection.timing
     unit, up = inspection.unit, inspection.up
-    noise = f"{MM_PER_M * inspection.typical_noise_m:.2f} mm"
+    noise = f"{1e3 * inspection.typical_noise_m:.2f} mm"
     return [
         ("Frames", f"{len(inspection.time)}", f"{inspection.duration_s:.1f} s"),
         ("Rate", f"{inspection.rate_hz:g} Hz", f"{timing.n_dropped} frames dropped"),
@@ -93,21 +90,16 @@ def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
     ]
 
 
-def _timeline(inspection: Inspection, found: list[Suspect]) -> bytes:
+def _timeline(inspection: Inspection, found: list[terminal.Suspect]) -> bytes:
     import pandas as pd
 
     from hopdata.figures.quality import gap_timeline_figure
     from hopdata.figures.style import METADATA, style_context
 
     time = inspection.time - inspection.time[0]
-    gaps = pd.DataFrame(
-        [
-            (g.marker, time[start], time[min(stop, len(time) - 1)])
-            for g in inspection.gaps
-            for start, stop in g.stretches
-        ],
-        columns=["marker", "start_s", "stop_s"],
-    )
+    stretches = [(g.marker, *stretch) for g in inspection.gaps for stretch in g.stretches]
+    rows = [(name, time[start], time[min(stop, len(time) - 1)]) for name, start, stop in stretches]
+    gaps = pd.DataFrame(rows, columns=["marker", "start_s", "stop_s"])
     figure = gap_timeline_figure(
         gaps, _signs(found), markers=inspection.markers, duration_s=inspection.duration_s
     )
@@ -117,43 +109,33 @@ def _timeline(inspection: Inspection, found: list[Suspect]) -> bytes:
     return buffer.getvalue()
 
 
-def _signs(found: list[Suspect]) -> pd.DataFrame:
+def _signs(found: list[terminal.Suspect]) -> pd.DataFrame:
     import pandas as pd
 
     rows = [(name, s.kind, s.time_s) for s in found for name in (s.markers or ("",))]
     return pd.DataFrame(rows, columns=["marker", "kind", "time_s"])
 
 
-def _suspect_table(found: list[Suspect]) -> Table:
+def _suspect_table(found: list[terminal.Suspect]) -> Table:
     rows = tuple((s.kind, s.text, f"{s.frame}", f"{s.time_s:.3f}") for s in found)
     head = ("kind", "what", "frame", "time (s)")
     return Table("What looks wrong", head, rows, text_columns=2, note="Frames count from 1.")
 
 
 def _gap_table(inspection: Inspection) -> Table:
-    rows = tuple(
-        (
-            g.marker,
-            f"{g.count}",
-            f"{g.longest}",
-            f"{g.longest / inspection.rate_hz:.3f}",
-            f"{100 * g.share:.2f}",
-            f"{MM_PER_M * noise:.2f}" if np.isfinite(noise) else "—",
-        )
-        for g, noise in zip(inspection.gaps, inspection.noise_m, strict=True)
-    )
+    rows = []
+    for g, noise in zip(inspection.gaps, inspection.noise_m, strict=True):
+        seconds, noise_mm = f"{g.longest / inspection.rate_hz:.3f}", f"{1e3 * noise:.2f}"
+        numbers = (f"{g.count}", f"{g.longest}", seconds, f"{100 * g.share:.2f}")
+        rows.append((g.marker, *numbers, noise_mm if np.isfinite(noise) else "—"))
     head = ("marker", "gaps", "longest (frames)", "longest (s)", "unseen (%)", "noise (mm)")
-    return Table("Markers", head, rows, note="Noise of a coordinate, from frame to frame.")
+    return Table("Markers", head, tuple(rows), note="Noise of a coordinate, from frame to frame.")
 
 
 def _rigid_table(inspection: Inspection) -> Table:
     rows = tuple(
-        (", ".join(inspection.markers[m] for m in c.markers), f"{MM_PER_M * c.noise:.2f}")
+        (", ".join(inspection.markers[m] for m in c.markers), f"{1e3 * c.noise:.2f}")
         for c in inspection.clusters
     )
-    return Table(
-        "Rigid clusters",
-        ("markers", "noise (mm)"),
-        rows,
-        note="Noise of a coordinate by the distances within; what bends counts as noise.",
-    )
+    note = "Noise of a coordinate by the distances within; what bends counts as noise."
+    return Table("Rigid clusters", ("markers", "noise (mm)"), rows, note=note)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 from hopdata.errors import HopdataError
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 # What a command's exit code says; argparse itself ends with 2 on a wrong command line.
 
-OK, PROBLEM, USAGE, INTERRUPTED = 0, 1, 2, 130
+OK, PROBLEM, INTERRUPTED = 0, 1, 130
 
 
 # Numbers and the words behind them.
@@ -101,13 +101,12 @@ def _all(inspection: Inspection) -> Iterator[Suspect]:
 
 
 def _mm(metres: float) -> str:
-    return f"{metres * MM_PER_M:.1f} mm"
+    return f"{metres * 1e3:.1f} mm"
 
 
 WIDTH, COLUMNS, MOST_SUSPECTS = 100, 50, 20
 SEEN, PARTLY, UNSEEN = "█", "▒", "·"
 PLAIN = {SEEN: "#", PARTLY: "+", UNSEEN: "."}
-MM_PER_M = 1000.0
 
 
 def listing(inspection: Inspection, file: str, *, encoding: str = "utf-8") -> str:
@@ -147,13 +146,13 @@ def answer(inspection: Inspection) -> str:
 
 def _plural(kind: str, count: int) -> str:
     words = {
-        "frozen": ("frozen marker", "frozen markers"),
-        "unseen": ("marker never seen", "markers never seen"),
-        "dropped": ("place with dropped frames", "places with dropped frames"),
-        "rate": ("wrong frame rate", "wrong frame rates"),
-        "time": ("irregular time stamp", "irregular time stamps"),
+        "frozen": "frozen marker{}",
+        "unseen": "marker{} never seen",
+        "dropped": "place{} with dropped frames",
+        "rate": "wrong frame rate{}",
+        "time": "irregular time stamp{}",
     }
-    return words.get(kind, (kind, f"{kind}s"))[count > 1]
+    return words.get(kind, f"{kind}{{}}").format("s" if count > 1 else "")
 
 
 def _facts(inspection: Inspection) -> list[str]:
@@ -165,7 +164,7 @@ def _facts(inspection: Inspection) -> list[str]:
     unit, up = inspection.unit, inspection.up
     names = ", ".join(inspection.markers)
     return [
-        _line("frames", f"{rate}; {stamps}"),
+        f"  {'frames':8} {rate}; {stamps}",
         *_wrapped("markers", f"{len(inspection.markers)}: {names}"),
         *_wrapped("unit", f"{unit.value}: {unit.reason}" + _unsure(unit.is_sure)),
         *_wrapped("up", f"{up.value}: {up.reason}" + _unsure(up.is_sure)),
@@ -177,12 +176,12 @@ def _unsure(is_sure: bool) -> str:
 
 
 def _rigid(inspection: Inspection) -> list[str]:
-    white = MM_PER_M * inspection.typical_noise_m
+    white = 1e3 * inspection.typical_noise_m
     noise = f"{white:.2f} mm a coordinate from frame to frame (median of the markers)"
     lines = _wrapped("noise", noise if isfinite(white) else "no five frames in a row")
     for cluster in inspection.clusters:
         names = ", ".join(inspection.markers[m] for m in cluster.markers)
-        noise = f"{MM_PER_M * cluster.noise:.2f} mm a coordinate by its distances"
+        noise = f"{1e3 * cluster.noise:.2f} mm a coordinate by its distances"
         lines += _wrapped("rigid", f"{names}; {noise}")
     if not inspection.clusters:
         lines += _wrapped("rigid", "no three markers that keep their distances")
@@ -194,16 +193,12 @@ def _gaps(inspection: Inspection) -> list[str]:
     width = max(map(len, inspection.markers), default=0)
     n_columns = max(1, min(COLUMNS, len(inspection.time)))
     column = inspection.duration_s / n_columns
-    head = f"  gaps (a column is {column:.3g} s; {SEEN} seen, {PARTLY} partly, {UNSEEN} unseen)"
-    lines = [head]
+    lines = [f"  gaps (a column is {column:.3g} s; {SEEN} seen, {PARTLY} partly, {UNSEEN} unseen)"]
     for gaps in inspection.gaps:
-        numbers = "no gap"
-        if gaps.count:
-            longest = (
-                f"{counted(gaps.longest, 'frame')} ({gaps.longest / inspection.rate_hz:.3g} s)"
-            )
-            share = f"{100 * gaps.share:.2g} % unseen"
-            numbers = f"{counted(gaps.count, 'gap')}, longest {longest}, {share}"
+        longest = f"{counted(gaps.longest, 'frame')} ({gaps.longest / inspection.rate_hz:.3g} s)"
+        share = f"{100 * gaps.share:.2g} % unseen"
+        numbers = f"{counted(gaps.count, 'gap')}, longest {longest}, {share}"
+        numbers = numbers if gaps.count else "no gap"
         lines.append(f"  {gaps.marker:{width}} {_bar(gaps, n_columns)} {numbers}")
     return lines
 
@@ -230,10 +225,6 @@ def _suspects(inspection: Inspection) -> list[str]:
     return lines
 
 
-def _line(key: str, text: str) -> str:
-    return f"  {key:8} {text}"
-
-
 def _wrapped(key: str, text: str) -> list[str]:
     return textwrap.wrap(text, WIDTH, initial_indent=f"  {key:8} ", subsequent_indent=" " * 11)
 
@@ -243,28 +234,19 @@ def _wrapped(key: str, text: str) -> list[str]:
 CLEAR_LINE = "\r\033[K"
 
 
-class Progress:
-    """Shows the step at hand; a context manager that leaves an empty line behind."""
+@contextmanager
+def progress_line() -> Iterator[Callable[[str], None]]:
+    """Yield what shows the step at hand, in words; an empty line is left behind."""
+    shown = sys.stderr.isatty()
 
-    def __init__(self) -> None:
-        self._shown = sys.stderr.isatty()
+    def show(text: str) -> None:
+        if shown:
+            print(f"{CLEAR_LINE}{text}", end="", file=sys.stderr, flush=True)
 
-    def __call__(self, step: str) -> None:
-        """Show a step, in words."""
-        if self._shown:
-            print(f"{CLEAR_LINE}{step} ...", end="", file=sys.stderr, flush=True)
-
-    def __enter__(self) -> Progress:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._shown:
-            print(CLEAR_LINE, end="", file=sys.stderr, flush=True)
+    try:
+        yield lambda step: show(f"{step} ...")
+    finally:
+        show("")
 
 
 # Files that a command writes: whole or not at all, or one clear message.

@@ -12,6 +12,12 @@ from typing import Any
 from hopdata.errors import ConfigError, did_you_mean
 from hopdata.scenes import STANDARD
 
+
+def _unknown(key: str, what: str, name: str, known: list[str]) -> str:
+    """Say that a name is not among those that are there."""
+    return f"{key}: expected {what} ({', '.join(known)}), found '{name}'{did_you_mean(name, known)}"
+
+
 # Mistakes in what a configuration says of external contacts and forces.
 
 BLOCKS = ("contacts", "forces")
@@ -46,14 +52,11 @@ def _wrong_columns(place: str, block: dict[str, Any], feet: list[str]) -> Iterat
             )
         for foot in column["feet"] or [column["name"]]:
             if foot not in feet:
-                yield (
-                    f"{place}.columns[{k}].feet: expected feet of markers.feet "
-                    f"({', '.join(feet)}), found '{foot}'{did_you_mean(foot, feet)}"
-                )
+                yield _unknown(f"{place}.columns[{k}].feet", "feet of markers.feet", foot, feet)
 
 
 def _wrong_options(place: str, recording: dict[str, Any]) -> Iterator[str]:
-    contacts, forces = recording["contacts"], recording["forces"]
+    contacts, forces = (recording[block] for block in BLOCKS)
     if contacts["label_column"] is not None and contacts["time_column"] is None:
         yield (
             f"{place}.contacts.time_column: expected the column of the instants beside "
@@ -131,10 +134,8 @@ ROUNDING = 1e-9
 def steering_mistakes(config: dict[str, Any]) -> Iterator[str]:
     """Yield what does not fit together in the block ``steering``."""
     steering = config["steering"]
-    if steering["recordings"]:
-        yield from _wrong_recordings(config)
-    else:
-        yield from _wrong_excitation(steering)
+    recorded = bool(steering["recordings"])
+    yield from _wrong_recordings(config) if recorded else _wrong_excitation(steering)
     yield from _wrong_distances(steering["experiments"])
 
 
@@ -142,10 +143,7 @@ def _wrong_recordings(config: dict[str, Any]) -> Iterator[str]:
     known = [entry["name"] for entry in config["recordings"]]
     for i, name in enumerate(config["steering"]["recordings"]):
         if name not in known:
-            yield (
-                f"steering.recordings[{i}]: expected one of the recordings ({', '.join(known)}), "
-                f"found '{name}'{did_you_mean(name, known)}"
-            )
+            yield _unknown(f"steering.recordings[{i}]", "one of the recordings", name, known)
     if len(config["markers"]["boom"]) != 1:
         found = ", ".join(config["markers"]["boom"]) or "none"
         yield (
@@ -155,9 +153,8 @@ def _wrong_recordings(config: dict[str, Any]) -> Iterator[str]:
 
 
 def _wrong_excitation(steering: dict[str, Any]) -> Iterator[str]:
-    angles, steps, repeats = (
-        steering["excitation"][key] for key in ("n_angles", "n_steps", "repeats")
-    )
+    excitation = steering["excitation"]
+    angles, steps, repeats = (excitation[key] for key in ("n_angles", "n_steps", "repeats"))
     limit, largest = steering["robot"]["swing_limit_rad"], 2 * pi * steps / angles
     if largest > limit + ROUNDING:
         yield (
@@ -195,13 +192,12 @@ def _repeated_names(config: dict[str, Any]) -> Iterator[str]:
     seen: dict[str, int] = {}
     for i, recording in enumerate(config["recordings"]):
         name = recording["name"]
-        if name.lower() in seen:  # some file systems do not tell case apart
-            first = seen[name.lower()]
+        first = seen.setdefault(name.lower(), i)  # some file systems do not tell case apart
+        if first != i:
             yield (
                 f"recordings[{i}].name: expected a name of its own, "
                 f"found '{name}' as in recordings[{first}]"
             )
-        seen.setdefault(name.lower(), i)
 
 
 def _repeated_markers(config: dict[str, Any]) -> Iterator[str]:
@@ -209,25 +205,20 @@ def _repeated_markers(config: dict[str, Any]) -> Iterator[str]:
     for role, names in config["markers"].items():
         for name in names:
             if name in seen:
-                other = f"in markers.{seen[name]}" if seen[name] != role else "twice"
-                yield f"markers.{role}: expected each marker once, found '{name}' {other}" + (
-                    " as well" if seen[name] != role else ""
-                )
+                other = f"in markers.{seen[name]} as well" if seen[name] != role else "twice"
+                yield f"markers.{role}: expected each marker once, found '{name}' {other}"
             seen.setdefault(name, role)
 
 
 def _home_marker(config: dict[str, Any]) -> Iterator[str]:
     marker, body = config["home"]["marker"], config["markers"]["body"]
     if marker is not None and marker not in body:
-        yield (
-            f"home.marker: expected a body marker ({', '.join(body)}), "
-            f"found '{marker}'{did_you_mean(marker, body)}"
-        )
+        yield _unknown("home.marker", "a body marker", marker, body)
 
 
 def _sections_in_order(config: dict[str, Any]) -> Iterator[str]:
     pre, post = (config["sections"][key] for key in ("pre_height_m", "post_height_m"))
-    if pre is not None and post is not None and not pre > post:
+    if None not in (pre, post) and not pre > post:
         yield (
             f"sections.pre_height_m: expected more than sections.post_height_m ({post:g} m), "
             f"found {pre:g} m"
@@ -244,8 +235,7 @@ def _enough_samples(config: dict[str, Any]) -> Iterator[str]:
 
 
 def _scales_in_order(config: dict[str, Any]) -> Iterator[str]:
-    scales = config["scaling_study"]["scales"]
-    for one, following in pairwise(scales):
+    for one, following in pairwise(config["scaling_study"]["scales"]):
         if not following < one:
             yield (
                 f"scaling_study.scales: expected the largest first and each smaller than the one "
@@ -276,10 +266,7 @@ def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
     for role, names in config["markers"].items():
         for name in names:
             if name not in made:
-                yield (
-                    f"markers.{role}: expected a marker of the simulation ({', '.join(made)}), "
-                    f"found '{name}'{did_you_mean(name, made)}"
-                )
+                yield _unknown(f"markers.{role}", "a marker of the simulation", name, made)
                 return
 
 

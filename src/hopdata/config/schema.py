@@ -9,6 +9,7 @@ from copy import deepcopy
 from dataclasses import fields
 from difflib import get_close_matches
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -44,12 +45,22 @@ def load_schema(scene: str = STANDARD) -> dict[str, Any]:
 
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     schema: dict[str, Any] = yaml.load(SCHEMA_FILE.read_text(encoding="utf-8"), Loader=loader)
+    _take_choices(schema)
     simulation = schema["properties"]["simulation"]["properties"]
-    simulation["scene"]["enum"] = list(SCENES)
     if scene != STANDARD:
         del simulation[STANDARD]
         simulation[scene] = _scene_block(scene)
     return schema
+
+
+def _take_choices(schema: dict[str, Any]) -> None:
+    """Put the names of a table where the schema says which: ``enum: module:TABLE``."""
+    for key, inner in schema.items():
+        if key == "enum" and isinstance(inner, str):
+            module, _, table = inner.partition(":")
+            schema[key] = list(getattr(import_module(module), table))
+        elif isinstance(inner, dict):
+            _take_choices(inner)
 
 
 def _scene_block(name: str) -> dict[str, Any]:
@@ -147,8 +158,8 @@ def configuration_page(schema: dict[str, Any] | None = None) -> str:
 
 def _schema_of_all_scenes() -> dict[str, Any]:
     schema = deepcopy(load_schema())
-    simulation = schema["properties"]["simulation"]["properties"]
-    simulation |= {name: _scene_block(name) for name in SCENES if name != STANDARD}
+    others = {name: _scene_block(name) for name in SCENES if name != STANDARD}
+    schema["properties"]["simulation"]["properties"] |= others
     return schema
 
 
@@ -183,6 +194,7 @@ _WITH_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.
 _OTHER_LENGTHS = {"cm", "dm", "km", "um", "in", "inch", "ft"}
 QUOTE_TRUTHS = "; yes, no, on and off are true and false unless they are in quotes"
 _COMMA = re.compile(r"[-+]?\d+,\d+")
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
 
 
 def hint(value: Any, schema: dict[str, Any]) -> str:
@@ -197,6 +209,8 @@ def hint(value: Any, schema: dict[str, Any]) -> str:
     """
     kinds = schema.get("type", ())
     kinds = [kinds] if isinstance(kinds, str) else list(kinds)
+    if isinstance(value, bool) and ("enum" in schema or "string" in kinds):
+        return QUOTE_TRUTHS
     if "enum" in schema:
         return _of_choice(value, [str(choice) for choice in schema["enum"]])
     if "array" in kinds:
@@ -208,15 +222,11 @@ def hint(value: Any, schema: dict[str, Any]) -> str:
 
 def _of_text(value: Any) -> str:
     """Put quotes around a name that YAML reads as something else."""
-    if isinstance(value, bool):
-        return QUOTE_TRUTHS
     told = isinstance(value, str | list | dict) or value is None  # it is no slip of YAML's
     return "" if told else "; put it in quotes, as it is to be read"
 
 
 def _of_choice(value: Any, choices: list[str]) -> str:
-    if isinstance(value, bool):
-        return QUOTE_TRUTHS
     if not isinstance(value, str):
         return ""
     if {"mm", "m"} <= set(choices) and value.lower() in _OTHER_LENGTHS:
@@ -230,12 +240,9 @@ def _of_list(value: Any, schema: dict[str, Any]) -> str:
     if not isinstance(value, str):
         return ""
     if schema.get("items", {}).get("type") == "object":
-        return f"; write each entry in a line of its own, such as '- {_first_key(schema)}: ...'"
+        first = next(iter(schema["items"].get("properties", {"name": None})))
+        return f"; write each entry in a line of its own, such as '- {first}: ...'"
     return f"; write [{value}]"
-
-
-def _first_key(schema: dict[str, Any]) -> str:
-    return str(next(iter(schema["items"].get("properties", {"name": None}))))
 
 
 def _of_number(value: Any, schema: dict[str, Any]) -> str:
@@ -248,16 +255,11 @@ def _of_number(value: Any, schema: dict[str, Any]) -> str:
             return _as_share(float(found.group(1)))
         unit = schema.get("x-unit")
         return f"; write the number alone{f', in {unit}' if unit else ''}" if found else ""
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return _percent(float(value), schema)
-    return ""
-
-
-def _percent(value: float, schema: dict[str, Any]) -> str:
-    """Suggest a share for a percentage, where only shares are allowed."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return ""
     most = schema.get("maximum", float("inf"))
     is_share = "x-unit" not in schema and most <= 1 and schema.get("minimum", 0) >= 0
-    return _as_share(value) if is_share and value >= 2 and value / 100 <= most else ""
+    return _as_share(float(value)) if is_share and value >= 2 and value / 100 <= most else ""
 
 
 def _as_share(percent: float) -> str:
@@ -267,18 +269,7 @@ def _as_share(percent: float) -> str:
 # From what the schema rejects to a line that a user can act on.
 
 SURE = 0.8  # similarity above which a neighbour is meant, rather than the same key elsewhere
-_OF_VALUE = {
-    "type",
-    "enum",
-    "minimum",
-    "exclusiveMinimum",
-    "maximum",
-    "exclusiveMaximum",
-    "minItems",
-    "maxItems",
-    "pattern",
-    "minLength",
-}
+_OF_VALUE = {"type", "enum", "minItems", "maxItems", "pattern", "minLength", *_BOUNDS}
 
 
 def dotted(path: Iterable[str | int]) -> str:
@@ -331,7 +322,9 @@ def found(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        return f"'{value[:60]}'" + (" (text; write it without quotes)" if _is_number(value) else "")
+        return f"'{value[:60]}'" + (
+            " (text; write it without quotes)" if _NUMBER.fullmatch(value) else ""
+        )
     if isinstance(value, dict):
         return "keys with values (" + ", ".join(map(str, list(value)[:4])) + ")"
     if isinstance(value, list):
@@ -356,24 +349,16 @@ def _unknown_key(key: str, place: str, known: Sequence[str], schema: dict[str, A
 
 def _elsewhere(key: str, place: str, schema: dict[str, Any]) -> str:
     """Find the key in another section, preferably below `place`."""
-    paths = [dotted(path) for path in _paths(schema) if path[-1] == key]
+    paths = [path for path in _paths(schema) if path.rpartition(".")[2] == key]
     below = [path for path in paths if place and path.startswith(f"{place}.")]
     return next(iter([*below, *paths]), "")
 
 
-def _paths(schema: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+def _paths(schema: dict[str, Any], place: str = "") -> Iterator[str]:
     for key, inner in schema.get("properties", {}).items():
-        yield (*path, key)
-        yield from _paths(inner, (*path, key))
+        yield _join(place, key)
+        yield from _paths(inner, _join(place, key))
 
 
 def _join(place: str, key: str) -> str:
     return f"{place}.{key}" if place else key
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -3,45 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from hopdata.errors import chosen
-from hopdata.figures.style import (
-    BLUE,
-    DOUBLE_COLUMN_MM,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PURPLE,
-    SINGLE_COLUMN_MM,
-    SKY,
-    VERMILION,
-    letter,
-    message_figure,
-    paper_figure,
-    styled,
-)
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from hopdata.figures import style
 
 # kind: what the reader sees, its colour, its line style.
 KINDS: dict[str, tuple[str, str, Any]] = {
-    "in_class": ("in-class", BLUE, "-"),
-    "cross_class": ("cross-class", VERMILION, (0, (5, 1.5))),
-    "noised_identity": ("noised identity", GREEN, (0, (1.5, 1.2))),
-    "random": ("random", PURPLE, (0, (5, 1.2, 1.5, 1.2))),
+    "in_class": ("in-class", style.BLUE, "-"),
+    "cross_class": ("cross-class", style.VERMILION, (0, (5, 1.5))),
+    "noised_identity": ("noised identity", style.GREEN, (0, (1.5, 1.2))),
+    "random": ("random", style.PURPLE, (0, (5, 1.2, 1.5, 1.2))),
 }
 QUANTILES = ("q05", "q25", "median", "q75", "q95")
 MOST_STEPS = 2000
 
 
-@styled
+@style.styled
 def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     """Draw Fig. 2.5: cumulative distribution and box of each kind of arc-length distance.
 
@@ -59,22 +42,32 @@ def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
         A kind without data is named, with the word "none".
     """
     if not distances["distance_rad"].notna().any():
-        return message_figure("No distances: no mode schedule holds enough touchdowns.")
-    figure = paper_figure(SINGLE_COLUMN_MM, 92.0)
+        return style.message_figure("No distances: no mode schedule holds enough touchdowns.")
+    figure = style.paper_figure(style.SINGLE_COLUMN_MM, 92.0)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.7, 1))
-    boxes = {str(row["kind"]): row for row in summary.to_dict("records")}
-    for place, kind in enumerate(KINDS):
-        sample = distances.loc[distances["kind"] == kind, "distance_rad"].dropna().to_numpy()
-        draw_cumulative(upper, kind, sample)
-        draw_box(lower, place, kind, boxes.get(kind, {}))
-    label_axes(upper, lower)
-    letter(upper, "a")
-    letter(lower, "b")
+    _draw_study(upper, lower, distances, summary)
+    style.letters((upper, lower))
     figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
 
-def draw_cumulative(axes: Axes, kind: str, sample: np.ndarray) -> None:
+def _draw_study(upper: Axes, lower: Axes, distances: pd.DataFrame, summary: pd.DataFrame) -> None:
+    """Draw the distributions above and the boxes below, and name the axes."""
+    boxes = {str(row["kind"]): row for row in summary.to_dict("records")}
+    for place, kind in enumerate(KINDS):
+        sample = distances.loc[distances["kind"] == kind, "distance_rad"].dropna().to_numpy()
+        _draw_cumulative(upper, kind, sample)
+        _draw_box(lower, place, kind, boxes.get(kind, {}))
+    upper.set_ylabel("cumulative share")
+    upper.set_ylim(0, 1.02)
+    upper.grid(axis="x")
+    upper.locator_params(axis="x", nbins=7)
+    lower.grid(axis="x")
+    style.name_rows(lower, [label for label, _, _ in KINDS.values()])
+    lower.set_xlabel("arc-length distance (rad)")
+
+
+def _draw_cumulative(axes: Axes, kind: str, sample: np.ndarray) -> None:
     """Draw the cumulative distribution of one kind; without data its name and the word "none"."""
     label, colour, dash = KINDS[kind]
     if not len(sample):
@@ -87,49 +80,23 @@ def draw_cumulative(axes: Axes, kind: str, sample: np.ndarray) -> None:
     axes.plot(x, y, color=colour, linestyle=dash, label=label, drawstyle="steps-post")
 
 
-def draw_box(axes: Axes, place: int, kind: str, row: Any) -> None:
+def _draw_box(axes: Axes, place: int, kind: str, row: Any) -> None:
     """Draw the box of one kind from its row of the summary."""
     _, colour, _ = KINDS[kind]
     values = [float(row.get(quantile, np.nan)) for quantile in QUANTILES]
     if not np.all(np.isfinite(values)):
         axes.text(
             0.5, place, "none", transform=axes.get_yaxis_transform(), ha="center", va="center",
-            color=GREY,
+            color=style.GREY,
         )  # fmt: skip
         return
-    stats = dict(zip(("whislo", "q1", "med", "q3", "whishi"), values, strict=True))
-    axes.bxp(
-        [{**stats, "fliers": []}],
-        positions=[place],
-        widths=0.55,
-        orientation="horizontal",
-        showfliers=False,
-        patch_artist=True,
-        boxprops={"facecolor": colour, "alpha": 0.55, "edgecolor": INK},
-        medianprops={"color": INK, "linewidth": 1.2},
-        whiskerprops={"color": INK, "linewidth": 0.8},
-        capprops={"color": INK, "linewidth": 0.8},
-        manage_ticks=False,
-    )
-
-
-def label_axes(upper: Axes, lower: Axes) -> None:
-    """Name the axes of distributions and boxes."""
-    upper.set_ylabel("cumulative share")
-    upper.set_ylim(0, 1.02)
-    upper.grid(axis="x")
-    upper.locator_params(axis="x", nbins=7)
-    lower.grid(axis="x")
-    lower.set_yticks(range(len(KINDS)), [label for label, _, _ in KINDS.values()])
-    lower.set_ylim(len(KINDS) - 0.4, -0.6)
-    lower.tick_params(axis="y", length=0)
-    lower.set_xlabel("arc-length distance (rad)")
+    style.box(axes, place, values, colour, widths=0.55, orientation="horizontal")
 
 
 # Figure 2.5 for a landing that is C1 and for one that is not, side by side, with both verdicts.
 
 
-@styled
+@style.styled
 def both_sides_figure(*content: Any, names: Sequence[str]) -> Figure:
     """Draw the distances between subspaces of several studies, each above its verdict.
 
@@ -145,21 +112,16 @@ def both_sides_figure(*content: Any, names: Sequence[str]) -> Figure:
     Figure
         One column a study: distributions, boxes, and the verdict's conclusion with its size.
     """
-    figure = paper_figure(DOUBLE_COLUMN_MM, 96.0)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 96.0)
     rows = figure.subplots(
         2, len(names), sharex=True, sharey="row", height_ratios=(1.7, 1), squeeze=False
     )
     for column, name in enumerate(names):
         distances, summary, verdict = content[3 * column : 3 * column + 3]
         upper, lower = rows[0, column], rows[1, column]
-        boxes = {str(row["kind"]): row for row in summary.to_dict("records")}
-        for place, kind in enumerate(KINDS):
-            own = distances.loc[distances["kind"] == kind, "distance_rad"].dropna()
-            draw_cumulative(upper, kind, own.to_numpy())
-            draw_box(lower, place, kind, boxes.get(kind, {}))
-        label_axes(upper, lower)
+        _draw_study(upper, lower, distances, summary)
         upper.set_title(f"{name}\nverdict: {_in_short(verdict)}", loc="left")
-        letter(upper, "abcdef"[column])
+        style.letter(upper, "abcdef"[column])
     for axes in rows[:, 1:].ravel():
         axes.set_ylabel("")
     figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
@@ -182,12 +144,12 @@ def _in_short(verdict: Mapping[str, Any]) -> str:
 
 # distance: what the reader sees, its colour, its line style.
 SERIES: dict[str, tuple[str, str, Any]] = {
-    "arc_length": ("arc length", VERMILION, "-"),
-    "chordal_f": ("chordal F (Procrustes)", BLUE, (0, (5, 1.5))),
-    "projection_f": ("projection F (chordal)", GREEN, (0, (1.5, 1.2))),
-    "fubini_study": ("Fubini-Study", PURPLE, (0, (5, 1.2, 1.5, 1.2))),
-    "chordal_2": ("chordal 2-norm", ORANGE, (0, (8, 2))),
-    "projection_2": ("projection 2-norm", SKY, (0, (3, 1, 1, 1, 1, 1))),
+    "arc_length": ("arc length", style.VERMILION, "-"),
+    "chordal_f": ("chordal F (Procrustes)", style.BLUE, (0, (5, 1.5))),
+    "projection_f": ("projection F (chordal)", style.GREEN, (0, (1.5, 1.2))),
+    "fubini_study": ("Fubini-Study", style.PURPLE, (0, (5, 1.2, 1.5, 1.2))),
+    "chordal_2": ("chordal 2-norm", style.ORANGE, (0, (8, 2))),
+    "projection_2": ("projection 2-norm", style.SKY, (0, (3, 1, 1, 1, 1, 1))),
 }
 RATIOS = {"amplitude": "1/10 of", "power": "10 dB below"}
 SIGNALS = {"entry": "an entry", "matrix": "the norm"}
@@ -195,7 +157,7 @@ MATRICES = {2: "both noised", 1: "one noised"}
 SENSITIVITY_KINDS = {"in_class": "in-class", "cross_class": "cross-class", "random": "random"}
 
 
-@styled
+@style.styled
 def sensitivity_figure(
     sensitivity: pd.DataFrame, readings: pd.DataFrame, measured: pd.DataFrame
 ) -> Figure:
@@ -218,8 +180,8 @@ def sensitivity_figure(
         arc lengths of the baselines in every reading and of the study (c), the printed one filled.
     """
     if sensitivity.empty or readings.empty:
-        return message_figure("No distances: their sensitivity to noise was not studied.")
-    figure = paper_figure(DOUBLE_COLUMN_MM, 118.0)
+        return style.message_figure("No distances: their sensitivity to noise was not studied.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 118.0)
     parts: Any = figure.subfigures(2, 1, height_ratios=(1.15, 1.0))
     upper, below = parts
     left, right = upper.subplots(1, 2)
@@ -230,8 +192,7 @@ def sensitivity_figure(
     right.set_ylabel("change by twice the noise (sd)")
     _boxes(lower, [*_reading_rows(readings), *_study_rows(measured, readings)])
     lower.set_xlabel("arc-length distance (rad)")
-    for name, axes in zip("abc", (left, right, lower), strict=True):
-        letter(axes, name)
+    style.letters((left, right, lower))
     upper.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
 
@@ -242,7 +203,7 @@ def _lines(axes: Axes, table: pd.DataFrame, column: str) -> None:
         axes.plot(part["noise_sd"], part[column], color=colour, linestyle=dash, label=label)
     axes.set_xscale("log")
     axes.set_ylim(bottom=0)
-    axes.axvline(0.1, color=GREY, linewidth=0.6, zorder=0)
+    axes.axvline(0.1, color=style.GREY, linewidth=0.6, zorder=0)
     axes.set_xlabel("sd of the noise on each entry")
     axes.grid(axis="y")
 
@@ -271,24 +232,10 @@ def _boxes(axes: Axes, rows: list[tuple[str, Any, bool]]) -> None:
         if not np.all(np.isfinite(values)):
             continue
         study = str(row["kind"]) in ("in_class", "cross_class")
-        colour = VERMILION if printed else BLUE if study else "white"
-        axes.bxp(
-            [dict(zip(("whislo", "q1", "med", "q3", "whishi"), values, strict=True))],
-            positions=[place],
-            widths=0.6,
-            orientation="horizontal",
-            showfliers=False,
-            patch_artist=True,
-            boxprops={"facecolor": colour, "alpha": 0.7, "edgecolor": INK},
-            medianprops={"color": INK, "linewidth": 1.2},
-            whiskerprops={"color": INK, "linewidth": 0.8},
-            capprops={"color": INK, "linewidth": 0.8},
-            manage_ticks=False,
-        )
-    axes.set_yticks(range(len(rows)), [label for label, _, _ in rows])
+        colour = style.VERMILION if printed else style.BLUE if study else "white"
+        style.box(axes, place, values, colour, widths=0.6, alpha=0.7, orientation="horizontal")
+    style.name_rows(axes, [label for label, _, _ in rows])
     for tick, (_, _, printed) in zip(axes.get_yticklabels(), rows, strict=True):
         tick.set_fontweight("bold" if printed else "normal")
-    axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(left=0)
-    axes.tick_params(axis="y", length=0)
     axes.grid(axis="x")

@@ -2,51 +2,35 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from hopdata.figures.style import (
-    BLUE,
-    DOUBLE_COLUMN_MM,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    letter,
-    message_figure,
-    paper_figure,
-    styled,
-)
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from hopdata.figures import style
 
 # Figure 4.2: how the error of the final state falls with the step, for each method.
 
 # Colour and marker of each method in turn. Curves may lie on one another, so markers are hollow,
 # of different shapes, and the earlier ones larger.
 LOOKS: tuple[tuple[str, str], ...] = (
-    (BLUE, "o"),
-    (ORANGE, "s"),
-    (VERMILION, "x"),
-    (SKY, "+"),
-    (GREY, "*"),
-    (INK, "^"),
-    (GREEN, "D"),
-    (PURPLE, "v"),
+    (style.BLUE, "o"),
+    (style.ORANGE, "s"),
+    (style.VERMILION, "x"),
+    (style.SKY, "+"),
+    (style.GREY, "*"),
+    (style.INK, "^"),
+    (style.GREEN, "D"),
+    (style.PURPLE, "v"),
 )
 LARGEST, SMALLEST = 6.5, 2.6  # points
 MOST_MARKERS = 24
 LIGHT_GREY = "#d4d4d4"  # opaque, so that intervals on one another look like one
 
 
-@styled
+@style.styled
 def order_figure(errors: pd.DataFrame) -> Figure:
     """Draw Fig. 4.2: error against the inverse of the longest step, on logarithmic axes.
 
@@ -63,16 +47,20 @@ def order_figure(errors: pd.DataFrame) -> Figure:
         A curve a method, the line fitted to it dashed, and the steps it was fitted to on grey.
     """
     if not (errors["error_rms"] > 0).any():
-        return message_figure("No errors: no method was measured.")
-    figure = paper_figure(DOUBLE_COLUMN_MM, 95.0)
+        return style.message_figure("No errors: no method was measured.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 95.0)
     axes = figure.subplots()
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log")
     names = list(dict.fromkeys(errors["method"]))
     for place, name in enumerate(names):
         rows = errors[errors["method"] == name].sort_values("max_step")
         _draw_method(axes, rows, place, len(names))
-    _label(axes, errors)
+    shown = errors.loc[errors["error_rms"] > 0, "error_rms"]
+    axes.set_ylim(shown.min() / 3, shown.max() * 5)
+    axes.set_xlabel("1/ε, inverse of the longest step (dimensionless)")
+    axes.set_ylabel("RMS error of the final state (dimensionless)")
+    axes.grid(visible=True, which="major")
+    axes.minorticks_off()
     figure.legend(*axes.get_legend_handles_labels(), loc="outside right upper")
     return figure
 
@@ -104,32 +92,20 @@ def _name(rows: pd.DataFrame, order: float) -> str:
     return f"{rows['method'].iloc[0]}\n{fitted}"
 
 
-def _label(axes: Axes, errors: pd.DataFrame) -> None:
-    shown = errors.loc[errors["error_rms"] > 0, "error_rms"]
-    axes.set_ylim(shown.min() / 3, shown.max() * 5)
-    axes.set_xlabel("1/ε, inverse of the longest step (dimensionless)")
-    axes.set_ylabel("RMS error of the final state (dimensionless)")
-    axes.grid(visible=True, which="major")
-    axes.minorticks_off()
-
-
 # Figure 4.3: the hopper's trajectory by MuJoCo and by our integrator, beside the exact one.
 
 # solver: its colour, its line style, its width.
 LINES: dict[str, tuple[str, Any, float]] = {
-    "exact": (GREY, (0, (1, 1)), 2.2),
-    "MuJoCo default contact": (BLUE, (0, (5, 1.5)), 1.0),
-    "MuJoCo best at 2 ms": (PURPLE, (0, (5, 1.2, 1.5, 1.2)), 1.0),
-    "hopdata": (VERMILION, "-", 0.8),
+    "exact": (style.GREY, (0, (1, 1)), 2.2),
+    "MuJoCo default contact": (style.BLUE, (0, (5, 1.5)), 1.0),
+    "MuJoCo best at 2 ms": (style.PURPLE, (0, (5, 1.2, 1.5, 1.2)), 1.0),
+    "hopdata": (style.VERMILION, "-", 0.8),
 }
-QUANTITIES = {"height": ("height_m", "m"), "velocity": ("velocity_m_s", "m/s")}
-RESIDUALS = {
-    "height": ("height_residual_m", "m"),
-    "velocity": ("velocity_residual_m_s", "m/s"),
-}
+# quantity: its unit, as it ends the names of columns and as the reader sees it.
+QUANTITIES = {"height": ("m", "m"), "velocity": ("m_s", "m/s")}
 
 
-@styled
+@style.styled
 def calibration_figure(trajectories: pd.DataFrame) -> Figure:
     """Draw Fig. 4.3: height and velocity above, the sizes of their residuals below.
 
@@ -146,18 +122,16 @@ def calibration_figure(trajectories: pd.DataFrame) -> Figure:
         Two columns; the residuals are on a logarithmic axis, where an exact value has no place.
     """
     if trajectories.empty:
-        return message_figure("No trajectories to compare.")
-    figure = paper_figure(DOUBLE_COLUMN_MM, 95.0)
+        return style.message_figure("No trajectories to compare.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 95.0)
     axes = figure.subplots(2, 2, sharex=True, height_ratios=(1, 1))
-    for column, quantity in enumerate(QUANTITIES):
-        upper, lower = axes[0, column], axes[1, column]
-        _draw(upper, trajectories, QUANTITIES[quantity][0], residual=False)
-        _draw(lower, trajectories, RESIDUALS[quantity][0], residual=True)
-        upper.set_ylabel(f"{quantity} ({QUANTITIES[quantity][1]})")
-        lower.set_ylabel(f"|{quantity} residual| ({RESIDUALS[quantity][1]})")
+    for (upper, lower), (quantity, (end, unit)) in zip(axes.T, QUANTITIES.items(), strict=True):
+        _draw(upper, trajectories, f"{quantity}_{end}", residual=False)
+        _draw(lower, trajectories, f"{quantity}_residual_{end}", residual=True)
+        upper.set_ylabel(f"{quantity} ({unit})")
+        lower.set_ylabel(f"|{quantity} residual| ({unit})")
         lower.set_xlabel("time (s)")
-    for name, one in zip("abcd", axes.flat, strict=True):
-        letter(one, name)
+    style.letters(axes.flat)
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 
@@ -169,9 +143,8 @@ def _draw(axes: Axes, trajectories: pd.DataFrame, column: str, *, residual: bool
         if rows.empty or (residual and solver == "exact"):
             continue
         values = rows[column].abs().where(rows[column] != 0) if residual else rows[column]
-        axes.plot(
-            rows["time_s"], values, color=colour, linestyle=dash, linewidth=width, label=solver
-        )
+        line: Any = {"color": colour, "linestyle": dash, "linewidth": width, "label": solver}
+        axes.plot(rows["time_s"], values, **line)
     if residual:
         axes.set_yscale("log")
         axes.grid(axis="y")
@@ -181,14 +154,14 @@ def _draw(axes: Axes, trajectories: pd.DataFrame, column: str, *, residual: bool
 
 # solver: what the reader sees, its colour, its line style.
 SERIES: dict[str, tuple[str, str, Any]] = {
-    "MuJoCo contact 2 ms": ("MuJoCo, its contacts, 2 ms", BLUE, (0, (5, 1.5))),
-    "MuJoCo callback 2 ms": ("MuJoCo, our springs, 2 ms", GREEN, (0, (5, 1.2, 1.5, 1.2))),
-    "hopdata": ("hopdata", VERMILION, "-"),
-    "hopdata sums": ("hopdata, sums kept", ORANGE, (0, (1.5, 1.2))),
+    "MuJoCo contact 2 ms": ("MuJoCo, its contacts, 2 ms", style.BLUE, (0, (5, 1.5))),
+    "MuJoCo callback 2 ms": ("MuJoCo, our springs, 2 ms", style.GREEN, (0, (5, 1.2, 1.5, 1.2))),
+    "hopdata": ("hopdata", style.VERMILION, "-"),
+    "hopdata sums": ("hopdata, sums kept", style.ORANGE, (0, (1.5, 1.2))),
 }
 
 
-@styled
+@style.styled
 def scaling_figure(times: pd.DataFrame, marginal: pd.DataFrame) -> Figure:
     """Draw Fig. 4.4: run time (a), marginal run time (b) and error (c) by number of contacts.
 
@@ -209,8 +182,8 @@ def scaling_figure(times: pd.DataFrame, marginal: pd.DataFrame) -> Figure:
         Bands are quartiles in (a), 95 % confidence in (b), and median to largest in (c).
     """
     if times.empty:
-        return message_figure("No run times to compare.")
-    figure = paper_figure(DOUBLE_COLUMN_MM, 66.0)
+        return style.message_figure("No run times to compare.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 66.0)
     left, middle, right = figure.subplots(1, 3)
     local = marginal[marginal["window"] == "local"]
     _bands(left, times, "time_q25_us_per_s", "time_median_us_per_s", "time_q75_us_per_s")
@@ -225,10 +198,10 @@ def scaling_figure(times: pd.DataFrame, marginal: pd.DataFrame) -> Figure:
     left.set_yscale("log")
     right.set_yscale("log")
     middle.axhline(0.0, color="#333333", linewidth=0.5)
-    for name, axes in zip("abc", (left, middle, right), strict=True):
+    for axes in (left, middle, right):
         axes.set_xlabel("number of contacts")
         axes.grid(axis="y")
-        letter(axes, name)
+    style.letters((left, middle, right))
     figure.legend(*left.get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 
@@ -239,25 +212,24 @@ def _bands(axes: Axes, table: pd.DataFrame, low: str, middle: str, high: str) ->
         rows = table[table["solver"] == solver].sort_values("n_contacts")
         if rows.empty:
             continue
-        axes.fill_between(
-            rows["n_contacts"], rows[low], rows[high], color=colour, alpha=0.2, linewidth=0
-        )
-        axes.plot(rows["n_contacts"], rows[middle], color=colour, linestyle=dash, label=label)
+        n = rows["n_contacts"]
+        axes.fill_between(n, rows[low], rows[high], color=colour, alpha=0.2, linewidth=0)
+        axes.plot(n, rows[middle], color=colour, linestyle=dash, label=label)
 
 
 # way: its colour, line style and marker; of a package alike in colour.
 WAYS: dict[str, tuple[str, Any, str]] = {
-    "hopdata, call": (BLUE, "-", "o"),
-    "hopdata, batch": (BLUE, (0, (4, 1.5)), "o"),
-    "heyoka": (VERMILION, "-", "s"),
-    "CVODE, C": (GREEN, "-", "^"),
-    "CVODE, scikit-sundae": (GREEN, (0, (4, 1.5)), "^"),
-    "diffrax": (PURPLE, "-", "D"),
-    "SciPy, Numba": (ORANGE, "-", "v"),
-    "SciPy, Python": (ORANGE, (0, (4, 1.5)), "v"),
-    "MuJoCo": (SKY, "-", "P"),
+    "hopdata, call": (style.BLUE, "-", "o"),
+    "hopdata, batch": (style.BLUE, (0, (4, 1.5)), "o"),
+    "heyoka": (style.VERMILION, "-", "s"),
+    "CVODE, C": (style.GREEN, "-", "^"),
+    "CVODE, scikit-sundae": (style.GREEN, (0, (4, 1.5)), "^"),
+    "diffrax": (style.PURPLE, "-", "D"),
+    "SciPy, Numba": (style.ORANGE, "-", "v"),
+    "SciPy, Python": (style.ORANGE, (0, (4, 1.5)), "v"),
+    "MuJoCo": (style.SKY, "-", "P"),
 }
-OTHER_WAY = (GREY, "-", "x")
+OTHER_WAY = (style.GREY, "-", "x")
 SCENE_NAMES = {
     "octant": "three affine modes (table 4.3)",
     "vertical_hopper": "hopper in one dimension",
@@ -265,7 +237,7 @@ SCENE_NAMES = {
 }
 
 
-@styled
+@style.styled
 def work_precision_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
     """Draw the time of a trajectory against the error of its end, one panel a scene.
 
@@ -287,18 +259,22 @@ def work_precision_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
     done = table[table["time_median_us"].notna() & (table["error_max"] > 0)]
     scenes = list(dict.fromkeys(done["scene"]))
     if not scenes:
-        return message_figure("No work-precision results: no solver finished.")
-    figure = paper_figure(DOUBLE_COLUMN_MM, 88.0)
+        return style.message_figure("No work-precision results: no solver finished.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 88.0)
     panels = figure.subplots(1, len(scenes), sharex=True, sharey=True, squeeze=False)[0]
     strong = chosen[chosen["best_of_way"]]
     for number, (axes, scene) in enumerate(zip(panels, scenes, strict=True)):
         best = strong[strong["scene"] == scene]
         pairs = zip(best["way"], best["method"], strict=True)
         _draw_scene(axes, done[done["scene"] == scene], set(pairs))
-        axes.axvline(float(chosen["error"].iloc[0]), color=INK, linewidth=0.6, linestyle=":")
+        axes.axvline(float(chosen["error"].iloc[0]), color=style.INK, linewidth=0.6, linestyle=":")
         axes.set_title(SCENE_NAMES.get(scene, scene), loc="left")
-        letter(axes, "abcdefgh"[number])
-    _label_work_precision(panels)
+        style.letter(axes, "abcdefgh"[number])
+    for axes in panels:
+        axes.set(xscale="log", yscale="log")
+        axes.grid()
+        axes.set_xlabel("largest error of the final state\n(SI units; table 4.3 has none)")
+    panels[0].set_ylabel("time of a trajectory (µs)")
     _add_legend(figure, list(dict.fromkeys(done["way"])))
     return figure
 
@@ -319,15 +295,6 @@ def _draw_scene(axes: Axes, rows: pd.DataFrame, strong: set[tuple[Any, Any]]) ->
         )  # fmt: skip
 
 
-def _label_work_precision(panels: Any) -> None:
-    for axes in panels:
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-        axes.grid()
-        axes.set_xlabel("largest error of the final state\n(SI units; table 4.3 has none)")
-    panels[0].set_ylabel("time of a trajectory (µs)")
-
-
 def _add_legend(figure: Figure, seen: list[str]) -> None:
     """Name each way once: in the order of `WAYS`, then those it does not know."""
     from matplotlib.lines import Line2D
@@ -336,7 +303,6 @@ def _add_legend(figure: Figure, seen: list[str]) -> None:
     handles = []
     for way in names:
         colour, dash, marker = WAYS.get(way, OTHER_WAY)
-        handles.append(
-            Line2D([], [], color=colour, linestyle=dash, marker=marker, markersize=2.6, label=way)
-        )
+        look: Any = {"color": colour, "linestyle": dash, "marker": marker, "markersize": 2.6}
+        handles.append(Line2D([], [], label=way, **look))
     figure.legend(handles=handles, loc="outside lower center", ncols=5, handlelength=2.6)

@@ -3,48 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib import ticker
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hopdata.figures.style import (
-    BLUE,
-    DOUBLE_COLUMN_MM,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PURPLE,
-    SINGLE_COLUMN_MM,
-    VERMILION,
-    banded_line,
-    letter,
-    message_figure,
-    paper_figure,
-    plain_numbers,
-    styled,
-)
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from hopdata.figures import style
 
 # Error of the estimated landing map by number of landings, for levels of noise.
 
 # Estimator: what the reader sees, colour, line style, marker. OLS on rigid-body coordinates is the
 # printed one but for rounding, and is left out.
 LINES: dict[str, tuple[str, str, Any, str]] = {
-    "printed": ("least squares, as printed", GREY, "-", "o"),
-    "corrected": ("corrected for noise", ORANGE, (0, (5, 1.5)), "s"),
-    "curved": ("with curvature", BLUE, (0, (1.5, 1.2)), "^"),
-    "corrected_curved": ("with both", VERMILION, "-", "D"),
+    "printed": ("least squares, as printed", style.GREY, "-", "o"),
+    "corrected": ("corrected for noise", style.ORANGE, (0, (5, 1.5)), "s"),
+    "curved": ("with curvature", style.BLUE, (0, (1.5, 1.2)), "^"),
+    "corrected_curved": ("with both", style.VERMILION, "-", "D"),
 }
 STATES = {"split_fit": "states split at contacts", "savitzky_golay": "states by 7-frame cubic"}
 
 
-@styled
+@style.styled
 def map_error_figure(table: pd.DataFrame) -> Figure:
     """Draw the errors, a row of panels for each way of fitting states, a column for each noise.
 
@@ -61,21 +44,26 @@ def map_error_figure(table: pd.DataFrame) -> Figure:
     """
     ways = [way for way in STATES if (table["states"] == way).any()]
     if not ways:
-        return message_figure("No errors of maps to show.")
+        return style.message_figure("No errors of maps to show.")
     noises = sorted(table["noise_mm"].unique())
-    figure = paper_figure(DOUBLE_COLUMN_MM, 20.0 + 47.0 * len(ways))
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 20.0 + 47.0 * len(ways))
     panels = figure.subplots(len(ways), len(noises), sharex=True, sharey=True, squeeze=False)
-    letters = iter("abcdefghijklmnopqrstuvwxyz")
     for row, way in zip(panels, ways, strict=True):
         for axes, noise in zip(row, noises, strict=True):
             _draw(axes, table[(table["states"] == way) & (table["noise_mm"] == noise)])
-            letter(axes, next(letters))
         row[0].set_ylabel(f"relative error of the map\n{STATES[way]}")
     for axes, noise in zip(panels[0], noises, strict=True):
         axes.set_title(f"{noise:g} mm" if noise > 0 else "no noise")
     for axes in panels[-1]:
         axes.set_xlabel("landings")
-    _ticks(panels[0, 0])
+    style.letters(panels.flat)
+    axes = panels[0, 0]  # whose scales all share
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.xaxis.set_major_locator(ticker.FixedLocator([60, 250, 1000, 3000]))
+    axes.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    for axis in (axes.xaxis, axes.yaxis):
+        style.plain_numbers(axis)
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 
@@ -85,32 +73,23 @@ def _draw(axes: Axes, table: pd.DataFrame) -> None:
         rows = table[table["estimator"] == estimator].sort_values("landings")
         if rows.empty:
             continue
-        banded_line(axes, rows["landings"], rows["median"], (rows["q05"], rows["q95"]), line)
+        style.banded_line(axes, rows["landings"], rows["median"], (rows["q05"], rows["q95"]), line)
     axes.grid(axis="y")
-
-
-def _ticks(axes: Axes) -> None:
-    """Plain numbers on both logarithmic axes, which all panels share."""
-    from matplotlib.ticker import FixedLocator, LogLocator
-
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.xaxis.set_major_locator(FixedLocator([60, 250, 1000, 3000]))
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    for axis in (axes.xaxis, axes.yaxis):
-        plain_numbers(axis)
 
 
 # How close fitted maps come to the exact ones, by the number of landings.
 
-SOURCES = {"noise_free": (BLUE, "without noise"), "measured": (VERMILION, "as measured")}
+SOURCES = {
+    "noise_free": (style.BLUE, "without noise"),
+    "measured": (style.VERMILION, "as measured"),
+}
 MODELS: Mapping[str, tuple[str | tuple[float, tuple[float, ...]], str, str]] = {
     "pooled": ("-", "o", "one map"),
     "specialised": ((0, (4, 1.5)), "s", "one a schedule"),
 }
 
 
-@styled
+@style.styled
 def map_errors_figure(errors: pd.DataFrame) -> Figure:
     """Draw errors of fitted maps over the number of landings.
 
@@ -124,44 +103,27 @@ def map_errors_figure(errors: pd.DataFrame) -> Figure:
     Figure
         Median and 5 to 95 % of the error of least squares.
     """
-    figure = paper_figure(SINGLE_COLUMN_MM, 70.0)
+    figure = style.paper_figure(style.SINGLE_COLUMN_MM, 70.0)
     axes = figure.subplots()
-    for model in MODELS:
-        for source in SOURCES:
-            _draw_map_errors(
-                axes, errors[(errors["source"] == source) & (errors["model"] == model)]
-            )
-    _label(axes)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    return figure
-
-
-def _draw_map_errors(axes: Axes, rows: pd.DataFrame) -> None:
-    if rows.empty:
-        return
-    (colour, data), (dash, marker, which) = (
-        SOURCES[rows["source"].iloc[0]],
-        MODELS[rows["model"].iloc[0]],
-    )
-    ordered = rows.sort_values("landings")
-    n = ordered["landings"].to_numpy()
-    axes.fill_between(n, ordered["q05"], ordered["q95"], color=colour, alpha=0.15, linewidth=0)
-    axes.loglog(
-        n, ordered["median"], color=colour, linestyle=dash, marker=marker, markersize=3,
-        label=f"{which}, {data}",
-    )  # fmt: skip
-
-
-def _label(axes: Axes) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for model, (dash, marker, which) in MODELS.items():
+        for source, (colour, data) in SOURCES.items():
+            rows = errors[(errors["source"] == source) & (errors["model"] == model)]
+            rows = rows.sort_values("landings")
+            if len(rows):
+                line = (f"{which}, {data}", colour, dash, marker)
+                n, band = rows["landings"], (rows["q05"], rows["q95"])
+                style.banded_line(axes, n, rows["median"], band, line, size=3)
     axes.set_xlabel("landings that a map is fitted to")
     axes.set_ylabel("error relative to the exact map")
     for axis, steps in ((axes.yaxis, (1.0, 2.0, 5.0)), (axes.xaxis, (1.0, 3.0))):
-        axis.set_major_locator(LogLocator(subs=steps))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(NullFormatter())
+        axis.set_major_locator(ticker.LogLocator(subs=steps))
+        axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(ticker.NullFormatter())
     axes.grid(axis="y", which="major")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    return figure
 
 
 # The landing map as a picture: what is true, what was estimated, and the difference.
@@ -182,7 +144,7 @@ FIRST_VELOCITY = 5  # rows above are displacements, rows below come from velocit
 COLOURS = "RdBu_r"
 
 
-@styled
+@style.styled
 def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) -> Figure:
     """Draw maps as images, 8 inputs across and 11 outputs down.
 
@@ -206,7 +168,7 @@ def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) 
         if (estimates["estimator"] == name).any()
     }
     if len(found) < 2:
-        return message_figure("The landing map could not be estimated: too few landings.")
+        return style.message_figure("The landing map could not be estimated: too few landings.")
     maps = {
         "least squares,\nas printed": found[PRINTED],
         "noise and curvature\ncorrected": found[BEST],
@@ -220,11 +182,7 @@ def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) 
             "printed\nminus exact": found[PRINTED] - true,
             "corrected\nminus exact": found[BEST] - true,
         }
-    return _draw_all(maps, differences)
-
-
-def _draw_all(maps: Mapping[str, Any], differences: Mapping[str, Any]) -> Figure:
-    figure = paper_figure(DOUBLE_COLUMN_MM, 82.0)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 82.0)
     panels = figure.subplots(1, len(maps) + len(differences), sharey=True)
     groups = (
         (panels[: len(maps)], maps, "maps (mm per sd of the input)"),
@@ -242,8 +200,7 @@ def _draw_all(maps: Mapping[str, Any], differences: Mapping[str, Any]) -> Figure
     panels[0].set_ylabel("state after the landing")
     for one in panels:
         one.set_xlabel("state before")
-    for name, one in zip("abcde", panels, strict=False):
-        letter(one, name)
+    style.letters(panels)
     return figure
 
 
@@ -251,7 +208,7 @@ def _draw_map_matrices(axes: Axes, matrix: NDArray[np.float64], limit: float) ->
     image = axes.imshow(matrix, cmap=COLOURS, vmin=-limit, vmax=limit, aspect="auto")
     axes.set_xticks(range(len(INPUTS)), list(INPUTS.values()), rotation=90)
     axes.tick_params(length=0)
-    axes.axhline(FIRST_VELOCITY - 0.5, color=INK, linewidth=0.5)
+    axes.axhline(FIRST_VELOCITY - 0.5, color=style.INK, linewidth=0.5)
     return image
 
 
@@ -264,10 +221,10 @@ def _matrix(table: pd.DataFrame) -> NDArray[np.float64]:
 
 # Name, column of the strength, colour and marker of each case that is not the scene itself.
 CASES = {
-    "coupling": ("coupled forces", "coupling", VERMILION, "s"),
-    "impulse": ("rigid impulses", "impulse", GREEN, "^"),
-    "delay": ("contact by velocity", "delay_s", ORANGE, "D"),
-    "study": ("this study's control", "", PURPLE, "v"),
+    "coupling": ("coupled forces", "coupling", style.VERMILION, "s"),
+    "impulse": ("rigid impulses", "impulse", style.GREEN, "^"),
+    "delay": ("contact by velocity", "delay_s", style.ORANGE, "D"),
+    "study": ("this study's control", "", style.PURPLE, "v"),
 }
 SYMBOLS = {"coupling": "κ = {:g}", "impulse": "ε = {:g}", "delay_s": "τ = {:g} s"}
 PANELS = {
@@ -278,7 +235,7 @@ PANELS = {
 SEEN = 1e-6  # an exact difference below this is zero
 
 
-@styled
+@style.styled
 def scaling_study_figure(table: pd.DataFrame) -> Figure:
     """Draw three panels over the scale of the deviations, one line a case.
 
@@ -293,48 +250,44 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
         (a) Error of the pooled map, with its slope; (b) its mean square over that of the maps of
         the schedules; (c) largest difference between these, dashed that of the exact maps.
     """
-    figure = paper_figure(DOUBLE_COLUMN_MM, 78.0)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 78.0)
     panels = figure.subplots(1, 3)
     cases = list(dict.fromkeys(table["case"]))
-    for axes, (column, label), name in zip(panels, PANELS.items(), "abc", strict=True):
+    for axes, (column, label) in zip(panels, PANELS.items(), strict=True):
         for case in cases:
-            _draw_scaling_study(axes, table[table["case"] == case], case, column)
-        _label_scaling_study(axes, table, label)
-        letter(axes, name)
+            _draw_case(axes, table[table["case"] == case], case, column)
+        axes.xaxis.set_major_locator(ticker.FixedLocator(sorted(set(table["scale"]))))
+        axes.xaxis.set_minor_locator(ticker.NullLocator())
+        axes.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: _fraction(value)))
+        axes.set_xlabel("scale of the deviations")
+        axes.set_ylabel(label)
+        axes.grid(axis="y", which="major")
+    style.letters(panels)
     _draw_guides(panels[0], table)
     for case in cases:
         exact = float(table.loc[table["case"] == case, "exact_difference"].median())
         if exact > SEEN:
             panels[2].axhline(exact, color=_shown(case)[2], linestyle=(0, (4, 2)), linewidth=0.8)
     panels[2].text(0.97, 0.03, "dashed: exact maps", transform=panels[2].transAxes, ha="right",
-                   fontsize=6, color=GREY)  # fmt: skip
+                   fontsize=6, color=style.GREY)  # fmt: skip
     figure.legend(
-        *panels[0].get_legend_handles_labels(),
-        loc="outside upper center",
-        ncols=len(cases),
-        frameon=False,
+        *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(cases)
     )
     return figure
 
 
 def _shown(case: str) -> tuple[str, str, str, str]:
     """Return how a case is shown: a control, or the scene itself by its name."""
-    return CASES.get(case, (case, "", BLUE, "o"))
+    return CASES.get(case, (case, "", style.BLUE, "o"))
 
 
-def _draw_scaling_study(axes: Axes, rows: pd.DataFrame, case: str, column: str) -> None:
+def _draw_case(axes: Axes, rows: pd.DataFrame, case: str, column: str) -> None:
     name, strength, colour, marker = _shown(case)
     slope = float(rows["slope"].iloc[0])
-    label = f"{name}, " + (
-        f"slope {slope:.2f}" if np.isfinite(slope) else "not between the sections"
-    )
-    if strength:
-        label = (
-            f"{name}, {SYMBOLS[strength].format(rows[strength].iloc[0])}\n" + label[len(name) + 2 :]
-        )
-    axes.loglog(
-        rows["scale"], rows[column], marker=marker, markersize=3.5, color=colour, label=label
-    )
+    fitted = f"slope {slope:.2f}" if np.isfinite(slope) else "not between the sections"
+    size = f"{SYMBOLS[strength].format(rows[strength].iloc[0])}\n" if strength else ""
+    look: dict[str, Any] = {"marker": marker, "markersize": 3.5, "color": colour}
+    axes.loglog(rows["scale"], rows[column], label=f"{name}, {size}{fitted}", **look)
 
 
 def _draw_guides(axes: Axes, table: pd.DataFrame) -> None:
@@ -343,29 +296,10 @@ def _draw_guides(axes: Axes, table: pd.DataFrame) -> None:
     place = float(scales[1] ** 0.8 * scales[0] ** 0.2)
     for power, share in ((1, 1.0), (2, 0.3)):
         start = share * float(table["pooled_rms"].min())
-        axes.plot(
-            scales, start * (scales / scales[0]) ** power, color=GREY, linewidth=0.7, linestyle=":"
-        )
-        axes.annotate(
-            f"slope {power}",
-            xy=(place, start * (place / scales[0]) ** power),
-            xytext=(4, -2),
-            textcoords="offset points",
-            va="top",
-            fontsize=6,
-            color=GREY,
-        )
-
-
-def _label_scaling_study(axes: Axes, table: pd.DataFrame, label: str) -> None:
-    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
-
-    axes.xaxis.set_major_locator(FixedLocator(sorted(set(table["scale"]))))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _fraction(value)))
-    axes.set_xlabel("scale of the deviations")
-    axes.set_ylabel(label)
-    axes.grid(axis="y", which="major")
+        line = start * (scales / scales[0]) ** power
+        axes.plot(scales, line, color=style.GREY, linewidth=0.7, linestyle=":")
+        at = (place, start * (place / scales[0]) ** power)
+        style.note(axes, f"slope {power}", at, (4, -2), va="top", color=style.GREY)
 
 
 def _fraction(value: float) -> str:

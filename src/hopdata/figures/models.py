@@ -1,31 +1,19 @@
-"""Figure 3.3: the frame change of a hop over boom angle and swing, and how sure it is."""
+"""Models of the frame change: Figure 3.3, the learning curve, and the smoothness of the kernel."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib import ticker
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hopdata.figures.style import (
-    BLUE,
-    DOUBLE_COLUMN_MM,
-    GREEN,
-    GREY,
-    INK,
-    VERMILION,
-    banded_line,
-    letter,
-    message_figure,
-    paper_figure,
-    plain_numbers,
-    styled,
-)
+from hopdata.figures import style
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+# Figure 3.3: the frame change of a hop over boom angle and swing, and how sure it is.
 
 # Column of the tables: what the reader sees, its unit, whether zero is a middle.
 COMPONENTS = {
@@ -36,7 +24,7 @@ COMPONENTS = {
 ONE_SIDED, ABOUT_ZERO, SPREAD = "cividis", "RdBu_r", "Greys"
 
 
-@styled
+@style.styled
 def frame_change_figure(
     maps: pd.DataFrame, hops: pd.DataFrame, *, model: str | None = None
 ) -> Figure:
@@ -60,30 +48,27 @@ def frame_change_figure(
     if model is not None:
         maps, hops = (table[table["model"] == model] for table in (maps, hops))
     if maps.empty:
-        return message_figure("No map of frame changes to show.")
-    figure = paper_figure(DOUBLE_COLUMN_MM, 88.0)
+        return style.message_figure("No map of frame changes to show.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 88.0)
     panels = figure.subplots(2, len(COMPONENTS), sharex=True, sharey=True)
+    bar: Any = {"location": "bottom", "aspect": 25, "pad": 0.03}
     for column, (name, (title, label, centred)) in zip(panels.T, COMPONENTS.items(), strict=True):
         upper, lower = column
         colours, limits = _colours(maps[name], hops[name], centred)
         image = _draw(upper, maps, name, colours, limits)
         upper.scatter(
             hops["boom_angle_rad"], hops["swing_rad"], c=hops[name], cmap=colours,
-            vmin=limits[0], vmax=limits[1], s=5, linewidths=0.3, edgecolors=INK,
+            vmin=limits[0], vmax=limits[1], s=5, linewidths=0.3, edgecolors=style.INK,
         )  # fmt: skip
         upper.set_title(title)
-        figure.colorbar(image, ax=upper, location="bottom", label=label, aspect=25, pad=0.03)
+        figure.colorbar(image, ax=upper, label=label, **bar)
         spread = maps[f"{name}_sd"]
         image = _draw(lower, maps, f"{name}_sd", SPREAD, (spread.min(), spread.max()))
-        lower.scatter(
-            hops["boom_angle_rad"], hops["swing_rad"], color=VERMILION, s=1.5, linewidths=0
-        )
-        figure.colorbar(
-            image, ax=lower, location="bottom", label=f"sd of {label}", aspect=25, pad=0.03
-        )
+        dots: Any = {"color": style.VERMILION, "s": 1.5, "linewidths": 0}
+        lower.scatter(hops["boom_angle_rad"], hops["swing_rad"], **dots)
+        figure.colorbar(image, ax=lower, label=f"sd of {label}", **bar)
     _axes(panels)
-    for axes, name in zip(panels.ravel(), "abcdef", strict=True):
-        letter(axes, name)
+    style.letters(panels.flat)
     return figure
 
 
@@ -104,15 +89,9 @@ def _draw(
     wide = maps.pivot_table(index="swing_rad", columns="boom_angle_rad", values=name)
     angle, swing = wide.columns.to_numpy(float), wide.index.to_numpy(float)
     return axes.imshow(
-        wide.to_numpy(float),
-        cmap=colours,
-        vmin=limits[0],
-        vmax=limits[1],
-        aspect="auto",
-        origin="lower",
-        interpolation="bilinear",
-        extent=(*_edges(angle), *_edges(swing)),
-    )
+        wide.to_numpy(float), cmap=colours, vmin=limits[0], vmax=limits[1], aspect="auto",
+        origin="lower", interpolation="bilinear", extent=(*_edges(angle), *_edges(swing)),
+    )  # fmt: skip
 
 
 def _edges(nodes: NDArray[np.float64]) -> tuple[float, float]:
@@ -126,7 +105,7 @@ def _axes(panels: Any) -> None:
     labels = ["−2π", "", "0", "", "2π", "", "4π"]
     for axes in panels.ravel():
         for turn in (0.0, 2 * np.pi):
-            axes.axvline(turn, color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
+            axes.axvline(turn, color=style.INK, linewidth=0.6, linestyle=(0, (4, 2)))
         axes.set_xticks([turn * np.pi for turn in turns], labels)
         axes.set_yticks([-1, 0, 1])
     for axes in panels[0]:
@@ -141,15 +120,15 @@ def _axes(panels: Any) -> None:
 
 # Model: what the reader sees, colour, line style, marker.
 LINES: dict[str, tuple[str, str, Any, str]] = {
-    "printed": ("as printed", GREY, "-", "o"),
-    "recommended": ("periodic, standardised", BLUE, "-", "s"),
-    "previous swing": ("and previous swing", GREEN, (0, (5, 1.5)), "^"),
-    "previous change": ("and previous frame change", VERMILION, (0, (1.5, 1.2)), "D"),
+    "printed": ("as printed", style.GREY, "-", "o"),
+    "recommended": ("periodic, standardised", style.BLUE, "-", "s"),
+    "previous swing": ("and previous swing", style.GREEN, (0, (5, 1.5)), "^"),
+    "previous change": ("and previous frame change", style.VERMILION, (0, (1.5, 1.2)), "D"),
 }
 PANELS = {"dx": "forward (mm)", "dy": "sideways (mm)", "dtheta": "turn (degrees)"}
 
 
-@styled
+@style.styled
 def learning_curve_figure(table: pd.DataFrame) -> Figure:
     """Draw the errors of three components, a panel each.
 
@@ -165,16 +144,18 @@ def learning_curve_figure(table: pd.DataFrame) -> Figure:
         Logarithmic numbers of hops; means, and bands from 5 to 95 % of the sets.
     """
     if not table["model"].isin(LINES).any():
-        return message_figure("No learning curve to show.")
-    figure = paper_figure(DOUBLE_COLUMN_MM, 62.0)
+        return style.message_figure("No learning curve to show.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 62.0)
     panels = figure.subplots(1, len(PANELS))
     for axes, (component, label) in zip(panels, PANELS.items(), strict=True):
         _draw_learning_curve(axes, table[table["component"] == component])
         axes.set_title(label)
-        _hops_axis(axes, sorted(table["hops"].unique()))
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(ticker.FixedLocator(sorted(table["hops"].unique())))
+        style.plain_numbers(axes.xaxis)
+        axes.set_xlabel("hops learned from")
     panels[0].set_ylabel("rms error of a hop")
-    for axes, name in zip(panels, "abc", strict=True):
-        letter(axes, name)
+    style.letters(panels)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
 
@@ -185,14 +166,77 @@ def _draw_learning_curve(axes: Axes, table: pd.DataFrame) -> None:
         if rows.empty:
             continue
         band = (rows["rmse_q05"], rows["rmse_q95"])
-        banded_line(axes, rows["hops"], rows["rmse"], band, line)
+        style.banded_line(axes, rows["hops"], rows["rmse"], band, line)
     axes.grid(axis="y")
 
 
-def _hops_axis(axes: Axes, hops: list[int]) -> None:
-    from matplotlib.ticker import FixedLocator
+# How well kernels of four smoothnesses predict, by what is fitted and in which units.
 
-    axes.set_xscale("log")
-    axes.xaxis.set_major_locator(FixedLocator(hops))
-    plain_numbers(axes.xaxis)
-    axes.set_xlabel("hops learned from")
+# Reading: what the reader sees, colour, line style, marker.
+READINGS: dict[str, tuple[str, str, Any, str]] = {
+    "printed, all fixed": ("printed formula, nothing fitted", style.GREY, "-", "o"),
+    "printed, length fitted": ("length fitted, mm", style.ORANGE, (0, (5, 1.5)), "v"),
+    "printed, length and noise fitted, mm": (
+        "length and noise fitted, mm", style.GREEN, (0, (3, 1, 1, 1)), "D",
+    ),
+    "printed, length and noise fitted, m": (
+        "length and noise fitted, m", style.VERMILION, (0, (1.5, 1.2)), "^",
+    ),
+    "standardised, all fitted": ("standardised, all fitted", style.BLUE, "-", "s"),
+}  # fmt: skip
+DATA = {"smooth truth": "analytic, smooth", "hopper": "hopper"}
+COLUMNS = {"dx": "forward", "dy": "sideways", "dtheta": "turn"}
+SMOOTHNESSES = {0.5: "1/2", 1.5: "3/2", 2.5: "5/2", np.inf: "∞"}
+FLOOR = -0.15  # lower values are drawn here
+
+
+@style.styled
+def kernel_smoothness_figure(table: pd.DataFrame) -> Figure:
+    """Draw the share of variance that is predicted, by smoothness.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row a setting: ``data`` (of `DATA`), ``reading`` (of `READINGS`), ``component`` (of
+        `COLUMNS`), ``smoothness``, ``r2`` and its standard error ``r2_se``.
+
+    Returns
+    -------
+    Figure
+        Values below `FLOOR` are drawn there.
+    """
+    rows = [name for name in DATA if (table["data"] == name).any()]
+    if not rows:
+        return style.message_figure("No kernels to compare.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 22.0 + 40.0 * len(rows))
+    panels = figure.subplots(len(rows), len(COLUMNS), sharex=True, sharey=True, squeeze=False)
+    for line, data in zip(panels, rows, strict=True):
+        for axes, component in zip(line, COLUMNS, strict=True):
+            chosen = (table["data"] == data) & (table["component"] == component)
+            _draw_smoothness(axes, table[chosen])
+        line[0].set_ylabel(f"{DATA[data]}\nR² of other hops")
+    for axes, title in zip(panels[0], COLUMNS.values(), strict=True):
+        axes.set_title(title)
+    for axes in panels[-1]:
+        axes.set_xlabel("smoothness ν of the kernel")
+    panels[0, 0].set_xticks(range(len(SMOOTHNESSES)), list(SMOOTHNESSES.values()))
+    panels[0, 0].set_yticks([0, 0.25, 0.5, 0.75, 1])
+    for axes, name in zip(panels.ravel(), "abcdef", strict=False):
+        style.letter(axes, name)
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    return figure
+
+
+def _draw_smoothness(axes: Axes, table: pd.DataFrame) -> None:
+    places = list(SMOOTHNESSES)
+    for shift, (reading, (label, colour, dash, marker)) in enumerate(READINGS.items()):
+        rows = table[table["reading"] == reading].sort_values("smoothness")
+        if rows.empty:
+            continue
+        x = np.array([places.index(value) for value in rows["smoothness"]]) + 0.05 * (shift - 2)
+        axes.errorbar(
+            x, rows["r2"].clip(lower=FLOOR), yerr=np.where(rows["r2"] > FLOOR, rows["r2_se"], 0),
+            color=colour, linestyle=dash, marker=marker, markersize=3, elinewidth=0.6, label=label,
+        )  # fmt: skip
+    axes.set_ylim(FLOOR - 0.05, 1.05)
+    axes.grid(axis="y")

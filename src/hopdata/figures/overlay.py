@@ -3,40 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from hopdata.errors import chosen
-from hopdata.figures.style import (
-    DOUBLE_COLUMN_MM,
-    GREY,
-    INK,
-    MM_PER_M,
-    MS_PER_S,
-    foot_colour,
-    foot_dash,
-    label_of,
-    letter,
-    message_figure,
-    paper_figure,
-    styled,
-)
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from hopdata.figures import style
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 UNMATCHED = {"missed": ("x", "missed"), "invented": ("1", "invented")}
-INSTANTS = {"external": "external contact", "found": "contact found"}
+# Kind of an instant: what the reader sees, its line, its colour where feet are not told apart.
+INSTANTS: dict[str, tuple[str, dict[str, Any], str]] = {
+    "external": ("external contact", {"ls": "-", "lw": 1.2}, style.GREY),
+    "found": ("contact found", {"ls": (0, (2, 1.2)), "lw": 1.0}, style.INK),
+}
 MANY = 300  # contacts, from which on their marks are small
 UNITS = {"N": "N", "body_weight": "body weights"}
 ALL = "all"
 
 
-@styled
+@style.styled
 def contact_overlay_figure(
     contacts: pd.DataFrame, summary: pd.DataFrame, example: pd.DataFrame
 ) -> Figure:
@@ -59,9 +48,9 @@ def contact_overlay_figure(
         (c) foot heights and (d) force in one landing.
     """
     if not (contacts["status"] == "matched").any():
-        return message_figure("No contact could be matched with one known from elsewhere.")
+        return style.message_figure("No contact could be matched with one known from elsewhere.")
     force = (example["kind"] == "force").any()
-    figure = paper_figure(DOUBLE_COLUMN_MM, 118.0 if force else 92.0)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 118.0 if force else 92.0)
     panels = figure.subplot_mosaic(
         "es;hh;ff" if force else "es;hh",
         width_ratios=(2.6, 1),
@@ -73,8 +62,7 @@ def contact_overlay_figure(
     panels["s"].sharey(panels["e"])
     panels["s"].tick_params(labelleft=False)
     _draw_example(panels, example)
-    for text, name in zip("abcd", panels, strict=False):
-        letter(panels[name], text)
+    style.letters(panels.values())
     figure.legend(*panels["e"].get_legend_handles_labels(), loc="outside upper center", ncols=5)
     return figure
 
@@ -84,32 +72,30 @@ def _of(contacts: pd.DataFrame, column: str, status: str) -> pd.DataFrame:
 
 
 def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -> None:
-    many = len(contacts) > MANY
-    look: dict[str, Any] = (
-        {"ms": 1.3, "mew": 0.3, "elinewidth": 0.25, "capsize": 0.0, "alpha": 0.6}
-        if many
-        else {"ms": 3.0, "mew": 0.7, "elinewidth": 0.6, "capsize": 1.2}
-    )
+    look: Any = {"ms": 3.0, "mew": 0.7, "elinewidth": 0.6, "capsize": 1.2}
+    if len(contacts) > MANY:
+        look = {"ms": 1.3, "mew": 0.3, "elinewidth": 0.25, "capsize": 0.0, "alpha": 0.6}
     for number, column in enumerate(columns):
         matched = _of(contacts, column, "matched")
         left_out = matched["excluded"].astype(bool)
-        for rows, face in ((matched[~left_out], foot_colour(number)), (matched[left_out], "white")):
+        colour = style.foot_colour(number)
+        for rows, face in ((matched[~left_out], colour), (matched[left_out], "white")):
             if rows.empty:
                 continue
             axes.errorbar(
-                rows["external_s"], rows["difference_s"] * MS_PER_S, yerr=rows["se_s"] * MS_PER_S,
-                fmt=MARKERS[number % len(MARKERS)], color=foot_colour(number),
-                markerfacecolor=face, **look,
-                label=label_of(column) if face != "white" or left_out.all() else None,
+                rows["external_s"], rows["difference_s"] * 1e3, yerr=rows["se_s"] * 1e3, **look,
+                fmt=MARKERS[number % len(MARKERS)], color=colour, markerfacecolor=face,
+                label=style.label_of(column) if face != "white" or left_out.all() else None,
             )  # fmt: skip
     if contacts.loc[contacts["status"] == "matched", "excluded"].astype(bool).any():
-        axes.plot([], [], "o", color=INK, mfc="white", ms=3, mew=0.7, label="touchdown excluded")
+        hollow: Any = {"color": style.INK, "mfc": "white", "ms": 3, "mew": 0.7}
+        axes.plot([], [], "o", label="touchdown excluded", **hollow)
     for status, (marker, label) in UNMATCHED.items():
         rows = contacts[contacts["status"] == status]
         if len(rows):
             times = rows["external_s" if status == "missed" else "found_s"]
             axes.plot(
-                times, np.full(len(times), 0.06), marker, color=INK, ms=6, mew=1.1,
+                times, np.full(len(times), 0.06), marker, color=style.INK, ms=6, mew=1.1,
                 transform=axes.get_xaxis_transform(), label=f"{label} ({len(times)})",
             )  # fmt: skip
     axes.axhline(0.0, color="#bbbbbb", linewidth=0.6, zorder=0)
@@ -122,13 +108,11 @@ def _draw_shares(
     axes: Axes, contacts: pd.DataFrame, summary: pd.DataFrame, columns: tuple[str, ...]
 ) -> None:
     for number, column in enumerate(columns):
-        errors = np.sort(_of(contacts, column, "matched")["difference_s"].to_numpy() * MS_PER_S)
+        errors = np.sort(_of(contacts, column, "matched")["difference_s"].to_numpy() * 1e3)
         if not len(errors):
             continue
         share = (np.arange(len(errors)) + 0.5) / len(errors) * 100
-        axes.step(
-            share, errors, where="mid", color=foot_colour(number), linestyle=foot_dash(number)
-        )
+        axes.step(share, errors, where="mid", **style.foot_line(number))
         _draw_bias(axes, _overall(summary, column), number)
     axes.axhline(0.0, color="#bbbbbb", linewidth=0.6, zorder=0)
     axes.set_xlim(0, 100)
@@ -144,12 +128,11 @@ def _overall(summary: pd.DataFrame, column: str) -> Mapping[str, float]:
 
 
 def _draw_bias(axes: Axes, measures: Mapping[str, float], number: int) -> None:
-    bias, low, high = (measures[key] * MS_PER_S for key in ("bias_s", "bias_low_s", "bias_high_s"))
-    known = np.isfinite(low) and np.isfinite(high)
+    bias, low, high = (measures[key] * 1e3 for key in ("bias_s", "bias_low_s", "bias_high_s"))
     axes.errorbar(
-        50 + 3 * number, bias, yerr=[[bias - low], [high - bias]] if known else None,
-        fmt=MARKERS[number % len(MARKERS)], color=INK, markerfacecolor=foot_colour(number),
-        ms=4, mew=0.7, capsize=2.5, zorder=4,
+        50 + 3 * number, bias, yerr=style.interval(bias, low, high),
+        fmt=MARKERS[number % len(MARKERS)], color=style.INK, ms=4, mew=0.7, capsize=2.5, zorder=4,
+        markerfacecolor=style.foot_colour(number),
     )  # fmt: skip
 
 
@@ -159,14 +142,13 @@ def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
     for number, foot in enumerate(feet):
         rows = example[(example["kind"] == "height") & (example["name"] == foot)]
         height.plot(
-            rows["time_s"] * MS_PER_S, rows["value"] * MM_PER_M, color=foot_colour(number),
-            linestyle=foot_dash(number), marker=".", ms=3, label=label_of(foot),
+            rows["time_s"] * 1e3, rows["value"] * 1e3, **style.foot_line(number), marker=".", ms=3,
+            label=style.label_of(foot),
         )  # fmt: skip
     height.set_ylabel("foot height (mm)")
     lowest = panels.get("f", height)
     lowest.set_xlabel("time after the first external contact (ms)")
-    shown = [height, *([lowest] if lowest is not height else [])]
-    for axes in shown:
+    for axes in dict.fromkeys([height, lowest]):
         _draw_instants(axes, example, feet)
     if lowest is not height:
         _draw_force(lowest, example)
@@ -178,31 +160,24 @@ def _draw_example(panels: Mapping[str, Axes], example: pd.DataFrame) -> None:
 def _draw_instants(axes: Axes, example: pd.DataFrame, feet: list[str]) -> None:
     """Draw a line at each instant: in its foot's colour where each foot has a column of its own."""
     apart = set(example.loc[example["kind"] == "external", "name"]) <= set(feet)
-    for kind, dash, width, shared in (
-        ("external", "-", 1.2, GREY),
-        ("found", (0, (2, 1.2)), 1.0, INK),
-    ):
+    for kind, (label, line, shared) in INSTANTS.items():
         for row in example[example["kind"] == kind].to_dict("records"):
-            colour = foot_colour(feet.index(row["name"])) if apart else shared
-            axes.axvline(
-                row["time_s"] * MS_PER_S, color=colour, linestyle=dash, linewidth=width, zorder=0
-            )
-        axes.plot([], [], color=shared, linestyle=dash, linewidth=width, label=INSTANTS[kind])
+            colour = style.foot_colour(feet.index(row["name"])) if apart else shared
+            axes.axvline(row["time_s"] * 1e3, color=colour, zorder=0, **line)
+        axes.plot([], [], color=shared, label=label, **line)
 
 
 def _draw_force(axes: Axes, example: pd.DataFrame) -> None:
     rows = example[example["kind"] == "force"]
     for number, (column, samples) in enumerate(rows.groupby("name", sort=False)):
-        colour = INK if len(rows["name"].unique()) == 1 else foot_colour(number)
+        colour = style.INK if len(rows["name"].unique()) == 1 else style.foot_colour(number)
         axes.plot(
-            samples["time_s"] * MS_PER_S, samples["value"], color=colour,
-            linestyle=foot_dash(number), marker=".", ms=2.5, label=label_of(str(column)),
+            samples["time_s"] * 1e3, samples["value"], color=colour, marker=".", ms=2.5,
+            linestyle=style.foot_dash(number), label=style.label_of(str(column)),
         )  # fmt: skip
     threshold = float(example.loc[example["kind"] == "threshold", "value"].iloc[0])
-    axes.axhline(threshold, color=GREY, linestyle=(0, (1, 1)), linewidth=0.8)
-    axes.annotate(
-        "threshold", (1, threshold), xycoords=axes.get_yaxis_transform(), xytext=(-2, 1.5),
-        textcoords="offset points", ha="right", va="bottom", fontsize=6, color=INK,
-    )  # fmt: skip
+    axes.axhline(threshold, color=style.GREY, linestyle=(0, (1, 1)), linewidth=0.8)
+    place: Any = {"xycoords": axes.get_yaxis_transform(), "ha": "right", "va": "bottom"}
+    style.note(axes, "threshold", (1, threshold), (-2, 1.5), color=style.INK, **place)
     unit = str(rows["unit"].iloc[0])
     axes.set_ylabel(f"force ({chosen('unit', unit, UNITS)})")

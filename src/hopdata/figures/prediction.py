@@ -4,28 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib import ticker
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from hopdata.figures.style import (
-    BLUE,
-    DOUBLE_COLUMN_MM,
-    GREY,
-    INK,
-    MM_PER_M,
-    MS_PER_S,
-    ON_WHITE,
-    ORANGE,
-    message_figure,
-    paper_figure,
-    styled,
-)
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from hopdata.figures import style
 
 # The order in which the dissertation prints them, with what stands under each box.
 MODELS: Mapping[str, str] = {
@@ -44,7 +31,7 @@ ROOM = 0.04
 QUANTILES = ("p2_5", "q25", "median", "q75", "p97_5")
 
 
-@styled
+@style.styled
 def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure:
     """Draw Fig. 2.4: boxes of the bootstrapped combined mean-squared prediction error.
 
@@ -65,16 +52,19 @@ def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure
     rows = {str(row["model"]): row for row in summary.to_dict("records")}
     fitted = [name for name in MODELS if _is_fitted(rows.get(name))]
     if not fitted:
-        return message_figure("No model could be fitted: there are too few touchdowns used.")
-    figure = paper_figure(DOUBLE_COLUMN_MM, 72.0)
+        return style.message_figure("No model could be fitted: there are too few touchdowns used.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 72.0)
     axes = figure.subplots()
     axes.set_yscale("log")
     axes.set_ylim(_round_limits([rows[name][q] for name in fitted for q in QUANTILES]))
     for name, place in PLACES.items():
         if name in fitted:
-            _draw_box(axes, place, rows[name], BLUE if name in AFFINE else ORANGE)
+            _draw_box(axes, place, rows[name], style.BLUE if name in AFFINE else style.ORANGE)
         else:
-            _draw_absence(axes, place)
+            axes.text(
+                place, 0.5, "not fitted:\ntoo few\ntouchdowns", ha="center", va="center",
+                transform=axes.get_xaxis_transform(), color=style.GREY, bbox=style.ON_WHITE,
+            )  # fmt: skip
     _label(axes, rows, units)
     return figure
 
@@ -84,42 +74,10 @@ def _is_fitted(row: Mapping[Any, Any] | None) -> bool:
 
 
 def _draw_box(axes: Axes, place: float, row: Mapping[Any, Any], colour: str) -> None:
-    keys = ("whislo", "q1", "med", "q3", "whishi")
-    stats = {key: float(row[quantile]) for key, quantile in zip(keys, QUANTILES, strict=True)}
-    axes.bxp(
-        [{**stats, "fliers": []}],
-        positions=[place],
-        widths=0.5,
-        showfliers=False,
-        patch_artist=True,
-        boxprops={"facecolor": colour, "alpha": 0.55, "edgecolor": INK},
-        medianprops={"color": INK, "linewidth": 1.2},
-        whiskerprops={"color": INK, "linewidth": 0.8},
-        capprops={"color": INK, "linewidth": 0.8},
-        manage_ticks=False,
-    )
-    axes.annotate(
-        significant(float(row["median"])),
-        xy=(place + 0.25, stats["med"]),
-        xytext=(2.5, 0),
-        textcoords="offset points",
-        va="center",
-        fontsize=6,
-        bbox=ON_WHITE,
-    )
-
-
-def _draw_absence(axes: Axes, place: float) -> None:
-    axes.text(
-        place,
-        0.5,
-        "not fitted:\ntoo few\ntouchdowns",
-        transform=axes.get_xaxis_transform(),
-        ha="center",
-        va="center",
-        color=GREY,
-        bbox=ON_WHITE,
-    )
+    style.box(axes, place, [float(row[quantile]) for quantile in QUANTILES], colour, widths=0.5)
+    median = float(row["median"])
+    at = (place + 0.25, median)
+    style.note(axes, significant(median), at, (2.5, 0), va="center", bbox=style.ON_WHITE)
 
 
 def _label(axes: Axes, rows: Mapping[str, Mapping[Any, Any]], units: Mapping[str, Any]) -> None:
@@ -129,16 +87,9 @@ def _label(axes: Axes, rows: Mapping[str, Mapping[Any, Any]], units: Mapping[str
     axes.set_xlim(-0.5, max(PLACES.values()) + 0.7)
     axes.set_xlabel("model (touchdowns to train / to test in each bootstrap)")
     axes.set_ylabel(f"combined prediction MSE (units²)\n{units_text(units)}")
-    _tick_decades(axes)
-
-
-def _tick_decades(axes: Axes) -> None:
-    """Tick 1, 2 and 5 of each decade in plain decimals; the range is often below one decade."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
-
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_minor_locator(NullLocator())
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    # The range is often below one decade.
+    axes.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    style.plain_numbers(axes.yaxis)
     axes.grid(axis="y", which="major")
 
 
@@ -168,7 +119,7 @@ def units_text(units: Mapping[str, Any]) -> str:
     length, time = units.get("length_unit_m"), units.get("time_unit_s")
     if length is None or time is None:
         return "units not determined"
-    length_mm, time_ms = float(length) * MM_PER_M, float(time) * MS_PER_S
+    length_mm, time_ms = float(length) * 1e3, float(time) * 1e3
     return f"units: {significant(length_mm)} mm and {significant(time_ms)} ms"
 
 

@@ -3,36 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from textwrap import fill, wrap
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from hopdata.figures.style import (
-    BLUE,
-    DOUBLE_COLUMN_MM,
-    GREY,
-    INK,
-    MM_PER_M,
-    MS_PER_S,
-    ON_WHITE,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    YELLOW,
-    foot_colour,
-    foot_dash,
-    label_of,
-    letter,
-    message_figure,
-    paper_figure,
-    styled,
-)
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from hopdata.figures import style
 
 # Where each marker was seen, and what looks wrong there, over the time of a recording.
 
@@ -42,14 +21,14 @@ TIME = "time after the first frame (s)"
 SHORTEST = 0.0015  # of the duration: a shorter stretch is drawn this long, or nobody would see it
 # kind: colour, sign, what it means.
 SIGNS = {
-    "swap": (VERMILION, "v", "swapped markers"),
-    "spike": (INK, "x", "spike"),
-    "jump": (PURPLE, ">", "jump"),
-    "frozen": (ORANGE, "s", "frozen"),
+    "swap": (style.VERMILION, "v", "swapped markers"),
+    "spike": (style.INK, "x", "spike"),
+    "jump": (style.PURPLE, ">", "jump"),
+    "frozen": (style.ORANGE, "s", "frozen"),
 }
 
 
-@styled
+@style.styled
 def gap_timeline_figure(
     gaps: pd.DataFrame, faults: pd.DataFrame, *, markers: Sequence[str], duration_s: float
 ) -> Figure:
@@ -67,8 +46,8 @@ def gap_timeline_figure(
         Time from the first frame to the last, s.
     """
     if not len(markers) or not duration_s > 0:
-        return message_figure("No marker, or no time, to show.")
-    figure = paper_figure(DOUBLE_COLUMN_MM, MARGIN_MM + ROW_MM * len(markers))
+        return style.message_figure("No marker, or no time, to show.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, MARGIN_MM + ROW_MM * len(markers))
     axes = figure.subplots()
     draw_timeline(axes, gaps, faults, markers=markers, duration_s=duration_s)
     axes.set_xlabel(TIME)
@@ -88,17 +67,15 @@ def draw_timeline(
     for row, marker in enumerate(markers):
         _draw_gaps(axes, row, gaps[gaps["marker"] == marker], duration_s)
     _draw_faults(axes, faults, markers)
-    axes.set_yticks(range(len(markers)), [label_of(marker) for marker in markers])
-    axes.set_ylim(len(markers) - 0.4, -0.6)
+    style.name_rows(axes, [style.label_of(marker) for marker in markers])
     axes.set_xlim(0.0, duration_s)
     axes.spines["left"].set_visible(False)
-    axes.tick_params(axis="y", length=0)
 
 
 def _draw_gaps(axes: Axes, row: int, gaps: pd.DataFrame, duration_s: float) -> None:
     """Draw the bar of one marker, and its gaps upon it."""
     label = "seen" if row == 0 else None
-    axes.barh(row, duration_s, height=BAR, color=BLUE, alpha=0.55, linewidth=0, label=label)
+    axes.barh(row, duration_s, height=BAR, color=style.BLUE, alpha=0.55, linewidth=0, label=label)
     stretches = [
         (start, max(stop - start, SHORTEST * duration_s))
         for start, stop in zip(gaps["start_s"], gaps["stop_s"], strict=True)
@@ -116,9 +93,8 @@ def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> No
             line.set(markersize=3.5, markeredgewidth=0.9, zorder=3, clip_on=False)
     dropped = faults.loc[faults["kind"] == "dropped", "time_s"]
     for i, time in enumerate(dropped):
-        axes.axvline(
-            time, color=GREY, linewidth=0.7, linestyle=":", label="frames dropped" if i == 0 else ""
-        )
+        label = "frames dropped" if i == 0 else ""
+        axes.axvline(time, color=style.GREY, linewidth=0.7, linestyle=":", label=label)
 
 
 # When each marker of each recording of a study was not seen, and where there are faults.
@@ -126,7 +102,7 @@ def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> No
 BETWEEN_MM, LEGEND_MM = 14.0, 8.0
 
 
-@styled
+@style.styled
 def recording_gaps_figure(
     markers: pd.DataFrame, gaps: pd.DataFrame, faults: pd.DataFrame
 ) -> Figure:
@@ -142,10 +118,11 @@ def recording_gaps_figure(
         ``recording, kind, marker, start_s``; kinds as in `hopdata.figures.quality`.
     """
     if gaps.empty and faults.empty:
-        return message_figure("Every marker was seen in every frame, and no faults were found.")
+        said = "Every marker was seen in every frame, and no faults were found."
+        return style.message_figure(said)
     rows = markers["recording"].value_counts(sort=False)
     height = LEGEND_MM + BETWEEN_MM * len(rows) + ROW_MM * len(markers)
-    figure = paper_figure(DOUBLE_COLUMN_MM, height)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height)
     grid = figure.subplots(len(rows), 1, squeeze=False, height_ratios=list(rows))[:, 0]
     signs = {}
     for axes, recording in zip(grid, rows.index, strict=True):
@@ -165,17 +142,15 @@ def recording_gaps_figure(
     return figure
 
 
-STABILITY_ROW_MM = 5.5
-STABILITY_MARGIN_MM = 26.0
 SECTIONS = (
-    ("pre_height_m", "pre section", BLUE, "o"),
-    ("post_height_m", "post section", VERMILION, "D"),
+    ("pre_height_m", "pre section", style.BLUE, "o"),
+    ("post_height_m", "post section", style.VERMILION, "D"),
 )
 MARKS = "osD^vPX<>"
 MOST_IN_LEGEND = 6
 
 
-@styled
+@style.styled
 def stability_figure(stability: pd.DataFrame, drift: pd.DataFrame) -> Figure:
     """Draw the sections of other bandwidths and parts, and the drift between parts.
 
@@ -193,14 +168,13 @@ def stability_figure(stability: pd.DataFrame, drift: pd.DataFrame) -> Figure:
         between touchdowns from the typical one, with two standard errors each way.
     """
     rows = max(len(stability) - 1, 2 * drift["quantity"].nunique(), 6)
-    figure = paper_figure(DOUBLE_COLUMN_MM, STABILITY_MARGIN_MM + STABILITY_ROW_MM * rows)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 26.0 + 5.5 * rows)
     left, right = figure.subplots(1, 2)
     _draw_sections(left, stability)
     _draw_drift(right, drift)
-    for axes, text in ((left, "a"), (right, "b")):
-        letter(axes, text)
-        axes.axvline(0.0, color=GREY, linewidth=0.8, zorder=1)
-        axes.tick_params(axis="y", length=0)
+    style.letters((left, right))
+    for axes in (left, right):
+        axes.axvline(0.0, color=style.GREY, linewidth=0.8, zorder=1)
         axes.locator_params(axis="x", nbins=5)
     return figure
 
@@ -209,12 +183,12 @@ def _draw_sections(axes: Axes, stability: pd.DataFrame) -> None:
     chosen, others = stability.iloc[0], stability.iloc[1:]
     place = np.arange(len(others))
     for column, label, colour, mark in SECTIONS:
-        moved = MM_PER_M * (others[column].to_numpy(float) - float(chosen[column]))
+        moved = 1e3 * (others[column].to_numpy(float) - float(chosen[column]))
         axes.plot(moved, place, linestyle="", marker=mark, color=colour, label=label, markersize=4)
     for row in np.flatnonzero(others["pre_height_m"].isna()):
-        axes.text(0.0, float(row), "none", ha="center", va="center", color=GREY, bbox=ON_WHITE)
-    axes.set_yticks(place, list(others["variant"]))
-    axes.set_ylim(len(others) - 0.4, -0.6)
+        look: Any = {"ha": "center", "va": "center", "color": style.GREY, "bbox": style.ON_WHITE}
+        axes.text(0.0, float(row), "none", **look)
+    style.name_rows(axes, list(others["variant"]))
     reach = 1.08 * max(map(abs, axes.get_xlim()))
     axes.set_xlim(-reach, reach)
     axes.set_xlabel("change of the section (mm)")
@@ -227,17 +201,17 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
     step = 0.7 / max(len(parts), 1)
     for number, part in enumerate(parts):
         own = drift[drift["part"] == part]
-        place = [
-            quantities.index(q) + step * (number - (len(parts) - 1) / 2) for q in own["quantity"]
-        ]
+        beside = step * (number - (len(parts) - 1) / 2)
+        place = [quantities.index(q) + beside for q in own["quantity"]]
         spread = own["spread"].to_numpy(float)
         error = 2.0 * own["se"].to_numpy(float) / np.where(spread > 0, spread, np.inf)
         axes.errorbar(
             own["deviation"], place, xerr=error, linestyle="", capsize=0, markersize=3.5,
-            marker=MARKS[number % len(MARKS)], color=foot_colour(number), label=part,
+            marker=MARKS[number % len(MARKS)], color=style.foot_colour(number), label=part,
         )  # fmt: skip
-    axes.set_yticks(range(len(quantities)), [_wrapped(q) for q in quantities])
-    axes.set_ylim(max(len(quantities), 1) - 0.4, -0.6)
+    # Broken near the middle.
+    names = ["\n".join(wrap(q, max(12, (len(q) + 1) // 2 + 4))) for q in quantities]
+    style.name_rows(axes, names)
     reach = max(1.0, *map(abs, axes.get_xlim()))
     axes.set_xlim(-reach, reach)
     axes.set_xlabel("median of a part from that of all\n(in spreads between touchdowns)")
@@ -245,21 +219,13 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(parts), 2))
 
 
-def _wrapped(words: str) -> str:
-    """Break a name near its middle."""
-    from textwrap import wrap
-
-    return "\n".join(wrap(words, max(12, (len(words) + 1) // 2 + 4)))
-
-
 # Thumbnails of the landings that deserve a look.
 
 ACROSS = 3
-WORST_LANDINGS_ROW_MM = 38.0
 TITLE_WIDTH = 40
 
 
-@styled
+@style.styled
 def worst_landings_figure(landings: pd.DataFrame, samples: pd.DataFrame) -> Figure:
     """Draw foot heights and contacts of each landing.
 
@@ -272,9 +238,9 @@ def worst_landings_figure(landings: pd.DataFrame, samples: pd.DataFrame) -> Figu
         ``landing, foot, time_s`` (from the pre section), ``height_m``.
     """
     if landings.empty:
-        return message_figure("No landing to show.")
+        return style.message_figure("No landing to show.")
     rows = -(-len(landings) // ACROSS)
-    figure = paper_figure(DOUBLE_COLUMN_MM, 12.0 + WORST_LANDINGS_ROW_MM * rows)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 12.0 + 38.0 * rows)
     grid = figure.subplots(rows, ACROSS, squeeze=False)
     feet = list(dict.fromkeys(samples["foot"]))
     for axes, row in zip(grid.flat, landings.to_dict("records"), strict=False):
@@ -284,34 +250,29 @@ def worst_landings_figure(landings: pd.DataFrame, samples: pd.DataFrame) -> Figu
         axes.set_visible(False)
     for axes in grid[:, 0]:
         axes.set_ylabel("foot height (mm)")
-    last = [
-        grid[min(rows - 1, (len(landings) - 1 - k) // ACROSS), k]
-        for k in range(min(ACROSS, len(landings)))
-    ]
-    for axes in last:
-        axes.set_xlabel("time after the pre section (ms)")
-    figure.legend(
-        *grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(feet)
-    )
+    for k in range(min(ACROSS, len(landings))):  # below the last of each column
+        lowest = grid[min(rows - 1, (len(landings) - 1 - k) // ACROSS), k]
+        lowest.set_xlabel("time after the pre section (ms)")
+    named = grid[0, 0].get_legend_handles_labels()
+    figure.legend(*named, loc="outside lower center", ncols=len(feet))
     return figure
 
 
 def _draw(axes: Axes, row: Mapping[str, Any], samples: pd.DataFrame, feet: list[str]) -> None:
     for number, foot in enumerate(feet):
         own = samples[samples["foot"] == foot]
-        colour = foot_colour(number)
+        line = style.foot_line(number)
         axes.plot(
-            MS_PER_S * own["time_s"], MM_PER_M * own["height_m"], color=colour,
-            linestyle=foot_dash(number), marker="o", markersize=1.6, linewidth=0.8,
-            label=label_of(foot),
+            1e3 * own["time_s"], 1e3 * own["height_m"], marker="o", markersize=1.6, linewidth=0.8,
+            label=style.label_of(foot), **line,
         )  # fmt: skip
-        contact = MS_PER_S * (float(row[f"contact_{foot}_s"]) - float(row["t_pre_s"]))
+        contact = 1e3 * (float(row[f"contact_{foot}_s"]) - float(row["t_pre_s"]))
         if np.isfinite(contact):
-            axes.axvline(contact, color=colour, linestyle=foot_dash(number), linewidth=0.7)
-    end = MS_PER_S * (float(row["t_post_s"]) - float(row["t_pre_s"]))
+            axes.axvline(contact, linewidth=0.7, **line)
+    end = 1e3 * (float(row["t_post_s"]) - float(row["t_pre_s"]))
     if np.isfinite(end):
-        axes.axvspan(0.0, end, color=YELLOW, alpha=0.25, linewidth=0, zorder=0)
+        axes.axvspan(0.0, end, color=style.YELLOW, alpha=0.25, linewidth=0, zorder=0)
     else:
-        axes.axvline(0.0, color=YELLOW, linewidth=2.0, zorder=0)
+        axes.axvline(0.0, color=style.YELLOW, linewidth=2.0, zorder=0)
     title = f"{row['recording']}, descent {int(row['index'])}: {row['why']}"
     axes.set_title(fill(title, TITLE_WIDTH), loc="left", fontsize=6)

@@ -3,29 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from hopdata.figures.style import (
-    DOUBLE_COLUMN_MM,
-    INK,
-    MM_PER_M,
-    MS_PER_S,
-    YELLOW,
-    foot_colour,
-    foot_dash,
-    label_of,
-    letter,
-    message_figure,
-    paper_figure,
-    styled,
-)
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from hopdata.figures import style
 
 ARROW = " → "
 LONGEST_IN_ONE_LINE = 4
@@ -46,7 +31,7 @@ def example_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
     return schedule_figure(example, touchdown_of(example, touchdowns))
 
 
-@styled
+@style.styled
 def schedule_figure(
     example: pd.DataFrame, touchdown: Mapping[str, Any], *, feet: Sequence[str] | None = None
 ) -> Figure:
@@ -71,36 +56,34 @@ def schedule_figure(
     """
     names = tuple(feet) if feet is not None else tuple(dict.fromkeys(example["foot"]))
     if example.empty or not names or not touchdown:
-        return message_figure("No usable touchdown to show as an example.")
-    figure = paper_figure(DOUBLE_COLUMN_MM, 74.0)
-    panels = figure.subplot_mosaic(
-        [["height", "contact"], ["velocity", "contact"]], width_ratios=(1.9, 1)
-    )
+        return style.message_figure("No usable touchdown to show as an example.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 74.0)
+    mosaic: Any = [["height", "contact"], ["velocity", "contact"]]
+    panels = figure.subplot_mosaic(mosaic, width_ratios=(1.9, 1))
     panels["velocity"].sharex(panels["height"])
     contacts = _contacts(touchdown, names)
     _draw_signal(panels["height"], example, names, contacts, "height_m")
     _draw_signal(panels["velocity"], example, names, contacts, "velocity_m_s")
     _shade_transition(panels, touchdown)
     _draw_contacts(panels["contact"], names, contacts, touchdown)
-    _label(panels)
-    figure.legend(
-        *panels["height"].get_legend_handles_labels(),
-        loc="outside lower center",
-        ncols=len(names) + 2,
-    )
+    panels["height"].set_ylabel("foot height (mm)")
+    panels["height"].tick_params(labelbottom=False)
+    panels["velocity"].set_ylabel("vertical velocity (m/s)")
+    panels["velocity"].set_xlabel("time after the pre section (ms)")
+    panels["contact"].set_xlabel("contact after the pre section\n(ms; bars: ±1 standard error)")
+    style.letters(panels[name] for name in ("height", "velocity", "contact"))
+    named = panels["height"].get_legend_handles_labels()
+    figure.legend(*named, loc="outside lower center", ncols=len(names) + 2)
     return figure
 
 
 def _contacts(touchdown: Mapping[str, Any], feet: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Contact instant after the pre section and its standard error, ms; NaN if unknown."""
-    t_pre = float(touchdown["t_pre_s"])
-    return {
-        foot: (
-            (float(touchdown.get(f"contact_{foot}_s", np.nan)) - t_pre) * MS_PER_S,
-            float(touchdown.get(f"se_{foot}_s", np.nan)) * MS_PER_S,
-        )
-        for foot in feet
-    }
+    t_pre, found = float(touchdown["t_pre_s"]), {}
+    for foot in feet:
+        instant, error = (float(touchdown.get(f"{k}_{foot}_s", np.nan)) for k in ("contact", "se"))
+        found[foot] = ((instant - t_pre) * 1e3, error * 1e3)
+    return found
 
 
 def _draw_signal(
@@ -111,31 +94,25 @@ def _draw_signal(
     column: str,
 ) -> None:
     """Draw one quantity of every foot, and a plus where its contact was found."""
-    scale = MM_PER_M if column == "height_m" else 1.0
+    scale = 1e3 if column == "height_m" else 1.0
     for number, foot in enumerate(feet):
         rows = example[example["foot"] == foot]
-        time, value = rows["time_s"].to_numpy() * MS_PER_S, rows[column].to_numpy() * scale
-        axes.plot(
-            time,
-            value,
-            color=foot_colour(number),
-            linestyle=foot_dash(number),
-            label=label_of(foot),
-        )
+        time, value = rows["time_s"].to_numpy() * 1e3, rows[column].to_numpy() * scale
+        axes.plot(time, value, **style.foot_line(number), label=style.label_of(foot))
         seen = np.isfinite(value)
         instant = contacts[foot][0]
         if np.isfinite(instant) and seen.any():
             at_contact = np.interp(instant, time[seen], value[seen])
-            axes.plot(instant, at_contact, "+", color=INK, ms=6, mew=0.9, zorder=4)
+            axes.plot(instant, at_contact, "+", color=style.INK, ms=6, mew=0.9, zorder=4)
     axes.axhline(0.0, color="#bbbbbb", linewidth=0.5, zorder=0)
 
 
 def _shade_transition(panels: Mapping[str, Axes], touchdown: Mapping[str, Any]) -> None:
-    end = (float(touchdown["t_post_s"]) - float(touchdown["t_pre_s"])) * MS_PER_S
+    end = (float(touchdown["t_post_s"]) - float(touchdown["t_pre_s"])) * 1e3
     for name in ("height", "velocity"):
-        panels[name].axvspan(0.0, end, color=YELLOW, alpha=0.35, linewidth=0, zorder=-1)
-    panels["height"].plot([], [], "+", color=INK, ms=6, mew=0.9, label="contact")
-    panels["height"].fill_between([], [], color=YELLOW, alpha=0.35, label="transition")
+        panels[name].axvspan(0.0, end, color=style.YELLOW, alpha=0.35, linewidth=0, zorder=-1)
+    panels["height"].plot([], [], "+", color=style.INK, ms=6, mew=0.9, label="contact")
+    panels["height"].fill_between([], [], color=style.YELLOW, alpha=0.35, label="transition")
 
 
 def _draw_contacts(
@@ -148,12 +125,11 @@ def _draw_contacts(
     order = sorted(range(len(feet)), key=lambda i: np.nan_to_num(contacts[feet[i]][0], nan=np.inf))
     for row, number in enumerate(order):
         instant, error = contacts[feet[number]]
-        axes.errorbar(
-            instant, row, xerr=error, fmt="o", color=foot_colour(number), ms=2.2, capsize=3.5
-        )
+        look: Any = {"fmt": "o", "color": style.foot_colour(number), "ms": 2.2, "capsize": 3.5}
+        axes.errorbar(instant, row, xerr=error, **look)
         if not np.isfinite(instant):
             axes.text(0.5, row, "no contact", transform=axes.get_yaxis_transform(), ha="center")
-    axes.set_yticks(range(len(feet)), [f"{label_of(feet[i])} ({i + 1})" for i in order])
+    axes.set_yticks(range(len(feet)), [f"{style.label_of(feet[i])} ({i + 1})" for i in order])
     axes.set_ylim(len(feet) - 0.4, -0.6)
     axes.margins(x=0.15)
     axes.grid(axis="x")
@@ -171,13 +147,3 @@ def _order_text(touchdown: Mapping[str, Any]) -> str:
         return text.strip()
     value = float(probability)
     return f"{text}(p > 0.999)" if value > 0.999 else f"{text}(p = {value:.3f})"
-
-
-def _label(panels: Mapping[str, Axes]) -> None:
-    panels["height"].set_ylabel("foot height (mm)")
-    panels["height"].tick_params(labelbottom=False)
-    panels["velocity"].set_ylabel("vertical velocity (m/s)")
-    panels["velocity"].set_xlabel("time after the pre section (ms)")
-    panels["contact"].set_xlabel("contact after the pre section\n(ms; bars: ±1 standard error)")
-    for text, name in zip("abc", ("height", "velocity", "contact"), strict=True):
-        letter(panels[name], text)

@@ -3,31 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from PIL import Image as Images
 
 from hopdata.errors import AnalysisError
-from hopdata.figures.style import (
-    BLUE,
-    DOUBLE_COLUMN_MM,
-    GREEN,
-    GREY,
-    INK,
-    VERMILION,
-    letter,
-    message_figure,
-    paper_figure,
-    style_context,
-    styled,
-)
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from PIL import Image as Images
+from hopdata.figures import style
 
 WIDTH_MM, HEIGHT_MM, DPI = 90.0, 112.0, 110.0
 SPEED = 2.0  # how much faster than it was
@@ -58,10 +44,10 @@ def save_film(path: str | Path, film: pd.DataFrame, curves: pd.DataFrame) -> Non
     times = film["time_s"].drop_duplicates().to_numpy()
     if len(times) < 2:
         raise AnalysisError(f"film: expected frames of a run, found {len(times)}")
-    with style_context():
+    with style.style_context():
         pictures = _pictures(film, curves[curves["curve"] == "measured"], times)
-    duration_ms = round(1000 * float(np.diff(times).mean()) / SPEED)
-    durations = [duration_ms] * (len(pictures) - 1) + [round(1000 * LAST_S)]
+    each_ms = round(1000 * float(np.diff(times).mean()) / SPEED)
+    durations = [each_ms] * (len(pictures) - 1) + [round(1000 * LAST_S)]
     with whole_file(path) as temporary:
         pictures[0].save(
             temporary, format="GIF", save_all=True, append_images=pictures[1:],
@@ -97,7 +83,7 @@ def _pictures(film: pd.DataFrame, stances: pd.DataFrame, times: Any) -> list[Ima
 
 def _stage(places: Any, stances: pd.DataFrame) -> tuple[Figure, Any, dict[str, Any]]:
     """Return the empty stage: figure, the panels from above and from the side, what moves."""
-    figure = paper_figure(WIDTH_MM, HEIGHT_MM)
+    figure = style.paper_figure(WIDTH_MM, HEIGHT_MM)
     figure.set_dpi(DPI)
     above, side = figure.subplots(2, 1, sharex=True, height_ratios=(4.2, 1))
     low = np.fmin(np.nanmin(places, axis=(0, 1))[:2], 0) - MARGIN_M
@@ -108,10 +94,10 @@ def _stage(places: Any, stances: pd.DataFrame) -> tuple[Figure, Any, dict[str, A
     above.set_aspect("equal")
     above.set_ylabel("y (m)")
     side.set_ylim(-0.05, 1.1 * float(np.nanmax(places[..., 2])))
-    side.axhline(0.0, color=INK, linewidth=0.8)
+    side.axhline(0.0, color=style.INK, linewidth=0.8)
     side.set_ylabel("height (m)")
     side.set_xlabel("x (m)")
-    above.plot(0, 0, marker="*", color=VERMILION, mec="white", ms=12)
+    above.plot(0, 0, marker="*", color=style.VERMILION, mec="white", ms=12)
     moving = _moving(above, side)
     moving["board"] = _board_ends(stances, 4 * half)
     return figure, (above, side), moving
@@ -121,12 +107,13 @@ def _moving(above: Any, side: Any) -> dict[str, Any]:
     """Return what moves, made for drawing on top of the still picture."""
     parts: dict[str, Any] = {
         "board_line": above.plot([], [], color="#8a6d2f", lw=3, animated=True)[0],
-        "path": above.plot([], [], "o-", color=GREY, ms=2.5, lw=0.9, animated=True)[0],
-        "body": above.fill([0, 0, 0], [0, 0, 0], color=BLUE, alpha=0.75, animated=True)[0],
-        "boom": above.plot([], [], "o-", color=INK, lw=1.6, ms=5, markevery=[1], animated=True)[0],
+        "path": above.plot([], [], "o-", color=style.GREY, ms=2.5, lw=0.9, animated=True)[0],
+        "body": above.fill([0, 0, 0], [0, 0, 0], color=style.BLUE, alpha=0.75, animated=True)[0],
+        "boom": above.plot([], [], "o-", color=style.INK, lw=1.6, ms=5, markevery=[1],
+                           animated=True)[0],
         "time": above.text(0.02, 0.98, "", transform=above.transAxes, va="top", animated=True),
-        "side_body": side.plot([], [], "o-", color=BLUE, lw=2, ms=3, animated=True)[0],
-        "side_boom": side.plot([], [], "o-", color=INK, lw=1.2, ms=4, markevery=[1],
+        "side_body": side.plot([], [], "o-", color=style.BLUE, lw=2, ms=3, animated=True)[0],
+        "side_boom": side.plot([], [], "o-", color=style.INK, lw=1.2, ms=4, markevery=[1],
                                animated=True)[0],
     }  # fmt: skip
     first: list[Artist] = [parts[name] for name in ("board_line", "path", "body", "boom", "time")]
@@ -164,9 +151,9 @@ def _move(moving: dict[str, Any], time: float, markers: Any, stances: pd.DataFra
 # Success rates and hops to the goal of all controllers, side by side, with intervals.
 
 LOOKS = {
-    "printed": ("printed controller", VERMILION, "s"),
-    "planner": ("planner", BLUE, "o"),
-    "ceiling": ("policy that knows the true map", GREEN, "D"),
+    "printed": ("printed controller", style.VERMILION, "s"),
+    "planner": ("planner", style.BLUE, "o"),
+    "ceiling": ("policy that knows the true map", style.GREEN, "D"),
 }
 TASKS = {
     ("origin", "facing"): "to the origin,\nfacing it",
@@ -179,7 +166,7 @@ TASKS = {
 APART = 0.22  # between controllers of one task
 
 
-@styled
+@style.styled
 def steering_outcomes_figure(outcomes: pd.DataFrame, runs: pd.DataFrame) -> Figure:
     """Draw the outcomes.
 
@@ -197,10 +184,10 @@ def steering_outcomes_figure(outcomes: pd.DataFrame, runs: pd.DataFrame) -> Figu
         runs, each a dot, and their median with its interval.
     """
     if outcomes.empty:
-        return message_figure("No run was made.")
+        return style.message_figure("No run was made.")
     keys = list(zip(outcomes["experiment"], outcomes["start"], strict=True))
     tasks = [task for task in TASKS if task in keys]
-    figure = paper_figure(DOUBLE_COLUMN_MM, 22.0 + 14.0 * len(tasks))
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 22.0 + 14.0 * len(tasks))
     rates, hops = figure.subplots(1, 2, sharey=True)
     for row, task in enumerate(tasks):
         chosen = outcomes[[key == task for key in keys]]
@@ -213,48 +200,36 @@ def steering_outcomes_figure(outcomes: pd.DataFrame, runs: pd.DataFrame) -> Figu
         label, colour, mark = LOOKS[name]
         rates.plot([], [], mark, color=colour, ms=4, label=label)
     if outcomes["asked_rate"].notna().any():
-        rates.plot([], [], "|", color=INK, ms=8, mew=1.4, label="target")
+        rates.plot([], [], "|", color=style.INK, ms=8, mew=1.4, label="target")
     figure.legend(*rates.get_legend_handles_labels(), loc="outside upper center", ncols=4)
-    letter(rates, "a")
-    letter(hops, "b")
+    style.letters((rates, hops))
     return figure
 
 
 def _draw_rate(axes: Axes, entry: dict[Any, Any], place: float) -> None:
     _, colour, mark = LOOKS[entry["controller"]]
     rate, low, high = (100 * entry[key] for key in ("rate", "rate_low", "rate_high"))
-    axes.errorbar(
-        rate, place, xerr=[[rate - low], [high - rate]], fmt=mark, color=colour, ms=4,
-        capsize=2, elinewidth=0.9,
-    )  # fmt: skip
-    axes.annotate(
-        f"{entry['succeeded']}/{entry['runs']}", (1, place), xycoords=axes.get_yaxis_transform(),
-        xytext=(3, 0), textcoords="offset points", ha="left", va="center", fontsize=6,
-        color=INK,
-    )  # fmt: skip
+    look: Any = {"fmt": mark, "color": colour, "ms": 4, "capsize": 2, "elinewidth": 0.9}
+    axes.errorbar(rate, place, xerr=style.interval(rate, low, high), **look)
+    beside: Any = {"xycoords": axes.get_yaxis_transform(), "ha": "left", "va": "center"}
+    count = f"{entry['succeeded']}/{entry['runs']}"
+    style.note(axes, count, (1, place), (3, 0), color=style.INK, **beside)
     if np.isfinite(entry["asked_rate"]):
-        axes.plot(100 * entry["asked_rate"], place, "|", color=INK, ms=8, mew=1.4, zorder=4)
+        axes.plot(100 * entry["asked_rate"], place, "|", color=style.INK, ms=8, mew=1.4, zorder=4)
 
 
 def _draw_hops(axes: Axes, entry: dict[Any, Any], runs: pd.DataFrame, place: float) -> None:
     _, colour, mark = LOOKS[entry["controller"]]
-    own = (
-        (runs["experiment"] == entry["experiment"])
-        & (runs["start"] == entry["start"])
-        & (runs["controller"] == entry["controller"])
-        & runs["success"].astype(bool)
-    )
-    axes.plot(
-        runs.loc[own, "hops"], np.full(own.sum(), place), ".", color=colour, ms=3.5, mew=0,
-        alpha=0.35,
-    )  # fmt: skip
+    task = ["experiment", "start", "controller"]
+    own = (runs[task] == [entry[key] for key in task]).all(axis=1) & runs["success"].astype(bool)
+    dots: Any = {"color": colour, "ms": 3.5, "mew": 0, "alpha": 0.35}
+    axes.plot(runs.loc[own, "hops"], np.full(own.sum(), place), ".", **dots)
     if not own.any():
         return
     middle, low, high = (entry[key] for key in ("hops", "hops_low", "hops_high"))
-    known = np.isfinite(low) and np.isfinite(high)
     axes.errorbar(
-        middle, place, xerr=[[middle - low], [high - middle]] if known else None, fmt=mark,
-        color=colour, mec="white", mew=0.4, ms=4.5, capsize=2, elinewidth=0.9,
+        middle, place, xerr=style.interval(middle, low, high), fmt=mark, color=colour, mec="white",
+        mew=0.4, ms=4.5, capsize=2, elinewidth=0.9,
     )  # fmt: skip
 
 
@@ -268,22 +243,28 @@ def _finish(rates: Axes, hops: Axes, tasks: list[tuple[str, str]]) -> None:
     for axes in (rates, hops):
         axes.tick_params(axis="y", length=0)
         for between in range(1, len(tasks)):
-            axes.axhline(between - 0.5, color=GREY, linewidth=0.3)
+            axes.axhline(between - 0.5, color=style.GREY, linewidth=0.3)
 
 
 # Figs. 3.5, 3.6, 3.8 and 3.9: one run in the arena and over time, beside what the model says.
 
 # Curve: its name, colour, line and mark. Drawn in this order, the measured motion on top.
 CURVES: dict[str, tuple[str, str, Any, str]] = {
-    "pure": ("pure simulation", VERMILION, (0, (1.2, 1.2)), ""),
-    "response": ("simulated control response", BLUE, (0, (4, 1.5)), "x"),
-    "measured": ("measured motion", INK, "-", "o"),
+    "pure": ("pure simulation", style.VERMILION, (0, (1.2, 1.2)), ""),
+    "response": ("simulated control response", style.BLUE, (0, (4, 1.5)), "x"),
+    "measured": ("measured motion", style.INK, "-", "o"),
+}
+# Panel: its column, label, and factor.
+OVER_TIME = {
+    "x": ("x_m", "x (m)", 1.0),
+    "y": ("y_m", "y (m)", 1.0),
+    "h": ("heading_rad", "heading (°)", 180 / np.pi),
 }
 TICK_M = 0.07  # length of the line that shows a heading
 BESIDE_M = 0.12  # how far the board is drawn beyond the path on both sides
 
 
-@styled
+@style.styled
 def steering_run_figure(curves: pd.DataFrame, *, experiment: str | None = None) -> Figure:
     """Draw one run.
 
@@ -303,17 +284,16 @@ def steering_run_figure(curves: pd.DataFrame, *, experiment: str | None = None) 
     if experiment is not None:
         curves = curves[curves["experiment"] == experiment]
     if curves.empty:
-        return message_figure("No run was made.")
+        return style.message_figure("No run was made.")
     turn = str(curves["experiment"].iloc[0]).startswith("turn")
-    figure = paper_figure(DOUBLE_COLUMN_MM, 88.0)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 88.0)
     panels = figure.subplot_mosaic("ax;ay;ah", width_ratios=(1.15, 1))
     _draw_arena(panels["a"], curves, turn)
-    for panel, column, label, factor in (
-        ("x", "x_m", "x (m)", 1.0),
-        ("y", "y_m", "y (m)", 1.0),
-        ("h", "heading_rad", "heading (°)", 180 / np.pi),
-    ):
-        _draw_over_time(panels[panel], curves, column, factor)
+    for panel, (column, label, factor) in OVER_TIME.items():
+        for name, (curve, *look) in CURVES.items():
+            rows = curves[curves["curve"] == name]
+            _draw_curve(panels[panel], rows["time_s"], rows[column] * factor, look, label=curve)
+        panels[panel].margins(y=0.12)
         panels[panel].set_ylabel(label)
     _draw_goals(panels, curves, turn)
     panels["h"].set_xlabel("time (s)")
@@ -321,56 +301,48 @@ def steering_run_figure(curves: pd.DataFrame, *, experiment: str | None = None) 
         panels[above].sharex(panels["h"])
         panels[above].tick_params(labelbottom=False)
     figure.align_ylabels([panels[name] for name in "xyh"])
-    for text, name in zip("abcd", "axyh", strict=True):
-        letter(panels[name], text)
-    handles, labels = panels["x"].get_legend_handles_labels()
-    places, names = panels["a"].get_legend_handles_labels()
-    figure.legend(
-        [*handles[::-1], *places], [*labels[::-1], *names], loc="outside upper center", ncols=7
-    )
+    style.letters(panels[name] for name in "axyh")
+    lines, places = (panels[name].get_legend_handles_labels() for name in "xa")
+    named = ([*one[::-1], *other] for one, other in zip(lines, places, strict=True))
+    figure.legend(*named, loc="outside upper center", ncols=7)
     return figure
 
 
-def _curve(curves: pd.DataFrame, name: str) -> pd.DataFrame:
-    return curves[curves["curve"] == name]
-
-
-def _draw_over_time(axes: Axes, curves: pd.DataFrame, column: str, factor: float) -> None:
-    for name, (label, colour, dash, mark) in CURVES.items():
-        rows = _curve(curves, name)
-        axes.plot(
-            rows["time_s"], rows[column] * factor, color=colour, linestyle=dash, marker=mark,
-            ms=2.2 if mark == "o" else 3, mew=0.7, label=label,
-        )  # fmt: skip
-    axes.margins(y=0.12)
+def _draw_curve(axes: Axes, x: pd.Series, y: pd.Series, look: Any, **options: Any) -> None:
+    colour, dash, mark = look
+    size = 2.2 if mark == "o" else 3
+    axes.plot(x, y, color=colour, ls=dash, marker=mark, ms=size, mew=0.7, **options)
 
 
 def _draw_goals(panels: dict[str, Axes], curves: pd.DataFrame, turn: bool) -> None:
     """Draw the goal as a thin line: zero in x and y, or half a turn to the side that was turned."""
     if not turn:
         for name in "xy":
-            panels[name].axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
+            panels[name].axhline(0.0, color=style.GREY, linewidth=0.6, zorder=0)
         return
-    last = _curve(curves, "measured")["heading_rad"].dropna().iloc[-1]
-    panels["h"].axhline(np.sign(last) * 180, color=GREY, linewidth=0.6, zorder=0)
+    last = curves.loc[curves["curve"] == "measured"]["heading_rad"].dropna().iloc[-1]
+    panels["h"].axhline(np.sign(last) * 180, color=style.GREY, linewidth=0.6, zorder=0)
 
 
 def _draw_arena(axes: Axes, curves: pd.DataFrame, turn: bool) -> None:
-    for name, (_, colour, dash, mark) in CURVES.items():
-        rows = _curve(curves, name)
-        axes.plot(
-            rows["x_m"], rows["y_m"], color=colour, linestyle=dash, marker=mark,
-            ms=2.2 if mark == "o" else 3, mew=0.7,
-        )  # fmt: skip
-    measured = _curve(curves, "measured")
+    for name, (_, *look) in CURVES.items():
+        rows = curves[curves["curve"] == name]
+        _draw_curve(axes, rows["x_m"], rows["y_m"], look)
+    measured = curves[curves["curve"] == "measured"]
     _draw_headings(axes, measured)
     _draw_board(axes, measured)
     if not turn:
-        axes.plot(0, 0, "*", color=VERMILION, mec="white", mew=0.5, ms=10, zorder=5, label="goal")
+        axes.plot(
+            0, 0, "*", color=style.VERMILION, mec="white", mew=0.5, ms=10, zorder=5, label="goal"
+        )
         angle = np.linspace(0, 2 * np.pi, 73)
         near = float(curves["near"].iloc[0])
-        axes.plot(near * np.cos(angle), near * np.sin(angle), color=GREY, linewidth=0.6, zorder=0)
-    _draw_start(axes, measured)
+        axes.plot(
+            near * np.cos(angle), near * np.sin(angle), color=style.GREY, linewidth=0.6, zorder=0
+        )
+    start = measured.dropna(subset=["x_m"]).iloc[0]
+    hollow: Any = {"color": "white", "mec": style.INK, "ms": 5, "mew": 0.9, "zorder": 4}
+    axes.plot(start["x_m"], start["y_m"], "o", label="start", **hollow)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
     axes.set_xlabel("x (m)")
@@ -380,7 +352,9 @@ def _draw_arena(axes: Axes, curves: pd.DataFrame, turn: bool) -> None:
 def _draw_headings(axes: Axes, measured: pd.DataFrame) -> None:
     x, y, heading = (measured[name].to_numpy() for name in ("x_m", "y_m", "heading_rad"))
     dx, dy = TICK_M * np.cos(heading), TICK_M * np.sin(heading)
-    axes.plot(np.stack([x, x + dx]), np.stack([y, y + dy]), color=INK, linewidth=0.5, zorder=1)
+    axes.plot(
+        np.stack([x, x + dx]), np.stack([y, y + dy]), color=style.INK, linewidth=0.5, zorder=1
+    )
 
 
 def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
@@ -397,15 +371,5 @@ def _draw_board(axes: Axes, measured: pd.DataFrame) -> None:
         (float(last.iloc[-1]), "#8a6d2f", "board in the end"),
     ):
         ends = np.stack([place * way + side * across for side in sides])
-        axes.plot(
-            ends[:, 0], ends[:, 1], color=colour, linewidth=3, solid_capstyle="butt", zorder=0,
-            label=label,
-        )  # fmt: skip
-
-
-def _draw_start(axes: Axes, measured: pd.DataFrame) -> None:
-    start = measured.dropna(subset=["x_m"]).iloc[0]
-    axes.plot(
-        start["x_m"], start["y_m"], "o", color="white", mec=INK, ms=5, mew=0.9, zorder=4,
-        label="start",
-    )  # fmt: skip
+        look: Any = {"color": colour, "linewidth": 3, "solid_capstyle": "butt", "zorder": 0}
+        axes.plot(ends[:, 0], ends[:, 1], label=label, **look)

@@ -4,39 +4,78 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from functools import lru_cache, wraps
+from functools import wraps
+from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import Any, ParamSpec
 
-from hopdata.errors import ConfigError, did_you_mean
+import matplotlib
+import pandas as pd
+from matplotlib import ticker
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+
+from hopdata.errors import ConfigError, require_choice
 from hopdata.jobs import whole_file
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
-    from matplotlib.figure import Figure
 
 # Lines with bands, and logarithmic axes with plain numbers: what figures of errors share.
 
 
 def banded_line(
-    axes: Axes, x: pd.Series, y: pd.Series, band: tuple[pd.Series, pd.Series], line: tuple[Any, ...]
+    axes: Axes,
+    x: pd.Series,
+    y: pd.Series,
+    band: tuple[pd.Series, pd.Series],
+    line: tuple[Any, ...],
+    size: float = 2.5,
 ) -> None:
-    """Draw a line with a pale band from low to high; `line` is its label, colour, dash, marker."""
+    """Draw a line with a pale band from low to high.
+
+    `line` is its label, colour, dash and marker, `size` that of the markers.
+    """
     label, colour, dash, marker = line
     axes.fill_between(x, *band, color=colour, alpha=0.15, linewidth=0)
-    axes.plot(x, y, color=colour, linestyle=dash, marker=marker, markersize=2.5, label=label)
+    axes.plot(x, y, color=colour, linestyle=dash, marker=marker, markersize=size, label=label)
+
+
+def box(axes: Axes, place: float, quantiles: Sequence[float], colour: str, **options: Any) -> None:
+    """Draw a box from its five quantiles; `options` are those of `Axes.bxp` and ``alpha``."""
+    line = {"color": INK, "linewidth": 0.8}
+    names = ("whislo", "q1", "med", "q3", "whishi")
+    face = {"facecolor": colour, "alpha": options.pop("alpha", 0.55), "edgecolor": INK}
+    axes.bxp(
+        [dict(zip(names, quantiles, strict=True))], positions=[place], showfliers=False,
+        patch_artist=True, boxprops=face, medianprops={"color": INK, "linewidth": 1.2},
+        whiskerprops=line, capprops=line, manage_ticks=False, **options,
+    )  # fmt: skip
+
+
+def name_rows(axes: Axes, labels: Sequence[str]) -> None:
+    """Let rows 0, 1, ... stand from the top, each with its label."""
+    axes.set_yticks(range(len(labels)), labels)
+    axes.set_ylim(max(len(labels), 1) - 0.4, -0.6)
+    axes.tick_params(axis="y", length=0)
+
+
+def interval(middle: float, low: float, high: float) -> list[list[float]] | None:
+    """Return the error bar from `low` to `high`, none where they are not known."""
+    known = isfinite(low) and isfinite(high)
+    return [[middle - low], [high - middle]] if known else None
+
+
+def note(axes: Axes, text: str, at: tuple[float, float], offset: Any, **options: Any) -> None:
+    """Write a small text beside a place, `offset` points from it; `options` of `annotate`."""
+    options = {"textcoords": "offset points", "fontsize": 6, **options}
+    axes.annotate(text, xy=at, xytext=offset, **options)
 
 
 def plain_numbers(axis: Axis) -> None:
     """Write the numbers of a logarithmic axis as they are, and none at minor ticks."""
-    from matplotlib.ticker import FuncFormatter, NullLocator
-
-    axis.set_minor_locator(NullLocator())
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(ticker.NullLocator())
+    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 Arguments = ParamSpec("Arguments")
@@ -46,8 +85,6 @@ STYLE_FILE = Path(__file__).with_name("hopdata.mplstyle")
 SINGLE_COLUMN_MM = 85.0
 DOUBLE_COLUMN_MM = 175.0
 MM_PER_INCH = 25.4
-MM_PER_M = 1000.0
-MS_PER_S = 1000.0
 
 # The palette of Okabe and Ito (2008), by name.
 ORANGE = "#E69F00"
@@ -83,8 +120,6 @@ def style_context() -> Iterator[None]:
 
     A sign that the font lacks is drawn as a box, and no more is said of it.
     """
-    import matplotlib
-
     with matplotlib.rc_context(fname=str(STYLE_FILE)), warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from font")
         yield
@@ -105,27 +140,20 @@ def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
 
 def _write_powers(figure: Figure) -> None:
     """Write powers of ten on logarithmic axes as 10⁻³, since text is not read as mathematics."""
-    from matplotlib.ticker import LogFormatterMathtext
-
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        if isinstance(axis.get_major_formatter(), LogFormatterMathtext):
-            axis.set_major_formatter(_powers()())
-        if isinstance(axis.get_minor_formatter(), LogFormatterMathtext):
-            axis.set_minor_formatter(_powers()())
+        if isinstance(axis.get_major_formatter(), ticker.LogFormatterMathtext):
+            axis.set_major_formatter(_Powers())
+        if isinstance(axis.get_minor_formatter(), ticker.LogFormatterMathtext):
+            axis.set_minor_formatter(_Powers())
 
 
-@lru_cache(maxsize=1)
-def _powers() -> Any:
-    """Return matplotlib's formatter of powers, but with the signs of Unicode."""
-    from matplotlib.ticker import LogFormatterSciNotation
+class _Powers(ticker.LogFormatterSciNotation):
+    """Matplotlib's formatter of powers, but with the signs of Unicode."""
 
-    class Powers(LogFormatterSciNotation):
-        def __call__(self, x: float, pos: int | None = None) -> str:
-            text = super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
-            base, _, power = text.replace(r"\times", "×").partition("^{")
-            return base + power.removesuffix("}").translate(SUPERSCRIPTS)
-
-    return Powers
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        text = super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
+        base, _, power = text.replace(r"\times", "×").partition("^{")
+        return base + power.removesuffix("}").translate(SUPERSCRIPTS)
 
 
 def label_of(name: str) -> str:
@@ -138,8 +166,6 @@ def label_of(name: str) -> str:
 
 def paper_figure(width_mm: float, height_mm: float) -> Figure:
     """Return an empty figure of this size, mm, laid out without overlaps."""
-    from matplotlib.figure import Figure
-
     return Figure(figsize=(width_mm / MM_PER_INCH, height_mm / MM_PER_INCH))
 
 
@@ -161,19 +187,23 @@ def foot_dash(number: int) -> str | tuple[float, tuple[float, ...]]:
     return FOOT_DASHES[number % len(FOOT_DASHES)]
 
 
+def foot_line(number: int) -> dict[str, Any]:
+    """Colour and line style of the foot with this number, as keywords of a line."""
+    return {"color": foot_colour(number), "linestyle": foot_dash(number)}
+
+
+def letters(panels: Iterable[Axes]) -> None:
+    """Write a, b, c ... at the upper left of each panel in turn."""
+    for axes, text in zip(panels, "abcdefghijklmnopqrstuvwxyz", strict=False):
+        letter(axes, text)
+
+
 def letter(axes: Axes, text: str) -> None:
     """Write a bold panel letter at the upper left, outside the axes."""
     axes.annotate(
-        text,
-        xy=(0, 1),
-        xycoords="axes fraction",
-        xytext=(-4, 4),
-        textcoords="offset points",
-        ha="right",
-        va="bottom",
-        fontweight="bold",
-        fontsize=8,
-    )
+        text, xy=(0, 1), xycoords="axes fraction", xytext=(-4, 4), textcoords="offset points",
+        ha="right", va="bottom", fontweight="bold", fontsize=8,
+    )  # fmt: skip
 
 
 # Figures to files: the same data give the same bytes, and all formats are written or none.
@@ -217,7 +247,10 @@ def save_figure(
     ConfigError
         If a format is not one of the three, or `dpi` is not positive.
     """
-    _check(formats, dpi)
+    for name in formats:
+        require_choice("figures.formats", name, METADATA)
+    if not dpi > 0:
+        raise ConfigError(f"figures.dpi: expected a positive number, found {dpi}")
     base = Path(path)
     targets = tuple(base.with_name(f"{base.name}.{suffix}") for suffix in formats)
     with ExitStack() as whole, style_context(), _laid_out(figure):
@@ -235,8 +268,6 @@ def _laid_out(figure: Figure) -> Iterator[None]:
     Without an engine, and a style that asks for one, matplotlib draws once to save a format; with
     one it draws twice.
     """
-    import matplotlib
-
     engine = figure.get_layout_engine()
     if engine is not None and figure.axes:
         engine.execute(figure)
@@ -261,14 +292,3 @@ def _round_positions(figure: Figure) -> None:
         )
         axes.set_position((left, bottom, width, height))
         axes.set_in_layout(is_in_layout)  # which `set_position` takes it out of
-
-
-def _check(formats: Sequence[str], dpi: float) -> None:
-    for name in formats:
-        if name not in METADATA:
-            raise ConfigError(
-                f"figures.formats: expected one of {', '.join(METADATA)}, found '{name}'"
-                f"{did_you_mean(name, METADATA)}"
-            )
-    if not dpi > 0:
-        raise ConfigError(f"figures.dpi: expected a positive number, found {dpi}")

@@ -1,95 +1,213 @@
-"""The verdict as one picture: how different the maps are, how sure that is, what could be seen."""
+"""The verdict as one picture: the answer, how sure it is, and what it says of a landing."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
 
-from hopdata.figures.style import (
-    BLUE,
-    DOUBLE_COLUMN_MM,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    letter,
-    message_figure,
-    paper_figure,
-    styled,
-)
+from hopdata.figures import style
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-DIFFERENCE = "difference (share of the map)"
-MARGIN: Mapping[str, Any] = {"color": GREEN, "linestyle": (0, (5, 1.5)), "linewidth": 1.2}
+ROW_MM = 58.0
+SENTENCE_WIDTH = 105
+ASKED = "difference between the maps of the contact orders (% of the map)"
+# Conclusion: the answer in two words, and its colour.
+ANSWERS = {
+    "different": ("Different maps", style.VERMILION),
+    "no difference": ("One smooth map", style.GREEN),
+    "cannot tell": ("Cannot tell", style.GREY),
+}
 # An interval longer than this many times all else is cut and ends in an arrowhead.
 LONGEST = 3.0
-SENTENCE_WIDTH = 100
 
 
-@styled
-def verdict_figure(verdict: Mapping[str, Any]) -> Figure:
+@style.styled
+def verdict_figure(verdict: Mapping[str, Any], touchdowns: pd.DataFrame) -> Figure:
     """Draw the verdict on a study.
 
     Parameters
     ----------
     verdict : mapping
         Contents of ``verdict.json``; see docs/verdict.md.
+    touchdowns : DataFrame
+        The touchdown table, of which the two commonest orders of contact are drawn.
 
     Returns
     -------
     Figure
-        The difference with its interval on an axis that begins at zero, the margin, what is
-        excluded and what could be seen; the verdict in words beneath. A study without an answer has
-        the words alone.
+        (a) the difference with what is known of it, (b) what that means for two landings; the
+        verdict in words beneath. A study without an answer has the words alone.
     """
-    effect = verdict.get("effect")
-    if effect is None:
-        return message_figure(_wrapped(verdict), width_mm=DOUBLE_COLUMN_MM)
-    sizes = {key: float(effect[key]) for key in ("estimate", "low", "high")}
-    bound, seen, margin = effect["upper_bound"], effect["detectable"], verdict["margin"]
-    most = max(sizes["estimate"], seen, margin)
-    top = 1.12 * min(max(most, sizes["high"], bound), LONGEST * most)
-    figure = paper_figure(DOUBLE_COLUMN_MM, 48.0)
-    axes = figure.subplots()
-    axes.plot([sizes["low"], min(sizes["high"], top)], [0, 0], color=BLUE, linewidth=2.4)
-    if sizes["high"] > top:
-        axes.plot(top, 0, color=BLUE, marker=">", markersize=4, clip_on=False)
-    axes.plot(sizes["estimate"], 0, color=BLUE, marker="s", markersize=6, clip_on=False)
-    for place, start, colour in ((1, bound, INK), (2, seen, PURPLE)):
-        if start < top:
-            axes.plot([start, top], [place, place], color=colour, linewidth=1.6)
-            axes.plot(start, place, color=colour, marker="|", markersize=9, markeredgewidth=1.6)
-            axes.plot(top, place, color=colour, marker=">", markersize=4, clip_on=False)
-    axes.axvline(margin, zorder=1, label=f"margin to exclude, {margin:g}", **MARGIN)
-    sure, low, high = f"{100 * verdict['confidence']:g} %", sizes["low"], sizes["high"]
-    labels = (
-        f"found, {sure} interval\n{sizes['estimate']:.2g} ({low:.2g} to {high:.2g})",
-        f"excluded, one-sided {sure}\nabove {bound:.2g}",
-        f"found in {100 * verdict['power']:g} % of such studies\nfrom {seen:.2g}",
-    )
-    axes.set_yticks(range(3), labels)
-    axes.set_ylim(2.6, -0.6)
-    axes.set_xlim(0.0, top)
-    axes.tick_params(axis="y", length=0, pad=6)
-    axes.set_xlabel(DIFFERENCE)
-    figure.supxlabel(_wrapped(verdict), fontsize=8, fontweight="bold")
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right")
+    if verdict.get("effect") is None:
+        return style.message_figure(
+            textwrap.fill(_said(verdict), 90), width_mm=style.DOUBLE_COLUMN_MM
+        )
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, ROW_MM + 6.0)
+    _draw_row(figure, verdict, touchdowns)
     return figure
 
 
-def _wrapped(verdict: Mapping[str, Any]) -> str:
-    """Break the sentence into lines, but never within ``95 %``."""
-    sentence = str(verdict["sentence"]).replace(" %", "\u00a0%")
-    return textwrap.fill(sentence, SENTENCE_WIDTH)
+@style.styled
+def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
+    """Draw verdicts of several studies one below the other, on one scale.
+
+    Parameters
+    ----------
+    content
+        Verdict and touchdown table of each study in turn, as for `verdict_figure`.
+    names : sequence of str
+        What to call the studies.
+    """
+    rows = list(zip(content[::2], content[1::2], names, strict=True))
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, (ROW_MM + 9.0) * len(rows))
+    tops = [_top(verdict) for verdict, _, _ in rows if verdict.get("effect")]
+    for part, (verdict, touchdowns, name) in zip(
+        figure.subfigures(len(rows), 1, squeeze=False).ravel(), rows, strict=True
+    ):
+        part.suptitle(style.label_of(name), fontsize=8, x=0.01, ha="left")
+        if verdict.get("effect") is None:
+            part.text(0.5, 0.5, textwrap.fill(_said(verdict), 90), ha="center", va="center")
+        else:
+            _draw_row(part, verdict, touchdowns, top=max(tops))
+    return figure
+
+
+def _draw_row(
+    figure: Figure | SubFigure,
+    verdict: Mapping[str, Any],
+    touchdowns: pd.DataFrame,
+    top: float | None = None,
+) -> None:
+    left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
+    _draw_size(left, verdict, _top(verdict) if top is None else top)
+    _draw_landings(right, verdict["conclusion"], touchdowns)
+    figure.supxlabel(textwrap.fill(_said(verdict), SENTENCE_WIDTH), fontsize=7)
+    style.letter(left, "a")
+    style.letter(right, "b")
+
+
+def _top(verdict: Mapping[str, Any]) -> float:
+    """Upper end of the axis of differences, per cent: all points, and the end of the interval."""
+    effect = verdict["effect"]
+    most = max(verdict["margin"], effect["estimate"], min(effect["detectable"], 1.0))
+    return 112.0 * max(most, min(_end(verdict), LONGEST * most))
+
+
+def _end(verdict: Mapping[str, Any]) -> float:
+    """End of what is not excluded: of the interval where there is a difference, or the bound."""
+    found = verdict["conclusion"] == "different"
+    return float(verdict["effect"]["high" if found else "upper_bound"])
+
+
+def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
+    """Draw what is known of the difference above an axis that begins at none."""
+    effect = verdict["effect"]
+    answer, colour = ANSWERS[verdict["conclusion"]]
+    margin, seen = 100.0 * verdict["margin"], 100.0 * effect["detectable"]
+    low, end = 100.0 * effect["low"], 100.0 * _end(verdict)
+    sure, power = (f"{100 * float(verdict[key]):g} %" for key in ("confidence", "power"))
+    title = f"{answer}: {_in_numbers(verdict)}"
+    axes.set_title(title, color=colour, fontsize=10, fontweight="bold")
+    axes.plot([low, min(end, top)], [1.0, 1.0], color=colour, linewidth=7, solid_capstyle="butt")
+    if end > top:
+        axes.plot(top, 1.0, ">", color=colour, markersize=9, clip_on=False)
+    if low > 0:
+        found = 100.0 * effect["estimate"]
+        axes.plot(found, 1.0, "|", color="white", markersize=7, markeredgewidth=2)
+    words = f"{sure} interval" if low > 0 else f"not excluded, at {sure} confidence"
+    _write(axes, words, (low, 1.0), 7, colour, top)
+    axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
+    _write(axes, f"smaller than {margin:g} %\ncounts as none", (margin, 1.7), -3, style.INK, top)
+    words = "nothing could have been seen"
+    if seen < top:
+        words = f"would be seen in {power} of studies"
+        axes.plot([seen, top], [0.35, 0.35], color=style.PURPLE, linewidth=1.2)
+        axes.plot(seen, 0.35, "|", color=style.PURPLE, markersize=8, markeredgewidth=1.5)
+        axes.plot(top, 0.35, ">", color=style.PURPLE, markersize=4, clip_on=False)
+    _write(axes, words, (min(seen, top), 0.35), -11, style.PURPLE, top)
+    axes.set_ylim(0.0, 2.15)
+    axes.set_xlim(0.0, top)
+    axes.set_yticks([])
+    axes.spines["left"].set_linewidth(2.0)
+    axes.set_xlabel(f"{ASKED}\n0: one and the same map")
+
+
+def _write(
+    axes: Axes, words: str, at: tuple[float, float], above: float, colour: str, top: float
+) -> None:
+    """Write beside a place, on the side that has room; `above` in points."""
+    left = at[0] < 0.5 * top
+    look = {"ha": "left" if left else "right", "color": colour, "bbox": style.ON_WHITE}
+    style.note(axes, words, at, (3 if left else -3, above), fontsize=7, **look)
+
+
+def _in_numbers(verdict: Mapping[str, Any]) -> str:
+    effect = verdict["effect"]
+    if verdict["conclusion"] == "different":
+        size, low, high = (_percent(effect[key]) for key in ("estimate", "low", "high"))
+        return f"by {size} ({low} to {high})"
+    bound = _percent(effect["upper_bound"])
+    none = verdict["conclusion"] == "no difference"
+    return f"no difference above {bound}" if none else f"up to {bound} possible"
+
+
+def _percent(share: float) -> str:
+    return f"{float(f'{100 * share:.2g}'):g}\u00a0%"
+
+
+def _said(verdict: Mapping[str, Any]) -> str:
+    """Return the sentence and what could have been seen, with no break before a %."""
+    return f"{verdict['sentence']} {verdict.get('outlook', '')}".strip().replace(" %", "\u00a0%")
+
+
+# A landing as it is drawn: the feet that touch later are higher above the ground.
+WIDTH, STEP, HIP, ROW = 3.2, 0.32, 1.7, 3.6
+ORDINALS = ("1st", "2nd", "3rd", "4th", "5th", "6th")
+
+
+def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> None:
+    """Draw the two commonest orders of contact, and the maps that lead on from them."""
+    used = touchdowns.loc[~touchdowns["excluded"].astype(bool), "schedule"].dropna()
+    orders = [str(order).split(">") for order in used.value_counts().index[:2]]
+    grounds = [-ROW * row for row in range(len(orders))]
+    colour, levels = ANSWERS[conclusion][1], [ground + 0.9 for ground in grounds]
+    for order, ground, level in zip(orders, grounds, levels, strict=True):
+        _draw_landing(axes, [order.index(foot) for foot in sorted(order, key=int)], ground)
+        name = f"feet {' > '.join(order)}"
+        axes.text(0.5 * WIDTH, ground - 0.65, name, ha="center", va="top")
+        goal = level if conclusion == "different" else float(np.mean(levels))
+        look = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.4}
+        axes.annotate("", (6.0, goal), (WIDTH + 0.5, level), arrowprops=look)
+    words = {
+        "different": [f"map of\n{' > '.join(order)}" for order in orders],
+        "no difference": ["one map\nfor every order"],
+        "cannot tell": ["one map,\nor several?"],
+    }[conclusion]
+    box = {"boxstyle": "round,pad=0.5", "facecolor": colour, "linewidth": 0}
+    for row, text in enumerate(words):
+        level = levels[row] if conclusion == "different" else float(np.mean(levels))
+        axes.text(6.2, level, text, va="center", color="white", fontweight="bold", bbox=box)
+    axes.set_xlim(-0.3, 9.2)
+    axes.set_ylim(grounds[-1] - 1.4, 2.2)
+    axes.set_axis_off()
+
+
+def _draw_landing(axes: Axes, ranks: Sequence[int], ground: float) -> None:
+    """Draw a body above the ground on legs; the foot of rank 0 touches first."""
+    hip, body = ground + HIP, [0.1, WIDTH - 0.1]
+    axes.plot([0.0, WIDTH], [ground, ground], color=style.INK, linewidth=1.0)
+    axes.plot(body, [hip, hip], color=style.GREY, linewidth=6, solid_capstyle="round")
+    for number, rank in enumerate(ranks):
+        place = 0.3 + (WIDTH - 0.6) * number / (len(ranks) - 1)
+        foot, colour = ground + STEP * rank * 2 / (len(ranks) - 1) + 0.09, style.foot_colour(number)
+        axes.plot([place, place], [foot, hip], color=colour, linewidth=1.6)
+        axes.plot(place, foot, "o", color=colour, markersize=4)
+        axes.text(place, ground - 0.1, ORDINALS[rank], ha="center", va="top", fontsize=6)
 
 
 # Size and power of the verdict: false alarms, differences found, and the sizes estimated.
@@ -97,15 +215,15 @@ def _wrapped(verdict: Mapping[str, Any]) -> str:
 SAME = "C1"
 # kind of control: what the reader sees, colour, marker.
 CONTROLS = {
-    "kappa": ("coupled forces, κ", VERMILION, "s"),
-    "eps": ("rigid impulses, ε", GREEN, "^"),
-    "tau": ("contact by velocity, τ", ORANGE, "D"),
+    "kappa": ("coupled forces, κ", style.VERMILION, "s"),
+    "eps": ("rigid impulses, ε", style.GREEN, "^"),
+    "tau": ("contact by velocity, τ", style.ORANGE, "D"),
 }
 LEVEL, WANTED_POWER = 0.05, 0.8
-_TOLERATED = (0.02, 0.08)
+TOLERATED = (0.02, 0.08)
 
 
-@styled
+@style.styled
 def verdict_power_figure(table: pd.DataFrame) -> Figure:
     """Draw the shares of simulated studies in which a difference is found, and its size.
 
@@ -124,9 +242,9 @@ def verdict_power_figure(table: pd.DataFrame) -> Figure:
         over true difference. Bars are 95 % intervals in (a) and (b), standard deviations in (c).
     """
     if table.empty:
-        return message_figure("No simulated studies to show.")
+        return style.message_figure("No simulated studies to show.")
     table = table[table["asked"] == table["asked"].max()]
-    figure = paper_figure(DOUBLE_COLUMN_MM, 66.0)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 66.0)
     left, middle, right = figure.subplots(1, 3)
     same = table["condition"].str.startswith(SAME)
     _draw_alarms(left, table[same])
@@ -140,7 +258,7 @@ def verdict_power_figure(table: pd.DataFrame) -> Figure:
     _label_sizes(right, table[~same])
     figure.legend(*middle.get_legend_handles_labels(), loc="outside upper right", ncols=4)
     for axes, name in zip((left, middle, right), "abc", strict=True):
-        letter(axes, name)
+        style.letter(axes, name)
     return figure
 
 
@@ -148,9 +266,9 @@ def _draw_alarms(axes: Axes, rows: pd.DataFrame) -> None:
     places = np.arange(len(rows))[::-1]
     share = rows["found_share"].to_numpy()
     bars = np.abs(rows[["found_low", "found_high"]].to_numpy().T - share)
-    axes.axvspan(*(100 * edge for edge in _TOLERATED), color=GREY, alpha=0.2, linewidth=0)
-    axes.axvline(100 * LEVEL, color=INK, linewidth=0.6)
-    axes.errorbar(100 * share, places, xerr=100 * bars, fmt="o", color=BLUE, markersize=3)
+    axes.axvspan(*(100 * edge for edge in TOLERATED), color=style.GREY, alpha=0.2, linewidth=0)
+    axes.axvline(100 * LEVEL, color=style.INK, linewidth=0.6)
+    axes.errorbar(100 * share, places, xerr=100 * bars, fmt="o", color=style.BLUE, markersize=3)
     names = [str(name).removeprefix(SAME).strip() or "hopper" for name in rows["condition"]]
     axes.set_yticks(places, names)
     axes.set_xlim(left=0.0)
@@ -170,8 +288,10 @@ def _draw_power(axes: Axes, rows: pd.DataFrame, kind: str) -> None:
 
 def _label_power(axes: Axes, none: pd.DataFrame) -> None:
     if len(none):
-        axes.plot([0.0], 100 * none["found_share"], "o", color=BLUE, markersize=3, label="hopper")
-    axes.axhline(100 * WANTED_POWER, color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
+        axes.plot(
+            [0.0], 100 * none["found_share"], "o", color=style.BLUE, markersize=3, label="hopper"
+        )
+    axes.axhline(100 * WANTED_POWER, color=style.INK, linewidth=0.6, linestyle=(0, (4, 2)))
     axes.set_ylim(-3.0, 103.0)
     axes.set_xlabel("true difference (share of the map)")
     axes.set_ylabel("studies that find a difference (%)")
@@ -187,6 +307,6 @@ def _draw_sizes(axes: Axes, rows: pd.DataFrame, kind: str) -> None:
 
 def _label_sizes(axes: Axes, rows: pd.DataFrame) -> None:
     most = float(rows[["true_effect", "effect_mean"]].max().max()) if len(rows) else 1.0
-    axes.plot([0.0, most], [0.0, most], color=GREY, linewidth=0.8, zorder=0)
+    axes.plot([0.0, most], [0.0, most], color=style.GREY, linewidth=0.8, zorder=0)
     axes.set_xlabel("true difference (share of the map)")
     axes.set_ylabel("estimated difference")

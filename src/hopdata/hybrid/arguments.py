@@ -6,10 +6,10 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from hopdata.arrays import FloatArray, IntArray
+
 # rtol, max_step, first_step, max_steps, max_events
 Limits = tuple[float, float, float | None, int, int]
 
@@ -27,7 +27,7 @@ def check_numbers(
 ) -> tuple[float, float, float, float, float, int, int]:
     """Return start, end, relative tolerance, largest and first step (0: to be chosen), and counts.
 
-    All of them are plain numbers; `driver.entry.can_be_done` checks the same.
+    All of them are plain numbers; `driver.loop.can_be_done` checks the same.
     """
     try:
         t_start, t_end = t_span

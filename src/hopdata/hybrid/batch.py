@@ -8,33 +8,16 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.hybrid.arguments import (
-    check_count,
-    check_flag,
-    check_numbers,
-    check_times,
-    numbers_of,
-    set_mode,
-    with_memory,
-)
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.hybrid import arguments
+from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.callbacks import Caught
 from hopdata.hybrid.driver.loop import END_STATE, many_entry
-from hopdata.hybrid.layout import (
-    COUNT_SLOTS,
-    CULPRIT,
-    EVENTS,
-    METHOD,
-    NFEV,
-    SAMPLES,
-    STEPS,
-    describe,
-)
-from hopdata.hybrid.solution import FloatArray, IntArray
+from hopdata.hybrid.layout import describe
 from hopdata.hybrid.system import System
 
 # Chunks of a job in threads, with progress shown.
@@ -193,13 +176,10 @@ class _Room:
         self.status = np.zeros((n_runs, 1), dtype=np.int64)
         self.ends = np.empty((n_runs, END_STATE + n))
         self.modes = np.empty((n_runs, system.n_modes), dtype=np.int64)
-        self.counts = np.empty((n_runs, COUNT_SLOTS), dtype=np.int64)
+        self.counts = np.empty((n_runs, at.COUNT_SLOTS), dtype=np.int64)
         self.samples = np.empty((n_runs if n_wanted else 0, n_wanted, n))
         self.jacobians = np.empty((n_runs if jacobian else 0, n, n))
-
-    @property
-    def arrays(self) -> tuple[Any, ...]:
-        return (
+        self.arrays = (
             self.status, self.ends, self.modes, self.counts, self.samples, self.jacobians
         )  # fmt: skip
 
@@ -251,17 +231,17 @@ def solve_batch(
     Exception
         Whatever the system's functions raise.
     """
-    options = check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
+    options = arguments.check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
     if workers is not None:
-        workers = check_count("workers", workers)
-    jacobian = check_flag("jacobian", jacobian)
+        workers = arguments.check_count("workers", workers)
+    jacobian = arguments.check_flag("jacobian", jacobian)
     states = _states(y0, system.n_states)
-    numbers = with_memory(_parameters(params, len(states)), memory, system.n_memory)
+    numbers = arguments.with_memory(_parameters(params, len(states)), memory, system.n_memory)
     system.check_params_length(numbers.shape[1])
     modes = np.zeros((1, system.n_modes), dtype=np.int64)
     if mode is not None:
-        set_mode(modes[0], system.n_guards, mode)
-    times = np.empty(0) if t_eval is None else check_times(t_eval, *options[:2])
+        arguments.set_mode(modes[0], system.n_guards, mode)
+    times = np.empty(0) if t_eval is None else arguments.check_times(t_eval, *options[:2])
     room = _Room(len(states), system, len(times), jacobian)
 
     def run(first: int, last: int) -> int:
@@ -277,24 +257,24 @@ def solve_batch(
                         work.desk, done, last, states, numbers, modes, *room.arrays, *options
                     )
                     if done < last:
-                        methods.provide(int(work.counts[METHOD]))
+                        methods.provide(int(work.counts[at.METHOD]))
             if caught:
                 raise caught[0]
-            methods.steps += int(room.counts[first:last, STEPS].sum())
+            methods.steps += int(room.counts[first:last, at.STEPS].sum())
         finally:
             work.forget_samples()
             system.idle.append(work)
         return last - first
 
     done = run(0, min(1, len(states)))  # alone: it compiles what is not compiled yet
-    steps = int(room.counts[:done, STEPS].sum()) * len(states)
+    steps = int(room.counts[:done, at.STEPS].sum()) * len(states)
     system.methods(method, jacobian).specialise(steps)
     run_in_threads(run, done, len(states), workers, progress)
     return _solution(room, times, jacobian, system.guard_names)
 
 
 def _states(y0: ArrayLike, n_states: int) -> FloatArray:
-    states = numbers_of("y0", y0)
+    states = arguments.numbers_of("y0", y0)
     if states.ndim != 2 or states.shape[1] != n_states:
         raise ValueError(f"y0: expected shape (B, {n_states}), found {states.shape}")
     bad = np.flatnonzero(~np.isfinite(states).all(axis=1))
@@ -304,7 +284,7 @@ def _states(y0: ArrayLike, n_states: int) -> FloatArray:
 
 
 def _parameters(params: ArrayLike, n_runs: int) -> FloatArray:
-    numbers = np.atleast_2d(numbers_of("params", params))
+    numbers = np.atleast_2d(arguments.numbers_of("params", params))
     if numbers.ndim != 2 or len(numbers) not in (1, n_runs):
         raise ValueError(f"params: expected shape (p,) or ({n_runs}, p), found {np.shape(params)}")
     return np.ascontiguousarray(numbers)
@@ -315,20 +295,20 @@ def _solution(
 ) -> BatchSolution:
     y = None
     if len(times):
-        room.samples[np.arange(len(times)) >= room.counts[:, SAMPLES, None]] = np.nan
+        room.samples[np.arange(len(times)) >= room.counts[:, at.SAMPLES, None]] = np.nan
         y = np.ascontiguousarray(np.swapaxes(room.samples, 1, 2))
     return BatchSolution(
         status=room.status[:, 0],
         t_end=room.ends[:, 0],
         y_end=room.ends[:, END_STATE:],
         mode=room.modes,
-        n_events=room.counts[:, EVENTS],
-        n_steps=room.counts[:, STEPS],
-        nfev=room.counts[:, NFEV],
+        n_events=room.counts[:, at.EVENTS],
+        n_steps=room.counts[:, at.STEPS],
+        nfev=room.counts[:, at.NFEV],
         t=times if len(times) else None,
         y=y,
         jacobian=room.jacobians if jacobian else None,
-        culprit=room.counts[:, CULPRIT],
+        culprit=room.counts[:, at.CULPRIT],
         rates=room.ends[:, 1:END_STATE],
         guard_names=guard_names,
     )

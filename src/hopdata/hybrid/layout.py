@@ -9,42 +9,29 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hopdata.hybrid.compiled.kernel import kernel
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, IntTable, IntVector
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
-
-def index_numbers(count: int) -> Any:
-    """Return 0, 1, ... as NumPy integers: for literal ones, Numba compiles a function once each."""
-    return np.arange(count, dtype=np.int64)
+def numbers(count: int, first: int = 0) -> Any:
+    """Return NumPy integers in a row: for literal ones, Numba compiles a function once each."""
+    return np.arange(first, first + count, dtype=np.int64)
 
 
 # Rows of `states`: the step from Y to END with the slopes there, room to work in, the coefficients
 # of its interpolant, and the rows that belong to the method (slopes of its stages, for instance).
-Y, K1, END, KEND, SCRATCH, SLOPE, P1 = index_numbers(7)
+# A method reads Y and K1 and fills END and KEND; its interpolant fills P1 and the rows after it.
+Y, K1, END, KEND, SCRATCH, SLOPE, P1 = numbers(7)
 LARGEST_DEGREE = 32  # of an interpolant
 W1 = P1 + LARGEST_DEGREE
 
 # Rows of the tangent's table, which are as long as the state: the flow's Jacobian (n rows), two
 # blocks of n rows for the method, these single rows, and what the method has of its own.
+PHI_SHIFTED, PHI_SLOPE, F_BEFORE, F_AFTER, ALONG, COLUMN = numbers(6)
 # PHI_MOTION begins with the fastest motion squared, by which the method has judged its error;
 # RATE_INPUTS is 1 where the rates of the guards may depend on that component of the state's rate;
 # STEADY begins with 1 if no guard depends on time.
-(
-    PHI_SHIFTED,
-    PHI_SLOPE,
-    F_BEFORE,
-    F_AFTER,
-    ALONG,
-    COLUMN,
-    PHI_MOTION,
-    RATE_INPUTS,
-    STEADY,
-) = index_numbers(9)
+PHI_MOTION, RATE_INPUTS, STEADY = numbers(3, 6)
 PHI_ROWS = 9
 GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # of a step, for its short tangent
 
@@ -52,106 +39,60 @@ GAUSS_1, GAUSS_2 = 0.5 - 3.0**0.5 / 6.0, 0.5 + 3.0**0.5 / 6.0  # of a step, for 
 # its inside, at its end, and wherever else; the largest |h| over the step, which is the scale of
 # its rounding error, second derivatives, how far a guard stays from its surface over the step, and
 # its rate along one way, by which those that bend are known (see `watch`).
-H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG = index_numbers(14)
+H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG = numbers(14)
 GUARD_ROWS = 14
 
 # Rows of `flags`: the number of the instant at which a guard flipped last, how often it has flipped
 # then, whether its lock was left open at the start, and whether it is known to bend.
-LAST_FLIP, FLIPS, OPEN, BENT = index_numbers(4)
+LAST_FLIP, FLIPS, OPEN, BENT = numbers(4)
 FLAG_ROWS = 4
 
 # Rows of `lists`: the guards that are awake, the heap of those asleep (see `sleep`), the few that
-# the step may concern (see `near`), and those that flip now.
-AWAKE, HEAP, NEAR, DUE = index_numbers(4)
+# the step may concern (see `watch`), and those that flip now.
+AWAKE, HEAP, NEAR, DUE = numbers(4)
 LIST_ROWS = 4
 
 # Rows of `rules`: which crossings are events, and whether these end the integration.
-DIRECTION, TERMINAL = index_numbers(2)
+DIRECTION, TERMINAL = numbers(2)
 
-# Columns of `methods`: addresses of step, interpolant, tangent and refresh, evaluations that a step
-# and its interpolant take, the interpolant's error in units of the estimated one of the step,
-# whether it is in powers of theta, the order by which the step is controlled; the methods to change
-# to where events are sparser or denser, where the field is stiff and where it is not (-1: none);
-# the row of the last stage's slope, the limit of stability, evaluations that a tangent takes; the
-# address of the tangent for short steps (0: none), and evaluations that it takes.
-(
-    STEP,
-    INTERPOLANT,
-    TANGENT,
-    REFRESH,
-    EVALUATIONS,
-    INTERPOLANT_EVALUATIONS,
-    INTERPOLANT_ERROR,
-    IN_POWERS,
-    ORDER,
-    SPARSER,
-    DENSER,
-    STIFFER,
-    RELAXED,
-    LAST_SLOPE,
-    STIFF_TENTHS,
-    TANGENT_EVALUATIONS,
-    SHORT_TANGENT,
-    SHORT_TANGENT_EVALUATIONS,
-) = index_numbers(18)
+# Columns of `methods`. Addresses (0: there is none); the short tangent is that for short steps.
+STEP, INTERPOLANT, TANGENT, SHORT_TANGENT, REFRESH = numbers(5)
+# Evaluations that each of them takes.
+EVALUATIONS, INTERPOLANT_EVALUATIONS, TANGENT_EVALUATIONS, SHORT_EVALUATIONS = numbers(4, 5)
+# The order by which the step is controlled, the interpolant's error in units of the estimated one
+# of the step, and whether it is in powers of theta.
+ORDER, INTERPOLANT_ERROR, IN_POWERS = numbers(3, 9)
+# The methods to change to where events are sparser or denser, where the field is stiff and where it
+# is not (-1: none).
+SPARSER, DENSER, STIFFER, RELAXED = numbers(4, 12)
+LAST_SLOPE, STIFF_TENTHS = numbers(2, 16)  # row of the last stage's slope, limit of stability
 METHOD_SLOTS = 18
 
-# Slots of `clock`. SPAN is the length of the step that the interpolant belongs to, 0 if there is
-# none, ERROR that step's error in units of the tolerance, SEGMENT the start of the smooth piece of
-# the trajectory, GAP the length of the one before it, TRAVEL what no event function can have
-# changed by more than since the start, and SPEED the bound of their rates now. STIFF_SCORE counts
-# steps that stability limits. MOTION is the fastest motion squared in the last step's Jacobian.
-# PIECE is the part of the step between two of its knots, WINDOW the length, s, within which guards
-# that bend were resolved last.
-(
-    T,
-    NEXT_DT,
-    LAST_LOG_ERROR,
-    INSTANT,
-    RATE_BELOW,
-    RATE_ABOVE,
-    SPAN,
-    ERROR,
-    SEGMENT,
-    TRAVEL,
-    SPEED,
-    STIFF_SCORE,
-    GAP,
-    MOTION,
-    PIECE,
-    WINDOW,
-) = index_numbers(16)
+# Slots of `clock`: the time, the next step, the error of the last one (a logarithm), and its error
+# in units of the tolerance.
+T, NEXT_DT, LAST_LOG_ERROR, ERROR = numbers(4)
+# The last instant of an event, the start of the smooth piece of the trajectory, the length of the
+# one before it, and rates of a guard below and above its surface.
+INSTANT, SEGMENT, GAP, RATE_BELOW, RATE_ABOVE = numbers(5, 4)
+# The length of the step that the interpolant belongs to (0: there is none), the part of the step
+# between two of its knots, and the length, s, within which guards that bend were resolved last.
+SPAN, PIECE, WINDOW = numbers(3, 9)
+# What no event function can have changed by more than since the start; the bound of their rates.
+TRAVEL, SPEED = numbers(2, 12)
+# How many steps stability has limited, and the fastest motion squared in the last step's Jacobian.
+STIFF_SCORE, MOTION = numbers(2, 14)
 CLOCK_SLOTS = 16
 
-# Slots of `counts`. DEGREE is that of the interpolant, if there is one, PIECES how many the knots
-# make of a step, MEASURED the instant at which rates along one way were taken, N_BENT how many
-# guards are known to bend, ROUGH how often their rates were not those of their values, WATCHED
-# what is known of the step (see `watch`).
-(
-    NFEV,
-    NGEV,
-    STEPS,
-    REJECTED,
-    EVENTS,
-    ROWS,
-    EVENT_ROWS,
-    SAMPLES,
-    CROWD,
-    CULPRIT,
-    METHOD,
-    N_AWAKE,
-    N_ASLEEP,
-    JUMPS,
-    N_NEAR,
-    N_DUE,
-    INSTANTS,
-    DEGREE,
-    PIECES,
-    MEASURED,
-    N_BENT,
-    ROUGH,
-    WATCHED,
-) = index_numbers(23)
+# Slots of `counts`: evaluations, steps, events, and what has been written of them.
+NFEV, NGEV, STEPS, REJECTED, EVENTS, ROWS, EVENT_ROWS, SAMPLES = numbers(8)
+# The method, the degree of its interpolant, if there is one, how many pieces the knots make of a
+# step, and what is known of the step (see `watch`).
+METHOD, DEGREE, PIECES, WATCHED = numbers(4, 8)
+# How many guards stand in each of the lists, how many are known to bend, and which one to report.
+N_AWAKE, N_ASLEEP, N_NEAR, N_DUE, N_BENT, CULPRIT = numbers(6, 12)
+# Instants, those too near to each other, those that changed the state, the one at which rates along
+# one way were taken, and how often the rates of guards that bend were not those of their values.
+INSTANTS, CROWD, JUMPS, MEASURED, ROUGH = numbers(5, 18)
 COUNT_SLOTS = 23
 
 
@@ -159,40 +100,20 @@ COUNT_SLOTS = 23
 # address and width of each array, then what is asked for (numbers with a fraction in the memory of
 # integers; whether each step is written down). Behind it stand the initial state and the
 # parameters: a caller writes all that it asks for in one go.
-FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS = index_numbers(8)
+FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS = numbers(8)
 DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 8, 18, 8
+DESK_ASKED = DESK_ARRAYS + 2 * N_DESK_ARRAYS
+T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, DESK_ASKED)
+MAX_STEPS, MAX_EVENTS, EACH_STEP = numbers(3, DESK_ASKED + 5)
+DESK_SLOTS = DESK_ASKED + N_DESK_ASKED
+DESK_PLACES = DESK_ARRAYS + 2 * numbers(N_DESK_ARRAYS)
+PARAMS, MODE, RULES, ATOL, STATE_TABLE, GUARD_TABLE, FLAG_TABLE, LIST_TABLE = DESK_PLACES[:8]
+WAKE_AT, CLOCK, COUNTS, METHOD_TABLE, TANGENT_TABLE, WANTED, SAMPLE_TABLE = DESK_PLACES[8:15]
+ROW_TABLE, LOG_TABLE, START_STATE = DESK_PLACES[15:]
 
 # Columns of the log: one row holds an event, as time, guard, direction, state before and after its
 # handler, and mode; integers stand in the memory of floats.
-LOG_TIME, LOG_GUARD, LOG_DIRECTION, LOG_STATES = index_numbers(4)
-
-DESK_ASKED = DESK_ARRAYS + 2 * N_DESK_ARRAYS
-T_START, T_END, RTOL, MAX_STEP, FIRST_STEP, MAX_STEPS, MAX_EVENTS, EACH_STEP = (
-    DESK_ASKED + index_numbers(N_DESK_ASKED)
-)
-DESK_SLOTS = DESK_ASKED + N_DESK_ASKED
-DESK_PLACES = DESK_ARRAYS + 2 * index_numbers(N_DESK_ARRAYS)
-(
-    PARAMS,
-    MODE,
-    RULES,
-    ATOL,
-    STATE_TABLE,
-    GUARD_TABLE,
-    FLAG_TABLE,
-    LIST_TABLE,
-    WAKE_AT,
-    CLOCK,
-    COUNTS,
-    METHOD_TABLE,
-    TANGENT_TABLE,
-    WANTED,
-    SAMPLE_TABLE,
-    ROW_TABLE,
-    LOG_TABLE,
-    START_STATE,
-) = DESK_PLACES
-
+LOG_TIME, LOG_GUARD, LOG_DIRECTION, LOG_STATES = numbers(4)
 
 # How a run is asked for: that it goes on where it was, that the mode is given (else it is zeros).
 RESUMED, GIVEN_MODE = 1, 2
@@ -208,40 +129,6 @@ class Memory(NamedTuple):
     wake_at: FloatVector  # travel at which each guard in the heap must be looked at
     clock: FloatVector
     counts: IntVector
-
-
-# The table of states that a method works on: which row holds what, and rows as arrays.
-#
-# A method reads Y and K1 (the state at the start of the step and its slope) and fills END and KEND.
-# Its interpolant is put into P1 and the rows after it; rows from W1 on are its own.
-
-MOST_COEFFICIENTS = LARGEST_DEGREE
-
-__all__ = [
-    "END",
-    "K1",
-    "KEND",
-    "MOST_COEFFICIENTS",
-    "P1",
-    "SCRATCH",
-    "SLOPE",
-    "W1",
-    "Y",
-    "matrix",
-    "row",
-]
-
-
-@kernel
-def row(s: Any, r: int) -> Any:
-    """Return row `r` of the table as an array (n,)."""
-    return s[r]
-
-
-@kernel
-def matrix(s: Any, first: int, n: int) -> Any:
-    """Return the `n` rows of the table from `first` on as an array (n, n)."""
-    return s[first : first + n]
 
 
 # How an integration ended: codes as in SciPy (0 end, 1 event, negative failure) and words.

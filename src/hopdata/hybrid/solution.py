@@ -10,13 +10,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import layout
 from hopdata.hybrid.layout import describe
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 MOST_SHOWN = 10  # events, in the text of a log
 COUNTS = int(layout.CLOCK_SLOTS)  # where in `end` the counters begin
@@ -243,7 +240,7 @@ class Solution:
 
     @property
     def clock(self) -> FloatArray:
-        """The driver's times at the end, as `driver.layout` numbers them."""
+        """The driver's times at the end, as `layout` numbers them."""
         return np.frombuffer(self.parts[0])[:COUNTS]
 
     @property

@@ -7,25 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import Limits, check_flag, check_numbers, check_times, set_mode
 from hopdata.hybrid.compiled.callbacks import catch, stop_catching
-from hopdata.hybrid.layout import (
-    BAD_NUMBERS,
-    BAD_START,
-    GIVEN_MODE,
-    METHOD,
-    NEEDS_METHOD,
-    NEEDS_ROOM,
-    PAUSED,
-    RESUMED,
-    STEPS,
-    TERMINATED,
-)
 from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import Workspace
 
-UNFINISHED = (NEEDS_ROOM, NEEDS_METHOD, PAUSED)
+UNFINISHED = (at.NEEDS_ROOM, at.NEEDS_METHOD, at.PAUSED)
 
 
 def solve(
@@ -111,23 +100,23 @@ def solve(
         flags = 0
         if mode is not None:
             set_mode(work.mode, system.n_guards, mode)
-            flags = GIVEN_MODE
+            flags = at.GIVEN_MODE
         caught = work.caught
         caught.clear()
         token = catch(caught)
         try:
             status = work.drive(work.desk_address, flags)
-            if status > TERMINATED:
-                status = _go_on(work, flags | RESUMED, status)
+            if status > at.TERMINATED:
+                status = _go_on(work, flags | at.RESUMED, status)
         finally:
             stop_catching(token)
         if work.methods.generic:
-            work.methods.steps += work.counts.item(STEPS)
+            work.methods.steps += work.counts.item(at.STEPS)
         if caught:
             first = caught[0]
             caught.clear()
             raise first
-        if status > TERMINATED:
+        if status > at.TERMINATED:
             _refuse(status, work, t_span, (rtol, max_step, first_step, max_steps, max_events))
         return work.solution(status)
     finally:
@@ -155,18 +144,18 @@ def _go_on(work: Workspace, flags: int, status: int) -> int:
     """Give the driver what it asks for, if anything, and call it again, until it has ended."""
     methods = work.methods
     while status in UNFINISHED and not work.caught:
-        if status == NEEDS_ROOM:
+        if status == at.NEEDS_ROOM:
             work.enlarge()
-        elif status == NEEDS_METHOD:
-            methods.provide(int(work.counts[METHOD]))
-        methods.specialise(int(work.counts[STEPS]))
+        elif status == at.NEEDS_METHOD:
+            methods.provide(int(work.counts[at.METHOD]))
+        methods.specialise(int(work.counts[at.STEPS]))
         status = work.drive(work.desk_address, flags)
     return status
 
 
 def _refuse(status: int, work: Workspace, t_span: tuple[float, float], limits: Limits) -> None:
     """Raise ValueError for what the driver did not begin with."""
-    if status == BAD_START:
+    if status == at.BAD_START:
         raise ValueError(f"y0: expected finite numbers, found {work.state}")
-    if status == BAD_NUMBERS:
+    if status == at.BAD_NUMBERS:
         check_numbers(t_span, *limits)

@@ -10,15 +10,7 @@ from numpy.typing import NDArray
 
 from hopdata.hybrid.arguments import check_flag
 from hopdata.hybrid.compiled.callbacks import Callback
-from hopdata.hybrid.compiled.kernel import (
-    AFFINE,
-    FIELD,
-    GUARD,
-    GUARDS,
-    JACOBIAN,
-    ON_EVENT,
-    RATE_BOUND,
-)
+from hopdata.hybrid.compiled.kernel import SIGNATURES
 from hopdata.hybrid.driver.loop import driver_entry, many_entry, run_address
 from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.table import MethodTable
@@ -83,14 +75,11 @@ class System:
     n_memory: int = 0
 
     def __post_init__(self) -> None:
-        _check_callback("field", self.field, FIELD)
+        _check_callback("field", self.field)
         self._check_guards()
-        if self.on_event is not None:
-            _check_callback("on_event", self.on_event, ON_EVENT)
-        if self.jacobian is not None:
-            _check_callback("jacobian", self.jacobian, JACOBIAN)
-        if self.affine is not None:
-            _check_callback("affine", self.affine, AFFINE)
+        for name in ("on_event", "jacobian", "affine"):
+            if getattr(self, name) is not None:
+                _check_callback(name, getattr(self, name))
         for name in ("n_extra_modes", "n_memory"):
             if getattr(self, name) < 0:
                 raise ValueError(f"{name}: expected at least 0, found {getattr(self, name)}")
@@ -119,11 +108,11 @@ class System:
         if self.guards is not None and self.guard is not None:
             raise ValueError("guards, guard: expected one of them, found both")
         if self.guard is not None:
-            _check_callback("guard", self.guard, GUARD)
+            _check_callback("guard", self.guard)
         elif self.guards is not None or self.guard_names:
-            _check_callback("guards", self.guards, GUARDS)
+            _check_callback("guards", self.guards)
         if self.rate_bound is not None:
-            _check_callback("rate_bound", self.rate_bound, RATE_BOUND)
+            _check_callback("rate_bound", self.rate_bound)
             if self.guard is None:
                 raise ValueError("rate_bound: expected guards declared one by one, by @guard")
         if len(set(self.guard_names)) < len(self.guard_names):
@@ -150,11 +139,8 @@ class System:
     @property
     def callbacks(self) -> tuple[Callback, ...]:
         """The functions that there are."""
-        every = (
-            self.field, self.guards, self.guard, self.rate_bound, self.on_event, self.jacobian,
-            self.affine,
-        )  # fmt: skip
-        return tuple(one for one in every if one is not None)
+        given = (getattr(self, name) for name in SIGNATURES)
+        return tuple(one for one in given if one is not None)
 
     @cached_property
     def n_params(self) -> int:
@@ -222,6 +208,6 @@ class System:
             return self.new_workspace()
 
 
-def _check_callback(name: str, callback: Callback | None, signature: object) -> None:
-    if not isinstance(callback, Callback) or callback.signature != signature:
+def _check_callback(name: str, callback: Callback | None) -> None:
+    if not isinstance(callback, Callback) or callback.signature.name != name:
         raise TypeError(f"{name}: expected a function declared by @{name}, found {callback!r}")

@@ -14,11 +14,11 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike, NDArray
 
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import check_memory, check_params, check_shape, set_tolerance
 from hopdata.hybrid.compiled.callbacks import Caught
 from hopdata.hybrid.driver.loop import driver_entry
-from hopdata.hybrid.layout import FloatArray, IntArray
 from hopdata.hybrid.methods.table import MethodTable, tangent_table
 from hopdata.hybrid.solution import Form, Solution
 

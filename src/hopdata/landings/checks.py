@@ -88,11 +88,22 @@ def check_study(
     ]
 
 
-def _check(
-    what: str, value: float | None, unit: str, limits: tuple[float, float], remark: str
-) -> Check:
+# What is asked about: unit, and the values from which it is good and from which it is poor.
+QUESTIONS = {
+    "frames seen, worst marker": ("%", 99.0, 95.0),
+    "swaps, spikes, jumps, frozen, time": ("", 0.0, 10.0),
+    "noise of a coordinate over expected": ("", 1.5, 3.0),
+    "touchdowns used": ("%", 80.0, 50.0),
+    "error of a contact over the spread": ("", 0.1, 0.3),
+    f"orders less sure than {SURE:g}": ("%", 10.0, 30.0),
+    "sections move, over their distance": ("%", 5.0, 15.0),
+    "drift, in spreads": ("", 0.5, 1.0),
+}
+
+
+def _check(what: str, value: float | None, remark: str) -> Check:
     """Judge a value by its limits; the larger one is good if it comes first."""
-    good, poor = limits
+    unit, good, poor = QUESTIONS[what]
     if value is None or not np.isfinite(value):
         return Check(what, None, unit, good, poor, UNKNOWN, remark)
     sign = 1.0 if good <= poor else -1.0
@@ -101,35 +112,32 @@ def _check(
 
 
 def _seen(markers: pd.DataFrame) -> Check:
-    used = markers[markers["role"].isin(("body", "foot"))]
+    what, used = "frames seen, worst marker", markers[markers["role"].isin(("body", "foot"))]
     if used.empty:
-        return _check("frames seen, worst marker", None, "%", (99.0, 95.0), "no markers")
+        return _check(what, None, "no markers")
     missing = used["missing"] / used["frames"]
     worst = used.iloc[int(np.argmax(missing.to_numpy(float)))]
-    remark = (
-        f"{worst['marker']} in {worst['recording']}; its longest gap {worst['longest_s']:.3g} s"
-    )
+    where = f"{worst['marker']} in {worst['recording']}"
     share = 100.0 * (1.0 - float(missing.max()))
-    return _check("frames seen, worst marker", share, "%", (99.0, 95.0), remark)
+    return _check(what, share, f"{where}; its longest gap {worst['longest_s']:.3g} s")
 
 
 def _faults(faults: pd.DataFrame) -> Check:
     kinds = faults["kind"].value_counts()
     remark = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "none found"
-    return _check("swaps, spikes, jumps, frozen, time", float(len(faults)), "", (0.0, 10.0), remark)
+    return _check("swaps, spikes, jumps, frozen, time", float(len(faults)), remark)
 
 
 def _noise(markers: pd.DataFrame, expected_m: float | None) -> Check:
-    what = "noise of a coordinate over expected"
-    known = markers["noise_m"].dropna()
+    what, known = "noise of a coordinate over expected", markers["noise_m"].dropna()
     if known.empty:
-        return _check(what, None, "", (1.5, 3.0), "no five frames in a row")
+        return _check(what, None, "no five frames in a row")
     found = float(known.median())
+    told = f"{1e3 * found:.2g} mm found"
     if expected_m is None:
-        remark = f"{1e3 * found:.2g} mm found; none configured (report.expected_noise_m)"
-        return _check(what, None, "", (1.5, 3.0), remark)
-    remark = f"{1e3 * found:.2g} mm found, {1e3 * expected_m:.2g} mm expected"
-    return _check(what, found / expected_m if expected_m else np.nan, "", (1.5, 3.0), remark)
+        return _check(what, None, f"{told}; none configured (report.expected_noise_m)")
+    ratio = found / expected_m if expected_m else np.nan
+    return _check(what, ratio, f"{told}, {1e3 * expected_m:.2g} mm expected")
 
 
 def _unseen(markers: pd.DataFrame) -> str:
@@ -146,67 +154,57 @@ def _unseen(markers: pd.DataFrame) -> str:
 def _used(markers: pd.DataFrame, touchdowns: pd.DataFrame, other_feet: bool) -> Check:
     what, unseen = "touchdowns used", _unseen(markers)
     if touchdowns.empty:
-        return _check(what, None, "%", (80.0, 50.0), f"no descent found{unseen}")
+        return _check(what, None, f"no descent found{unseen}")
     theirs = other_feet & (touchdowns["reason"] == NO_FOOT_LANDED)
     if theirs.all():
-        return _check(
-            what, 0.0, "%", (80.0, 50.0), f"{NO_FOOT_LANDED} in any of {len(theirs)} descents"
-        )
+        return _check(what, 0.0, f"{NO_FOOT_LANDED} in any of {len(theirs)} descents")
     touchdowns = touchdowns[~theirs]
     out = touchdowns["excluded"].astype(bool)
     reasons = touchdowns.loc[out, "reason"].value_counts()
-    counted = "landings" if other_feet else "descents"
-    remark = f"{int((~out).sum())} of {len(out)} {counted}"
+    remark = f"{int((~out).sum())} of {len(out)} {'landings' if other_feet else 'descents'}"
     if len(reasons):
         remark += f"; most often: {reasons.index[0]} ({int(reasons.iloc[0])})"
     if theirs.any():
         remark += f"; not counted: {int(theirs.sum())} more descents, of other feet"
-    return _check(what, 100.0 * float((~out).mean()), "%", (80.0, 50.0), remark + unseen)
+    return _check(what, 100.0 * float((~out).mean()), remark + unseen)
 
 
 def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
     used = touchdowns[~touchdowns["excluded"].astype(bool)]
     errors = used[[c for c in used.columns if c.startswith("se_")]].median()
-    what, limits = "error of a contact over the spread", (0.1, 0.3)
+    what = "error of a contact over the spread"
     if errors.notna().any():
         worst = int(np.nanargmax(errors.to_numpy(float)))
         error, spread = float(errors.iloc[worst]), float(used["spread_s"].median())
         foot = str(errors.index[worst]).removeprefix("se_").removesuffix("_s")
         remark = f"{1e3 * error:.2g} ms of {1e3 * spread:.2g} ms; worst foot {foot}"
-        yield _check(what, error / spread if spread > 0 else np.nan, "", limits, remark)
+        yield _check(what, error / spread if spread > 0 else np.nan, remark)
     else:
-        yield _check(what, None, "", limits, "no contact")
+        yield _check(what, None, "no contact")
     doubtful = 100.0 * float((used["probability"] < SURE).mean()) if len(used) else np.nan
-    yield _check(
-        f"orders less sure than {SURE:g}", doubtful, "%", (10.0, 30.0), "of the touchdowns used"
-    )
+    yield _check(f"orders less sure than {SURE:g}", doubtful, "of the touchdowns used")
 
 
 def _sections(stability: pd.DataFrame) -> Check:
-    what = "sections move, over their distance"
-    chosen = stability.iloc[0]
-    travel = float(chosen["pre_height_m"] - chosen["post_height_m"])
+    what, heights = "sections move, over their distance", ["pre_height_m", "post_height_m"]
+    chosen = stability.iloc[0][heights].astype(float)
+    pre, post = chosen
     others = stability.iloc[1:]
-    moved = others[["pre_height_m", "post_height_m"]].sub(
-        chosen[["pre_height_m", "post_height_m"]].astype(float)
-    )
-    largest = moved.abs().max(axis=1)
+    largest = (others[heights] - chosen).abs().max(axis=1)
     failed = int(others["note"].fillna("").astype(bool).sum())
-    if largest.notna().sum() == 0 or not travel > 0:
-        return _check(what, None, "%", (5.0, 15.0), "no variant gives sections")
+    if largest.notna().sum() == 0 or not pre > post:
+        return _check(what, None, "no variant gives sections")
     worst = others.iloc[int(np.nanargmax(largest.to_numpy(float)))]
     remark = f"{1e3 * float(largest.max()):.2g} mm with {worst['variant']}"
     remark += f"; {failed} variant{'s' if failed > 1 else ''} without any" if failed else ""
-    return _check(what, 100.0 * float(largest.max()) / travel, "%", (5.0, 15.0), remark)
+    return _check(what, 100.0 * float(largest.max()) / (pre - post), remark)
 
 
 def _drift(drift: pd.DataFrame) -> Check:
-    what = "drift, in spreads"
-    sure = drift[(drift["median"] - drift["typical"]).abs() > 3.0 * drift["se"]]
+    what, sure = "drift, in spreads", (drift["median"] - drift["typical"]).abs() > 3.0 * drift["se"]
     if drift.empty:
-        return _check(what, None, "", (0.5, 1.0), "too few touchdowns")
-    if sure.empty:
-        return _check(what, 0.0, "", (0.5, 1.0), "nothing beyond three standard errors")
-    worst = sure.iloc[int(np.argmax(sure["deviation"].abs().to_numpy(float)))]
-    remark = f"{worst['quantity']} in {worst['part']}"
-    return _check(what, abs(float(worst["deviation"])), "", (0.5, 1.0), remark)
+        return _check(what, None, "too few touchdowns")
+    if not sure.any():
+        return _check(what, 0.0, "nothing beyond three standard errors")
+    worst = drift[sure].iloc[int(np.argmax(drift.loc[sure, "deviation"].abs().to_numpy(float)))]
+    return _check(what, abs(float(worst["deviation"])), f"{worst['quantity']} in {worst['part']}")

@@ -14,6 +14,7 @@ from hopdata.blas import one_blas_thread
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.recording import Recording
 from hopdata.recordings.quality.stretches import runs, seen
+from hopdata.rigid import kabsch
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,29 +39,18 @@ def filled_table(recordings: Iterable[Recording]) -> pd.DataFrame:
     """
     import pandas as pd
 
-    return pd.DataFrame([row for recording in recordings for row in _gap_rows(recording)])
-
-
-def _gap_rows(recording: Recording) -> list[dict[str, object]]:
-    unseen = ~seen(recording.positions)
-    filled = np.zeros_like(unseen) if recording.filled is None else recording.filled
-    rows: list[dict[str, object]] = []
-    for m, (marker, role) in enumerate(zip(recording.markers, recording.roles, strict=True)):
-        lengths = np.diff(runs(unseen[:, m] | filled[:, m]), axis=1)
-        rows.append(
-            {
-                "recording": recording.name,
-                "marker": marker,
-                "role": role,
-                "frames": len(unseen),
-                "gaps": len(lengths),
-                "longest_s": float(lengths.max(initial=0)) / recording.rate_hz,
-                "missing": int(lengths.sum()),
-                "filled": int(filled[:, m].sum()),
-                "left": int(unseen[:, m].sum()),
-            }
-        )
-    return rows
+    columns = ("recording", "marker", "role", "frames", "gaps", "longest_s")
+    rows = []
+    for recording in recordings:
+        unseen = ~seen(recording.positions)
+        filled = np.zeros_like(unseen) if recording.filled is None else recording.filled
+        for m, (marker, role) in enumerate(zip(recording.markers, recording.roles, strict=True)):
+            lengths = np.diff(runs(unseen[:, m] | filled[:, m]), axis=1)
+            longest = float(lengths.max(initial=0)) / recording.rate_hz
+            counts = (int(lengths.sum()), int(filled[:, m].sum()), int(unseen[:, m].sum()))
+            told = (recording.name, marker, role, len(unseen), len(lengths), longest)
+            rows.append((*told, *counts))
+    return pd.DataFrame(rows, columns=[*columns, "missing", "filled", "left"])
 
 
 # Where an unseen body marker must be, from the others on the same rigid body.
@@ -125,10 +115,7 @@ def align(points: FloatArray, frames: FloatArray) -> tuple[FloatArray, FloatArra
     Least squares (Kabsch 1976); a frame is about rotation @ point + place.
     """
     middle, centre = points.mean(axis=0), frames.mean(axis=1)
-    u, _, vt = np.linalg.svd(np.einsum("mi,nmj->nij", points - middle, frames - centre[:, None]))
-    handed = np.ones((len(frames), 3))
-    handed[:, 2] = np.sign(np.linalg.det(u) * np.linalg.det(vt))
-    rotation = np.swapaxes((u * handed[:, None, :]) @ vt, 1, 2)
+    rotation = kabsch(frames - centre[:, None], points - middle)
     return rotation, centre - rotation @ middle
 
 

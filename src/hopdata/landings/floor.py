@@ -14,62 +14,51 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
-from hopdata.landings.floor_surface import (
-    RIM_DIRECTIONS,
-    FloorModel,
-    RestPoints,
-    floor_columns,
-    polynomial_terms,
-    regress_floor,
-    rest_points,
-    rim_of,
-    thinned,
-)
+from hopdata.landings import floor_surface
 from hopdata.landings.sections.modes import ground_mode, robust_rms
 from hopdata.recording import Recording
-
-# What is said of a floor beside its numbers.
 
 NOTED_SHARE = 0.05  # of a foot's rests, above the floor, from which that is told
 NOTED_SLOPE_DEG = 1.0  # cameras are levelled better than this
 
 
-def raised_notes(recording: Recording, rest: RestPoints, raised: NDArray[np.bool_]) -> list[str]:
-    """Say which feet often rest above the floor."""
-    names = recording.names("foot")
-    shares = [float(raised[rest.foot == foot].mean()) for foot in range(len(names))]
-    return [
-        f"{name} rests above the floor in {100 * share:.0f} % of its frames at rest, left out"
-        for name, share in zip(names, shares, strict=True)
-        if share >= NOTED_SHARE
-    ]
+def _notes(
+    recording: Recording,
+    rest: floor_surface.RestPoints,
+    raised: BoolArray,
+    degrees: tuple[int, int],
+    largest_error_m: float,
+    ground: FloatArray,
+) -> str:
+    """Say which feet often rest above the floor, why its degree is lower, and that it slopes.
 
-
-def degree_notes(found: int, wanted: int, largest_error_m: float) -> list[str]:
-    """Say why the degree is lower than asked for."""
-    if found == wanted:
-        return []
-    return [f"the feet at rest do not fix a floor of degree {wanted} to {largest_error_m:g} m"]
-
-
-def slope_notes(places: FloatArray, ground_m: FloatArray, degree: int) -> list[str]:
-    """Say that the floor slopes, if the plane through the feet at rest does and they fix one."""
-    if degree == 0:
-        return []
-    columns = np.column_stack([np.ones(len(places)), places])
-    plane = np.linalg.lstsq(columns, ground_m, rcond=None)[0]
+    `ground` (P, 3) is where the feet rest, less their mount heights; `degrees` the one found and
+    the one asked for.
+    """
+    notes = []
+    for foot, name in enumerate(recording.names("foot")):
+        share = float(raised[rest.foot == foot].mean())
+        if share >= NOTED_SHARE:
+            told = f"{100 * share:.0f} % of its frames at rest"
+            notes.append(f"{name} rests above the floor in {told}, left out")
+    found, wanted = degrees
+    if found != wanted:
+        notes.append(
+            f"the feet at rest do not fix a floor of degree {wanted} to {largest_error_m:g} m"
+        )
+    columns = np.column_stack([np.ones(len(ground)), ground[:, :2]])
+    plane = np.linalg.lstsq(columns, ground[:, 2], rcond=None)[0]
     slope = np.rad2deg(np.arctan(np.hypot(plane[1], plane[2])))
-    if slope < NOTED_SLOPE_DEG:
-        return []
-    return [
-        f"the floor slopes by {slope:.1f} degrees; turn the file's axes upright, or raise "
-        "floor.rest_band_m if feet at rest are left out"
-    ]
+    if found > 0 and slope >= NOTED_SLOPE_DEG:
+        notes.append(
+            f"the floor slopes by {slope:.1f} degrees; turn the file's axes upright, or raise "
+            "floor.rest_band_m if feet at rest are left out"
+        )
+    return "; ".join(notes)
 
 
 # Rests above the floor: of a foot that hangs low or drags, or that stands on something.
@@ -139,8 +128,6 @@ def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
         return np.asarray(model.fit(q=_QUANTILE, max_iter=_MOST_FITS).params)
 
 
-__all__ = ["FloorModel", "fit_floor", "level"]
-
 _OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
 
 
@@ -154,9 +141,8 @@ def fit_floor(
     rest_window_s: float = 0.04,
     rest_band_m: float = 0.02,
     largest_error_m: float = 0.0005,
-    norm: str = "tukey",
     max_points: int = 10000,
-) -> FloorModel:
+) -> floor_surface.FloorModel:
     """Fit the floor under a recording.
 
     Parameters
@@ -177,8 +163,6 @@ def fit_floor(
     largest_error_m : float
         Largest standard error of the floor on the rim of the ground stepped on, m, with one
         step counted as one point; the degree is lowered until it is met, or is 0.
-    norm : {"tukey", "huber"}
-        Norm of the robust regression.
     max_points : int
         Rest points used, at most; taken evenly from all.
 
@@ -197,39 +181,38 @@ def fit_floor(
     """
     if not 0 <= degree <= 8:
         raise ValueError(f"degree: expected 0 to 8, found {degree}")
-    rest = rest_points(recording, speed_m_s=rest_speed_m_s, window_s=rest_window_s)
+    rest = floor_surface.rest_points(recording, speed_m_s=rest_speed_m_s, window_s=rest_window_s)
     if not enabled:
         return _zero_floor(recording, rest, degree)
     _require_rest(recording, rest, rest_speed_m_s)
     rest = rest.take(np.abs(rest.above_mode) <= 3 * rest_band_m)
     n_steps = rest.n_steps
-    rest = thinned(rest, max_points)
+    rest = floor_surface.thinned(rest, max_points)
     centre, scale = _centre_and_scale(rest.points[:, :2])
     scaled = (rest.points[:, :2] - centre) / scale
     regress = partial(
-        regress_floor,
+        floor_surface.regress_floor,
         rest,
         scaled,
         degree=degree,
-        norm=norm,
         largest_error_m=largest_error_m,
         independent_share=min(1.0, n_steps / len(rest.foot)),
     )
     first = regress(np.full(len(rest.foot), True))
-    columns = floor_columns(rest, scaled, first.terms)
+    columns = floor_surface.floor_columns(rest, scaled, first.terms)
     raised = raised_rests(rest.points[:, 2], columns, band_m=rest_band_m)
     used = (np.abs(first.residuals) <= rest_band_m) & ~raised
     fit = regress(used)
     raised &= np.abs(fit.residuals) <= rest_band_m
     rms = robust_rms(fit.residuals[used])
     inlier = used & (np.abs(fit.residuals) <= _OUTLIER_SIGMAS * rms)
-    ground_m = rest.points[:, 2] - fit.offsets_m[rest.foot]
-    return FloorModel(
+    ground = rest.points - fit.offsets_m[rest.foot][:, None] * [0.0, 0.0, 1.0]
+    return floor_surface.FloorModel(
         terms=fit.terms,
         coefficients_m=fit.coefficients_m,
         centre_m=centre,
         scale_m=scale,
-        rim_m=rim_of(scaled[inlier], RIM_DIRECTIONS) * scale,
+        rim_m=floor_surface.rim_of(scaled[inlier], floor_surface.RIM_DIRECTIONS) * scale,
         feet=recording.names("foot"),
         foot_offsets_m=fit.offsets_m,
         residual_rms_m=rms,
@@ -237,16 +220,12 @@ def fit_floor(
         n_outliers=int((used | raised).sum() - inlier.sum()),
         degree=fit.degree,
         degree_wanted=degree,
-        note="; ".join(
-            raised_notes(recording, rest, raised)
-            + degree_notes(fit.degree, degree, largest_error_m)
-            + slope_notes(rest.points[inlier, :2], ground_m[inlier], fit.degree)
-        ),
+        note=_notes(recording, rest, raised, (fit.degree, degree), largest_error_m, ground[inlier]),
     )
 
 
 @one_blas_thread()
-def level(recording: Recording, floor: FloorModel) -> Recording:
+def level(recording: Recording, floor: floor_surface.FloorModel) -> Recording:
     """Take the floor off a recording, so that feet at rest have height 0.
 
     Parameters
@@ -276,7 +255,7 @@ def _centre_and_scale(places: FloatArray) -> tuple[FloatArray, float]:
     return 0.5 * (low + high), max(0.5 * float(np.max(high - low)), 1e-3)
 
 
-def _require_rest(recording: Recording, rest: RestPoints, speed_m_s: float) -> None:
+def _require_rest(recording: Recording, rest: floor_surface.RestPoints, speed_m_s: float) -> None:
     """Raise an error that names the feet which are never at rest."""
     names = recording.names("foot")
     if not names:
@@ -290,15 +269,17 @@ def _require_rest(recording: Recording, rest: RestPoints, speed_m_s: float) -> N
         )
 
 
-def _zero_floor(recording: Recording, rest: RestPoints, degree: int) -> FloorModel:
+def _zero_floor(
+    recording: Recording, rest: floor_surface.RestPoints, degree: int
+) -> floor_surface.FloorModel:
     """Return the floor z = 0, with the residual of the feet at rest on it."""
     n_feet = len(rest.start_m)
-    return FloorModel(
-        terms=polynomial_terms(0),
+    return floor_surface.FloorModel(
+        terms=floor_surface.polynomial_terms(0),
         coefficients_m=np.zeros(1),
         centre_m=np.zeros(2),
         scale_m=1.0,
-        rim_m=np.full(RIM_DIRECTIONS, 1.0),
+        rim_m=np.full(floor_surface.RIM_DIRECTIONS, 1.0),
         feet=recording.names("foot"),
         foot_offsets_m=np.zeros(n_feet),
         residual_rms_m=robust_rms(rest.points[:, 2]) if len(rest.foot) else float("nan"),

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.errors import chosen
 from hopdata.landings.sections.modes import ground_mode, robust_rms
 from hopdata.recording import Recording
 
@@ -187,10 +186,8 @@ class FloorModel:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers and lists, for JSON."""
-        out: dict[str, Any] = {}
-        for name in self.__dataclass_fields__:
-            value = getattr(self, name)
-            out[name] = value.tolist() if isinstance(value, np.ndarray) else value
+        fields = vars(self).items()
+        out = {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in fields}
         if np.isnan(self.residual_rms_m):
             out["residual_rms_m"] = None  # JSON has no NaN
         return out | {"terms": [list(term) for term in self.terms], "feet": list(self.feet)}
@@ -282,7 +279,6 @@ def regress_floor(
     near: NDArray[np.bool_],
     *,
     degree: int,
-    norm: str,
     largest_error_m: float,
     independent_share: float,
 ) -> FloorRegression:
@@ -298,8 +294,6 @@ def regress_floor(
         Those to fit.
     degree : int
         Highest degree to try.
-    norm : {"tukey", "huber"}
-        Norm of the robust regression.
     largest_error_m : float
         Largest standard error of the floor on its rim, m.
     independent_share : float
@@ -314,7 +308,7 @@ def regress_floor(
         spread = _floor_spread(columns[near], design(rim, terms))
         if tried > 0 and not np.isfinite(spread):
             continue
-        estimate = robust_regression(columns[near], rest.points[near, 2], norm=norm)
+        estimate = robust_regression(columns[near], rest.points[near, 2])
         residuals = rest.points[:, 2] - columns @ estimate
         error_m = robust_rms(residuals[near]) * spread / np.sqrt(independent_share)
         if tried == 0 or error_m <= largest_error_m:
@@ -324,27 +318,23 @@ def regress_floor(
     return FloorRegression(terms, estimate[:n_terms], offsets, residuals, tried)
 
 
-NORMS = {"tukey": "TukeyBiweight", "huber": "HuberT"}  # as statsmodels calls them
-
-
-def robust_regression(columns: FloatArray, values: FloatArray, *, norm: str) -> FloatArray:
+def robust_regression(columns: FloatArray, values: FloatArray) -> FloatArray:
     """Regress values (n,) on columns (n, k) so that outliers count for little, (k,).
 
-    M-estimates by statsmodels' `RLM`, of `norm` "tukey" (biweight, c = 4.685) or "huber"
-    (t = 1.345), iterated until the coefficients stand still. Its end depends on the unit of the
-    values, so these are taken in units of their robust residuals from least squares.
+    M-estimates of Tukey's biweight (c = 4.685) by statsmodels' `RLM`, iterated until the
+    coefficients stand still. Its end depends on the unit of the values, so these are taken in
+    units of their robust residuals from least squares.
     """
-    from statsmodels.robust import norms
+    from statsmodels.robust.norms import TukeyBiweight
     from statsmodels.robust.robust_linear_model import RLM
 
-    kind = getattr(norms, chosen("floor.norm", norm, NORMS))
     start = np.linalg.lstsq(columns, values, rcond=None)[0]
     unit = robust_rms(values - columns @ start)
     if unit <= np.finfo(float).eps * np.abs(values).max(initial=0.0):  # a perfect fit
         return np.asarray(start)
     with np.errstate(invalid="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that a fit may be perfect after some steps
-        model = RLM(values / unit, columns, M=kind())
+        model = RLM(values / unit, columns, M=TukeyBiweight())
         found = model.fit(conv="coefs", tol=1e-10, maxiter=100, start_params=start / unit)
     return unit * np.asarray(found.params)
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.landings.overlay import MATCHED, compare_contacts, summarise_overlay
 from hopdata.recording import Recording
@@ -149,6 +150,9 @@ def load_of(signal: ForceSignal, *, threshold: float) -> float:
     return max(2 * threshold, LOADED_SHARE * large)
 
 
+EXAMPLE_COLUMNS = ("recording", "time_s", "kind", "name", "value", "unit")
+MEASURES = ("n_matched", "n_missed", "n_invented", "bias_s", "robust_sd_s")
+THRESHOLD_COLUMNS = ("recording", "column", "threshold", "unit", *MEASURES)
 BEFORE_S, AFTER_S = 0.08, 0.12
 FACTORS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0)  # of the threshold
 
@@ -180,99 +184,64 @@ def example_landing(
 
     matched = overlay[(overlay["status"] == MATCHED) & ~overlay["excluded"].astype(bool)]
     if matched.empty:
-        return pd.DataFrame(columns=["recording", "time_s", "kind", "name", "value", "unit"])
+        return pd.DataFrame(columns=list(EXAMPLE_COLUMNS))
     row = matched.sort_values("difference_s", kind="stable").iloc[(len(matched) - 1) // 2]
     same = overlay[(overlay["index"] == row["index"]) & (overlay["status"] == MATCHED)]
     origin = float(same["external_s"].min())
     known = recording.names("foot")
     told = f" {' '.join(same['feet'])} "
-    feet = [foot for foot in known if f" {foot} " in told]
-    pieces = _heights(recording, feet, origin)
+    pieces = []
+
+    def add(kind: str, name: str, unit: str, time_s: Any, value: Any) -> None:
+        columns = (recording.name, np.atleast_1d(time_s) - origin, kind, name, value, unit)
+        pieces.append(pd.DataFrame(dict(zip(EXAMPLE_COLUMNS, columns, strict=True))))
+
+    def near(time: FloatArray) -> BoolArray:
+        since = time - origin
+        return np.asarray((since >= -BEFORE_S) & (since <= AFTER_S))
+
+    shown = near(recording.time)
+    for i, foot in enumerate(known):
+        if f" {foot} " in told:
+            add("height", foot, "m", recording.time[shown], recording.feet[shown, i, 2])
     for one in same.to_dict("records"):
         name = str(one["feet"] if one["feet"] in known else one["column"])
-        pieces.append(_instant("external", name, float(one["external_s"]) - origin))
-        pieces.append(_instant("found", str(one["first_foot"]), float(one["found_s"]) - origin))
+        add("external", name, "s", float(one["external_s"]), np.nan)
+        add("found", str(one["first_foot"]), "s", float(one["found_s"]), np.nan)
     for signal in signals:
         if signal.column.name in set(same["column"]):
-            pieces += _force(signal, origin)
-    return pd.concat(pieces, ignore_index=True).assign(recording=recording.name)[
-        ["recording", "time_s", "kind", "name", "value", "unit"]
-    ]
+            rows, name = near(signal.time), signal.column.name
+            add("force", name, signal.unit, signal.time[rows], signal.force[rows])
+            add("threshold", name, signal.unit, origin, threshold_of(signal))
+    return pd.concat(pieces, ignore_index=True)
 
 
-def threshold_table(
-    recording: Recording, touchdowns: pd.DataFrame, signal: ForceSignal, *, window_s: float
-) -> pd.DataFrame:
-    """Compare the contacts at lower and higher thresholds of the force.
+def threshold_rows(
+    recording: Recording,
+    touchdowns: pd.DataFrame,
+    signals: Sequence[ForceSignal],
+    *,
+    window_s: float,
+) -> list[tuple[Any, ...]]:
+    """Compare the contacts at lower and higher thresholds of each force.
 
     Returns
     -------
-    pandas.DataFrame
-        recording, column, threshold, unit, n_matched, n_missed, n_invented, bias_s, robust_sd_s:
-        one row a threshold at which the force can be read.
+    list of tuple
+        `THRESHOLD_COLUMNS` of each threshold at which the force can be read.
     """
-    import pandas as pd
-
     rows = []
-    chosen = threshold_of(signal)
-    for factor in FACTORS:
+    for signal, factor in product(signals, FACTORS):
+        threshold = factor * threshold_of(signal)
         try:
-            contacts = contact_times_of(signal, threshold=factor * chosen)
+            contacts = contact_times_of(signal, threshold=threshold)
             table = compare_contacts(recording, touchdowns, contacts, window_s=window_s)
         except AnalysisError:  # too high for this force; the chosen one has been compared already
             continue
         measures = summarise_overlay(table).iloc[0]
-        kept = ("n_matched", "n_missed", "n_invented", "bias_s", "robust_sd_s")
-        rows.append(
-            {
-                "recording": recording.name,
-                "column": signal.column.name,
-                "threshold": factor * chosen,
-                "unit": signal.unit,
-                **{key: measures[key] for key in kept},
-            }
-        )
-    return pd.DataFrame(rows)
-
-
-def _instant(kind: str, name: str, time_s: float) -> pd.DataFrame:
-    import pandas as pd
-
-    return pd.DataFrame(
-        {"time_s": [time_s], "kind": kind, "name": name, "value": np.nan, "unit": "s"}
-    )
-
-
-def _heights(recording: Recording, feet: Sequence[str], origin: float) -> list[pd.DataFrame]:
-    import pandas as pd
-
-    names, time = recording.names("foot"), recording.time - origin
-    near = (time >= -BEFORE_S) & (time <= AFTER_S)
-    return [
-        pd.DataFrame(
-            {
-                "time_s": time[near],
-                "kind": "height",
-                "name": foot,
-                "value": recording.feet[near, names.index(foot), 2],
-                "unit": "m",
-            }
-        )
-        for foot in feet
-    ]
-
-
-def _force(signal: ForceSignal, origin: float) -> list[pd.DataFrame]:
-    import pandas as pd
-
-    time, name = signal.time - origin, signal.column.name
-    near = (time >= -BEFORE_S) & (time <= AFTER_S)
-    threshold = {"time_s": [0.0], "kind": "threshold", "name": name, "value": threshold_of(signal)}
-    return [
-        pd.DataFrame({"time_s": time[near], "kind": "force", "name": name,
-                      "value": signal.force[near], "unit": signal.unit}),
-        pd.DataFrame({**threshold, "unit": signal.unit}),
-    ]  # fmt: skip
+        told = (recording.name, signal.column.name, threshold, signal.unit)
+        rows.append((*told, *measures[list(MEASURES)]))
+    return rows
 
 
 # All that is known from elsewhere of a study's recordings, beside what hopdata found in them.
@@ -289,7 +258,7 @@ class ExternalTruth:
     summary : pandas.DataFrame
         One row a column, see `summarise_overlay`.
     thresholds : pandas.DataFrame
-        See `threshold_table`; without rows where there are no forces.
+        See `threshold_rows`; without rows where there are no forces.
     example : pandas.DataFrame
         See `example_landing`.
     """
@@ -337,20 +306,13 @@ def overlay_external_truth(
             known += [contact_times_of(signal) for signal in signals]
         compared = [compare_contacts(recording, own, one, window_s=window_s) for one in known]
         contacts += compared
-        thresholds += [threshold_table(recording, own, s, window_s=window_s) for s in signals]
+        thresholds += threshold_rows(recording, own, signals, window_s=window_s)
         shown = pd.concat(compared[-len(signals) :], ignore_index=True)  # forces where there are
         examples.append(example_landing(recording, shown, signals))
     table = pd.concat(contacts, ignore_index=True)
     return ExternalTruth(
         contacts=table,
         summary=summarise_overlay(table),
-        thresholds=pd.concat(thresholds, ignore_index=True) if thresholds else _no_thresholds(),
+        thresholds=pd.DataFrame(thresholds, columns=list(THRESHOLD_COLUMNS)),
         example=next((one for one in examples if len(one)), examples[0]),
     )
-
-
-def _no_thresholds() -> pd.DataFrame:
-    import pandas as pd
-
-    columns = ("recording", "column", "threshold", "unit", "n_matched", "n_missed", "n_invented")
-    return pd.DataFrame(columns=[*columns, "bias_s", "robust_sd_s"])

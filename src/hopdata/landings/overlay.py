@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError
@@ -97,22 +96,12 @@ def likely_offset(first: FloatArray, second: FloatArray, *, window_s: float) -> 
 
 MATCHED, MISSED, INVENTED = "matched", "missed", "invented"
 OTHER_FOOT, NOT_COMPARED = "other foot", "not compared"
+ALONE, OF_OTHERS, OUTSIDE = -1, -2, -3  # external contacts without a partner
 LATE_S = 0.1  # a foot may land so long after the post section and belong to the same touchdown
 NO_DESCENT = "no descent through the pre section"
 COLUMNS = (
-    "recording",
-    "source",
-    "column",
-    "feet",
-    "status",
-    "external_s",
-    "found_s",
-    "se_s",
-    "difference_s",
-    "first_foot",
-    "index",
-    "excluded",
-    "reason",
+    *("recording", "source", "column", "feet", "status", "external_s", "found_s", "se_s"),
+    *("difference_s", "first_foot", "index", "excluded", "reason"),
 )
 
 
@@ -159,13 +148,23 @@ def compare_contacts(
         external.instant[judged], found["found_s"].to_numpy()[shown], window_s=window_s
     )
     if not len(at) and len(judged) and len(found):
-        raise _nothing_near(
-            recording, external, external.instant[judged], found["found_s"], window_s
+        instants, ours = external.instant[judged], found["found_s"].to_numpy()
+        shift, hint = likely_offset(ours, instants, window_s=window_s), ""
+        if shift is not None:
+            hint = f"; they would fit if {external.source}.offset_s were larger by {shift:.3f}"
+        raise AnalysisError(
+            f"{recording.name}: {external.source}, column '{external.column.name}': expected "
+            f"contacts within {window_s:g} s of those found, found none among {len(instants)} and "
+            f"{len(found)}{hint}"
         )
-    partner = np.full(len(external.instant), -1)
+    partner = np.where(inside, np.where(others, OF_OTHERS, ALONE), OUTSIDE)
     partner[judged[at]] = shown[of]
-    rows = _external_rows(external, partner, inside, others, found, touchdowns)
-    rows += _unmatched_rows(found, np.setdiff1d(np.arange(len(found)), shown[of]), known)
+    rows = [
+        _external_row(float(instant), int(one), found, touchdowns)
+        for instant, one in zip(external.instant, partner, strict=True)
+    ]
+    left = np.setdiff1d(np.arange(len(found)), shown[of])
+    rows += [_unmatched_row(found.iloc[i].to_dict(), bool(known[i])) for i in left]
     table = pd.DataFrame(rows, columns=list(COLUMNS[4:]))
     table["index"] = table["index"].astype("Int64")
     table["difference_s"] = table["found_s"] - table["external_s"]
@@ -213,42 +212,26 @@ def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
     return lowest > external.other_feet_above_m
 
 
-def _external_rows(
-    external: ContactTimes,
-    partner: NDArray[np.int64],
-    inside: BoolArray,
-    others: BoolArray,
-    found: pd.DataFrame,
-    touchdowns: pd.DataFrame,
-) -> list[dict[str, Any]]:
-    rows = []
-    for k, instant in enumerate(external.instant):
-        row: dict[str, Any] = {"external_s": instant, "excluded": False}
-        if not inside[k]:
-            row |= {"status": NOT_COMPARED, "reason": "outside the recording"}
-        elif others[k]:
-            row |= {"status": OTHER_FOOT, "reason": "all feet of this column are in the air"}
-        elif partner[k] >= 0:
-            row |= {"status": MATCHED, **found.iloc[partner[k]].to_dict()}
-        else:
-            row |= {"status": MISSED, **_descent_at(touchdowns, float(instant))}
-        rows.append(row)
-    return rows
+def _external_row(
+    instant: float, partner: int, found: pd.DataFrame, touchdowns: pd.DataFrame
+) -> dict[Any, Any]:
+    """One contact that is known from outside, beside that found, or why there is none."""
+    row: dict[Any, Any] = {"external_s": instant, "excluded": False}
+    if partner == OUTSIDE:
+        return row | {"status": NOT_COMPARED, "reason": "outside the recording"}
+    if partner == OF_OTHERS:
+        reason = "all feet of this column are in the air"
+        return row | {"status": OTHER_FOOT, "reason": reason}
+    if partner >= 0:
+        return row | {"status": MATCHED, **found.iloc[partner].to_dict()}
+    return row | {"status": MISSED, **_descent_at(touchdowns, instant)}
 
 
-def _unmatched_rows(
-    found: pd.DataFrame, unmatched: NDArray[np.int64], known: BoolArray
-) -> list[dict[str, Any]]:
-    """Contacts found that no external one stands beside."""
-    rows = []
-    for i in unmatched:
-        row = found.iloc[i].to_dict()
-        if not known[i]:
-            row |= {"status": NOT_COMPARED, "reason": "outside the external data"}
-        else:
-            row["status"] = NOT_COMPARED if row["excluded"] else INVENTED
-        rows.append(row)
-    return rows
+def _unmatched_row(row: dict[Any, Any], known: bool) -> dict[Any, Any]:
+    """One contact found that no external one stands beside."""
+    if not known:
+        return row | {"status": NOT_COMPARED, "reason": "outside the external data"}
+    return row | {"status": NOT_COMPARED if row["excluded"] else INVENTED}
 
 
 def _descent_at(touchdowns: pd.DataFrame, instant: float) -> dict[str, Any]:
@@ -276,24 +259,6 @@ def _check_overlap(recording: Recording, external: ContactTimes) -> None:
             f"within the recording ({start:.3f} to {end:.3f} s), found {first:.3f} to {last:.3f} s;"
             f" check {external.source}.offset_s and the unit"
         )
-
-
-def _nothing_near(
-    recording: Recording,
-    external: ContactTimes,
-    instants: FloatArray,
-    found: pd.Series,
-    window_s: float,
-) -> AnalysisError:
-    shift = likely_offset(found.to_numpy(), instants, window_s=window_s)
-    hint = "" if shift is None else (
-        f"; they would fit if {external.source}.offset_s were larger by {shift:.3f}"
-    )  # fmt: skip
-    return AnalysisError(
-        f"{recording.name}: {external.source}, column '{external.column.name}': expected contacts "
-        f"within {window_s:g} s of those found, found none among {len(instants)} and "
-        f"{len(found)}{hint}"
-    )
 
 
 # How well found contacts agree with external ones: counts, bias, scatter, for each column.
@@ -325,16 +290,12 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
     import pandas as pd
 
     keys = ["source", "column", "feet"]
-    rows = [
-        {"recording": recording, **dict(zip(keys, key, strict=True)), **_measures(group)}
-        for (recording, *key), group in table.groupby(["recording", *keys], sort=False)
-    ]
-    rows += [
-        {"recording": ALL, **dict(zip(keys, key, strict=True)), **_measures(group)}
-        for key, group in table.groupby(keys, sort=False)
-        if len(group["recording"].unique()) > 1
-    ]
-    return pd.DataFrame(rows)
+    groups = list(table.groupby(["recording", *keys], sort=False))
+    for key, group in table.groupby(keys, sort=False):
+        if len(group["recording"].unique()) > 1:
+            groups.append(((ALL, *key), group))
+    names = ["recording", *keys]
+    return pd.DataFrame([dict(zip(names, key, strict=True)) | _measures(g) for key, g in groups])
 
 
 def median_interval(values: FloatArray, *, confidence: float = CONFIDENCE) -> tuple[float, float]:

@@ -117,10 +117,8 @@ def runner_up(instants: FloatArray, se: FloatArray) -> tuple[NDArray[np.int64], 
         order[:, [place, place + 1]] = order[:, [place + 1, place]]
         found = order_probability(instants, se, order)
         better = np.isnan(probability) | (found > probability)
-        best, probability = (
-            np.where(better[:, None], order, best),
-            np.where(better, found, probability),
-        )
+        best = np.where(better[:, None], order, best)
+        probability = np.where(better, found, probability)
     return best, probability
 
 
@@ -139,9 +137,8 @@ def schedule_classes(
         The least probability of a class that is sure.
     """
     doubtful = probability < ambiguous_below
-    return [
-        AMBIGUOUS if name and doubt else name for name, doubt in zip(names, doubtful, strict=True)
-    ]
+    pairs = zip(names, doubtful, strict=True)
+    return [AMBIGUOUS if name and doubt else name for name, doubt in pairs]
 
 
 def _nested(mean: FloatArray, sd: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
-from hopdata.landings.sections.frames import heights_of, pool_frames
+from hopdata.landings.sections.frames import heights_of
 from hopdata.landings.sections.select import Sections, select_sections
 from hopdata.recording import Recording
 
@@ -111,13 +111,12 @@ def _rows(values: pd.DataFrame, name: str) -> list[tuple[object, ...]]:
     within = np.concatenate([np.abs(v - np.median(v)) for v in parts.values()])
     spread = MAD_TO_SD * float(np.median(within))
     typical = float(np.median(np.concatenate(list(parts.values()))))
-    rows: list[tuple[object, ...]] = []
+    told: list[tuple[object, ...]] = []
     for part, v in parts.items():
-        median = float(np.median(v))
-        se = SE_OF_MEDIAN * spread / np.sqrt(len(v))
+        median, se = float(np.median(v)), SE_OF_MEDIAN * spread / np.sqrt(len(v))
         off = (median - typical) / spread if spread > 0 else 0.0
-        rows.append((name, QUANTITIES[name], part, len(v), median, se, typical, spread, off))
-    return rows
+        told.append((name, QUANTITIES[name], part, len(v), median, se, typical, spread, off))
+    return told
 
 
 BANDWIDTH_FACTORS = (0.35, 0.5, 0.71, 1.41, 2.0, 2.83)
@@ -168,16 +167,17 @@ def _variants(
 ) -> Iterator[tuple[str, str, Sequence[Recording], dict[str, float]]]:
     bandwidth = sections.min_foot_mode.bandwidth_m
     for factor in BANDWIDTH_FACTORS:
-        yield (
-            "bandwidth",
-            f"bandwidth × {factor:g}",
-            recordings,
-            {"bandwidth_m": factor * bandwidth},
-        )
+        changed = {"bandwidth_m": factor * bandwidth}
+        yield "bandwidth", f"bandwidth × {factor:g}", recordings, changed
     for number, frame in dict.fromkeys(_farthest_frames(recordings, sections)):
         yield ("second", *_without_second(recordings, number, frame), {})
+
+    def halves(recording: Recording) -> tuple[slice, slice]:
+        middle = len(recording.time) // 2
+        return slice(middle), slice(middle, None)
+
     for name, which in (("first half", 0), ("second half", 1)):
-        yield "half", name, [_half(recording, which) for recording in recordings], {}
+        yield "half", name, [one.part(halves(one)[which]) for one in recordings], {}
     if len(recordings) > 1:
         for recording in recordings:
             yield "recording", recording.name, [recording], {}
@@ -188,16 +188,7 @@ def _farthest_frames(
 ) -> Iterator[tuple[int, int]]:
     """Find recording and frame of the highest body with some foot down, the lowest with one up."""
     heights = [heights_of(recording) for recording in recordings]
-    states = [
-        pool_frames(
-            [h],
-            min_foot_m=sections.min_foot_threshold_m,
-            max_foot_m=sections.max_foot_threshold_m,
-            ground_m=sections.ground_m,
-            landings_only=sections.landings_only,
-        )
-        for h in heights
-    ]
+    states = [sections.pooled([h]) for h in heights]
     for sign, right_side in ((1.0, "all_up"), (-1.0, "all_down")):
         farthest = [
             np.max(sign * frames.body[~getattr(frames, right_side)], initial=-np.inf)
@@ -221,12 +212,6 @@ def _without_second(
     parts[number] = replace(bad, positions=positions)
     of_which = f" of {bad.name}" if len(recordings) > 1 else ""
     return f"without {time:.1f} ± {HALF_A_SECOND:g} s{of_which}", parts
-
-
-def _half(recording: Recording, which: int) -> Recording:
-    middle = len(recording.time) // 2
-    part = slice(middle, None) if which else slice(middle)
-    return recording.part(part)
 
 
 def _row(kind: str, variant: str, found: Sections) -> tuple[str, str, float, float, float, str]:
@@ -307,14 +292,8 @@ def landing_samples(recordings: Sequence[Recording], landings: pd.DataFrame) -> 
         end = end if np.isfinite(end) else start + OPEN_S
         near = (recording.time >= start - MARGIN_S) & (recording.time <= end + MARGIN_S)
         heights = recording.feet[near, :, 2]
-        parts.append(
-            pd.DataFrame(
-                {
-                    "landing": row["landing"],
-                    "foot": np.tile(recording.names("foot"), len(heights)),
-                    "time_s": np.repeat(recording.time[near] - start, heights.shape[1]),
-                    "height_m": heights.ravel(),
-                }
-            )
-        )
+        feet = np.tile(recording.names("foot"), len(heights))
+        time = np.repeat(recording.time[near] - start, heights.shape[1])
+        values = (row["landing"], feet, time, heights.ravel())
+        parts.append(pd.DataFrame(dict(zip(SAMPLE_COLUMNS, values, strict=True))))
     return pd.concat(parts) if parts else pd.DataFrame(columns=list(SAMPLE_COLUMNS))

@@ -10,31 +10,9 @@ from numpy.typing import NDArray
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, require_choice
-from hopdata.landings.contacts.descents import (
-    ALREADY_DOWN,
-    LANDED,
-    MISSING,
-    NOT_LANDED,
-    POOR_FIT,
-    Transitions,
-    find_low_flights,
-    find_transitions,
-    height_noise,
-    last_at_or_before,
-    schmitt_edges,
-    together,
-)
+from hopdata.landings import schedules
+from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import Contacts, find_contacts
-from hopdata.landings.schedules import (
-    AMBIGUOUS,
-    TREATMENTS,
-    order_names,
-    order_probability,
-    runner_up,
-    schedule_classes,
-    schedule_names,
-    spread,
-)
 from hopdata.recording import Recording
 
 if TYPE_CHECKING:
@@ -47,7 +25,7 @@ NO_FOOT_LANDED = "no foot landed"
 
 
 def exclusion_reasons(
-    transitions: Transitions, contacts: Contacts, *, longest_gap_s: float
+    transitions: descents.Transitions, contacts: Contacts, *, longest_gap_s: float
 ) -> list[str]:
     """Say of each touchdown why it is left out, the weightiest reason first; empty if it is used.
 
@@ -60,48 +38,34 @@ def exclusion_reasons(
     longest_gap_s : float
         Longest time without a frame over a crossing, s.
     """
-    return [
-        _transition_reason(transitions, row, longest_gap_s)
-        or _contact_reason(
-            contacts.status[row],
-            contacts.instant[row],
-            contacts.se[row],
-            float(transitions.t_pre[row]),
-            float(transitions.t_post[row]),
-        )
-        for row in range(len(transitions))
-    ]
-
-
-def _transition_reason(transitions: Transitions, row: int, longest_gap_s: float) -> str:
-    if transitions.gap_pre[row] > longest_gap_s:
-        return HIDDEN_PRE
-    if transitions.gap_post[row] > longest_gap_s:
-        return "frames missing at the post section"
-    return "post section never reached" if np.isnan(transitions.t_post[row]) else ""
-
-
-def _contact_reason(
-    status: NDArray[np.int64], instant: FloatArray, se: FloatArray, t_pre: float, t_post: float
-) -> str:
-    if (status == NOT_LANDED).all():
-        return NO_FOOT_LANDED
-    timed = status == LANDED
+    t_pre, t_post = transitions.t_pre[:, None], transitions.t_post[:, None]
+    status, instant, se = contacts.status, contacts.instant, contacts.se
+    timed = status == descents.LANDED
     failures = (
-        (status == MISSING, "frames missing at the contact of foot {}"),
-        (status == NOT_LANDED, "foot {} not down by the post section"),
-        (status == ALREADY_DOWN, "foot {} down before the pre section"),
-        (status == POOR_FIT, "poor fit of foot {}"),
+        (status == descents.MISSING, "frames missing at the contact of foot {}"),
+        (status == descents.NOT_LANDED, "foot {} not down by the post section"),
+        (status == descents.ALREADY_DOWN, "foot {} down before the pre section"),
+        (status == descents.POOR_FIT, "poor fit of foot {}"),
         (timed & np.isnan(instant), "no contact found for foot {}"),
         (timed & (instant < t_pre), "foot {} down before the pre section"),
         (timed & (instant > t_post), "foot {} not down by the post section"),
         # Known no better than that it is somewhere in the transition, or beyond: no kink was seen.
         (timed & (se > t_post - t_pre), "contact of foot {} not determined"),
     )
-    for failed, text in failures:
-        if failed.any():
-            return text.format(int(np.argmax(failed)) + 1)
-    return ""
+    of_body = (
+        (transitions.gap_pre > longest_gap_s, HIDDEN_PRE),
+        (transitions.gap_post > longest_gap_s, "frames missing at the post section"),
+        (~transitions.complete, "post section never reached"),
+        ((status == descents.NOT_LANDED).all(axis=1), NO_FOOT_LANDED),
+    )
+    reasons = [""] * len(transitions)
+    for failed, text in reversed(failures):
+        for row in np.flatnonzero(failed.any(axis=1)):
+            reasons[row] = text.format(int(np.argmax(failed[row])) + 1)
+    for failed, text in reversed(of_body):
+        for row in np.flatnonzero(failed):
+            reasons[row] = text
+    return reasons
 
 
 # Landings while the body is hidden: seen by the feet alone, so that none is left out unlisted.
@@ -113,11 +77,11 @@ def find_hidden_landings(
     time: FloatArray,
     feet: FloatArray,
     body_height: FloatArray,
-    found: Transitions,
+    found: descents.Transitions,
     *,
     down_height_m: float,
     longest_gap_s: float,
-) -> Transitions:
+) -> descents.Transitions:
     """Find landings that have no descent of their own, because the body is hidden meanwhile.
 
     Of several landings in one gap the body's height tells one at most: it is above the sections
@@ -148,7 +112,7 @@ def find_hidden_landings(
     t_pre, t_post = time[starts], time[ends]
     gap = _longest_gaps(time[~np.isnan(body_height)], t_pre, t_post)
     hidden = (gap > longest_gap_s) & ~_have_a_descent(t_pre, t_post, found)
-    return Transitions(t_pre[hidden], t_post[hidden], gap[hidden], gap[hidden])
+    return descents.Transitions(t_pre[hidden], t_post[hidden], gap[hidden], gap[hidden])
 
 
 def _all_up_to_all_down(
@@ -158,10 +122,10 @@ def _all_up_to_all_down(
     seen = np.flatnonzero(~np.isnan(feet).all(axis=1))
     lowest, highest = np.nanmin(feet[seen], axis=1), np.nanmax(feet[seen], axis=1)
     up, down = lowest >= CLEARLY_UP * down_height_m, highest <= down_height_m
-    ends, _ = schmitt_edges(up.astype(float) - down, high=1.0, low=-1.0)
+    ends, _ = descents.schmitt_edges(up.astype(float) - down, high=1.0, low=-1.0)
     if len(ends) == 0:
         return ends, ends
-    return seen[last_at_or_before(np.flatnonzero(up), ends)], seen[ends]
+    return seen[descents.last_at_or_before(np.flatnonzero(up), ends)], seen[ends]
 
 
 def _longest_gaps(seen: FloatArray, first: FloatArray, last: FloatArray) -> FloatArray:
@@ -173,7 +137,9 @@ def _longest_gaps(seen: FloatArray, first: FloatArray, last: FloatArray) -> Floa
     return np.array([gaps[a:b].max(initial=0.0) for a, b in zip(begin, end, strict=True)])
 
 
-def _have_a_descent(t_pre: FloatArray, t_post: FloatArray, found: Transitions) -> BoolArray:
+def _have_a_descent(
+    t_pre: FloatArray, t_post: FloatArray, found: descents.Transitions
+) -> BoolArray:
     """Tell which landings have a descent: each descent has one, the nearest that it may be of.
 
     Its crossings may lie anywhere in the gaps about them.
@@ -250,18 +216,20 @@ def touchdown_table(
     ConfigError
         If `method`, `gravity` or `ambiguous` is unknown.
     """
-    require_choice("touchdowns.ambiguous", ambiguous, TREATMENTS)
+    require_choice("touchdowns.ambiguous", ambiguous, schedules.TREATMENTS)
     if len(recording.names("foot")) < 2:
         raise AnalysisError(
             f"{recording.name}: expected at least 2 foot markers, found "
             f"{len(recording.names('foot'))}"
         )
     heights = recording.feet[:, :, 2]
-    sections = {"pre_height_m": pre_height_m, "post_height_m": post_height_m}
     down = down_height_m or max(
-        LEAST_DOWN_SHARE * (pre_height_m - post_height_m), LEAST_DOWN_SIGMAS * height_noise(heights)
+        LEAST_DOWN_SHARE * (pre_height_m - post_height_m),
+        LEAST_DOWN_SIGMAS * descents.height_noise(heights),
     )
-    transitions, kind = _all_landings(recording, down, **sections)
+    transitions, kind = _all_landings(
+        recording, down, pre_height_m=pre_height_m, post_height_m=post_height_m
+    )
     contacts = find_contacts(
         recording.time,
         heights,
@@ -274,32 +242,29 @@ def touchdown_table(
         maximum_misfit=maximum_misfit,
     )
     table = _table(recording, transitions, contacts, ambiguous_below, ambiguous)
-    landed = (contacts.status == LANDED).any(axis=1)
+    landed = (contacts.status == descents.LANDED).any(axis=1)
     return _with_low_flights(table, kind == LOW, landed=landed)
 
 
 def _all_landings(
     recording: Recording, down_height_m: float, *, pre_height_m: float, post_height_m: float
-) -> tuple[Transitions, NDArray[np.int64]]:
+) -> tuple[descents.Transitions, NDArray[np.int64]]:
     """Descents of the body, flights below the pre section, and landings with the body hidden."""
+    time, height = recording.time, recording.body_height
+    sections = {"pre_height_m": pre_height_m, "post_height_m": post_height_m}
     seen = [
-        find(
-            recording.time,
-            recording.body_height,
-            pre_height_m=pre_height_m,
-            post_height_m=post_height_m,
-        )
-        for find in (find_transitions, find_low_flights)
+        find(time, height, **sections)
+        for find in (descents.find_transitions, descents.find_low_flights)
     ]
     hidden = find_hidden_landings(
-        recording.time,
+        time,
         recording.feet[:, :, 2],
-        recording.body_height,
-        together(*seen)[0],
+        height,
+        descents.together(*seen)[0],
         down_height_m=down_height_m,
         longest_gap_s=_longest_gap_s(recording),
     )
-    return together(*seen, hidden)
+    return descents.together(*seen, hidden)
 
 
 def _longest_gap_s(recording: Recording) -> float:
@@ -320,7 +285,7 @@ def _with_low_flights(
 
 def _table(
     recording: Recording,
-    transitions: Transitions,
+    transitions: descents.Transitions,
     contacts: Contacts,
     ambiguous_below: float,
     ambiguous: str,
@@ -328,12 +293,12 @@ def _table(
     import pandas as pd
 
     feet = recording.names("foot")
-    names = schedule_names(contacts.instant)
-    probability = order_probability(contacts.instant, contacts.se)
-    classes = schedule_classes(names, probability, ambiguous_below=ambiguous_below)
-    second, second_probability = runner_up(contacts.instant, contacts.se)
+    names = schedules.schedule_names(contacts.instant)
+    probability = schedules.order_probability(contacts.instant, contacts.se)
+    classes = schedules.schedule_classes(names, probability, ambiguous_below=ambiguous_below)
+    second, second_probability = schedules.runner_up(contacts.instant, contacts.se)
     reasons = exclusion_reasons(transitions, contacts, longest_gap_s=_longest_gap_s(recording))
-    left_out = {AMBIGUOUS: "order ambiguous"} if ambiguous == "exclude" else {}
+    left_out = {schedules.AMBIGUOUS: "order ambiguous"} if ambiguous == "exclude" else {}
     reasons = [r or left_out.get(name, "") for r, name in zip(reasons, classes, strict=True)]
     columns = {
         "recording": recording.name,
@@ -346,10 +311,11 @@ def _table(
         "probability": probability,
         "class": classes,
         "runner_up": [
-            name if first else "" for first, name in zip(names, order_names(second), strict=True)
+            name if first else ""
+            for first, name in zip(names, schedules.order_names(second), strict=True)
         ],
         "runner_up_probability": second_probability,
-        "spread_s": spread(contacts.instant),
+        "spread_s": schedules.spread(contacts.instant),
         "excluded": [bool(reason) for reason in reasons],
         "reason": reasons,
     }

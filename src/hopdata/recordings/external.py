@@ -264,12 +264,12 @@ def _analog_signals(
 def _times(table: ColumnTable, options: Mapping[str, Any], n_samples: int) -> FloatArray:
     """Time of each sample from the start of the file's clock, (K,), s."""
     rate, name = options["rate_hz"], options["time_column"]
-    if name is None and rate is None:
-        raise RecordingError(
-            f"{table.path}: forces.rate_hz: expected the samples' rate or forces.time_column, "
-            "found neither"
-        )
     if name is None:
+        if rate is None:
+            raise RecordingError(
+                f"{table.path}: forces.rate_hz: expected the samples' rate or forces.time_column, "
+                "found neither"
+            )
         return np.arange(n_samples) / float(rate)
     time = table.numbers(name)
     _check_times(f"{table.path}, column '{name}'", time, rate)
@@ -284,23 +284,19 @@ def _check_times(place: str, time: FloatArray, rate: float | None) -> None:
             f"{place}: expected times in s that increase from row to row, found otherwise "
             f"at line {bad + 3}"
         )
-    found = 1 / float(np.median(steps))
+    found, hint = 1 / float(np.median(steps)), ""
+    if found == 1:
+        hint = "; a column that counts samples is no time: leave it out and give forces.rate_hz"
     if rate is not None and abs(found / rate - 1) > RATE_TOLERANCE:
         raise RecordingError(
             f"{place}: expected steps of {1 / rate:.6g} s as forces.rate_hz: {rate:g} says, "
-            f"found {1 / found:.6g} s ({found:.6g} Hz)" + _counting(found)
+            f"found {1 / found:.6g} s ({found:.6g} Hz){hint}"
         )
     if found < LEAST_RATE_HZ:
         raise RecordingError(
             f"{place}: expected at least {LEAST_RATE_HZ:g} samples a second, "
-            f"found {found:.6g}{_counting(found)}"
+            f"found {found:.6g}{hint}"
         )
-
-
-def _counting(rate: float) -> str:
-    if rate != 1:
-        return ""
-    return "; a column that counts samples is no time: leave it out and give forces.rate_hz"
 
 
 def _signal(

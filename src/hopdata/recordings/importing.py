@@ -23,6 +23,7 @@ from hopdata.recordings.raw import (
     rotate_up,
 )
 from hopdata.recordings.readers.formats import read_raw, suffixes
+from hopdata.recordings.readers.text import listed
 
 # Several files of one day as one recording: their frames one after the other, with a pause.
 
@@ -231,7 +232,7 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
             if marker not in raw.markers:
                 raise RecordingError(
                     f"{path}: markers.{key}: expected a marker of the file "
-                    f"({_listed(raw.markers)}), found {marker!r}{did_you_mean(marker, raw.markers)}"
+                    f"({listed(raw.markers)}), found {marker!r}{did_you_mean(marker, raw.markers)}"
                     + "".join(f"; {told}" for told in raw.remarks if f"'{marker}' twice" in told)
                 )
             if marker in chosen:
@@ -277,8 +278,3 @@ def _truth(path: Path, raw: RawRecording, recording: Recording) -> Truth | None:
         )
     order = [stated["foot"].index(name) for name in recording.names("foot")]
     return replace(truth, **{key: getattr(truth, key)[:, order] for key in PER_FOOT})
-
-
-def _listed(names: Sequence[str], *, most: int = 12) -> str:
-    more = f", ... {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more

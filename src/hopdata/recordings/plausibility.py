@@ -113,7 +113,13 @@ def check_positions(recording: Recording) -> None:
                 f"{place}: marker '{name}': expected to be seen, found in none of "
                 f"{len(recording.time)} frames"
             )
-        _check_moving(place, name, positions[~np.isnan(positions).any(axis=1)])
+        known = positions[~np.isnan(positions).any(axis=1)]
+        if len(known) > 1 and not np.ptp(known, axis=0).any():
+            where = ", ".join(f"{x:.4g}" for x in known[0])
+            raise RecordingError(
+                f"{place}: marker '{name}': expected to move, found it at ({where}) m in all of "
+                f"{len(known)} frames"
+            )
     frames = sampled(recording.positions)
     for i, name in enumerate(recording.markers):
         for j in range(i):
@@ -125,16 +131,6 @@ def check_positions(recording: Recording) -> None:
                 )
 
 
-def _check_moving(place: str, name: str, positions: FloatArray) -> None:
-    """Require that a marker's seen positions (N, 3) are not one and the same: a frozen track."""
-    if len(positions) > 1 and not np.ptp(positions, axis=0).any():
-        where = ", ".join(f"{x:.4g}" for x in positions[0])
-        raise RecordingError(
-            f"{place}: marker '{name}': expected to move, found it at ({where}) m in all of "
-            f"{len(positions)} frames"
-        )
-
-
 def check_scale(recording: Recording) -> None:
     """Require a size that an animal or a robot can have; millimetres taken for metres do not."""
     size = extent(recording.positions)
@@ -142,10 +138,10 @@ def check_scale(recording: Recording) -> None:
     if np.isnan(size) or low <= size <= high:
         return
     looks = ""
-    if low <= size * 1e-3 <= high:
-        looks = "; the numbers look like millimetres taken for metres: set input.unit: mm"
-    elif low <= size * 1e3 <= high:
-        looks = "; the numbers look like metres taken for millimetres: set input.unit: m"
+    for slip in ("metres taken for millimetres", "millimetres taken for metres"):
+        factor, remedy = WRONG_UNITS[slip]
+        if low <= size * factor <= high:
+            looks = f"; the numbers look like {slip}: {remedy}"
     raise RecordingError(
         f"{recording.place}: scale: expected the markers to span {low:g} to {high:g} m, "
         f"found {size:.3g} m{looks}"
@@ -239,24 +235,17 @@ def notes(recording: Recording) -> list[str]:
     list of str
         One line each.
     """
-    remarks = list(recording.remarks)
-    remarks += [
-        f"{recording.place}: marker '{name}' is missing in {100 * (1 - fraction):.1f} % of frames"
+    more = [
+        f"marker '{name}' is missing in {100 * (1 - fraction):.1f} % of frames"
         for name, fraction in zip(recording.markers, fraction_seen(recording), strict=True)
         if 1 - fraction > MISSING_NOTE_FRACTION
     ]
     heights, feet = recording.feet[:, :, 2], recording.names("foot")
     high = HIGH_FOOT * body_over_feet(recording)[2]
-    remarks += [
-        f"{recording.place}: {remark}; does it touch the ground?"
-        for remark in high_feet(heights, feet, above_m=high)
-    ]
-    remarks += [
-        f"{recording.place}: {remark}; is one a copy of the other?"
-        for remark in feet_as_one(heights, feet)
-    ]
-    more = [*_rounding(recording), *_missing_times(recording)]
-    return remarks + [f"{recording.place}: {remark}" for remark in more]
+    more += [f"{one}; does it touch the ground?" for one in high_feet(heights, feet, above_m=high)]
+    more += [f"{one}; is one a copy of the other?" for one in feet_as_one(heights, feet)]
+    more += [*_rounding(recording), *_missing_times(recording)]
+    return [*recording.remarks, *(f"{recording.place}: {remark}" for remark in more)]
 
 
 def rounded_to(positions: FloatArray) -> float | None:
@@ -264,17 +253,15 @@ def rounded_to(positions: FloatArray) -> float | None:
 
     What float32 makes of a multiple is one.
     """
-    for step in ROUNDED_TO_M:
-        if all(_all_multiples(part, step) for part in (sampled(positions), positions)):
-            return step
-    return None
 
+    def all_multiples(part: FloatArray, step: float) -> bool:
+        seen = part[np.isfinite(part)]
+        off = np.abs(seen - step * np.round(seen / step))
+        return bool(seen.size and np.all(off <= np.finfo(np.float32).eps * np.abs(seen)))
 
-def _all_multiples(positions: FloatArray, step: float) -> bool:
-    """Tell whether all that is seen is a multiple of a step, and something is seen."""
-    seen = positions[np.isfinite(positions)]
-    off = np.abs(seen - step * np.round(seen / step))
-    return bool(seen.size and np.all(off <= np.finfo(np.float32).eps * np.abs(seen)))
+    parts = (sampled(positions), positions)  # most are told apart by few
+    rounded = (s for s in ROUNDED_TO_M if all(all_multiples(part, s) for part in parts))
+    return next(rounded, None)
 
 
 def _rounding(recording: Recording) -> list[str]:
@@ -301,7 +288,7 @@ def _missing_times(recording: Recording) -> list[str]:
         frames = "1 frame is" if dropped == 1 else f"{dropped} frames are"
         remarks.append(f"{frames} missing between the time stamps")
     if len(pauses):
-        longer = f"1 pause of {pauses[0]:.6g} s" if len(pauses) == 1 else f"{len(pauses)} pauses"
-        total = "" if len(pauses) == 1 else f" of {pauses.sum():.6g} s in all"
-        remarks.append(f"{longer}{total} in which nothing was recorded")
+        several = len(pauses) > 1
+        told = f"{len(pauses)} pause{'s' * several} of {pauses.sum():.6g} s{' in all' * several}"
+        remarks.append(f"{told} in which nothing was recorded")
     return remarks

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MISSING = "—"
 MINUS = "−"
@@ -174,3 +177,46 @@ def flat(entries: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 def scaled(value: Any, factor: float) -> float | None:
     """Product of a value and a factor; None if the value is missing."""
     return None if is_missing(value) else float(value) * factor
+
+
+# Tables made column by column: under each heading the cell of a row.
+
+Row: TypeAlias = Mapping[Any, Any]
+Cell: TypeAlias = Callable[[Row], str]
+Columns: TypeAlias = Mapping[str, Cell]
+
+
+def text(key: str) -> Cell:
+    """Return what shows a text; a dash where there is none."""
+    return lambda row: MISSING if row.get(key) == "" or is_missing(row.get(key)) else str(row[key])
+
+
+def counted(key: str) -> Cell:
+    """Return what shows a whole number."""
+    return lambda row: count(row.get(key))
+
+
+def decimals(key: str, digits: int, factor: float = 1.0) -> Cell:
+    """Return what shows a number times a factor with so many decimals."""
+    return lambda row: fixed(scaled(row.get(key), factor), digits)
+
+
+def table_of(
+    title: str, rows: Iterable[Row], columns: Columns, *, text_columns: int = 1, note: str = ""
+) -> Table | None:
+    """Return a table with a line for each row; none for none."""
+    cells = tuple(tuple(cell(row) for cell in columns.values()) for row in rows)
+    return Table(title, tuple(columns), cells, text_columns, note) if cells else None
+
+
+def records(frame: pd.DataFrame | None, most: int | None = None) -> list[dict[Any, Any]]:
+    """Return the first rows of a table; of a missing one, none."""
+    return (
+        [] if frame is None else frame.head(len(frame) if most is None else most).to_dict("records")
+    )
+
+
+def more(frame: pd.DataFrame | None, most: int, name: str) -> str:
+    """Say how many rows are not shown, and in which of the tables they are."""
+    left = 0 if frame is None else len(frame) - most
+    return f"{count(left)} more in tables/{name}.csv." if left > 0 else ""

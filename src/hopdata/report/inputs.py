@@ -17,7 +17,6 @@ from hopdata.report.formatting import NO_BREAK_SPACE
 
 if TYPE_CHECKING:
     import pandas as pd
-    from jinja2 import Environment
 
 # Captions: short texts beside the workflow, whose numbers are filled in from the tables.
 
@@ -298,13 +297,9 @@ def picture_of(figure: ReportFigure, facts: Mapping[str, Any]) -> Picture:
     if figure.image:
         encoded = base64.b64encode(figure.image).decode("ascii")
         source = f"data:{figure.media_type};base64,{encoded}"
-    return Picture(source, _width_pt(figure), caption)
-
-
-def _width_pt(figure: ReportFigure) -> float:
-    """Width on paper that an SVG asks for; a full text width for anything else."""
+    # The width on paper that an SVG asks for; a full text width for anything else.
     found = re.search(rb'<svg[^>]*?\swidth="([0-9.]+)pt"', figure.image[:4000])
-    return float(found.group(1)) if found else DOUBLE_COLUMN_PT
+    return Picture(source, float(found.group(1)) if found else DOUBLE_COLUMN_PT, caption)
 
 
 # Templates: where they are, and how they are filled in.
@@ -312,17 +307,19 @@ def _width_pt(figure: ReportFigure) -> float:
 TEMPLATES = Path(__file__).with_name("templates")
 
 
-def environment() -> Environment:
-    """Return where templates come from and how they are filled in."""
+def rendered(template: str, **content: Any) -> str:
+    """Return a page: a complete HTML document, its style inside."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    return Environment(
+    environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
         undefined=StrictUndefined,
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    style = (TEMPLATES / "report.css").read_text(encoding="utf-8")
+    return environment.get_template(template).render(**content, style=style)
 
 
 def as_yaml(config: Any) -> str:

@@ -6,54 +6,23 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hopdata.report import (
-    quality,
-    verdict,
-)
-from hopdata.report import (
-    quality as overlay_tables,
-)
-from hopdata.report import (
-    tables as landing_tables,
-)
-from hopdata.report import (
-    tables as result_tables,
-)
-from hopdata.report.formatting import (
-    MISSING,
-    Table,
-    count,
-    fixed,
-    is_missing,
-    mapping_table,
-    significant,
-    with_unit,
-    words,
-)
-from hopdata.report.inputs import (
-    TEMPLATES,
-    Picture,
-    ReportFigure,
-    ReportInputs,
-    as_yaml,
-    environment,
-    picture_of,
-)
+from hopdata.report import formatting as show
+from hopdata.report import quality, tables, verdict
+from hopdata.report.inputs import Picture, ReportFigure, ReportInputs, as_yaml, picture_of, rendered
 from hopdata.report.steering import steering_content
-from hopdata.report.tables import KIND_NAMES, MODEL_NAMES, excluded
-from hopdata.report.verdict import verdict_facts
 
 if TYPE_CHECKING:
     import pandas as pd
 
 # The few numbers that the page opens with, and that captions may name.
 
+COUNTS = ("n_descents", "n_landings", "n_not_landed", "n_used", "n_excluded", "n_schedules")
 NO_FOOT_LANDED = "no foot landed"  # the reason in the table of touchdowns
 
 
 def two_decimals(value: Any) -> str:
     """Format a distance in rad."""
-    return fixed(value, 2)
+    return show.fixed(value, 2)
 
 
 def study_facts(inputs: ReportInputs) -> dict[str, Any]:
@@ -77,11 +46,11 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         **_heights(inputs.sections or {}),
         **_units(inputs.units or {}),
         **_models(inputs),
-        "distances": _medians(inputs.distances, "kind", KIND_NAMES, two_decimals),
+        "distances": _medians(inputs.distances, "kind", tables.KIND_NAMES, two_decimals),
         "labels_right": _labels_right(inputs.truth or {}),
         "slopes": _by_name(inputs.truth or {}, "scaling_slope_"),
         "estimate_errors": _by_name(inputs.truth or {}, "map_estimate_error_"),
-        "verdict": verdict_facts(inputs.verdict),
+        "verdict": verdict.verdict_facts(inputs.verdict),
     }
 
 
@@ -89,19 +58,9 @@ def _counts(inputs: ReportInputs) -> dict[str, Any]:
     names = {str(item.get("name")) for item in inputs.recordings}
     frames = [item["n_frames"] for item in inputs.recordings if item.get("n_frames")]
     table = inputs.touchdowns
-    counts: dict[str, Any] = dict.fromkeys(
-        (
-            "n_descents",
-            "n_landings",
-            "n_not_landed",
-            "n_used",
-            "n_excluded",
-            "n_schedules",
-            "spread",
-        )
-    )
+    counts: dict[str, Any] = dict.fromkeys(COUNTS)
     if table is not None:
-        used = table[~excluded(table)]
+        used = table[~tables.excluded(table)]
         landings = int((table["reason"] != NO_FOOT_LANDED).sum())
         names |= set(table["recording"].astype(str))
         counts = {
@@ -113,12 +72,14 @@ def _counts(inputs: ReportInputs) -> dict[str, Any]:
             "n_schedules": int(used["schedule"].replace("", None).nunique()),
             "spread": _shown(used["spread_s"].median() if len(used) else None, 1e3, "ms"),
         }
-    return {"n_recordings": len(names), "n_frames": sum(frames) or None, **counts}
+    return {
+        "n_recordings": len(names), "n_frames": sum(frames) or None, "spread": None, **counts
+    }  # fmt: skip
 
 
 def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:
     pre, post = sections.get("pre_height_m"), sections.get("post_height_m")
-    travel = None if is_missing(pre) or is_missing(post) else float(pre) - float(post)  # type: ignore[arg-type]
+    travel = None if show.is_missing(pre) or show.is_missing(post) else float(pre) - float(post)  # type: ignore[arg-type]
     return {
         "pre": _shown(pre, 1e3, "mm"),
         "post": _shown(post, 1e3, "mm"),
@@ -137,26 +98,35 @@ def _units(units: Mapping[str, Any]) -> dict[str, str | None]:
 
 
 def _models(inputs: ReportInputs) -> dict[str, Any]:
-    medians = _medians(inputs.prediction, "model", MODEL_NAMES)
+    medians = _medians(inputs.prediction, "model", tables.MODEL_NAMES)
     split = None
     if inputs.prediction is not None and {"n_train", "n_test"} <= set(inputs.prediction):
         rows = inputs.prediction[["n_train", "n_test"]].dropna().to_numpy()
         split = f"{rows[0][0]:.0f}/{rows[0][1]:.0f}" if len(rows) else None
     return {
         "medians": medians,
-        "fitted": words([MODEL_NAMES[m] for m in MODEL_NAMES if medians[m] is not None]),
-        "not_fitted": words([MODEL_NAMES[m] for m in MODEL_NAMES if medians[m] is None]),
+        "fitted": show.words(
+            [tables.MODEL_NAMES[m] for m in tables.MODEL_NAMES if medians[m] is not None]
+        ),
+        "not_fitted": show.words(
+            [tables.MODEL_NAMES[m] for m in tables.MODEL_NAMES if medians[m] is None]
+        ),
         "split": split,
     }
 
 
 def _medians(
-    table: Any, column: str, names: Mapping[str, str], show: Callable[[Any], str] = significant
+    table: Any,
+    column: str,
+    names: Mapping[str, str],
+    shown: Callable[[Any], str] = show.significant,
 ) -> dict[str, str | None]:
     found: dict[str, Any] = {}
     if table is not None:
         found = dict(zip(table[column].astype(str), table["median"], strict=True))
-    return {name: None if is_missing(found.get(name)) else show(found[name]) for name in names}
+    return {
+        name: None if show.is_missing(found.get(name)) else shown(found[name]) for name in names
+    }
 
 
 def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str, str | None]]:
@@ -178,24 +148,32 @@ def _labels_right(truth: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[str
 def _by_name(truth: Mapping[str, Mapping[str, Any]], prefix: str) -> dict[str, str]:
     """Entries whose names begin with the prefix, by the rest of their names."""
     return {
-        name.removeprefix(prefix): fixed(entry["value"], 2)
+        name.removeprefix(prefix): show.fixed(entry["value"], 2)
         for name, entry in truth.items()
-        if name.startswith(prefix) and not is_missing(entry.get("value"))
+        if name.startswith(prefix) and not show.is_missing(entry.get("value"))
     }
 
 
 def _percent(entry: Mapping[str, Any] | None) -> str | None:
-    if entry is None or is_missing(entry.get("value")):
+    if entry is None or show.is_missing(entry.get("value")):
         return None
-    return with_unit(f"{100 * entry['value']:.1f}", "%")
+    return show.with_unit(f"{100 * entry['value']:.1f}", "%")
 
 
 def _tenths_of_mm(height_m: Any) -> str | None:
-    return None if is_missing(height_m) else with_unit(fixed(float(height_m) * 1e3, 1), "mm")
+    return (
+        None
+        if show.is_missing(height_m)
+        else show.with_unit(show.fixed(float(height_m) * 1e3, 1), "mm")
+    )
 
 
 def _shown(value: Any, factor: float, unit: str) -> str | None:
-    return None if is_missing(value) else with_unit(significant(float(value) * factor), unit)
+    return (
+        None
+        if show.is_missing(value)
+        else show.with_unit(show.significant(float(value) * factor), unit)
+    )
 
 
 GAPS = "recording_gaps"
@@ -214,7 +192,6 @@ PLACES = {
     "map_errors": "truth",
     "scaling_study": "truth",
 }
-SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 
 
 def build_report(inputs: ReportInputs) -> str:
@@ -238,24 +215,20 @@ def build_report(inputs: ReportInputs) -> str:
     facts = study_facts(inputs)
     all_seen = _all_seen(inputs)
     shown = [f for f in inputs.figures if not (all_seen and f.name == GAPS)]
-    return (
-        environment()
-        .get_template("report.html.j2")
-        .render(
-            study=inputs.study,
-            facts=facts,
-            highlights=_highlights(facts, inputs),
-            style=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
-            pictures=_pictures(shown, facts),
-            all_seen=all_seen,
-            tables=_tables(inputs),
-            notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
-            verdict_meaning=verdict.MEANING,
-            verdict_notes=[_note(note) for note in verdict.notes(inputs.verdict)],
-            config=as_yaml((inputs.provenance or {}).get("config")),
-            count=count,
-            steering=None if inputs.steering is None else steering_content(inputs.steering),
-        )
+    return rendered(
+        "report.html.j2",
+        study=inputs.study,
+        facts=facts,
+        highlights=_highlights(facts, inputs),
+        pictures=_pictures(shown, facts),
+        all_seen=all_seen,
+        tables=_tables(inputs),
+        notes=[_note(note) for note in (*inputs.notes, *_floor_notes(inputs.floors))],
+        verdict_meaning=verdict.MEANING,
+        verdict_notes=[_note(note) for note in verdict.notes(inputs.verdict)],
+        config=as_yaml((inputs.provenance or {}).get("config")),
+        count=show.count,
+        steering=None if inputs.steering is None else steering_content(inputs.steering),
     )
 
 
@@ -267,18 +240,18 @@ def _all_seen(inputs: ReportInputs) -> bool:
 
 def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[str, str, str]]:
     """Name, value and remark of each key number; the value is a dash where it is not known."""
-    frames = f"{count(facts['n_frames'])} frames" if facts["n_frames"] else ""
+    frames = f"{show.count(facts['n_frames'])} frames" if facts["n_frames"] else ""
     between = f"pre section {facts['pre']}, post section {facts['post']}"
     feet = max((item.get("n_feet") or 0 for item in inputs.recordings), default=0)
-    possible = f"of {count(math.factorial(feet))} possible, in the touchdowns used"
+    possible = f"of {show.count(math.factorial(feet))} possible, in the touchdowns used"
     of_all = [possible] if feet > 1 else []
     apart = [f"median spread of contacts {facts['spread']}"] if facts["spread"] else []
     cards = [
         ("Difference of the maps", facts["verdict"]["difference"], facts["verdict"]["remark"]),
         ("Quality of the data", *quality.summary(inputs.quality)),
-        ("Recordings", count(facts["n_recordings"]), frames),
-        ("Touchdowns used", count(facts["n_used"]), _of_landings(facts)),
-        ("Contact orders seen", count(facts["n_schedules"]), "; ".join(of_all + apart)),
+        ("Recordings", show.count(facts["n_recordings"]), frames),
+        ("Touchdowns used", show.count(facts["n_used"]), _of_landings(facts)),
+        ("Contact orders seen", show.count(facts["n_schedules"]), "; ".join(of_all + apart)),
         ("Travel through the touchdown", facts["travel"], between if facts["travel"] else ""),
         (
             "Units of length and time",
@@ -300,37 +273,39 @@ def _of_landings(facts: Mapping[str, Any]) -> str:
     if not facts["n_descents"]:
         return ""
     landings, others = facts["n_landings"], facts["n_not_landed"]
-    found = f"of {count(landings)} landing{'' if landings == 1 else 's'}"
-    found += f", {count(facts['n_excluded'])} excluded"
-    of_descents = f"; in {count(others)} more of {count(facts['n_descents'])} descents"
+    found = f"of {show.count(landings)} landing{'' if landings == 1 else 's'}"
+    found += f", {show.count(facts['n_excluded'])} excluded"
+    of_descents = f"; in {show.count(others)} more of {show.count(facts['n_descents'])} descents"
     return found + (f"{of_descents} no foot of the study landed" if others else "")
 
 
 def _known(value: str | None) -> str:
-    return "not known" if value in (None, "", MISSING) else str(value)
+    return "not known" if value in (None, "", show.MISSING) else str(value)
 
 
 def _price_of_one(prediction: pd.DataFrame) -> tuple[str | None, str]:
     """Error of the unspecialised affine model over that of the specialised ones."""
-    medians = dict(zip(prediction["model"].astype(str), prediction["median"], strict=True))
-    one, many = medians.get("all", 0), medians.get("specialised", 0)
-    if not (one > 0 and many > 0):
+    ratio = _ratio(prediction, "all", "specialised")
+    if ratio is None:
         return None, "needs an affine model of each order"
-    return significant(
-        one / many, 3
-    ), "ratio of median MSE; curvature alone also raises it above 1: see the verdict"
+    remark = "ratio of median MSE; curvature alone also raises it above 1: see the verdict"
+    return show.significant(ratio, 3), remark
 
 
 def _gain(prediction: pd.DataFrame | None) -> tuple[str | None, str]:
     """Error of the affine model over that of the mean, specialised where these were fitted."""
-    if prediction is None:
-        return None, ""
-    medians = dict(zip(prediction["model"].astype(str), prediction["median"], strict=True))
     for affine, mean, which in (("specialised", "specialised_mean", "both specialised"),
                                 ("all", "mean", "both unspecialised")):  # fmt: skip
-        if medians.get(affine, 0) > 0 and medians.get(mean, 0) > 0:
-            return significant(medians[affine] / medians[mean], 2), f"ratio of median MSE, {which}"
+        ratio = None if prediction is None else _ratio(prediction, affine, mean)
+        if ratio is not None:
+            return show.significant(ratio, 2), f"ratio of median MSE, {which}"
     return None, ""
+
+
+def _ratio(prediction: pd.DataFrame, model: str, other: str) -> float | None:
+    medians = dict(zip(prediction["model"].astype(str), prediction["median"], strict=True))
+    one, two = medians.get(model, 0), medians.get(other, 0)
+    return one / two if one > 0 and two > 0 else None
 
 
 def _pictures(
@@ -343,31 +318,25 @@ def _pictures(
     return placed
 
 
-def _tables(inputs: ReportInputs) -> dict[str, Table | None]:
-    record = inputs.provenance or {}
-    others = {key: value for key, value in record.items() if key not in SHOWN_ELSEWHERE}
-    digests = ("source file", "SHA-256")
+def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
     return {
         "quality": quality.quality_table(inputs.quality),
         "faults": quality.faults_table(inputs.faults),
         "remarks": quality.remarks_table(inputs.remarks),
         "excluded": quality.excluded_table(inputs.touchdowns),
-        "recordings": landing_tables.recordings_table(inputs.recordings),
-        "filled": landing_tables.filled_table(inputs.filled, inputs.touchdowns),
-        "floor": landing_tables.floor_table(inputs.floors),
-        "sections": landing_tables.sections_table(inputs.sections),
-        "schedules": landing_tables.schedules_table(inputs.touchdowns),
-        "exclusions": landing_tables.exclusions_table(inputs.touchdowns),
-        "overlay": overlay_tables.agreement_table(inputs.overlay),
-        "unmatched": overlay_tables.unmatched_table(inputs.overlay),
-        "thresholds": overlay_tables.thresholds_table(inputs.overlay),
-        "prediction": result_tables.prediction_table(inputs.prediction),
-        "distances": result_tables.distances_table(inputs.distances),
-        "truth": result_tables.truth_table(inputs.truth),
-        "origin": mapping_table("Run", ("what", "value"), others),
-        "digests": mapping_table("Inputs", digests, record.get("inputs") or {}),
-        "versions": mapping_table("Versions", ("package", "version"), record.get("versions") or {}),
-        "times": result_tables.times_table(record.get("stage_seconds") or {}),
+        "recordings": tables.recordings_table(inputs.recordings),
+        "filled": tables.filled_table(inputs.filled, inputs.touchdowns),
+        "floor": tables.floor_table(inputs.floors),
+        "sections": tables.sections_table(inputs.sections),
+        "schedules": tables.schedules_table(inputs.touchdowns),
+        "exclusions": tables.exclusions_table(inputs.touchdowns),
+        "overlay": quality.agreement_table(inputs.overlay),
+        "unmatched": quality.unmatched_table(inputs.overlay),
+        "thresholds": quality.thresholds_table(inputs.overlay),
+        "prediction": tables.prediction_table(inputs.prediction),
+        "distances": tables.distances_table(inputs.distances),
+        "truth": tables.truth_table(inputs.truth),
+        **tables.record_tables(inputs.provenance or {}),
     }
 
 

@@ -7,26 +7,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from hopdata.jobs import read_json, read_table
+from hopdata.report import formatting as show
 from hopdata.report import tables as result_tables
-from hopdata.report.formatting import (
-    MISSING,
-    Table,
-    count,
-    fixed,
-    is_missing,
-    mapping_table,
-    scaled,
-    significant,
-    with_unit,
-)
 from hopdata.report.inputs import (
-    TEMPLATES,
     Picture,
     SteeringInputs,
     as_yaml,
-    environment,
     picture_of,
     read_figures,
+    rendered,
 )
 
 if TYPE_CHECKING:
@@ -34,11 +23,7 @@ if TYPE_CHECKING:
 
 # Tables of the steering study: outcomes, what was observed, how well the model predicts.
 
-CONTROLLERS = {
-    "printed": "printed",
-    "planner": "planner",
-    "ceiling": "knows the true map",
-}
+CONTROLLERS = {"printed": "printed", "planner": "planner", "ceiling": "knows the true map"}
 EXPERIMENTS = {
     "origin": "origin, free",
     "turn": "half turn, free",
@@ -48,88 +33,72 @@ EXPERIMENTS = {
 STARTS = {"facing": "facing the origin", "any": "any heading"}
 
 
-def outcomes_table(outcomes: pd.DataFrame | None) -> Table | None:
+def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
     """One row for each experiment, start and controller."""
-    if outcomes is None or outcomes.empty:
-        return None
-    rows = tuple(_outcome(row) for row in outcomes.to_dict("records"))
-    head = (
-        "experiment",
-        "start",
-        "controller",
-        "succeeded",
-        "share (%)",
-        "hops",
-        "hops of those that knew",
-        "not in time",
-        "left again",
-        "fell",
-        "target",
-        "met",
-    )
+    columns: show.Columns = {
+        "experiment": lambda row: EXPERIMENTS.get(str(row["experiment"]), str(row["experiment"])),
+        "start": lambda row: STARTS.get(str(row["start"]), str(row["start"])),
+        "controller": lambda row: CONTROLLERS.get(str(row["controller"]), str(row["controller"])),
+        "succeeded": _succeeded,
+        "share (%)": _ranged("rate", "rate_low", "rate_high", 0, 100),
+        "hops": _ranged("hops", "hops_low", "hops_high", 1),
+        "hops of those that knew": _ranged("hops_ratio", "ratio_low", "ratio_high", 2),
+        "not in time": show.counted("late"),
+        "left again": show.counted("left"),
+        "fell": show.counted("fell"),
+        "target": _asked,
+        "met": show.text("met"),
+    }
     note = (
         "Brackets: intervals (Clopper-Pearson; of the median by order statistics; of ratios by a "
         "paired bootstrap). Hops: median over the runs that succeeded, and as a multiple of the "
         "hops of the policy that knows the true map, from the same starts."
     )
-    return Table("Outcomes of the experiments", head, rows, text_columns=3, note=note)
+    rows = show.records(outcomes)
+    return show.table_of("Outcomes of the experiments", rows, columns, text_columns=3, note=note)
 
 
-def _outcome(row: Mapping[Any, Any]) -> tuple[str, ...]:
-    rate, low, high = (scaled(row[key], 100) for key in ("rate", "rate_low", "rate_high"))
-    return (
-        EXPERIMENTS.get(str(row["experiment"]), str(row["experiment"])),
-        STARTS.get(str(row["start"]), str(row["start"])),
-        CONTROLLERS.get(str(row["controller"]), str(row["controller"])),
-        f"{count(row['succeeded'])} of {count(row['runs'])}",
-        _ranged(rate, low, high, 0),
-        _ranged(row["hops"], row["hops_low"], row["hops_high"], 1),
-        _ranged(row["hops_ratio"], row["ratio_low"], row["ratio_high"], 2),
-        *(count(row[key]) for key in ("late", "left", "fell")),
-        _asked(row),
-        MISSING if is_missing(row["met"]) or not row["met"] else str(row["met"]),
-    )
+def _succeeded(row: Mapping[Any, Any]) -> str:
+    return f"{show.count(row['succeeded'])} of {show.count(row['runs'])}"
 
 
-def _ranged(value: Any, low: Any, high: Any, decimals: int) -> str:
-    if is_missing(value):
-        return MISSING
-    text = fixed(value, decimals)
-    known = not is_missing(low) and not is_missing(high)
-    return f"{text} ({fixed(low, decimals)} to {fixed(high, decimals)})" if known else text
+def _ranged(key: str, low: str, high: str, digits: int, factor: float = 1.0) -> show.Cell:
+    """Return what shows a number times a factor with its interval, if this is known."""
+
+    def cell(row: show.Row) -> str:
+        shown, first, last = (
+            show.fixed(show.scaled(row[name], factor), digits) for name in (key, low, high)
+        )
+        return shown if show.MISSING in (shown, first, last) else f"{shown} ({first} to {last})"
+
+    return cell
 
 
 def _asked(row: Mapping[Any, Any]) -> str:
-    if is_missing(row["asked_rate"]):
-        return MISSING
-    asked = f"{significant(scaled(row['asked_rate'], 100), 3)} %"
-    if is_missing(row["asked_ratio"]):
+    if show.is_missing(row["asked_rate"]):
+        return show.MISSING
+    asked = f"{show.significant(show.scaled(row['asked_rate'], 100), 3)} %"
+    if show.is_missing(row["asked_ratio"]):
         return asked
-    return f"{asked}, {significant(row['asked_ratio'], 2)} times the hops"
+    return f"{asked}, {show.significant(row['asked_ratio'], 2)} times the hops"
 
 
-def observed_table(counts: Sequence[Mapping[str, Any]] | None) -> Table | None:
+def observed_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | None:
     """One row a recording: frames, stances and hops, and how many of these are used."""
-    if not counts:
-        return None
-    rows = tuple(
-        (
-            str(entry["recording"]),
-            count(sum(entry["frames"].values())),
-            count(entry["stances"]),
-            count(entry["pairs"]),
-            count(entry["used"]),
-        )
-        for entry in counts
-    )
-    head = ("recording", "frames", "stances", "hops", "hops used")
-    return Table("What was observed", head, rows)
+    columns: show.Columns = {
+        "recording": show.text("recording"),
+        "frames": lambda entry: show.count(sum(entry["frames"].values())),
+        "stances": show.counted("stances"),
+        "hops": show.counted("pairs"),
+        "hops used": show.counted("used"),
+    }
+    return show.table_of("What was observed", counts or (), columns)
 
 
-def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> Table | None:
+def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | None:
     """One row a recording and reason: frames, stances and hops that were left out."""
     rows = tuple(
-        (str(entry["recording"]), what, reason, count(number))
+        (str(entry["recording"]), what, reason, show.count(number))
         for entry in counts or ()
         for what, numbers in (
             ("frames", {k: v for k, v in entry["frames"].items() if k != "seen"}),
@@ -142,39 +111,26 @@ def left_out_table(counts: Sequence[Mapping[str, Any]] | None) -> Table | None:
     if not rows:
         return None
     head = ("recording", "what", "reason", "number")
-    return Table("What was left out, or leans on other frames", head, rows, text_columns=3)
+    return show.Table("What was left out, or leans on other frames", head, rows, text_columns=3)
 
 
-def model_table(scores: pd.DataFrame | None) -> Table | None:
+def model_table(scores: pd.DataFrame | None) -> show.Table | None:
     """One row a set and component: how well the hops that were not learned from are predicted."""
-    if scores is None or scores.empty:
-        return None
-    rows = tuple(
-        (
-            str(row["component"]),
-            count(row["set"]),
-            fixed(row["r2"], 3),
-            f"{fixed(row['rmse'], 2)} {row['unit']}",
-            fixed(scaled(row["coverage"], 100), 1),
-            count(row["training_hops"]),
-            count(row["test_hops"]),
-        )
-        for row in scores.to_dict("records")
-    )
-    head = (
-        "frame change",
-        "set",
-        "R2",
-        "rms error",
-        "within 95 % (%)",
-        "hops learned",
-        "hops tested",
-    )
+    columns: show.Columns = {
+        "frame change": show.text("component"),
+        "set": show.counted("set"),
+        "R2": show.decimals("r2", 3),
+        "rms error": lambda row: f"{show.fixed(row['rmse'], 2)} {row['unit']}",
+        "within 95 % (%)": show.decimals("coverage", 1, 100),
+        "hops learned": show.counted("training_hops"),
+        "hops tested": show.counted("test_hops"),
+    }
     note = (
         "On the hops that were not learned from; chance at each hop is part of the error. Each "
         "random set of hops gives a model; the starts of experiments take turns with them."
     )
-    return Table("How well the model predicts a hop", head, rows, note=note)
+    title = "How well the model predicts a hop"
+    return show.table_of(title, show.records(scores), columns, note=note)
 
 
 # The figures that have a section of their own; any other stands with the model.
@@ -188,7 +144,6 @@ EXPERIMENT_FIGURES = (
 )
 # Controllers whose runs are drawn: those that a study may recommend.
 DRAWN = {"planner": "the planner"}
-SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 
 
 @dataclass(frozen=True)
@@ -197,7 +152,7 @@ class SteeringContent:
 
     highlights: list[tuple[str, str, str]]
     pictures: Mapping[str, list[Picture]]
-    tables: Mapping[str, Table | None]
+    tables: Mapping[str, show.Table | None]
     notes: Sequence[str] = field(default_factory=tuple)
 
 
@@ -237,25 +192,12 @@ def build_steering_report(inputs: SteeringInputs) -> str:
         If a caption names a fact that does not exist.
     """
     record = inputs.provenance or {}
-    others = {key: value for key, value in record.items() if key not in SHOWN_ELSEWHERE}
-    versions = record.get("versions") or {}
-    return (
-        environment()
-        .get_template("steering.html.j2")
-        .render(
-            study=inputs.study,
-            style=(TEMPLATES / "report.css").read_text(encoding="utf-8"),
-            steering=steering_content(inputs),
-            tables={
-                "origin": mapping_table("Run", ("what", "value"), others),
-                "digests": mapping_table(
-                    "Inputs", ("source file", "SHA-256"), record.get("inputs") or {}
-                ),
-                "versions": mapping_table("Versions", ("package", "version"), versions),
-                "times": result_tables.times_table(record.get("stage_seconds") or {}),
-            },
-            config=as_yaml(record.get("config")),
-        )
+    return rendered(
+        "steering.html.j2",
+        study=inputs.study,
+        steering=steering_content(inputs),
+        tables=result_tables.record_tables(record),
+        config=as_yaml(record.get("config")),
     )
 
 
@@ -317,13 +259,13 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
     share: dict[str, str] = {}
     for row in rows:
         key = f"{row['experiment']} {row['start']} {row['controller']}"
-        share[key] = f"{count(row['succeeded'])} of {count(row['runs'])}"
+        share[key] = _succeeded(row)
     shown = next((row["controller"] for row in rows if row["controller"] in DRAWN), "")
     hops = None if inputs.scores is None else inputs.scores["training_hops"].iloc[0]
     return {
-        "starts": count(rows[0]["runs"]) if rows else MISSING,
+        "starts": show.count(rows[0]["runs"]) if rows else show.MISSING,
         "share": share,
-        "training_hops": count(hops),
+        "training_hops": show.count(hops),
         "shown": shown,
         "controller": DRAWN.get(shown, "the recommended controller"),
     }
@@ -334,24 +276,26 @@ def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
     cards = []
     rows = [] if inputs.outcomes is None else inputs.outcomes.to_dict("records")
     for row in rows:
-        if is_missing(row["asked_rate"]):
+        if show.is_missing(row["asked_rate"]):
             continue
         name = f"{EXPERIMENTS[row['experiment']]}, {CONTROLLERS[row['controller']]}"
-        low, high = (fixed(100 * row[key], 0) for key in ("rate_low", "rate_high"))
-        hops = "" if is_missing(row["hops"]) else f"; median {fixed(row['hops'], 1)} hops"
+        low, high = (show.fixed(100 * row[key], 0) for key in ("rate_low", "rate_high"))
+        hops = "" if show.is_missing(row["hops"]) else f"; median {show.fixed(row['hops'], 1)} hops"
         cards.append(
             (
                 name[0].upper() + name[1:],
-                f"{count(row['succeeded'])} of {count(row['runs'])}",
+                _succeeded(row),
                 f"{STARTS[row['start']]}; {low} to {high} %{hops}",
             )
         )
     used = sum(entry["used"] for entry in inputs.counts or ())
     pairs = sum(entry["pairs"] for entry in inputs.counts or ())
-    cards.append(("Hops used", count(used), f"of {count(pairs)}; what was left out stands below"))
+    cards.append(
+        ("Hops used", show.count(used), f"of {show.count(pairs)}; what was left out stands below")
+    )
     for key, name in (("heading_rms", "Error of the heading"), ("boom_angle_rms", "Boom angle")):
         entry = (inputs.truth or {}).get(key)
         if entry:
-            text = with_unit(fixed(entry["value"], 1), str(entry["unit"]))
+            text = show.with_unit(show.fixed(entry["value"], 1), str(entry["unit"]))
             cards.append((name, text, "rms, against the simulator"))
     return cards

@@ -5,20 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hopdata.report.formatting import (
-    MISSING,
-    Table,
-    common_scale,
-    count,
-    fixed,
-    flat,
-    is_missing,
-    labelled,
-    percent,
-    plain,
-    scaled,
-    significant,
-)
+from hopdata.report import formatting as show
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,59 +35,46 @@ MOST_RECORDINGS = 6
 MOST_GAPPY = 24
 
 
-def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> Table | None:
+def recordings_table(recordings: Sequence[Mapping[str, Any]]) -> show.Table | None:
     """One row a recording: where it is from, how long it is and how much of it was seen."""
-    rows = tuple(
-        (
-            str(item.get("name", MISSING)),
-            str(item.get("source") or MISSING),
-            count(item.get("n_frames")),
-            fixed(item.get("duration_s"), 1),
-            significant(item.get("rate_hz"), 4),
-            count(item.get("n_feet")),
-            count(item.get("n_body")),
-            fixed(scaled(item.get("seen"), 100), 2),
-        )
-        for item in recordings
-    )
-    head = ("recording", "source", "frames", "duration (s)", "rate (Hz)", "feet", "body markers")
-    return Table("Recordings", (*head, "seen (%)"), rows, text_columns=2) if rows else None
+    columns: show.Columns = {
+        "recording": show.text("name"),
+        "source": show.text("source"),
+        "frames": show.counted("n_frames"),
+        "duration (s)": show.decimals("duration_s", 1),
+        "rate (Hz)": lambda item: show.significant(item.get("rate_hz"), 4),
+        "feet": show.counted("n_feet"),
+        "body markers": show.counted("n_body"),
+        "seen (%)": show.decimals("seen", 2, 100),
+    }
+    return show.table_of("Recordings", recordings, columns, text_columns=2)
 
 
 def filled_table(
     filled: pd.DataFrame | None, touchdowns: pd.DataFrame | None = None
-) -> Table | None:
+) -> show.Table | None:
     """One row a marker with gaps, those most often unseen first; None if there are no gaps."""
-    if filled is None or filled.empty or not (filled["gaps"] > 0).any():
+    if filled is None:
         return None
     gappy = filled[filled["gaps"] > 0].sort_values("missing", ascending=False, kind="stable")
-    rows = tuple(
-        (
-            str(row["recording"]),
-            str(row["marker"]),
-            str(row["role"]),
-            count(row["gaps"]),
-            fixed(row["longest_s"], 2),
-            count(row["missing"]),
-            fixed(100 * row["missing"] / row["frames"], 2),
-            count(row["filled"]),
-            count(row["left"]),
-        )
-        for row in gappy[:MOST_GAPPY].to_dict("records")
-    )
-    total = f"Of {count(gappy['missing'].sum())} missing places {count(gappy['filled'].sum())} were"
-    shown = (
-        "" if len(gappy) <= MOST_GAPPY else f"; {len(gappy) - MOST_GAPPY} more in tables/filled.csv"
-    )
-    head = ("recording", "marker", "part", "gaps", "longest (s)", "frames missing", "missing (%)")
-    note = f"{total} filled in{_resting(touchdowns)}{shown}."
-    return Table(
-        "Gaps and what was filled of them",
-        (*head, "filled in", "left"),
-        rows,
-        text_columns=3,
-        note=note,
-    )
+    columns: show.Columns = {
+        "recording": show.text("recording"),
+        "marker": show.text("marker"),
+        "part": show.text("role"),
+        "gaps": show.counted("gaps"),
+        "longest (s)": show.decimals("longest_s", 2),
+        "frames missing": show.counted("missing"),
+        "missing (%)": lambda row: show.fixed(100 * row["missing"] / row["frames"], 2),
+        "filled in": show.counted("filled"),
+        "left": show.counted("left"),
+    }
+    missing, mended = (show.count(gappy[name].sum()) for name in ("missing", "filled"))
+    left = len(gappy) - MOST_GAPPY
+    rest = f"; {left} more in tables/filled.csv" if left > 0 else ""
+    note = f"Of {missing} missing places {mended} were filled in{_resting(touchdowns)}{rest}."
+    rows = show.records(gappy, MOST_GAPPY)
+    title = "Gaps and what was filled of them"
+    return show.table_of(title, rows, columns, text_columns=3, note=note)
 
 
 def _resting(touchdowns: pd.DataFrame | None) -> str:
@@ -108,61 +82,54 @@ def _resting(touchdowns: pd.DataFrame | None) -> str:
     if touchdowns is None or "filled_share" not in touchdowns:
         return ""
     used = touchdowns[~excluded(touchdowns)]
-    resting = count((used["filled_share"] > 0).sum())
-    return f"; {resting} of {count(len(used))} touchdowns used rest on some of these"
+    resting = show.count((used["filled_share"] > 0).sum())
+    return f"; {resting} of {show.count(len(used))} touchdowns used rest on some of these"
 
 
-def floor_table(floors: Mapping[str, Mapping[str, Any]]) -> Table | None:
+def floor_table(floors: Mapping[str, Mapping[str, Any]]) -> show.Table | None:
     """One row a recording: the floor model and what it leaves."""
-    rows = tuple((name, *_floor_cells(floor)) for name, floor in floors.items())
-    head = (
-        "recording",
-        "degree",
-        "rest points",
-        "outliers",
-        "residual (mm)",
-        "feet differ by (mm)",
-    )
+    columns: show.Columns = {
+        "recording": show.text("recording"),
+        "degree": show.counted("degree"),
+        "rest points": show.counted("n_points"),
+        "outliers": show.counted("n_outliers"),
+        "residual (mm)": show.decimals("residual_rms_m", 2, 1e3),
+        "feet differ by (mm)": _spread_of_feet,
+    }
+    rows = [{"recording": name, **floor} for name, floor in floors.items()]
     notes = [f"{name}: {floor['note']}" for name, floor in floors.items() if floor.get("note")]
-    return Table("Floor", head, rows, note="; ".join(notes)) if rows else None
+    return show.table_of("Floor", rows, columns, note="; ".join(notes))
 
 
-def _floor_cells(floor: Mapping[str, Any]) -> tuple[str, ...]:
-    offsets = [value for value in floor.get("foot_offsets_m") or () if not is_missing(value)]
-    return (
-        count(floor.get("degree")),
-        count(floor.get("n_points")),
-        count(floor.get("n_outliers")),
-        fixed(scaled(floor.get("residual_rms_m"), 1e3), 2),
-        fixed((max(offsets) - min(offsets)) * 1e3, 2) if offsets else MISSING,
-    )
+def _spread_of_feet(floor: Mapping[str, Any]) -> str:
+    offsets = [value for value in floor.get("foot_offsets_m") or () if not show.is_missing(value)]
+    return show.fixed((max(offsets) - min(offsets)) * 1e3, 2) if offsets else show.MISSING
 
 
-def sections_table(sections: Mapping[str, Any] | None) -> Table | None:
+def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
     """Thresholds, sections and the travel between them first, then all else in the file."""
     if not sections:
         return None
     decided = sections.get("decided") or {}
     rows = [
-        (_decided(name, decided.get(key)), fixed(scaled(sections.get(key), 1e3), 2), "mm")
+        (
+            f"{name} (from the configuration)" if decided.get(key) == "config" else name,
+            show.fixed(show.scaled(sections.get(key), 1e3), 2),
+            "mm",
+        )
         for key, name in SECTION_NAMES.items()
     ]
     pre, post = sections.get("pre_height_m"), sections.get("post_height_m")
     if pre is not None and post is not None:
-        rows.append(("travel from pre to post", fixed((pre - post) * 1e3, 2), "mm"))
+        rows.append(("travel from pre to post", show.fixed((pre - post) * 1e3, 2), "mm"))
     shown = {*SECTION_NAMES, "decided"}
-    others = flat({key: value for key, value in sections.items() if key not in shown})
-    for key, value in others:
-        words, text, unit = labelled(key, value)
+    for key, value in show.flat({key: sections[key] for key in sections if key not in shown}):
+        words, text, unit = show.labelled(key, value)
         rows.append((DETAIL_NAMES.get(key, words), text, unit))
-    return Table("Thresholds and sections", ("quantity", "value", "unit"), tuple(rows))
+    return show.Table("Thresholds and sections", ("quantity", "value", "unit"), tuple(rows))
 
 
-def _decided(name: str, by: Any) -> str:
-    return f"{name} (from the configuration)" if by == "config" else name
-
-
-def schedules_table(touchdowns: pd.DataFrame | None) -> Table | None:
+def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
     """One row a mode schedule: its used touchdowns and the spread of their contacts."""
     if touchdowns is None or touchdowns.empty:
         return None
@@ -171,11 +138,11 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> Table | None:
     rows = [
         (
             str(schedule).replace(">", " → "),
-            count(len(group)),
-            count((group["class"] == "ambiguous").sum()) if "class" in group else MISSING,
-            fixed(100 * len(group) / len(used), 1),
-            fixed(scaled(_median(group, "spread_s"), 1e3), 2),
-            fixed(_mean(group, "probability"), 3),
+            show.count(len(group)),
+            show.count((group["class"] == "ambiguous").sum()) if "class" in group else show.MISSING,
+            show.fixed(100 * len(group) / len(used), 1),
+            show.fixed(show.scaled(_median(group, "spread_s"), 1e3), 2),
+            show.fixed(_mean(group, "probability"), 3),
         )
         for schedule, group in groups[:MOST_SCHEDULES]
     ]
@@ -187,10 +154,10 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> Table | None:
         left = "1 touchdown" if sum(rarer) == 1 else f"{sum(rarer)} touchdowns"
         note = f"{orders} not listed: {left}, at most {max(rarer)} each."
     medians = ("median spread of contacts (ms)", "mean probability of the order")
-    return Table("Used touchdowns by mode schedule", (*head, *medians), tuple(rows), note=note)
+    return show.Table("Used touchdowns by mode schedule", (*head, *medians), tuple(rows), note=note)
 
 
-def exclusions_table(touchdowns: pd.DataFrame | None) -> Table | None:
+def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
     """Descents that are not used by reason, and by recording where these are few."""
     if touchdowns is None or touchdowns.empty or not excluded(touchdowns).any():
         return None
@@ -201,11 +168,11 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> Table | None:
     rows = []
     for reason, total in reasons.value_counts().items():
         of_reason = out.loc[reasons == reason, "recording"].astype(str)
-        each = tuple(count((of_reason == name).sum()) for name in shown)
-        rows.append((str(reason), *each, count(total)))
-    each = tuple(count((out["recording"].astype(str) == name).sum()) for name in shown)
-    rows.append(("all reasons", *each, count(len(out))))
-    return Table("Descents that are not used", ("reason", *shown, "descents"), tuple(rows))
+        each = tuple(show.count((of_reason == name).sum()) for name in shown)
+        rows.append((str(reason), *each, show.count(total)))
+    each = tuple(show.count((out["recording"].astype(str) == name).sum()) for name in shown)
+    rows.append(("all reasons", *each, show.count(len(out))))
+    return show.Table("Descents that are not used", ("reason", *shown, "descents"), tuple(rows))
 
 
 def excluded(touchdowns: pd.DataFrame) -> pd.Series:
@@ -252,110 +219,104 @@ NOT_COMPARED = (
 )
 SHARES = ("labels_right_",)
 COUNTED = ("landings", "touchdowns")
+SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
 
 
-def prediction_table(summary: pd.DataFrame | None) -> Table | None:
+def prediction_table(summary: pd.DataFrame | None) -> show.Table | None:
     """One row a model, in the printed order; a model that was not fitted is listed as such."""
-    if summary is None or summary.empty:
+    found = {str(row["model"]): row for row in show.records(summary)}
+    if not found:
         return None
-    found = {str(row["model"]): row for row in summary.to_dict("records")}
-    quantiles = ("p2_5", "q25", "median", "q75", "p97_5")
-    scale, power = common_scale([row.get("median") for row in found.values()])
-    rows = []
-    for model in dict.fromkeys((*MODEL_NAMES, *found)):
-        row: Mapping[Any, Any] = found.get(model, {})
-        rows.append(
-            (
-                MODEL_NAMES.get(model, model),
-                count(row.get("n_classes")),
-                count(row.get("n_train")),
-                count(row.get("n_test")),
-                *(fixed(scaled(row.get(q), 1 / scale), 2) for q in quantiles),
-                fixed(row.get("worst_position_mm"), 1),
-                fixed(row.get("worst_velocity_m_s"), 3),
-            )
-        )
-    head = (
-        "model",
-        "classes",
-        "train",
-        "test",
-        *map(percent, (2.5, 25)),
-        "median",
-        *map(percent, (75, 97.5)),
-    )
-    worst = ("worst position (mm)", "worst velocity (m/s)")
-    note = f"Quantiles over the bootstraps of the combined MSE, in {power}units²."
-    note += (
-        f" Worst position and velocity: {percent(97.5)} of the bootstraps keep below these with "
-        "the rms error of the coordinate of a marker that they predict worst."
-    )
-    note += (
-        " Classes: groups of touchdowns with a model of their own; train and test: touchdowns in "
-        "each bootstrap."
+    scale, power = show.common_scale([row.get("median") for row in found.values()])
+    columns: show.Columns = {
+        "model": lambda row: MODEL_NAMES.get(row["model"], str(row["model"])),
+        "classes": show.counted("n_classes"),
+        "train": show.counted("n_train"),
+        "test": show.counted("n_test"),
+        **{
+            head: show.decimals(key, 2, 1 / scale)
+            for head, key in _quantiles(p2_5=2.5, q25=25, median=50, q75=75, p97_5=97.5)
+        },
+        "worst position (mm)": show.decimals("worst_position_mm", 1),
+        "worst velocity (m/s)": show.decimals("worst_velocity_m_s", 3),
+    }
+    note = (
+        f"Quantiles over the bootstraps of the combined MSE, in {power}units². Worst position and "
+        f"velocity: {show.percent(97.5)} of the bootstraps keep below these with the rms error of "
+        "the coordinate of a marker that they predict worst. Classes: groups of touchdowns with a "
+        "model of their own; train and test: touchdowns in each bootstrap."
     )
     note += " A dash: not fitted, too few touchdowns." if len(found) < len(MODEL_NAMES) else ""
-    return Table("Prediction errors", (*head, *worst), tuple(rows), note=note)
+    rows = [{**found.get(m, {}), "model": m} for m in dict.fromkeys((*MODEL_NAMES, *found))]
+    return show.table_of("Prediction errors", rows, columns, note=note)
 
 
-def distances_table(summary: pd.DataFrame | None) -> Table | None:
+def distances_table(summary: pd.DataFrame | None) -> show.Table | None:
     """One row a kind of distance; a kind without pairs is listed with zero pairs."""
-    if summary is None or summary.empty:
+    found = {str(row["kind"]): row for row in show.records(summary)}
+    if not found:
         return None
-    found = {str(row["kind"]): row for row in summary.to_dict("records")}
-    quantiles = ("q05", "q25", "median", "q75", "q95")
-    rows = []
-    for kind in dict.fromkeys((*KIND_NAMES, *found)):
-        row: Mapping[Any, Any] = found.get(kind, {})
-        rows.append(
-            (
-                KIND_NAMES.get(kind, kind),
-                count(row.get("n", 0)),
-                *(fixed(row.get(key), 3) for key in ("mean", "sd", *quantiles)),
-                fixed(row.get("auc_against_in_class"), 3),
-            )
-        )
-    head = (
-        "subspaces",
-        "pairs",
-        "mean",
-        "sd",
-        *map(percent, (5, 25)),
-        "median",
-        *map(percent, (75, 95)),
-    )
+    columns: show.Columns = {
+        "subspaces": lambda row: KIND_NAMES.get(row["kind"], str(row["kind"])),
+        "pairs": lambda row: show.count(row.get("n", 0)),
+        "mean": show.decimals("mean", 3),
+        "sd": show.decimals("sd", 3),
+        **{
+            head: show.decimals(key, 3)
+            for head, key in _quantiles(q05=5, q25=25, median=50, q75=75, q95=95)
+        },
+        "AUC": show.decimals("auc_against_in_class", 3),
+    }
     note = "Arc lengths in rad. AUC: probability that such a distance exceeds an in-class one."
-    return Table("Arc-length distances", (*head, "AUC"), tuple(rows), note=note)
+    rows = [{**found.get(k, {}), "kind": k} for k in dict.fromkeys((*KIND_NAMES, *found))]
+    return show.table_of("Arc-length distances", rows, columns, note=note)
 
 
-def truth_table(truth: Mapping[str, Mapping[str, Any]] | None) -> Table | None:
+def _quantiles(**shares: float) -> list[tuple[str, str]]:
+    """Heading and column of each quantile."""
+    return [("median" if key == "median" else show.percent(p), key) for key, p in shares.items()]
+
+
+def truth_table(truth: Mapping[str, Mapping[str, Any]] | None) -> show.Table | None:
     """One row a measure: what was found against what the simulator knew."""
     rows = tuple(
         (_capital(str(entry.get("what") or name)), *_measured(name, entry))
         for name, entry in (truth or {}).items()
         if not name.startswith(NOT_COMPARED)
     )
-    return Table("Found against known", ("quantity", "value", "unit"), rows) if rows else None
+    return show.Table("Found against known", ("quantity", "value", "unit"), rows) if rows else None
 
 
 def _measured(name: str, entry: Mapping[str, Any]) -> tuple[str, str]:
     """Return value and unit as on the rest of the page: lengths in mm, shares in per cent."""
     value, unit = entry.get("value"), str(entry.get("unit") or "")
     if name.startswith(SHARES):
-        return fixed(scaled(value, 100), 1), "%"
+        return show.fixed(show.scaled(value, 100), 1), "%"
     if unit == "m":
-        return plain(scaled(value, 1e3)), "mm"
+        return show.plain(show.scaled(value, 1e3)), "mm"
     if unit in COUNTED:
-        return count(value), unit
-    return plain(value), "" if unit in ("1", "yes/no") else unit
+        return show.count(value), unit
+    return show.plain(value), "" if unit in ("1", "yes/no") else unit
 
 
 def _capital(words: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def times_table(seconds: Mapping[str, Any]) -> Table | None:
+def times_table(seconds: Mapping[str, Any]) -> show.Table | None:
     """Time of each job, longest first."""
     ordered = sorted(seconds.items(), key=lambda item: -float(item[1]))
-    rows = tuple((name, fixed(value, 2)) for name, value in ordered)
-    return Table("Time per job", ("job", "time (s)"), rows) if rows else None
+    rows = tuple((name, show.fixed(value, 2)) for name, value in ordered)
+    return show.Table("Time per job", ("job", "time (s)"), rows) if rows else None
+
+
+def record_tables(record: Mapping[str, Any]) -> dict[str, show.Table | None]:
+    """Return what `provenance.json` says of a run: its origin, inputs, versions and times."""
+    others = {key: value for key, value in record.items() if key not in SHOWN_ELSEWHERE}
+    digests, versions = record.get("inputs") or {}, record.get("versions") or {}
+    return {
+        "origin": show.mapping_table("Run", ("what", "value"), others),
+        "digests": show.mapping_table("Inputs", ("source file", "SHA-256"), digests),
+        "versions": show.mapping_table("Versions", ("package", "version"), versions),
+        "times": times_table(record.get("stage_seconds") or {}),
+    }

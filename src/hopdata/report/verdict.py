@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hopdata.report.formatting import is_missing, significant, with_unit
+from hopdata.report import formatting as show
 
 Verdict = Mapping[str, Any]
 
@@ -39,7 +39,7 @@ def verdict_facts(verdict: Verdict | None) -> dict[str, Any]:
     if effect is None:
         return facts | {"remark": str(known.get("conclusion", ""))}
     estimate, low, high, bound = (
-        significant(effect[key], 2) for key in ("estimate", "low", "high", "upper_bound")
+        show.significant(effect[key], 2) for key in ("estimate", "low", "high", "upper_bound")
     )
     excluded = f"; larger than {bound} excluded (one-sided), {known['margin']:g} wanted"
     return facts | {
@@ -56,4 +56,4 @@ def notes(verdict: Verdict | None) -> Sequence[Mapping[str, Any]]:
 
 
 def _share(value: Any) -> str | None:
-    return None if is_missing(value) else with_unit(f"{100 * float(value):g}", "%")
+    return None if show.is_missing(value) else show.with_unit(f"{100 * float(value):g}", "%")

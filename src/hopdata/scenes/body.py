@@ -1,8 +1,11 @@
-"""A rigid body in space: its twelve states, and its attitude by yaw, pitch and roll.
+"""A rigid body on legs: its twelve states, its attitude by yaw, pitch and roll, and its events.
 
 State: position of the origin O (world, m), yaw, pitch, roll (rad), velocity of O (world, m/s),
 angular velocity (body axes, rad/s). Rotations (z-y'-x'') take body to world coordinates,
 ``R = Rz(yaw) Ry(pitch) Rx(roll)``.
+
+Modes on n legs, as int64: for each leg +1 while in contact and -1 else, one for the apex, one for a
+fall; then for each leg 1 once released; then 1 once any foot has touched.
 
 The compiled helpers work on scalars, so that they allocate nothing inside a vector field, and are
 compiled with the field that calls them, in whose cache they are kept.
@@ -11,11 +14,13 @@ compiled with the field that calls them, in whose cache they are kept.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.hybrid import System
 
 N_STATES = 12
 
@@ -62,6 +67,53 @@ def vertical_rate(y: FloatArray, dy: FloatArray, rot: Rotation) -> Vector:
         rot[6] * math.sin(y[5]) * by_pitch + rot[8] * by_roll,
         rot[6] * math.cos(y[5]) * by_pitch - rot[7] * by_roll,
     )
+
+
+@njit(error_model="numpy")
+def after_event(mode: IntArray, n: int, guard: int, direction: int) -> int:
+    """Release the n legs once all stand, re-arm one that lifts; 1 at an apex or a fall, which stop.
+
+    An apex counts in flight, once a foot has touched.
+    """
+    standing = 0
+    for leg in range(n):
+        standing += mode[leg] > 0
+    released, touched = n + 2, 2 * n + 2
+    if guard > n:
+        return 1
+    if guard == n:
+        return 1 if standing == 0 and mode[touched] > 0 else 0
+    if direction > 0:
+        mode[touched] = 1
+        if standing == n:
+            mode[released : released + n] = 1
+    else:
+        mode[released + guard] = 0
+    return 0
+
+
+def legged_system(n_legs: int, *, n_states: int = N_STATES, **functions: Any) -> System:
+    """Return a body on legs as a hybrid system, by its field, guards and handler.
+
+    The guards are ``foot1`` ... ``foot<n>`` (two-way), ``apex`` (climb rate falling through zero)
+    and ``fallen`` (angle between body z-axis and the vertical rising through its limit; stops).
+    """
+    return System(
+        **functions,
+        n_states=n_states,
+        guard_names=(*(f"foot{leg + 1}" for leg in range(n_legs)), "apex", "fallen"),
+        directions=(*(0 for _ in range(n_legs)), -1, 1),
+        terminal=(*(False for _ in range(n_legs + 1)), True),
+        n_extra_modes=n_legs + 1,
+    )
+
+
+def flight_mode(system: System, climb_rate_m_s: float) -> IntArray:
+    """Mode of an upright body in flight that has not touched the floor yet."""
+    mode = np.zeros(system.n_modes, dtype=np.int64)
+    mode[: system.n_guards] = -1
+    mode[system.guard_names.index("apex")] = 1 if climb_rate_m_s > 0 else -1
+    return mode
 
 
 def rotation_matrices(angles: FloatArray) -> FloatArray:

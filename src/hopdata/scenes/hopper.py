@@ -8,9 +8,7 @@ and mu = m (1 - m / m_t), the momenta of both give
     [I + mu (|c|^2 1 - c c^T)] w' = tau - w x I w - (m / m_t) c x f - mu c x beta
     v' = g + R [f / m_t - (m / m_t) (w' x c + beta)].
 
-The state is that of the chassis (`hopdata.scenes.body`). Modes, as int64: for each leg +1 while in
-contact and -1 else, one for the apex, one for a fall; then for each leg 1 once released; then 1
-once any foot has touched.
+State and modes are those of the chassis on its legs (`hopdata.scenes.body`).
 
 Gap: height of a foot at rest length above the floor, the plane z = 0. A leg in contact pushes with
 F0 - k gap - c dgap/dt, from gap = 0 at touchdown until gap = e at lift-off if all legs have stood
@@ -31,11 +29,12 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes import hopper_parameters as hp
 from hopdata.scenes.body import (
-    N_STATES,
     Rotation,
     Vector,
+    after_event,
     cross,
     euler_rates,
+    legged_system,
     rotation_entries,
     vertical_rate,
 )
@@ -248,47 +247,10 @@ def hopper_event(
     _t: float, _y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
 ) -> int:
     """Release the legs once all stand, re-arm a leg when it lifts, stop at an apex or a fall."""
-    n = int(p[hp.N_LEGS])
-    released, touched = n + 2, 2 * n + 2
-    standing = 0
-    for leg in range(n):
-        standing += mode[leg] > 0
-    if guard > n:
-        return 1
-    if guard == n:
-        return 1 if standing == 0 and mode[touched] > 0 else 0
-    if direction > 0:
-        mode[touched] = 1
-        if standing == n:
-            mode[released : released + n] = 1
-    else:
-        mode[released + guard] = 0
-    return 0
+    return int(after_event(mode, int(p[hp.N_LEGS]), guard, direction))
 
 
 @cache
 def hopper_system(n_legs: int = 3) -> System:
-    """Return the hopper as a hybrid system with this number of legs.
-
-    The guards are ``foot1`` ... ``foot<n>`` (two-way), ``apex`` (climb rate falling through zero;
-    stops the integration if the hopper is in flight and has touched the floor) and ``fallen``
-    (angle between body z-axis and the vertical rising through its limit; stops).
-    """
-    return System(
-        field=hopper_field,
-        guards=hopper_guards,
-        on_event=hopper_event,
-        n_states=N_STATES,
-        guard_names=(*(f"foot{i + 1}" for i in range(n_legs)), "apex", "fallen"),
-        directions=(*(0 for _ in range(n_legs)), -1, 1),
-        terminal=(*(False for _ in range(n_legs + 1)), True),
-        n_extra_modes=n_legs + 1,
-    )
-
-
-def flight_mode(n_legs: int, climb_rate_m_s: float) -> IntArray:
-    """Mode of an upright hopper in flight, no leg released, that has not touched yet."""
-    mode = np.zeros(2 * n_legs + 3, dtype=np.int64)
-    mode[: n_legs + 2] = -1
-    mode[n_legs] = 1 if climb_rate_m_s > 0 else -1
-    return mode
+    """Return the hopper as a hybrid system with this number of legs: see `legged_system`."""
+    return legged_system(n_legs, field=hopper_field, guards=hopper_guards, on_event=hopper_event)

@@ -9,7 +9,7 @@ from r_z = 0 at touchdown until r_z = e at lift-off, if all legs have stood mean
 energy back. Newton and Euler: m v' = sum F - m g, I w' = R^T sum (r - O) x F - w x I w.
 
 State (20): that of the body (`hopdata.scenes.body`), then (d_x, d_y) of each leg, which follow it
-in contact; lift-off resets them to zero. Modes: as those of `hopdata.scenes.hopper`.
+in contact; lift-off resets them to zero. Modes as there.
 
 Each leg adds its own force and contact depends on position alone, so that the flow through a
 landing is continuously differentiable; with a coupling kappa all forces are multiplied by
@@ -32,15 +32,17 @@ from hopdata.scenes.body import (
     N_STATES,
     Rotation,
     Vector,
+    after_event,
     cross,
     euler_rates,
+    legged_system,
     rotation_entries,
     vertical_rate,
 )
 from hopdata.scenes.scene import Scene, Variant, parameter, require_in_range
 
 N_LEGS = 4
-APEX, FALLEN, RELEASED, TOUCHED = N_LEGS, N_LEGS + 1, N_LEGS + 2, 2 * N_LEGS + 2
+APEX, FALLEN, RELEASED = N_LEGS, N_LEGS + 1, N_LEGS + 2
 
 # Places in the flat vector: the fields of `Quadruped` in their order, preloads, and kappa.
 MASS, INERTIA_X, INERTIA_Y, INERTIA_Z, STIFFNESS, DAMPING, SIDE_STIFFNESS, SIDE_DAMPING = range(8)
@@ -132,32 +134,17 @@ def quadruped_event(
     _t: float, y: FloatArray, mode: IntArray, _p: FloatArray, guard: int, direction: int
 ) -> int:
     """Release the legs once all stand, free a foot that lifts, stop at an apex or a fall."""
-    standing = 0
-    for leg in range(N_LEGS):
-        standing += mode[leg] > 0
-    if guard == APEX:
-        return 1 if standing == 0 and mode[TOUCHED] > 0 else 0
-    if guard == FALLEN:
-        return 1
-    if direction > 0:
-        mode[TOUCHED] = 1
-        if standing == N_LEGS:
-            mode[RELEASED : RELEASED + N_LEGS] = 1
-    else:
-        mode[RELEASED + guard] = 0
+    if guard < N_LEGS and direction < 0:
         y[N_STATES + 2 * guard], y[N_STATES + 2 * guard + 1] = 0.0, 0.0
-    return 0
+    return int(after_event(mode, N_LEGS, guard, direction))
 
 
-SYSTEM = System(
+SYSTEM = legged_system(
+    N_LEGS,
+    n_states=N_STATES + 2 * N_LEGS,
     field=quadruped_field,
     guards=quadruped_guards,
     on_event=quadruped_event,
-    n_states=N_STATES + 2 * N_LEGS,
-    guard_names=(*(f"foot{leg + 1}" for leg in range(N_LEGS)), "apex", "fallen"),
-    directions=(*(0 for _ in range(N_LEGS)), -1, 1),
-    terminal=(*(False for _ in range(N_LEGS + 1)), True),
-    n_extra_modes=N_LEGS + 1,
 )
 
 

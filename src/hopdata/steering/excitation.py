@@ -8,14 +8,12 @@ circuit: a sequence without a superfluous hop.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.errors import ConfigError, chosen
+from hopdata.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,11 +54,6 @@ class ControlGrid:
         """Moves from every angle, (2 n_steps + 1,), in grid steps; positive counter-clockwise."""
         return np.arange(-self.n_steps, self.n_steps + 1)
 
-    @property
-    def n_moves(self) -> int:
-        """Number of hops that are wanted, repeats included (printed: the sum over M)."""
-        return self.n_angles * len(self.steps) * self.repeats
-
 
 @dataclass(frozen=True)
 class Excitation:
@@ -80,28 +73,9 @@ class Excitation:
     steps: IntArray
 
     @property
-    def indices(self) -> IntArray:
-        """Index of the boom angle at each stance, (n + 1,), 0 to n_angles - 1."""
-        travel = np.concatenate([[0], np.cumsum(self.steps)])
-        return np.asarray((self.start + travel) % self.grid.n_angles)
-
-    @property
     def swings(self) -> FloatArray:
         """Swing in the flight after each stance but the last, (n,), rad."""
         return np.asarray(self.steps * self.grid.step_rad, dtype=float)
-
-    @property
-    def counts(self) -> IntArray:
-        """How often each move was made, (n_angles, 2 n_steps + 1)."""
-        counts = np.zeros((self.grid.n_angles, len(self.grid.steps)), dtype=int)
-        np.add.at(counts, (self.indices[:-1], self.steps + self.grid.n_steps), 1)
-        return counts
-
-    @property
-    def coverage(self) -> float:
-        """Share of the wanted moves, repeats included, that were made."""
-        made = np.minimum(self.counts, self.grid.repeats).sum()
-        return float(made / self.grid.n_moves)
 
     def angles(self, first_rad: float = 0.0) -> FloatArray:
         """Boom angle commanded for each stance, (n + 1,), rad.
@@ -116,55 +90,16 @@ class Excitation:
         travel = np.concatenate([[0.0], np.cumsum(self.swings)])
         return first_rad + self.start * self.grid.step_rad + travel
 
-    def first(self, n_hops: int) -> Excitation:
-        """Return the excitation of the first hops alone."""
-        return Excitation(self.grid, self.start, self.steps[:n_hops])
-
-
-def random_excitation(
-    grid: ControlGrid, rng: np.random.Generator, *, start: int = 0, limit: int | None = None
-) -> Excitation:
-    """Draw moves at random until all are made (Algorithm 1).
-
-    The next angle is drawn with the weight ``1 / n_steps + its number of moves still to make``,
-    among those to which a move is still wanted, or among all in reach if there are none. Put right
-    are what the print leaves out or mistakes: the size of its matrix, the draw itself, the copy of
-    the matrix, and the last angle, without which the last move would not be commanded.
-
-    Parameters
-    ----------
-    grid : ControlGrid
-    rng : numpy Generator
-    start : int
-        Index of the first boom angle.
-    limit : int, optional
-        Stop after so many hops; `Excitation.coverage` then tells what is missing.
-    """
-    wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
-    made: list[int] = []
-    k, left = start % grid.n_angles, wanted.sum()
-    while left > 0 and (limit is None or len(made) < limit):
-        choices = np.flatnonzero(wanted[k]) if wanted[k].any() else np.arange(len(grid.steps))
-        ends = (k + grid.steps[choices]) % grid.n_angles
-        weights = wanted[ends].sum(axis=1) + 1.0 / grid.n_steps
-        move = rng.choice(choices, p=weights / weights.sum())
-        if wanted[k, move] > 0:
-            wanted[k, move] -= 1
-            left -= 1
-        made.append(int(grid.steps[move]))
-        k = int((k + grid.steps[move]) % grid.n_angles)
-    return Excitation(grid, start % grid.n_angles, np.array(made, dtype=int))
-
 
 def eulerian_excitation(
     grid: ControlGrid, rng: np.random.Generator, *, start: int = 0
 ) -> Excitation:
     """Draw a sequence that makes every move exactly as often as wanted, and ends where it began.
 
-    It goes in laps, each of which makes every move once, so that the first
-    ``n_moves / repeats`` hops cover the grid already. Each lap is drawn with equal probability
-    from all Eulerian circuits: a uniform random tree of last moves to the start (Wilson 1996),
-    the other moves in random order (the BEST theorem of van Aardenne-Ehrenfest and de Bruijn).
+    It goes in laps, each of which makes every move once, so that the first lap covers the grid
+    already. Each is drawn with equal probability from all Eulerian circuits: a uniform random tree
+    of last moves to the start (Wilson 1996), the other moves in random order (the BEST theorem of
+    van Aardenne-Ehrenfest and de Bruijn).
 
     Parameters
     ----------
@@ -221,15 +156,3 @@ BOOTSTRAP = 2
 EXCITATION = 10
 TRIAL = 11
 TRAINING = 12  # then the number of the set of hops
-
-
-EXCITATIONS: dict[str, Callable[[ControlGrid, np.random.Generator], Excitation]] = {
-    "eulerian": eulerian_excitation,
-    "random": random_excitation,
-}
-
-
-def excitation_of(options: Mapping[str, Any], rng: np.random.Generator) -> Excitation:
-    """Draw the excitation of the block ``steering.excitation``."""
-    grid = ControlGrid(**{key: options[key] for key in ("n_angles", "n_steps", "repeats")})
-    return chosen("steering.excitation.method", options["method"], EXCITATIONS)(grid, rng)

@@ -25,7 +25,6 @@ NO_BOOM = "boom angle missing"
 FAR_SWING = "swing beyond the limit"
 TILTED = "tilted in a stance"
 
-BOOM_WINDOW_S = 0.11  # after the stance (printed: 11 frames at 100 Hz)
 SWING_MARGIN_RAD = 0.05  # ten times the error of a boom angle
 # The simulated hopper leans by less than 5 degrees in its stances. Kicked until 3 to 12 % of them
 # are not on all feet, it leans by more than this in 82 % of these, in at most 0.8 % of the others.
@@ -129,8 +128,13 @@ def frame_changes(
     ValueError
         If a pair names stances that do not exist.
     """
-    first, second = _checked_pairs(pairs, len(np.asarray(poses)), "stances")
     poses, booms = np.asarray(poses, dtype=float), np.asarray(boom_angles_rad, dtype=float)
+    both = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
+    if both.size and not 0 <= both.min() <= both.max() < len(poses):
+        raise ValueError(
+            f"pairs: expected stances 0 to {len(poses) - 1}, found {both.min()} to {both.max()}"
+        )
+    first, second = both.T
     swing = np.asarray(wrapped(booms[second] - booms[first]))
     change = relative(poses[first], poses[second])
     reason = np.full(len(first), USED, dtype="<U32")
@@ -153,73 +157,11 @@ def frame_changes(
     )
 
 
-def frame_changes_at_frames(
-    pairs: ArrayLike,
-    poses: ArrayLike,
-    boom_angles_rad: ArrayLike,
-    *,
-    rate_hz: float,
-    swing_limit_rad: float,
-    recording: str = "",
-) -> FrameChanges:
-    """Collect frame changes as printed: poses of single frames, boom angles of the 11 that follow.
-
-    Parameters
-    ----------
-    pairs : (P, 2) array of int
-        Frames of stances that are a hop apart.
-    poses, boom_angles_rad : (N, 3) and (N,) arrays
-        Pose and boom angle of every frame, as for `frame_changes`.
-    rate_hz : float
-        Frames per second.
-    swing_limit_rad, recording
-        See `frame_changes`.
-    """
-    every = np.asarray(poses, dtype=float)
-    both = np.stack(_checked_pairs(pairs, len(every), "frames"), axis=1)
-    frames, stances = np.unique(both, return_inverse=True)
-    window = max(1, round(BOOM_WINDOW_S * rate_hz))
-    return frame_changes(
-        frames / rate_hz,
-        every[frames],
-        stance_boom_angles(boom_angles_rad, frames, window),
-        stances.reshape(-1, 2),
-        swing_limit_rad=swing_limit_rad,
-        recording=recording,
-    )
-
-
-def stance_boom_angles(booms_rad: ArrayLike, frames: ArrayLike, window: int) -> FloatArray:
-    """Return the median boom angle of the frames that follow each stance, (S,), rad.
-
-    Angles are taken relative to their mean direction, so that they may pass a whole turn. NaN
-    where fewer than half of the frames have an angle.
-    """
-    booms, frames = np.asarray(booms_rad, dtype=float), np.asarray(frames)
-    padded = np.append(booms, np.full(window, np.nan))
-    near = padded[frames[:, None] + 1 + np.arange(window)]
-    few = np.isfinite(near).sum(axis=1) < (window + 1) // 2
-    near[few] = 0.0
-    direction = np.nansum(np.exp(1j * near), axis=1)
-    centre = np.angle(direction)
-    angle = centre + np.nanmedian(wrapped(near - centre[:, None]), axis=1)
-    return np.where(few, np.nan, angle)
-
-
 def joined(parts: Iterable[FrameChanges]) -> FrameChanges:
     """Return the hops of several recordings as one table."""
     parts = list(parts)
     names = [field.name for field in fields(FrameChanges)]
     return FrameChanges(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
-
-
-def _checked_pairs(pairs: ArrayLike, number: int, what: str) -> tuple[IntArray, IntArray]:
-    both = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
-    if both.size and not 0 <= both.min() <= both.max() < number:
-        raise ValueError(
-            f"pairs: expected {what} 0 to {number - 1}, found {both.min()} to {both.max()}"
-        )
-    return both[:, 0], both[:, 1]
 
 
 def _hop_before(first: IntArray, second: IntArray, used: NDArray[np.bool_]) -> IntArray:
@@ -233,70 +175,6 @@ def _taken(values: FloatArray, rows: IntArray) -> FloatArray:
     taken = np.full(values.shape, np.nan)
     taken[rows >= 0] = values[rows[rows >= 0]]
     return taken
-
-
-# Measured frame changes against those that truly happened.
-
-SAME_STANCE_S = 0.1  # a sixth of a hop
-
-
-@dataclass(frozen=True)
-class FrameChangeErrors:
-    """Errors of the hops that were found.
-
-    Parameters
-    ----------
-    boom_angle_rad, swing_rad : (n,) arrays
-        Measured less true.
-    change : (n, 3) array
-        Likewise, m, m, rad.
-    missed, invented : int
-        True hops without a measured one, and measured ones without a true one.
-    """
-
-    boom_angle_rad: FloatArray
-    swing_rad: FloatArray
-    change: FloatArray
-    missed: int
-    invented: int
-
-    def rms(self) -> dict[str, float]:
-        """Return root mean square errors by name, with the unit in it."""
-        columns = {
-            "boom_angle_rad": self.boom_angle_rad,
-            "swing_rad": self.swing_rad,
-            **dict(zip(("dx_m", "dy_m", "dtheta_rad"), self.change.T, strict=True)),
-        }
-        return {name: float(np.sqrt(np.mean(error**2))) for name, error in columns.items()}
-
-
-def frame_change_errors(measured: FrameChanges, true: FrameChanges) -> FrameChangeErrors:
-    """Compare the used hops of a recording with the true ones.
-
-    Parameters
-    ----------
-    measured, true : FrameChanges
-        Of one recording, in order of time; hops whose first stances are within `SAME_STANCE_S` of
-        each other are the same.
-    """
-    seen, real = measured.used(), true.used()
-    if not len(seen) or not len(real):
-        empty = np.zeros(0)
-        return FrameChangeErrors(empty, empty, np.zeros((0, 3)), len(real), len(seen))
-    nearest = np.abs(seen.time_s[:, None] - real.time_s).argmin(axis=1)
-    matched = np.abs(seen.time_s - real.time_s[nearest]) <= SAME_STANCE_S
-    _, first = np.unique(nearest[matched], return_index=True)
-    found = np.flatnonzero(matched)[first]
-    a, b = seen.rows(found), real.rows(nearest[found])
-    change = a.change - b.change
-    change[:, 2] = wrapped(change[:, 2])
-    return FrameChangeErrors(
-        boom_angle_rad=wrapped(a.boom_angle_rad - b.boom_angle_rad),
-        swing_rad=wrapped(a.swing_rad - b.swing_rad),
-        change=change,
-        missed=len(real) - len(found),
-        invented=len(seen) - len(found),
-    )
 
 
 # Tables of frame changes: one hop a row, a unit in the name of each column.

@@ -21,14 +21,7 @@ from hopdata.scenes.scene import Variant
 from hopdata.synthesis.camera import fixed_markers, in_world
 from hopdata.synthesis.hops import Hop, fly_hop, level_state
 from hopdata.synthesis.simulate import MotionCapture
-from hopdata.synthesis.trial import (
-    FloorOptions,
-    GapOptions,
-    Kicks,
-    MarkerOptions,
-    from_mapping,
-    kicked,
-)
+from hopdata.synthesis.trial import Kicks, MarkerOptions, from_mapping, kicked
 
 STANCE_SEARCH_S = 0.002  # step at which the lowest point is sought, before a parabola through it
 
@@ -325,9 +318,4 @@ def robot_of(options: Options, camera: MotionCapture) -> SteeredHopper:
 
 def camera_of(options: Options) -> MotionCapture:
     """Return the camera of the block ``motion_capture``."""
-    return MotionCapture(
-        floor=from_mapping(FloorOptions, options["floor"], "motion_capture.floor"),
-        gaps=from_mapping(GapOptions, options["gaps"], "motion_capture.gaps"),
-        markers=from_mapping(MarkerOptions, options["markers"], "motion_capture.markers"),
-        **{key: options[key] for key in ("rate_hz", "noise_m", "resolution_m")},
-    )
+    return from_mapping(MotionCapture, options, "motion_capture")

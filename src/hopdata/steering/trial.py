@@ -13,17 +13,8 @@ from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.recording import Recording
 from hopdata.rigid import relative
-from hopdata.steering.excitation import EXCITATION, TRIAL, excitation_of
-from hopdata.steering.robot import (
-    Apex,
-    SteeredHop,
-    SteeredHopper,
-    camera_of,
-    marker_poses,
-    released,
-    robot_of,
-    steer_hop,
-)
+from hopdata.steering import robot as plant
+from hopdata.steering.excitation import EXCITATION, TRIAL, ControlGrid, eulerian_excitation
 from hopdata.synthesis.camera import draw_floor, fixed_markers, track_markers
 from hopdata.synthesis.simulate import MotionCapture, observed
 from hopdata.synthesis.trial import Operator, Trial, run_trial
@@ -77,12 +68,11 @@ class SteeredTrial:
 
 
 def record_trial(
-    robot: SteeredHopper,
+    robot: plant.SteeredHopper,
     swings_rad: Iterable[float],
     *,
     seed: int | Sequence[int],
     camera: MotionCapture | None = None,
-    operator: Operator | None = None,
     name: str = "steered",
 ) -> SteeredTrial:
     """Let the hopper hop with these swings, and record it.
@@ -96,8 +86,6 @@ def record_trial(
         Seed of kicks, floor, noise and gaps, which have streams of their own.
     camera : MotionCapture, optional
         How the hopper is seen.
-    operator : Operator, optional
-        Who carries it back when it strays, and lets it go as the robot says if not given.
     name : str
         Name of the recording.
 
@@ -107,9 +95,7 @@ def record_trial(
         If a swing is not a finite number, or there is none.
     """
     camera = camera or MotionCapture()
-    operator = operator or Operator(
-        release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s
-    )
+    operator = Operator(release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s)
     swings = np.clip(_numbers(swings_rad), -robot.swing_limit_rad, robot.swing_limit_rad)
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     kicks_rng, floor_rng, noise_rng, gaps_rng = streams
@@ -130,7 +116,7 @@ def record_trial(
     return SteeredTrial(
         recording=recording,
         stances=true_stances(robot, trial),
-        poses=marker_poses(robot, trial.states),
+        poses=plant.marker_poses(robot, trial.states),
         boom_angle_rad=_boom_angles(robot, trial),
         tilt_rad=np.arccos(np.cos(trial.states[:, 4]) * np.cos(trial.states[:, 5])),
     )
@@ -150,7 +136,7 @@ def _numbers(swings_rad: Iterable[float]) -> FloatArray:
     return numbers
 
 
-def true_stances(robot: SteeredHopper, trial: Trial) -> TrueStances:
+def true_stances(robot: plant.SteeredHopper, trial: Trial) -> TrueStances:
     """Return the stances of the hops in which all legs stood."""
     body = fixed_markers(trial.states, np.array(robot.markers.body_m))
     height = body[..., 2].mean(axis=1)
@@ -165,13 +151,13 @@ def true_stances(robot: SteeredHopper, trial: Trial) -> TrueStances:
     return TrueStances(
         frame=frame,
         time_s=frame / trial.rate_hz,
-        pose=marker_poses(robot, trial.states[frame]),
+        pose=plant.marker_poses(robot, trial.states[frame]),
         boom_angle_rad=_boom_angles(robot, trial)[frame],
         follows=joined[stood],
     )
 
 
-def _boom_angles(robot: SteeredHopper, trial: Trial) -> FloatArray:
+def _boom_angles(robot: plant.SteeredHopper, trial: Trial) -> FloatArray:
     """Angle of the boom at every frame, (N,), from the places of the counterweight."""
     x = trial.boom[:, 0] - robot.hopper.boom_offset_m
     angle = np.unwrap(np.arctan2(trial.boom[:, 1], x))
@@ -184,6 +170,8 @@ def _boom_angles(robot: SteeredHopper, trial: Trial) -> FloatArray:
 # A hop depends on more than boom angle and swing: what is left of the last hop's motion goes on.
 # So the map is that of a hopper that has settled with the boom at rest, has made one swing since,
 # and makes the next; averaged over that one swing it is a function of boom angle and swing alone.
+
+SETTLING_HOPS = 10  # with the boom at rest
 
 
 @dataclass(frozen=True)
@@ -212,11 +200,10 @@ class TrueFrameChanges:
 
 @one_blas_thread()
 def true_frame_changes(
-    robot: SteeredHopper,
+    robot: plant.SteeredHopper,
     *,
     boom_angles: int = 24,
     swings: int = 7,
-    settling_hops: int = 10,
 ) -> TrueFrameChanges:
     """Measure the frame changes of a hopper that nothing disturbs.
 
@@ -227,8 +214,6 @@ def true_frame_changes(
     boom_angles, swings : int
         Number of boom angles over a turn, and of swings from limit to limit (also of previous
         ones).
-    settling_hops : int
-        Hops with the boom at rest that come before.
 
     Raises
     ------
@@ -238,17 +223,17 @@ def true_frame_changes(
     angles = 2 * np.pi * np.arange(boom_angles) / boom_angles
     grid = np.linspace(-robot.swing_limit_rad, robot.swing_limit_rad, swings)
     still = robot.still()
-    changes = [_at_angle(still, grid, settling_hops, angle) for angle in angles]
+    changes = [_at_angle(still, grid, angle) for angle in angles]
     return TrueFrameChanges(angles, grid, grid, np.array(changes))
 
 
-def _at_angle(
-    robot: SteeredHopper, grid: FloatArray, settling_hops: int, boom_angle_rad: float
-) -> FloatArray:
+def _at_angle(robot: plant.SteeredHopper, grid: FloatArray, boom_angle_rad: float) -> FloatArray:
     """Frame changes (S, P, 3) from one boom angle."""
     changes = np.empty((len(grid), len(grid), 3))
     for p, previous in enumerate(grid):
-        apex = _settled(robot, boom_angle_rad - previous, settling_hops)
+        apex = plant.released(robot, np.zeros(3), boom_angle_rad - previous)
+        for _ in range(SETTLING_HOPS):
+            apex = _whole(robot, apex, 0.0).end
         before = _whole(robot, apex, previous)
         for s, swing in enumerate(grid):
             after = _whole(robot, before.end, swing)
@@ -256,15 +241,8 @@ def _at_angle(
     return changes
 
 
-def _settled(robot: SteeredHopper, boom_angle_rad: float, hops: int) -> Apex:
-    apex = released(robot, np.zeros(3), boom_angle_rad)
-    for _ in range(hops):
-        apex = _whole(robot, apex, 0.0).end
-    return apex
-
-
-def _whole(robot: SteeredHopper, apex: Apex, swing_rad: float) -> SteeredHop:
-    hop = steer_hop(robot, apex, swing_rad, rng=np.random.default_rng(0))
+def _whole(robot: plant.SteeredHopper, apex: plant.Apex, swing_rad: float) -> plant.SteeredHop:
+    hop = plant.steer_hop(robot, apex, swing_rad, rng=np.random.default_rng(0))
     if hop.stance.fell:
         raise AnalysisError(
             f"true map: expected a hopper that does not fall, found one that did after a swing of "
@@ -298,10 +276,10 @@ def simulate_excitation(
         The truth: one row a stance (``frame, time_s, x_m, y_m, heading_rad, boom_angle_rad,
         follows``) and one row a frame (``time_s``, pose, ``boom_angle_rad, tilt_rad``).
     """
-    camera = camera_of(motion_capture)
-    robot = robot_of(steering["robot"], camera)
+    camera = plant.camera_of(motion_capture)
+    robot = plant.robot_of(steering["robot"], camera)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(EXCITATION,)))
-    swings = excitation_of(steering["excitation"], rng).swings
+    swings = eulerian_excitation(ControlGrid(**steering["excitation"]), rng).swings
     trial = record_trial(robot, swings, seed=(seed, TRIAL), camera=camera, name=NAME)
     return trial.recording, _stances(trial), _motion(trial)
 

@@ -23,21 +23,10 @@ from hopdata.hybrid.first_order import project_onto_section
 from hopdata.hybrid.first_order.linearise import Instant, field_at, guards_at, linearise
 from hopdata.hybrid.first_order.saltation import CrossingTree
 from hopdata.hybrid.layout import TERMINATED
-from hopdata.scenes.body import N_STATES, rotation_matrices
+from hopdata.scenes.body import N_STATES, flight_mode, rotation_matrices
 from hopdata.scenes.scene import Control, Scene
-from hopdata.synthesis.hops import flight_mode, padded
-from hopdata.synthesis.landings import (
-    LONGEST_S,
-    SectionHeights,
-    height_slope,
-    input_coordinates,
-    landing_system,
-    landing_vectors,
-    output_coordinates,
-    output_slopes,
-    section_tangents,
-    true_landings,
-)
+from hopdata.synthesis import landings
+from hopdata.synthesis.hops import padded
 
 # What may vary of an apex state whose place and heading are left out.
 FREE = np.array([2, 4, 5, 6, 7, 8, 9, 10, 11])
@@ -52,14 +41,13 @@ class SimultaneousLanding:
 
     Parameters
     ----------
-    apex_state, contact_state : (12,) array
-        States of the body at the apex (place and heading zero) and just before the contacts.
+    apex_state : (12,) array
+        State of the body at the apex, place and heading zero.
     contact_time_s : float
         Instant of the contacts, from the apex, s.
     """
 
     apex_state: FloatArray
-    contact_state: FloatArray
     contact_time_s: float
 
 
@@ -104,9 +92,9 @@ def simultaneous_landing(
     apex, fall = np.zeros(N_STATES), 0.0
     apex[FREE] = mean
     for _ in range(MOST_STEPS):
-        contact, jacobian, fall, delays, instants = _contact(scene, control, apex, fall)
+        jacobian, fall, delays, instants = _contact(scene, control, apex, fall)
         if np.ptp(instants) < SAME_INSTANT_S:
-            return SimultaneousLanding(apex, contact, fall)
+            return SimultaneousLanding(apex, fall)
         slope = (delays @ jacobian)[:, FREE]
         slope, apart = slope - slope.mean(axis=0), instants - instants.mean()
         # The nearest point of the linearised set to the mean, not to the last guess.
@@ -121,11 +109,11 @@ def simultaneous_landing(
 
 def _contact(
     scene: Scene, control: Control, apex: FloatArray, fall: float
-) -> tuple[FloatArray, FloatArray, float, FloatArray, FloatArray]:
+) -> tuple[FloatArray, float, FloatArray, FloatArray]:
     """Fly to the mean contact instant.
 
-    Returns the state there, its derivative by the apex state, the instant, the derivatives of the
-    contact instants by that state, and these instants relative to it.
+    Returns the derivative of the state there by the apex state, the instant, the derivatives of
+    the contact instants by that state, and these instants relative to it.
     """
     n, system, vector = scene.n_legs, scene.system(control), scene.vector(variant=control)
     fall = fall or float(np.sqrt(2 * (apex[2] - scene.leg_length_m) / scene.gravity_m_s2))
@@ -138,7 +126,7 @@ def _contact(
             break
         fall += float(instants.mean())
     delays = -here.gradients[:n] / here.guard_rates[:n, None]
-    return flight.y_end[:N_STATES], _slopes(flight), fall, delays, instants
+    return _slopes(flight), fall, delays, instants
 
 
 def _flown(
@@ -191,7 +179,7 @@ def section_jacobians(
     scene: Scene,
     control: Control,
     apex_states: FloatArray,
-    sections: SectionHeights,
+    sections: landings.SectionHeights,
 ) -> SectionJacobians:
     """Return the linear map of each schedule at the simultaneous contact nearest to the mean.
 
@@ -213,7 +201,7 @@ def section_jacobians(
     """
     landing = simultaneous_landing(scene, control, apex_states)
     preloads = np.full((1, scene.n_legs), scene.preload_n)
-    fall = true_landings(
+    fall = landings.true_landings(
         scene, control, landing.apex_state[None], preloads, sections, rtol=RTOL, workers=1
     )
     if not fall.pre_time_s[0] < landing.contact_time_s:
@@ -226,21 +214,21 @@ def section_jacobians(
     flight = _flown(system, vector, (float(fall.pre_time_s[0]), landing.contact_time_s), pre)
     start = Instant(landing.contact_time_s, flight.y_end, flight_mode(system, -1.0), vector)
     tree = CrossingTree(system, start, range(scene.n_legs), np.ones(system.n_states))
-    before = _slopes(flight) @ section_tangents(pre, centre)
+    before = _slopes(flight) @ landings.section_tangents(pre, centre)
     orders = _orders(tree, landing, apex_states, vector)
     maps, outcomes = [], []
     for order in orders:
         node = tree.node(order)
         flow, post = _to_post_section(scene, control, sections, node.here.instant)
         through = flow @ node.product @ before
-        maps.append(output_slopes(pre, post, centre) @ through)
-        outcomes.append(output_coordinates(pre, post, centre))
+        maps.append(landings.output_slopes(pre, post, centre) @ through)
+        outcomes.append(landings.output_coordinates(pre, post, centre))
     return SectionJacobians(
         landing,
         pre,
         tuple(">".join(str(foot + 1) for foot in order) for order in orders),
         np.array(maps),
-        input_coordinates(pre, centre),
+        landings.input_coordinates(pre, centre),
         np.array(outcomes),
     )
 
@@ -261,18 +249,18 @@ def _orders(
 
 
 def _to_post_section(
-    scene: Scene, control: Control, sections: SectionHeights, start: Instant
+    scene: Scene, control: Control, sections: landings.SectionHeights, start: Instant
 ) -> tuple[FloatArray, FloatArray]:
     """Return the derivative, (12, s), of the state at the post section, and that state."""
     n, own = scene.n_legs, scene.system(control)
-    system, mode = landing_system(own), start.mode.copy()
+    system, mode = landings.landing_system(own), start.mode.copy()
     mode[n : n + 2] = [-1, 1]  # falling, above the section
-    vector = landing_vectors(
+    vector = landings.landing_vectors(
         scene, control, np.full((1, n), scene.preload_n),
         point_m=sections.centre_m, height_m=sections.post_m,
     )[0]  # fmt: skip
     stance = solve(
-        system, (start.t, start.t + LONGEST_S), np.append(start.y, np.full(n, start.t)),
+        system, (start.t, start.t + landings.LONGEST_S), np.append(start.y, np.full(n, start.t)),
         params=vector, mode=mode.tolist(), rtol=RTOL, atol=ATOL, jacobian=True,
     )  # fmt: skip
     if stance.status != TERMINATED or stance.mode[n + 1] > 0:
@@ -283,4 +271,4 @@ def _to_post_section(
     end = Instant(stance.t_end, stance.y_end, stance.mode, vector)
     post, flow = stance.y_end[:N_STATES], np.asarray(stance.jacobian)[:N_STATES, : own.n_states]
     rate = field_at(system, end)[:N_STATES]
-    return project_onto_section(flow, rate, height_slope(post, sections.centre_m)), post
+    return project_onto_section(flow, rate, landings.height_slope(post, sections.centre_m)), post

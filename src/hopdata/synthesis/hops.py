@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.layout import SLIDING, TERMINATED, ZENO
-from hopdata.scenes.body import N_STATES, euler_rates, rotation_matrices
+from hopdata.scenes.body import N_STATES, euler_rates, flight_mode, rotation_matrices
 from hopdata.scenes.scene import Control, Scene, Variant
 
 RTOL, ATOL = 1e-10, 1e-12
@@ -137,14 +138,6 @@ def padded(states: FloatArray, system: System) -> FloatArray:
     return np.concatenate([states, memory], axis=-1)
 
 
-def flight_mode(system: System, climb_rate_m_s: float) -> IntArray:
-    """Mode of an upright body in flight that has not touched the floor yet."""
-    mode = np.zeros(system.n_modes, dtype=np.int64)
-    mode[: system.n_guards] = -1
-    mode[system.guard_names.index("apex")] = 1 if climb_rate_m_s > 0 else -1
-    return mode
-
-
 def _ending(solution: Solution, n_legs: int) -> str:
     if solution.status in (SLIDING, ZENO):
         return "stuck"
@@ -183,12 +176,7 @@ LEAST_FLIGHT_S = 0.05  # in a shorter one the body would be pulled about visibly
 
 
 def control_hop(
-    scene: Scene,
-    control: Control,
-    gait: Hop,
-    *,
-    frame_times_s: FloatArray,
-    limit_s: float,
+    scene: Scene, control: Control, gait: Hop, *, frame_times_s: FloatArray, limit_s: float
 ) -> Hop:
     """Let a control hop from the apex at which a hop of the gait began.
 
@@ -207,14 +195,8 @@ def control_hop(
         It ends in the state in which the hop of the gait ended, unless either fell or the control's
         flight is too short to lead it there.
     """
-    hop = fly_hop(
-        scene,
-        gait.start_state,
-        variant=control,
-        preloads_n=gait.preloads_n,
-        frame_times_s=frame_times_s,
-        limit_s=limit_s,
-    )
+    times: dict[str, Any] = {"frame_times_s": frame_times_s, "limit_s": limit_s}
+    hop = fly_hop(scene, gait.start_state, variant=control, preloads_n=gait.preloads_n, **times)
     if hop.fell or gait.fell or hop.end_time_s - hop.event_time[-1] < LEAST_FLIGHT_S:
         return hop
     return led_to(hop, gait.end_state, frame_times_s[: len(hop.states)])

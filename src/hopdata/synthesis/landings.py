@@ -238,17 +238,18 @@ def true_landings(
     TrueLandings
         Ends at the first passage through the post section, whether or not all feet are down there.
     """
-    batch = _Batch(scene, variant, sections, rtol, workers)
-    n, count = scene.n_legs, len(apex_states)
-    unknown = np.full((count, n), NOT_YET)
-    pre_time, pre, early, fell = batch.fall(apex_states, unknown, preloads_n, sections.pre_m, 0.0)
+    what, count = (scene, variant, sections), len(apex_states)
+    options: dict[str, Any] = {"rtol": rtol, "atol": ATOL_PER_RTOL * rtol, "workers": workers}
+    pre_time, pre, early, fell = _fall(
+        *what, apex_states, preloads_n, sections.pre_m, 0.0, **options
+    )
     failure = np.where(~fell, NO_PRE, np.where((early >= 0).any(axis=1), EARLY, ""))
     failure = failure.astype(f"<U{max(map(len, (NO_PRE, EARLY, NO_POST, LATE)))}")
     post_time, post, contact = np.full(count, np.nan), np.full((count, N_STATES), np.nan), early
     go = np.flatnonzero(failure == "")
     if len(go):
-        after, post[go], contact[go], fell = batch.fall(
-            pre[go], unknown[go], preloads_n[go], sections.post_m, pre_time[go]
+        after, post[go], contact[go], fell = _fall(
+            *what, pre[go], preloads_n[go], sections.post_m, pre_time[go], **options
         )
         post_time[go] = after + pre_time[go]
         contact[go] = np.where(contact[go] >= 0, contact[go] + pre_time[go, None], NOT_YET)
@@ -258,60 +259,41 @@ def true_landings(
     return TrueLandings(pre_time, post_time, pre, post, contact, failure)
 
 
-@dataclass(frozen=True)
-class _Batch:
-    """What all landings have in common."""
+def _fall(
+    scene: Scene,
+    variant: Variant | None,
+    sections: SectionHeights,
+    states: FloatArray,
+    preloads_n: FloatArray,
+    height_m: float,
+    since_apex_s: FloatArray | float,
+    **options: Any,
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Integrate until the body falls through a height.
 
-    scene: Scene
-    variant: Variant | None
-    sections: SectionHeights
-    rtol: float
-    workers: int | None
-
-    def fall(
-        self,
-        states: FloatArray,
-        instants: FloatArray,
-        preloads_n: FloatArray,
-        height_m: float,
-        since_apex_s: FloatArray | float,
-    ) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
-        """Integrate until the body falls through a height.
-
-        Returns the time it took, the states, the instants of contact, and whether it did; times
-        and states are NaN where it did not.
-        """
-        own = self.scene.system(self.variant)
-        system = landing_system(own)
-        above = _heights(states, self.sections.centre_m) > height_m
-        solution = solve_batch(
-            system,
-            (0.0, LONGEST_S),
-            np.hstack([padded(states, own), instants]),
-            params=landing_vectors(
-                self.scene,
-                self.variant,
-                preloads_n,
-                point_m=self.sections.centre_m,
-                height_m=height_m,
-                since_apex_s=since_apex_s,
-            ),
-            mode=[0] * system.n_modes,
-            rtol=self.rtol,
-            atol=ATOL_PER_RTOL * self.rtol,
-            workers=self.workers,
-        )
-        # Only a section that was crossed has its mode down; an apex ends with it as it was.
-        section = system.n_guards - 1
-        fell = above & (solution.status == TERMINATED) & (solution.mode[:, section] < 0)
-        states = solution.y_end[:, :N_STATES]
-        instants = solution.y_end[:, own.n_states :]
-        return (
-            np.where(fell, solution.t_end, np.nan),
-            np.where(fell[:, None], states, np.nan),
-            instants,
-            fell,
-        )
+    Returns the time it took, the states, the instants of contact, and whether it did; times and
+    states are NaN where it did not.
+    """
+    own, centre = scene.system(variant), sections.centre_m
+    system, unknown = landing_system(own), np.full(preloads_n.shape, NOT_YET)
+    at: dict[str, Any] = {"point_m": centre, "height_m": height_m, "since_apex_s": since_apex_s}
+    above = _heights(states, centre) > height_m
+    solution = solve_batch(
+        system,
+        (0.0, LONGEST_S),
+        np.hstack([padded(states, own), unknown]),
+        params=landing_vectors(scene, variant, preloads_n, **at),
+        mode=[0] * system.n_modes,
+        **options,
+    )
+    # Only a section that was crossed has its mode down; an apex ends with it as it was.
+    fell = above & (solution.status == TERMINATED) & (solution.mode[:, system.n_guards - 1] < 0)
+    return (
+        np.where(fell, solution.t_end, np.nan),
+        np.where(fell[:, None], solution.y_end[:, :N_STATES], np.nan),
+        solution.y_end[:, own.n_states :],
+        fell,
+    )
 
 
 def _heights(states: FloatArray, point_m: FloatArray) -> FloatArray:

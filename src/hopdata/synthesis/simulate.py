@@ -162,7 +162,7 @@ def simulate_recording(
     camera = from_mapping(MotionCapture, motion_capture, "motion_capture")
     scene, control = simulated.scene, simulated.control
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
-    kicks_rng, floor_rng, noise_rng, gaps_rng = streams
+    kicks_rng, floor_rng, *camera_rngs = streams
     trial = run_trial(
         scene,
         hops=simulated.hops,
@@ -175,9 +175,23 @@ def simulate_recording(
     )
     tracks = track_markers(trial, scene, camera.markers, delay_s=control.delay_s)
     floor = draw_floor(camera.floor, floor_rng)
-    recording = observed(tracks, floor, camera, name, noise_rng, gaps_rng)
+    recording = observed(tracks, floor, camera, name, *camera_rngs)
+    times, points = first_contacts(trial, scene)
+    bodies = [i for i, role in enumerate(tracks.roles) if role == "body"]
     parameters = {"seed": seed, "simulation": simulated.said(), "motion_capture": asdict(camera)}
-    return recording, _truth(trial, tracks, floor, scene, camera, parameters)
+    return recording, Truth(
+        contact_times=times,
+        apex_times=trial.hop_start_s,
+        complete=np.array([hop.all_stood() for hop in trial.hops]),
+        foot_down=tracks.foot_down,
+        body_height=tracks.positions[:, bodies, 2].mean(axis=1),
+        contact_points=points,
+        floor_at_contacts=floor.height(points),
+        apex_states=np.array([hop.start_state for hop in trial.hops]),
+        preloads_n=np.array([hop.preloads_n for hop in trial.hops]),
+        noise_m=camera.noise_m,
+        parameters_json=json.dumps(parameters, sort_keys=True),
+    )
 
 
 def observed(
@@ -209,31 +223,6 @@ def observed(
         roles=tracks.roles,
         rate_hz=camera.rate_hz,
         source="simulation",
-    )
-
-
-def _truth(
-    trial: Trial,
-    tracks: MarkerTracks,
-    floor: CurvedFloor,
-    scene: Scene,
-    camera: MotionCapture,
-    parameters: dict[str, Any],
-) -> Truth:
-    times, points = first_contacts(trial, scene)
-    bodies = [i for i, role in enumerate(tracks.roles) if role == "body"]
-    return Truth(
-        contact_times=times,
-        apex_times=trial.hop_start_s,
-        complete=np.array([hop.all_stood() for hop in trial.hops]),
-        foot_down=tracks.foot_down,
-        body_height=tracks.positions[:, bodies, 2].mean(axis=1),
-        contact_points=points,
-        floor_at_contacts=floor.height(points),
-        apex_states=np.array([hop.start_state for hop in trial.hops]),
-        preloads_n=np.array([hop.preloads_n for hop in trial.hops]),
-        noise_m=camera.noise_m,
-        parameters_json=json.dumps(parameters, sort_keys=True),
     )
 
 

@@ -202,8 +202,7 @@ class Tape:
 
     def __init__(self, rate_hz: float) -> None:
         self.rate_hz, self.clock, self.n_frames = rate_hz, 0.0, 0
-        self.states: list[FloatArray] = []
-        self.boom: list[FloatArray] = []
+        self.frames: list[tuple[FloatArray, FloatArray]] = []  # states, places of the boom
         self.hops: list[Hop] = []
         self.starts: list[float] = []
         self.events: list[tuple[FloatArray, IntArray, BoolArray, FloatArray]] = []
@@ -216,8 +215,7 @@ class Tape:
 
     def add_frames(self, states: FloatArray, boom: FloatArray) -> None:
         """Keep the states and the places of the boom of the next frames."""
-        self.states.append(states)
-        self.boom.append(boom)
+        self.frames.append((states, boom))
         self.n_frames += len(states)
 
     def add_hop(self, hop: Hop) -> None:
@@ -229,15 +227,11 @@ class Tape:
         self.events.append((at, hop.event_leg, hop.event_down, hop.event_state))
         self.clock += hop.end_time_s
 
-    def lift(self, legs: IntArray, state: FloatArray) -> None:
-        """Log that the operator takes these legs off the floor now."""
-        when, up = np.full(len(legs), self.clock), np.zeros(len(legs), dtype=bool)
-        self.events.append((when, legs, up, np.tile(state, (len(legs), 1))))
-
     def carry(self, hop: Hop, release: FloatArray, carry_s: float, scene: Scene) -> None:
         """Log the operator's handling after a hop; the boom stays where it is."""
-        frames = self.frames_within(carry_s)
-        self.lift(hop.legs_down(), hop.end_state)
+        frames, legs = self.frames_within(carry_s), hop.legs_down()
+        when, up = np.full(len(legs), self.clock), np.zeros(len(legs), dtype=bool)
+        self.events.append((when, legs, up, np.tile(hop.end_state, (len(legs), 1))))
         states = carried(hop.end_state, release, carry_s, frames)
         self.add_frames(states, scene.still().boom_places(frames))
         self.clock += carry_s
@@ -246,22 +240,13 @@ class Tape:
     def trial(self, duration_s: float) -> Trial:
         """Return what is on the tape, cut at this time."""
         time, leg, down, state = (np.concatenate(part) for part in zip(*self.events, strict=True))
+        states, boom = (np.concatenate(part) for part in zip(*self.frames, strict=True))
         frames = min(self.n_frames, math.ceil(min(self.clock, duration_s) * self.rate_hz))
         ends = np.array(self.starts) + [hop.end_time_s for hop in self.hops]
         n_whole = int(np.sum(ends <= duration_s))
-        return Trial(
-            rate_hz=self.rate_hz,
-            states=np.concatenate(self.states)[:frames],
-            boom=np.concatenate(self.boom)[:frames],
-            hops=tuple(self.hops[:n_whole]),
-            hop_start_s=np.array(self.starts[:n_whole]),
-            apex_s=np.array(self.starts),
-            event_time=time,
-            event_leg=leg,
-            event_down=down,
-            event_state=state,
-            n_carries=self.n_carries,
-        )
+        starts, hops = np.array(self.starts), tuple(self.hops[:n_whole])
+        kept = (states[:frames], boom[:frames], hops, starts[:n_whole], starts)
+        return Trial(self.rate_hz, *kept, time, leg, down, state, self.n_carries)
 
 
 def carried(
@@ -327,7 +312,7 @@ def run_trial(
     kicks, operator, changes = kicks or Kicks(), operator or Operator(), iter(changes)
     preloads = scene.preload_n if preloads_n is None else preloads_n
     tape = Tape(rate_hz)
-    state = _release_state(scene, operator, rng, yaw_rad=0.0)
+    state = _release_state(scene, operator, rng, 0.0)
     for _ in range(hops):
         if tape.clock >= duration_s:
             break
@@ -337,19 +322,15 @@ def run_trial(
         }
         scene = replace(scene, **next(changes, {}))
         chance = rng.standard_normal(scene.n_legs)
-        hop = fly_hop(
-            scene,
-            kicked(state, kicks, rng),
-            preloads_n=preloads * (1 + kicks.preload_fraction * chance),
-            **frames,
-        )
+        own = preloads * (1 + kicks.preload_fraction * chance)
+        hop = fly_hop(scene, kicked(state, kicks, rng), preloads_n=own, **frames)
         shown = hop if control is None else control_hop(scene, control, hop, **frames)
         tape.add_hop(shown)
         state, scene = hop.end_state, scene.after(hop.end_time_s)
-        if hop.fell or np.max(np.abs(state[:2])) > operator.arena_m:
-            state = _release_state(scene, operator, rng, yaw_rad=hop.end_state[3])
-            tape.carry(shown, state, operator.carry_s, scene)
-        elif shown is not hop and not np.array_equal(shown.end_state, state):
+        astray = hop.fell or np.max(np.abs(state[:2])) > operator.arena_m
+        if astray:
+            state = _release_state(scene, operator, rng, hop.end_state[3])
+        if astray or (shown is not hop and not np.array_equal(shown.end_state, state)):
             tape.carry(shown, state, operator.carry_s, scene)
     return tape.trial(duration_s)
 
@@ -363,7 +344,7 @@ def kicked(state: FloatArray, kicks: Kicks, rng: np.random.Generator) -> FloatAr
 
 
 def _release_state(
-    scene: Scene, operator: Operator, rng: np.random.Generator, *, yaw_rad: float
+    scene: Scene, operator: Operator, rng: np.random.Generator, yaw_rad: float
 ) -> FloatArray:
     state = level_state(scene, operator.release_height_m)
     state[:2] = operator.release_spread_m * rng.uniform(-1.0, 1.0, 2)

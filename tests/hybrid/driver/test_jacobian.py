@@ -9,13 +9,14 @@ import pytest
 from bent_systems import bent, bent_jacobian, bent_params, bent_sparse, turn_back
 from hybrid_systems import ladder
 from jacobian_checks import TIGHT, carried, differences, gap
+from plate_scene import Plate
 from scipy.integrate import solve_ivp
 
 from hopdata.hybrid import System, field, guards, solve, solve_batch
 from hopdata.hybrid.first_order import bouligand_derivative, project_onto_section, saltation_product
-from hopdata.scenes.hopper import flight_mode, hopper_system
+from hopdata.scenes.body import flight_mode
+from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.small import VerticalHopper
 
 PLACES, TILTS, GAINS = [0.5, 0.7, 1.0], [0.2, -0.3, 0.4], [0.4, -0.8, -0.5]
@@ -224,7 +225,7 @@ def test_vertical_hopper():
 
 
 HOPPER = hopper_system()
-LANDING = {"params": HopperParameters().vector(), "mode": flight_mode(3, -1.0)}
+LANDING = {"params": HopperParameters().vector(), "mode": flight_mode(hopper_system(), -1.0)}
 OBLIQUE = np.array([0.0, 0.0, 0.32, 0.0, 0.03, -0.04, 0.05, -0.03, -1.5, 0.1, -0.2, 0.05])
 
 

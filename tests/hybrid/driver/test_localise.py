@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from plate_scene import Plate
 
 from hopdata.hybrid import solve
 from hopdata.hybrid.driver import localise as localisation
@@ -36,7 +37,6 @@ from hopdata.hybrid.layout import (
     SIZE,
     H,
 )
-from hopdata.scenes.plate import Plate
 
 
 def ends(polynomial):

@@ -10,11 +10,11 @@ import pytest
 from bent_systems import bent, bent_params, bent_sparse, turn_back
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from plate_scene import Plate
 
 from hopdata.hybrid import System, field, guard, guards, layout, rate_bound, solve
 from hopdata.hybrid.compiled.memory import float_table, float_vector, int_table, int_vector
 from hopdata.hybrid.driver import sleep as heap
-from hopdata.scenes.plate import Plate
 
 FROM = [-1.2, 1.0]
 GAINS = 0.01 * np.sin(np.arange(300))

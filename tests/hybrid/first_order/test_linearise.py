@@ -16,7 +16,8 @@ from hopdata.hybrid.first_order.linearise import (
     state_scale,
     velocity_rank,
 )
-from hopdata.scenes.hopper import flight_mode, hopper_system
+from hopdata.scenes.body import flight_mode
+from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.small import octant
 
@@ -25,7 +26,7 @@ ONES = np.ones(12)
 
 
 def hopper_at(y, mode=None):
-    mode = flight_mode(3, -1.0) if mode is None else mode
+    mode = flight_mode(hopper_system(), -1.0) if mode is None else mode
     return instant(hopper_system(), y, params=HOPPER.vector(), mode=mode, t=0.0)
 
 
@@ -87,7 +88,7 @@ def test_crossing_flips_the_lock_and_runs_the_handler_on_copies():
     for leg in range(3):
         after = cross(hopper_system(), after, leg)
     np.testing.assert_array_equal(after.mode, [1, 1, 1, -1, -1, 1, 1, 1, 1])
-    np.testing.assert_array_equal(start.mode, flight_mode(3, -1.0))
+    np.testing.assert_array_equal(start.mode, flight_mode(hopper_system(), -1.0))
 
 
 @pytest.mark.parametrize("mode", [[-1, -1], [-1, 0, 1], [-1, -1, 2]])

@@ -17,7 +17,8 @@ from hopdata.hybrid.first_order import (
     saltation_matrix,
     saltation_product,
 )
-from hopdata.scenes.hopper import flight_mode, hopper_system
+from hopdata.scenes.body import flight_mode
+from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
@@ -114,13 +115,19 @@ def octant_case():
 
 def hopper_case():
     y = np.array([0, 0, 0.27, 0, 0, 0, 0.05, -0.03, -2.1, 0.1, -0.2, 0.05])
-    return hopper_system(), y, HOPPER.vector(), flight_mode(3, -1.0), FEET
+    return hopper_system(), y, HOPPER.vector(), flight_mode(hopper_system(), -1.0), FEET
 
 
 def control_case(control):
     y = np.zeros(12)
     y[2], y[6:9] = 0.27 + 2.1 * control.delay_s, [0.05, -0.03, -2.1]
-    return control_system(), y, HOPPER.vector(variant=control), flight_mode(3, -1.0), FEET
+    return (
+        control_system(),
+        y,
+        HOPPER.vector(variant=control),
+        flight_mode(hopper_system(), -1.0),
+        FEET,
+    )
 
 
 CASES = {

@@ -10,11 +10,8 @@ from hopdata.hybrid import System, field
 from hopdata.hybrid.first_order import check_event_selected
 from hopdata.hybrid.first_order.linearise import lock_combinations
 from hopdata.hybrid.first_order.selection import (
-    above,
-    at_most,
+    Finding,
     draw_around,
-    findings_table,
-    not_computed,
 )
 from hopdata.scenes.small import octant, octant_guards
 
@@ -141,18 +138,18 @@ def test_there_must_be_a_guard():
 
 
 def test_bounds():
-    assert at_most("a", 1.0, 1.0, "").passed
-    assert not at_most("a", 1.1, 1.0, "").passed
-    assert not above("a", 1.0, 1.0, "").passed
-    assert above("a", 1.1, 1.0, "").passed
-    assert not at_most("a", np.nan, 1.0, "").passed
-    assert not above("a", np.nan, 1.0, "").passed
-    assert not not_computed("a", "x", "why").passed
+    assert Finding.at_most("a", 1.0, 1.0, "").passed
+    assert not Finding.at_most("a", 1.1, 1.0, "").passed
+    assert not Finding.above("a", 1.0, 1.0, "").passed
+    assert Finding.above("a", 1.1, 1.0, "").passed
+    assert not Finding.at_most("a", np.nan, 1.0, "").passed
+    assert not Finding.above("a", np.nan, 1.0, "").passed
+    assert not Finding.not_computed("a", "x", "why").passed
 
 
 def test_columns_are_aligned():
-    table = findings_table(
-        [at_most("short", 0.123456, 1, "one"), not_computed("longer", "x", "two")]
+    table = Finding.table(
+        [Finding.at_most("short", 0.123456, 1, "one"), Finding.not_computed("longer", "x", "two")]
     )
     assert table.split("\n") == [
         "     condition  found  needed  the number is",

@@ -16,7 +16,8 @@ from hopdata.hybrid.first_order.smoothness import (
     largest_relative,
     spread,
 )
-from hopdata.scenes.hopper import flight_mode, hopper_system
+from hopdata.scenes.body import flight_mode
+from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
@@ -37,7 +38,7 @@ def landing_report(control=None, n_legs=3, **options):
         if control.delay_s:
             y[2], y[9:] = 0.27 + 2.1 * control.delay_s, 0.0
     feet = [f"foot{k + 1}" for k in range(n_legs)]
-    mode = flight_mode(n_legs, -1.0)
+    mode = flight_mode(hopper_system(n_legs), -1.0)
     return check_c1(system, y, params=params, mode=mode, guards=feet, **options)
 
 

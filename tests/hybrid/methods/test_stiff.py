@@ -9,10 +9,9 @@ from scipy.integrate import DOP853, RK45
 from stiff_problems import CONTACT, FOLLOWER, KAPS, SMOOTH, field, jacobian
 
 from hopdata.hybrid.layout import END, K1, KEND, SCRATCH, W1, Y
+from hopdata.hybrid.methods import explicit
 from hopdata.hybrid.methods import stiff as differences
 from hopdata.hybrid.methods.stiff import (
-    DOP853_LIMIT,
-    DOPRI5_LIMIT,
     STIFF,
     explicit_stiffness,
     factorise,
@@ -23,6 +22,9 @@ from hopdata.hybrid.methods.stiff import (
 
 TABLE_ROWS = 20
 LU, PIVOTS, X = np.array([1, 15, 17])
+DOPRI5_LIMIT, DOP853_LIMIT = (
+    tableau.stiff_tenths / 10 for tableau in (explicit.DOPRI5, explicit.DOP853)
+)
 
 
 def solution(matrix, right):

@@ -9,9 +9,7 @@ from numba import config
 
 from hopdata.hybrid import System, field, guards, on_event, solve, solve_batch
 from hopdata.hybrid.methods import table
-from hopdata.hybrid.methods.dop853 import DOP853
-from hopdata.hybrid.methods.explicit import DOPRI5
-from hopdata.hybrid.methods.table import CHOICES, generic_interpolant, generic_step
+from hopdata.hybrid.methods.table import CHOICES, generic_code
 
 OPTIONS = {"params": (0.5, 1.0)}
 
@@ -56,8 +54,8 @@ def test_an_error_leaves_the_system_usable():
 @pytest.fixture(autouse=True)
 def empty_cache(tmp_path, monkeypatch):
     """Scenes here are new to the cache, and leave nothing in it."""
-    for tableau in (DOPRI5, DOP853):
-        generic_step(tableau), generic_interpolant(tableau)
+    for name in table.TABLEAUS:
+        generic_code(name)
     solve(ring(1), (0.0, 0.1), [1.0])  # the driver comes from the cache of the install
     monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path))
 

@@ -7,6 +7,7 @@ import pytest
 from bent_systems import bent, bent_jacobian, bent_params, landing
 from hybrid_systems import balance, growth
 from jacobian_checks import carried, differences, gap
+from plate_scene import Plate
 from scipy.integrate import solve_ivp
 
 from hopdata.hybrid import System, field, jacobian, solve, solve_batch
@@ -16,7 +17,6 @@ from hopdata.hybrid.methods import tangent as products
 from hopdata.hybrid.methods import tangent as short_tangent
 from hopdata.hybrid.methods import taylor as motion
 from hopdata.hybrid.methods.tangent import LOOSER
-from hopdata.scenes.plate import Plate
 from hopdata.scenes.small import INITIAL_STATE, T_SPAN, octant
 
 FAR = bent_params([50.0, 60.0, 70.0], drive=0.3)
@@ -218,7 +218,8 @@ def short_flow(dt, rtol=1e-6):
     """The flow's Jacobian over dt, its error by its own account, and the motion squared."""
     fastest = with_digest(motion.fastest_motion, N=N)
     names = {"STAGE_JACOBIAN": stage_jacobian, "FASTEST_MOTION": fastest, "N": N}
-    add = with_digest(products.add_product_numbers, N=N, fma=plain_fma)
+    multiply = with_digest(products.multiply, N=N, fma=plain_fma)
+    add = with_digest(products.add_product, MULTIPLY=multiply, N=N, fma=plain_fma)
     step = with_digest(short_tangent.short_tangent, ADD_PRODUCT=add, **names)
     phi = np.zeros((ROWS, N)).view(Table)
     phi[:N] = np.eye(N)

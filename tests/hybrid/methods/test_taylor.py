@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import mpmath
 import numpy as np
 import pytest
-from method_harness import END, K1, KEND, P1, Stepper, Y, compiled, specialised
+from method_harness import END, K1, KEND, NO_ADDRESS, P1, Stepper, Y, compiled, specialised
 
 from hopdata.hybrid.methods import taylor
 from hopdata.hybrid.methods import taylor as motion
@@ -237,7 +237,7 @@ def test_the_interpolant_is_as_long_as_the_series():
     """A fall is a parabola: two terms that vanish end the series, and are not read."""
     one = stepper([[0.0, 1.0], [0.0, 0.0]], [0.0, -9.81], [2.0, 3.0])
     one.step(0.5)
-    degree = one.interpolant_code(one.t, one.dt, one.s, one.mode, one.params)
+    degree = one.interpolant_code(one.t, one.dt, one.s, one.mode, one.params, NO_ADDRESS)
     assert 2 <= degree <= 4
     assert one.interpolate(0.5) == pytest.approx([2.0 + 0.75 - 9.81 / 32, 3.0 - 9.81 / 4])
     assert np.isnan(one.s[P1 + degree : P1 + taylor.DEGREE]).all()

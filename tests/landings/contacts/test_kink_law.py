@@ -1,9 +1,11 @@
 """Contact instants against the Cramer-Rao bound, on feet whose contacts are known exactly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from contact_instants import mean_kink_bound
 from falling_feet import NOISE_M, RATE_HZ, SPEED_M_S, falls
-from kink_bound import mean_kink_bound
 
 from hopdata.landings.contacts.descents import LANDED
 from hopdata.landings.contacts.find import LONG_WINDOWS_S, find_contacts
@@ -100,7 +102,8 @@ def law_of(feet):
     near = feet.contacts + 0.002
     heights = FootHeights(feet.time, feet.heights, LONG_WINDOWS_S)
     start = Law(weak_priors(3, "learned"), NOISE_M)
-    return learned_law(heights, heights.first_fits(near, start).instant, start, own=True)
+    alone = heights.fits(near, replace(start, pushes=False), widely=True)
+    return learned_law(heights, alone.instant, start, own=True)
 
 
 def test_the_law_has_the_parts_that_the_feet_have():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import written_files as c3d_writing
 from external_blocks import block, columns
-from written_files import parameter_bytes, write_c3d
+from written_files import from_floats, from_whole, parameter_bytes, write_c3d
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Event
@@ -281,7 +281,7 @@ def written_c3d_analogs(
     stored = FORCE / (0.1 * np.asarray(scale)) + np.asarray(offset)
     point = np.tile([1.0, 2.0, 3.0, 0.0][: 4 * n_points], (N_FRAMES, 1))
     frames = np.hstack([point, stored.reshape(N_FRAMES, -1)])
-    data = kind.from_whole(np.round(frames).ravel()) if whole else kind.from_floats(frames)
+    data = from_whole(kind, np.round(frames).ravel()) if whole else from_floats(kind, frames)
     point_scale = 1.0 if whole else -1.0
 
     def groups(start):
@@ -298,8 +298,8 @@ def written_c3d_analogs(
 
     start = 2 + len(parameter_bytes(kind, groups(0))) // BLOCK
     words = [n_points, 3 * PER_FRAME, FIRST, FIRST + N_FRAMES - 1, 0]
-    head = bytes([2, 0x50]) + kind.from_whole(words) + kind.from_floats([point_scale])
-    head += kind.from_whole([start, PER_FRAME]) + kind.from_floats([RATE_HZ])
+    head = bytes([2, 0x50]) + from_whole(kind, words) + from_floats(kind, [point_scale])
+    head += from_whole(kind, [start, PER_FRAME]) + from_floats(kind, [RATE_HZ])
     content = head.ljust(BLOCK, b"\0") + parameter_bytes(kind, groups(start)) + data
     path.write_bytes(content + b"\0" * (-len(content) % BLOCK))
     return path

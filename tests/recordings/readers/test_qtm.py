@@ -116,6 +116,32 @@ def test_what_is_no_mat_file_is_told(tmp_path, data):
         read_raw(path)
 
 
+CLAIMS = {  # what stands in the file, what takes its place, and what the message says of it
+    "cells without end": (
+        np.array([1, 0, 5, 8, 1, 5], "<u4"), np.array([1, 0, 5, 8, 1, 2**31 - 1], "<u4"),
+        "expected a size for",
+    ),
+    "text of no known type": (
+        np.array([16, 9], "<u4"), np.array([255, 9], "<u4"), "expected a matrix of numbers, text",
+    ),
+    "text that is not there": (
+        np.array([1, 0, 16, 9], "<u4"), np.array([1, 16, 16, 9], "<u4"),
+        "expected a matrix of numbers, text",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("claim", CLAIMS)
+def test_what_scipy_would_believe_or_crash_on_is_refused(tmp_path, claim):
+    old, new, told = CLAIMS[claim]
+    path = write_mat5(tmp_path / "a.mat", qtm_struct(positions(), NAMES))
+    data = path.read_bytes()
+    assert old.tobytes() in data
+    path.write_bytes(data.replace(old.tobytes(), new.tobytes(), 1))
+    with pytest.raises(RecordingError, match=rf"a.mat: expected a MAT file.*{told}.*found"):
+        read_raw(path)
+
+
 POSITIONS = standing(12)
 ROUNDED = np.round(POSITIONS, 3)
 

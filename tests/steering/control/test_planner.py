@@ -13,8 +13,6 @@ from hopdata.steering.control.objectives import (
     PlanningError,
     ToHeading,
     ToPoint,
-    WayPointFollower,
-    WayPoints,
     errors_left,
 )
 from hopdata.steering.control.planner import PlannerOptions, planner
@@ -134,26 +132,11 @@ def test_an_objective_of_the_other_kind_gets_a_cost_to_go_of_its_own(to_heading)
     assert other.cost_to_go.values.shape == (24, 24, 16)
 
 
-def test_way_points_are_visited_in_order(to_point):
-    points = ((0.6, 0.0), (0.6, 0.7), (0.0, 0.3))
-    follower = WayPointFollower(to_point, WayPoints(points_m=points))
-    poses = flown(follower, [0.0, 0.0, 0.0], np.pi, 120)
-    assert follower.visited == 3
-    first = [
-        int(np.argmax(errors_left(ToPoint(point_m=point), poses) <= 0.15)) for point in points[:2]
-    ]
-    assert 0 < first[0] < first[1]
-
-
 def test_a_state_that_is_none_is_refused(to_point):
     with pytest.raises(PlanningError, match="pose of three finite numbers"):
         to_point.plan([np.nan, 0.0, 0.0], 0.0)
     with pytest.raises(PlanningError, match="pose within 10000 m"):
         to_point.plan([1e300, 0.0, 0.0], 0.0)
-    follower = WayPointFollower(to_point, WayPoints(points_m=((0.0, 0.0),)))
-    with pytest.raises(PlanningError):
-        follower.plan([np.nan, 0.0, 0.0], 0.0)
-    assert follower.visited == 0
 
 
 @pytest.mark.parametrize(

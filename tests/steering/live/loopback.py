@@ -5,8 +5,8 @@ import time
 from contextlib import contextmanager
 
 import numpy as np
+from loopback_server import LoopbackServer
 
-from hopdata.steering.live.server import LoopbackServer
 from hopdata.steering.live.stream import MarkerStream, Patience
 
 LABELS = ("body1", "body2", "body3", "boom")

@@ -1,27 +1,28 @@
+import os
 import signal
 import subprocess
 import sys
 import threading
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
+from live_loop import LiveHopper
 from loopback import BRISK, LONG_S, our_threads, wait_until
+from loopback_server import Faults, LoopbackServer, Outage
 
-from hopdata.errors import AnalysisError, ConfigError
-from hopdata.steering.live.drive import LiveHopper, drive, observers
-from hopdata.steering.live.faults import Faults, Outage
+from hopdata.errors import ConfigError
+from hopdata.steering.live.drive import drive
 from hopdata.steering.live.packets import ConnectionLostError, LabelError
 from hopdata.steering.live.safety import Limits, UdpBoom, UdpSwings
-from hopdata.steering.live.server import LoopbackServer
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
-from hopdata.steering.robot import Board, SteeredHopper, released, steer_hop
+from hopdata.steering.robot import SteeredHopper
 
 ENDLESS = Path(__file__).with_name("endless_drive.py")
+BENCHMARKS = Path(__file__).parents[3] / "benchmarks"  # where the server is
 LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, hop_s=LONG_S)
 SPEED = 4.0
 
@@ -153,7 +154,8 @@ def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(tmp_
     with Robot(faults=Faults(dropped=0.05), seed=3) as robot:
         robot.hopper._swings = lambda: 0.0  # those of the process are listened to here
         process = subprocess.Popen(
-            [sys.executable, ENDLESS, str(robot.server.port), str(robot.swings.port), tmp_path]
+            [sys.executable, ENDLESS, str(robot.server.port), str(robot.swings.port), tmp_path],
+            env={**os.environ, "PYTHONPATH": str(BENCHMARKS)},
         )
         try:
             wait_until(lambda: heard.append(robot.swings.newest()) or len(set(heard)) > 2)
@@ -225,11 +227,6 @@ def test_no_camera_system_is_a_clear_error():
     wait_until(lambda: our_threads() == [])
 
 
-def test_observers_need_the_markers_of_the_geometry():
-    with pytest.raises(AnalysisError, match="boom"):
-        observers(geometry(), ("body1", "body2", "body3"))
-
-
 def test_a_folder_that_cannot_be_made_is_an_error_before_anything_moves(tmp_path):
     (tmp_path / "logs").write_text("a file of this name")
     told = []
@@ -265,68 +262,3 @@ def test_parts_that_cannot_work_are_refused_before_anything_moves(tmp_path, wron
         drive(**parts, port=1, stop=threading.Event(), folder=tmp_path / "logs")
     assert not told
     assert not (tmp_path / "logs").exists()
-
-
-def frames(hopper, n):
-    times, markers = zip(*islice(iter(hopper), n), strict=True)
-    return np.array(times), np.array(markers)
-
-
-def test_frames_are_those_of_the_plant_with_noise():
-    robot = SteeredHopper().still()
-    time, markers = frames(LiveHopper(robot, lambda: None, noise_m=1e-3), 50)
-    np.testing.assert_allclose(time, np.arange(50) / 100, atol=1e-12)
-    hop = steer_hop(
-        robot,
-        released(robot, np.zeros(3)),
-        0.0,
-        rng=np.random.default_rng(0),
-        frame_times_s=time,
-    )
-    noise = markers - hop.markers
-    assert 0.9e-3 < noise.std() < 1.1e-3
-    assert LiveHopper(robot, lambda: None).labels == ("body1", "body2", "body3", "boom")
-
-
-def test_a_swing_is_executed_in_the_flight_after_it_was_commanded():
-    commands = iter([None, 0.4, None, -0.3])
-    hopper = LiveHopper(SteeredHopper(), lambda: next(commands))
-    frames(hopper, 200)
-    assert [hop.swing_rad for hop in hopper.hops[:4]] == [0.0, 0.4, 0.0, -0.3]
-    angles = np.diff([hop.boom_angle_rad for hop in hopper.hops[:4]])
-    np.testing.assert_allclose(angles, [0.4, 0.0, -0.3], atol=1e-9)
-
-
-def test_hops_follow_each_other_without_a_gap():
-    hopper = LiveHopper(SteeredHopper(), lambda: 0.2, noise_m=0.0)
-    time, markers = frames(hopper, 400)
-    np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-9)
-    assert np.abs(np.diff(markers[:, :3], axis=0)).max() < 0.05
-    assert len(hopper.hops) >= 6
-    assert all(np.isfinite(hop.stance_s) for hop in hopper.hops)
-
-
-def test_the_same_seed_hops_the_same():
-    one, two, other = (
-        frames(LiveHopper(SteeredHopper(), lambda: 0.1, seed=seed), 150)[1] for seed in (1, 1, 2)
-    )
-    assert np.array_equal(one, two)
-    assert not np.array_equal(one, other)
-
-
-def test_a_hopper_that_falls_is_let_go_again():
-    swings = iter([None, 1.0, 1.0, 1.0, 1.0] * 40)
-    robot = SteeredHopper(hop_limit_s=0.2)  # no hop ends in time
-    hopper = LiveHopper(robot, lambda: next(swings))
-    time, markers = frames(hopper, 60)
-    np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-9)
-    assert all(np.isnan(hop.stance_s) for hop in hopper.hops)
-    assert np.isfinite(markers).all()
-    assert len(hopper.hops) == pytest.approx(3, abs=1)
-
-
-def test_a_board_is_pushed_along():
-    board = Board(direction=(1.0, 0.0), place_m=0.2)
-    hopper = LiveHopper(SteeredHopper(), lambda: None, board=board)
-    frames(hopper, 80)
-    assert hopper.board.place_m > 0.3

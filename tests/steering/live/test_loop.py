@@ -9,14 +9,8 @@ import pandas as pd
 import pytest
 from loopback import LONG_S, our_threads, wait_until
 
-from hopdata.steering.live.buffer import FrameBuffer, StatusLog
-from hopdata.steering.live.loop import (
-    DECISION_COLUMNS,
-    ControlLoop,
-    Decision,
-    write_decisions,
-    write_states,
-)
+from hopdata.steering.live.buffer import FrameBuffer, LoopCounts, StatusLog
+from hopdata.steering.live.loop import ControlLoop, Decision, write_logs
 from hopdata.steering.live.safety import Limits
 
 PERIOD_S = 0.01
@@ -338,23 +332,24 @@ PLANNED = Decision(
 )
 
 
-def test_the_log_of_decisions_can_be_read_back(tmp_path):
+def test_the_logs_can_be_read_back(tmp_path):
     held = Decision(**(vars(PLANNED) | {"outcome": "held", "reason": 'failed: "a, b"'}))
-    write_decisions(tmp_path / "decisions.csv", [PLANNED, held])
-    table = pd.read_csv(tmp_path / "decisions.csv", keep_default_na=False)
-    assert tuple(table.columns) == DECISION_COLUMNS
-    assert list(table.outcome) == ["planned", "held"]
-    assert table.y_m[0] == -0.2
-    assert table.reason[1] == 'failed: "a, b"'
-    assert [p.name for p in tmp_path.iterdir()] == ["decisions.csv"]
-
-
-def test_the_log_of_states_can_be_read_back(tmp_path):
     log = StatusLog()
     log.report("connecting")
     log.report("lost", "the server has hung up")
-    write_states(tmp_path / "states.csv", log.history())
-    table = pd.read_csv(tmp_path / "states.csv")
-    assert list(table.state) == ["idle", "connecting", "lost"]
-    assert table.message[2] == "the server has hung up"
-    assert math.isfinite(table.at_s[0])
+    write_logs(tmp_path, [PLANNED, held], log.history(), loop=LoopCounts(frames=7))
+    table = pd.read_csv(tmp_path / "decisions.csv", keep_default_na=False)
+    assert list(table.columns[:6]) == ["stance_s", "told_s", "epoch", "x_m", "y_m", "heading_rad"]
+    assert list(table.columns[-2:]) == ["since_stance_s", "reason"]
+    assert list(table.outcome) == ["planned", "held"]
+    assert table.y_m[0] == -0.2
+    assert table.reason[1] == 'failed: "a, b"'
+    states = pd.read_csv(tmp_path / "stream_states.csv")
+    assert list(states.state) == ["idle", "connecting", "lost"]
+    assert states.message[2] == "the server has hung up"
+    assert math.isfinite(states.at_s[0])
+    counts = pd.read_csv(tmp_path / "counts.csv")
+    assert counts.iloc[0].tolist() == ["loop", "frames", 7]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "counts.csv", "decisions.csv", "stream_states.csv"
+    ]  # fmt: skip

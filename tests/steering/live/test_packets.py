@@ -2,6 +2,7 @@ import asyncio
 
 import numpy as np
 import pytest
+from loopback_server import StreamFrame, event, frame_3d, packet, parameters_xml
 from qtm_rt.packet import QRTComponentType, QRTPacket
 from qtm_rt.protocol import QTMProtocol
 
@@ -15,15 +16,10 @@ from hopdata.steering.live.packets import (
     LabelError,
     Screen,
     SettingsError,
-    StreamFrame,
     StreamParameters,
     check_settings,
-    event,
     find_labels,
-    frame_3d,
     header_fault,
-    packet,
-    parameters_xml,
     payload_fault,
     read_parameters,
 )

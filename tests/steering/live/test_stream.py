@@ -7,23 +7,19 @@ import qtm_rt
 from hypothesis import example, given
 from hypothesis import strategies as st
 from loopback import BRISK, LABELS, LONG_S, linked, our_threads, ramp, wait_until
+from loopback_server import GREETING, Faults, LoopbackServer, Outage, event, text
 
-from hopdata.steering.live.faults import Faults, Outage
 from hopdata.steering.live.packets import (
     COMMAND,
-    EVENT_SHUTTING_DOWN,
-    GREETING,
     HEADER,
     ClientAbsentError,
     ConnectionLostError,
     LabelError,
-    event,
-    text,
 )
-from hopdata.steering.live.server import LoopbackServer
 from hopdata.steering.live.stream import CameraClock, MarkerStream, Patience, Timeline
 
 FAST = float("inf")
+EVENT_SHUTTING_DOWN = 12
 
 
 def states(stream):

@@ -2,18 +2,17 @@
 
 import numpy as np
 import pytest
+from frame_change_models import SMOOTH_NOISE, smooth_truth
 from steered_hops import LIMIT, chained_hops
 
 from hopdata.errors import AnalysisError
 from hopdata.steering.models.learning import (
     COLUMNS,
     READINGS,
-    SMOOTH_NOISE,
     learning_scores,
     map_table,
     prediction_score,
     random_split,
-    smooth_truth,
     smoothness_scores,
     training_table,
     with_intervals,

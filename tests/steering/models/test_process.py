@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from steered_hops import LIMIT, chained_hops, smooth_change
+from steering_setting import regressor_of
 
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.steering.models.process import (
@@ -27,7 +28,6 @@ from hopdata.steering.models.training import (
     hyper_parameters,
     input_units,
     process_inputs,
-    regressor_of,
     trained_process,
     training_set,
 )

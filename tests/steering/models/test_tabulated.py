@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from frame_change_models import tabulation_errors
 from steered_hops import LIMIT, chained_hops, smooth_change
 
 from hopdata.errors import AnalysisError
 from hopdata.steering.models.tabulated import (
     TabulatedMap,
     tabulated,
-    tabulation_errors,
     turn_nodes,
 )
 from hopdata.steering.models.training import trained_process

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from steered_hopper import rms, steered
 
-from hopdata.errors import AnalysisError, ConfigError
+from hopdata.errors import AnalysisError
 from hopdata.rigid import rigid_fit, wrapped
 from hopdata.scenes.body import rotation_matrices
 from hopdata.steering.observation.calibration import (
@@ -46,66 +46,43 @@ def test_heights_tell_stances_from_flights():
     assert geometry.flight_above_m < np.percentile(hopper.middle[:, 2], 60)
 
 
-def test_with_a_leaning_hopper_the_feet_are_the_better_level():
-    hopper = steered(angle=0.0)
-    tilts = {
-        level: np.abs(calibrate(hopper.recording, level=level).circle.normal[:2]).max()
-        for level in ("feet", "median")
-    }
-    assert tilts["feet"] < 0.01 < tilts["median"]
-
-
-def test_a_stretch_at_rest_can_be_what_is_level():
-    hopper = steered(angle=0.0)
-    still = np.repeat(hopper.recording.positions[:1], 50, axis=0)
-    rng = np.random.default_rng(np.random.SeedSequence(3))
-    still = still + 0.0003 * rng.standard_normal(still.shape)
-    resting = replace(
-        hopper.recording,
-        time=np.arange(len(hopper.recording.time) + 50) / 100.0,
-        positions=np.concatenate([still, hopper.recording.positions]),
-    )
-    geometry = calibrate(resting, level_s=(0.0, 0.4))
-    np.testing.assert_allclose(geometry.body_m, BODY - BODY.mean(axis=0), atol=0.002)
-    with pytest.raises(AnalysisError, match="within"):
-        calibrate(resting, level_s=(1e3, 2e3))
-
-
-def test_forward_can_be_the_first_marker_with_an_offset():
-    recording = steered().recording
-    toward = BODY[0] - BODY.mean(axis=0)
-    geometry = calibrate(recording, forward="marker", forward_offset_rad=-0.3)
-    angle = np.arctan2(geometry.body_m[0, 1], geometry.body_m[0, 0])
-    assert angle == pytest.approx(0.3, abs=1e-6)
-    by_foot = hopper_motion(recording, calibrate(recording)).pose[:, 2]
-    by_marker = hopper_motion(recording, geometry).pose[:, 2]
-    offset = np.arctan2(toward[1], toward[0]) - 0.3
-    np.testing.assert_allclose(wrapped(by_marker - by_foot - offset), 0, atol=0.002)
-
-
-def test_a_hopper_without_boom_or_feet_markers_is_calibrated_by_its_body():
-    recording = steered().recording
-    places = recording.indices("body")
-    bare = replace(
+def without(recording, *names):
+    """A recording with some markers left out."""
+    kept = [k for k, name in enumerate(recording.markers) if name not in names]
+    return replace(
         recording,
-        positions=recording.positions[:, places],
-        markers=recording.names("body"),
-        roles=("body",) * 3,
+        positions=recording.positions[:, kept],
+        markers=tuple(recording.markers[k] for k in kept),
+        roles=tuple(recording.roles[k] for k in kept),
     )
-    geometry = calibrate(bare, forward="marker")
+
+
+def test_with_a_leaning_hopper_the_feet_are_the_better_level():
+    recording = steered(angle=0.0).recording
+    two_feet = without(recording, recording.names("foot")[-1])
+    by_feet, by_median = (
+        np.abs(calibrate(one).circle.normal[:2]).max() for one in (recording, two_feet)
+    )
+    assert by_feet < 0.01 < by_median
+
+
+def test_a_hopper_without_boom_is_calibrated_one_without_feet_is_not():
+    recording = steered().recording
+    boomless = without(recording, *recording.names("boom"))
+    geometry = calibrate(boomless)
     assert geometry.circle is None
-    assert geometry.boom_place(bare.markers) is None
-    assert np.isnan(hopper_motion(bare, geometry).boom_angle_rad).all()
+    assert geometry.boom_place(boomless.markers) is None
+    assert np.isnan(hopper_motion(boomless, geometry).boom_angle_rad).all()
     with pytest.raises(AnalysisError, match="at least two foot markers"):
-        calibrate(bare)
-    with pytest.raises(AnalysisError, match="at least 3 feet"):
-        calibrate(bare, forward="marker", level="feet")
+        calibrate(without(recording, *recording.names("foot")))
 
 
-@pytest.mark.parametrize("option", [{"level": "foot"}, {"forward": "nose"}])
-def test_unknown_choices_are_refused(option):
-    with pytest.raises(ConfigError, match="expected one of"):
-        calibrate(steered().recording, **option)
+def test_feet_that_are_never_seen_in_flight_are_named():
+    recording = steered().recording
+    positions = recording.positions.copy()
+    positions[:, recording.indices("foot")[0]] = np.nan
+    with pytest.raises(AnalysisError, match="at least 3 feet in sight in flight, found 2"):
+        calibrate(replace(recording, positions=positions))
 
 
 def test_a_boom_that_does_not_move_is_refused():

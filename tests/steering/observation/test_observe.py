@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from steered_hopper import rms, steered
 
-from hopdata.errors import ConfigError
 from hopdata.rigid import wrapped
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.observe import observe_stances, stance_states
@@ -39,11 +38,6 @@ def test_poses_at_stances_are_better_than_those_of_single_frames(hopper, motion,
     assert rms(wrapped(states.pose[:, 2] - yaw)) < 0.0018
 
 
-def test_as_printed_it_is_the_pose_of_the_frame(motion, stances):
-    states = stance_states(motion, stances, pose_half_s=0.0)
-    np.testing.assert_array_equal(states.pose, motion.pose[stances.frame])
-
-
 def test_the_boom_angle_is_the_median_of_the_frames_that_follow(hopper, motion, stances):
     states = stance_states(motion, stances)
     for k in (0, 7, 30):
@@ -72,9 +66,3 @@ def test_one_call_does_it_all(hopper, motion, stances):
     states = observe_stances(hopper.recording, calibrate(hopper.recording))
     np.testing.assert_allclose(states.time_s, stances.time_s, atol=1e-9)
     np.testing.assert_array_equal(states.pairs, stances.pairs)
-
-
-@pytest.mark.parametrize("name", ["pose_half_s", "boom_s"])
-def test_negative_times_are_refused(motion, stances, name):
-    with pytest.raises(ConfigError, match=f"{name}: expected >= 0"):
-        stance_states(motion, stances, **{name: -0.1})

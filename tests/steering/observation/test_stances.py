@@ -2,9 +2,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from steered_hopper import steered
+from steered_hopper import as_landings, heights, steered, true_pairs
 
-from hopdata.steering.observation.printed import printed_stance_pairs
 from hopdata.steering.observation.stances import (
     BOTTOM_UNSEEN,
     HELD,
@@ -16,22 +15,6 @@ from hopdata.steering.observation.stances import (
 )
 
 CASES = [(angle, rate) for angle in (0.0, np.pi) for rate in (50.0, 100.0, 200.0)]
-
-
-def heights(hopper, noise_m=0.00035, seed=1):
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    return hopper.middle[:, 2] + noise_m * rng.standard_normal(len(hopper.middle))
-
-
-def as_landings(instants, hopper, within=0.05):
-    near = np.abs(instants[..., None] - hopper.lowest_s).argmin(axis=-1)
-    assert np.abs(instants - hopper.lowest_s[near]).max(initial=0.0) < within
-    return near
-
-
-def true_pairs(hopper):
-    first = np.flatnonzero(hopper.hop)
-    return np.column_stack([first, first + 1])
 
 
 @pytest.mark.parametrize(("angle", "rate"), CASES)
@@ -131,20 +114,6 @@ def test_no_heights_give_no_stances():
     found = find_stances(np.arange(10) / 100, np.full(10, np.nan), (0.3, 0.4))
     assert len(found.time_s) == 0
     assert found.pairs.shape == (0, 2)
-
-
-def test_the_printed_pairs_are_true_ones_but_not_all():
-    hopper = steered()
-    z = heights(hopper)
-    instants = hopper.recording.time[printed_stance_pairs(z)]
-    pairs = as_landings(instants, hopper)
-    true = {tuple(pair) for pair in true_pairs(hopper).tolist()}
-    assert {tuple(pair) for pair in pairs.tolist()} <= true
-    assert len(pairs) > 0.5 * len(true)
-
-
-def test_taken_literally_the_printed_algorithm_finds_none():
-    assert printed_stance_pairs(heights(steered()), extrema_of="speed").shape == (0, 2)
 
 
 @settings(max_examples=40, deadline=None)

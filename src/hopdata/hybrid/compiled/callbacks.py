@@ -17,28 +17,10 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from hopdata.code_cache import compiled_in_cache, function_digest
-from hopdata.hybrid.compiled.declare import (
-    check_declaration,
-    elements_named,
-    function_name,
-    largest_subscripts,
-    place,
-    raise_if_mistaken,
-    reason_and_advice,
-    return_error,
-    warn_slow,
-)
+from hopdata.hybrid.compiled import declare
+from hopdata.hybrid.compiled.declare import place, return_error
 from hopdata.hybrid.compiled.digest import with_digest
-from hopdata.hybrid.compiled.kernel import (
-    AFFINE,
-    FIELD,
-    GUARD,
-    GUARDS,
-    JACOBIAN,
-    ON_EVENT,
-    RATE_BOUND,
-    Signature,
-)
+from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
 
 # Catch what a user's function raises: machine code has no way to pass it on.
 #
@@ -116,6 +98,7 @@ current, stop_catching = _caught.get, _caught.reset
 DTYPES = {types.float64: np.dtype(np.float64), types.int64: np.dtype(np.int64)}
 # A NaN that no arithmetic makes, by which an element that was not filled is told from a NaN.
 UNFILLED = np.int64(0x7FF8_0000_0BAD_F111)
+FILLS_ALL = ("field", "guards")  # elements of their arrays, each time
 
 
 def protected(function: Function, signature: Signature) -> Function:
@@ -160,7 +143,7 @@ def _converted(result: Any, function: Function, signature: Signature) -> Any:
 
 def _checked(function: Function, signature: Signature, arguments: tuple[Any, ...]) -> Any:
     """Call the function, and see that it fills all of its arrays."""
-    arrays = _filled_by(signature, arguments) if signature in (FIELD, GUARDS) else {}
+    arrays = _filled_by(signature, arguments) if signature.name in FILLS_ALL else {}
     for array in arrays.values():
         array.view(np.int64).fill(UNFILLED)
     result = _converted(function(*arguments), function, signature)
@@ -181,7 +164,7 @@ def _give_up(signature: Signature, arguments: tuple[Any, ...]) -> Any:
         array.fill(nan)
     if signature.native.return_type == types.none:
         return None
-    return 1 if signature is ON_EVENT else inf
+    return 1 if signature.name == "on_event" else inf
 
 
 def trampoline(function: Function, signature: Signature) -> Any:
@@ -277,7 +260,7 @@ class Callback:
 
     def __init__(self, function: Function, signature: Signature, compiled: bool = True) -> None:
         function = getattr(function, "py_func", function)
-        check_declaration(function, signature)
+        declare.check_declaration(function, signature)
         self.function = function
         self.signature = signature
         self._wanted = compiled
@@ -288,12 +271,7 @@ class Callback:
         return self.function(*arguments)
 
     def __repr__(self) -> str:
-        return f"<hybrid callback {function_name(self.function)}>"
-
-    @property
-    def address(self) -> int:
-        """Address of the machine code."""
-        return self._address
+        return f"<hybrid callback {declare.function_name(self.function)}>"
 
     @property
     def compiled(self) -> bool:
@@ -317,13 +295,13 @@ class Callback:
 
     def elements_of(self, argument: str, length: int) -> tuple[int, ...]:
         """Return which elements of an argument of this length may matter to the function."""
-        named = elements_named(self.function, self.signature.arguments.index(argument))
+        named = declare.elements_named(self.function, self.signature.arguments.index(argument))
         return tuple(range(length)) if named is None else tuple(sorted(named))
 
     @cached_property
     def _subscripts(self) -> dict[int, int]:
         """Largest literal subscript of each argument, by its position."""
-        largest = largest_subscripts(self.function)
+        largest = declare.largest_subscripts(self.function)
         if not largest:
             return {}
         names = self.function.__code__.co_varnames[: len(self.signature.arguments)]
@@ -337,7 +315,8 @@ class Callback:
         return numba.njit(error_model="numpy")(with_digest(self.function))
 
     @cached_property
-    def _address(self) -> int:
+    def address(self) -> int:
+        """Address of the machine code."""
         if self._compiled is None:
             self._back = compiled_trampoline(self._protected, self.signature)
             return int(self._back.address)
@@ -355,13 +334,13 @@ class Callback:
         if not isinstance(self.function, FunctionType):
             kind = type(self.function).__name__
             advice = "write a function around it"
-            warn_slow(self.function, self.signature, f"it is a {kind} object", advice)
+            declare.warn_slow(self.function, self.signature, f"it is a {kind} object", advice)
             return None
         try:
             return self._compile()
         except Exception as error:  # Numba's own, and whatever it stumbles over
-            raise_if_mistaken(self.function, self.signature, error)
-            warn_slow(self.function, self.signature, *reason_and_advice(error))
+            declare.raise_if_mistaken(self.function, self.signature, error)
+            declare.warn_slow(self.function, self.signature, *declare.reason_and_advice(error))
             return None
 
     def _compile(self) -> Any:
@@ -372,11 +351,11 @@ class Callback:
         return compiled_in_cache(self.function, function_digest(self.function), compile_it)
 
 
-def _declared(signature: Signature, function: Function | None, compiled: bool) -> Any:
+def _declared(kind: str, function: Function | None, compiled: bool) -> Any:
     """Return the callback or, used as ``@field(compiled=False)``, what makes it."""
     if function is None:
-        return partial(_declared, signature, compiled=compiled)
-    return Callback(function, signature, compiled)
+        return partial(_declared, kind, compiled=compiled)
+    return Callback(function, SIGNATURES[kind], compiled)
 
 
 def field(function: Function | None = None, *, compiled: bool = True) -> Any:
@@ -392,7 +371,7 @@ def field(function: Function | None = None, *, compiled: bool = True) -> Any:
         stands, it is compiled in nopython mode or, where that fails, run by Python with a
         `SlowCallbackWarning`. The same holds for all decorators here.
     """
-    return _declared(FIELD, function, compiled)
+    return _declared("field", function, compiled)
 
 
 def guards(function: Function | None = None, *, compiled: bool = True) -> Any:
@@ -404,7 +383,7 @@ def guards(function: Function | None = None, *, compiled: bool = True) -> Any:
         Fills `h` (n_guards,), the event functions at y, and `hdot` (n_guards,), their rates of
         change when y changes at the rate `dy`, both in place.
     """
-    return _declared(GUARDS, function, compiled)
+    return _declared("guards", function, compiled)
 
 
 def guard(function: Function | None = None, *, compiled: bool = True) -> Any:
@@ -416,7 +395,7 @@ def guard(function: Function | None = None, *, compiled: bool = True) -> Any:
         Fills only ``h[k]``, the event function of guard k at y, and ``hdot[k]``, its rate of
         change when y changes at the rate `dy`, in place.
     """
-    return _declared(GUARD, function, compiled)
+    return _declared("guard", function, compiled)
 
 
 def rate_bound(function: Function | None = None, *, compiled: bool = True) -> Any:
@@ -427,7 +406,7 @@ def rate_bound(function: Function | None = None, *, compiled: bool = True) -> An
     function : callable
         Returns a number that no ``abs(hdot[k])`` exceeds near y, in units of h per second.
     """
-    return _declared(RATE_BOUND, function, compiled)
+    return _declared("rate_bound", function, compiled)
 
 
 def on_event(function: Function | None = None, *, compiled: bool = True) -> Any:
@@ -439,7 +418,7 @@ def on_event(function: Function | None = None, *, compiled: bool = True) -> Any:
         Is told the guard's number and the direction in which its event function crossed zero
         (+1 upwards, -1 downwards). May change y and mode in place. Returns 0 to go on, 1 to stop.
     """
-    return _declared(ON_EVENT, function, compiled)
+    return _declared("on_event", function, compiled)
 
 
 def jacobian(function: Function | None = None, *, compiled: bool = True) -> Any:
@@ -451,7 +430,7 @@ def jacobian(function: Function | None = None, *, compiled: bool = True) -> Any:
         Fills `jac` (n, n) in place: ``jac[i, j]`` is the derivative of ``dy[i]`` by ``y[j]``. It
         begins as zeros.
     """
-    return _declared(JACOBIAN, function, compiled)
+    return _declared("jacobian", function, compiled)
 
 
 def affine(function: Function | None = None, *, compiled: bool = True) -> Any:
@@ -462,4 +441,4 @@ def affine(function: Function | None = None, *, compiled: bool = True) -> Any:
     function : callable
         Fills `a` (n, n) and `b` (n,) in place.
     """
-    return _declared(AFFINE, function, compiled)
+    return _declared("affine", function, compiled)

@@ -8,27 +8,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import call_interpolant, fma, kernel, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector
 from hopdata.hybrid.driver.problem import Problem
-from hopdata.hybrid.layout import (
-    DEGREE,
-    END,
-    IN_POWERS,
-    INTERPOLANT,
-    INTERPOLANT_EVALUATIONS,
-    METHOD,
-    NFEV,
-    P1,
-    ROWS,
-    SAMPLES,
-    SCRATCH,
-    SLOPE,
-    SPAN,
-    Memory,
-    T,
-    Y,
-)
+from hopdata.hybrid.layout import Memory
 
 # Where events are dense a step costs little more than its interpolant: with this number as a
 # constant the loops over its coefficients become straight lines.
@@ -38,34 +22,34 @@ LAST_OF_DOPRI5 = 3
 @kernel
 def prepare_interpolant(p: Problem, m: Memory, dt: float) -> None:
     """Compute the interpolant of the step of length `dt`, unless it is there already."""
-    if m.clock[SPAN] > 0.0:
+    if m.clock[at.SPAN] > 0.0:
         return
-    m.clock[SPAN] = dt
-    s, t, method = m.states, m.clock[T], m.counts[METHOD]
-    address = p.methods[method, INTERPOLANT]
-    m.counts[NFEV] += p.methods[method, INTERPOLANT_EVALUATIONS]
-    m.counts[DEGREE] = call_interpolant(address, t, dt, s, p.mode, p.params, p.field)
+    m.clock[at.SPAN] = dt
+    s, t, method = m.states, m.clock[at.T], m.counts[at.METHOD]
+    address = p.methods[method, at.INTERPOLANT]
+    m.counts[at.NFEV] += p.methods[method, at.INTERPOLANT_EVALUATIONS]
+    m.counts[at.DEGREE] = call_interpolant(address, t, dt, s, p.mode, p.params, p.field)
 
 
 @kernel
 def interpolate(p: Problem, m: Memory, theta: float, target: int) -> None:
     """Write the state at the fraction `theta` of the step into a row of the states."""
-    s, last = m.states, m.counts[DEGREE] - 1
-    rest = theta if p.methods[m.counts[METHOD], IN_POWERS] != 0 else 1.0 - theta
+    s, last = m.states, m.counts[at.DEGREE] - 1
+    rest = theta if p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0 else 1.0 - theta
     top, square = last | 1, theta * rest
     full = last == top
     for i in range(s.width):
-        value = fma(rest, s[P1 + top, i] if full else 0.0, s[P1 + top - 1, i])
+        value = fma(rest, s[at.P1 + top, i] if full else 0.0, s[at.P1 + top - 1, i])
         for j in range(top - 2, 0, -2):
-            value = fma(square, value, fma(rest, s[P1 + j, i], s[P1 + j - 1, i]))
-        s[target, i] = fma(theta, value, s[Y, i])
+            value = fma(square, value, fma(rest, s[at.P1 + j, i], s[at.P1 + j - 1, i]))
+        s[target, i] = fma(theta, value, s[at.Y, i])
 
 
 @kernel
 def interpolate_with_slope(p: Problem, m: Memory, theta: float, dt: float) -> None:
     """Write the state at `theta` into SCRATCH, and its time derivative into SLOPE."""
-    last = m.counts[DEGREE] - 1
-    if p.methods[m.counts[METHOD], IN_POWERS] != 0:
+    last = m.counts[at.DEGREE] - 1
+    if p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0:
         sum_with_slope(m, theta, theta, 1.0, 1.0 / dt, last)
     elif last == LAST_OF_DOPRI5:
         sum_with_slope(m, theta, 1.0 - theta, -1.0, 1.0 / dt, LAST_OF_DOPRI5)
@@ -83,15 +67,15 @@ def sum_with_slope(m: Memory, x: float, r: float, turn: float, per_s: float, las
     s, top, square, bend = m.states, last | 1, x * r, r + turn * x
     full = last == top
     for i in range(s.width):
-        odd = s[P1 + top, i] if full else 0.0  # the sum of every second coefficient
-        value, value_slope = fma(r, odd, s[P1 + top - 1, i]), 0.0  # its slope by the square
+        odd = s[at.P1 + top, i] if full else 0.0  # the sum of every second coefficient
+        value, value_slope = fma(r, odd, s[at.P1 + top - 1, i]), 0.0  # its slope by the square
         for j in range(top - 2, 0, -2):
             value_slope = fma(square, value_slope, value)
-            value = fma(square, value, fma(r, s[P1 + j, i], s[P1 + j - 1, i]))
-            odd = fma(square, odd, s[P1 + j, i])
+            value = fma(square, value, fma(r, s[at.P1 + j, i], s[at.P1 + j - 1, i]))
+            odd = fma(square, odd, s[at.P1 + j, i])
         slope = fma(bend, value_slope, turn * odd)
-        s[SCRATCH, i] = fma(x, value, s[Y, i])
-        s[SLOPE, i] = fma(x, slope, value) * per_s
+        s[at.SCRATCH, i] = fma(x, value, s[at.Y, i])
+        s[at.SLOPE, i] = fma(x, slope, value) * per_s
 
 
 # The trajectory's rows: samples at wanted times, or else one row for each step.
@@ -118,41 +102,41 @@ def put(m: Memory, source: int, table: FloatTable, row: int, first: int) -> None
 def write_row(m: Memory, out: Output) -> None:
     """Write the present state as the row of a new step."""
     if out.every_step:
-        out.rows[m.counts[ROWS], 0] = m.clock[T]
-        put(m, Y, out.rows, m.counts[ROWS], 1)
-        m.counts[ROWS] += 1
+        out.rows[m.counts[at.ROWS], 0] = m.clock[at.T]
+        put(m, at.Y, out.rows, m.counts[at.ROWS], 1)
+        m.counts[at.ROWS] += 1
 
 
 @kernel
 def rewrite_row(m: Memory, out: Output) -> None:
     """Write the state after an event over the one before it."""
-    if out.every_step and m.counts[ROWS] > 0:
-        put(m, Y, out.rows, m.counts[ROWS] - 1, 1)
-    last = m.counts[SAMPLES] - 1
-    if last >= 0 and out.wanted[last] == m.clock[T]:
-        put(m, Y, out.samples, last, 0)
+    if out.every_step and m.counts[at.ROWS] > 0:
+        put(m, at.Y, out.rows, m.counts[at.ROWS] - 1, 1)
+    last = m.counts[at.SAMPLES] - 1
+    if last >= 0 and out.wanted[last] == m.clock[at.T]:
+        put(m, at.Y, out.samples, last, 0)
 
 
 @kernel
 def sample_start(m: Memory, out: Output) -> None:
     """Write the initial state, if it is wanted."""
-    if out.wanted.width > 0 and out.wanted[0] == m.clock[T]:
-        put(m, Y, out.samples, 0, 0)
-        m.counts[SAMPLES] = 1
+    if out.wanted.width > 0 and out.wanted[0] == m.clock[at.T]:
+        put(m, at.Y, out.samples, 0, 0)
+        m.counts[at.SAMPLES] = 1
 
 
 @kernel
 def sample_step(p: Problem, m: Memory, out: Output, t_new: float, dt: float) -> None:
     """Fill in the wanted times within the step of length `dt` that ends at `t_new`."""
-    j, n = m.counts[SAMPLES], out.wanted.width
+    j, n = m.counts[at.SAMPLES], out.wanted.width
     if j == n or out.wanted[j] > t_new:
         return
     prepare_interpolant(p, m, dt)
     while j < n and out.wanted[j] < t_new:
-        interpolate(p, m, (out.wanted[j] - m.clock[T]) / m.clock[SPAN], SCRATCH)
-        put(m, SCRATCH, out.samples, j, 0)
+        interpolate(p, m, (out.wanted[j] - m.clock[at.T]) / m.clock[at.SPAN], at.SCRATCH)
+        put(m, at.SCRATCH, out.samples, j, 0)
         j += 1
     if j < n and out.wanted[j] == t_new:
-        put(m, END, out.samples, j, 0)
+        put(m, at.END, out.samples, j, 0)
         j += 1
-    m.counts[SAMPLES] = j
+    m.counts[at.SAMPLES] = j

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
+from hopdata.hybrid.driver import watch
 from hopdata.hybrid.driver.dense import interpolate
 from hopdata.hybrid.driver.jacobian import has_short_tangent
 from hopdata.hybrid.driver.localise import CROSSING, DIP, first_cut
@@ -23,35 +25,8 @@ from hopdata.hybrid.driver.problem import (
     time_resolution,
 )
 from hopdata.hybrid.driver.stepping import take_step
-from hopdata.hybrid.driver.watch import (
-    gather_near,
-    gather_near_by_pieces,
-    gather_reached,
-    set_knots,
-)
 from hopdata.hybrid.driver.windows import BY_WINDOWS, NONE_NEAR, leave_out_bent
-from hopdata.hybrid.layout import (
-    END,
-    ERROR,
-    H0,
-    H1,
-    INTERPOLANT_ERROR,
-    KEND,
-    METHOD,
-    N_AWAKE,
-    N_NEAR,
-    NEAR,
-    PIECES,
-    RATE0,
-    RATE1,
-    SCRATCH,
-    SIZE,
-    SLOPE,
-    SPAN,
-    WATCHED,
-    Memory,
-    T,
-)
+from hopdata.hybrid.layout import Memory
 
 MAX_POLISH = 8
 SPARED = 5e-2  # of the tolerance: error of the interpolant that is not worth another step
@@ -67,11 +42,11 @@ def nearest_surface(p: Problem, m: Memory, k: int) -> tuple[float, int]:
     And which guard that is: the first of those past, if there are any.
     """
     shift, nearest = 0.0, k
-    if p.mode[k] * m.guards[RATE1, k] < 0.0:
-        shift = -m.guards[H1, k] / m.guards[RATE1, k]
-    for a in range(m.counts[N_NEAR]):
-        j = m.lists[NEAR, a]
-        value, rate = p.mode[j] * m.guards[H1, j], p.mode[j] * m.guards[RATE1, j]
+    if p.mode[k] * m.guards[at.RATE1, k] < 0.0:
+        shift = -m.guards[at.H1, k] / m.guards[at.RATE1, k]
+    for a in range(m.counts[at.N_NEAR]):
+        j = m.lists[at.NEAR, a]
+        value, rate = p.mode[j] * m.guards[at.H1, j], p.mode[j] * m.guards[at.RATE1, j]
         if rate < 0.0 and value < 0.0 and -value / rate < shift:
             shift, nearest = -value / rate, j
     return shift, nearest
@@ -82,19 +57,19 @@ def move_end(p: Problem, m: Memory, t: float, shift: float) -> None:
     """Move the end of the step, at time t, by a short midpoint step."""
     s = m.states
     for i in range(s.width):
-        s[SCRATCH, i] = s[END, i] + 0.5 * shift * s[KEND, i]
-    eval_field(p, m, t + 0.5 * shift, SCRATCH, SLOPE)
+        s[at.SCRATCH, i] = s[at.END, i] + 0.5 * shift * s[at.KEND, i]
+    eval_field(p, m, t + 0.5 * shift, at.SCRATCH, at.SLOPE)
     for i in range(s.width):
-        s[END, i] += shift * s[SLOPE, i]
-    eval_field(p, m, t + shift, END, KEND)
+        s[at.END, i] += shift * s[at.SLOPE, i]
+    eval_field(p, m, t + shift, at.END, at.KEND)
 
 
 @kernel
 def take_part(p: Problem, m: Memory, t: float, span: float, on_interpolant: bool) -> None:
     """Take the first part of the step: anew, or on its interpolant."""
     if on_interpolant:
-        interpolate(p, m, span / m.clock[SPAN], END)
-        eval_field(p, m, t + span, END, KEND)
+        interpolate(p, m, span / m.clock[at.SPAN], at.END)
+        eval_field(p, m, t + span, at.END, at.KEND)
     else:
         take_step(p, m, t, span)
 
@@ -103,7 +78,7 @@ def take_part(p: Problem, m: Memory, t: float, span: float, on_interpolant: bool
 def look_at_end(p: Problem, m: Memory, t: float, resolution: float) -> None:
     """Evaluate the guards at the end of the step, at time t; those that it has reached are near."""
     guards_at_end(p, m, t)
-    gather_reached(p, m, H1, RATE1, resolution)
+    watch.gather_reached(p, m, at.H1, at.RATE1, resolution)
 
 
 @kernel_apart
@@ -111,9 +86,9 @@ def end_at(
     p: Problem, m: Memory, span: float, on_interpolant: bool, resolution: float, k: int
 ) -> float:
     """Take the first part of the step, look at the guards there; return the margin of guard k."""
-    take_part(p, m, m.clock[T], span, on_interpolant)
-    look_at_end(p, m, m.clock[T] + span, resolution)
-    return p.mode[k] * m.guards[H1, k]
+    take_part(p, m, m.clock[at.T], span, on_interpolant)
+    look_at_end(p, m, m.clock[at.T] + span, resolution)
+    return p.mode[k] * m.guards[at.H1, k]
 
 
 @kernel_apart
@@ -127,7 +102,7 @@ def end_behind_jump(
     past = end_at(p, m, span, on_interpolant, resolution, k) <= 0.0
     clear, behind, reach = span, span, resolution
     while clear == behind and reach < FARTHEST * span:
-        there = span - reach if past else min(span + reach, p.t_end - m.clock[T])
+        there = span - reach if past else min(span + reach, p.t_end - m.clock[at.T])
         if (end_at(p, m, there, on_interpolant, resolution, k) <= 0.0) != past:
             clear, behind = (there, span) if past else (span, there)
         reach *= 2.0
@@ -145,7 +120,7 @@ def end_behind_jump(
 def beyond_rounding(m: Memory, k: int, resolution: float) -> bool:
     """Tell whether the step ends farther from guard k than rounding can put it."""
     g = m.guards
-    return abs(g[H1, k]) > blur(g[SIZE, k], g[RATE1, k], resolution)
+    return abs(g[at.H1, k]) > blur(g[at.SIZE, k], g[at.RATE1, k], resolution)
 
 
 @kernel_apart
@@ -158,9 +133,9 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
 
     Returns its length and the guard on which it ends: a rival, if one turns out to be earlier.
     """
-    t, whole = m.clock[T], m.clock[SPAN]
+    t, whole = m.clock[at.T], m.clock[at.SPAN]
     last, theta = FARTHEST * span, span / whole
-    error = p.methods[m.counts[METHOD], INTERPOLANT_ERROR] * m.clock[ERROR]
+    error = p.methods[m.counts[at.METHOD], at.INTERPOLANT_ERROR] * m.clock[at.ERROR]
     on_interpolant = error * (4.0 * theta * (1.0 - theta)) ** 2 <= SPARED and (
         not p.first_order or has_short_tangent(p, m, span)
     )
@@ -172,11 +147,11 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
             place, aim, left = span, k, np.inf
         if not abs(shift) > resolution:
             break
-        if not (abs(shift) < last and abs(m.guards[H1, k]) < left):
+        if not (abs(shift) < last and abs(m.guards[at.H1, k]) < left):
             if abs(shift) > HOVER * span and beyond_rounding(m, k, resolution):
                 span = end_behind_jump(p, m, k, place, on_interpolant, resolution)
             break
-        last, left = abs(shift), abs(m.guards[H1, k])
+        last, left = abs(shift), abs(m.guards[at.H1, k])
         if on_interpolant or p.first_order or abs(shift) > RETAKE_ABOVE * span:
             take_part(p, m, t, span + shift, on_interpolant)
         else:
@@ -192,9 +167,13 @@ def land(p: Problem, m: Memory, k: int, span: float, resolution: float) -> tuple
 @kernel_in_loop
 def gather(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that may flip within the step into NEAR; return how many they are."""
-    set_knots(p, m, dt)
-    count = gather_near_by_pieces(p, m, dt) if m.counts[PIECES] > 1 else gather_near(p, m, dt)
-    return leave_out_bent(m) if count > 0 and m.counts[WATCHED] == BY_WINDOWS else count
+    watch.set_knots(p, m, dt)
+    count = (
+        watch.gather_near_by_pieces(p, m, dt)
+        if m.counts[at.PIECES] > 1
+        else watch.gather_near(p, m, dt)
+    )
+    return leave_out_bent(m) if count > 0 and m.counts[at.WATCHED] == BY_WINDOWS else count
 
 
 @kernel_apart
@@ -205,12 +184,12 @@ def end_at_dips(
 
     Returns the step's length, and kind, guard and place of the cut that remains.
     """
-    for _ in range(2 * m.counts[N_AWAKE] + 4):
-        if kind != DIP or theta * dt <= time_resolution(m.clock[T], dt):
+    for _ in range(2 * m.counts[at.N_AWAKE] + 4):
+        if kind != DIP or theta * dt <= time_resolution(m.clock[at.T], dt):
             break
         dt *= theta
-        take_step(p, m, m.clock[T], dt)
-        guards_at_end(p, m, m.clock[T] + dt)
+        take_step(p, m, m.clock[at.T], dt)
+        guards_at_end(p, m, m.clock[at.T] + dt)
         gather(p, m, dt)
         kind, k, theta = first_cut(p, m, dt)
     return dt, kind, k, theta
@@ -223,36 +202,33 @@ def end_at_first_flip(p: Problem, m: Memory, dt: float) -> tuple[float, int]:
     Marks in DUE the guards that flip at its end; returns its length (0 if they flip at its very
     start) and how many they are.
     """
-    if (
-        m.counts[WATCHED] == NONE_NEAR or gather(p, m, dt) == 0
-    ):  # mostly: what the search needs is not even prepared
+    # Mostly none is near: what the search needs is not even prepared.
+    if m.counts[at.WATCHED] == NONE_NEAR or gather(p, m, dt) == 0:
         return dt, 0
     kind, k, theta = first_cut(p, m, dt)
     if kind == DIP:
         dt, kind, k, theta = end_at_dips(p, m, dt, kind, k, theta)
     if kind != CROSSING:
         return dt, 0
-    for a in range(m.counts[N_NEAR]):
-        j = m.lists[NEAR, a]
-        size = max(abs(m.guards[H0, j]), abs(m.guards[H1, j]))
-        still_leaving = p.mode[j] * m.guards[H0, j] <= 0.0  # what it took for rounding stays so
-        m.guards[SIZE, j] = max(size, m.guards[SIZE, j]) if still_leaving else size
-    resolution = time_resolution(m.clock[T], dt)
+    for a in range(m.counts[at.N_NEAR]):
+        j = m.lists[at.NEAR, a]
+        size = max(abs(m.guards[at.H0, j]), abs(m.guards[at.H1, j]))
+        still_leaving = p.mode[j] * m.guards[at.H0, j] <= 0.0  # what it took for rounding stays so
+        m.guards[at.SIZE, j] = max(size, m.guards[at.SIZE, j]) if still_leaving else size
+    resolution = time_resolution(m.clock[at.T], dt)
     if theta * dt <= resolution:
-        at_once = p.mode[k] * m.guards[H0, k] <= blur(
-            m.guards[H0, k], m.guards[RATE0, k], resolution
-        )
-        if at_once:
+        h, rate = m.guards[at.H0, k], m.guards[at.RATE0, k]
+        if p.mode[k] * h <= blur(h, rate, resolution):
             mark_one(m, k)
-            remember_residuals(p, m, H0)
+            remember_residuals(p, m, at.H0)
             return 0.0, 1
         dt = min(resolution, dt)  # an event function that jumps: just past it
-        take_step(p, m, m.clock[T], dt)
-        look_at_end(p, m, m.clock[T] + dt, resolution)
+        take_step(p, m, m.clock[at.T], dt)
+        look_at_end(p, m, m.clock[at.T] + dt, resolution)
     else:
         dt, k = land(p, m, k, theta * dt, resolution)
-    total = mark_due(p, m, H1, RATE1, resolution)
-    if total == 0 and p.mode[k] * m.guards[RATE1, k] < 0.0:
+    total = mark_due(p, m, at.H1, at.RATE1, resolution)
+    if total == 0 and p.mode[k] * m.guards[at.RATE1, k] < 0.0:
         total = mark_one(m, k)
-    remember_residuals(p, m, H1)
+    remember_residuals(p, m, at.H1)
     return dt, total

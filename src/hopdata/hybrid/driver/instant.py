@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hopdata.hybrid.compiled.kernel import (
-    call_on_event,
-    call_refresh,
-    kernel,
-    kernel_apart,
-    kernel_in_loop,
-)
+from hopdata.hybrid import layout as at
+from hopdata.hybrid.compiled import kernel as code
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, IntTable
 from hopdata.hybrid.driver.jacobian import saltate, saltate_handlers
 from hopdata.hybrid.driver.problem import (
@@ -26,49 +22,7 @@ from hopdata.hybrid.driver.problem import (
 )
 from hopdata.hybrid.driver.sleep import speed_at, wake_all
 from hopdata.hybrid.driver.watch import gather_reached
-from hopdata.hybrid.layout import (
-    AFFINE_DIFFERS,
-    CROWD,
-    CULPRIT,
-    DIRECTION,
-    DUE,
-    EVENT_ROWS,
-    EVENTS,
-    FIELD_NOT_FINITE,
-    FLIPS,
-    GUARD_NOT_FINITE,
-    H0,
-    INSTANT,
-    INSTANTS,
-    JUMPS,
-    K1,
-    LAST_FLIP,
-    LOG_DIRECTION,
-    LOG_GUARD,
-    LOG_STATES,
-    LOG_TIME,
-    METHOD,
-    N_DUE,
-    OPEN,
-    RATE,
-    RATE0,
-    RATE_ABOVE,
-    RATE_BELOW,
-    REFRESH,
-    RESET_IN_JACOBIAN,
-    RUNNING,
-    SCRATCH,
-    SLIDING,
-    SLOPE,
-    SPEED,
-    TERMINAL,
-    TERMINATED,
-    TIE_IN_JACOBIAN,
-    ZENO,
-    Memory,
-    T,
-    Y,
-)
+from hopdata.hybrid.layout import Memory
 
 FLIPS_AT_ONCE = 2  # there and back, as at an impact; a third flip means that the guard is not live
 CROWDED = 1000  # instants nearer than this many time resolutions are a crowd
@@ -88,7 +42,7 @@ class Log(NamedTuple):
 def flips_alone(m: Memory, k: int) -> bool:
     """Tell whether no other guard than k has flipped at this instant."""
     for other in range(m.flags.width):
-        if other != k and m.flags[LAST_FLIP, other] == m.counts[INSTANTS]:
+        if other != k and m.flags[at.LAST_FLIP, other] == m.counts[at.INSTANTS]:
             return False
     return True
 
@@ -96,19 +50,19 @@ def flips_alone(m: Memory, k: int) -> bool:
 @kernel
 def flip(p: Problem, m: Memory) -> int:
     """Flip the locks of all guards that are due; refuse the third flip at one instant."""
-    now = m.counts[INSTANTS]
-    for a in range(m.counts[N_DUE]):
-        k = m.lists[DUE, a]
-        side = RATE_BELOW if p.mode[k] < 0 else RATE_ABOVE
-        m.clock[side] = m.guards[RATE0, k]
-        m.flags[FLIPS, k] = m.flags[FLIPS, k] + 1 if m.flags[LAST_FLIP, k] == now else 1
-        m.flags[LAST_FLIP, k] = now
+    now = m.counts[at.INSTANTS]
+    for a in range(m.counts[at.N_DUE]):
+        k = m.lists[at.DUE, a]
+        side = at.RATE_BELOW if p.mode[k] < 0 else at.RATE_ABOVE
+        m.clock[side] = m.guards[at.RATE0, k]
+        m.flags[at.FLIPS, k] = m.flags[at.FLIPS, k] + 1 if m.flags[at.LAST_FLIP, k] == now else 1
+        m.flags[at.LAST_FLIP, k] = now
         p.mode[k] = -p.mode[k]
-        if m.flags[FLIPS, k] > FLIPS_AT_ONCE:
-            m.counts[CULPRIT] = k
-            into_surface = m.clock[RATE_BELOW] > 0.0 and m.clock[RATE_ABOVE] < 0.0
-            return SLIDING if into_surface and flips_alone(m, k) else ZENO
-    return RUNNING
+        if m.flags[at.FLIPS, k] > FLIPS_AT_ONCE:
+            m.counts[at.CULPRIT] = k
+            into_surface = m.clock[at.RATE_BELOW] > 0.0 and m.clock[at.RATE_ABOVE] < 0.0
+            return at.SLIDING if into_surface and flips_alone(m, k) else at.ZENO
+    return at.RUNNING
 
 
 @kernel_in_loop
@@ -118,41 +72,42 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
     Returns TERMINATED if it ends the integration, else RUNNING.
     """
     direction = p.mode[k]
-    if p.rules[DIRECTION, k] != 0 and p.rules[DIRECTION, k] != direction:
-        return RUNNING
-    row, n = m.counts[EVENT_ROWS], m.states.width
+    if p.rules[at.DIRECTION, k] != 0 and p.rules[at.DIRECTION, k] != direction:
+        return at.RUNNING
+    row, n = m.counts[at.EVENT_ROWS], m.states.width
     for i in range(n):
-        log.floats[row, LOG_STATES + i] = m.states[Y, i]
-    stop = p.rules[TERMINAL, k]
+        log.floats[row, at.LOG_STATES + i] = m.states[at.Y, i]
+    stop = p.rules[at.TERMINAL, k]
     if p.on_event != 0:
-        stop |= call_on_event(p.on_event, m.clock[T], m.states, Y, p.mode, p.params, k, direction)
-    log.floats[row, LOG_TIME] = m.clock[T]
-    log.integers[row, LOG_GUARD], log.integers[row, LOG_DIRECTION] = k, direction
+        t, s = m.clock[at.T], m.states
+        stop |= code.call_on_event(p.on_event, t, s, at.Y, p.mode, p.params, k, direction)
+    log.floats[row, at.LOG_TIME] = m.clock[at.T]
+    log.integers[row, at.LOG_GUARD], log.integers[row, at.LOG_DIRECTION] = k, direction
     jumped = False
     for i in range(n):
-        jumped = jumped or m.states[Y, i] != log.floats[row, LOG_STATES + i]
-        log.floats[row, LOG_STATES + n + i] = m.states[Y, i]
+        jumped = jumped or m.states[at.Y, i] != log.floats[row, at.LOG_STATES + i]
+        log.floats[row, at.LOG_STATES + n + i] = m.states[at.Y, i]
     if jumped:
-        m.counts[JUMPS] += 1
+        m.counts[at.JUMPS] += 1
         wake_all(m)
-    first = LOG_STATES + 2 * n
+    first = at.LOG_STATES + 2 * n
     n_logged = log.floats.width - first
     for i in range(n_logged):
         log.integers[row, first + i] = p.mode[p.mode.width - n_logged + i]
-    m.counts[EVENT_ROWS] += 1
-    m.counts[EVENTS] += 1
-    return TERMINATED if stop != 0 else RUNNING
+    m.counts[at.EVENT_ROWS] += 1
+    m.counts[at.EVENTS] += 1
+    return at.TERMINATED if stop != 0 else at.RUNNING
 
 
 @kernel_in_loop
 def fire_due(p: Problem, m: Memory, log: Log) -> int:
     """Fire all guards that have just flipped, in their order."""
-    status, k = RUNNING, next_due(m, -1)
+    status, k = at.RUNNING, next_due(m, -1)
     while k >= 0:
-        ended = fire_one(p, m, log, k) == TERMINATED
-        if ended or status == RUNNING:
-            m.counts[CULPRIT] = k
-        status = TERMINATED if ended else status
+        ended = fire_one(p, m, log, k) == at.TERMINATED
+        if ended or status == at.RUNNING:
+            m.counts[at.CULPRIT] = k
+        status = at.TERMINATED if ended else status
         k = next_due(m, k)
     return status
 
@@ -160,32 +115,32 @@ def fire_due(p: Problem, m: Memory, log: Log) -> int:
 @kernel_in_loop
 def refresh(p: Problem, m: Memory) -> int:
     """Evaluate field and guards anew at the present state and mode."""
-    eval_field(p, m, m.clock[T], Y, K1)
-    m.clock[SPEED] = speed_at(p, m, m.clock[T], Y, K1)
-    if first_not_finite(m.states, K1) >= 0 or first_not_finite(m.states, Y) >= 0:
-        return FIELD_NOT_FINITE
-    address = p.methods[m.counts[METHOD], REFRESH]
-    if address != 0 and not call_refresh(address, m.states, p.mode, p.params) < DISAGREEMENT:
-        return AFFINE_DIFFERS
-    return RUNNING if guards_at_start(p, m, m.clock[T]) else GUARD_NOT_FINITE
+    eval_field(p, m, m.clock[at.T], at.Y, at.K1)
+    m.clock[at.SPEED] = speed_at(p, m, m.clock[at.T], at.Y, at.K1)
+    if first_not_finite(m.states, at.K1) >= 0 or first_not_finite(m.states, at.Y) >= 0:
+        return at.FIELD_NOT_FINITE
+    address = p.methods[m.counts[at.METHOD], at.REFRESH]
+    if address != 0 and not code.call_refresh(address, m.states, p.mode, p.params) < DISAGREEMENT:
+        return at.AFFINE_DIFFERS
+    return at.RUNNING if guards_at_start(p, m, m.clock[at.T]) else at.GUARD_NOT_FINITE
 
 
 @kernel
 def too_crowded(m: Memory, resolution: float) -> bool:
     """Count instants that follow each other too closely; tell whether there are too many."""
     n_guards = m.flags.width
-    gap = m.clock[T] - m.clock[INSTANT]
+    gap = m.clock[at.T] - m.clock[at.INSTANT]
     if gap > resolution:
-        m.counts[INSTANTS] += 1
-    m.counts[CROWD] = m.counts[CROWD] + 1 if gap <= CROWDED * resolution else 0
-    m.clock[INSTANT] = m.clock[T]
-    return m.counts[CROWD] > CROWD_BASE + CROWD_PER_GUARD * n_guards
+        m.counts[at.INSTANTS] += 1
+    m.counts[at.CROWD] = m.counts[at.CROWD] + 1 if gap <= CROWDED * resolution else 0
+    m.clock[at.INSTANT] = m.clock[at.T]
+    return m.counts[at.CROWD] > CROWD_BASE + CROWD_PER_GUARD * n_guards
 
 
 @kernel
 def keep_culprit(m: Memory) -> None:
     """Remember the first guard that is due as the one to report."""
-    m.counts[CULPRIT] = next_due(m, -1)
+    m.counts[at.CULPRIT] = next_due(m, -1)
 
 
 @kernel_apart
@@ -194,32 +149,32 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
 
     Expects the instant's state in Y, its time in the clock, and its guards in H0 and RATE0.
     """
-    resolution = time_resolution(m.clock[T], 0.0)
+    resolution = time_resolution(m.clock[at.T], 0.0)
     if too_crowded(m, resolution):
         keep_culprit(m)
-        return ZENO
+        return at.ZENO
     while True:
         if p.first_order:
             saltate(p, m)
         status = flip(p, m)
-        if status == RUNNING:
+        if status == at.RUNNING:
             status = fire_due(p, m, log)
-        ended = status == TERMINATED
-        if status == RUNNING or (ended and p.first_order):
+        ended = status == at.TERMINATED
+        if status == at.RUNNING or (ended and p.first_order):
             status = refresh(p, m)
-        if p.first_order and status == RUNNING:
-            if m.counts[JUMPS] > 0:
-                return RESET_IN_JACOBIAN
+        if p.first_order and status == at.RUNNING:
+            if m.counts[at.JUMPS] > 0:
+                return at.RESET_IN_JACOBIAN
             if not saltate_handlers(p, m):
-                return TIE_IN_JACOBIAN
-        if ended and status == RUNNING:
-            status = TERMINATED
-        if status != RUNNING:
+                return at.TIE_IN_JACOBIAN
+        if ended and status == at.RUNNING:
+            status = at.TERMINATED
+        if status != at.RUNNING:
             return status
-        gather_reached(p, m, H0, RATE0, resolution)
-        if mark_due(p, m, H0, RATE0, resolution) == 0:
+        gather_reached(p, m, at.H0, at.RATE0, resolution)
+        if mark_due(p, m, at.H0, at.RATE0, resolution) == 0:
             return status
-        remember_residuals(p, m, H0)
+        remember_residuals(p, m, at.H0)
 
 
 # Locks at the start: decided by the sign of h, on the surface by its rate, and then its bend.
@@ -242,11 +197,11 @@ def decide(h: float, rate: float, bend: float) -> int:
 def look_ahead(p: Problem, m: Memory) -> None:
     """Put the guards' rates a short way ahead into RATE: for a guard at rest, where it bends."""
     s = m.states
-    ahead = LOOK_AHEAD * min(p.t_end - m.clock[T], p.max_step)
+    ahead = LOOK_AHEAD * min(p.t_end - m.clock[at.T], p.max_step)
     for i in range(s.width):
-        s[SCRATCH, i] = s[Y, i] + ahead * s[K1, i]
-    eval_field(p, m, m.clock[T] + ahead, SCRATCH, SLOPE)
-    guards_inside(p, m, m.clock[T] + ahead)
+        s[at.SCRATCH, i] = s[at.Y, i] + ahead * s[at.K1, i]
+    eval_field(p, m, m.clock[at.T] + ahead, at.SCRATCH, at.SLOPE)
+    guards_inside(p, m, m.clock[at.T] + ahead)
 
 
 @kernel
@@ -254,10 +209,10 @@ def decide_locks(p: Problem, m: Memory) -> bool:
     """Set each lock that was left open; tell whether one has changed."""
     g, changed = m.guards, False
     for k in range(g.width):
-        if m.flags[OPEN, k] != 0:
-            if g[H0, k] == 0.0 and g[RATE0, k] == 0.0:
+        if m.flags[at.OPEN, k] != 0:
+            if g[at.H0, k] == 0.0 and g[at.RATE0, k] == 0.0:
                 look_ahead(p, m)
-            lock = decide(g[H0, k], g[RATE0, k], g[RATE, k])
+            lock = decide(g[at.H0, k], g[at.RATE0, k], g[at.RATE, k])
             changed = changed or lock != p.mode[k]
             p.mode[k] = lock
     return changed
@@ -267,10 +222,10 @@ def decide_locks(p: Problem, m: Memory) -> bool:
 def lock_by_side(p: Problem, m: Memory) -> None:
     """Set open locks by the sign of h alone: the field may exist on its own side only."""
     for i in range(m.states.width):
-        m.states[K1, i] = 0.0
-    guards_at_start(p, m, m.clock[T])
+        m.states[at.K1, i] = 0.0
+    guards_at_start(p, m, m.clock[at.T])
     for k in range(m.guards.width):
-        if m.flags[OPEN, k] != 0 and m.guards[H0, k] > 0.0:
+        if m.flags[at.OPEN, k] != 0 and m.guards[at.H0, k] > 0.0:
             p.mode[k] = 1
 
 
@@ -279,7 +234,7 @@ def settle_locks(p: Problem, m: Memory) -> int:
     """Decide each lock that the caller left open (0), and evaluate field and guards."""
     open_ones = 0
     for k in range(m.guards.width):
-        m.flags[OPEN, k] = 1 if p.mode[k] == 0 else 0
+        m.flags[at.OPEN, k] = 1 if p.mode[k] == 0 else 0
         if p.mode[k] == 0:
             p.mode[k] = -1
             open_ones += 1
@@ -287,6 +242,6 @@ def settle_locks(p: Problem, m: Memory) -> int:
         lock_by_side(p, m)
     for _ in range(PASSES):
         status = refresh(p, m)
-        if status != RUNNING or not decide_locks(p, m):
+        if status != at.RUNNING or not decide_locks(p, m):
             return status
     return refresh(p, m)

@@ -12,50 +12,13 @@ from math import sqrt
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import (
-    call_field,
-    call_guard,
-    call_guards,
-    call_tangent,
-    kernel,
-    kernel_apart,
-)
+from hopdata.hybrid import layout as at
+from hopdata.hybrid.compiled import kernel as code
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
 from hopdata.hybrid.driver.problem import Problem, next_due
 from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST
-from hopdata.hybrid.layout import (
-    ALONG,
-    COLUMN,
-    DUE,
-    ERROR,
-    F_AFTER,
-    F_BEFORE,
-    GAUSS_1,
-    GAUSS_2,
-    K1,
-    METHOD,
-    MOTION,
-    N_DUE,
-    NEXT_DT,
-    NFEV,
-    ORDER,
-    PHI_MOTION,
-    RATE,
-    RATE0,
-    RATE_INPUTS,
-    SCRATCH,
-    SHORT_TANGENT,
-    SHORT_TANGENT_EVALUATIONS,
-    SLOPE,
-    SPAN,
-    STEADY,
-    TANGENT,
-    TANGENT_EVALUATIONS,
-    H,
-    Memory,
-    T,
-    Y,
-)
+from hopdata.hybrid.layout import Memory
 
 # The flow's Jacobian over a step: by the method's own tangent, or by that for short steps.
 
@@ -67,9 +30,9 @@ SMALL = 0.1  # error of the Jacobian, in units of the tolerance, that says nothi
 @kernel
 def has_short_tangent(p: Problem, m: Memory, dt: float) -> bool:
     """Tell whether the short tangent will do for a step of `dt`, by the last step's motion."""
-    if p.methods[m.counts[METHOD], SHORT_TANGENT] == 0 or m.clock[ERROR] > EASY:
+    if p.methods[m.counts[at.METHOD], at.SHORT_TANGENT] == 0 or m.clock[at.ERROR] > EASY:
         return False
-    turn = dt * dt * m.clock[MOTION]
+    turn = dt * dt * m.clock[at.MOTION]
     return turn * turn * sqrt(turn) <= SHORT * p.rtol
 
 
@@ -79,16 +42,16 @@ def tangent(p: Problem, m: Memory, dt: float) -> float:
 
     A step that ends on the interpolant of a longer one has no stages of its own.
     """
-    method, t = m.counts[METHOD], m.clock[T]
-    which, evaluations = TANGENT, p.methods[method, TANGENT_EVALUATIONS]
-    if m.clock[SPAN] > dt or has_short_tangent(p, m, dt):
-        which, evaluations = SHORT_TANGENT, p.methods[method, SHORT_TANGENT_EVALUATIONS]
+    method, t = m.counts[at.METHOD], m.clock[at.T]
+    which, evaluations = at.TANGENT, p.methods[method, at.TANGENT_EVALUATIONS]
+    if m.clock[at.SPAN] > dt or has_short_tangent(p, m, dt):
+        which, evaluations = at.SHORT_TANGENT, p.methods[method, at.SHORT_EVALUATIONS]
         prepare_interpolant(p, m, dt)
-        interpolate(p, m, GAUSS_1 * dt / m.clock[SPAN], SCRATCH)
-        interpolate(p, m, GAUSS_2 * dt / m.clock[SPAN], SLOPE)
-    m.counts[NFEV] += evaluations
+        interpolate(p, m, at.GAUSS_1 * dt / m.clock[at.SPAN], at.SCRATCH)
+        interpolate(p, m, at.GAUSS_2 * dt / m.clock[at.SPAN], at.SLOPE)
+    m.counts[at.NFEV] += evaluations
     address = p.methods[method, which]
-    return call_tangent(address, t, dt, p.rtol, m.states, p.mode, p.params, p.atol, p.tangent)
+    return code.call_tangent(address, t, dt, p.rtol, m.states, p.mode, p.params, p.atol, p.tangent)
 
 
 @kernel_apart
@@ -100,12 +63,12 @@ def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
     """
     phi, n = p.tangent, m.states.width
     error = tangent(p, m, dt)
-    m.clock[MOTION] = phi[3 * n + PHI_MOTION, 0]
+    m.clock[at.MOTION] = phi[3 * n + at.PHI_MOTION, 0]
     if error > SMALL:
-        part = max(SHRINK_MOST, SAFETY / error ** (1.0 / p.methods[m.counts[METHOD], ORDER]))
+        part = max(SHRINK_MOST, SAFETY / error ** (1.0 / p.methods[m.counts[at.METHOD], at.ORDER]))
         if error > 1.0:
             return part
-        m.clock[NEXT_DT] = min(m.clock[NEXT_DT], part * dt)
+        m.clock[at.NEXT_DT] = min(m.clock[at.NEXT_DT], part * dt)
     wrong = 0
     for e in range(n * n):
         wrong += 0 if abs(phi[n, e]) < np.inf else 1
@@ -114,7 +77,7 @@ def carry_jacobian(p: Problem, m: Memory, dt: float) -> float:
 
 
 @kernel
-def single_row(m: Memory, row: int) -> int:
+def single(m: Memory, row: int) -> int:
     """Return where a single row stands in the tangent's table."""
     return 3 * m.states.width + row
 
@@ -122,19 +85,23 @@ def single_row(m: Memory, row: int) -> int:
 @kernel
 def rate_along(p: Problem, m: Memory, k: int, row: int) -> float:
     """Return the rate of guard k when the state moves along a row of the tangent's table."""
-    t, s, g = m.clock[T], m.states, m.guards
+    t, s, g = m.clock[at.T], m.states, m.guards
     if p.guards != 0:
-        call_guards(p.guards, t, s, Y, p.tangent, row, p.mode, p.params, g, H, g, RATE)
+        code.call_guards(
+            p.guards, t, s, at.Y, p.tangent, row, p.mode, p.params, g, at.H, g, at.RATE
+        )
     else:
-        call_guard(p.guard, t, s, Y, p.tangent, row, p.mode, p.params, k, g, H, g, RATE)
-    return g[RATE, k]
+        code.call_guard(
+            p.guard, t, s, at.Y, p.tangent, row, p.mode, p.params, k, g, at.H, g, at.RATE
+        )
+    return g[at.RATE, k]
 
 
 @kernel
 def largest_input(p: Problem, m: Memory) -> int:
     """Return the largest component of f- on which the guards' rates may depend; -1 if all are 0."""
     phi, largest, found = p.tangent, 0.0, -1
-    before, inputs = single_row(m, F_BEFORE), single_row(m, RATE_INPUTS)
+    before, inputs = single(m, at.F_BEFORE), single(m, at.RATE_INPUTS)
     for i in range(m.states.width):
         if phi[inputs, i] != 0.0 and abs(phi[before, i]) > largest:
             largest, found = abs(phi[before, i]), i
@@ -144,7 +111,7 @@ def largest_input(p: Problem, m: Memory) -> int:
 @kernel
 def add_part(p: Problem, m: Memory, i: int, part: float) -> None:
     """Add `part` times row i of Phi to the row ALONG."""
-    phi, along = p.tangent, single_row(m, ALONG)
+    phi, along = p.tangent, single(m, at.ALONG)
     for j in range(m.states.width):
         phi[along, j] += part * phi[i, j]
 
@@ -158,15 +125,14 @@ def project(p: Problem, m: Memory, k: int, rate: float) -> None:
     is left of the rate, if time does not matter.
     """
     phi, n = p.tangent, m.states.width
-    moved, before, inputs = (
-        single_row(m, COLUMN), single_row(m, F_BEFORE), single_row(m, RATE_INPUTS),
-    )  # fmt: skip
+    moved, before = single(m, at.COLUMN), single(m, at.F_BEFORE)
+    inputs = single(m, at.RATE_INPUTS)
     for i in range(n):
         phi[moved, i] = phi[before, i]
-        phi[single_row(m, ALONG), i] = 0.0
+        phi[single(m, at.ALONG), i] = 0.0
     largest, left = largest_input(p, m), 1.0
     change = abs(phi[before, largest]) if largest >= 0 else 1.0
-    last = largest if phi[single_row(m, STEADY), 0] != 0.0 else -1
+    last = largest if phi[single(m, at.STEADY), 0] != 0.0 else -1
     for i in range(n):
         if phi[inputs, i] != 0.0 and i != last:
             phi[moved, i] += change
@@ -182,7 +148,11 @@ def project(p: Problem, m: Memory, k: int, rate: float) -> None:
 def add_jump(p: Problem, m: Memory) -> None:
     """Add (f_after - f_before) times ALONG to the Jacobian; f_after becomes f_before."""
     phi, n = p.tangent, m.states.width
-    before, after, along = single_row(m, F_BEFORE), single_row(m, F_AFTER), single_row(m, ALONG)
+    before, after, along = (
+        single(m, at.F_BEFORE),
+        single(m, at.F_AFTER),
+        single(m, at.ALONG),
+    )
     for i in range(n):
         jump = phi[after, i] - phi[before, i]
         phi[before, i] = phi[after, i]
@@ -197,24 +167,24 @@ def saltate(p: Problem, m: Memory) -> None:
 
     A single one is only projected: `saltate_handlers` adds its jump, with what handlers make of it.
     """
-    phi, before, after = p.tangent, single_row(m, F_BEFORE), single_row(m, F_AFTER)
+    phi, before, after = p.tangent, single(m, at.F_BEFORE), single(m, at.F_AFTER)
     for i in range(m.states.width):
-        phi[before, i] = m.states[K1, i]
+        phi[before, i] = m.states[at.K1, i]
     k = next_due(m, -1)
-    rate = m.guards[RATE0, k]
-    if m.counts[N_DUE] == 1:
+    rate = m.guards[at.RATE0, k]
+    if m.counts[at.N_DUE] == 1:
         project(p, m, k, rate)
         return
     while k >= 0:
         project(p, m, k, rate)
         p.mode[k] = -p.mode[k]
-        m.counts[NFEV] += 1
-        call_field(p.field, m.clock[T], m.states, Y, p.mode, p.params, phi, after)
+        m.counts[at.NFEV] += 1
+        code.call_field(p.field, m.clock[at.T], m.states, at.Y, p.mode, p.params, phi, after)
         add_jump(p, m)
         k = next_due(m, k)
         rate = rate_along(p, m, k, before) if k >= 0 else 0.0
-    for a in range(m.counts[N_DUE]):  # they flip in earnest afterwards
-        k = m.lists[DUE, a]
+    for a in range(m.counts[at.N_DUE]):  # they flip in earnest afterwards
+        k = m.lists[at.DUE, a]
         p.mode[k] = -p.mode[k]
 
 
@@ -224,10 +194,10 @@ def saltate_handlers(p: Problem, m: Memory) -> bool:
 
     Tells whether that is right: not if several guards have flipped, whose shares are unknown.
     """
-    before, after = single_row(m, F_BEFORE), single_row(m, F_AFTER)
+    before, after = single(m, at.F_BEFORE), single(m, at.F_AFTER)
     changed = False
     for i in range(m.states.width):
-        p.tangent[after, i] = m.states[K1, i]
+        p.tangent[after, i] = m.states[at.K1, i]
         changed = changed or p.tangent[after, i] != p.tangent[before, i]
     add_jump(p, m)
-    return m.counts[N_DUE] <= 1 or not changed
+    return m.counts[at.N_DUE] <= 1 or not changed

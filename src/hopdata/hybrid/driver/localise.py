@@ -7,24 +7,12 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
+from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
 from hopdata.hybrid.driver.problem import EPS, Problem, blur, near_inside, time_resolution
 from hopdata.hybrid.driver.watch import GRAZE, clearance, ends_between, knot, piece_before
-from hopdata.hybrid.layout import (
-    CLEARANCE,
-    H0,
-    N_NEAR,
-    NEAR,
-    PIECE,
-    PIECES,
-    RATE,
-    RATE0,
-    SIZE,
-    H,
-    Memory,
-    T,
-)
+from hopdata.hybrid.layout import Memory
 
 # Where the cubic through two values and two slopes of an event function turns, or vanishes.
 #
@@ -104,6 +92,7 @@ def cubic_root(g0: float, d0: float, g1: float, d1: float, low: float, high: flo
 
 PASS, CROSSING, DIP = 0, 1, 2
 NONE = -1  # no guard
+Suspicion = tuple[int, int, float, float, int]  # kind, guard, guess, a place before it, piece
 
 EDGE = 1e-6  # a dip this near to an end of its piece is that end
 STEEPEST = 0.34  # rise over slope, from which a cubic cannot turn back: a third
@@ -153,14 +142,14 @@ def suspect_before(
     Returns what `suspect` does of the first piece in which it does not stay clear, and that.
     """
     g = m.guards
-    for piece in range(m.counts[PIECES]):
+    for piece in range(m.counts[at.PIECES]):
         last, start, part = piece_before(m, piece, end)
         if not part > 0.0:
             break
-        g0, d0, g1, d1 = ends_between(m, k, lock, H0 + 2 * piece, last, part * dt)
+        g0, d0, g1, d1 = ends_between(m, k, lock, at.H0 + 2 * piece, last, part * dt)
         if clearance(g0, d0, g1, d1) > 0.0:
             continue
-        noise = blur(g[SIZE, k], g[last + 1, k], resolution)
+        noise = blur(g[at.SIZE, k], g[last + 1, k], resolution)
         kind, guess, low = suspect(max(g0, 0.0), d0, g1, d1, noise)
         if kind != PASS:
             return kind, start + guess * part, start + low * part, piece
@@ -168,38 +157,36 @@ def suspect_before(
 
 
 @kernel
-def first_suspect(p: Problem, m: Memory, dt: float) -> tuple[int, int, float, float, int]:
+def first_suspect(p: Problem, m: Memory, dt: float) -> Suspicion:
     """Return (kind, guard, guess, low, piece) of the suspect guard with the earliest guess.
 
     All that are near are asked; those that are suspect have no clearance at all from then on.
     """
     best = (PASS, NONE, NOWHERE, 0.0, 0)
-    resolution = time_resolution(m.clock[T], dt)
-    for a in range(m.counts[N_NEAR]):
-        k = m.lists[NEAR, a]
+    resolution = time_resolution(m.clock[at.T], dt)
+    for a in range(m.counts[at.N_NEAR]):
+        k = m.lists[at.NEAR, a]
         kind, guess, low, piece = suspect_before(m, k, p.mode[k], dt, 1.0, resolution)
         if kind != PASS:
-            m.guards[CLEARANCE, k] = -inf
+            m.guards[at.CLEARANCE, k] = -inf
             if guess < best[2]:
                 best = (kind, k, guess, low, piece)
     return best
 
 
 @kernel
-def first_rival(
-    p: Problem, m: Memory, dt: float, k: int, end: float
-) -> tuple[int, int, float, float, int]:
+def first_rival(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspicion:
     """Return the same of the guards that may flip before guard k does, at `end`.
 
     Asked are those that are suspect, and those past their surface in row H.
     """
     g = m.guards
     best = (PASS, NONE, NOWHERE, 0.0, 0)
-    resolution = time_resolution(m.clock[T], dt)
-    for a in range(m.counts[N_NEAR]):
-        j = m.lists[NEAR, a]
+    resolution = time_resolution(m.clock[at.T], dt)
+    for a in range(m.counts[at.N_NEAR]):
+        j = m.lists[at.NEAR, a]
         lock = p.mode[j]
-        if j == k or not (g[CLEARANCE, j] == -inf or lock * g[H, j] < 0.0):
+        if j == k or not (g[at.CLEARANCE, j] == -inf or lock * g[at.H, j] < 0.0):
             continue
         kind, guess, low, piece = suspect_before(m, j, lock, dt, end, resolution)
         if kind != PASS and guess < best[2]:
@@ -219,7 +206,7 @@ MAX_ROOT, MAX_DIP, PATIENCE, MOST_RIVALS = 120, 40, 8, 2
 def probe(p: Problem, m: Memory, dt: float, theta: float) -> None:
     """Evaluate the guards on the interpolant at `theta`, into H and RATE."""
     interpolate_with_slope(p, m, theta, dt)
-    near_inside(p, m, m.clock[T] + theta * dt)
+    near_inside(p, m, m.clock[at.T] + theta * dt)
 
 
 @kernel_apart
@@ -233,10 +220,10 @@ def lowest_point(
     lock = p.mode[k]
     last, low, part = piece_before(m, piece, end)
     high = low + part
-    _, slope_low, _, slope_high = ends_between(m, k, lock, H0 + 2 * piece, last, 1.0)
+    _, slope_low, _, slope_high = ends_between(m, k, lock, at.H0 + 2 * piece, last, 1.0)
     for tries in range(MAX_DIP):
         probe(p, m, dt, theta)
-        slope = lock * m.guards[RATE, k]
+        slope = lock * m.guards[at.RATE, k]
         if slope < 0.0:
             low, slope_low = theta, slope
         else:
@@ -259,7 +246,7 @@ def leave(p: Problem, m: Memory, dt: float, k: int, low: float) -> float:
     """Return a theta, at most `low`, where guard k is clear of its surface; 0 if there is none."""
     while low > LEAVING:
         probe(p, m, dt, low)
-        if p.mode[k] * m.guards[H, k] > 0.0:
+        if p.mode[k] * m.guards[at.H, k] > 0.0:
             return low
         low *= 0.25
     return 0.0
@@ -271,8 +258,8 @@ def just_left(p: Problem, m: Memory, dt: float, k: int) -> bool:
 
     At the start of such a step the sign of h says nothing: to go by it is to flip the guard back.
     """
-    margin, rate = p.mode[k] * m.guards[H0, k], p.mode[k] * m.guards[RATE0, k]
-    noise = blur(m.guards[SIZE, k], rate, time_resolution(m.clock[T], dt))
+    margin, rate = p.mode[k] * m.guards[at.H0, k], p.mode[k] * m.guards[at.RATE0, k]
+    noise = blur(m.guards[at.SIZE, k], rate, time_resolution(m.clock[at.T], dt))
     return margin <= 0.0 or (margin <= noise and rate > 0.0)
 
 
@@ -308,12 +295,12 @@ def crossing(
     whether by the interpolant, too, is asked where the iteration would go on before: mostly it does
     not.
     """
-    lock, x1, last = p.mode[k], (piece + 1) * m.clock[PIECE], knot(m, piece + 1)
+    lock, x1, last = p.mode[k], (piece + 1) * m.clock[at.PIECE], knot(m, piece + 1)
     g1, d1 = lock * m.guards[last, k], lock * m.guards[last + 1, k] * dt
     end = min(end, x1)
     inner, high = low if low > 0.0 else 0.5 * end, end
     clear = not just_left(p, m, dt, k)
-    doubt = not clear and not lock * m.guards[RATE0, k] > 0.0
+    doubt = not clear and not lock * m.guards[at.RATE0, k] > 0.0
     x = guess
     for _ in range(MAX_ROOT):
         if doubt:
@@ -322,7 +309,7 @@ def crossing(
                 return 0.0
         x = x if low < x < high else 0.5 * (low + high)
         probe(p, m, dt, x)
-        g, d = lock * m.guards[H, k], lock * m.guards[RATE, k] * dt
+        g, d = lock * m.guards[at.H, k], lock * m.guards[at.RATE, k] * dt
         if g > 0.0:
             low, clear = x, True
         else:
@@ -348,7 +335,7 @@ def first_cut(p: Problem, m: Memory, dt: float) -> tuple[int, int, float]:
     """
     kind, k, theta = PASS, NONE, 1.0
     rival, other, guess, low, piece = first_suspect(p, m, dt)
-    for _ in range(MOST_RIVALS * m.counts[N_NEAR]):
+    for _ in range(MOST_RIVALS * m.counts[at.N_NEAR]):
         if rival == PASS:
             break
         prepare_interpolant(p, m, dt)

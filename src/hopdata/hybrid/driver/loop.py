@@ -20,28 +20,16 @@ import numpy as np
 from numba import cfunc, njit, types
 from numba.core import event
 
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.code_cache import cache_directory, compiled_in_cache
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import SMALLEST_RTOL
+from hopdata.hybrid.compiled import kernel as code
+from hopdata.hybrid.compiled import memory
 from hopdata.hybrid.compiled.digest import driver_digest
-from hopdata.hybrid.compiled.kernel import (
-    ENTRY,
-    VALUE,
-    caller,
-    kernel,
-    kernel_apart,
-    kernel_in_loop,
-)
-from hopdata.hybrid.compiled.memory import (
-    FloatVector,
-    IntVector,
-    address_of,
-    float_table,
-    float_vector,
-    int_vector,
-    reader,
-    view,
-)
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
+from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
+from hopdata.hybrid.driver import stepping
 from hopdata.hybrid.driver.dense import Output, rewrite_row, sample_start, sample_step, write_row
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import Log, fire_all, settle_locks
@@ -55,89 +43,13 @@ from hopdata.hybrid.driver.problem import (
     time_resolution,
 )
 from hopdata.hybrid.driver.sleep import travel_on
-from hopdata.hybrid.driver.stepping import (
-    LOG_ERROR_FLOOR,
-    STEP_FLOOR,
-    accepted_step,
-    choose_after_event,
-    choose_after_step,
-    first_method,
-    first_step,
-)
 from hopdata.hybrid.driver.watch import carry_guards, gather_reached
 from hopdata.hybrid.driver.windows import LONGEST, measure, watched
-from hopdata.hybrid.layout import (
-    AWAKE,
-    BAD_NUMBERS,
-    BAD_START,
-    BENT,
-    CLOCK,
-    CLOCK_SLOTS,
-    COUNT_SLOTS,
-    COUNTS,
-    CULPRIT,
-    DESK_SLOTS,
-    EACH_STEP,
-    END,
-    EVENT_ROWS,
-    EVENTS,
-    FINISHED,
-    FIRST_STEP,
-    GIVEN_MODE,
-    GUARD_ROWS,
-    H0,
-    INSTANT,
-    JACOBIAN_NOT_FINITE,
-    K1,
-    KEND,
-    LAST_FLIP,
-    LAST_LOG_ERROR,
-    MAX_EVENTS,
-    MAX_STEP,
-    MAX_STEPS,
-    METHOD,
-    MODE,
-    MOTION,
-    N_AWAKE,
-    NEEDS_METHOD,
-    NEEDS_ROOM,
-    NEXT_DT,
-    PARAMS,
-    PAUSED,
-    RATE0,
-    RATE_ABOVE,
-    RATE_BELOW,
-    REJECTED,
-    RESUMED,
-    ROWS,
-    RTOL,
-    RUN,
-    RUNNING,
-    SAMPLE_TABLE,
-    SEGMENT,
-    SIZE,
-    START_STATE,
-    STATE_TABLE,
-    STEP,
-    STEP_UNDERFLOW,
-    STEPS,
-    T_END,
-    T_START,
-    TANGENT_TABLE,
-    TOO_MANY_EVENTS,
-    TOO_MANY_STEPS,
-    WANTED,
-    WINDOW,
-    FloatArray,
-    IntArray,
-    Memory,
-    T,
-    Y,
-)
+from hopdata.hybrid.layout import Memory
 
 # The desk: a table of addresses, on which the driver finds its callbacks and arrays.
 
-desk_problem = reader(
+desk_problem = memory.reader(
     Problem,
     field=at.FIELD, guards=at.GUARDS, guard=at.GUARD, rate_bound=at.RATE_BOUND,
     on_event=at.ON_EVENT, methods=at.METHOD_TABLE, params=at.PARAMS, mode=at.MODE, rules=at.RULES,
@@ -145,17 +57,17 @@ desk_problem = reader(
     first_order=at.TANGENT_TABLE, t_start=at.T_START, first_step=at.FIRST_STEP,
     max_steps=at.MAX_STEPS, max_events=at.MAX_EVENTS, start_state=at.START_STATE,
 )  # fmt: skip
-desk_memory = reader(
+desk_memory = memory.reader(
     Memory,
     states=at.STATE_TABLE, guards=at.GUARD_TABLE, flags=at.FLAG_TABLE, lists=at.LIST_TABLE,
     wake_at=at.WAKE_AT, clock=at.CLOCK, counts=at.COUNTS,
 )  # fmt: skip
-desk_output = reader(
+desk_output = memory.reader(
     Output,
     wanted=at.WANTED, samples=at.SAMPLE_TABLE, rows=at.ROW_TABLE, n_rows=at.N_ROWS,
     every_step=at.EACH_STEP,
 )  # fmt: skip
-desk_log = reader(Log, floats=at.LOG_TABLE, integers=at.LOG_TABLE, n_rows=at.N_LOG_ROWS)
+desk_log = memory.reader(Log, floats=at.LOG_TABLE, integers=at.LOG_TABLE, n_rows=at.N_LOG_ROWS)
 
 
 STEPS_PER_CALL = 200_000  # then return to Python for a moment
@@ -165,13 +77,13 @@ EVENTS_PER_INSTANT = 2  # of each guard, at most
 @kernel
 def move_on(p: Problem, m: Memory, out: Output, dt: float) -> None:
     """Make the end of the step the start of the next, and write it down."""
-    t_new = p.t_end if dt >= p.t_end - m.clock[T] else m.clock[T] + dt
+    t_new = p.t_end if dt >= p.t_end - m.clock[at.T] else m.clock[at.T] + dt
     sample_step(p, m, out, t_new, dt)
     carry_guards(p, m, dt)
     travel_on(p, m, dt)
-    m.clock[T] = t_new
-    copy_row(m.states, END, Y)
-    copy_row(m.states, KEND, K1)
+    m.clock[at.T] = t_new
+    copy_row(m.states, at.END, at.Y)
+    copy_row(m.states, at.KEND, at.K1)
     write_row(m, out)
 
 
@@ -180,7 +92,7 @@ def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Let the events of this instant happen, and write down the state after them."""
     status = fire_all(p, m, log)
     rewrite_row(m, out)
-    choose_after_event(p, m)
+    stepping.choose_after_event(p, m)
     return status
 
 
@@ -188,15 +100,15 @@ def fire(p: Problem, m: Memory, out: Output, log: Log) -> int:
 def retry(m: Memory, shrink: float) -> int:
     """Return how it goes on, if the Jacobian asks for a shorter step."""
     if not shrink > 0.0:
-        return JACOBIAN_NOT_FINITE
-    too_short = m.clock[NEXT_DT] <= STEP_FLOOR * abs(m.clock[T])
-    return STEP_UNDERFLOW if too_short else RUNNING
+        return at.JACOBIAN_NOT_FINITE
+    too_short = m.clock[at.NEXT_DT] <= stepping.STEP_FLOOR * abs(m.clock[at.T])
+    return at.STEP_UNDERFLOW if too_short else at.RUNNING
 
 
 @kernel_in_loop
 def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Take one step, to its end or to the first flip in it, and let the flips happen."""
-    dt = accepted_step(p, m)
+    dt = stepping.accepted_step(p, m)
     if dt < 0.0:
         return int(dt)
     dt = watched(p, m, dt)
@@ -207,54 +119,54 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
         if p.first_order:
             shrink = carry_jacobian(p, m, dt)
             if not shrink >= 1.0:
-                m.clock[NEXT_DT] = shrink * dt
-                m.counts[REJECTED] += 1
+                m.clock[at.NEXT_DT] = shrink * dt
+                m.counts[at.REJECTED] += 1
                 return retry(m, shrink)
         move_on(p, m, out, dt)
     if n_due > 0:
         return fire(p, m, out, log)
-    choose_after_step(p, m)
-    return RUNNING
+    stepping.choose_after_step(p, m)
+    return at.RUNNING
 
 
 @kernel_apart
 def clear(p: Problem, m: Memory) -> bool:
     """Make the memory that of an integration from the start; tell whether that is finite."""
-    for row in range(GUARD_ROWS):
+    for row in range(at.GUARD_ROWS):
         fill_row(m.guards, row, 0.0)
     for k in range(m.flags.width):
-        m.flags[LAST_FLIP, k], m.flags[BENT, k] = 0, 0
-        m.lists[AWAKE, k] = k
-    for slot in range(COUNT_SLOTS):
+        m.flags[at.LAST_FLIP, k], m.flags[at.BENT, k] = 0, 0
+        m.lists[at.AWAKE, k] = k
+    for slot in range(at.COUNT_SLOTS):
         m.counts[slot] = 0
-    m.counts[CULPRIT], m.counts[N_AWAKE] = -1, m.flags.width
-    for slot in range(CLOCK_SLOTS):
+    m.counts[at.CULPRIT], m.counts[at.N_AWAKE] = -1, m.flags.width
+    for slot in range(at.CLOCK_SLOTS):
         m.clock[slot] = 0.0
-    m.clock[T], m.clock[SEGMENT], m.clock[INSTANT] = p.t_start, p.t_start, -np.inf
-    m.clock[MOTION], m.clock[WINDOW] = np.inf, LONGEST * (p.t_end - p.t_start)
-    m.clock[NEXT_DT], m.clock[LAST_LOG_ERROR] = p.first_step, LOG_ERROR_FLOOR
+    m.clock[at.T], m.clock[at.SEGMENT], m.clock[at.INSTANT] = p.t_start, p.t_start, -np.inf
+    m.clock[at.MOTION], m.clock[at.WINDOW] = np.inf, LONGEST * (p.t_end - p.t_start)
+    m.clock[at.NEXT_DT], m.clock[at.LAST_LOG_ERROR] = p.first_step, stepping.LOG_ERROR_FLOOR
     for i in range(m.states.width):
-        m.states[Y, i] = p.start_state[i]
-    return first_not_finite(m.states, Y) < 0
+        m.states[at.Y, i] = p.start_state[i]
+    return first_not_finite(m.states, at.Y) < 0
 
 
 @kernel_apart
 def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
     """Settle the locks at t0, choose the first step, and fire what is past its surface already."""
-    m.counts[METHOD] = first_method(p)
+    m.counts[at.METHOD] = stepping.first_method(p)
     status = settle_locks(p, m)
-    if status != RUNNING:
+    if status != at.RUNNING:
         return status
-    if not m.clock[NEXT_DT] > 0.0:
-        m.clock[NEXT_DT] = first_step(p, m)
+    if not m.clock[at.NEXT_DT] > 0.0:
+        m.clock[at.NEXT_DT] = stepping.first_step(p, m)
     measure(p, m)
     sample_start(m, out)
     write_row(m, out)
     for k in range(m.guards.width):
-        m.guards[SIZE, k] = abs(m.guards[H0, k])
-    resolution = time_resolution(m.clock[T], 0.0)
-    gather_reached(p, m, H0, RATE0, resolution)
-    if mark_due(p, m, H0, RATE0, resolution) > 0:
+        m.guards[at.SIZE, k] = abs(m.guards[at.H0, k])
+    resolution = time_resolution(m.clock[at.T], 0.0)
+    gather_reached(p, m, at.H0, at.RATE0, resolution)
+    if mark_due(p, m, at.H0, at.RATE0, resolution) > 0:
         status = fire(p, m, out, log)
     return status
 
@@ -262,33 +174,33 @@ def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
 @kernel
 def lacks_room(m: Memory, out: Output, log: Log) -> bool:
     """Tell whether the next step might not find room for its output."""
-    events = m.counts[EVENT_ROWS] + EVENTS_PER_INSTANT * m.guards.width
-    return events > log.n_rows or (out.every_step and m.counts[ROWS] >= out.n_rows)
+    events = m.counts[at.EVENT_ROWS] + EVENTS_PER_INSTANT * m.guards.width
+    return events > log.n_rows or (out.every_step and m.counts[at.ROWS] >= out.n_rows)
 
 
 @kernel
 def run(desk: IntVector, flags: int) -> int:
     """Integrate until something ends it, or needs room; return a status."""
     p, m, out, log = desk_problem(desk), desk_memory(desk), desk_output(desk), desk_log(desk)
-    status = RUNNING
-    if flags & RESUMED == 0:
-        for k in range(p.mode.width if flags & GIVEN_MODE == 0 else 0):
+    status = at.RUNNING
+    if flags & at.RESUMED == 0:
+        for k in range(p.mode.width if flags & at.GIVEN_MODE == 0 else 0):
             p.mode[k] = 0
-        status = start(p, m, out, log) if clear(p, m) else BAD_START
-    pause = m.counts[STEPS] + STEPS_PER_CALL
-    while status == RUNNING:
-        if m.clock[T] >= p.t_end:
-            return FINISHED
+        status = start(p, m, out, log) if clear(p, m) else at.BAD_START
+    pause = m.counts[at.STEPS] + STEPS_PER_CALL
+    while status == at.RUNNING:
+        if m.clock[at.T] >= p.t_end:
+            return at.FINISHED
         if lacks_room(m, out, log):
-            return NEEDS_ROOM
-        if p.methods[m.counts[METHOD], STEP] == 0:
-            return NEEDS_METHOD
-        if m.counts[STEPS] >= pause:
-            return PAUSED
-        if m.counts[STEPS] >= p.max_steps:
-            return TOO_MANY_STEPS
-        if m.counts[EVENTS] >= p.max_events:
-            return TOO_MANY_EVENTS
+            return at.NEEDS_ROOM
+        if p.methods[m.counts[at.METHOD], at.STEP] == 0:
+            return at.NEEDS_METHOD
+        if m.counts[at.STEPS] >= pause:
+            return at.PAUSED
+        if m.counts[at.STEPS] >= p.max_steps:
+            return at.TOO_MANY_STEPS
+        if m.counts[at.EVENTS] >= p.max_events:
+            return at.TOO_MANY_EVENTS
         status = advance(p, m, out, log)
     return status
 
@@ -302,7 +214,7 @@ _INT, _FLOAT = types.int64, types.float64
 RUN_NATIVE = _INT(_INT, _INT)
 NOT_KEPT = "no folder to keep it in can be written to: set NUMBA_CACHE_DIR to one that can"
 
-call_run = caller(RUN_NATIVE, *((kind, VALUE) for kind in RUN_NATIVE.args))
+call_run = code.caller(RUN_NATIVE, *((kind, code.VALUE) for kind in RUN_NATIVE.args))
 
 
 @kernel
@@ -311,37 +223,39 @@ def can_be_done(desk: IntVector, numbers: FloatVector) -> bool:
 
     A relative tolerance below rounding is raised to it.
     """
-    in_order = -inf < numbers[T_START] <= numbers[T_END] < inf
-    positive = numbers[MAX_STEP] > 0.0 and desk[MAX_STEPS] >= 1 and desk[MAX_EVENTS] >= 1
-    rtol_is_right = 0.0 <= numbers[RTOL] < 1.0
-    numbers[RTOL] = max(numbers[RTOL], SMALLEST_RTOL)
+    in_order = -inf < numbers[at.T_START] <= numbers[at.T_END] < inf
+    positive = numbers[at.MAX_STEP] > 0.0 and desk[at.MAX_STEPS] >= 1 and desk[at.MAX_EVENTS] >= 1
+    rtol_is_right = 0.0 <= numbers[at.RTOL] < 1.0
+    numbers[at.RTOL] = max(numbers[at.RTOL], SMALLEST_RTOL)
     return in_order and positive and rtol_is_right
 
 
 def _run(desk: int, flags: int) -> int:
     """Run the driver on what stands on the desk at this address."""
-    return run(int_vector(desk, DESK_SLOTS), flags)
+    return run(memory.int_vector(desk, at.DESK_SLOTS), flags)
 
 
 def _enter(desk: int, flags: int) -> int:
     """Run the driver on the desk at this address, if what is asked for there can be done."""
-    slots = int_vector(desk, DESK_SLOTS)
-    if flags & RESUMED == 0 and not can_be_done(slots, float_vector(desk, DESK_SLOTS)):
-        return BAD_NUMBERS
-    return call_run(slots[RUN], desk, flags)
+    slots = memory.int_vector(desk, at.DESK_SLOTS)
+    if flags & at.RESUMED == 0 and not can_be_done(slots, memory.float_vector(desk, at.DESK_SLOTS)):
+        return at.BAD_NUMBERS
+    return call_run(slots[at.RUN], desk, flags)
 
 
 @cache
 def compiled_run() -> Any:
     """Return the driver's machine code: from the cache, or compiled now, which stderr then says."""
-    notice = _Notice()
+    notice, digest = _Notice(), driver_digest()
+
+    def compile_it(cached: bool) -> Any:
+        return cfunc(RUN_NATIVE, cache=cached, **code.ENTRY)(_run)
+
     with event.install_listener("numba:run_pass", notice):
-        code = compiled_in_cache(
-            _run, driver_digest(), lambda cached: cfunc(RUN_NATIVE, cache=cached, **ENTRY)(_run)
-        )
-    with cache_directory(_run, driver_digest()) as folder:
+        driver = compiled_in_cache(_run, digest, compile_it)
+    with cache_directory(_run, digest) as folder:
         notice.end(folder)
-    return code
+    return driver
 
 
 class _Notice(event.Listener):  # type: ignore[misc]
@@ -376,7 +290,7 @@ def compiled_entry(function: Callable[..., Any], native: Any) -> Any:
     """Return a small compiled function which releases the interpreter's lock."""
 
     def compile_it(cached: bool) -> Any:
-        return njit(native, cache=cached, nogil=True, **ENTRY)(function)
+        return njit(native, cache=cached, nogil=True, **code.ENTRY)(function)
 
     return compiled_in_cache(function, driver_digest(), compile_it)
 
@@ -416,37 +330,38 @@ def _enter_many(
     they have any room, the states at the wanted times and the flow's Jacobians.
     """
     n, n_modes, n_params = y0.shape[1], modes.shape[1], params.shape[1]
-    mode, clock = int_vector(desk[MODE], n_modes), float_vector(desk[CLOCK], 0)
-    count, state = int_vector(desk[COUNTS], 0), float_table(desk[STATE_TABLE], n)
-    start = float_vector(desk[START_STATE], n)
-    phi, n_wanted = float_table(desk[TANGENT_TABLE], n), desk[WANTED + 1]
-    here, own = address_of(view(desk)), float_vector(desk[PARAMS], n_params)
-    numbers = float_vector(here, len(desk))
-    numbers[T_START], numbers[T_END], numbers[RTOL] = t_start, t_end, rtol
-    numbers[MAX_STEP], numbers[FIRST_STEP] = max_step, step
-    desk[MAX_STEPS], desk[MAX_EVENTS], desk[EACH_STEP] = max_steps, max_events, 0
+    mode, clock = memory.int_vector(desk[at.MODE], n_modes), memory.float_vector(desk[at.CLOCK], 0)
+    count = memory.int_vector(desk[at.COUNTS], 0)
+    state = memory.float_table(desk[at.STATE_TABLE], n)
+    start, room = memory.float_vector(desk[at.START_STATE], n), address_of(view(samples))
+    phi, n_wanted = memory.float_table(desk[at.TANGENT_TABLE], n), desk[at.WANTED + 1]
+    here, own = address_of(view(desk)), memory.float_vector(desk[at.PARAMS], n_params)
+    numbers = memory.float_vector(here, len(desk))
+    numbers[at.T_START], numbers[at.T_END], numbers[at.RTOL] = t_start, t_end, rtol
+    numbers[at.MAX_STEP], numbers[at.FIRST_STEP] = max_step, step
+    desk[at.MAX_STEPS], desk[at.MAX_EVENTS], desk[at.EACH_STEP] = max_steps, max_events, 0
     for b in range(first, last):
         for i in range(n_params):
             own[i] = params[b % len(params), i]
         for i in range(n_modes):
             mode[i] = modes[b % len(modes), i]
         if n_wanted > 0:
-            desk[SAMPLE_TABLE] = address_of(view(samples)) + b * n_wanted * n * BYTES
+            desk[at.SAMPLE_TABLE] = room + b * n_wanted * n * BYTES
         for i in range(n if len(jacobians) > 0 else 0):
             for j in range(n):
                 phi[i, j] = 1.0 if i == j else 0.0
         for i in range(n):
             start[i] = y0[b, i]
-        code = call_run(desk[RUN], here, GIVEN_MODE)
-        while code in (NEEDS_ROOM, PAUSED):
-            count[EVENT_ROWS] = 0 if code == NEEDS_ROOM else count[EVENT_ROWS]
-            code = call_run(desk[RUN], here, RESUMED)
-        if code == NEEDS_METHOD:
+        ended = call_run(desk[at.RUN], here, at.GIVEN_MODE)
+        while ended in (at.NEEDS_ROOM, at.PAUSED):
+            count[at.EVENT_ROWS] = 0 if ended == at.NEEDS_ROOM else count[at.EVENT_ROWS]
+            ended = call_run(desk[at.RUN], here, at.RESUMED)
+        if ended == at.NEEDS_METHOD:
             return b
-        status[b, 0], ends[b, 0] = code, clock[T]
-        ends[b, 1], ends[b, 2] = clock[RATE_BELOW], clock[RATE_ABOVE]
+        status[b, 0], ends[b, 0] = ended, clock[at.T]
+        ends[b, 1], ends[b, 2] = clock[at.RATE_BELOW], clock[at.RATE_ABOVE]
         for i in range(n):
-            ends[b, END_STATE + i] = state[Y, i]
+            ends[b, END_STATE + i] = state[at.Y, i]
         for i in range(n_modes):
             end_modes[b, i] = mode[i]
         for i in range(counts.shape[1]):

@@ -6,40 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import (
-    call_field,
-    call_guard,
-    call_guards,
-    kernel,
-    kernel_apart,
-    kernel_in_loop,
-)
+from hopdata.hybrid import layout as at
+from hopdata.hybrid.compiled import kernel as code
+from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, IntTable, IntVector
-from hopdata.hybrid.layout import (
-    AWAKE,
-    CULPRIT,
-    DUE,
-    END,
-    H0,
-    H1,
-    K1,
-    KEND,
-    N_AWAKE,
-    N_DUE,
-    N_NEAR,
-    NEAR,
-    NFEV,
-    NGEV,
-    RATE,
-    RATE0,
-    RATE1,
-    SCRATCH,
-    SIZE,
-    SLOPE,
-    H,
-    Memory,
-    Y,
-)
+from hopdata.hybrid.layout import Memory
 
 
 class Problem(NamedTuple):
@@ -73,7 +44,7 @@ def awake(p: Problem, m: Memory, a: int) -> int:
 
     A loop over all guards is then compiled without the list, into vector instructions.
     """
-    return a if p.rate_bound == 0 else m.lists[AWAKE, a]
+    return a if p.rate_bound == 0 else m.lists[at.AWAKE, a]
 
 
 @kernel
@@ -83,8 +54,8 @@ def eval_field(p: Problem, m: Memory, t: float, y: int, dy: int) -> None:
     NaN stays behind where the user's function does not fill it.
     """
     fill_row(m.states, dy, np.nan)
-    m.counts[NFEV] += 1
-    call_field(p.field, t, m.states, y, p.mode, p.params, m.states, dy)
+    m.counts[at.NFEV] += 1
+    code.call_field(p.field, t, m.states, y, p.mode, p.params, m.states, dy)
 
 
 @kernel_apart
@@ -93,7 +64,7 @@ def eval_guards(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: 
     if p.guards != 0:
         eval_all(p, m, t, y, dy, h, rate)
     elif p.guard != 0:
-        eval_listed(p, m, AWAKE, m.counts[N_AWAKE], t, y, dy, h, rate)
+        eval_listed(p, m, at.AWAKE, m.counts[at.N_AWAKE], t, y, dy, h, rate)
 
 
 @kernel_in_loop
@@ -101,8 +72,8 @@ def eval_all(p: Problem, m: Memory, t: float, y: int, dy: int, h: int, rate: int
     """Evaluate the guards of a system that gives all at once."""
     s, g = m.states, m.guards
     g[h, 0] = np.nan
-    m.counts[NGEV] += 1
-    call_guards(p.guards, t, s, y, s, dy, p.mode, p.params, g, h, g, rate)
+    m.counts[at.NGEV] += 1
+    code.call_guards(p.guards, t, s, y, s, dy, p.mode, p.params, g, h, g, rate)
 
 
 @kernel
@@ -110,7 +81,7 @@ def eval_listed(
     p: Problem, m: Memory, which: int, count: int, t: float, y: int, dy: int, h: int, rate: int
 ) -> None:
     """Evaluate the guards in a list, one by one."""
-    m.counts[NGEV] += count
+    m.counts[at.NGEV] += count
     for a in range(count):
         eval_guard(p, m, t, y, dy, m.lists[which, a], h, rate)
 
@@ -120,54 +91,54 @@ def eval_guard(p: Problem, m: Memory, t: float, y: int, dy: int, k: int, h: int,
     """Evaluate one of many guards; NaN stays behind where the user's function does not fill it."""
     s, g = m.states, m.guards
     g[h, k], g[rate, k] = np.nan, np.nan
-    call_guard(p.guard, t, s, y, s, dy, p.mode, p.params, k, g, h, g, rate)
+    code.call_guard(p.guard, t, s, y, s, dy, p.mode, p.params, k, g, h, g, rate)
 
 
 @kernel
 def guards_at_start(p: Problem, m: Memory, t: float) -> bool:
     """Evaluate the guards at the start of the step; tell whether all are filled and finite."""
     if p.guards != 0:
-        fill_row(m.guards, H0, np.nan)
-        fill_row(m.guards, RATE0, np.nan)
-    eval_guards(p, m, t, Y, K1, H0, RATE0)
-    return guards_are_finite(p, m, H0, RATE0)
+        fill_row(m.guards, at.H0, np.nan)
+        fill_row(m.guards, at.RATE0, np.nan)
+    eval_guards(p, m, t, at.Y, at.K1, at.H0, at.RATE0)
+    return guards_are_finite(p, m, at.H0, at.RATE0)
 
 
 @kernel
 def guards_at_end(p: Problem, m: Memory, t: float) -> bool:
     """Evaluate the guards at the end of the step; tell whether all are finite."""
-    eval_guards(p, m, t, END, KEND, H1, RATE1)
-    return guards_are_finite(p, m, H1, RATE1)
+    eval_guards(p, m, t, at.END, at.KEND, at.H1, at.RATE1)
+    return guards_are_finite(p, m, at.H1, at.RATE1)
 
 
 @kernel
 def guards_inside(p: Problem, m: Memory, t: float) -> None:
     """Evaluate the guards at the state and slope that stand in the working rows."""
-    eval_guards(p, m, t, SCRATCH, SLOPE, H, RATE)
+    eval_guards(p, m, t, at.SCRATCH, at.SLOPE, at.H, at.RATE)
 
 
 @kernel
 def near_inside(p: Problem, m: Memory, t: float) -> None:
     """Evaluate there at least the guards that the step may concern."""
     if p.guards != 0:
-        eval_all(p, m, t, SCRATCH, SLOPE, H, RATE)
+        eval_all(p, m, t, at.SCRATCH, at.SLOPE, at.H, at.RATE)
     else:
-        eval_listed(p, m, NEAR, m.counts[N_NEAR], t, SCRATCH, SLOPE, H, RATE)
+        eval_listed(p, m, at.NEAR, m.counts[at.N_NEAR], t, at.SCRATCH, at.SLOPE, at.H, at.RATE)
 
 
 @kernel_apart
 def guards_are_finite(p: Problem, m: Memory, h: int, rate: int) -> bool:
     """Tell whether rows `h` and `rate` are finite; else keep the guard that is not."""
     g, wrong = m.guards, 0
-    for a in range(m.counts[N_AWAKE]):
+    for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         wrong += 0 if (abs(g[h, k]) < np.inf) & (abs(g[rate, k]) < np.inf) else 1
     if wrong == 0:
         return True
-    for a in range(m.counts[N_AWAKE]):
+    for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         if not (np.isfinite(g[h, k]) and np.isfinite(g[rate, k])):
-            m.counts[CULPRIT] = k
+            m.counts[at.CULPRIT] = k
             break
     return False
 
@@ -239,21 +210,21 @@ def is_due(g: float, rate: float, size: float, resolution: float) -> bool:
 def mark_due(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
     """Put those of the guards in NEAR that flip now, by rows `h` and `rate`, into DUE."""
     g, total = m.guards, 0
-    for a in range(m.counts[N_NEAR]):
-        k = m.lists[NEAR, a]
+    for a in range(m.counts[at.N_NEAR]):
+        k = m.lists[at.NEAR, a]
         lock = p.mode[k]
-        if is_due(lock * g[h, k], lock * g[rate, k], g[SIZE, k], resolution):
-            m.lists[DUE, total] = k
+        if is_due(lock * g[h, k], lock * g[rate, k], g[at.SIZE, k], resolution):
+            m.lists[at.DUE, total] = k
             total += 1
-    m.counts[N_DUE] = total
+    m.counts[at.N_DUE] = total
     return total
 
 
 @kernel
 def mark_one(m: Memory, k: int) -> int:
     """Put guard k, alone, into DUE; return 1."""
-    m.lists[DUE, 0] = k
-    m.counts[N_DUE] = 1
+    m.lists[at.DUE, 0] = k
+    m.counts[at.N_DUE] = 1
     return 1
 
 
@@ -261,19 +232,19 @@ def mark_one(m: Memory, k: int) -> int:
 def remember_residuals(p: Problem, m: Memory, h: int) -> None:
     """Count what is left of h at guards that flip now, though on their old side, as rounding."""
     g = m.guards
-    for a in range(m.counts[N_DUE]):
-        k = m.lists[DUE, a]
+    for a in range(m.counts[at.N_DUE]):
+        k = m.lists[at.DUE, a]
         left = p.mode[k] * g[h, k]
         if left > 0.0:
-            g[SIZE, k] = max(g[SIZE, k], 2.0 * left / ROUNDING)
+            g[at.SIZE, k] = max(g[at.SIZE, k], 2.0 * left / ROUNDING)
 
 
 @kernel
 def next_due(m: Memory, last: int) -> int:
     """Return the first guard after `last` that flips now, by number, or -1: waking up shuffles."""
     found = -1
-    for a in range(m.counts[N_DUE]):
-        k = m.lists[DUE, a]
+    for a in range(m.counts[at.N_DUE]):
+        k = m.lists[at.DUE, a]
         if k > last and (found < 0 or k < found):
             found = k
     return found

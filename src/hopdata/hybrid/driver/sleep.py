@@ -7,31 +7,10 @@ the surface. The sleeping guards stand in a heap by the travel at which they mus
 
 from __future__ import annotations
 
+from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import call_rate_bound, kernel
 from hopdata.hybrid.driver.problem import Problem, eval_guard
-from hopdata.hybrid.layout import (
-    AWAKE,
-    BEND,
-    END,
-    H0,
-    H1,
-    HEAP,
-    K1,
-    KEND,
-    N_ASLEEP,
-    N_AWAKE,
-    NGEV,
-    RATE0,
-    RATE1,
-    SCRATCH,
-    SIZE,
-    SLOPE,
-    SPEED,
-    TRAVEL,
-    Memory,
-    T,
-    Y,
-)
+from hopdata.hybrid.layout import Memory
 
 # The heap of guards that sleep: the one that must wake first stands at its top.
 #
@@ -44,19 +23,19 @@ WIDTH = 4
 @kernel
 def put(m: Memory, place: int, k: int, wake_at: float) -> None:
     """Put guard k at a place of the heap."""
-    m.lists[HEAP, place], m.wake_at[place] = k, wake_at
+    m.lists[at.HEAP, place], m.wake_at[place] = k, wake_at
 
 
 @kernel
 def push(m: Memory, k: int, wake_at: float) -> None:
     """Put guard k into the heap."""
-    place = m.counts[N_ASLEEP]
-    m.counts[N_ASLEEP] += 1
+    place = m.counts[at.N_ASLEEP]
+    m.counts[at.N_ASLEEP] += 1
     while place > 0:
         above = (place - 1) // WIDTH
         if m.wake_at[above] <= wake_at:
             break
-        put(m, place, m.lists[HEAP, above], m.wake_at[above])
+        put(m, place, m.lists[at.HEAP, above], m.wake_at[above])
         place = above
     put(m, place, k, wake_at)
 
@@ -78,12 +57,12 @@ def least_below(m: Memory, first: int, size: int) -> int:
 @kernel
 def replace_first(m: Memory, k: int, wake_at: float) -> None:
     """Put guard k into the heap in the place of the one that must wake first."""
-    size, place, below = m.counts[N_ASLEEP], 0, 1
+    size, place, below = m.counts[at.N_ASLEEP], 0, 1
     while below < size:
         least = least_below(m, below, size)
         if wake_at <= m.wake_at[least]:
             break
-        put(m, place, m.lists[HEAP, least], m.wake_at[least])
+        put(m, place, m.lists[at.HEAP, least], m.wake_at[least])
         place, below = least, WIDTH * least + 1
     put(m, place, k, wake_at)
 
@@ -91,11 +70,11 @@ def replace_first(m: Memory, k: int, wake_at: float) -> None:
 @kernel
 def pop(m: Memory) -> int:
     """Take the guard that must wake first out of the heap."""
-    first = m.lists[HEAP, 0]
-    m.counts[N_ASLEEP] -= 1
-    last = m.counts[N_ASLEEP]
+    first = m.lists[at.HEAP, 0]
+    m.counts[at.N_ASLEEP] -= 1
+    last = m.counts[at.N_ASLEEP]
     if last > 0:
-        replace_first(m, m.lists[HEAP, last], m.wake_at[last])
+        replace_first(m, m.lists[at.HEAP, last], m.wake_at[last])
     return first
 
 
@@ -118,14 +97,14 @@ def step_travel(p: Problem, m: Memory, dt: float) -> float:
 
     The middle is that of the cubic through states and slopes at both ends.
     """
-    s, t = m.states, m.clock[T]
+    s, t = m.states, m.clock[at.T]
     for i in range(s.width):
-        rise = s[END, i] - s[Y, i]
-        s[SCRATCH, i] = s[Y, i] + 0.5 * rise + 0.125 * dt * (s[K1, i] - s[KEND, i])
-        s[SLOPE, i] = 1.5 * rise / dt - 0.25 * (s[K1, i] + s[KEND, i])
-    middle = speed_at(p, m, t + 0.5 * dt, SCRATCH, SLOPE)
-    after = speed_at(p, m, t + dt, END, KEND)
-    return MARGIN * dt * max(m.clock[SPEED], middle, after)
+        rise = s[at.END, i] - s[at.Y, i]
+        s[at.SCRATCH, i] = s[at.Y, i] + 0.5 * rise + 0.125 * dt * (s[at.K1, i] - s[at.KEND, i])
+        s[at.SLOPE, i] = 1.5 * rise / dt - 0.25 * (s[at.K1, i] + s[at.KEND, i])
+    middle = speed_at(p, m, t + 0.5 * dt, at.SCRATCH, at.SLOPE)
+    after = speed_at(p, m, t + dt, at.END, at.KEND)
+    return MARGIN * dt * max(m.clock[at.SPEED], middle, after)
 
 
 @kernel
@@ -134,16 +113,16 @@ def wake_first(p: Problem, m: Memory, limit: float) -> int:
 
     Else wake it, and return its number; -1 if it sleeps on.
     """
-    k = m.lists[HEAP, 0]
-    m.counts[NGEV] += 1
-    eval_guard(p, m, m.clock[T], Y, K1, k, H0, RATE0)
-    distance = abs(m.guards[H0, k])
-    if m.clock[TRAVEL] + distance > limit:
-        replace_first(m, k, m.clock[TRAVEL] + distance)
+    k = m.lists[at.HEAP, 0]
+    m.counts[at.NGEV] += 1
+    eval_guard(p, m, m.clock[at.T], at.Y, at.K1, k, at.H0, at.RATE0)
+    distance = abs(m.guards[at.H0, k])
+    if m.clock[at.TRAVEL] + distance > limit:
+        replace_first(m, k, m.clock[at.TRAVEL] + distance)
         return -1
-    m.guards[SIZE, k], m.guards[BEND, k] = distance, 0.0
-    m.lists[AWAKE, m.counts[N_AWAKE]] = k
-    m.counts[N_AWAKE] += 1
+    m.guards[at.SIZE, k], m.guards[at.BEND, k] = distance, 0.0
+    m.lists[at.AWAKE, m.counts[at.N_AWAKE]] = k
+    m.counts[at.N_AWAKE] += 1
     return pop(m)
 
 
@@ -153,9 +132,9 @@ def wake_for(p: Problem, m: Memory, dt: float) -> int:
 
     Those that turn out to be far away sleep on.
     """
-    travel, bound = m.clock[TRAVEL], MARGIN * m.clock[SPEED] * dt
+    travel, bound = m.clock[at.TRAVEL], MARGIN * m.clock[at.SPEED] * dt
     k = -1
-    while k < 0 and m.counts[N_ASLEEP] > 0 and not m.wake_at[0] > travel + bound:
+    while k < 0 and m.counts[at.N_ASLEEP] > 0 and not m.wake_at[0] > travel + bound:
         k = wake_first(p, m, travel + REST * bound)
     return k
 
@@ -165,12 +144,12 @@ def wake(p: Problem, m: Memory, dt: float) -> None:
     """Wake all guards that may flip within the step taken, and evaluate them at its end, too."""
     if p.rate_bound == 0:
         return
-    limit = m.clock[TRAVEL] + step_travel(p, m, dt)
-    while m.counts[N_ASLEEP] > 0 and not m.wake_at[0] > limit:
+    limit = m.clock[at.TRAVEL] + step_travel(p, m, dt)
+    while m.counts[at.N_ASLEEP] > 0 and not m.wake_at[0] > limit:
         k = wake_first(p, m, limit)
         if k >= 0:
-            m.counts[NGEV] += 1
-            eval_guard(p, m, m.clock[T] + dt, END, KEND, k, H1, RATE1)
+            m.counts[at.NGEV] += 1
+            eval_guard(p, m, m.clock[at.T] + dt, at.END, at.KEND, k, at.H1, at.RATE1)
 
 
 @kernel
@@ -179,26 +158,26 @@ def travel_on(p: Problem, m: Memory, dt: float) -> None:
     if p.rate_bound == 0:
         return
     travel = step_travel(p, m, dt)
-    m.clock[TRAVEL] += travel
-    m.clock[SPEED] = speed_at(p, m, m.clock[T] + dt, END, KEND)
+    m.clock[at.TRAVEL] += travel
+    m.clock[at.SPEED] = speed_at(p, m, m.clock[at.T] + dt, at.END, at.KEND)
     kept = 0
-    for a in range(m.counts[N_AWAKE]):
-        k = m.lists[AWAKE, a]
-        distance = abs(m.guards[H1, k])
+    for a in range(m.counts[at.N_AWAKE]):
+        k = m.lists[at.AWAKE, a]
+        distance = abs(m.guards[at.H1, k])
         if distance > REST * travel:
-            push(m, k, m.clock[TRAVEL] + distance)
+            push(m, k, m.clock[at.TRAVEL] + distance)
         else:
-            m.lists[AWAKE, kept] = k
+            m.lists[at.AWAKE, kept] = k
             kept += 1
-    m.counts[N_AWAKE] = kept
+    m.counts[at.N_AWAKE] = kept
 
 
 @kernel
 def wake_all(m: Memory) -> None:
     """Wake all guards: the state has jumped."""
-    for place in range(m.counts[N_ASLEEP]):
-        k = m.lists[HEAP, place]
-        m.guards[SIZE, k], m.guards[BEND, k] = 0.0, 0.0
-    m.counts[N_ASLEEP], m.counts[N_AWAKE] = 0, m.guards.width
+    for place in range(m.counts[at.N_ASLEEP]):
+        k = m.lists[at.HEAP, place]
+        m.guards[at.SIZE, k], m.guards[at.BEND, k] = 0.0, 0.0
+    m.counts[at.N_ASLEEP], m.counts[at.N_AWAKE] = 0, m.guards.width
     for k in range(m.guards.width):
-        m.lists[AWAKE, k] = k
+        m.lists[at.AWAKE, k] = k

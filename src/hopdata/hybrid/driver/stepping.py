@@ -6,6 +6,7 @@ from math import exp, isfinite, log
 
 import numpy as np
 
+from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import call_step, kernel, kernel_in_loop
 from hopdata.hybrid.driver.problem import (
     Problem,
@@ -16,46 +17,8 @@ from hopdata.hybrid.driver.problem import (
 )
 from hopdata.hybrid.driver.sleep import wake
 from hopdata.hybrid.driver.watch import clipped
-from hopdata.hybrid.layout import (
-    DENSER,
-    ERROR,
-    EVALUATIONS,
-    FIELD_NOT_FINITE,
-    GAP,
-    GUARD_NOT_FINITE,
-    K1,
-    KEND,
-    LAST_LOG_ERROR,
-    LAST_SLOPE,
-    METHOD,
-    NEXT_DT,
-    NFEV,
-    ORDER,
-    REJECTED,
-    RELAXED,
-    SCRATCH,
-    SEGMENT,
-    SLOPE,
-    SPAN,
-    SPARSER,
-    STEP,
-    STEP_UNDERFLOW,
-    STEPS,
-    STIFF_SCORE,
-    STIFF_TENTHS,
-    STIFFER,
-    Memory,
-    T,
-    Y,
-)
-from hopdata.hybrid.methods.stiff import (
-    JAC,
-    PIVOTS,
-    STIFF,
-    explicit_stiffness,
-    implicit_stiffness,
-    stiffness_score,
-)
+from hopdata.hybrid.layout import Memory
+from hopdata.hybrid.methods import stiff
 from hopdata.hybrid.methods.taylor import LONGEST
 
 # Which method takes the next step, if there is a choice.
@@ -75,24 +38,26 @@ RELIEVED = 1.0  # dt times the fastest rate, below which an explicit step of thi
 @kernel
 def watch_stiffness(p: Problem, m: Memory, dt: float) -> None:
     """Count the step just accepted, if stability limits it."""
-    method = m.counts[METHOD]
-    if p.methods[method, STIFFER] < 0:
+    method = m.counts[at.METHOD]
+    if p.methods[method, at.STIFFER] < 0:
         return
-    score = m.clock[STIFF_SCORE]
-    if score == 0.0 and m.counts[STEPS] % EVERY != 0:
+    score = m.clock[at.STIFF_SCORE]
+    if score == 0.0 and m.counts[at.STEPS] % EVERY != 0:
         return
-    last, limit = p.methods[method, LAST_SLOPE], 0.1 * p.methods[method, STIFF_TENTHS]
-    found = explicit_stiffness(m.states, dt, p.rtol, p.atol, last, m.states.width)
-    m.clock[STIFF_SCORE] = stiffness_score(score, found, limit)
+    last, limit = p.methods[method, at.LAST_SLOPE], 0.1 * p.methods[method, at.STIFF_TENTHS]
+    found = stiff.explicit_stiffness(m.states, dt, p.rtol, p.atol, last, m.states.width)
+    m.clock[at.STIFF_SCORE] = stiff.stiffness_score(score, found, limit)
 
 
 @kernel
 def relieved(p: Problem, m: Memory) -> bool:
     """Tell whether an explicit method could take a step like the next one."""
-    if m.counts[STEPS] % EVERY != 0:
+    if m.counts[at.STEPS] % EVERY != 0:
         return False
     n = m.states.width
-    found = implicit_stiffness(m.states, m.clock[NEXT_DT], p.rtol, p.atol, JAC, PIVOTS, n)
+    found = stiff.implicit_stiffness(
+        m.states, m.clock[at.NEXT_DT], p.rtol, p.atol, stiff.JAC, stiff.PIVOTS, n
+    )
     return found < RELIEVED
 
 
@@ -100,57 +65,57 @@ def relieved(p: Problem, m: Memory) -> bool:
 def first_method(p: Problem) -> int:
     """Return the method to begin with: of highest order, or one less if tolerances are loose."""
     method = 0
-    while p.methods[method, SPARSER] >= 0:
-        method = p.methods[method, SPARSER]
+    while p.methods[method, at.SPARSER] >= 0:
+        method = p.methods[method, at.SPARSER]
     return method - 1 if method > 0 and p.rtol > TIGHT else method
 
 
 @kernel
 def step_ratio(p: Problem, method: int, other: int) -> float:
     """Return how much longer a step of the other method is, by the orders of both."""
-    return p.rtol ** (1.0 / p.methods[other, ORDER] - 1.0 / p.methods[method, ORDER])
+    return p.rtol ** (1.0 / p.methods[other, at.ORDER] - 1.0 / p.methods[method, at.ORDER])
 
 
 @kernel
 def change_method(p: Problem, m: Memory, other: int) -> None:
     """Change to another method, and guess its step."""
-    m.clock[NEXT_DT] *= step_ratio(p, m.counts[METHOD], other)
-    m.counts[METHOD] = other
+    m.clock[at.NEXT_DT] *= step_ratio(p, m.counts[at.METHOD], other)
+    m.counts[at.METHOD] = other
 
 
 @kernel
 def choose_after_step(p: Problem, m: Memory) -> None:
     """Change to a method for stiff fields or back, or to one of high order where events are few."""
-    method = m.counts[METHOD]
-    stiffer, relaxed = p.methods[method, STIFFER], p.methods[method, RELAXED]
-    if stiffer >= 0 and m.clock[STIFF_SCORE] >= STIFF:
-        m.clock[STIFF_SCORE] = 0.0
-        m.counts[METHOD] = stiffer
+    method = m.counts[at.METHOD]
+    stiffer, relaxed = p.methods[method, at.STIFFER], p.methods[method, at.RELAXED]
+    if stiffer >= 0 and m.clock[at.STIFF_SCORE] >= stiff.STIFF:
+        m.clock[at.STIFF_SCORE] = 0.0
+        m.counts[at.METHOD] = stiffer
         return
     if relaxed >= 0 and relieved(p, m):
-        m.counts[METHOD] = relaxed
+        m.counts[at.METHOD] = relaxed
         return
-    sparser = p.methods[method, SPARSER]
-    if sparser >= 0 and m.clock[T] - m.clock[SEGMENT] > LONG * m.clock[NEXT_DT]:
+    sparser = p.methods[method, at.SPARSER]
+    if sparser >= 0 and m.clock[at.T] - m.clock[at.SEGMENT] > LONG * m.clock[at.NEXT_DT]:
         change_method(p, m, sparser)
 
 
 @kernel
 def affine_step(p: Problem, m: Memory) -> float:
     """Return the first step in an affine mode: to the end, if its fastest motion allows."""
-    left, shortest = p.t_end - m.clock[T], MANY * time_resolution(m.clock[T], 0.0)
+    left, shortest = p.t_end - m.clock[at.T], MANY * time_resolution(m.clock[at.T], 0.0)
     return min(left, max(m.states[LONGEST, 0], shortest))
 
 
 @kernel
 def choose_after_event(p: Problem, m: Memory) -> None:
     """Change to a cheaper method, if the last event is but a few of its steps ago."""
-    method = m.counts[METHOD]
-    denser, apart = p.methods[method, DENSER], m.clock[T] - m.clock[SEGMENT]
-    m.clock[SEGMENT], m.clock[GAP] = m.clock[T], apart
-    if p.methods[method, ORDER] >= VERY_HIGH_ORDER:  # the last mode tells nothing of this one
-        m.clock[NEXT_DT] = affine_step(p, m)
-    if denser >= 0 and apart < SHORT * m.clock[NEXT_DT] * step_ratio(p, method, denser):
+    method = m.counts[at.METHOD]
+    denser, apart = p.methods[method, at.DENSER], m.clock[at.T] - m.clock[at.SEGMENT]
+    m.clock[at.SEGMENT], m.clock[at.GAP] = m.clock[at.T], apart
+    if p.methods[method, at.ORDER] >= VERY_HIGH_ORDER:  # the last mode tells nothing of this one
+        m.clock[at.NEXT_DT] = affine_step(p, m)
+    if denser >= 0 and apart < SHORT * m.clock[at.NEXT_DT] * step_ratio(p, method, denser):
         change_method(p, m, denser)
 
 
@@ -174,13 +139,13 @@ def take_step(p: Problem, m: Memory, t: float, dt: float) -> float:
 
     Returns the error in units of the tolerance, NaN if the field is not finite or has raised.
     """
-    s, method = m.states, m.counts[METHOD]
-    m.clock[SPAN] = 0.0
-    m.counts[NFEV] += p.methods[method, EVALUATIONS]
-    s[KEND, 0] = np.nan  # stays, if the user's function raises
-    address = p.methods[method, STEP]
+    s, method = m.states, m.counts[at.METHOD]
+    m.clock[at.SPAN] = 0.0
+    m.counts[at.NFEV] += p.methods[method, at.EVALUATIONS]
+    s[at.KEND, 0] = np.nan  # stays, if the user's function raises
+    address = p.methods[method, at.STEP]
     error = call_step(address, t, dt, p.rtol, s, p.mode, p.params, p.atol, p.field)
-    return error if first_not_finite(s, KEND) < 0 else np.nan
+    return error if first_not_finite(s, at.KEND) < 0 else np.nan
 
 
 @kernel
@@ -214,16 +179,16 @@ def resize_next(
     A step that was clipped to less than `proposed` says little: the proposal stands.
     """
     log_error = log(max(error, TINY))
-    factor = growth(log_error, m.clock[LAST_LOG_ERROR], order)
-    m.clock[ERROR] = error
+    factor = growth(log_error, m.clock[at.LAST_LOG_ERROR], order)
+    m.clock[at.ERROR] = error
     if rejected:
-        m.clock[NEXT_DT] = dt * min(1.0, factor)
+        m.clock[at.NEXT_DT] = dt * min(1.0, factor)
     elif dt < proposed:
-        m.clock[NEXT_DT] = max(dt * factor, proposed)
+        m.clock[at.NEXT_DT] = max(dt * factor, proposed)
         return
     else:
-        m.clock[NEXT_DT] = dt * factor
-    m.clock[LAST_LOG_ERROR] = max(log_error, LOG_ERROR_FLOOR)
+        m.clock[at.NEXT_DT] = dt * factor
+    m.clock[at.LAST_LOG_ERROR] = max(log_error, LOG_ERROR_FLOOR)
 
 
 @kernel_in_loop
@@ -233,31 +198,31 @@ def accepted_step(p: Problem, m: Memory) -> float:
     Leaves its end in END, the guards there in H1, and a proposal for the next in NEXT_DT.
     Returns its size, or a status (negative) if there is none.
     """
-    t = m.clock[T]
+    t = m.clock[at.T]
     left = p.t_end - t
-    order = float(p.methods[m.counts[METHOD], ORDER])
-    proposed = min(m.clock[NEXT_DT], p.max_step)
+    order = float(p.methods[m.counts[at.METHOD], at.ORDER])
+    proposed = min(m.clock[at.NEXT_DT], p.max_step)
     dt = clipped(p, m, proposed)
-    shrink, reason = 1.0, float(STEP_UNDERFLOW)
+    shrink, reason = 1.0, float(at.STEP_UNDERFLOW)
     while True:
         dt = left if dt * ALMOST_THERE >= left else dt
         if shrink < 1.0 and dt <= STEP_FLOOR * abs(t):
             return reason
         error = take_step(p, m, t, dt)
         if not isfinite(error):
-            shrink, reason = SHRINK_AT_NAN, float(FIELD_NOT_FINITE)
+            shrink, reason = SHRINK_AT_NAN, float(at.FIELD_NOT_FINITE)
         elif error > 1.0:
-            shrink, reason = shrink_factor(error, order), float(STEP_UNDERFLOW)
+            shrink, reason = shrink_factor(error, order), float(at.STEP_UNDERFLOW)
         elif guards_at_end(p, m, t + dt):
             break
         else:
-            shrink, reason = SHRINK_AT_NAN, float(GUARD_NOT_FINITE)
-        m.counts[REJECTED] += 1
+            shrink, reason = SHRINK_AT_NAN, float(at.GUARD_NOT_FINITE)
+        m.counts[at.REJECTED] += 1
         dt *= shrink
     watch_stiffness(p, m, dt)
     wake(p, m, dt)
     resize_next(m, dt, error, shrink < 1.0, proposed, order)
-    m.counts[STEPS] += 1
+    m.counts[at.STEPS] += 1
     return dt
 
 
@@ -267,25 +232,26 @@ def first_step(p: Problem, m: Memory) -> float:
 
     With a very high order, one that is too long costs less than to ask.
     """
-    s, t = m.states, m.clock[T]
+    s, t = m.states, m.clock[at.T]
     longest = min(p.t_end - t, p.max_step)
-    if p.methods[m.counts[METHOD], ORDER] >= VERY_HIGH_ORDER:
+    if p.methods[m.counts[at.METHOD], at.ORDER] >= VERY_HIGH_ORDER:
         return min(longest, affine_step(p, m))
     size, slope, bend = 0.0, 0.0, 0.0
     for i in range(s.width):
-        scale = tolerance(p, i, abs(s[Y, i]))
-        size = max(size, abs(s[Y, i]) / scale)
-        slope = max(slope, abs(s[K1, i]) / scale)
+        scale = tolerance(p, i, abs(s[at.Y, i]))
+        size = max(size, abs(s[at.Y, i]) / scale)
+        slope = max(slope, abs(s[at.K1, i]) / scale)
     trial = 0.01 * size / slope if size > 0.0 and slope > 0.0 else 1e-3 * longest
     trial = min(trial, longest)
     if trial == 0.0:
         return longest
     for i in range(s.width):
-        s[SCRATCH, i] = s[Y, i] + trial * s[K1, i]
-    eval_field(p, m, t + trial, SCRATCH, SLOPE)
+        s[at.SCRATCH, i] = s[at.Y, i] + trial * s[at.K1, i]
+    eval_field(p, m, t + trial, at.SCRATCH, at.SLOPE)
     for i in range(s.width):
-        bend = max(bend, abs(s[SLOPE, i] - s[K1, i]) / (trial * tolerance(p, i, abs(s[Y, i]))))
+        allowed = trial * tolerance(p, i, abs(s[at.Y, i]))
+        bend = max(bend, abs(s[at.SLOPE, i] - s[at.K1, i]) / allowed)
     steepest = max(slope, bend)
-    power = 1.0 / p.methods[m.counts[METHOD], ORDER]
+    power = 1.0 / p.methods[m.counts[at.METHOD], at.ORDER]
     step = (0.01 / steepest) ** power if isfinite(steepest) and steepest > 0.0 else longest
     return min(100.0 * trial, step, longest)

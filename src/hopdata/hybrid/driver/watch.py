@@ -11,35 +11,12 @@ from math import sqrt
 
 import numpy as np
 
+from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
 from hopdata.hybrid.driver.problem import Problem, awake, blur, eval_guards, time_resolution
 from hopdata.hybrid.driver.sleep import wake_for
-from hopdata.hybrid.layout import (
-    BEND,
-    BENT,
-    CLEARANCE,
-    DEGREE,
-    GAP,
-    H0,
-    H1,
-    IN_POWERS,
-    METHOD,
-    N_AWAKE,
-    N_BENT,
-    N_NEAR,
-    NEAR,
-    PIECE,
-    PIECES,
-    RATE0,
-    RATE1,
-    SCRATCH,
-    SIZE,
-    SLOPE,
-    H,
-    Memory,
-    T,
-)
+from hopdata.hybrid.layout import Memory
 
 # The knots of a step: where its guards are known, and between which a cubic stands for each.
 #
@@ -49,26 +26,25 @@ from hopdata.hybrid.layout import (
 # Degrees that a series needs for 1.5 and 3 radians of the fastest motion that shows in it.
 ONE_PIECE, TWO_PIECES = 22, 28
 THIRD = 1.0 / 3.0
+Ends = tuple[
+    float, float, float, float
+]  # margin and slope at the start, margin and slope at the end
 
 
 @kernel
 def knot(m: Memory, number: int) -> int:
     """Return the row of the guards at a knot; that of their rates comes next."""
-    return H1 if number == m.counts[PIECES] else H0 + 2 * number
+    return at.H1 if number == m.counts[at.PIECES] else at.H0 + 2 * number
 
 
 @kernel
-def piece_ends(
-    m: Memory, k: int, lock: int, piece: int, dt: float
-) -> tuple[float, float, float, float]:
+def piece_ends(m: Memory, k: int, lock: int, piece: int, dt: float) -> Ends:
     """Return margin and slope of guard k, per piece, at both ends of a piece of the step."""
-    return ends_between(m, k, lock, H0 + 2 * piece, knot(m, piece + 1), dt * m.clock[PIECE])
+    return ends_between(m, k, lock, at.H0 + 2 * piece, knot(m, piece + 1), dt * m.clock[at.PIECE])
 
 
 @kernel
-def ends_between(
-    m: Memory, k: int, lock: int, start: int, end: int, span: float
-) -> tuple[float, float, float, float]:
+def ends_between(m: Memory, k: int, lock: int, start: int, end: int, span: float) -> Ends:
     """Return margin and slope of guard k, per `span`, by the rows of its values at two places."""
     g = m.guards
     g0, d0 = lock * g[start, k], lock * g[start + 1, k] * span
@@ -81,30 +57,30 @@ def piece_before(m: Memory, piece: int, end: float) -> tuple[int, float, float]:
 
     The last piece before `end` is cut off there: the guards have been evaluated there last.
     """
-    part = m.clock[PIECE]
+    part = m.clock[at.PIECE]
     start = piece * part
     if (piece + 1) * part <= end:
         return knot(m, piece + 1), start, part
-    return H, start, end - start
+    return at.H, start, end - start
 
 
 @kernel
 def set_knots(p: Problem, m: Memory, dt: float) -> None:
     """Choose the knots of a step, and evaluate the guards at those inside."""
-    m.counts[PIECES], m.clock[PIECE] = 1, 1.0
-    if p.methods[m.counts[METHOD], IN_POWERS] == 0:
+    m.counts[at.PIECES], m.clock[at.PIECE] = 1, 1.0
+    if p.methods[m.counts[at.METHOD], at.IN_POWERS] == 0:
         return
     prepare_interpolant(p, m, dt)
-    if m.counts[DEGREE] <= ONE_PIECE:
+    if m.counts[at.DEGREE] <= ONE_PIECE:
         return
-    if m.counts[DEGREE] <= TWO_PIECES:
-        m.counts[PIECES], m.clock[PIECE] = 2, 0.5
+    if m.counts[at.DEGREE] <= TWO_PIECES:
+        m.counts[at.PIECES], m.clock[at.PIECE] = 2, 0.5
     else:
-        m.counts[PIECES], m.clock[PIECE] = 3, THIRD
-    for number in range(1, m.counts[PIECES]):
-        theta, row = number * m.clock[PIECE], H0 + 2 * number
+        m.counts[at.PIECES], m.clock[at.PIECE] = 3, THIRD
+    for number in range(1, m.counts[at.PIECES]):
+        theta, row = number * m.clock[at.PIECE], at.H0 + 2 * number
         interpolate_with_slope(p, m, theta, dt)
-        eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, row, row + 1)
+        eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, row, row + 1)
 
 
 GRAZE = 1e-2  # look closer at a dip that comes nearer than this, relative to the step's margins
@@ -143,70 +119,70 @@ def gather_unclear(p: Problem, m: Memory, unclear: int, first: int) -> int:
     count, a = 0, first
     while count < unclear:
         k = awake(p, m, a)
-        m.lists[NEAR, count] = k
-        count += 0 if m.guards[CLEARANCE, k] > 0.0 else 1
+        m.lists[at.NEAR, count] = k
+        count += 0 if m.guards[at.CLEARANCE, k] > 0.0 else 1
         a += 1
-    m.counts[N_NEAR] = count
+    m.counts[at.N_NEAR] = count
     return count
 
 
 @kernel_apart
 def gather_near(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that may flip within the step, by its ends, into NEAR; return their number."""
-    g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
-    for a in range(m.counts[N_AWAKE]):
+    g, unclear, first = m.guards, 0, m.counts[at.N_AWAKE]
+    for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         lock = p.mode[k]
-        g[CLEARANCE, k] = clearance(
-            facing(lock, g[H0, k]), facing(lock, g[RATE0, k]) * dt,
-            facing(lock, g[H1, k]), facing(lock, g[RATE1, k]) * dt,
+        g[at.CLEARANCE, k] = clearance(
+            facing(lock, g[at.H0, k]), facing(lock, g[at.RATE0, k]) * dt,
+            facing(lock, g[at.H1, k]), facing(lock, g[at.RATE1, k]) * dt,
         )  # fmt: skip
-        unclear += 0 if g[CLEARANCE, k] > 0.0 else 1
-        first = min(first, m.counts[N_AWAKE] if g[CLEARANCE, k] > 0.0 else a)
+        unclear += 0 if g[at.CLEARANCE, k] > 0.0 else 1
+        first = min(first, m.counts[at.N_AWAKE] if g[at.CLEARANCE, k] > 0.0 else a)
     return gather_unclear(p, m, unclear, first)
 
 
 @kernel_apart
 def gather_near_by_pieces(p: Problem, m: Memory, dt: float) -> int:
     """Do the same by all knots of the step: a guard must stay clear between each two."""
-    g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
-    for a in range(m.counts[N_AWAKE]):
+    g, unclear, first = m.guards, 0, m.counts[at.N_AWAKE]
+    for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         lock, least = p.mode[k], np.inf
-        for piece in range(m.counts[PIECES]):
+        for piece in range(m.counts[at.PIECES]):
             g0, d0, g1, d1 = piece_ends(m, k, lock, piece, dt)
             least = min(least, clearance(g0, d0, g1, d1))
-        g[CLEARANCE, k] = least
+        g[at.CLEARANCE, k] = least
         unclear += 0 if least > 0.0 else 1
-        first = min(first, m.counts[N_AWAKE] if least > 0.0 else a)
+        first = min(first, m.counts[at.N_AWAKE] if least > 0.0 else a)
     return gather_unclear(p, m, unclear, first)
 
 
 @kernel_apart
 def gather_reached(p: Problem, m: Memory, h: int, rate: int, resolution: float) -> int:
     """Put the guards that are at their surface or past it, by rows `h` and `rate`, into NEAR."""
-    g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
-    for a in range(m.counts[N_AWAKE]):
+    g, unclear, first = m.guards, 0, m.counts[at.N_AWAKE]
+    for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
-        noise = blur(g[SIZE, k], g[rate, k], resolution)
-        g[CLEARANCE, k] = facing(p.mode[k], g[h, k]) - noise
-        unclear += 0 if g[CLEARANCE, k] > 0.0 else 1
-        first = min(first, m.counts[N_AWAKE] if g[CLEARANCE, k] > 0.0 else a)
+        noise = blur(g[at.SIZE, k], g[rate, k], resolution)
+        g[at.CLEARANCE, k] = facing(p.mode[k], g[h, k]) - noise
+        unclear += 0 if g[at.CLEARANCE, k] > 0.0 else 1
+        first = min(first, m.counts[at.N_AWAKE] if g[at.CLEARANCE, k] > 0.0 else a)
     return gather_unclear(p, m, unclear, first)
 
 
 @kernel_apart
 def gather_coming(p: Problem, m: Memory, dt: float) -> int:
     """Put the guards that rate and bend would take to their surface within `dt` into NEAR."""
-    g, unclear, first = m.guards, 0, m.counts[N_AWAKE]
-    for a in range(m.counts[N_AWAKE]):
+    g, unclear, first = m.guards, 0, m.counts[at.N_AWAKE]
+    for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         lock = p.mode[k]
-        g[CLEARANCE, k] = after(
-            facing(lock, g[H0, k]), facing(lock, g[RATE0, k]), facing(lock, g[BEND, k]), dt
+        g[at.CLEARANCE, k] = after(
+            facing(lock, g[at.H0, k]), facing(lock, g[at.RATE0, k]), facing(lock, g[at.BEND, k]), dt
         )
-        unclear += 0 if g[CLEARANCE, k] > 0.0 else 1
-        first = min(first, m.counts[N_AWAKE] if g[CLEARANCE, k] > 0.0 else a)
+        unclear += 0 if g[at.CLEARANCE, k] > 0.0 else 1
+        first = min(first, m.counts[at.N_AWAKE] if g[at.CLEARANCE, k] > 0.0 else a)
     return gather_unclear(p, m, unclear, first)
 
 
@@ -231,14 +207,14 @@ def carry_guards(p: Problem, m: Memory, dt: float) -> None:
 
     These are secants over the step. Of a guard that bends those of longer steps tell nothing.
     """
-    g, tells, per_s = m.guards, dt > TOO_SHORT * time_resolution(m.clock[T], dt), 1.0 / dt
-    for a in range(m.counts[N_AWAKE]):
+    g, tells, per_s = m.guards, dt > TOO_SHORT * time_resolution(m.clock[at.T], dt), 1.0 / dt
+    for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
-        g[BEND, k] = (g[RATE1, k] - g[RATE0, k]) * per_s if tells else g[BEND, k]
-        g[H0, k], g[RATE0, k] = g[H1, k], g[RATE1, k]
-    if not tells and m.counts[N_BENT] > 0:
+        g[at.BEND, k] = (g[at.RATE1, k] - g[at.RATE0, k]) * per_s if tells else g[at.BEND, k]
+        g[at.H0, k], g[at.RATE0, k] = g[at.H1, k], g[at.RATE1, k]
+    if not tells and m.counts[at.N_BENT] > 0:
         for k in range(m.flags.width):
-            g[BEND, k] = g[BEND, k] if m.flags[BENT, k] == 0 else 0.0
+            g[at.BEND, k] = g[at.BEND, k] if m.flags[at.BENT, k] == 0 else 0.0
 
 
 @kernel
@@ -270,7 +246,7 @@ def clipped(p: Problem, m: Memory, dt: float) -> float:
 @kernel
 def clipped_by_awake(p: Problem, m: Memory, dt: float) -> float:
     """Return `dt`, or a little more than the time to the first flip that is predicted before."""
-    soon = SOON * m.clock[GAP]
+    soon = SOON * m.clock[at.GAP]
     if soon < dt:
         first = clipped_by_coming(p, m, soon)
         if first < soon:
@@ -282,7 +258,7 @@ def clipped_by_awake(p: Problem, m: Memory, dt: float) -> float:
 def clipped_by_coming(p: Problem, m: Memory, dt: float) -> float:
     """Return `dt`, or a little more than the time to the first flip before it."""
     for a in range(gather_coming(p, m, dt)):
-        dt = clipped_by(p, m, m.lists[NEAR, a], dt)
+        dt = clipped_by(p, m, m.lists[at.NEAR, a], dt)
     return dt
 
 
@@ -290,9 +266,9 @@ def clipped_by_coming(p: Problem, m: Memory, dt: float) -> float:
 def clipped_by(p: Problem, m: Memory, k: int, dt: float) -> float:
     """Return `dt`, or a little more than the time to the flip of guard k if that is before."""
     g, lock = m.guards, p.mode[k]
-    value, rate, bend = lock * g[H0, k], lock * g[RATE0, k], lock * g[BEND, k]
+    value, rate, bend = lock * g[at.H0, k], lock * g[at.RATE0, k], lock * g[at.BEND, k]
     if after(value, rate, bend, dt) > 0.0:
         return dt
     time = OVERSHOOT * flip_time(max(value, 0.0), rate, bend)
-    least = CLIP_MOST * time_resolution(m.clock[T], 0.0)
+    least = CLIP_MOST * time_resolution(m.clock[at.T], 0.0)
     return time if least < time < dt else dt

@@ -9,6 +9,7 @@ before the first in which a guard that bends may flip, and the next step is that
 
 from __future__ import annotations
 
+from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.driver.dense import interpolate_with_slope, prepare_interpolant
 from hopdata.hybrid.driver.localise import cubic, just_left, turning_points
@@ -22,39 +23,7 @@ from hopdata.hybrid.driver.problem import (
 )
 from hopdata.hybrid.driver.stepping import take_step
 from hopdata.hybrid.driver.watch import facing
-from hopdata.hybrid.layout import (
-    BENT,
-    CULPRIT,
-    END,
-    H0,
-    H1,
-    IN_POWERS,
-    INSTANTS,
-    K1,
-    KEND,
-    MEASURED,
-    METHOD,
-    N_AWAKE,
-    N_BENT,
-    N_NEAR,
-    NEAR,
-    NEXT_DT,
-    RATE,
-    RATE0,
-    RATE1,
-    RATE_ALONG,
-    RATE_DIFFERS,
-    ROUGH,
-    SCRATCH,
-    SIZE,
-    SLOPE,
-    WATCHED,
-    WINDOW,
-    H,
-    Memory,
-    T,
-    Y,
-)
+from hopdata.hybrid.layout import Memory
 
 GOLDEN, MASK, PER_MASK = 40503, 0xFFFF, 2.0**-16  # multiples of the golden section, and the rest
 AFFINE = 1e-11  # of a guard's values: rounding of one that is affine
@@ -85,15 +54,15 @@ def way(i: int) -> float:
 def set_way(m: Memory) -> None:
     """Put those rates into SLOPE."""
     for i in range(m.states.width):
-        m.states[SLOPE, i] = way(i)
+        m.states[at.SLOPE, i] = way(i)
 
 
 @kernel_in_loop
 def measure(p: Problem, m: Memory) -> None:
     """Keep the guards' rates along one way: an affine guard has the same everywhere in a mode."""
-    m.counts[MEASURED] = m.counts[INSTANTS]
+    m.counts[at.MEASURED] = m.counts[at.INSTANTS]
     set_way(m)
-    eval_guards(p, m, m.clock[T], Y, SLOPE, H, RATE_ALONG)
+    eval_guards(p, m, m.clock[at.T], at.Y, at.SLOPE, at.H, at.RATE_ALONG)
 
 
 @kernel_in_loop
@@ -104,27 +73,27 @@ def look_on_cubic(p: Problem, m: Memory, dt: float, theta: float, along: bool) -
     """
     s, per_s = m.states, 1.0 / dt
     for i in range(s.width):
-        rise, d0, d1 = s[END, i] - s[Y, i], dt * s[K1, i], dt * s[KEND, i]
+        rise, d0, d1 = s[at.END, i] - s[at.Y, i], dt * s[at.K1, i], dt * s[at.KEND, i]
         bend, twist = 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
         slope = per_s * (d0 + theta * (2.0 * bend + 3.0 * theta * twist))
-        s[SCRATCH, i] = s[Y, i] + theta * (d0 + theta * (bend + theta * twist))
-        s[SLOPE, i] = way(i) if along else slope
-    eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, H, RATE)
+        s[at.SCRATCH, i] = s[at.Y, i] + theta * (d0 + theta * (bend + theta * twist))
+        s[at.SLOPE, i] = way(i) if along else slope
+    eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, at.H, at.RATE)
 
 
 @kernel_in_loop
 def mark_bent(p: Problem, m: Memory, dt: float, theta: float, mark: bool) -> int:
     """Count the guards that were straight and are not there; `mark` them as bent if so."""
     g, found = m.guards, 0
-    for a in range(m.counts[N_AWAKE]):
+    for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
-        along, d0, d1 = g[RATE_ALONG, k], dt * g[RATE0, k], dt * g[RATE1, k]
-        same = (abs(g[RATE, k] - along) <= AFFINE * abs(along)) & (abs(along) > 0.0)
-        off = abs(g[H, k] - cubic(g[H0, k], d0, g[H1, k], d1, theta))
-        size = abs(g[H0, k]) + abs(g[H1, k]) + abs(d0) + abs(d1)
-        new = 0 if (same & (off <= AFFINE * size)) | (m.flags[BENT, k] != 0) else 1
+        along, d0, d1 = g[at.RATE_ALONG, k], dt * g[at.RATE0, k], dt * g[at.RATE1, k]
+        same = (abs(g[at.RATE, k] - along) <= AFFINE * abs(along)) & (abs(along) > 0.0)
+        off = abs(g[at.H, k] - cubic(g[at.H0, k], d0, g[at.H1, k], d1, theta))
+        size = abs(g[at.H0, k]) + abs(g[at.H1, k]) + abs(d0) + abs(d1)
+        new = 0 if (same & (off <= AFFINE * size)) | (m.flags[at.BENT, k] != 0) else 1
         found += new
-        m.flags[BENT, k] += new if mark else 0
+        m.flags[at.BENT, k] += new if mark else 0
     return found
 
 
@@ -137,12 +106,13 @@ def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
         theta = (part + 0.5) / parts
         interpolate_with_slope(p, m, theta, dt)
         set_way(m)
-        eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, H, RATE)
-        for a in range(m.counts[N_AWAKE]):
+        eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, at.H, at.RATE)
+        for a in range(m.counts[at.N_AWAKE]):
             k = awake(p, m, a)
-            along = m.guards[RATE_ALONG, k]
-            if m.flags[BENT, k] == 0 and not abs(m.guards[RATE, k] - along) <= AFFINE * abs(along):
-                m.flags[BENT, k] = 1
+            along = m.guards[at.RATE_ALONG, k]
+            straight = abs(m.guards[at.RATE, k] - along) <= AFFINE * abs(along)
+            if m.flags[at.BENT, k] == 0 and not straight:
+                m.flags[at.BENT, k] = 1
                 found += 1
     return found
 
@@ -151,13 +121,13 @@ def bent_on_path(p: Problem, m: Memory, dt: float) -> int:
 def find_bent(p: Problem, m: Memory, dt: float) -> None:
     """Mark the guards that this step shows not to be affine, in the state and in time."""
     found, part, parts = 0, 0, 1
-    in_powers = p.methods[m.counts[METHOD], IN_POWERS] != 0
+    in_powers = p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0
     if dt > 0.5 * (p.t_end - p.t_start) and not in_powers:  # free flight, mostly
         parts = int(dt / (LONGEST_IF_SURE * (p.t_end - p.t_start)))
     while part < parts:
         theta = (part + 0.5) / parts
         look_on_cubic(p, m, dt, theta, True)
-        new = m.counts[MEASURED] == m.counts[INSTANTS]
+        new = m.counts[at.MEASURED] == m.counts[at.INSTANTS]
         count = mark_bent(p, m, dt, theta, new)
         if count > 0 and not new:
             measure(p, m)  # in another mode a guard may be another plane: look again
@@ -166,9 +136,9 @@ def find_bent(p: Problem, m: Memory, dt: float) -> None:
             part += 1
     if in_powers:
         found += bent_on_path(p, m, dt)
-    m.counts[N_BENT] += found
+    m.counts[at.N_BENT] += found
     if found > 0:  # what was learned of straight guards says nothing of these
-        m.clock[WINDOW] = min(m.clock[WINDOW], LONGEST * (p.t_end - p.t_start))
+        m.clock[at.WINDOW] = min(m.clock[at.WINDOW], LONGEST * (p.t_end - p.t_start))
 
 
 @kernel
@@ -178,13 +148,13 @@ def by_ends(p: Problem, m: Memory, dt: float) -> int:
     Else UNEVEN.
     """
     g, near, fast = m.guards, 0, 0
-    for a in range(m.counts[N_AWAKE]):
+    for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
         lock = p.mode[k]
-        g0, g1 = facing(lock, g[H0, k]), facing(lock, g[H1, k])
-        d0, d1 = g[RATE0, k] * dt, g[RATE1, k] * dt
+        g0, g1 = facing(lock, g[at.H0, k]), facing(lock, g[at.H1, k])
+        d0, d1 = g[at.RATE0, k] * dt, g[at.RATE1, k] * dt
         rise, slopes = abs(g1 - g0), abs(d0) + abs(d1)
-        uneven = abs(g[H1, k] - g[H0, k] - 0.5 * (d0 + d1))
+        uneven = abs(g[at.H1, k] - g[at.H0, k] - 0.5 * (d0 + d1))
         even = (uneven <= ERROR_IF_EVEN * abs(d0)) & (abs(d1 - d0) <= abs(d0))
         afar = (g0 > slopes + rise) & (g1 > slopes + rise) & (uneven <= OWN * slopes)
         near += 0 if afar else 1
@@ -196,11 +166,11 @@ def by_ends(p: Problem, m: Memory, dt: float) -> int:
 def leave_out_bent(m: Memory) -> int:
     """Take the guards that were looked at by windows out of NEAR; return how many are left."""
     count = 0
-    for a in range(m.counts[N_NEAR]):
-        k = m.lists[NEAR, a]
-        m.lists[NEAR, count] = k
-        count += 1 - m.flags[BENT, k]
-    m.counts[N_NEAR] = count
+    for a in range(m.counts[at.N_NEAR]):
+        k = m.lists[at.NEAR, a]
+        m.lists[at.NEAR, count] = k
+        count += 1 - m.flags[at.BENT, k]
+    m.counts[at.N_NEAR] = count
     return count
 
 
@@ -250,22 +220,22 @@ def judge_all(
     is whether all guards move as their cubics say.
     """
     g, span, worst, least, sure = m.guards, dt * (high - low), CLEAR, 1e300, True
-    resolution, longest = time_resolution(m.clock[T], dt), LONGEST * (p.t_end - p.t_start)
-    for i in range(m.counts[N_AWAKE]):
+    resolution, longest = time_resolution(m.clock[at.T], dt), LONGEST * (p.t_end - p.t_start)
+    for i in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, i)
-        if m.flags[BENT, k] == 0:
+        if m.flags[at.BENT, k] == 0:
             continue
         lock = p.mode[k]
         leaving = low == 0.0 and just_left(p, m, dt, k)
-        noise = blur(max(g[SIZE, k], abs(g[a, k]), abs(g[b, k])), g[c + 1, k], resolution)
+        noise = blur(max(g[at.SIZE, k], abs(g[a, k]), abs(g[b, k])), g[c + 1, k], resolution)
         kind, error, own, change = judge(
             0.0 if leaving else lock * g[a, k], lock * g[a + 1, k] * span,
             lock * g[c, k], lock * g[c + 1, k] * span,
             lock * g[b, k], lock * g[b + 1, k] * span, leaving, noise, slack,
         )  # fmt: skip
         room = own / max(error, 1e-300)
-        if (room < 1.0 or kind == DIVIDE) and m.counts[ROUGH] >= MOST_ROUGH - 1:
-            m.counts[CULPRIT] = k
+        if (room < 1.0 or kind == DIVIDE) and m.counts[at.ROUGH] >= MOST_ROUGH - 1:
+            m.counts[at.CULPRIT] = k
         moves = error <= MOVES * change
         rough, long = room < 1.0 and span > FINE * longest, span > longest and not moves
         if kind == DIVIDE or rough or long:
@@ -279,22 +249,22 @@ def judge_all(
 def middle_tells(p: Problem, m: Memory, dt: float) -> bool:
     """Tell whether ends and middle of the step tell all: the path is as good as its cubic then."""
     longest = LONGEST_IF_SURE * (p.t_end - p.t_start)
-    if dt > longest or p.methods[m.counts[METHOD], IN_POWERS] != 0:
+    if dt > longest or p.methods[m.counts[at.METHOD], at.IN_POWERS] != 0:
         return False
     look_on_cubic(p, m, dt, 0.5, False)
-    kind, room, _ = judge_all(p, m, dt, 0.0, 1.0, H0, H, H1, OF_PATH)
+    kind, room, _ = judge_all(p, m, dt, 0.0, 1.0, at.H0, at.H, at.H1, OF_PATH)
     if kind == DIVIDE or room < 1.0:
         return False
-    m.clock[WINDOW] = max(m.clock[WINDOW], dt)
+    m.clock[at.WINDOW] = max(m.clock[at.WINDOW], dt)
     return True
 
 
 @kernel
 def any_past(p: Problem, m: Memory, row: int) -> int:
     """Return the first guard that bends and is past its surface by a row; -1 if there is none."""
-    for a in range(m.counts[N_AWAKE]):
+    for a in range(m.counts[at.N_AWAKE]):
         k = awake(p, m, a)
-        if m.flags[BENT, k] != 0 and p.mode[k] * m.guards[row, k] < 0.0:
+        if m.flags[at.BENT, k] != 0 and p.mode[k] * m.guards[row, k] < 0.0:
             return k
     return -1
 
@@ -302,9 +272,9 @@ def any_past(p: Problem, m: Memory, row: int) -> int:
 @kernel
 def unused(a: int, b: int) -> int:
     """Return a row of the guards, of three to spare, that is neither of two."""
-    if a != H and b != H:
-        return H
-    row = H0 + 2
+    if a != at.H and b != at.H:
+        return at.H
+    row = at.H0 + 2
     return row if row not in (a, b) else row + 2
 
 
@@ -312,7 +282,7 @@ def unused(a: int, b: int) -> int:
 def look(p: Problem, m: Memory, dt: float, theta: float, row: int) -> None:
     """Evaluate the guards on the interpolant at `theta` into a row, their rates into the next."""
     interpolate_with_slope(p, m, theta, dt)
-    eval_guards(p, m, m.clock[T] + theta * dt, SCRATCH, SLOPE, row, row + 1)
+    eval_guards(p, m, m.clock[at.T] + theta * dt, at.SCRATCH, at.SLOPE, row, row + 1)
 
 
 @kernel_apart
@@ -323,13 +293,13 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
     """
     prepare_interpolant(p, m, dt)
     run = (p.t_end - p.t_start) / dt
-    shortest = max(SHORTEST, 16.0 * time_resolution(m.clock[T], dt) / dt)
-    width, low, a = min(m.clock[WINDOW] / dt, LONGEST_IF_SURE * run), 0.0, H0
-    m.counts[WATCHED] = BY_WINDOWS
-    while low < 1.0 and m.counts[ROUGH] <= MOST_ROUGH:
-        high, b, divided = low + width, H1, False
+    shortest = max(SHORTEST, 16.0 * time_resolution(m.clock[at.T], dt) / dt)
+    width, low, a = min(m.clock[at.WINDOW] / dt, LONGEST_IF_SURE * run), 0.0, at.H0
+    m.counts[at.WATCHED] = BY_WINDOWS
+    while low < 1.0 and m.counts[at.ROUGH] <= MOST_ROUGH:
+        high, b, divided = low + width, at.H1, False
         if low + 1.25 * width < 1.0:
-            b = unused(a, H1)
+            b = unused(a, at.H1)
             look(p, m, dt, high, b)
         else:
             high = 1.0
@@ -341,17 +311,17 @@ def look_by_windows(p: Problem, m: Memory, dt: float) -> float:
                 break
             high, b, divided = middle, c, True
         rough = 2 if room < 1.0 or kind == DIVIDE else -1
-        m.counts[ROUGH] = max(0, m.counts[ROUGH] + rough)
+        m.counts[at.ROUGH] = max(0, m.counts[at.ROUGH] + rough)
         if divided or room <= ROOMY:
             width = min(width, high - low)
         else:
             width = min(GROW * (high - low), (LONGEST_IF_SURE if sure else LONGEST) * run)
         if kind == OPEN or (kind == DIVIDE and (any_past(p, m, c) >= 0 or any_past(p, m, b) >= 0)):
-            m.clock[WINDOW] = (high - low) * dt
-            m.counts[WATCHED] = BY_WINDOWS if low > 0.0 else BY_ENDS
+            m.clock[at.WINDOW] = (high - low) * dt
+            m.counts[at.WATCHED] = BY_WINDOWS if low > 0.0 else BY_ENDS
             return low * dt if low > 0.0 else high * dt
         low, a = high, b
-    m.clock[WINDOW] = width * dt
+    m.clock[at.WINDOW] = width * dt
     return low * dt
 
 
@@ -361,35 +331,35 @@ def watch(p: Problem, m: Memory, dt: float) -> float:
 
     WATCHED says whether the guards that bend may flip in it: not if windows have said so.
     """
-    if m.counts[N_BENT] < m.flags.width:
+    if m.counts[at.N_BENT] < m.flags.width:
         find_bent(p, m, dt)
-    m.counts[MEASURED] = m.counts[INSTANTS]
-    if m.counts[N_BENT] == 0:
-        m.clock[WINDOW] = max(m.clock[WINDOW], LEAP * dt)
+    m.counts[at.MEASURED] = m.counts[at.INSTANTS]
+    if m.counts[at.N_BENT] == 0:
+        m.clock[at.WINDOW] = max(m.clock[at.WINDOW], LEAP * dt)
         return dt
     if middle_tells(p, m, dt):
         return dt
     part = look_by_windows(p, m, dt)
-    if m.counts[ROUGH] > MOST_ROUGH:
-        return float(RATE_DIFFERS)
+    if m.counts[at.ROUGH] > MOST_ROUGH:
+        return float(at.RATE_DIFFERS)
     if part < dt:
-        m.clock[NEXT_DT] = min(m.clock[NEXT_DT], m.clock[WINDOW])
-        take_step(p, m, m.clock[T], part)
-        guards_at_end(p, m, m.clock[T] + part)
+        m.clock[at.NEXT_DT] = min(m.clock[at.NEXT_DT], m.clock[at.WINDOW])
+        take_step(p, m, m.clock[at.T], part)
+        guards_at_end(p, m, m.clock[at.T] + part)
     return part
 
 
 @kernel_in_loop
 def watched(p: Problem, m: Memory, dt: float) -> float:
     """Do the same; mostly the step is no longer than a window, and no guard moves quickly in it."""
-    m.counts[WATCHED] = BY_ENDS
+    m.counts[at.WATCHED] = BY_ENDS
     if m.flags.width == 0:
         return dt
-    new = m.counts[MEASURED] != m.counts[INSTANTS] and m.counts[N_BENT] < m.flags.width
-    if not new and dt <= m.clock[WINDOW]:
+    new = m.counts[at.MEASURED] != m.counts[at.INSTANTS] and m.counts[at.N_BENT] < m.flags.width
+    if not new and dt <= m.clock[at.WINDOW]:
         kind = by_ends(p, m, dt)
-        if kind == AFAR and p.methods[m.counts[METHOD], IN_POWERS] == 0:
-            m.counts[WATCHED] = NONE_NEAR
+        if kind == AFAR and p.methods[m.counts[at.METHOD], at.IN_POWERS] == 0:
+            m.counts[at.WATCHED] = NONE_NEAR
         if kind != UNEVEN:
             return dt
     return watch(p, m, dt)

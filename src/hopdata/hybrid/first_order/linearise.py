@@ -10,12 +10,10 @@ from dataclasses import dataclass, replace
 from itertools import combinations, islice
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.hybrid.system import System
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 STEP = 1e-3  # of differences, in units of a coordinate's size; extrapolated, they err by STEP^4
 SAME_SLOPE = 1e-6  # differences and rates along unit vectors are then two views of one slope
@@ -242,7 +240,7 @@ def velocity_rank(jacobian: FloatArray, positions: Indices, velocities: Indices)
 
 
 def infer_split(
-    jacobian: FloatArray, jumps: NDArray[np.bool_], gradients: FloatArray
+    jacobian: FloatArray, jumps: BoolArray, gradients: FloatArray
 ) -> tuple[Indices, Indices] | None:
     """Return positions and velocities, as the field tells them apart, or None.
 

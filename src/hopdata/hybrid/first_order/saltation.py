@@ -10,17 +10,9 @@ from math import factorial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.hybrid.first_order.linearise import (
-    FloatArray,
-    Instant,
-    Linearisation,
-    active_guards,
-    cross,
-    differentiate,
-    instant,
-    linearise,
-    state_scale,
-)
+from hopdata.arrays import FloatArray
+from hopdata.hybrid.first_order import linearise as local
+from hopdata.hybrid.first_order.linearise import Instant, Linearisation
 from hopdata.hybrid.system import System
 
 
@@ -80,14 +72,14 @@ def crossing(
     changes it is found by differences.
     """
     at = here.instant
-    there = linearise(system, cross(system, at, guard), scale)
+    there = local.linearise(system, local.cross(system, at, guard), scale)
     reset = reset_rate = None
     if not np.array_equal(there.instant.y, at.y):
 
         def after(p: Instant) -> FloatArray:
-            return cross(system, p, guard).y
+            return local.cross(system, p, guard).y
 
-        reset, reset_rate = differentiate(after, at, scale)
+        reset, reset_rate = local.differentiate(after, at, scale)
     matrix = saltation_matrix(
         here.rate,
         there.rate,
@@ -128,8 +120,10 @@ def saltation_product(
     -------
     (n, n) array
     """
-    sizes = state_scale(system, scale)
-    here = linearise(system, instant(system, state, params=params, mode=mode, t=t), sizes)
+    sizes = local.state_scale(system, scale)
+    here = local.linearise(
+        system, local.instant(system, state, params=params, mode=mode, t=t), sizes
+    )
     product = np.eye(system.n_states)
     for guard in order:
         matrix, here = crossing(system, here, guard, sizes)
@@ -168,7 +162,7 @@ class CrossingTree:
         self, system: System, start: Instant, guards: Sequence[int], scale: FloatArray
     ) -> None:
         self.system, self.guards, self.scale = system, tuple(guards), scale
-        here = linearise(system, start, scale)
+        here = local.linearise(system, start, scale)
         self._nodes: dict[tuple[int, ...], Node] = {(): Node(here, np.eye(system.n_states))}
 
     def node(self, order: tuple[int, ...]) -> Node:
@@ -352,9 +346,9 @@ def bouligand_derivative(
     BouligandDerivative
         Raises `NotTransversalError` when it meets an order in which a guard is not approached.
     """
-    sizes = state_scale(system, scale)
-    start = instant(system, state, params=params, mode=mode, t=t)
-    chosen = active_guards(system, linearise(system, start, sizes), guards, sizes)
+    sizes = local.state_scale(system, scale)
+    start = local.instant(system, state, params=params, mode=mode, t=t)
+    chosen = local.active_guards(system, local.linearise(system, start, sizes), guards, sizes)
     return BouligandDerivative(CrossingTree(system, start, chosen, sizes))
 
 

@@ -14,18 +14,9 @@ from math import isnan
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.hybrid.first_order.linearise import (
-    Combination,
-    FloatArray,
-    Instant,
-    Linearisation,
-    active_guards,
-    guards_at,
-    instant,
-    linearise,
-    mode_fields,
-    state_scale,
-)
+from hopdata.arrays import FloatArray
+from hopdata.hybrid.first_order import linearise as local
+from hopdata.hybrid.first_order.linearise import Combination, Instant, Linearisation
 from hopdata.hybrid.system import System
 
 # Findings of a check, and the table that shows them.
@@ -55,33 +46,34 @@ class Finding:
     needed: str
     detail: str
 
+    @classmethod
+    def at_most(cls, condition: str, value: float, bound: float, detail: str) -> Finding:
+        """Return a finding that passes if the value is not above a bound."""
+        return cls(condition, bool(value <= bound), float(value), f"<= {bound:g}", detail)
+
+    @classmethod
+    def above(cls, condition: str, value: float, bound: float, detail: str) -> Finding:
+        """Return a finding that passes if the value is above a bound."""
+        return cls(condition, bool(value > bound), float(value), f"> {bound:g}", detail)
+
+    @classmethod
+    def not_computed(cls, condition: str, needed: str, why: str) -> Finding:
+        """Return a finding that fails since there is nothing to compute."""
+        return cls(condition, False, float("nan"), needed, why)
+
     def cells(self) -> tuple[str, ...]:
         """Return the row of a table."""
         value = "-" if isnan(self.value) else f"{self.value:.3g}"
         return ("yes" if self.passed else "NO", self.condition, value, self.needed, self.detail)
 
-
-def at_most(condition: str, value: float, bound: float, detail: str) -> Finding:
-    """Return a finding that passes if the value is not above a bound."""
-    return Finding(condition, bool(value <= bound), float(value), f"<= {bound:g}", detail)
-
-
-def above(condition: str, value: float, bound: float, detail: str) -> Finding:
-    """Return a finding that passes if the value is above a bound."""
-    return Finding(condition, bool(value > bound), float(value), f"> {bound:g}", detail)
-
-
-def not_computed(condition: str, needed: str, why: str) -> Finding:
-    """Return a finding that fails since there is nothing to compute."""
-    return Finding(condition, False, float("nan"), needed, why)
-
-
-def findings_table(findings: Sequence[Finding]) -> str:
-    """Return findings as aligned lines."""
-    rows = [("", "condition", "found", "needed", "the number is"), *(f.cells() for f in findings)]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = ("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
-    return "\n".join(line.rstrip() for line in lines)
+    @staticmethod
+    def table(findings: Sequence[Finding]) -> str:
+        """Return findings as aligned lines."""
+        head = "", "condition", "found", "needed", "the number is"
+        rows = [head, *(finding.cells() for finding in findings)]
+        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+        lines = ("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
+        return "\n".join(line.rstrip() for line in lines)
 
 
 # How the active guards are crossed around one state, in all combinations of their locks.
@@ -110,7 +102,7 @@ class Liveness:
         seed: int,
     ) -> None:
         self.system, self.scale, self.active = system, scale, list(active)
-        self.modes = mode_fields(system, start, active, scale, seed)
+        self.modes = local.mode_fields(system, start, active, scale, seed)
         self.side = -start.mode[self.active]
         self.start = start
         passing = {c: self.side * v.guard_rates[self.active] for c, v in self.modes.items()}
@@ -149,7 +141,7 @@ class Liveness:
         return float(max(0.0, against.max())) if kept else np.inf
 
     def _surfaces(self, view: Linearisation) -> FloatArray:
-        return guards_at(self.system, view.instant, view.rate)[0][self.active]
+        return local.guards_at(self.system, view.instant, view.rate)[0][self.active]
 
 
 LIVE = 1e-6
@@ -201,7 +193,7 @@ class EventSelection:
     def __str__(self) -> str:
         verdict = "event-selected" if self.passed else "not event-selected"
         where = f"{self.n_samples} states, {self.n_modes} modes, guards {', '.join(self.guards)}"
-        return f"{verdict}: {where}\n{findings_table(self.findings)}"
+        return f"{verdict}: {where}\n{Finding.table(self.findings)}"
 
 
 def check_event_selected(
@@ -242,11 +234,11 @@ def check_event_selected(
     EventSelection
         Over all 2^n combinations of locks up to n = 8 active guards, over 256 beyond.
     """
-    sizes = state_scale(system, scale)
+    sizes = local.state_scale(system, scale)
     given = np.atleast_2d(np.asarray(states, dtype=np.float64))
     places = draw_around(given, radius * sizes, n_samples, seed)
-    starts = [instant(system, y, params=params, mode=mode, t=t) for y in places]
-    active = active_guards(system, linearise(system, starts[0], sizes), guards, sizes)
+    starts = [local.instant(system, y, params=params, mode=mode, t=t) for y in places]
+    active = local.active_guards(system, local.linearise(system, starts[0], sizes), guards, sizes)
     if not active:
         raise ValueError("guards: expected at least one, the state lies on no surface")
     views = [Liveness(system, start, active, sizes, seed) for start in starts]
@@ -279,13 +271,15 @@ def _findings(
     worst = int(np.argmin(margins))
     slowest = f"smallest normalised rate of a guard in any mode (it is {rates[worst]:.3g} a second)"
     return (
-        at_most("trajectories are continuous", jump, UNCHANGED, "largest jump of a coordinate"),
-        above("each guard is crossed", float(margins.min()), margin, slowest),
-        at_most(
+        Finding.at_most(
+            "trajectories are continuous", jump, UNCHANGED, "largest jump of a coordinate"
+        ),
+        Finding.above("each guard is crossed", float(margins.min()), margin, slowest),
+        Finding.at_most(
             "each guard is crossed only once", wrong_way, UNCHANGED,
             "largest step of a handler against a lock",
         ),
-        above(
+        Finding.above(
             "contact keeps penetration velocity", float(kept.min()), margin,
             "smallest ratio of a guard's rate after its crossing to that before",
         ),

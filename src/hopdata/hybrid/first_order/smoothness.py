@@ -14,35 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.hybrid.first_order.linearise import (
-    FULL_RANK,
-    STEP,
-    Combination,
-    FloatArray,
-    Indices,
-    Instant,
-    Linearisation,
-    active_guards,
-    differentiate,
-    field_at,
-    guards_at,
-    infer_split,
-    instant,
-    linearise,
-    mode_fields,
-    state_scale,
-    velocity_rank,
-)
+from hopdata.arrays import FloatArray
+from hopdata.hybrid.first_order import linearise as local
+from hopdata.hybrid.first_order.linearise import Combination, Indices, Instant, Linearisation
 from hopdata.hybrid.first_order.saltation import CrossingTree, NotTransversalError, crossing_orders
-from hopdata.hybrid.first_order.selection import (
-    EventSelection,
-    Finding,
-    above,
-    at_most,
-    check_event_selected,
-    findings_table,
-    not_computed,
-)
+from hopdata.hybrid.first_order.selection import EventSelection, Finding, check_event_selected
 from hopdata.hybrid.system import System
 
 # Measures of what makes crossings commute: smooth guards, additive forces, one product.
@@ -60,7 +36,7 @@ def one_sided_gaps(
     Relative to the slope. A smooth guard's difference shrinks with the step, that of a kink stays.
     """
     chosen = list(guards)
-    coarse, fine = (_gap(system, here, chosen, scale, STEP / r) for r in (1.0, REFINEMENT))
+    coarse, fine = (_gap(system, here, chosen, scale, local.STEP / r) for r in (1.0, REFINEMENT))
     size = np.abs(here.gradients[chosen]) @ scale
     return tuple(float(np.max(gap / size)) if size.all() else np.inf for gap in (coarse, fine))  # type: ignore[return-value]
 
@@ -71,7 +47,7 @@ def _gap(
     at = here.instant
 
     def surfaces(y: FloatArray) -> FloatArray:
-        return guards_at(system, at.moved(y, at.t), here.rate)[0][guards]
+        return local.guards_at(system, at.moved(y, at.t), here.rate)[0][guards]
 
     bends = [
         surfaces(at.y + shift) - 2 * surfaces(at.y) + surfaces(at.y - shift)
@@ -83,7 +59,7 @@ def _gap(
 def rates_agree(system: System, here: Linearisation, guards: Sequence[int]) -> float:
     """Return how far rates that the guards report are from Dh f + dh/dt, relative to their size."""
     chosen = list(guards)
-    reported = guards_at(system, here.instant, here.rate)[1][chosen]
+    reported = local.guards_at(system, here.instant, here.rate)[1][chosen]
     off, size = np.abs(reported - here.guard_rates[chosen]), here.guard_scales[chosen]
     return float(np.max(np.divide(off, size, out=np.zeros_like(off), where=size > 0)))
 
@@ -149,8 +125,8 @@ class Conditions:
         self.scale, self.seed, self.tolerance = scale, seed, tolerance
         # All at one state: handlers that change it are a matter of continuity.
         self.modes = {
-            crossed: linearise(system, view.instant.moved(start.y, start.t), scale)
-            for crossed, view in mode_fields(system, start, active, scale, seed).items()
+            crossed: local.linearise(system, view.instant.moved(start.y, start.t), scale)
+            for crossed, view in local.mode_fields(system, start, active, scale, seed).items()
         }
 
     @property
@@ -169,7 +145,7 @@ class Conditions:
                 "guards are smooth surfaces", bool(smooth), fine, needed,
                 "difference of slopes from both sides; needed: half of that at 8 times the step",
             ),
-            at_most(
+            Finding.at_most(
                 "guards report their rates", agree, self.tolerance,
                 "difference of hdot and Dh f + dh/dt",
             ),
@@ -181,7 +157,7 @@ class Conditions:
         """Return positions and velocities, given or inferred."""
         n = self.system.n_states
         if positions is None and velocities is None:
-            return infer_split(
+            return local.infer_split(
                 self._jacobian(),
                 self._jumps() > self.tolerance,
                 self.here.gradients[list(self.active)],
@@ -196,7 +172,9 @@ class Conditions:
         return first, second
 
     def _jacobian(self) -> FloatArray:
-        derivative, _ = differentiate(lambda p: field_at(self.system, p), self.start, self.scale)
+        derivative, _ = local.differentiate(
+            lambda p: local.field_at(self.system, p), self.start, self.scale
+        )
         return derivative * self.scale / self.scale[:, None]
 
     def _jumps(self) -> FloatArray:
@@ -213,7 +191,7 @@ class Conditions:
         return (
             Finding("is event-selected", selected, float("nan"), "", "the conditions above"),
             *self._split_findings(split),
-            at_most(
+            Finding.at_most(
                 "accelerations are additive", residual, self.tolerance,
                 "|f_b - f_0 - sum of single changes| in any mode, over the rate's size",
             ),
@@ -227,20 +205,20 @@ class Conditions:
         )
         if split is None:
             why = "no even split of the state found"
-            return tuple(not_computed(name, "a split", why) for name in names)
+            return tuple(Finding.not_computed(name, "a split", why) for name in names)
         positions, velocities = map(list, split)
         slopes = np.abs(self.here.gradients[list(self.active)]) * self.scale
         by_velocity = slopes[:, velocities].sum(axis=1) / slopes.sum(axis=1)
         return (
-            above(
-                names[0], velocity_rank(self._jacobian(), *split), FULL_RANK,
+            Finding.above(
+                names[0], local.velocity_rank(self._jacobian(), *split), local.FULL_RANK,
                 "smallest over largest singular value of d(dq/dt)/dv",
             ),
-            at_most(
+            Finding.at_most(
                 names[1], float(by_velocity.max()), self.tolerance,
                 "share of the velocities in |Dh|",
             ),
-            at_most(
+            Finding.at_most(
                 names[2], float(self._jumps()[positions].max()), self.tolerance,
                 "change of a position's rate at a guard",
             ),
@@ -252,9 +230,9 @@ class Conditions:
         try:
             orders = crossing_orders(tree, seed=self.seed)
         except NotTransversalError as error:
-            return not_computed(ONE_PRODUCT, f"<= {self.tolerance:g}", str(error))
+            return Finding.not_computed(ONE_PRODUCT, f"<= {self.tolerance:g}", str(error))
         matrices = [order.matrix * self.scale / self.scale[:, None] for order in orders]
-        return at_most(
+        return Finding.at_most(
             ONE_PRODUCT, spread(matrices), self.tolerance,
             f"largest distance of two of {len(orders)} products, over that of one from 1"
             + self._ends([order.state for order in orders]),
@@ -318,7 +296,7 @@ class SmoothnessReport:
 
     def __str__(self) -> str:
         why = f" (does not hold: {'; '.join(self.reasons)})" if self.reasons else ""
-        table = findings_table((*self.selection, *self.additivity, self.products)).split("\n")
+        table = Finding.table((*self.selection, *self.additivity, self.products)).split("\n")
         middle = 1 + len(self.selection)
         lines = [
             f"{self.verdict}{why}",
@@ -379,24 +357,24 @@ def check_c1(
     SmoothnessReport
         Print it for the table.
     """
-    sizes = state_scale(system, scale)
-    start = instant(system, state, params=params, mode=mode, t=t)
-    active = active_guards(system, linearise(system, start, sizes), guards, sizes)
+    sizes = local.state_scale(system, scale)
+    start = local.instant(system, state, params=params, mode=mode, t=t)
+    active = local.active_guards(system, local.linearise(system, start, sizes), guards, sizes)
     selection = check_event_selected(
         system, start.y, params=params, mode=mode, t=t, guards=active,
         radius=radius, n_samples=n_samples, seed=seed, scale=sizes,
     )  # fmt: skip
-    local = Conditions(system, start, active, sizes, seed, tolerance)
-    split = local.split(positions, velocities)
+    conditions = Conditions(system, start, active, sizes, seed, tolerance)
+    split = conditions.split(positions, velocities)
     return SmoothnessReport(
         selection.guards,
-        _selection_findings(selection, local),
-        local.additivity(selection.passed, split),
-        local.products(),
+        _selection_findings(selection, conditions),
+        conditions.additivity(selection.passed, split),
+        conditions.products(),
         *(split or (None, None)),
     )
 
 
-def _selection_findings(selection: EventSelection, local: Conditions) -> tuple[Finding, ...]:
+def _selection_findings(selection: EventSelection, conditions: Conditions) -> tuple[Finding, ...]:
     continuous, *others = selection.findings
-    return (continuous, *local.smooth_guards(), *others)
+    return (continuous, *conditions.smooth_guards(), *others)

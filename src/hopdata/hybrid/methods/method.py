@@ -1,12 +1,14 @@
-# ruff: noqa: ARG001 (specialised and generic code is called alike)
 """What a method of integration is to the driver, and how its code is made for a scene.
 
 A method is two functions (three with Jacobians), made for a scene so that the scene's field stands
 within them and the number of states is a constant: for a small field, calls and loops would cost
 more than the evaluations.
 
-    step(t, dt, rtol, s, mode, params, atol) -> error in units of the tolerance
-    interpolant(t, dt, s, mode, params) -> its degree
+    step(t, dt, rtol, s, mode, params, atol, field) -> error in units of the tolerance
+    interpolant(t, dt, s, mode, params, field) -> its degree
+
+An explicit method has generic code as well, made for no scene, which calls the field by its
+address; the others do not look at that.
 
 The table s holds state and slope at the start of the step in the rows Y and K1; the step fills END
 and KEND with those at its end; the interpolant fills P1 ... (see `driver.dense`).
@@ -16,53 +18,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import sqrt
+from math import nan, sqrt
 from typing import Any
 
 from numba import cfunc
 
 from hopdata.code_cache import compiled_in_cache, function_digest, is_in_cache
+from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.digest import driver_digest, with_digest
-from hopdata.hybrid.compiled.kernel import (
-    ENTRY,
-    INTERPOLANT_NATIVE,
-    REFRESH_NATIVE,
-    STEP_NATIVE,
-    TANGENT_NATIVE,
-    kernel,
-    kernel_in_loop,
-)
-from hopdata.hybrid.compiled.memory import (
-    array_of,
-    float_table,
-    float_vector,
-    int_vector,
-    row,
-    square,
-)
+from hopdata.hybrid.compiled.memory import array_of, float_table, float_vector, int_vector, row
 from hopdata.hybrid.layout import PHI_ROWS
-from hopdata.hybrid.methods import (
-    stiff as differences,
-)
-from hopdata.hybrid.methods import (
-    stiff as rosenbrock,
-)
-from hopdata.hybrid.methods import (
-    tangent,
-    taylor,
-)
-from hopdata.hybrid.methods import (
-    tangent as short_tangent,
-)
-from hopdata.hybrid.methods import (
-    taylor as motion,
-)
-from hopdata.hybrid.methods import (
-    taylor as series,
-)
-from hopdata.hybrid.methods.explicit import TINY, Tableau, compose, interpolant_code, step_code
-from hopdata.hybrid.methods.tangent import product_templates
+from hopdata.hybrid.methods import explicit, stiff, tangent, taylor
+from hopdata.hybrid.methods.explicit import Tableau
 
 Function = Callable[..., Any]
 
@@ -73,58 +41,58 @@ class Method:
 
     Parameters
     ----------
-    name : str
-        Its name.
     order : int
         Order of the error estimate, by which the step is controlled: the error of a step goes
         with this power of its length.
-    evaluations : int
-        Field evaluations of a step.
-    interpolant_evaluations : int
-        Field evaluations of the interpolant.
-    interpolant_error : int
-        Its error at the middle of a step, in units of the step's estimated error.
-    in_powers : bool
-        Whether the interpolant is in powers of theta.
     step, interpolant : callable
         The functions, for Numba to compile.
+    evaluations, interpolant_evaluations : int
+        Field evaluations that they take.
+    interpolant_error : int
+        The interpolant's error at the middle of a step, in units of the step's estimated error.
+    in_powers : bool
+        Whether the interpolant is in powers of theta.
+    work_rows : int
+        Rows of the table of states that belong to the method.
     tangent : callable, optional
         ``tangent(t, dt, rtol, s, mode, params, atol, phi)`` writes the product of the step's
         Jacobian and that in the first rows of phi into the next rows; returns its error in units
         of the tolerance.
-    tangent_evaluations : int
-        Field evaluations that this takes.
+    short_tangent : callable, optional
+        The same for a short step, along its interpolant (see `methods.tangent`).
+    tangent_evaluations, short_evaluations : int
+        Field evaluations that they take.
     tangent_rows : int
         Rows of phi that the tangent needs.
-    short_tangent : callable, optional
-        The same for a short step, along its interpolant (see `methods.short_tangent`).
-    short_tangent_evaluations : int
-        Field evaluations that this takes.
     refresh : callable, optional
         ``refresh(s, mode, params)`` is called whenever the mode may have changed; returns by how
         much what the method knows of the field differs from it, relatively.
-    last_slope_row : int
+    last_slope : int
         Of an explicit method, the row with the slope of its last stage, by which stiffness shows.
+    stiff_tenths : int
+        Edge of its region of stability on the negative axis, in tenths.
     """
 
-    name: str
     order: int
-    evaluations: int
-    interpolant_evaluations: int
-    interpolant_error: int
-    in_powers: bool
     step: Function
     interpolant: Function
+    evaluations: int
+    interpolant_error: int
+    work_rows: int
+    interpolant_evaluations: int = 0
+    in_powers: bool = False
     tangent: Function | None = None
-    tangent_evaluations: int = 0
-    tangent_rows: int = 0
     short_tangent: Function | None = None
-    short_tangent_evaluations: int = 0
+    tangent_evaluations: int = 0
+    short_evaluations: int = 0
+    tangent_rows: int = 0
     refresh: Function | None = None
-    last_slope_row: int = 0
+    last_slope: int = 0
+    stiff_tenths: int = 0
 
 
-# Names that stand for what differs between scenes; the values are put in with the scene.
+# Names that stand for what differs between scenes; the values are put in with the scene. N is 0 in
+# generic code, which works for any number of states.
 FUNCTION: Any = None
 N = 0
 
@@ -133,20 +101,23 @@ def _enter_step(
     t: float, dt: float, rtol: float, s: int, n: int, mode: int, n_modes: int,
     params: int, n_params: int, atol: int, field: int,
 ) -> float:  # fmt: skip
-    return FUNCTION(
-        t, dt, rtol, float_table(s, N), array_of(int_vector(mode, n_modes)),
-        array_of(float_vector(params, n_params)), float_vector(atol, N),
+    width = n if N == 0 else N
+    result: float = FUNCTION(
+        t, dt, rtol, float_table(s, width), array_of(int_vector(mode, n_modes)),
+        array_of(float_vector(params, n_params)), float_vector(atol, width), field,
     )  # fmt: skip
+    return result
 
 
 def _enter_interpolant(
     t: float, dt: float, s: int, n: int, mode: int, n_modes: int,
     params: int, n_params: int, field: int,
 ) -> int:  # fmt: skip
-    return FUNCTION(
-        t, dt, float_table(s, N), array_of(int_vector(mode, n_modes)),
-        array_of(float_vector(params, n_params)),
+    result: int = FUNCTION(
+        t, dt, float_table(s, n if N == 0 else N), array_of(int_vector(mode, n_modes)),
+        array_of(float_vector(params, n_params)), field,
     )  # fmt: skip
+    return result
 
 
 def _enter_tangent(
@@ -168,55 +139,37 @@ def _enter_refresh(s: int, mode: int, n_modes: int, params: int, n_params: int) 
     return result
 
 
-def compiled_entry(
-    template: Function, native: Any, function: Function, *, cache: bool, n_states: int = 0
-) -> Any:
-    """Compile the entry to a method's function, or take it from the cache, if that is wanted."""
-    entry, digest = _entry(template, function, n_states)
+# By what each part of a method is entered, and how machine code calls that. The step comes last: a
+# method that has one is ready.
+ENTRIES: dict[str, tuple[Function, Any]] = {
+    "refresh": (_enter_refresh, code.REFRESH_NATIVE),
+    "tangent": (_enter_tangent, code.TANGENT_NATIVE),
+    "short_tangent": (_enter_tangent, code.TANGENT_NATIVE),
+    "interpolant": (_enter_interpolant, code.INTERPOLANT_NATIVE),
+    "step": (_enter_step, code.STEP_NATIVE),
+}
+
+
+def compiled_part(part: str, method: Method, n_states: int, *, cache: bool = True) -> Any:
+    """Compile a part of a method, or take it from the cache, if that is wanted."""
+    entry, digest = _entry(part, method, n_states)
 
     def compile_it(cached: bool) -> Any:
-        return cfunc(native, cache=cache and cached, **ENTRY)(entry)
+        return cfunc(ENTRIES[part][1], cache=cache and cached, **code.ENTRY)(entry)
 
     return compiled_in_cache(entry, digest, compile_it)
 
 
-def _entry(template: Function, function: Function, n_states: int) -> tuple[Function, str]:
-    """Return the entry to a method's function, to be compiled, and its digest."""
-    inner = kernel_in_loop(with_digest(function))
-    entry = with_digest(template, FUNCTION=inner, N=n_states)
+def _entry(part: str, method: Method, n_states: int) -> tuple[Function, str]:
+    """Return the entry to a part of a method, to be compiled, and its digest."""
+    inner = code.kernel_in_loop(with_digest(getattr(method, part)))
+    entry = with_digest(ENTRIES[part][0], FUNCTION=inner, N=n_states)
     return entry, f"{function_digest(entry)}-{driver_digest()}"
 
 
 def is_compiled(method: Method, n_states: int) -> bool:
     """Tell whether a method's step and interpolant were made for this scene before."""
-    step = _entry(_enter_step, method.step, n_states)
-    interpolant = _entry(_enter_interpolant, method.interpolant, n_states)
-    return is_in_cache(*step) and is_in_cache(*interpolant)
-
-
-def compiled_step(method: Method, n_states: int, *, cache: bool) -> Any:
-    """Return the machine code of a method's step."""
-    return compiled_entry(_enter_step, STEP_NATIVE, method.step, cache=cache, n_states=n_states)
-
-
-def compiled_interpolant(method: Method, n_states: int, *, cache: bool) -> Any:
-    """Return the machine code of a method's interpolant."""
-    return compiled_entry(
-        _enter_interpolant, INTERPOLANT_NATIVE, method.interpolant, cache=cache, n_states=n_states
-    )
-
-
-def compiled_tangent(tangent: Function, n_states: int, *, cache: bool) -> Any:
-    """Return the machine code of a tangent."""
-    return compiled_entry(_enter_tangent, TANGENT_NATIVE, tangent, cache=cache, n_states=n_states)
-
-
-def compiled_refresh(method: Method, n_states: int, *, cache: bool) -> Any:
-    """Return the machine code that a method runs when the mode has changed."""
-    assert method.refresh is not None
-    return compiled_entry(
-        _enter_refresh, REFRESH_NATIVE, method.refresh, cache=cache, n_states=n_states
-    )
+    return all(is_in_cache(*_entry(part, method, n_states)) for part in ("step", "interpolant"))
 
 
 # A method's functions, made for a scene: the scene's own functions and its size are put in.
@@ -261,83 +214,91 @@ class Scene:
         return all(one.compiled for one in given if one is not None)
 
 
-@kernel
-def matrix(s: Any, first: int, _n: int) -> Any:
-    """Return the rows of the table from `first` on, as many as they are long, as a matrix."""
-    return square(s, first)
-
-
 def put_in(template: Any, *, inline: bool = False, **names: Any) -> Any:
     """Return a template with these names put in, to be called by other compiled code."""
-    compiled = kernel_in_loop if inline else kernel
+    compiled = code.kernel_in_loop if inline else code.kernel
     return compiled(with_digest(template, **names))
 
 
-def explicit(tableau: Tableau, scene: Scene) -> Method:
-    """Return the method of a tableau for a scene."""
-    n, field = scene.n_states, scene.field.dispatcher
-    known = {"FIELD": field, "N": n, "TINY": TINY, "row": row, "sqrt": sqrt}
-    arguments = "t, dt, rtol, s, mode, params, atol"
+STEP_ARGUMENTS = "t, dt, rtol, s, mode, params, atol, field"
+INTERPOLANT_ARGUMENTS = "t, dt, s, mode, params, field"
+
+
+def explicit_method(tableau: Tableau, scene: Scene | None = None) -> Method:
+    """Return the method of a tableau for a scene or, with generic code, for all."""
+    known, body, derivatives = {"TINY": explicit.TINY, "sqrt": sqrt}, [], {}
+    if scene is None:
+        evaluation, body = explicit.by_address, ["N = s.width"]
+        known |= {"nan": nan, "call_field": code.call_field_on_arrays}
+    else:
+        evaluation = explicit.inlined
+        known |= {"FIELD": scene.field.dispatcher, "N": scene.n_states, "row": row}
+        derivatives = _tangents(tableau, scene, known)
+    step = body + explicit.step_code(tableau, evaluation)
+    interpolant = body + explicit.interpolant_code(tableau, evaluation)
     return Method(
-        name=tableau.name,
         order=tableau.order,
+        step=explicit.compose("step", STEP_ARGUMENTS, step, known),
+        interpolant=explicit.compose("interpolant", INTERPOLANT_ARGUMENTS, interpolant, known),
         evaluations=tableau.evaluations,
         interpolant_evaluations=len(tableau.dense_nodes),
         interpolant_error=tableau.dense_error,
-        in_powers=False,
-        step=compose("step", arguments, step_code(tableau), known),
-        interpolant=compose(
-            "interpolant", "t, dt, s, mode, params", interpolant_code(tableau), known
-        ),
-        tangent=tangent.tangent_template(tableau, known | _tangent_names(scene, inline=False)),
-        tangent_rows=3 * n + PHI_ROWS + n * len(tableau.weights),
-        tangent_evaluations=0 if scene.jacobian else 4 * n * len(tableau.weights),
-        short_tangent=_short_tangent(tableau, scene),
-        short_tangent_evaluations=0 if scene.jacobian else 8 * n,
-        last_slope_row=tableau.slope_rows[len(tableau.weights) - 1],
+        work_rows=tableau.work_rows,
+        last_slope=tableau.slope_rows[len(tableau.weights) - 1],
+        stiff_tenths=tableau.stiff_tenths,
+        **derivatives,
     )
 
 
+def _tangents(tableau: Tableau, scene: Scene, known: dict[str, Any]) -> dict[str, Any]:
+    """Return the parts of an explicit method that carry the flow's Jacobian."""
+    n, stages, short = scene.n_states, len(tableau.weights), None
+    if tableau.order <= tangent.HIGHEST_ORDER:
+        short = with_digest(tangent.short_tangent, N=n, **_tangent_names(scene, inline=True))
+    of_stage = 0 if scene.jacobian else 4 * n
+    return {
+        "tangent": tangent.tangent_template(tableau, known | _tangent_names(scene, inline=False)),
+        "tangent_rows": 3 * n + PHI_ROWS + n * stages,
+        "tangent_evaluations": of_stage * stages,
+        "short_tangent": short,
+        "short_evaluations": 2 * of_stage,
+    }
+
+
 def _tangent_names(scene: Scene, *, inline: bool) -> dict[str, Any]:
-    n, names = scene.n_states, {"row": row, "square": square}
+    n = scene.n_states
     if scene.jacobian is not None:
-        by_user = {"JACOBIAN": scene.jacobian.dispatcher, "N": n}
-        fill = put_in(tangent.jacobian_by_user, inline=inline, **names, **by_user)
+        names = {"JACOBIAN": scene.jacobian.dispatcher, "N": n}
+        fill = put_in(tangent.jacobian_by_user, inline=inline, **names)
     else:
-        by_differences = {"FIELD": scene.field.dispatcher, "N": n}
-        fill = put_in(tangent.jacobian_by_differences, **names, **by_differences)
-    products = {name: put_in(one, N=n) for name, one in product_templates(n).items()}
-    return {"STAGE_JACOBIAN": fill, **products, **_motion_name(n)}
-
-
-def _motion_name(n: int) -> dict[str, Any]:
-    return {"FASTEST_MOTION": put_in(motion.fastest_motion, inline=True, N=n)}
-
-
-def _short_tangent(tableau: Tableau, scene: Scene) -> Any:
-    if tableau.order > short_tangent.HIGHEST_ORDER:
-        return None
-    names = _tangent_names(scene, inline=True)
-    return with_digest(short_tangent.short_tangent, N=scene.n_states, **names)
+        names = {"FIELD": scene.field.dispatcher, "N": n}
+        fill = put_in(tangent.jacobian_by_differences, **names)
+    multiply = put_in(tangent.multiply, N=n)
+    return {
+        "STAGE_JACOBIAN": fill,
+        "MULTIPLY": multiply,
+        "ADD_PRODUCT": put_in(tangent.add_product, MULTIPLY=multiply, N=n),
+        "FASTEST_MOTION": put_in(taylor.fastest_motion, inline=True, N=n),
+    }
 
 
 def taylor_method(scene: Scene) -> Method:
     """Return the Taylor series of affine modes for a scene."""
     assert scene.affine is not None
     n = scene.n_states
-    names = {"AFFINE": scene.affine.dispatcher, "N": n, "row": row, "matrix": matrix}
+    names = {"AFFINE": scene.affine.dispatcher, "N": n}
+    fastest = put_in(taylor.fastest_motion, inline=True, N=n)
     return Method(
-        name=taylor.NAME,
-        order=series.ORDER,
-        evaluations=taylor.EVALUATIONS,
-        interpolant_evaluations=0,
+        order=taylor.ORDER,
+        step=taylor.step_function(n),
+        interpolant=with_digest(taylor.interpolant, **names),
+        evaluations=0,
         interpolant_error=0,  # it is the step itself, in powers of a part of its length
         in_powers=True,
-        step=series.step_function(n),
-        interpolant=with_digest(taylor.interpolant, **names),
+        work_rows=taylor.work_rows(n),
         refresh=with_digest(
             taylor.refreshed_disagreement,
-            REFRESH=put_in(taylor.refresh, **names, **_motion_name(n)),
+            REFRESH=put_in(taylor.refresh, FASTEST_MOTION=fastest, **names),
             DISAGREEMENT=put_in(taylor.disagreement, **names),
         ),
         tangent=with_digest(taylor.tangent, **names),
@@ -347,23 +308,21 @@ def taylor_method(scene: Scene) -> Method:
 
 def rosenbrock_method(scene: Scene) -> Method:
     """Return the Rosenbrock method for a scene."""
-    n, field = scene.n_states, scene.field.dispatcher
-    names = {"FIELD": field, "N": n, "row": row, "matrix": matrix}
-    fill, evaluations = differences.jacobian_by_differences, rosenbrock.EVALUATIONS + 2 * n
+    n = scene.n_states
+    names = {"FIELD": scene.field.dispatcher, "N": n}
+    fill, evaluations = stiff.jacobian_by_differences, stiff.EVALUATIONS + 2 * n
     if scene.jacobian is not None:
-        fill, evaluations = differences.jacobian_by_user, rosenbrock.EVALUATIONS
+        fill, evaluations = stiff.jacobian_by_user, stiff.EVALUATIONS
         names["JACOBIAN"] = scene.jacobian.dispatcher
     made = {
         "FILL_JACOBIAN": put_in(fill, **names),
-        "TIME_DERIVATIVE": put_in(differences.time_derivative, **names),
+        "TIME_DERIVATIVE": put_in(stiff.time_derivative, **names),
     }
     return Method(
-        name=rosenbrock.NAME,
-        order=rosenbrock.ORDER,
+        order=stiff.ORDER,
+        step=with_digest(stiff.step, **names, **made),
+        interpolant=with_digest(stiff.interpolant, **names),
         evaluations=evaluations,
-        interpolant_evaluations=0,
-        interpolant_error=rosenbrock.DENSE_ERROR,
-        in_powers=False,
-        step=with_digest(rosenbrock.step, **names, **made),
-        interpolant=with_digest(rosenbrock.interpolant, **names),
+        interpolant_error=stiff.DENSE_ERROR,
+        work_rows=stiff.work_rows(n),
     )

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from hopdata.hybrid.compiled.kernel import kernel
-from hopdata.hybrid.compiled.memory import FloatTable, FloatVector
-from hopdata.hybrid.layout import END, K1, KEND, P1, SCRATCH, SLOPE, W1, Y, matrix, row
+from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, row, square
+from hopdata.hybrid.layout import END, K1, KEND, P1, SCRATCH, SLOPE, W1, Y
 
 # Small dense systems of linear equations in rows of the table of states, without allocation.
 
@@ -102,7 +102,7 @@ def jacobian_by_user(
     for i in range(N):
         for j in range(N):
             s[first + i, j] = 0.0
-    JACOBIAN(t, row(s, Y), mode, params, matrix(s, first, N))
+    JACOBIAN(t, row(s, Y), mode, params, square(s, first))
     return 0
 
 
@@ -253,7 +253,6 @@ H = np.array(
 # the last two being specialised functions of `differences`. The field evaluations of a step, which
 # vary, are left in INFO, and the Jacobian at its start in the rows from JAC on.
 
-NAME = "rosenbrock"
 EVALUATIONS = STAGES + 1  # with a given Jacobian and a field that does not depend on time
 DEGREE = 4
 DENSE_ERROR = 1  # of the interpolant, in units of the estimated error of the step
@@ -273,8 +272,9 @@ def work_rows(n: int) -> int:
 
 
 def step(
-    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: FloatVector
-) -> float:
+    t: float, dt: float, rtol: float, s: FloatTable, mode: Any, params: Any, atol: FloatVector,
+    field: int,
+) -> float:  # fmt: skip
     """Take the stages; return the embedded error in units of the tolerance (root mean square)."""
     lu = JAC + N
     s[INFO, 0] = FILL_JACOBIAN(t, dt, s, mode, params, atol, JAC)
@@ -310,7 +310,7 @@ def step(
     return (total / N) ** 0.5
 
 
-def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any) -> int:
+def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any, field: int) -> int:
     """Write the coefficients of the dense output of order 4, in the alternating basis."""
     for i in range(N):
         first, second, third = 0.0, 0.0, 0.0
@@ -324,11 +324,6 @@ def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any) -> i
         s[P1 + 3, i] = -third
     return DEGREE
 
-
-# Edges of the regions of stability on the negative axis, 3.31 and 6.4, a little reduced: where
-# stability limits the step, the controller makes it swing about them.
-DOPRI5_LIMIT = 3.0
-DOP853_LIMIT = 6.1
 
 STIFF = 15.0  # steps beyond the limit, more or less in a row
 RELIEF = 2.5  # of these are forgotten at each step within it

@@ -1,7 +1,7 @@
 """The methods that a user can choose from, and the table of them that the driver reads.
 
 There is machine code of two kinds for an explicit method: generic code, the same for all scenes
-(see `generic`), which is there at once, and code made for the scene, which is faster and takes a
+(`generic_code`), which is there at once, and code made for the scene, which is faster and takes a
 second or two to compile. Results have the same bytes. A scene begins with its own code where that
 is in the cache, with generic code where it is not; its own is made when the scene has taken
 `WORTH_COMPILING` steps in this process, or a batch will take so many, or the caller asks for it.
@@ -11,104 +11,41 @@ from __future__ import annotations
 
 import difflib
 from functools import cache
-from math import nan, sqrt
 from typing import Any
 
 import numpy as np
 
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import layout
-from hopdata.hybrid.compiled.kernel import INTERPOLANT_NATIVE, STEP_NATIVE, call_field
-from hopdata.hybrid.compiled.memory import float_table, float_vector, int_vector
-from hopdata.hybrid.layout import FloatArray, IntArray
-from hopdata.hybrid.methods import stiff as rosenbrock
-from hopdata.hybrid.methods import stiff as stiffness
-from hopdata.hybrid.methods import taylor
-from hopdata.hybrid.methods.dop853 import DOP853
-from hopdata.hybrid.methods.explicit import (
-    DOPRI5,
-    TINY,
-    Tableau,
-    by_address,
-    compose,
-    interpolant_code,
-    step_code,
-)
-from hopdata.hybrid.methods.method import (
-    Method,
-    Scene,
-    compiled_entry,
-    compiled_interpolant,
-    compiled_refresh,
-    compiled_step,
-    compiled_tangent,
-    explicit,
-    is_compiled,
-    rosenbrock_method,
-    taylor_method,
-)
-
-# Explicit methods for any scene: they call its field by its address.
-#
-# Compiled once per install, as the driver is, for any number of states. A scene's own code (see
-# `scene`) is faster and takes a second or two to compile; its results have the same bytes.
-
-FUNCTION: Any = None  # put in for each method
-
-KNOWN = {"TINY": TINY, "sqrt": sqrt, "nan": nan, "call_field": call_field}
-ANY_SIZE = ["N = s.width"]
-
-
-def _enter_step(
-    t: float, dt: float, rtol: float, s: int, n: int, mode: int, n_modes: int,
-    params: int, n_params: int, atol: int, field: int,
-) -> float:  # fmt: skip
-    result: float = FUNCTION(
-        t, dt, rtol, float_table(s, n), int_vector(mode, n_modes), float_vector(params, n_params),
-        float_vector(atol, n), field,
-    )  # fmt: skip
-    return result
-
-
-def _enter_interpolant(
-    t: float, dt: float, s: int, n: int, mode: int, n_modes: int,
-    params: int, n_params: int, field: int,
-) -> int:  # fmt: skip
-    result: int = FUNCTION(
-        t, dt, float_table(s, n), int_vector(mode, n_modes), float_vector(params, n_params), field
-    )
-    return result
-
-
-@cache
-def generic_step(tableau: Tableau) -> Any:
-    """Return the machine code of a method's step for any scene."""
-    body = ANY_SIZE + step_code(tableau, by_address)
-    function = compose("generic_step", "t, dt, rtol, s, mode, params, atol, field", body, KNOWN)
-    return compiled_entry(_enter_step, STEP_NATIVE, function, cache=True)
-
-
-@cache
-def generic_interpolant(tableau: Tableau) -> Any:
-    """Return the machine code of a method's interpolant for any scene."""
-    body = ANY_SIZE + interpolant_code(tableau, by_address)
-    function = compose("generic_interpolant", "t, dt, s, mode, params, field", body, KNOWN)
-    return compiled_entry(_enter_interpolant, INTERPOLANT_NATIVE, function, cache=True)
-
+from hopdata.hybrid.methods import method as made
+from hopdata.hybrid.methods.explicit import DOP853, DOPRI5
+from hopdata.hybrid.methods.method import Method, Scene, compiled_part
 
 TABLEAUS = {"dopri5": DOPRI5, "dop853": DOP853}
 MAKERS = {
-    "dopri5": lambda scene: explicit(DOPRI5, scene),
-    "dop853": lambda scene: explicit(DOP853, scene),
-    "taylor": taylor_method,
-    "rosenbrock": rosenbrock_method,
+    "dopri5": lambda scene: made.explicit_method(DOPRI5, scene),
+    "dop853": lambda scene: made.explicit_method(DOP853, scene),
+    "taylor": made.taylor_method,
+    "rosenbrock": made.rosenbrock_method,
 }
 CHOICES = ("auto", *MAKERS)
 AUTOMATIC = ("dopri5", "dop853", "rosenbrock")  # from cheap to high order, then stiff
 LARGEST_STIFF = 200  # states; above, the matrices of Rosenbrock would not be worth their memory
 # Steps in a process, from which a scene gets code of its own: that takes 0.4 to 2.5 s, saves 0.02
-# to 0.07 us of each step, and is there for the next process.
+# to 0.15 us of each step, and is there for the next process.
 WORTH_COMPILING = 5_000_000
-STIFF_LIMITS = {"dopri5": stiffness.DOPRI5_LIMIT, "dop853": stiffness.DOP853_LIMIT}
+# What the driver's table says of a method, in columns of these names.
+COLUMNS = (
+    "evaluations", "interpolant_evaluations", "tangent_evaluations", "short_evaluations", "order",
+    "interpolant_error", "in_powers", "last_slope", "stiff_tenths",
+)  # fmt: skip
+
+
+@cache
+def generic_code(name: str) -> dict[str, Any]:
+    """Return the machine code of an explicit method for any scene: compiled once per install."""
+    method = made.explicit_method(TABLEAUS[name])
+    return {part: compiled_part(part, method, 0) for part in ("interpolant", "step")}
 
 
 def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
@@ -133,17 +70,6 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
         return ("taylor",)
     with_stiff = not jacobian and scene.n_states <= LARGEST_STIFF
     return AUTOMATIC if with_stiff else AUTOMATIC[:-1]
-
-
-def work_rows(names: tuple[str, ...], n_states: int) -> int:
-    """Return the number of work rows that these methods need."""
-    needed = {
-        "dopri5": DOPRI5.work_rows,
-        "dop853": DOP853.work_rows,
-        "taylor": taylor.work_rows(n_states),
-        "rosenbrock": rosenbrock.work_rows(n_states),
-    }
-    return max(needed[name] for name in names)
 
 
 class MethodTable:
@@ -174,32 +100,22 @@ class MethodTable:
         self.choice, self._names = choice, check_method(choice, scene, jacobian)
         self.scene, self._jacobian = scene, jacobian
         self._kept_alive: list[Any] = []
-        self._methods: dict[int, Method] = {}
+        self._methods = [MAKERS[name](scene) for name in self._names]
         self.generic: set[int] = set()
         self.steps = 0
-        self.work_rows = work_rows(self._names, scene.n_states)
-        self.tangent_rows = 0
+        self.work_rows = max(method.work_rows for method in self._methods)
+        self.tangent_rows = max(method.tangent_rows for method in self._methods)
         self.rows: IntArray = np.zeros((len(self._names), layout.METHOD_SLOTS), dtype=np.int64)
-        for number in range(len(self._names)):
-            self._describe(number)
+        for number, method in enumerate(self._methods):
+            self._describe(number, method)
         if self._names == ("taylor",):  # the driver refreshes it from the very start
             self.compile(0)
 
-    def _describe(self, number: int) -> None:
-        name, row = self._names[number], self.rows[number]
-        method = self._methods[number] = MAKERS[name](self.scene)
-        row[layout.EVALUATIONS], row[layout.ORDER] = method.evaluations, method.order
-        row[layout.INTERPOLANT_EVALUATIONS] = method.interpolant_evaluations
-        row[layout.INTERPOLANT_ERROR], row[layout.IN_POWERS] = (
-            method.interpolant_error,
-            method.in_powers,
-        )
-        row[layout.LAST_SLOPE], row[layout.DENSER] = method.last_slope_row, -1
-        row[[layout.SPARSER, layout.STIFFER, layout.RELAXED]] = -1
-        row[layout.STIFF_TENTHS] = round(10 * STIFF_LIMITS.get(name, 0.0))
-        self.tangent_rows = max(self.tangent_rows, method.tangent_rows)
-        row[layout.TANGENT_EVALUATIONS] = method.tangent_evaluations
-        row[layout.SHORT_TANGENT_EVALUATIONS] = method.short_tangent_evaluations
+    def _describe(self, number: int, method: Method) -> None:
+        row = self.rows[number]
+        for name in COLUMNS:
+            row[getattr(layout, name.upper())] = getattr(method, name)
+        row[[layout.SPARSER, layout.DENSER, layout.STIFFER, layout.RELAXED]] = -1
         if len(self._names) > 1:
             self._chain(number, row)
 
@@ -218,8 +134,8 @@ class MethodTable:
     def provide(self, number: int) -> None:
         """Make a method ready, which the driver has asked for."""
         if self._generic_will_do(number):
-            tableau = TABLEAUS[self._names[number]]
-            self._enter(number, generic_step(tableau), generic_interpolant(tableau))
+            for part, code in generic_code(self._names[number]).items():
+                self._enter(number, part, code)
             self.generic.add(number)
         else:
             self.compile(number)
@@ -230,7 +146,7 @@ class MethodTable:
         if not self.scene.field.compiled:
             return True
         few = self.steps < WORTH_COMPILING
-        return few and not is_compiled(self._methods[number], self.scene.n_states)
+        return few and not made.is_compiled(self._methods[number], self.scene.n_states)
 
     def wants_own_code(self, steps: int = 0) -> bool:
         """Tell whether, with these steps more, so many are taken that the scene wants its code."""
@@ -251,32 +167,19 @@ class MethodTable:
             if number in generic or self.rows[number, layout.STEP] == 0:
                 make(number)
 
-    def _enter(self, number: int, step: Any, interpolant: Any) -> None:
+    def _enter(self, number: int, part: str, code: Any) -> None:
         """Hand machine code to the driver."""
-        self._kept_alive += [step, interpolant]
-        row = self.rows[number]
-        row[layout.INTERPOLANT], row[layout.STEP] = interpolant.address, step.address
-
-    def _compile_tangent(self, number: int, slot: int, tangent: Any) -> None:
-        if tangent is not None:
-            scene = self.scene
-            compiled = compiled_tangent(tangent, scene.n_states, cache=scene.cacheable)
-            self._kept_alive.append(compiled)
-            self.rows[number][slot] = compiled.address
+        self._kept_alive.append(code)
+        self.rows[number, getattr(layout, part.upper())] = code.address
 
     def compile(self, number: int) -> None:
         """Make the machine code of a method for the scene."""
-        method, row = self._methods[number], self.rows[number]
-        n_states, cache = self.scene.n_states, self.scene.cacheable
-        if method.refresh is not None:
-            refresh = compiled_refresh(method, n_states, cache=cache)
-            self._kept_alive.append(refresh)
-            row[layout.REFRESH] = refresh.address
-        if self._jacobian:
-            self._compile_tangent(number, layout.TANGENT, method.tangent)
-            self._compile_tangent(number, layout.SHORT_TANGENT, method.short_tangent)
-        step = compiled_step(method, n_states, cache=cache)
-        self._enter(number, step, compiled_interpolant(method, n_states, cache=cache))
+        method, scene = self._methods[number], self.scene
+        for part in made.ENTRIES:
+            wanted = self._jacobian or "tangent" not in part
+            if wanted and getattr(method, part) is not None:
+                code = compiled_part(part, method, scene.n_states, cache=scene.cacheable)
+                self._enter(number, part, code)
 
 
 def tangent_table(methods: MethodTable, n_states: int) -> FloatArray:

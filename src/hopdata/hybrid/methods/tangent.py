@@ -11,71 +11,54 @@ new Jacobian) and M, some single rows, and one block dK for each stage (see `dri
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import factorial, sqrt
 from types import FunctionType
 from typing import Any
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import add_product, fma, multiply
+from hopdata.hybrid.compiled.kernel import fma
 from hopdata.hybrid.compiled.memory import FloatTable, row, square
 from hopdata.hybrid.layout import GAUSS_1, GAUSS_2, K1, PHI_MOTION, PHI_ROWS, SCRATCH, SLOPE, Y
 from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination, compose
 
-# Products of the blocks of a tangent's table: in vector instructions where they are small.
-
-LARGEST_IN_VECTORS = 16  # columns; the code of a product grows with the cube of their number
-
-
-def multiply_vectors(phi: FloatTable, target: int, left: int, right: int) -> None:
-    """Write the product of two blocks, named by their first rows, into a third one."""
-    multiply(phi, target, left, right, N)
+# Products of the blocks of a tangent's table, named by their first rows. Sums are taken in order,
+# each product and sum rounded once (see `fma`).
 
 
-def add_product_vectors(
+def multiply(phi: FloatTable, target: int, left: int, right: int) -> None:
+    """Write the product of two blocks into a third one.
+
+    Four columns at a time: their sums stay in registers, and become vector instructions.
+    """
+    for i in range(N):
+        for j in range(0, N - 3, 4):
+            one = phi[left + i, 0]
+            a, b = one * phi[right, j], one * phi[right, j + 1]
+            c, d = one * phi[right, j + 2], one * phi[right, j + 3]
+            for k in range(1, N):
+                one, r = phi[left + i, k], right + k
+                a, b = fma(one, phi[r, j], a), fma(one, phi[r, j + 1], b)
+                c, d = fma(one, phi[r, j + 2], c), fma(one, phi[r, j + 3], d)
+            phi[target + i, j], phi[target + i, j + 1] = a, b
+            phi[target + i, j + 2], phi[target + i, j + 3] = c, d
+        for j in range(N - N % 4, N):
+            total = phi[left + i, 0] * phi[right, j]
+            for k in range(1, N):
+                total = fma(phi[left + i, k], phi[right + k, j], total)
+            phi[target + i, j] = total
+
+
+def add_product(
     phi: FloatTable, target: int, base: int, left: int, right: int, factor: float
 ) -> None:
     """Write base + factor left right into the block `target`, which is none of them."""
-    add_product(phi, target, base, left, right, factor, N)
-
-
-def multiply_numbers(phi: FloatTable, target: int, left: int, right: int) -> None:
-    """Write the product of two blocks, named by their first rows, into a third one."""
+    MULTIPLY(phi, target, left, right)
     for i in range(N):
-        first = phi[left + i, 0]
-        for j in range(N):
-            phi[target + i, j] = first * phi[right, j]
-        for k in range(1, N):
-            one = phi[left + i, k]
-            for j in range(N):
-                phi[target + i, j] = fma(one, phi[right + k, j], phi[target + i, j])
-
-
-def add_product_numbers(
-    phi: FloatTable, target: int, base: int, left: int, right: int, factor: float
-) -> None:
-    """Write base + factor left right into the block `target`, which is none of them."""
-    for i in range(N):
-        first = phi[left + i, 0]
-        for j in range(N):
-            phi[target + i, j] = first * phi[right, j]
-        for k in range(1, N):
-            one = phi[left + i, k]
-            for j in range(N):
-                phi[target + i, j] = fma(one, phi[right + k, j], phi[target + i, j])
         for j in range(N):
             phi[target + i, j] = fma(factor, phi[target + i, j], phi[base + i, j])
 
-
-def product_templates(n_states: int) -> dict[str, Any]:
-    """Return the templates of products of matrices of this size."""
-    if n_states <= LARGEST_IN_VECTORS:
-        return {"MULTIPLY": multiply_vectors, "ADD_PRODUCT": add_product_vectors}
-    return {"MULTIPLY": multiply_numbers, "ADD_PRODUCT": add_product_numbers}
-
-
-Function = Callable[..., Any]
 
 # Put in for each scene.
 FIELD: Any = None
@@ -201,6 +184,7 @@ def tangent_template(tableau: Tableau, known: dict[str, Any]) -> FunctionType:
 
 # Put in for each scene.
 STAGE_JACOBIAN: Any = None
+MULTIPLY: Any = None
 ADD_PRODUCT: Any = None
 FASTEST_MOTION: Any = None
 

@@ -24,20 +24,8 @@ from typing import Any
 import numpy as np
 
 from hopdata.hybrid.compiled.kernel import fma, kernel
-from hopdata.hybrid.compiled.memory import FloatTable, FloatVector
-from hopdata.hybrid.layout import (
-    END,
-    K1,
-    KEND,
-    MOST_COEFFICIENTS,
-    P1,
-    SCRATCH,
-    SLOPE,
-    W1,
-    Y,
-    matrix,
-    row,
-)
+from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, row, square
+from hopdata.hybrid.layout import END, K1, KEND, LARGEST_DEGREE, P1, SCRATCH, SLOPE, W1, Y
 from hopdata.hybrid.methods.explicit import INDENT, compose
 
 # The fastest motion of a linear flow: by its matrix, whatever the state does.
@@ -67,7 +55,7 @@ def fastest_motion(table: FloatTable, first: int) -> float:
 # The chain is of the derivatives times powers of the step; each is divided by its factorial beside
 # the chain, not within it.
 
-DEGREE = MOST_COEFFICIENTS
+DEGREE = LARGEST_DEGREE
 ORDER = DEGREE + 1
 B, WEIGHT, INFO, LONGEST, A = W1, W1 + 1, W1 + 2, W1 + 3, W1 + 4
 
@@ -129,13 +117,14 @@ def sum_of_terms(s: FloatTable, k: int, i: int) -> float:
 
 
 def step_function(n: int) -> FunctionType:
-    """Return ``step(t, dt, rtol, s, mode, params, atol)`` for `n` states.
+    """Return ``step(t, dt, rtol, s, mode, params, atol, field)`` for `n` states.
 
     It sums the series at `dt`, and returns the first term left out, in units of the sharper
     tolerance. Terms are added until two in a row are below an eighth of the rounding error of the
     state. The returned error is that of degree 32 all the same, which is what limits a step.
     """
-    return compose("step", "t, dt, rtol, s, mode, params, atol", _step_code(n), {"N": n, **KNOWN})
+    arguments = "t, dt, rtol, s, mode, params, atol, field"
+    return compose("step", arguments, _step_code(n), {"N": n, **KNOWN})
 
 
 KNOWN = {
@@ -242,8 +231,6 @@ def _step_code(n: int) -> list[str]:
     ]
 
 
-NAME = "taylor"
-EVALUATIONS = 0
 BASIS = "power"
 
 FARTHEST_TURN = 4.5  # radians: nine tenths of z with z^33 / 33! = 64 EPS, the tolerance of a step
@@ -267,7 +254,7 @@ def refresh(s: FloatTable, mode: Any, params: Any) -> None:
         s[B, i] = 0.0
         for j in range(N):
             s[A + i, j] = 0.0
-    AFFINE(mode, params, matrix(s, A, N), row(s, B))
+    AFFINE(mode, params, square(s, A), row(s, B))
     fastest = FASTEST_MOTION(s, A)
     s[LONGEST, 0] = FARTHEST_TURN / sqrt(fastest) if 0.0 < fastest < inf else inf
 
@@ -288,7 +275,7 @@ def disagreement(s: FloatTable) -> float:
     return worst
 
 
-def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any) -> int:
+def interpolant(t: float, dt: float, s: FloatTable, mode: Any, params: Any, field: int) -> int:
     """Return the degree that the series needed: its coefficients are in place."""
     return int(s[INFO, 0])
 

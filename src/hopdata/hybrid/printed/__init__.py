@@ -11,21 +11,11 @@ final time and begins from rest. Kept as limits: the step after an event has no 
 signs are compared on the mesh alone.
 """
 
-from hopdata.hybrid.printed.classical import (
-    ClassicalSolver,
-    Dopri5,
-    Mesh,
-    PrintedOptions,
-    Region,
-    Stepping,
-    region_of,
-)
+from hopdata.hybrid.printed.classical import Mesh, PrintedOptions, Region, Stepping, region_of
 from hopdata.hybrid.printed.contacts import resolve_contacts
 from hopdata.hybrid.printed.supervisor import PrintedSolution, integrate, integrate_alternating
 
 __all__ = [
-    "ClassicalSolver",
-    "Dopri5",
     "Mesh",
     "PrintedOptions",
     "PrintedSolution",

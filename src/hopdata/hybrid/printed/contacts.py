@@ -10,8 +10,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid.printed.classical import PrintedOptions, Region, Slope
-from hopdata.hybrid.solution import FloatArray, IntArray
 
 # Cubic Hermite interpolation on one step (Hairer, Norsett, Wanner I, equation II.6.7).
 

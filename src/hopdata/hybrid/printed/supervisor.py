@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid.arguments import check_shape
 from hopdata.hybrid.printed.classical import (
     ClassicalSolver,
-    Dopri5,
     Mesh,
     PrintedOptions,
     Region,
@@ -19,7 +19,7 @@ from hopdata.hybrid.printed.classical import (
     Stop,
 )
 from hopdata.hybrid.printed.contacts import Crossing, Resolution, resolve_contacts
-from hopdata.hybrid.solution import EventLog, FloatArray, IntArray
+from hopdata.hybrid.solution import EventLog
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,9 @@ def integrate(
     y0 : (n,) array_like
         Initial state.
     solver : ClassicalSolver, optional
-        By default `Stepping(Dopri5)`. Give a `max_step`: a sign that changes twice between two
-        points of the mesh is not seen, and the step after an event has no error control.
+        By default `Stepping` of scipy's `RK45`. Give a `max_step`: a sign that changes twice
+        between two points of the mesh is not seen, and the step after an event has no error
+        control.
     options : PrintedOptions, optional
         Choices within the method.
     ended : callable, optional
@@ -91,7 +92,11 @@ def integrate(
     ArithmeticError
         If the classical solver fails, or returns without having advanced.
     """
-    solver, t_start = solver or Stepping(Dopri5), float(t_span[0])
+    if solver is None:
+        from scipy.integrate import RK45
+
+        solver = Stepping(RK45)
+    t_start = float(t_span[0])
     y = check_shape("y0", y0, region.system.n_states)
     locks, t, t_end = region.first_locks(t_start, y), t_start, float(t_span[1])
     meshes, done = [Mesh(np.array([t]), y[None])], False

@@ -13,6 +13,11 @@ from hopdata.errors import AnalysisError
 # Candidate touchdowns: the body sinks through the pre section and then the post section.
 
 
+# Part of the distance between the sections by which the body must sink below the pre section before
+# a descent counts, so that noise about the section makes no descents of its own.
+HYSTERESIS = 0.02
+
+
 @dataclass(frozen=True)
 class Transitions:
     """Descents through the pre section, in order of time (L of them).
@@ -46,7 +51,6 @@ def find_transitions(
     *,
     pre_height_m: float,
     post_height_m: float,
-    hysteresis: float = 0.02,
 ) -> Transitions:
     """Find every descent of the body through the pre section.
 
@@ -58,9 +62,6 @@ def find_transitions(
         Mean height of the body markers, m; NaN where unseen.
     pre_height_m, post_height_m : float
         The sections, m; the pre section is the upper one.
-    hysteresis : float
-        Part of the distance between the sections by which the body must sink below the pre section
-        before a descent counts, so that noise about the section makes no descents of its own.
 
     Returns
     -------
@@ -80,7 +81,7 @@ def find_transitions(
         )
     seen = np.flatnonzero(~np.isnan(height))
     t, h = time[seen], height[seen]
-    sunk = pre_height_m - hysteresis * (pre_height_m - post_height_m)
+    sunk = pre_height_m - HYSTERESIS * (pre_height_m - post_height_m)
     falls, rises = schmitt_edges(h, high=pre_height_m, low=sunk)
     if len(falls) == 0:
         return Transitions(*np.empty((4, 0)))

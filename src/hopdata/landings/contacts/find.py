@@ -5,28 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import chosen, require_choice
-from hopdata.landings.contacts.descents import (
-    LANDED,
-    MISSING,
-    POOR_FIT,
-    Transitions,
-    approaches,
-    height_noise,
-)
+from hopdata.landings.contacts import descents, kink_law
 from hopdata.landings.contacts.kink import KinkFits
-from hopdata.landings.contacts.kink_law import (
-    GRAVITIES,
-    FootHeights,
-    joint_fits,
-    pooled_noise,
-    single_fits,
-)
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
 
 LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight law holds
@@ -56,22 +41,10 @@ class Contacts:
     noise_m: float
 
 
-@dataclass(frozen=True)
-class _Descents:
-    """What every method looks at: see `find_contacts` and `hopdata.landings.contacts.descents`."""
-
-    time: FloatArray
-    heights: FloatArray
-    transitions: Transitions
-    near: FloatArray
-    status: IntArray
-    noise_m: float
-
-
 def find_contacts(
     time: FloatArray,
     heights: FloatArray,
-    transitions: Transitions,
+    transitions: descents.Transitions,
     *,
     down_height_m: float,
     method: str = "kink",
@@ -115,9 +88,9 @@ def find_contacts(
         If `method` or `gravity` is unknown.
     """
     find = chosen("touchdowns.method", method, METHODS)
-    require_choice("touchdowns.gravity", gravity, GRAVITIES)
-    noise_m = height_noise(heights)
-    near, status = approaches(
+    require_choice("touchdowns.gravity", gravity, kink_law.GRAVITIES)
+    noise_m = descents.height_noise(heights)
+    near, status = descents.approaches(
         time,
         heights,
         transitions,
@@ -126,44 +99,25 @@ def find_contacts(
         lead_s=window_before_s or SHORT_WINDOWS_S[0],
         trail_s=window_after_s or SHORT_WINDOWS_S[1],
     )
-    return find(
-        _Descents(time, heights, transitions, near, status, noise_m),
-        gravity=gravity,
-        asked=(window_before_s, window_after_s),
-        maximum_misfit=maximum_misfit,
-    )
+    if find is not None:
+        instant, se = find(time, heights, transitions, noise_m=noise_m)
+        landed = status == descents.LANDED
+        instant, se = np.where(landed, instant, np.nan), np.where(landed, se, np.nan)
+        status = np.where(landed & np.isnan(instant), descents.MISSING, status)
+        return Contacts(instant, se, status, noise_m)
+    asked = (window_before_s, window_after_s)
+    feet = kink_law.FootHeights(time, heights, _windows(time, asked, LONG_WINDOWS_S))
+    fits = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
+    if not kink_law.pooled_noise(fits) <= REFUTED * noise_m:
+        feet = kink_law.FootHeights(time, heights, _windows(time, asked, SHORT_WINDOWS_S))
+        fits = kink_law.single_fits(feet, near, noise_m=noise_m, gravity=gravity)
+    return _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
 
 
-def _by_kink(
-    seen: _Descents,
-    *,
-    gravity: str,
-    asked: tuple[float | None, float | None],
-    maximum_misfit: float,
-) -> Contacts:
-    time, heights, noise_m = seen.time, seen.heights, seen.noise_m
-    feet = FootHeights(time, heights, _windows(time, asked, LONG_WINDOWS_S))
-    fits = joint_fits(feet, seen.near, noise_m=noise_m, gravity=gravity)
-    if not pooled_noise(fits) <= REFUTED * noise_m:
-        feet = FootHeights(time, heights, _windows(time, asked, SHORT_WINDOWS_S))
-        fits = single_fits(feet, seen.near, noise_m=noise_m, gravity=gravity)
-    return _judged(fits, seen.status, pooled_noise(fits), maximum_misfit)
-
-
-def _by_velocity(seen: _Descents, *, parabola: bool, **_of_the_kink: Any) -> Contacts:
-    instant, se = velocity_minima(
-        seen.time, seen.heights, seen.transitions, noise_m=seen.noise_m, parabola=parabola
-    )
-    landed = seen.status == LANDED
-    instant, se = np.where(landed, instant, np.nan), np.where(landed, se, np.nan)
-    status = np.where(landed & np.isnan(instant), MISSING, seen.status)
-    return Contacts(instant, se, status, seen.noise_m)
-
-
-METHODS: dict[str, Callable[..., Contacts]] = {
-    "kink": _by_kink,
-    "velocity_minimum": partial(_by_velocity, parabola=False),
-    "velocity_minimum_parabola": partial(_by_velocity, parabola=True),
+METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {
+    "kink": None,
+    "velocity_minimum": partial(velocity_minima, parabola=False),
+    "velocity_minimum_parabola": partial(velocity_minima, parabola=True),
 }
 
 
@@ -182,12 +136,14 @@ def _judged(fits: KinkFits, status: IntArray, noise_m: float, maximum_misfit: fl
     thin |= ~np.isfinite(fits.unit_se)
     ratio = np.sqrt(fits.misfit / np.maximum(fits.dof, 1.0)) / noise_m
     poor = (ratio > maximum_misfit) | ~(fits.velocity < 0)
-    landed = status == LANDED
-    status = np.where(landed & thin, MISSING, np.where(landed & poor, POOR_FIT, status))
+    landed = status == descents.LANDED
+    status = np.where(
+        landed & thin, descents.MISSING, np.where(landed & poor, descents.POOR_FIT, status)
+    )
     # A misfit beyond three standard deviations of its chance value is no chance: Birge's ratio.
     chance = 1 + 3 / np.sqrt(2 * np.maximum(fits.dof, 1.0))
     se = fits.unit_se * noise_m * np.where(ratio > chance, ratio, 1.0)
-    seen = status != MISSING
+    seen = status != descents.MISSING
     return Contacts(
         np.where(seen, fits.instant, np.nan), np.where(seen, se, np.nan), status, noise_m
     )

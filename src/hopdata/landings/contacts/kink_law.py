@@ -203,19 +203,13 @@ class FootHeights:
         frame_s = float(np.median(np.diff(self.time)))
         return max(0.015, 2.5 * frame_s), max(0.008, 1.5 * frame_s)
 
-    def first_fits(self, near: FloatArray, law: Law) -> KinkFits:
-        """Search about rough instants (L, n), s, as if no foot acted on another."""
-        return self._fits(near, replace(law, pushes=False), self.search_s()[0])
-
-    def fits(self, instant: FloatArray, law: Law, *, widely: bool = False) -> KinkFits:
-        """Fit each foot about its last instant (L, n), s, as far as in the first fits or less."""
-        return self._fits(instant, law, self.search_s()[0 if widely else 1])
-
-    def _fits(self, near: FloatArray, law: Law, search_s: float) -> KinkFits:
+    def fits(self, near: FloatArray, law: Law, *, widely: bool = False) -> KinkFits:
+        """Fit each foot about its rough or its last instant (L, n), s, which asks for less."""
         return kink_fits(
             self.time, self.heights, near, priors=law.priors, noise_m=law.noise_m,
-            windows_s=self.windows_s, search_s=search_s, earlier=near if law.pushes else None,
-            compliance_s=law.compliance_s, creeps=law.creeps,
+            windows_s=self.windows_s, search_s=self.search_s()[0 if widely else 1],
+            earlier=near if law.pushes else None, compliance_s=law.compliance_s,
+            creeps=law.creeps,
         )  # fmt: skip
 
 
@@ -234,7 +228,7 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
         See `hopdata.landings.contacts.find.find_contacts`.
     """
     law = Law(weak_priors(feet.heights.shape[1], gravity), noise_m)
-    alone = feet.first_fits(near, law)
+    alone = feet.fits(near, replace(law, pushes=False), widely=True)
     law = learned_law(feet, alone.instant, law, own=gravity == "learned")
     fits = feet.fits(alone.instant, law, widely=True)
     return feet.fits(fits.instant, law)
@@ -243,7 +237,7 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
 def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> KinkFits:
     """Fit each foot alone with a free curvature (unless gravity is `known`), windows recentred."""
     law = Law(weak_priors(feet.heights.shape[1], gravity), noise_m, pushes=False)
-    fits = feet.first_fits(near, law)
+    fits = feet.fits(near, law, widely=True)
     for _ in range(3):
         fits = feet.fits(fits.instant, law)
     return fits

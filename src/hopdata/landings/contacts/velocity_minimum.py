@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 FILTER_S = 0.07  # seven frames at the dissertation's 100 Hz
 LEAST_FILTER_FRAMES = 5
+MARGIN_S = 0.05  # shown before the pre and after the post section
 
 
 def filter_window(rate_hz: float) -> int:
@@ -31,9 +32,9 @@ def filter_window(rate_hz: float) -> int:
 
 
 def savitzky_golay_velocity(
-    values: FloatArray, rate_hz: float, *, window: int | None = None, degree: int = 3
+    values: FloatArray, rate_hz: float, *, window: int | None = None
 ) -> FloatArray:
-    """First derivative by a polynomial fitted to a moving window.
+    """First derivative by a cubic fitted to a moving window.
 
     Parameters
     ----------
@@ -41,9 +42,8 @@ def savitzky_golay_velocity(
         Samples at a constant rate; NaN where unseen.
     rate_hz : float
         Frame rate, Hz.
-    window, degree : int
-        Odd number of frames in the window (`filter_window` by default), and degree of the
-        polynomial.
+    window : int, optional
+        Odd number of frames in the window, by default `filter_window`.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def savitzky_golay_velocity(
     """
     window = window or filter_window(rate_hz)
     half = window // 2
-    weights = derivative_weights(window, degree)
+    weights = derivative_weights(window)
     out = np.full(values.shape, np.nan)
     inner = len(values) - 2 * half
     if inner > 0:
@@ -60,9 +60,9 @@ def savitzky_golay_velocity(
     return out * rate_hz
 
 
-def derivative_weights(window: int, degree: int) -> FloatArray:
+def derivative_weights(window: int) -> FloatArray:
     """Weights of the samples of a window in the slope at its middle, (window,), per frame."""
-    powers = np.vander(np.arange(window) - window // 2, degree + 1, increasing=True)
+    powers = np.vander(np.arange(window) - window // 2, 4, increasing=True)
     return np.linalg.pinv(powers.astype(float))[1]
 
 
@@ -73,8 +73,6 @@ def velocity_minima(
     *,
     noise_m: float,
     parabola: bool,
-    window: int | None = None,
-    degree: int = 3,
 ) -> tuple[FloatArray, FloatArray]:
     """Find the instant of least vertical velocity of each foot between the two sections.
 
@@ -94,8 +92,6 @@ def velocity_minima(
     parabola : bool
         Take the vertex of the parabola through the least frame and its two neighbours instead of
         the frame itself.
-    window, degree : int
-        Of the Savitzky-Golay filter; by default 0.07 s, and cubic.
 
     Returns
     -------
@@ -105,11 +101,12 @@ def velocity_minima(
         noise of the heights makes of the vertex.
     """
     frame_s = float(np.median(np.diff(time)))
-    window = window or filter_window(1 / frame_s)
-    velocity = savitzky_golay_velocity(heights, 1 / frame_s, window=window, degree=degree)
+    velocity = savitzky_golay_velocity(heights, 1 / frame_s)
     shape = (len(transitions), heights.shape[1])
     instant, se = np.full(shape, np.nan), np.full(shape, np.nan)
-    noise = noise_m / frame_s * _curvature_free_noise(window, degree)
+    # Noise of half the difference of the velocities one frame either side.
+    weights = np.convolve(derivative_weights(filter_window(1 / frame_s)), [0.5, 0.0, -0.5])
+    noise = noise_m / frame_s * float(np.linalg.norm(weights))
     first = np.searchsorted(time, transitions.t_pre)
     stop = np.searchsorted(time, transitions.t_post, side="right")
     for row in np.flatnonzero(transitions.complete):
@@ -127,19 +124,10 @@ def velocity_minima(
     return instant, se
 
 
-def _curvature_free_noise(window: int, degree: int) -> float:
-    """Noise of half the difference of the velocities one frame either side, per unit of noise."""
-    weights = derivative_weights(window, degree)
-    difference = np.convolve(weights, [0.5, 0.0, -0.5])
-    return float(np.linalg.norm(difference))
-
-
 # One typical touchdown, to be shown.
 
 
-def example_touchdown(
-    recordings: Sequence[Recording], table: pd.DataFrame, *, margin_s: float = 0.05
-) -> pd.DataFrame:
+def example_touchdown(recordings: Sequence[Recording], table: pd.DataFrame) -> pd.DataFrame:
     """Heights and velocities of the feet in one typical touchdown (Fig. 2.3).
 
     Parameters
@@ -148,8 +136,6 @@ def example_touchdown(
         Levelled, with different names.
     table : pandas.DataFrame
         Their touchdowns.
-    margin_s : float
-        Time shown before the pre and after the post section, s.
 
     Returns
     -------
@@ -173,7 +159,7 @@ def example_touchdown(
     row = ranked.iloc[(len(ranked) - 1) // 2]
     recording = next(r for r in recordings if r.name == row["recording"])
     time = recording.time
-    frames = (time >= row["t_pre_s"] - margin_s) & (time <= row["t_post_s"] + margin_s)
+    frames = (time >= row["t_pre_s"] - MARGIN_S) & (time <= row["t_post_s"] + MARGIN_S)
     heights = recording.feet[:, :, 2]
     rate_hz = 1 / float(np.median(np.diff(time)))
     reach = filter_window(rate_hz)
@@ -181,17 +167,14 @@ def example_touchdown(
     about = slice(max(shown[0] - reach, 0), shown[-1] + reach + 1)
     velocity = np.full(heights.shape, np.nan)
     velocity[about] = savitzky_golay_velocity(heights[about], rate_hz)
-    pieces = [
-        pd.DataFrame(
-            {
-                "recording": recording.name,
-                "index": int(row["index"]),
-                "time_s": time[frames] - row["t_pre_s"],
-                "foot": foot,
-                "height_m": heights[frames, i],
-                "velocity_m_s": velocity[frames, i],
-            }
-        )
-        for i, foot in enumerate(recording.names("foot"))
-    ]
-    return pd.concat(pieces, ignore_index=True)
+    feet, count = recording.names("foot"), int(frames.sum())
+    return pd.DataFrame(
+        {
+            "recording": recording.name,
+            "index": int(row["index"]),
+            "time_s": np.tile(time[frames] - row["t_pre_s"], len(feet)),
+            "foot": np.repeat(feet, count),
+            "height_m": heights[frames].T.ravel(),
+            "velocity_m_s": velocity[frames].T.ravel(),
+        }
+    )

@@ -8,7 +8,7 @@ spline, of order (spacing / bandwidth)^4, and the grid is made as fine as that a
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -163,10 +163,6 @@ class GroundMode:
     def knee(self, sigmas: float) -> float:
         """Upper knee of the mode: `sigmas` times the left flank's deviation above it, m."""
         return self.height_m + sigmas * self.sigma_m
-
-    def to_dict(self) -> dict[str, float]:
-        """Return the fields as a dictionary for JSON."""
-        return asdict(self)
 
 
 def ground_mode(heights: ArrayLike, *, bandwidth_m: float | None = None) -> GroundMode:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,21 +11,21 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, chosen, require_choice
-from hopdata.landings.sections.frames import (
-    Frames,
-    Heights,
-    Thresholds,
-    heights_of,
-    pool_frames,
-    select_thresholds,
+from hopdata.landings.sections.frames import Frames, Heights, heights_of, pool_frames
+from hopdata.landings.sections.modes import (
+    GroundMode,
+    finite,
+    ground_mode,
+    kde,
+    normal_bandwidth,
 )
-from hopdata.landings.sections.modes import GroundMode, finite, kde, normal_bandwidth
 from hopdata.recording import Recording
 
 if TYPE_CHECKING:
     import pandas as pd
 
 FRAMES = {"all": False, "landings": True}  # whether those of landings alone count
+LEAST_KNEE_M = 3e-4  # above the mode: no floor is known better, even without noise
 _LEAST_FRAMES = 5  # with all feet up, and with all down: fewer are not hopping
 
 
@@ -71,10 +71,15 @@ class Sections:
     n_frames: int
     n_used: int
 
-    @property
-    def landings_only(self) -> bool:
-        """Whether the frames of landings alone count."""
-        return chosen("sections.frames", self.frames, FRAMES)
+    def pooled(self, heights: Sequence[Heights]) -> Frames:
+        """Pool the frames that the sections are made from, each with its state."""
+        return pool_frames(
+            heights,
+            min_foot_m=self.min_foot_threshold_m,
+            max_foot_m=self.max_foot_threshold_m,
+            ground_m=self.ground_m,
+            landings_only=chosen("sections.frames", self.frames, FRAMES),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, strings and dictionaries, for JSON."""
@@ -143,81 +148,68 @@ def select_sections(
     """
     _check_options(recordings, frames, tail_fraction, threshold_sigmas)
     heights = [heights_of(recording) for recording in recordings]
-    thresholds = select_thresholds(
-        recordings,
-        heights,
-        sigmas=threshold_sigmas,
-        bandwidth_m=bandwidth_m,
-        min_foot_m=min_foot_threshold_m,
-        max_foot_m=max_foot_threshold_m,
-    )
-    pooled = pool_frames(
-        heights,
-        min_foot_m=thresholds.min_foot_m,
-        max_foot_m=thresholds.max_foot_m,
-        ground_m=thresholds.ground_m,
-        landings_only=FRAMES[frames],
-    )
-    if pre_height_m is None or post_height_m is None:
-        _require_hopping(pooled, thresholds, frames)
-    pre = _pre_height(pooled, thresholds, tail_fraction) if pre_height_m is None else pre_height_m
-    post = (
-        _post_height(pooled, thresholds, tail_fraction) if post_height_m is None else post_height_m
-    )
-    _require_order(pre, post)
+    feet = [np.concatenate([getattr(h, f) for h in heights]) for f in ("min_foot", "max_foot")]
+    feet.append(np.concatenate([r.feet[:, :, 2].ravel() for r in recordings]))
+    *modes, every = (ground_mode(h, bandwidth_m=bandwidth_m) for h in feet)
+    knees = [max(m.knee(threshold_sigmas), m.height_m + LEAST_KNEE_M) for m in modes]
     given = {
         "min_foot_threshold_m": min_foot_threshold_m,
         "max_foot_threshold_m": max_foot_threshold_m,
         "pre_height_m": pre_height_m,
         "post_height_m": post_height_m,
     }
-    return Sections(
-        pre_height_m=pre,
-        post_height_m=post,
-        min_foot_threshold_m=thresholds.min_foot_m,
-        max_foot_threshold_m=thresholds.max_foot_m,
-        ground_m=thresholds.ground_m,
-        min_foot_mode=thresholds.min_foot_mode,
-        max_foot_mode=thresholds.max_foot_mode,
+    taken = zip(knees, given.values(), strict=False)
+    lowest, highest = (knee if own is None else own for knee, own in taken)
+    # How far above the ground a foot may be and still count as down; a given threshold is one.
+    excess = [max(knee - every.height_m, 0.0) for knee in knees]
+    sections = Sections(
+        pre_height_m=np.nan,
+        post_height_m=np.nan,
+        min_foot_threshold_m=lowest,
+        max_foot_threshold_m=highest,
+        ground_m=every.height_m,
+        min_foot_mode=modes[0],
+        max_foot_mode=modes[1],
         threshold_sigmas=threshold_sigmas,
         tail_fraction=tail_fraction,
         frames=frames,
         decided={name: "data" if value is None else "config" for name, value in given.items()},
         n_frames=sum(int(h.seen.sum()) for h in heights),
-        n_used=len(pooled.body),
+        n_used=0,
     )
+    pooled = sections.pooled(heights)
+    if pre_height_m is None or post_height_m is None:
+        _require_hopping(pooled, sections)
+    pre, post = pre_height_m, post_height_m
+    if pre is None:  # hardly ever exceeded while some foot is down
+        highest_body = np.quantile(pooled.body[~pooled.all_up], 1.0 - tail_fraction)
+        pre = float(highest_body - 0.5 * excess[0] * (min_foot_threshold_m is None))
+    if post is None:  # hardly ever reached while some foot is up
+        lowest_body = np.quantile(pooled.body[~pooled.all_down], tail_fraction)
+        post = float(lowest_body - 0.5 * excess[1] * (max_foot_threshold_m is None))
+    _require_order(pre, post)
+    return replace(sections, pre_height_m=pre, post_height_m=post, n_used=len(pooled.body))
 
 
-def _pre_height(frames: Frames, thresholds: Thresholds, tail_fraction: float) -> float:
-    """Height that the body hardly ever exceeds while some foot is down, m."""
-    some_down = frames.body[~frames.all_up]
-    return float(np.quantile(some_down, 1.0 - tail_fraction) - 0.5 * thresholds.min_foot_excess_m)
-
-
-def _post_height(frames: Frames, thresholds: Thresholds, tail_fraction: float) -> float:
-    """Height that the body hardly ever falls below while some foot is up, m."""
-    some_up = frames.body[~frames.all_down]
-    return float(np.quantile(some_up, tail_fraction) - 0.5 * thresholds.max_foot_excess_m)
-
-
-def _require_hopping(pooled: Frames, thresholds: Thresholds, frames: str) -> None:
+def _require_hopping(pooled: Frames, sections: Sections) -> None:
     """Raise an error unless the feet are all up in some frames and all down in others."""
     n_up, n_down = int(pooled.all_up.sum()), int(pooled.all_down.sum())
+    lowest, highest = sections.min_foot_threshold_m, sections.max_foot_threshold_m
     if min(n_up, n_down) >= _LEAST_FRAMES:
-        _require_both("min_foot_threshold_m", thresholds.min_foot_m, "up", pooled.all_up)
-        _require_both("max_foot_threshold_m", thresholds.max_foot_m, "down", pooled.all_down)
+        _require_both("min_foot_threshold_m", lowest, "up", pooled.all_up)
+        _require_both("max_foot_threshold_m", highest, "down", pooled.all_down)
         return
-    if FRAMES[frames]:
+    if FRAMES[sections.frames]:
         raise AnalysisError(
             "sections: expected descents of the body in which the feet go from all up to all "
-            f"down, found none (all up: lowest foot above {thresholds.min_foot_m:.4f} m; all "
-            f"down: highest foot below {thresholds.max_foot_m:.4f} m); set "
-            "sections.min_foot_threshold_m and sections.max_foot_threshold_m"
+            f"down, found none (all up: lowest foot above {lowest:.4f} m; all down: highest foot "
+            f"below {highest:.4f} m); set sections.min_foot_threshold_m and "
+            "sections.max_foot_threshold_m"
         )
     where, name, value, n = (
-        ("leave", "min_foot_threshold_m", thresholds.min_foot_m, n_up)
+        ("leave", "min_foot_threshold_m", lowest, n_up)
         if n_up < n_down
-        else ("stand on", "max_foot_threshold_m", thresholds.max_foot_m, n_down)
+        else ("stand on", "max_foot_threshold_m", highest, n_down)
     )
     walks = "; a walk, in which some foot is always down, has no landing on several feet"
     raise AnalysisError(
@@ -350,13 +342,7 @@ def _body_curves(
     heights: Sequence[Heights], sections: Sections, nodes: int
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Densities of body height given the state of the feet, on one grid."""
-    frames = pool_frames(
-        heights,
-        min_foot_m=sections.min_foot_threshold_m,
-        max_foot_m=sections.max_foot_threshold_m,
-        ground_m=sections.ground_m,
-        landings_only=sections.landings_only,
-    )
+    frames = sections.pooled(heights)
     groups = {
         "body_all": frames.body,
         "body_given_all_up": frames.body[frames.all_up],

@@ -16,6 +16,7 @@ from hopdata.landings.schedules import AMBIGUOUS, TREATMENTS
 from hopdata.landings.states.coefficients import SectionStates
 from hopdata.landings.states.fits import section_states
 from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
+from hopdata.landings.states.tracks import turned
 from hopdata.recording import Recording
 
 if TYPE_CHECKING:
@@ -51,9 +52,7 @@ class HomeFrames:
 
     def vectors(self, vectors: FloatArray) -> FloatArray:
         """Turn free vectors (L, B, 3), such as velocities, into the home frame."""
-        c, s = self.direction[:, :1], self.direction[:, 1:]
-        x, y = vectors[:, :, 0], vectors[:, :, 1]
-        return np.stack([c * x + s * y, c * y - s * x, vectors[:, :, 2]], axis=2)
+        return turned(vectors, self.direction)
 
     def standard_errors(self, covariance: FloatArray) -> FloatArray:
         """Return standard errors (L, B, 3) along the axes; covariances are (L, B, 3, 3)."""
@@ -203,9 +202,9 @@ def assemble_pairs(
         marker = _marker_number(recording, home_marker)
         used = table[(table["recording"] == recording.name) & ~table["excluded"].astype(bool)]
         if len(used):
-            states = _states(
-                recording, used, (pre_height_m, post_height_m), method, window_s, gravity
-            )
+            sections = (pre_height_m, post_height_m)
+            options = {"method": method, "window_s": window_s, "gravity": gravity}
+            states = _states(recording, used, sections, **options)
             parts.append(_pairs_of(recording, used, states, marker))
     n_pairs = sum(len(part) for part in parts)
     if n_pairs < LEAST_PAIRS:
@@ -263,9 +262,7 @@ def _states(
     recording: Recording,
     used: pd.DataFrame,
     sections: tuple[float, float],
-    method: str,
-    window_s: float | None,
-    gravity: str,
+    **options: Any,
 ) -> tuple[SectionStates, SectionStates]:
     """States of the used touchdowns at the pre and at the post section, in the world."""
     contacts = used[[f"contact_{foot}_s" for foot in recording.names("foot")]].to_numpy()
@@ -281,9 +278,7 @@ def _states(
             height_m=height_m,
             side=side,
             contact=contact,
-            method=method,
-            window_s=window_s,
-            gravity=gravity,
+            **options,
         )
         for side, column, height_m, contact in ends
     )
@@ -309,14 +304,13 @@ def _pairs_of(
         lost = ", ".join(str(i) for i in used["index"].to_numpy()[~whole])
         logger.warning("%s: too few frames for the states of touchdowns %s", recording.name, lost)
     kept = used[whole]
+    kinds = {"schedule": str, "spread_s": float, "recording": str, "index": np.int64}
+    columns: dict[str, Any] = {name: kept[name].to_numpy(dtype) for name, dtype in kinds.items()}
     return Pairs(
-        x[whole],
-        y[whole],
-        kept["schedule"].to_numpy(dtype=str),
-        kept["spread_s"].to_numpy(dtype=float),
-        kept["recording"].to_numpy(dtype=str),
-        kept["index"].to_numpy(dtype=np.int64),
-        recording.names("body"),
+        x=x[whole],
+        y=y[whole],
+        **columns,
+        body_markers=recording.names("body"),
         x_se=x_se[whole],
         y_se=y_se[whole],
         instants=_columns(kept, "contact_"),

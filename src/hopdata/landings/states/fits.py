@@ -10,17 +10,7 @@ import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import chosen
-from hopdata.landings.states.coefficients import (
-    HORIZONTAL,
-    VERTICAL,
-    Coefficients,
-    SectionStates,
-    checked,
-    cross,
-    drawn,
-    learn,
-    least_squares,
-)
+from hopdata.landings.states import coefficients
 from hopdata.landings.states.tracks import Moments, Windows, moments
 
 BALLISTIC_WINDOW_S, WINDOW_S = 0.1, 0.06
@@ -34,7 +24,7 @@ LOOK_AT = 300  # landings, when windows are compared
 LEAD_QUANTILE = 0.1  # of the times between the last contact and the post section
 FILTER_FRAMES, FILTER_DEGREE = 7, 3
 
-Fit = tuple[Moments, Coefficients]
+Fit = tuple[Moments, coefficients.Coefficients]
 
 
 @dataclass(frozen=True)
@@ -98,10 +88,13 @@ class Tracks:
 
     def sums(self, window_s: float, degree: int, *, falling: bool = False) -> Moments:
         """Sum up the frames for polynomials of a degree, about a free fall or not."""
-        fall = GRAVITY_M_S2 if falling else 0.0
-        return moments(
-            self.time, self.body, self.windows(window_s), degree=degree, gravity_m_s2=fall
-        )
+        fall, windows = GRAVITY_M_S2 if falling else 0.0, self.windows(window_s)
+        return moments(self.time, self.body, windows, degree=degree, gravity_m_s2=fall)
+
+    def fitted(self, window_s: float, degree: int, *, falling: bool = False) -> Fit:
+        """Fit polynomials of a degree to each landing for itself."""
+        sums = self.sums(window_s, degree, falling=falling)
+        return sums, coefficients.least_squares(sums)
 
 
 def filtered(tracks: Tracks) -> Fit:
@@ -111,26 +104,23 @@ def filtered(tracks: Tracks) -> Fit:
     start = right - early - FILTER_FRAMES // 2
     windows = Windows(tracks.near, start, start + FILTER_FRAMES, FILTER_FRAMES / 2 * tracks.frame_s)
     sums = moments(tracks.time, tracks.body, windows, degree=FILTER_DEGREE)
-    return sums, least_squares(sums)
+    return sums, coefficients.least_squares(sums)
 
 
 def ballistic(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit straight lines under gravity, each flight for itself."""
-    sums = tracks.sums(window_s or BALLISTIC_WINDOW_S, 1, falling=True)
-    return sums, least_squares(sums)
+    return tracks.fitted(window_s or BALLISTIC_WINDOW_S, 1, falling=True)
 
 
 def accelerated(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit parabolas, each flight for itself."""
-    sums = tracks.sums(window_s or WINDOW_S, 2)
-    return sums, least_squares(sums)
+    return tracks.fitted(window_s or WINDOW_S, 2)
 
 
 def alone(tracks: Tracks, window_s: float | None) -> Fit:
     """Fit each landing for itself: where there are too few of them to learn from."""
     if not tracks.flight:
-        sums = tracks.sums(window_s or WINDOW_S, ALONE_DEGREE)
-        return sums, least_squares(sums)
+        return tracks.fitted(window_s or WINDOW_S, ALONE_DEGREE)
     free, straight = accelerated(tracks, window_s), ballistic(tracks, window_s)
     rms = [float(np.sqrt(np.mean(fit.noise_m**2))) for _, fit in (free, straight)]
     return straight if rms[1] <= NO_LARGER * rms[0] else free
@@ -157,13 +147,13 @@ def _drawn(tracks: Tracks, degree: int, window_s: float) -> Fit | None:
     sums = more.lower(degree)
     if (sums.frames > sums.terms).all(axis=1).sum() < LEAST_LANDINGS:
         return None
-    fit = drawn(sums, learn(sums), least_frames=LEAST_FRAMES)
-    return sums, checked(fit, least_squares(more))
+    fit = coefficients.drawn(sums, coefficients.learn(sums), least_frames=LEAST_FRAMES)
+    return sums, coefficients.checked(fit, coefficients.least_squares(more))
 
 
 def _velocity_variance(fit: Fit) -> float:
-    sums, coefficients = fit
-    return float(np.nanmean(coefficients.covariance[..., 1, 1])) / sums.scale**2
+    sums, found = fit
+    return float(np.nanmean(found.covariance[..., 1, 1])) / sums.scale**2
 
 
 def _choices(tracks: Tracks, window_s: float | None) -> list[tuple[int, float]]:
@@ -201,10 +191,13 @@ def _misfit(tracks: Tracks, degree: int, window_s: float) -> float | None:
     if len(whole) < LEAST_LANDINGS:
         return None
     more = more.some(whole)
-    noise, left = least_squares(more).noise_m ** 2, least_squares(more.lower(degree)).noise_m ** 2
+    noise, left = (
+        coefficients.least_squares(more).noise_m ** 2,
+        coefficients.least_squares(more.lower(degree)).noise_m ** 2,
+    )
     freedom = float(more.frames.mean()) - more.terms
     found = []
-    for axes in (HORIZONTAL, VERTICAL):
+    for axes in (coefficients.HORIZONTAL, coefficients.VERTICAL):
         ratio = float(left[:, axes].sum() / noise[:, axes].sum())
         scatter = (2 * FURTHER + 2 * FURTHER**2 / freedom) / (len(whole) * left[:, axes].size)
         found.append((ratio - 1) * (freedom + FURTHER) - 2 * float(np.sqrt(scatter)))
@@ -212,8 +205,6 @@ def _misfit(tracks: Tracks, degree: int, window_s: float) -> float | None:
 
 
 # Positions and velocities of the body markers where the body crosses a section.
-
-__all__ = ["GRAVITY_M_S2", "SectionStates", "section_states"]
 
 Fitting = Callable[[Tracks, float | None], Fit]
 
@@ -232,7 +223,7 @@ def section_states(
     method: str = "split_fit",
     window_s: float | None = None,
     gravity: str = "auto",
-) -> SectionStates:
+) -> coefficients.SectionStates:
     """Fit the motion of each marker about each crossing and evaluate it on the section.
 
     Parameters
@@ -276,7 +267,7 @@ def section_states(
     flying = chosen("states.gravity", gravity, GRAVITIES)
     tracks = Tracks(time, body, near, contact, chosen("side", side, SIDES))
     sums, fit = fitted(tracks, window_s, flying)
-    return cross(sums, fit, near, height_m)
+    return coefficients.cross(sums, fit, near, height_m)
 
 
 def _split_fit(tracks: Tracks, window_s: float | None, flying: Fitting | None) -> Fit:
@@ -286,8 +277,4 @@ def _split_fit(tracks: Tracks, window_s: float | None, flying: Fitting | None) -
     return (together if enough else alone)(tracks, window_s)
 
 
-def _savitzky_golay(tracks: Tracks, _window_s: float | None, _flying: Fitting | None) -> Fit:
-    return filtered(tracks)
-
-
-METHODS = {"split_fit": _split_fit, "savitzky_golay": _savitzky_golay}
+METHODS = {"split_fit": _split_fit, "savitzky_golay": lambda tracks, *_: filtered(tracks)}

@@ -122,10 +122,8 @@ def write_pairs(path: str | Path, pairs: Pairs) -> None:
             values = getattr(pairs, name)
             if values is None:
                 continue
-            if name in TEXTS:
-                file.create_dataset(name, data=values.astype(object), dtype=text)
-            else:
-                file.create_dataset(name, data=values)
+            data = values.astype(object) if name in TEXTS else values
+            file.create_dataset(name, data=data, dtype=text if name in TEXTS else None)
             file[name].attrs["description"] = description
         file.attrs["body_markers"] = np.array(pairs.body_markers, dtype=object)
         file.attrs["length_unit_m"] = pairs.length_unit_m

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,8 @@ from hopdata.blas import one_blas_thread
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
+from hopdata.recordings.quality import rigid
 from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_unit_and_up
-from hopdata.recordings.quality.rigid import (
-    Cluster,
-    PairDistances,
-    frame_noise,
-    pair_distances,
-    rigid_clusters,
-)
 from hopdata.recordings.quality.spikes import Jump, Spike, find_jumps, find_spikes, surprises
 from hopdata.recordings.quality.stretches import (
     Frozen,
@@ -98,8 +92,8 @@ class Inspection:
     up: Guess
     gaps: tuple[MarkerGaps, ...]
     timing: Timing
-    pairs: PairDistances
-    clusters: tuple[Cluster, ...]
+    pairs: rigid.PairDistances
+    clusters: tuple[rigid.Cluster, ...]
     noise_m: FloatArray
     faults: Faults
 
@@ -127,17 +121,14 @@ class Inspection:
         return self.faults.count + of_stamps + self.has_wrong_rate
 
 
-def _silent(_step: str) -> None:
-    """Tell nobody."""
-
-
 @one_blas_thread()
+@np.errstate(over="ignore", invalid="ignore")  # absurd numbers are for the checks
 def inspect_recording(
     raw: RawRecording,
     *,
     unit: str | None = None,
     up: str | None = None,
-    progress: Progress = _silent,
+    progress: Progress = lambda _step: None,
 ) -> Inspection:
     """Measure a recording.
 
@@ -159,31 +150,18 @@ def inspect_recording(
         raise RecordingError(
             f"expected frames and markers, found {len(raw.time)} frames, {len(raw.markers)} markers"
         )
-    with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are for the checks
-        return _inspected(raw, unit, up, progress)
-
-
-def _inspected(
-    raw: RawRecording, unit: str | None, up: str | None, progress: Progress
-) -> Inspection:
     progress("looking for free fall, to find the unit and the vertical axis")
     unit_guess, up_guess = guess_unit_and_up(raw, unit=unit, up=up)
     positions = _turned(raw.positions, UNITS_IN_M[unit_guess.value], up_guess.value)
     progress("measuring distances between markers")
-    noise = frame_noise(positions)
-    pairs = pair_distances(positions)
-    clusters = rigid_clusters(pairs, noise)
+    noise = rigid.frame_noise(positions)
+    pairs = rigid.pair_distances(positions)
+    clusters = rigid.rigid_clusters(pairs, noise)
     gaps = marker_gaps(positions, raw.markers)
     progress("looking for swapped markers, spikes and frozen markers")
     missed = surprises(positions)
-    swaps = find_swaps(
-        positions,
-        raw.markers,
-        missed=missed,
-        pairs=pairs,
-        clusters=clusters,
-        rate_hz=raw.rate_hz,
-    )
+    known: dict[str, Any] = {"missed": missed, "pairs": pairs, "clusters": clusters}
+    swaps = find_swaps(positions, raw.markers, rate_hz=raw.rate_hz, **known)
     frozen, timing = frozen_markers(raw.positions, raw.markers), check_stamps(raw.time)
     explained = explained_frames(swaps, raw.markers, len(positions))
     explained |= _told_elsewhere(explained.shape, timing, frozen, raw.markers)
@@ -263,14 +241,14 @@ def marker_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
     """One row a marker of each recording: frames missing, longest gap, noise of a coordinate."""
     import pandas as pd
 
-    rows = []
-    for recording, found in inspections:
-        for role, gaps, noise in zip(recording.roles, found.gaps, found.noise_m, strict=True):
-            longest = gaps.longest / recording.rate_hz
-            counts = (gaps.n_frames, gaps.missing, gaps.count)
-            rows.append(
-                (recording.name, gaps.marker, role, found.duration_s, *counts, longest, noise)
-            )
+    rows = [
+        (
+            *(recording.name, gaps.marker, role, found.duration_s, gaps.n_frames, gaps.missing),
+            *(gaps.count, gaps.longest / recording.rate_hz, noise),
+        )
+        for recording, found in inspections
+        for role, gaps, noise in zip(recording.roles, found.gaps, found.noise_m, strict=True)
+    ]
     return pd.DataFrame(rows, columns=list(MARKER_COLUMNS))
 
 
@@ -278,12 +256,12 @@ def gap_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
     """One row a gap of each marker, from its first missing frame to the next seen one."""
     import pandas as pd
 
-    rows = []
-    for recording, found in inspections:
-        for role, gaps in zip(recording.roles, found.gaps, strict=True):
-            for start, stop in gaps.stretches:
-                times = (_time(recording, int(start)), _time(recording, int(stop)))
-                rows.append((recording.name, gaps.marker, role, *times, int(stop - start)))
+    rows = [
+        (recording.name, gaps.marker, role, *(_time(recording, i) for i in ends), ends[1] - ends[0])
+        for recording, found in inspections
+        for role, gaps in zip(recording.roles, found.gaps, strict=True)
+        for ends in gaps.stretches.tolist()
+    ]
     return pd.DataFrame(rows, columns=list(GAP_COLUMNS))
 
 
@@ -327,14 +305,8 @@ def _faults(found: Inspection) -> Iterator[tuple[str, str, int, int, str]]:
         yield "frozen", frozen.marker, frozen.start, frozen.stop, ""
     for marker in faults.never_seen:
         yield "never seen", marker, 0, n, ""
-    for frame, missing in timing.drops:
-        yield (
-            "dropped",
-            "",
-            int(frame),
-            int(frame) + 1,
-            "1 frame" if missing == 1 else f"{int(missing)} frames",
-        )
+    for frame, missing in timing.drops.tolist():
+        yield "dropped", "", frame, frame + 1, f"{missing} frame{'s' if missing > 1 else ''}"
     for kind, frames in (("irregular", timing.irregular), ("backward", timing.backward)):
         for frame in frames:
             yield kind, "", int(frame), int(frame) + 1, "time stamp"

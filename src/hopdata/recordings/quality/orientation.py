@@ -23,14 +23,10 @@ PLAUSIBLE_EXTENT_M = (0.015, 12.0)
 HALF_WINDOW_S = 0.04
 WITHIN = 0.25  # of g: how far an acceleration may be from free fall
 LEAST_SHARE = 0.01  # of all frames of a marker, mean over markers
-FREE_FALL_CLEARER = (
-    2.0  # the best guess must have more frames in free fall than the next by this factor
-)
+FREE_FALL_CLEARER = 2.0  # so many times the frames in free fall of the next best guess
 MOST_FRAMES = 20_000  # evaluated, evenly spaced
 
-UNITS_IN_M: Mapping[str, float] = MappingProxyType(
-    {"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "m": 1.0}
-)
+UNITS_IN_M = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "m": 1.0})
 DIRECTIONS = ("x", "-x", "y", "-y", "z", "-z")
 
 
@@ -203,8 +199,10 @@ def unit_remarks(
         A line for the files that are silent and one for those that are overruled, with the reason
         and the key that settles it; none if all files state `taken`.
     """
-    silent = [file for file, piece in zip(files, pieces, strict=True) if not piece.unit_is_stated]
-    stating = [file for file in files if file not in silent]
+    silent, stating = (
+        [f for f, piece in zip(files, pieces, strict=True) if piece.unit_is_stated == stated]
+        for stated in (False, True)
+    )
     faults = []
     if silent:
         faults.append((silent, "expected the file to state it, found none"))
@@ -291,11 +289,9 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
         )
     unit = choose_unit(raw.positions, unit="auto", nominal=raw.unit)
     size = extent(raw.positions) * UNITS_IN_M[unit]
-    low, high = PLAUSIBLE_EXTENT_M
-    fits = low <= size <= high
     own = "the format's own unit" if raw.unit_is_stated else "usual, the file states none"
     why = own if unit == raw.unit else f"in {raw.unit} the size would be absurd"
-    return Guess(unit, f"{why}; the markers span {size:.2f} m", is_sure=fits)
+    return Guess(unit, f"{why}; the markers span {size:.2f} m", is_sure=_fits(size))
 
 
 def _up(raw: RawRecording, fall: FreeFall) -> Guess:

@@ -119,7 +119,8 @@ def guess_roles(inspection: Inspection) -> Roles:
     groups = _together(candidates, rests)
     reasons, problems = {}, []
     if boom:
-        reasons["boom"] = _boom_reason([markers.index(name) for name in boom], fixed)
+        stays = fixed[[markers.index(name) for name in boom]].all()
+        reasons["boom"] = "stays fixed in the world" if stays else "by name"
     group = _chosen(groups, markers, positions)
     if len(group) >= LEAST_FEET:
         reasons["feet"] = _feet_reason(group, rests) + _one_part(group, inspection)
@@ -136,15 +137,9 @@ def guess_roles(inspection: Inspection) -> Roles:
     body = sorted(body)
     home, reasons["home"] = _home(body, inspection) if body else ("", "")
     others = [tuple(markers[m] for m in g) for g in groups if not set(g) & set(group)]
-    return Roles(
-        tuple(markers[m] for m in body),
-        tuple(markers[m] for m in sorted(group)),
-        boom,
-        home,
-        reasons,
-        tuple(others),
-        tuple(problems),
-    )
+    feet = tuple(markers[m] for m in sorted(group))
+    body_names = tuple(markers[m] for m in body)
+    return Roles(body_names, feet, boom, home, reasons, tuple(others), tuple(problems))
 
 
 def _fixed(positions: FloatArray) -> BoolArray:
@@ -218,9 +213,8 @@ def _chosen(groups: list[list[int]], markers: tuple[str, ...], positions: FloatA
         groups = [[m for g in groups for m in g]]
     low = lowest(positions[:, :, 2])
     parts = {m: part_by_name(markers[m]) for m in groups[0]}
-    named, others = (
-        [m for m in groups[0] if parts[m] in kinds] for kinds in (["foot"], ["foot", ""])
-    )
+    kinds = (("foot",), ("foot", ""))
+    named, others = ([m for m in groups[0] if parts[m] in known] for known in kinds)
     group = next((g for g in (named, others) if len(g) >= LEAST_FEET), groups[0])
 
     def rank(m: int) -> tuple[bool, int, float]:
@@ -323,9 +317,9 @@ def _feet_reason(group: list[int], rests: BoolArray) -> str:
     share = 100 * rests[:, group].mean()
     low, high = min(counts), max(counts)
     often = f"{low}" if low == high else f"{low} to {high}"
-    return f"rest near the floor {often} times, {share:.0f} % of the time" + (
-        "" if _land_together(group, rests) else "; not at the same time"
-    )
+    together = (any(_overlap(rests[:, m], rests[:, k]) for k in group if k != m) for m in group)
+    apart = "" if all(together) else "; not at the same time"
+    return f"rest near the floor {often} times, {share:.0f} % of the time{apart}"
 
 
 def _one_part(group: list[int], inspection: Inspection) -> str:
@@ -348,14 +342,6 @@ def _beyond_most(group: list[int], groups: list[list[int]], markers: tuple[str, 
     left = [markers[m] for g in groups if set(g) & set(group) for m in g if m not in group]
     most = f"{MOST_FEET} at most, " if len(group) + 1 >= MOST_FEET else ""
     return f"; {most}left out: {', '.join(left)}" if left else ""
-
-
-def _land_together(group: list[int], rests: BoolArray) -> bool:
-    return all(any(_overlap(rests[:, m], rests[:, k]) for k in group if k != m) for m in group)
-
-
-def _boom_reason(boom: list[int], fixed: BoolArray) -> str:
-    return "stays fixed in the world" if fixed[boom].all() else "by name"
 
 
 def _no_feet(group: list[int], inspection: Inspection) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -111,11 +112,11 @@ def _cycles_at(
 
     taking = np.flatnonzero(is_taking)
     cost = _misses(frame, positions, taking, last)
-    rows, columns = linear_sum_assignment(cost)
-    own = np.diag(cost)
-    goes_to = dict(zip(taking[rows].tolist(), taking[columns].tolist(), strict=True))
-    miss = dict(zip(taking.tolist(), cost[rows, columns].tolist(), strict=True))
-    at_home = dict(zip(taking.tolist(), own.tolist(), strict=True))
+    _, columns = linear_sum_assignment(cost)
+    told = (taking[columns], np.take_along_axis(cost, columns[:, None], 1)[:, 0], np.diag(cost))
+    goes_to, miss, at_home = (
+        dict(zip(taking.tolist(), of_each.tolist(), strict=True)) for of_each in told
+    )
     for cycle in _cycles(goes_to):
         gross = all(at_home[m] > limit[m] for m in cycle)
         if gross and sum(miss[m] for m in cycle) < BETTER * sum(at_home[m] for m in cycle):
@@ -136,16 +137,10 @@ def _misses(frame: int, positions: FloatArray, taking: IntArray, last: IntArray)
     after = np.full_like(place, np.nan)
     if frame + 1 < len(positions):
         after = positions[frame + 1, taking] - here
-    still = np.zeros_like(place)
     moves = {end: _common_move(positions, end, frame, taking) for end in set(ends.tolist())}
     common = np.stack([moves[end] for end in ends.tolist()])
-    guesses = [
-        place[None] + still[None],
-        place[None] + before[None],
-        place[None] + after[:, None] * steps[None],
-        place[None] + common[None],
-    ]
-    misses = [np.linalg.norm(here[:, None] - guess, axis=2) for guess in guesses]
+    ways: list[Any] = [0.0, before[None], after[:, None] * steps[None], common[None]]
+    misses = [np.linalg.norm(here[:, None] - (place[None] + way), axis=2) for way in ways]
     result: FloatArray = np.nanmin(misses, axis=0)
     return result
 
@@ -228,10 +223,8 @@ def find_swaps(
         Swap((markers[a], markers[b]), start, stop if stop < len(positions) else None, (DISTANCES,))
         for a, b, start, stop in exchanged_stretches(positions, pairs, clusters, breaks=breaks)
     ]
-    longest = max(1, round(LONGEST_GAP_S * rate_hz))
-    return tuple(
-        sorted(_merged(by_track, by_distance, longest), key=lambda s: (s.start, s.markers))
-    )
+    swaps = _merged(by_track, by_distance, max(1, round(LONGEST_GAP_S * rate_hz)))
+    return tuple(sorted(swaps, key=lambda s: (s.start, s.markers)))
 
 
 def explained_frames(swaps: Iterable[Swap], markers: tuple[str, ...], n_frames: int) -> BoolArray:

@@ -15,35 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import RecordingError, did_you_mean
+from hopdata.errors import RecordingError
 from hopdata.recording import Event
-from hopdata.recordings.raw import (
-    METRES_PER_UNIT,
-    RATE_TOLERANCE,
-    USUAL_UNIT,
-    RawRecording,
-    distinct_names,
-    resolve_rate,
-)
+from hopdata.recordings import raw
 from hopdata.recordings.readers.c3d_parameters import (
     BLOCK,
     C3dHeader,
     Parameters,
-    Processor,
     count_frames,
     first_frame,
     parameter_start,
     read_c3d_header,
     read_parameters,
 )
-from hopdata.recordings.readers.text import listed
+from hopdata.recordings.readers.text import listed, only_place, readable
 
 MOST_PARAMETER_BYTES = 255 * BLOCK
 # Parameters of POINT that name points which are no markers, but what a model made of them.
 MODEL_OUTPUTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
 
 
-def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
+def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read the markers of a C3D file.
 
     A marker counts as unseen where its residual is negative, a coordinate is NaN, or all three are
@@ -63,7 +55,6 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
     """
     path = Path(path)
     header, parameters, size = open_c3d(path)
-    start, end = header.data_start, size
     n_points, stated = header.n_points, parameters.number("POINT", "USED")
     if stated is not None and stated % 65536 != n_points:
         raise RecordingError(
@@ -72,18 +63,18 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
         )
     if not n_points:
         raise RecordingError(f"{path}: expected markers, found none")
-    n_frames, remarks = count_frames(header, parameters, end - start)
+    n_frames, remarks = count_frames(header, parameters, size - header.data_start)
     markers, kept, more = _markers(parameters, n_points)
     unit = _unit(parameters)
-    positions = _positions(path, header, parameters.processor, n_frames)[:, kept]
-    rate = resolve_rate(f"{path}: header", stated=frame_rate(header, parameters), given=rate_hz)
+    positions = _positions(header, _numbers(path, header, parameters, n_frames))[:, kept]
+    rate = raw.resolve_rate(f"{path}: header", stated=frame_rate(header, parameters), given=rate_hz)
     time = (first_frame(header, parameters) - 1 + np.arange(n_frames)) / rate
-    return RawRecording(
+    return raw.RawRecording(
         markers,
         time,
         positions,
         rate,
-        unit=unit or USUAL_UNIT,
+        unit=unit or raw.USUAL_UNIT,
         unit_is_stated=bool(unit),
         events=_events(parameters) or header.events,
         stated_up=_stated_up(parameters),
@@ -93,17 +84,12 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
 
 def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
     """Header, parameters and size of a file."""
-    try:
-        with path.open("rb") as file:
-            block = file.read(BLOCK)
-            start = parameter_start(path, block)
-            file.seek(start)
-            section = file.read(MOST_PARAMETER_BYTES)
-            size = os.fstat(file.fileno()).st_size
-    except OSError as error:
-        raise RecordingError(
-            f"{path}: expected a readable file, found: {error.strerror or error}"
-        ) from None
+    with readable(path) as file:
+        block = file.read(BLOCK)
+        start = parameter_start(path, block)
+        file.seek(start)
+        section = file.read(MOST_PARAMETER_BYTES)
+        size = os.fstat(file.fileno()).st_size
     if len(section) > 3 and section[2]:
         section = section[: section[2] * BLOCK]
     parameters = read_parameters(path, section, start)
@@ -125,7 +111,7 @@ def frame_rate(header: C3dHeader, parameters: Parameters) -> float:
     stated = parameters.number("POINT", "RATE")
     if stated is None:
         return header.rate_hz
-    if not abs(stated - header.rate_hz) <= RATE_TOLERANCE * abs(stated):
+    if not abs(stated - header.rate_hz) <= raw.RATE_TOLERANCE * abs(stated):
         raise RecordingError(
             f"{parameters.place('POINT', 'RATE')}: expected {header.rate_hz:g} Hz as in the "
             f"header, found {stated:g} Hz"
@@ -151,7 +137,7 @@ def _markers(
         raise RecordingError(
             f"{place}: expected markers, found model outputs only ({listed(labels)})"
         )
-    markers, remarks = distinct_names(place, [labels[i] for i in kept], may_lack=True)
+    markers, remarks = raw.distinct_names(place, [labels[i] for i in kept], may_lack=True)
     if len(kept) == n_points:
         return markers, slice(None), remarks
     told = listed([label for label in labels if label in outputs])
@@ -163,7 +149,7 @@ def _unit(parameters: Parameters) -> str:
     """Return the unit that the file states; empty if it states none."""
     place, stated = parameters.place("POINT", "UNITS"), parameters.texts("POINT", "UNITS")
     unit = stated[0].lower() if stated else ""
-    if unit and unit not in METRES_PER_UNIT:
+    if unit and unit not in raw.METRES_PER_UNIT:
         raise RecordingError(f"{place}: expected mm or m, found '{stated[0]}'")
     return unit
 
@@ -174,13 +160,17 @@ def _stated_up(parameters: Parameters) -> str:
     return axis[1].lower() if axis in ("+X", "+Y", "+Z") else ""
 
 
-def _positions(path: Path, header: C3dHeader, processor: Processor, n_frames: int) -> FloatArray:
-    """Positions (N, M, 3) as stated, NaN where unseen."""
-    stored = np.memmap(path, dtype=np.uint8, mode="r", offset=header.data_start)
-    data = np.asarray(stored)[: n_frames * header.frame_bytes]
+def _numbers(path: Path, header: C3dHeader, parameters: Parameters, n_frames: int) -> NDArray[Any]:
+    """Numbers as they stand in the file, a row a frame: four a point, then the analog ones."""
+    stored = np.asarray(np.memmap(path, dtype=np.uint8, mode="r", offset=header.data_start))
+    data, processor = stored[: n_frames * header.frame_bytes], parameters.processor
     numbers: NDArray[Any] = processor.floats(data) if header.scale < 0 else processor.whole(data)
-    points = numbers.reshape(n_frames, -1)[:, : 4 * header.n_points]
-    points = points.reshape(n_frames, header.n_points, 4)
+    return numbers.reshape(n_frames, -1)
+
+
+def _positions(header: C3dHeader, numbers: NDArray[Any]) -> FloatArray:
+    """Positions (N, M, 3) as stated, NaN where unseen."""
+    points = numbers[:, : 4 * header.n_points].reshape(len(numbers), header.n_points, 4)
     with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
         positions = points[:, :, :3].astype(np.float64)
         unseen = ~(points[:, :, 3] >= 0) | ~np.any(positions, axis=2)
@@ -244,14 +234,7 @@ class Analogs:
         RecordingError
             If no channel has this name, or several have.
         """
-        n_found = self.names.count(name)
-        if n_found != 1:
-            found = f"found {n_found} of that name" if n_found else f"found no '{name}'"
-            raise RecordingError(
-                f"{self.path}: ANALOG:LABELS: expected '{name}' once among {listed(self.names)}, "
-                f"{found}{'' if n_found else did_you_mean(name, self.names)}"
-            )
-        place = self.names.index(name)
+        place = only_place(f"{self.path}: ANALOG:LABELS", name, self.names)
         return self.values[:, place], self.units[place]
 
 
@@ -283,7 +266,11 @@ def read_analogs(path: str | Path) -> Analogs:
         )
     n_frames, _ = count_frames(header, parameters, size - header.data_start)
     per_frame = header.n_analog // n_channels
-    stored = _stored(path, header, parameters, n_frames).reshape(n_frames * per_frame, n_channels)
+    stored = _numbers(path, header, parameters, n_frames)[:, 4 * header.n_points :].astype(float)
+    unsigned = (parameters.texts("ANALOG", "FORMAT") or [""])[0].upper() == "UNSIGNED"
+    if unsigned and header.scale > 0:
+        stored = np.where(stored < 0, stored + 65536, stored)
+    stored = stored.reshape(n_frames * per_frame, n_channels)
     offset = _per_channel(parameters, "OFFSET", n_channels, default=0.0)
     scale = _per_channel(parameters, "SCALE", n_channels, default=1.0)
     general = parameters.number("ANALOG", "GEN_SCALE")
@@ -297,16 +284,6 @@ def read_analogs(path: str | Path) -> Analogs:
         time=samples / (frame_rate(header, parameters) * per_frame),
         values=(stored - offset) * scale * (1.0 if general is None else general),
     )
-
-
-def _stored(path: Path, header: C3dHeader, parameters: Parameters, n_frames: int) -> FloatArray:
-    """Analog numbers as they stand in the file, (N, n_analog)."""
-    raw = np.asarray(np.memmap(path, dtype=np.uint8, mode="r", offset=header.data_start))
-    data, processor = raw[: n_frames * header.frame_bytes], parameters.processor
-    numbers: NDArray[Any] = processor.floats(data) if header.scale < 0 else processor.whole(data)
-    values = numbers.reshape(n_frames, -1)[:, 4 * header.n_points :].astype(np.float64)
-    unsigned = (parameters.texts("ANALOG", "FORMAT") or [""])[0].upper() == "UNSIGNED"
-    return np.where(values < 0, values + 65536, values) if unsigned and header.scale > 0 else values
 
 
 def _per_channel(

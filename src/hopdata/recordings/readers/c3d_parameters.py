@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
+from hopdata.recordings.readers.text import decoded
 
 # Numbers in a C3D file, in the three byte orders that the format knows.
 
@@ -50,21 +51,6 @@ class Processor:
         with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
             quarter: NDArray[np.float32] = (swapped / np.float32(4)).astype(np.float32)
         return quarter
-
-    def from_whole(self, values: Any) -> bytes:
-        """Encode 16-bit whole numbers; up to 65535 as the same bits without a sign."""
-        return (
-            (np.atleast_1d(np.asarray(values, dtype=np.int64)) & 0xFFFF)
-            .astype(f"{self.order}u2")
-            .tobytes()
-        )
-
-    def from_floats(self, values: Any) -> bytes:
-        """Encode 32-bit floating-point numbers."""
-        if self.name != "DEC":
-            return np.atleast_1d(values).astype(f"{self.order}f4").tobytes()
-        halves = np.ravel(np.asarray(values, dtype="<f4") * np.float32(4)).view("<u2")
-        return halves.reshape(-1, 2)[:, ::-1].tobytes()
 
 
 # By the number that the file's parameter section begins with.
@@ -242,14 +228,6 @@ class _Section:
 
     def fault(self, at: int, what: str) -> RecordingError:
         return RecordingError(f"{self.path}, byte {self.offset + at}: expected {what}")
-
-
-def decoded(data: bytes) -> str:
-    """Text of a file, which may be older than UTF-8."""
-    try:
-        return data.decode("utf-8")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
 
 
 def _signed(byte: int) -> int:

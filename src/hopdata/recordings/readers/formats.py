@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from hopdata.errors import RecordingError, did_you_mean
+from hopdata.errors import RecordingError
 from hopdata.recordings.raw import (
     MOST_UNPACKED_MB,
     RawRecording,
@@ -18,34 +17,9 @@ from hopdata.recordings.raw import (
     largest,
     resolve_rate,
 )
+from hopdata.recordings.readers.text import require_file
 
 LARGEST = 1e9  # mm or m: no camera sees so far
-
-Reader = Callable[[Path, float | None, float], RawRecording]
-
-
-def _tsv(path: Path, rate_hz: float | None, _most_mb: float) -> RawRecording:
-    from hopdata.recordings.readers.qtm import read_qtm_tsv
-
-    return read_qtm_tsv(path, rate_hz=rate_hz)
-
-
-def _mat(path: Path, rate_hz: float | None, most_mb: float) -> RawRecording:
-    from hopdata.recordings.readers.qtm import read_qtm_mat
-
-    return read_qtm_mat(path, rate_hz=rate_hz, most_unpacked_mb=most_mb)
-
-
-def _c3d(path: Path, rate_hz: float | None, _most_mb: float) -> RawRecording:
-    from hopdata.recordings.readers.c3d import read_c3d
-
-    return read_c3d(path, rate_hz=rate_hz)
-
-
-def _trc(path: Path, rate_hz: float | None, _most_mb: float) -> RawRecording:
-    from hopdata.recordings.readers.trc import read_trc
-
-    return read_trc(path, rate_hz=rate_hz)
 
 
 def _hdf5(path: Path, rate_hz: float | None, most_mb: float) -> RawRecording:
@@ -69,21 +43,34 @@ def _hdf5(path: Path, rate_hz: float | None, most_mb: float) -> RawRecording:
     )
 
 
-# The import statements stand in functions of their own, where `provenance` can follow them.
-_READERS: dict[str, Reader] = {
-    ".tsv": _tsv,
-    ".txt": _tsv,
-    ".mat": _mat,
-    ".c3d": _c3d,
-    ".trc": _trc,
-    ".h5": _hdf5,
-    ".hdf5": _hdf5,
-}
+SUFFIXES = (".tsv", ".txt", ".mat", ".c3d", ".trc", ".h5", ".hdf5")
+
+
+def _read(path: Path, rate_hz: float | None, most_mb: float) -> RawRecording:
+    """Read by the reader that the suffix calls for, the only one that is imported."""
+    suffix = path.suffix.lower()
+    if suffix in (".tsv", ".txt"):
+        from hopdata.recordings.readers.qtm import read_qtm_tsv
+
+        return read_qtm_tsv(path, rate_hz=rate_hz)
+    if suffix == ".mat":
+        from hopdata.recordings.readers.qtm import read_qtm_mat
+
+        return read_qtm_mat(path, rate_hz=rate_hz, most_unpacked_mb=most_mb)
+    if suffix == ".c3d":
+        from hopdata.recordings.readers.c3d import read_c3d
+
+        return read_c3d(path, rate_hz=rate_hz)
+    if suffix == ".trc":
+        from hopdata.recordings.readers.trc import read_trc
+
+        return read_trc(path, rate_hz=rate_hz)
+    return _hdf5(path, rate_hz, most_mb)
 
 
 def suffixes() -> tuple[str, ...]:
     """File suffixes that can be read."""
-    return tuple(_READERS)
+    return SUFFIXES
 
 
 def read_raw(
@@ -109,14 +96,13 @@ def read_raw(
         If there is no such file or no reader for it, or if the reader finds a fault.
     """
     path = Path(path)
-    if path.suffix.lower() not in _READERS:
+    if path.suffix.lower() not in SUFFIXES:
         raise RecordingError(
-            f"{path}: format: expected a file ending in {', '.join(_READERS)}, "
+            f"{path}: format: expected a file ending in {', '.join(SUFFIXES)}, "
             f"found '{path.suffix}'"
         )
-    if not path.is_file():
-        raise RecordingError(f"{path}: expected a file, found none{_near_files(path)}")
-    raw = _READERS[path.suffix.lower()](path, rate_hz, most_unpacked_mb)
+    require_file(path)
+    raw = _read(path, rate_hz, most_unpacked_mb)
     _check_finite(path, raw)
     more = irregular(str(path), raw.time, raw.rate_hz)
     more += events_outside(str(path), raw.events, raw.time, raw.rate_hz)
@@ -137,10 +123,3 @@ def _check_finite(path: Path, raw: RawRecording) -> None:
             f"{path}: frame {frame + 1}, marker {raw.markers[marker]}, {'xyz'[axis]}: expected a "
             f"coordinate below {LARGEST:g} {raw.unit}, found {raw.positions[frame, marker, axis]:g}"
         )
-
-
-def _near_files(path: Path) -> str:
-    """Hint at a file of a similar name in the same folder."""
-    if not path.parent.is_dir():
-        return f"; there is no folder {path.parent}"
-    return did_you_mean(path.name, [p.name for p in path.parent.iterdir()])

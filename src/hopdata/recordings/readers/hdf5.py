@@ -145,8 +145,7 @@ def number(group: h5py.Group, name: str) -> float:
         If there is no such attribute, or it is something else.
     """
     found = np.asarray(_attribute(group, name))
-    if found.dtype.kind not in _NUMBERS or found.size != 1:
-        raise ValueError(f"attribute '{name}': expected a number, found {found}")
+    _require(found.dtype.kind in _NUMBERS and found.size == 1, name, "a number", found)
     return float(found.item())
 
 
@@ -159,9 +158,8 @@ def text(group: h5py.Group, name: str) -> str:
         If there is no such attribute, or it is something else.
     """
     found = _attribute(group, name)
-    if not isinstance(found, str):
-        raise ValueError(f"attribute '{name}': expected text, found {found}")
-    return found
+    _require(isinstance(found, str), name, "text", found)
+    return str(found)
 
 
 def texts(group: h5py.Group, name: str) -> tuple[str, ...]:
@@ -173,10 +171,10 @@ def texts(group: h5py.Group, name: str) -> tuple[str, ...]:
         If there is no such attribute, or it is something else.
     """
     found = _attribute(group, name)
-    entries = found.tolist() if isinstance(found, np.ndarray) else [None]
-    if not (isinstance(entries, list) and all(isinstance(entry, str) for entry in entries)):
-        raise ValueError(f"attribute '{name}': expected a list of texts, found {found}")
-    return tuple(entries)
+    entries = found.tolist() if isinstance(found, np.ndarray) else None
+    are_texts = isinstance(entries, list) and all(isinstance(entry, str) for entry in entries)
+    _require(are_texts, name, "a list of texts", found)
+    return tuple(entries or ())
 
 
 def stored_texts(group: h5py.Group, name: str) -> tuple[str, ...]:
@@ -200,9 +198,13 @@ def stored_texts(group: h5py.Group, name: str) -> tuple[str, ...]:
 
 def _attribute(group: h5py.Group, name: str) -> Any:
     found = checked_attribute(group, name)
-    if found is None:
-        raise ValueError(f"attribute '{name}': expected a value, found none")
+    _require(found is not None, name, "a value", "none")
     return found
+
+
+def _require(holds: bool, name: str, expected: str, found: Any) -> None:
+    if not holds:
+        raise ValueError(f"attribute '{name}': expected {expected}, found {found}")
 
 
 CHUNK_FRAMES = 16384
@@ -262,12 +264,11 @@ def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Rec
             remarks=stored_texts(file, "remarks") if "remarks" in file else (),
             filled=numbers(file, "filled").astype(bool) if "filled" in file else None,
         )
-        for key, values, choices in (
-            ("roles", recording.roles, ROLES),
-            ("vertical_axis", (recording.vertical_axis,), tuple(FILE_AXES)),
-        ):
-            for value in set(values) - set(choices):
-                raise ValueError(f"{key}: expected any of {', '.join(choices)}, found '{value}'")
+        choices = {"roles": ROLES, "vertical_axis": tuple(FILE_AXES)}
+        found = {"roles": recording.roles, "vertical_axis": (recording.vertical_axis,)}
+        for key, known in choices.items():
+            for value in set(found[key]) - set(known):
+                raise ValueError(f"{key}: expected any of {', '.join(known)}, found '{value}'")
         return recording
 
 
@@ -292,12 +293,6 @@ def read_truth(path: str | Path) -> Truth | None:
         return truth
 
 
-def _signed(path: str | Path) -> bool:
-    """Tell whether a file begins as HDF5 files do."""
-    with open(path, "rb") as file:
-        return file.read(len(SIGNATURE)) == SIGNATURE
-
-
 @contextmanager
 def _open(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> Iterator[h5py.File]:
     """Open a file; what is wrong in it, or with it, becomes a RecordingError that names it."""
@@ -308,7 +303,9 @@ def _open(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> Ite
     try:
         file = h5py.File(path, "r")
     except OSError as error:
-        what = "cut short or damaged" if _signed(path) else "not an HDF5 file"
+        with open(path, "rb") as begin:
+            is_ours = begin.read(len(SIGNATURE)) == SIGNATURE
+        what = "cut short or damaged" if is_ours else "not an HDF5 file"
         raise RecordingError(
             f"{path}: {what}: expected one that can be opened, found: {error}"
         ) from error
@@ -317,13 +314,9 @@ def _open(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> Ite
             require_sound(file, most_unpacked_mb)
             yield file
     except Exception as error:  # a damaged file makes h5py raise almost anything
-        words = _in_words(error)
+        words = str(error.args[0] if isinstance(error, KeyError) and error.args else error)
         told = words if "expected" in words else f"expected it to be readable, found: {words}"
         raise RecordingError(f"{path}: {fault}: {told}") from error
-
-
-def _in_words(error: Exception) -> str:
-    return str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
 
 
 def _write_content(file: h5py.File, recording: Recording) -> None:
@@ -339,12 +332,12 @@ def _write_content(file: h5py.File, recording: Recording) -> None:
     file.attrs["hopdata_version"] = __version__
     if recording.events:
         _dataset(file, "events/time", np.asarray([event.time_s for event in recording.events]))
-        _texts_dataset(file, "events/label", [event.label for event in recording.events])
+        _texts(file, "events/label", [event.label for event in recording.events])
     if recording.remarks:
-        _texts_dataset(file, "remarks", recording.remarks)
+        _texts(file, "remarks", recording.remarks)
 
 
-def _texts_dataset(group: h5py.Group, name: str, entries: Sequence[str]) -> None:
+def _texts(group: h5py.Group, name: str, entries: Sequence[str]) -> None:
     import h5py
 
     group.create_dataset(name, data=list(entries), dtype=h5py.string_dtype(), track_times=False)
@@ -373,12 +366,5 @@ def _dataset(group: h5py.Group, name: str, array: NDArray[Any]) -> None:
         group.create_dataset(name, data=array, track_times=False)
         return
     chunks = (max(1, min(CHUNK_FRAMES, len(array))), *(1 for _ in array.shape[1:]))
-    group.create_dataset(
-        name,
-        data=array,
-        chunks=chunks,
-        shuffle=True,
-        compression="gzip",
-        compression_opts=COMPRESSION,
-        track_times=False,
-    )
+    packed = {"shuffle": True, "compression": "gzip", "compression_opts": COMPRESSION}
+    group.create_dataset(name, data=array, chunks=chunks, track_times=False, **packed)

@@ -15,30 +15,11 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
-from hopdata.recordings.mat5 import HEADER_BYTES, MatError, read_mat5
-from hopdata.recordings.mat73 import read_mat73
-from hopdata.recordings.raw import (
-    MOST_UNPACKED_MB,
-    USUAL_UNIT,
-    RawRecording,
-    distinct_names,
-    rate_of,
-    resolve_rate,
-    settle,
-)
-from hopdata.recordings.readers.qtm_header import (
-    KEYS,
-    QtmHeader,
-    counter_columns,
-    marker_names,
-    moment,
-    n_empty_columns,
-    read_header,
-    trajectory_types,
-)
+from hopdata.recordings import raw
+from hopdata.recordings.readers import qtm_header
+from hopdata.recordings.readers.mat import read_mat
 from hopdata.recordings.readers.text import Rows, blank_unseen, require_counters
 
-_HDF5_MAGIC = b"\x89HDF\r\n\x1a\n"
 TYPE_NAMES = {1: "Measured", 2: "Gap-filled", 3: "Virtual", 4: "Edited"}
 
 
@@ -46,8 +27,8 @@ def read_qtm_mat(
     path: str | Path,
     *,
     rate_hz: float | None = None,
-    most_unpacked_mb: float = MOST_UNPACKED_MB,
-) -> RawRecording:
+    most_unpacked_mb: float = raw.MOST_UNPACKED_MB,
+) -> raw.RawRecording:
     """Read the labelled trajectories of a MAT file that QTM exported.
 
     A marker counts as unseen where a coordinate is NaN, or where all three are 0.
@@ -72,7 +53,7 @@ def read_qtm_mat(
         Naming the file, the field, what was expected and what was found.
     """
     path = Path(path)
-    name, export = _export(path, _variables(path, most_unpacked_mb))
+    name, export = _export(path, read_mat(path, most_unpacked_mb))
     place = f"{path}: {name}"
     labelled = _field(_field(export, "Trajectories", place), "Labeled", f"{place}.Trajectories")
     inner = f"{place}.Trajectories.Labeled"
@@ -86,13 +67,13 @@ def read_qtm_mat(
     _check_counts(export, labelled, positions, place)
     unseen = np.isnan(positions).any(axis=2) | ~np.any(positions, axis=2)
     positions[unseen] = np.nan
-    rate = resolve_rate(
+    rate = raw.resolve_rate(
         f"{place}.FrameRate", stated=_number(export, "FrameRate", place), given=rate_hz
     )
     start = _number(export, "StartFrame", place)
     first = 1.0 if start is None else start
-    markers, remarks = distinct_names(f"{inner}.Labels", labels)
-    return RawRecording(
+    markers, remarks = raw.distinct_names(f"{inner}.Labels", labels)
+    return raw.RawRecording(
         markers,
         np.asarray((first - 1 + np.arange(len(positions))) / rate, dtype=np.float64),
         positions,
@@ -100,31 +81,9 @@ def read_qtm_mat(
         unit="mm",
         events=_events(export, place),
         trajectory_types=_types(labelled, len(labels)),
-        started=moment(export.get("Timestamp")),
+        started=qtm_header.moment(export.get("Timestamp")),
         remarks=remarks,
     )
-
-
-def _variables(path: Path, most_mb: float) -> dict[str, Any]:
-    """Variables of a MAT file of either kind; whatever is wrong in it becomes a RecordingError."""
-    try:
-        with path.open("rb") as file:
-            lead = file.read(HEADER_BYTES)
-            file.seek(512)
-            if _HDF5_MAGIC not in (lead[:8], file.read(8)):
-                file.seek(0)
-                if len(lead) < HEADER_BYTES:
-                    raise MatError(f"expected a header of {HEADER_BYTES} bytes, found {len(lead)}")
-                return read_mat5(file.read(), most_mb)
-        return read_mat73(path, most_mb)
-    except OSError as error:
-        raise RecordingError(
-            f"{path}: expected a MAT file, found: {error.strerror or error}"
-        ) from None
-    except MatError as error:
-        raise RecordingError(f"{path}: expected a MAT file of QTM; {error}") from None
-    except Exception as error:  # a damaged file makes h5py raise almost anything
-        raise RecordingError(f"{path}: expected a MAT file of QTM, found: {error}") from None
 
 
 def _export(path: Path, variables: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -174,10 +133,9 @@ def _labels(labelled: Any, place: str) -> list[str]:
 
 def _check_counts(export: Any, labelled: Any, positions: FloatArray, place: str) -> None:
     n_frames, n_markers = positions.shape[:2]
-    for struct, key, found, where in (
-        (export, "Frames", n_frames, place),
-        (labelled, "Count", n_markers, f"{place}.Trajectories.Labeled"),
-    ):
+    inner = f"{place}.Trajectories.Labeled"
+    claims = ((export, "Frames", n_frames, place), (labelled, "Count", n_markers, inner))
+    for struct, key, found, where in claims:
         stated = _number(struct, key, where)
         if stated is not None and stated != found:
             cut = "; was the file cut short?" if key == "Frames" and stated > found else ""
@@ -202,14 +160,12 @@ def _events(export: dict[str, Any], place: str) -> tuple[Event, ...]:
     if isinstance(found, dict) and any(isinstance(value, list) for value in found.values()):
         lists = [value if isinstance(value, list) else [value] for value in found.values()]
         found = [dict(zip(found, entries, strict=False)) for entries in zip(*lists, strict=False)]
-    events = []
+    events, place = [], f"{place}.Events"
     for event in [found] if isinstance(found, dict) else found if isinstance(found, list) else []:
-        label, time = _field(event, "Label", f"{place}.Events"), None
-        if event:
-            time = _number(event, "Time", f"{place}.Events")
+        label, time = _field(event, "Label", place), _number(event, "Time", place)
         if not isinstance(label, str) or time is None:
             raise RecordingError(
-                f"{place}.Events: expected a Label and a Time each, found {_kind(label)} and {time}"
+                f"{place}: expected a Label and a Time each, found {_kind(label)} and {time}"
             )
         events.append(Event(label.split("\0")[0].strip(), time))
     return tuple(events)
@@ -236,10 +192,10 @@ def _kind(value: Any) -> str:
 
 # Reader of QTM motion-data exports (TSV) and of plain tables with a column row: mm.
 
-KEYS_OF_EXPORTS = frozenset(KEYS)  # which are in mm; of a bare table nothing says so
+KEYS_OF_EXPORTS = frozenset(qtm_header.KEYS)  # which are in mm; of a bare table nothing says so
 
 
-def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
+def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read a 3-D motion-data export of Qualisys Track Manager.
 
     A marker counts as unseen where a coordinate is missing in one of its spellings (empty,
@@ -262,14 +218,14 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
     RecordingError
         Naming the file, the line, what was expected and what was found.
     """
-    header = read_header(Path(path))
+    header = qtm_header.read_header(Path(path))
     _check_kind(header)
-    place, names = marker_names(header)
-    markers, renamed = distinct_names(place, names)
-    counters = counter_columns(header, names)
-    types = trajectory_types(header, len(markers))
+    place, names = qtm_header.marker_names(header)
+    markers, renamed = raw.distinct_names(place, names)
+    counters = qtm_header.counter_columns(header, names)
+    types = qtm_header.trajectory_types(header, len(markers))
     n_columns = len(counters) + 3 * len(markers)
-    width = n_columns + n_empty_columns(header, names)
+    width = n_columns + qtm_header.n_empty_columns(header, names)
     rows = Rows(header.path, header.n_lines, header.offset, width)
     table = rows.numbers()
     _check_frame_count(header, len(table))
@@ -277,21 +233,21 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> RawRecord
     positions = table[:, len(counters) : n_columns].reshape(len(table), len(markers), 3)
     blank_unseen(positions)
     time, rate, remarks = _time_and_rate(header, table, counters, rate_hz)
-    return RawRecording(
+    return raw.RawRecording(
         markers,
         time,
         positions,
         rate,
-        unit=USUAL_UNIT,
+        unit=raw.USUAL_UNIT,
         unit_is_stated=not KEYS_OF_EXPORTS.isdisjoint(header.values),
         events=tuple(header.events),
         trajectory_types=types,
-        started=moment((header.values.get("TIME_STAMP") or [""])[0]),
+        started=qtm_header.moment((header.values.get("TIME_STAMP") or [""])[0]),
         remarks=renamed + remarks + _event_remarks(header, rate),
     )
 
 
-def _check_kind(header: QtmHeader) -> None:
+def _check_kind(header: qtm_header.QtmHeader) -> None:
     kind = (header.values.get("DATA_INCLUDED") or ["3D"])[0]
     if kind != "3D":
         raise RecordingError(
@@ -300,7 +256,7 @@ def _check_kind(header: QtmHeader) -> None:
         )
 
 
-def _check_frame_count(header: QtmHeader, n_rows: int) -> None:
+def _check_frame_count(header: qtm_header.QtmHeader, n_rows: int) -> None:
     stated = header.number("NO_OF_FRAMES")
     if stated is not None and stated != n_rows:
         cut = "; was the file cut short?" if n_rows < stated else ""
@@ -311,7 +267,7 @@ def _check_frame_count(header: QtmHeader, n_rows: int) -> None:
 
 
 def _time_and_rate(
-    header: QtmHeader, table: FloatArray, counters: list[str], given_hz: float | None
+    header: qtm_header.QtmHeader, table: FloatArray, counters: list[str], given_hz: float | None
 ) -> tuple[FloatArray, float, tuple[str, ...]]:
     """Time stamps (N,) in s, the rate in Hz, and remarks."""
     stamps = table[:, counters.index("Time")].copy() if "Time" in counters else None
@@ -326,7 +282,7 @@ def _time_and_rate(
             f"{header.path}: FREQUENCY is EXT and the time stamps do not increase; "
             "time counted from the frames",
         )
-    rate = resolve_rate(
+    rate = raw.resolve_rate(
         header.place("FREQUENCY"),
         stated=_stated_rate(header, external, stamps, number),
         given=given_hz,
@@ -335,27 +291,27 @@ def _time_and_rate(
         return (number - number[0]) / rate, rate, remarks
     if external:
         return stamps, rate, remarks
-    time, remarks = settle(str(header.path), stamps, number, rate)
+    time, remarks = raw.settle(str(header.path), stamps, number, rate)
     return time, rate, remarks
 
 
 def _stated_rate(
-    header: QtmHeader, external: bool, stamps: FloatArray | None, number: FloatArray
+    header: qtm_header.QtmHeader, external: bool, stamps: FloatArray | None, number: FloatArray
 ) -> float | None:
     """Frame rate by the header or, without a header, by the time stamps; None if neither tells."""
     if external:
         return None
     if header.values:
-        near = did_you_mean("FREQUENCY", set(header.values) - set(KEYS))
+        near = did_you_mean("FREQUENCY", set(header.values) - set(qtm_header.KEYS))
         if near and "FREQUENCY" not in header.values:
             raise RecordingError(
                 f"{header.path}: header: expected the key FREQUENCY, found none{near}"
             )
         return header.number("FREQUENCY")
-    return None if stamps is None else rate_of(stamps, number)
+    return None if stamps is None else raw.rate_of(stamps, number)
 
 
-def _event_remarks(header: QtmHeader, rate_hz: float) -> tuple[str, ...]:
+def _event_remarks(header: qtm_header.QtmHeader, rate_hz: float) -> tuple[str, ...]:
     """Remark on events whose time is not that of their frame, from 1."""
     off = sum(
         abs(event.time_s * rate_hz - (frame - 1)) > 1

@@ -17,22 +17,18 @@ from typing import Any
 
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
-from hopdata.recordings.readers.text import TEXT_TABLE_MISSING, is_number, split_line, trimmed
+from hopdata.recordings.readers.text import (
+    TEXT_TABLE_MISSING,
+    is_number,
+    readable,
+    split_line,
+    trimmed,
+)
 
 KEYS = (
-    "FILE_VERSION",
-    "NO_OF_FRAMES",
-    "NO_OF_CAMERAS",
-    "NO_OF_MARKERS",
-    "FREQUENCY",
-    "NO_OF_ANALOG",
-    "ANALOG_FREQUENCY",
-    "DESCRIPTION",
-    "TIME_STAMP",
-    "DATA_INCLUDED",
-    "EVENT",
-    "MARKER_NAMES",
-    "TRAJECTORY_TYPES",
+    *("FILE_VERSION", "NO_OF_FRAMES", "NO_OF_CAMERAS", "NO_OF_MARKERS", "FREQUENCY"),
+    *("NO_OF_ANALOG", "ANALOG_FREQUENCY", "DESCRIPTION", "TIME_STAMP", "DATA_INCLUDED"),
+    *("EVENT", "MARKER_NAMES", "TRAJECTORY_TYPES"),
 )
 COUNTERS = ("Frame", "Time")  # columns that may stand before the coordinates
 
@@ -91,20 +87,15 @@ def read_header(path: Path) -> QtmHeader:
         are no numbers.
     """
     header = QtmHeader(path)
-    try:
-        with path.open("rb") as file:
-            for line in file:
-                fields = split_line(path, line)
-                if _starts_the_numbers(header, fields):
-                    header.first_row = fields
-                    return header
-                header.n_lines += 1
-                header.offset += len(line)
-                _take(header, fields)
-    except OSError as error:
-        raise RecordingError(
-            f"{path}: expected a readable file, found: {error.strerror or error}"
-        ) from None
+    with readable(path) as file:
+        for line in file:
+            fields = split_line(path, line)
+            if _starts_the_numbers(header, fields):
+                header.first_row = fields
+                return header
+            header.n_lines += 1
+            header.offset += len(line)
+            _take(header, fields)
     if not header.offset:
         raise RecordingError(f"{path}: expected a QTM motion-data export, found an empty file")
     raise RecordingError(f"{path}: expected rows of numbers after the header, found none")

@@ -5,11 +5,12 @@ from __future__ import annotations
 import csv
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from csv import QUOTE_NONE
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
@@ -79,16 +80,10 @@ class Rows:
             warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is refused anyway
             try:
                 yield from pd.read_csv(
-                    self.path,
-                    sep="\t",
-                    header=None,
-                    skiprows=self.n_lines,
-                    na_values=list(TEXT_TABLE_MISSING),
-                    keep_default_na=False,
-                    quoting=QUOTE_NONE,
-                    skipinitialspace=True,
-                    chunksize=ROWS,
-                )
+                    self.path, sep="\t", header=None, skiprows=self.n_lines, quoting=QUOTE_NONE,
+                    na_values=list(TEXT_TABLE_MISSING), keep_default_na=False,
+                    skipinitialspace=True, chunksize=ROWS,
+                )  # fmt: skip
             except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
                 raise self._bad_row(str(error)) from None
 
@@ -160,6 +155,66 @@ def blank_unseen(positions: FloatArray) -> None:
     positions[unseen] = np.nan
 
 
+@contextmanager
+def readable(path: Path) -> Iterator[BinaryIO]:
+    """Open a file to read its bytes.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            yield file
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: expected a readable file, found: {error.strerror or error}"
+        ) from None
+
+
+def require_file(path: Path) -> None:
+    """Require that there is a file; say which of the folder's files has a similar name.
+
+    Raises
+    ------
+    RecordingError
+        If there is none.
+    """
+    if path.is_file():
+        return
+    near = f"; there is no folder {path.parent}"
+    if path.parent.is_dir():
+        near = did_you_mean(path.name, [p.name for p in path.parent.iterdir()])
+    raise RecordingError(f"{path}: expected a file, found none{near}")
+
+
+def decoded(data: bytes) -> str:
+    """Text of a file, which may be older than UTF-8."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def only_place(place: str, name: str, names: Sequence[str]) -> int:
+    """Find the number, from 0, of a column or channel.
+
+    Raises
+    ------
+    RecordingError
+        If none has this name, or several have; it begins with `place`.
+    """
+    n_found = names.count(name)
+    if n_found == 1:
+        return names.index(name)
+    found = f"found {n_found} of that name" if n_found else f"found no '{name}'"
+    raise RecordingError(
+        f"{place}: expected '{name}' once among {listed(names)}, "
+        f"{found}{'' if n_found else did_you_mean(name, names)}"
+    )
+
+
 def split_line(path: Path, line: bytes) -> list[str]:
     """Fields of one line; older exports are not in UTF-8.
 
@@ -170,19 +225,12 @@ def split_line(path: Path, line: bytes) -> list[str]:
     """
     if b"\0" in line:
         raise RecordingError(f"{path}: expected tab-separated text, found binary data or UTF-16")
-    try:
-        text = line.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = line.decode("latin-1")
-    return [f.strip() for f in text.split("\t")]
+    return [field.strip() for field in decoded(line).split("\t")]
 
 
 def trimmed(fields: list[str]) -> list[str]:
     """Without the empty fields that some exports leave at a line's end."""
-    n = len(fields)
-    while n and not fields[n - 1]:
-        n -= 1
-    return fields[:n]
+    return fields[: max((i for i, field in enumerate(fields, 1) if field), default=0)]
 
 
 def is_number(text: str) -> bool:
@@ -204,12 +252,17 @@ def _fault(fields: list[str], width: int) -> str:
     if len(fields) != width:
         return f": expected {width} columns, found {len(fields)}"
     for k, text in enumerate(fields):
-        if text.strip(" ") not in TEXT_TABLE_MISSING and not (
-            is_number(text) and np.isfinite(float(text))
-        ):
-            comma = "; write decimals with a point" if "," in text else ""
-            return f", column {k + 1}: expected a number, found '{text[:40]}'{comma}"
+        if text.strip(" ") not in TEXT_TABLE_MISSING and (fault := _no_number(text)):
+            return f", column {k + 1}: {fault}"
     return ""
+
+
+def _no_number(text: str) -> str:
+    """Say that a field is no finite number; empty if it is one."""
+    if is_number(text) and np.isfinite(float(text)):
+        return ""
+    comma = "; write decimals with a point" if "," in text else ""
+    return f"expected a number, found '{text[:40]}'{comma}"
 
 
 # Named columns of a text table, as other devices and programs export them.
@@ -282,36 +335,15 @@ class ColumnTable:
         RecordingError
             If no column has this name, or several have.
         """
-        n_found = self.names.count(name)
-        if n_found == 1:
-            return self.names.index(name)
-        found = f"found {n_found} of that name" if n_found else f"found no '{name}'"
-        raise RecordingError(
-            f"{self.path}, line 1: column: expected '{name}' once among {listed(self.names)}, "
-            f"{found}{'' if n_found else did_you_mean(name, self.names)}"
-        )
+        return only_place(f"{self.path}, line 1: column", name, self.names)
 
     def _numbers_one_by_one(self, name: str) -> FloatArray:
         """Slowly, with the place of what is no number, and with blanks and quotes about it."""
         cells = self.texts(name)
-        values = np.full(len(cells), np.nan)
         for row, cell in enumerate(cells):
-            if cell not in MISSING:
-                values[row] = self._number(name, row, cell)
-        return values
-
-    def _number(self, name: str, row: int, cell: str) -> float:
-        try:
-            value = float(cell)
-        except ValueError:
-            value = np.nan
-        if np.isfinite(value):
-            return value
-        comma = "; write decimals with a point" if "," in cell else ""
-        raise RecordingError(
-            f"{self.path}, line {row + 2}, column '{name}': expected a number, "
-            f"found '{cell[:40]}'{comma}"
-        )
+            if cell not in MISSING and (fault := _no_number(cell)):
+                raise RecordingError(f"{self.path}, line {row + 2}, column '{name}': {fault}")
+        return np.array([np.nan if cell in MISSING else float(cell) for cell in cells])
 
 
 def open_table(path: str | Path) -> ColumnTable:
@@ -323,9 +355,7 @@ def open_table(path: str | Path) -> ColumnTable:
         If there is no such file, it is not text, or its first row holds no name.
     """
     path = Path(path)
-    if not path.is_file():
-        near = did_you_mean(path.name, _names_in(path.parent))
-        raise RecordingError(f"{path}: expected a file, found none{near}")
+    require_file(path)
     first = next(iter(_lines(path)), "")
     delimiter = next((mark for mark in DELIMITERS if mark in first), "\t")
     names = tuple(_plain(cell) for cell in _cells(first, delimiter))
@@ -363,7 +393,3 @@ def _empty_lines_at_the_end(path: Path) -> int:
 
 def _plain(cell: str) -> str:
     return cell.strip().strip('"').strip()
-
-
-def _names_in(folder: Path) -> list[str]:
-    return [p.name for p in folder.iterdir()] if folder.is_dir() else []

@@ -10,18 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from hopdata.errors import RecordingError, did_you_mean
-from hopdata.recordings.raw import (
-    METRES_PER_UNIT,
-    USUAL_UNIT,
-    RawRecording,
-    distinct_names,
-    resolve_rate,
-    settle,
-)
+from hopdata.recordings import raw
 from hopdata.recordings.readers.text import (
     Rows,
     blank_unseen,
     is_number,
+    readable,
     require_counters,
     split_line,
     trimmed,
@@ -58,7 +52,7 @@ class _Header:
         return float(text)
 
 
-def read_trc(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
+def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
     """Read the markers of a TRC file.
 
     A marker counts as unseen where a coordinate is missing, or where all three are 0.
@@ -78,7 +72,7 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
     path = Path(path)
     header = _read_header(path)
     unit = _unit(header)
-    rate = resolve_rate(
+    rate = raw.resolve_rate(
         f"{path}, line 3: DataRate", stated=header.number("DataRate"), given=rate_hz
     )
     table = header.rows.numbers()
@@ -86,13 +80,13 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> RawRecording:
     n_columns = 2 + 3 * len(header.markers)
     positions = table[:, 2:n_columns].reshape(len(table), len(header.markers), 3)
     blank_unseen(positions)
-    time, remarks = settle(str(path), table[:, 1].copy(), table[:, 0].copy(), rate)
-    return RawRecording(
+    time, remarks = raw.settle(str(path), table[:, 1].copy(), table[:, 0].copy(), rate)
+    return raw.RawRecording(
         header.markers,
         time,
         positions,
         rate,
-        unit=unit or USUAL_UNIT,
+        unit=unit or raw.USUAL_UNIT,
         unit_is_stated=bool(unit),
         remarks=header.remarks + _frame_count(header, len(table)) + remarks,
     )
@@ -113,20 +107,15 @@ def _frame_count(header: _Header, n_rows: int) -> tuple[str, ...]:
 def _read_header(path: Path) -> _Header:
     lines: list[list[str]] = []
     offset = 0
-    try:
-        with path.open("rb") as file:
-            for line in islice(file, _HEADER_LINES):
-                lines.append(split_line(path, line))
-                offset += len(line)
+    with readable(path) as file:
+        for line in islice(file, _HEADER_LINES):
+            lines.append(split_line(path, line))
+            offset += len(line)
+        first = next(iter(file), b"")
+        while first and not first.strip(b"\r\n\t "):
+            lines.append([])
+            offset += len(first)
             first = next(iter(file), b"")
-            while first and not first.strip(b"\r\n\t "):
-                lines.append([])
-                offset += len(first)
-                first = next(iter(file), b"")
-    except OSError as error:
-        raise RecordingError(
-            f"{path}: expected a readable file, found: {error.strerror or error}"
-        ) from None
     if not lines or re.split(r"[\s,;]", lines[0][0])[0] != "PathFileType":
         found = f"'{lines[0][0][:40]}'" if lines else "an empty file"
         raise RecordingError(f"{path}, line 1: expected PathFileType, found {found}")
@@ -141,7 +130,7 @@ def _read_header(path: Path) -> _Header:
         raise RecordingError(
             f"{path}, line 4: expected {stated:g} marker names (NumMarkers), found {len(names)}"
         )
-    markers, remarks = distinct_names(f"{path}, line 4", names, may_lack=True)
+    markers, remarks = raw.distinct_names(f"{path}, line 4", names, may_lack=True)
     fields = split_line(path, first)
     width = max(len(fields), 2 + 3 * len(markers))
     unused = sum(map(bool, fields[2 + 3 * len(markers) :]))
@@ -213,6 +202,6 @@ def _unit(header: _Header) -> str:
     stated = header.values.get("Units")
     if stated is None:
         return ""
-    if stated.lower() not in METRES_PER_UNIT:
+    if stated.lower() not in raw.METRES_PER_UNIT:
         raise RecordingError(f"{header.path}, line 3: Units: expected mm or m, found '{stated}'")
     return stated.lower()

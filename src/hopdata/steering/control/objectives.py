@@ -9,93 +9,33 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import ConfigError, HopdataError, require_choice
+from hopdata.errors import ConfigError, HopdataError
 from hopdata.rigid import wrapped
-
-PENALTIES = ("absolute", "square")
-STANCES = ("all", "last")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToPoint:
-    """Come near a point of the floor (dissertation, Sec. 3.4.3).
-
-    Parameters
-    ----------
-    point_m : (x, y)
-        The point in the world frame, m.
-    penalty : {"absolute", "square"}
-        Distance from the point, or its square.
-    stances : {"all", "last"}
-        Whether the penalties of all stances within the horizon are added up, or that of the last
-        one counts.
-    """
+    """Come near a point (x, y) of the floor, world frame, m (dissertation, Sec. 3.4.3)."""
 
     point_m: tuple[float, float] = (0.0, 0.0)
-    penalty: str = "absolute"
-    stances: str = "all"
 
     def __post_init__(self) -> None:
         if not _is_finite(self.point_m, shape=(2,)):
             raise ConfigError(f"point_m: expected two finite numbers, found {self.point_m}")
-        _check_choices(self.penalty, self.stances)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToHeading:
-    """Turn to a heading of the world frame, rad; the error is wrapped (Sec. 3.4.3, footnote 8).
-
-    `penalty` and `stances` as for a point: the size of the error or its square, of all stances or
-    of the last.
-    """
+    """Turn to a heading of the world frame, rad; the error is wrapped (Sec. 3.4.3, footnote 8)."""
 
     heading_rad: float = 0.0
-    penalty: str = "absolute"
-    stances: str = "all"
 
     def __post_init__(self) -> None:
         if not _is_finite(self.heading_rad):
             raise ConfigError(f"heading_rad: expected a finite number, found {self.heading_rad}")
-        _check_choices(self.penalty, self.stances)
 
 
 Objective: TypeAlias = ToPoint | ToHeading
-
-
-@dataclass(frozen=True, kw_only=True)
-class WayPoints:
-    """Visit points of the floor one after the other, and stay at the last.
-
-    Parameters
-    ----------
-    points_m : tuple of (x, y)
-        Points in the world frame, m.
-    arrival_m : float
-        Distance at which a point counts as visited, m.
-    penalty, stances : str
-        As for a single point.
-    """
-
-    points_m: tuple[tuple[float, float], ...]
-    arrival_m: float = 0.15
-    penalty: str = "absolute"
-    stances: str = "all"
-
-    def __post_init__(self) -> None:
-        if not np.iterable(self.points_m):
-            raise ConfigError(f"points_m: expected points (x, y), found {self.points_m}")
-        if not len(self.points_m):
-            raise ConfigError("points_m: expected one point at least, found none")
-        if not (_is_finite(self.arrival_m) and self.arrival_m > 0):
-            raise ConfigError(f"arrival_m: expected more than 0, found {self.arrival_m}")
-        self.legs()
-
-    def legs(self) -> tuple[ToPoint, ...]:
-        """Return the objectives of the single points, in order."""
-        return tuple(
-            ToPoint(point_m=point, penalty=self.penalty, stances=self.stances)
-            for point in self.points_m
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,10 +72,8 @@ def errors_left(objective: Objective, poses: ArrayLike) -> FloatArray:
 
 
 def objective_value(objective: Objective, poses: ArrayLike) -> float:
-    """Value of an objective over the stances (H, 3) that come after the present one."""
-    left = errors_left(objective, poses)
-    penalties = left**2 if objective.penalty == "square" else left
-    return float(penalties[-1] if objective.stances == "last" else penalties.sum())
+    """Sum of what is left at the stances (H, 3) that come after the present one."""
+    return float(errors_left(objective, poses).sum())
 
 
 def _is_finite(value: object, shape: tuple[int, ...] = ()) -> bool:
@@ -145,11 +83,6 @@ def _is_finite(value: object, shape: tuple[int, ...] = ()) -> bool:
     except (TypeError, ValueError):
         return False
     return numbers.shape == shape and bool(np.isfinite(numbers).all())
-
-
-def _check_choices(penalty: str, stances: str) -> None:
-    require_choice("penalty", penalty, PENALTIES)
-    require_choice("stances", stances, STANCES)
 
 
 # What every controller takes and gives.
@@ -233,46 +166,3 @@ def checked_state(pose: ArrayLike, boom_angle_rad: float) -> tuple[FloatArray, f
     if not np.isfinite(boom):
         raise PlanningError(f"plan: expected a finite boom angle, found {boom_angle_rad!r}")
     return state, boom % (2 * np.pi)
-
-
-# Along way-points: one point after the other, with any controller that steers to points.
-
-
-class Steerable(Protocol):
-    """A controller that can be given another point."""
-
-    def towards(self, objective: ToPoint, /) -> Controller:
-        """Return the same controller with another objective."""
-        ...
-
-
-class WayPointFollower:
-    """Steers to the first of the way-points that has not been visited, and stays at the last.
-
-    It remembers which have been visited, so each run needs one of its own.
-
-    Parameters
-    ----------
-    controller : Steerable
-        Such as a `GlobalisedController`.
-    way_points : WayPoints
-    """
-
-    def __init__(self, controller: Steerable, way_points: WayPoints) -> None:
-        self._legs = way_points.legs()
-        self._controllers = [controller.towards(leg) for leg in self._legs]
-        self._arrival_m = way_points.arrival_m
-        self.visited = 0
-
-    def plan(
-        self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
-    ) -> Plan:
-        """Plan towards the present way-point; one that is within reach counts as visited."""
-        here, boom = checked_state(pose, boom_angle_rad)
-        while self.visited < len(self._legs) and self._arrived(here):
-            self.visited += 1
-        leg = min(self.visited, len(self._legs) - 1)
-        return self._controllers[leg].plan(here, boom, previous_swing_rad)
-
-    def _arrived(self, pose: ArrayLike) -> bool:
-        return bool(np.all(errors_left(self._legs[self.visited], pose) <= self._arrival_m))

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,17 +11,7 @@ from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.rigid import wrapped
 from hopdata.steering.excitation import BOOTSTRAP
-from hopdata.steering.experiments.tasks import (
-    ANY,
-    CEILING,
-    FACING,
-    FELL,
-    LATE,
-    LEFT,
-    PLANNER,
-    PRINTED,
-)
-from hopdata.steering.frame_changes import SAME_STANCE_S
+from hopdata.steering.experiments import tasks
 from hopdata.steering.models.tabulated import FrameChangeMap
 from hopdata.steering.trial import TrueFrameChanges
 
@@ -110,13 +99,16 @@ def ratio_interval(
 
 # What is asked of whom: the least share of runs that succeed.
 ASKED = {
-    ("origin", FACING, PRINTED): 24 / 30,
-    ("turn", ANY, PRINTED): 1.0,
-    ("origin", ANY, PLANNER): 27 / 30,
-    ("origin_board", ANY, PLANNER): 24 / 30,
+    ("origin", tasks.FACING, tasks.PRINTED): 24 / 30,
+    ("turn", tasks.ANY, tasks.PRINTED): 1.0,
+    ("origin", tasks.ANY, tasks.PLANNER): 27 / 30,
+    ("origin_board", tasks.ANY, tasks.PLANNER): 24 / 30,
 }
 # The most hops, in those of the policy that knows the true map.
-ASKED_RATIO = {("origin", ANY, PLANNER): 1.3, ("origin_board", ANY, PLANNER): 1.3}
+ASKED_RATIO = {
+    ("origin", tasks.ANY, tasks.PLANNER): 1.3,
+    ("origin_board", tasks.ANY, tasks.PLANNER): 1.3,
+}
 
 GROUP = ["experiment", "start", "controller"]
 
@@ -150,7 +142,7 @@ def outcome_table(runs: pd.DataFrame, *, seed: int, confidence: float = 0.95) ->
     for key, group in runs.groupby(GROUP, sort=False):
         best = runs[
             (runs["experiment"] == key[0]) & (runs["start"] == key[1])
-            & (runs["controller"] == CEILING)
+            & (runs["controller"] == tasks.CEILING)
         ]  # fmt: skip
         rows.append(_row(key, group, best, seed, confidence))
     return pd.DataFrame(rows)
@@ -174,9 +166,9 @@ def _row(
         "hops": float(np.median(hops)) if len(hops) else float("nan"),
         "hops_low": hops_low,
         "hops_high": hops_high,
-        "late": int(reasons.get(LATE, 0)),
-        "left": int(reasons.get(LEFT, 0)),
-        "fell": int(reasons.get(FELL, 0)),
+        "late": int(reasons.get(tasks.LATE, 0)),
+        "left": int(reasons.get(tasks.LEFT, 0)),
+        "fell": int(reasons.get(tasks.FELL, 0)),
         "stances": int(group["stances"].sum()),
         "blind": int(group["blind"].sum()),
     }
@@ -206,7 +198,10 @@ def _met(row: dict[str, Any], asked: dict[str, float]) -> str:
 
 # What was observed and learned against what the simulator knows.
 
+SAME_STANCE_S = 0.1  # a sixth of a hop
 COMPONENTS = (("x", "mm", 1e3), ("y", "mm", 1e3), ("heading", "deg", 180 / np.pi))
+
+Score: TypeAlias = tuple[float, str, str]  # value, unit, what it is
 
 
 @one_blas_thread()
@@ -229,54 +224,46 @@ def truth_entries(
     model : FrameChangeMap
     true_map : TrueFrameChanges
     """
-    return {
+    scores = {
         **_pose_scores(motion, true_motion),
         **_stance_scores(stances, true_stances),
         **_model_scores(model, true_map),
     }
-
-
-def _entry(value: float, unit: str, what: str) -> dict[str, Any]:
-    return {"value": float(value), "unit": unit, "what": what}
+    return {
+        name: {"value": float(value), "unit": unit, "what": what}
+        for name, (value, unit, what) in scores.items()
+    }
 
 
 def _rms(errors: FloatArray) -> float:
     return float(np.sqrt(np.nanmean(errors**2)))
 
 
-def _pose_scores(motion: pd.DataFrame, true: pd.DataFrame) -> Mapping[str, Any]:
+def _pose_scores(motion: pd.DataFrame, true: pd.DataFrame) -> dict[str, Score]:
     away = motion[["x_m", "y_m"]].to_numpy() - true[["x_m", "y_m"]].to_numpy()
     turned = wrapped((motion["heading_rad"] - true["heading_rad"]).to_numpy())
     boom = wrapped((motion["boom_angle_rad"] - true["boom_angle_rad"]).to_numpy())
-    offset = float(np.nanmean(turned))
+    offset, tilt = float(np.nanmean(turned)), true["tilt_rad"].to_numpy()
+    heading = "heading, rms error about its mean"
     return {
-        "position_rms": _entry(1e3 * _rms(away), "mm", "position per axis, rms error"),
-        "heading_rms": _entry(
-            1e3 * _rms(turned - offset), "mrad", "heading, rms error about its mean"
-        ),
-        "heading_offset": _entry(1e3 * offset, "mrad", "heading, mean error"),
-        "boom_angle_rms": _entry(1e3 * _rms(boom), "mrad", "boom angle, rms error"),
-        "tilt_rms": _entry(1e3 * _rms(true["tilt_rad"].to_numpy()), "mrad", "tilt, rms"),
-        "frames_without_pose": _entry(
-            float(motion["x_m"].isna().sum()), "1", "frames without a pose"
-        ),
+        "position_rms": (1e3 * _rms(away), "mm", "position per axis, rms error"),
+        "heading_rms": (1e3 * _rms(turned - offset), "mrad", heading),
+        "heading_offset": (1e3 * offset, "mrad", "heading, mean error"),
+        "boom_angle_rms": (1e3 * _rms(boom), "mrad", "boom angle, rms error"),
+        "tilt_rms": (1e3 * _rms(tilt), "mrad", "tilt, rms"),
+        "frames_without_pose": (motion["x_m"].isna().sum(), "1", "frames without a pose"),
     }
 
 
-def _stance_scores(stances: pd.DataFrame, true: pd.DataFrame) -> Mapping[str, Any]:
+def _stance_scores(stances: pd.DataFrame, true: pd.DataFrame) -> dict[str, Score]:
     """Pairs of stances that were missed, and that were invented."""
-    found = _pair_times(stances)
-    real = _pair_times(true)
-    apart = np.abs(found[:, None] - real).max(axis=2, initial=0.0)
-    same = apart <= SAME_STANCE_S
+    found, real = _pair_times(stances), _pair_times(true)
+    same = np.abs(found[:, None] - real).max(axis=2, initial=0.0) <= SAME_STANCE_S
+    missed, invented = (~same.any(axis=0)).sum(), (~same.any(axis=1)).sum()
     return {
-        "true_pairs": _entry(float(len(real)), "1", "consecutive stances, true pairs"),
-        "missed_pairs": _entry(
-            float(len(real) - same.any(axis=0).sum()), "1", "pairs of stances missed"
-        ),
-        "invented_pairs": _entry(
-            float(len(found) - same.any(axis=1).sum()), "1", "pairs of stances invented"
-        ),
+        "true_pairs": (len(real), "1", "consecutive stances, true pairs"),
+        "missed_pairs": (missed, "1", "pairs of stances missed"),
+        "invented_pairs": (invented, "1", "pairs of stances invented"),
     }
 
 
@@ -285,18 +272,23 @@ def _pair_times(stances: pd.DataFrame) -> FloatArray:
     return np.column_stack([time[second - 1], time[second]])
 
 
-def _model_scores(model: FrameChangeMap, true_map: TrueFrameChanges) -> Mapping[str, Any]:
+def _model_scores(model: FrameChangeMap, true_map: TrueFrameChanges) -> dict[str, Score]:
     """Errors of the learned map on the grid of the true one, averaged over the swing before."""
     angle, swing = np.meshgrid(true_map.boom_angle_rad, true_map.swing_rad, indexing="ij")
     true = true_map.average().reshape(-1, 3)
     errors = model.change(angle.ravel(), swing.ravel()) - true
-    scores = {}
-    for j, (name, unit, factor) in enumerate(COMPONENTS):
-        explained = float(1 - np.mean(errors[:, j] ** 2) / np.var(true[:, j]))
-        scores[f"model_{name}_rms"] = _entry(
-            factor * _rms(errors[:, j]), unit, f"frame change in {name}, rms error of the model"
+    scores: dict[str, Score] = {}
+    for (name, unit, factor), error, map_ in zip(COMPONENTS, errors.T, true.T, strict=True):
+        explained = 1 - np.mean(error**2) / np.var(map_)
+        what = f"frame change in {name}"
+        scores[f"model_{name}_rms"] = (
+            factor * _rms(error),
+            unit,
+            f"{what}, rms error of the model",
         )
-        scores[f"model_{name}_r2"] = _entry(
-            explained, "1", f"frame change in {name}, share of the true map explained (R2)"
+        scores[f"model_{name}_r2"] = (
+            explained,
+            "1",
+            f"{what}, share of the true map explained (R2)",
         )
     return scores

@@ -20,6 +20,7 @@ from hopdata.synthesis.simulate import MotionCapture
 
 # The simulated hopper as a controller knows it: through motion capture, frame by frame.
 
+Frames: TypeAlias = list[tuple[float, FloatArray]]  # time, s, and markers (M, 3), m
 _Frame: TypeAlias = tuple[float, FloatArray, Observation | None]
 
 NEAR_S = 0.05  # a pose so far from the lowest point is that of the stance
@@ -102,7 +103,7 @@ class WatchedHopper:
         noise: np.random.Generator,
         gaps: np.random.Generator,
         board: Board | None = None,
-        frames: list[tuple[float, FloatArray]] | None = None,
+        frames: Frames | None = None,
     ) -> None:
         self.robot, self.sight, self.board = robot, sight, board
         self._kicks, self._noise, self._frames = kicks, noise, frames
@@ -240,7 +241,7 @@ def run_task(
     start: Start,
     *,
     board: Board | None = None,
-    frames: list[tuple[float, FloatArray]] | None = None,
+    frames: Frames | None = None,
 ) -> Run:
     """Let a controller steer from a start until the run is decided or the hopper falls.
 

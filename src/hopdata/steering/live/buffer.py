@@ -120,19 +120,6 @@ class FrameBuffer:
 
 
 @dataclass
-class ServerCounts:
-    """What the server has done so far, in frames, markers and connections."""
-
-    frames: int = 0
-    dropped: int = 0
-    hidden_markers: int = 0
-    garbled: int = 0
-    skipped: int = 0
-    connections: int = 0
-    refused_packets: int = 0
-
-
-@dataclass
 class StreamCounts:
     """What came, in frames, markers, packets and connections, and what did not.
 
@@ -165,6 +152,19 @@ class LoopCounts:
 # A thread with an event loop of its own that runs one coroutine until it is told to stop.
 
 JOIN_S = 10.0
+
+
+def joined(thread: threading.Thread) -> None:
+    """Wait for the end of a thread.
+
+    Raises
+    ------
+    LiveError
+        If it does not end.
+    """
+    thread.join(JOIN_S)
+    if thread.is_alive():
+        raise LiveError(f"thread {thread.name!r} has not ended within {JOIN_S:g} s")
 
 
 class LoopThread:
@@ -207,9 +207,7 @@ class LoopThread:
             return
         if self._task is not None:
             self.call(self._task.cancel)
-        self._thread.join(JOIN_S)
-        if self._thread.is_alive():
-            raise LiveError(f"thread {self._thread.name!r} has not ended within {JOIN_S:g} s")
+        joined(self._thread)
 
     def _run(self) -> None:
         try:

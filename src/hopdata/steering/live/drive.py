@@ -4,41 +4,23 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from hopdata.arrays import FloatArray
 from hopdata.errors import ConfigError
+from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import LoopCounts, Status, StreamCounts
-from hopdata.steering.live.loop import (
-    ControlLoop,
-    Decision,
-    write_counts,
-    write_decisions,
-    write_states,
-)
+from hopdata.steering.live.loop import ControlLoop, Decision, write_logs
 from hopdata.steering.live.packets import PORT
-from hopdata.steering.live.safety import Boom, Controller, Detector, Limits, Tracker
+from hopdata.steering.live.safety import Boom, Limits
 from hopdata.steering.live.stream import MarkerStream, Patience
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.live_stances import StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker
-from hopdata.steering.robot import (
-    Apex,
-    Board,
-    SteeredHop,
-    SteeredHopper,
-    released,
-    steer_hop,
-    steer_past,
-)
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # those of them that the system has
 
@@ -51,33 +33,6 @@ class Drive:
     states: tuple[Status, ...]
     stream: StreamCounts
     loop: LoopCounts
-
-
-def observers(
-    geometry: HopperGeometry, labels: Sequence[str], *, rate_hz: float = 100.0
-) -> Callable[[], tuple[Tracker, Detector]]:
-    """Return what makes a tracker and a stance detector for a hopper that has been calibrated.
-
-    Parameters
-    ----------
-    geometry : HopperGeometry
-        From `hopdata.steering.observation.calibration.calibrate`, of a recording of this hopper.
-    labels : sequence of str
-        Markers of the stream, in its order.
-    rate_hz : float
-        Frame rate, Hz.
-
-    Raises
-    ------
-    AnalysisError
-        If a marker of the geometry is not among the labels.
-    """
-
-    def fresh() -> tuple[Tracker, Detector]:
-        return HopperTracker(geometry, labels), StanceDetector.of(geometry, rate_hz=rate_hz)
-
-    fresh()  # complains now rather than in the loop
-    return fresh
 
 
 def drive(
@@ -108,7 +63,8 @@ def drive(
     geometry : HopperGeometry
         The hopper; its markers must be labelled in the camera system by the names that it has here.
     controller : Controller
-        Plans the swings; see `hopdata.steering.control`.
+        Plans the swings, as those of `hopdata.steering.control` do; of a plan nothing but its
+        `swing_rad` is used.
     boom : Boom
         Told each swing.
     host, port : str, int
@@ -149,7 +105,7 @@ def drive(
     stream = MarkerStream(names, host=host, port=port, rate_hz=rate_hz, patience=patience)
     loop = ControlLoop(
         stream.buffer,
-        observers(geometry, names, rate_hz=rate_hz),
+        lambda: (HopperTracker(geometry, names), StanceDetector.of(geometry, rate_hz=rate_hz)),
         controller,
         boom,
         limits=limits,
@@ -166,9 +122,9 @@ def drive(
             if signals.first is not None:
                 stream.states.report("closed", f"the drive was ended by {signals.first.name}")
             if folder is not None:
-                write_decisions(Path(folder) / "decisions.csv", loop.decisions())
-                write_states(Path(folder) / "stream_states.csv", stream.states.history())
-                write_counts(Path(folder) / "counts.csv", stream.counts, loop.counts)
+                states = stream.states.history()
+                counts = {"stream": stream.counts, "loop": loop.counts}
+                write_logs(Path(folder), loop.decisions(), states, **counts)
     return Drive(loop.decisions(), stream.states.history(), stream.counts, loop.counts)
 
 
@@ -224,123 +180,11 @@ def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -
             "geometry: expected a boom and its circle, found none; calibrate with a recording that "
             "has a marker with the role boom (markers.boom)"
         )
-    parts: tuple[tuple[str, object, str], ...] = (
-        ("controller", controller, "plan"),
-        ("boom", boom, "swing"),
-    )
-    for name, part, method in parts:
+    parts: dict[str, tuple[object, str]] = {
+        "controller": (controller, "plan"),
+        "boom": (boom, "swing"),
+    }
+    for name, (part, method) in parts.items():
         if isinstance(part, type) or not callable(getattr(part, method, None)):
             kind = f"the class {part.__name__}" if isinstance(part, type) else type(part).__name__
             raise ConfigError(f"{name}: expected an object with the method {method}, found {kind}")
-
-
-# The simulated hopper as a live robot: markers out, frame by frame, and swings in.
-
-
-@dataclass(frozen=True)
-class TrueHop:
-    """A hop as it truly was: the swing executed in its flight, rad, and the stance that followed.
-
-    `stance_s` is NaN if it fell; an operator then let it go again where it was.
-    """
-
-    start_s: float
-    swing_rad: float
-    stance_s: float
-    pose: tuple[float, float, float]
-    boom_angle_rad: float
-
-
-class LiveHopper:
-    """A source of frames: a hopper that integrates each hop when its first frame is asked for.
-
-    Driven by a server in real time, it so is at most one hop ahead of the clock. The swing of a
-    flight is the last that was commanded before the apex at which it begins; 0 if none was since
-    the apex before.
-
-    Parameters
-    ----------
-    robot : SteeredHopper
-    swings : callable
-        Returns the last swing commanded since it was last called, rad, or None; must not wait.
-    pose : (3,)
-        Where it is let go, m and rad.
-    boom_angle_rad : float
-    rate_hz : float
-        Frame rate, Hz.
-    noise_m : float
-        Standard deviation of the noise on each coordinate, m.
-    board : Board, optional
-        What stands in its way.
-    seed : int or sequence of int
-        Of kicks and noise.
-    """
-
-    def __init__(
-        self,
-        robot: SteeredHopper,
-        swings: Callable[[], float | None],
-        *,
-        pose: ArrayLike = (0.0, 0.0, 0.0),
-        boom_angle_rad: float = np.pi,
-        rate_hz: float = 100.0,
-        noise_m: float = 0.0006,
-        board: Board | None = None,
-        seed: int | Sequence[int] = 0,
-    ) -> None:
-        self.robot, self.board, self.rate_hz, self.noise_m = robot, board, rate_hz, noise_m
-        self.hops: list[TrueHop] = []
-        self._swings, self._apex = swings, released(robot, pose, boom_angle_rad)
-        streams = np.random.SeedSequence(seed).spawn(2)
-        self._kicks, self._noise = (np.random.default_rng(stream) for stream in streams)
-        self._n_frames = 0
-        # Compiles what is not compiled yet, so that the first hop is in time.
-        steer_hop(robot.still(), self._apex, 0.0, rng=np.random.default_rng(0))
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the markers, in the order of the frames."""
-        body = [f"body{k + 1}" for k in range(len(self.robot.markers.body_m))]
-        return (*body, "boom")
-
-    def __iter__(self) -> Iterator[tuple[float, FloatArray]]:
-        """Hop for ever: yields the time, s, and the markers (M, 3), m, of each frame."""
-        while True:
-            hop = self._next_hop()
-            for time_s, markers in zip(hop.frame_time_s, hop.markers, strict=True):
-                noise = self.noise_m * self._noise.standard_normal(markers.shape)
-                yield float(time_s), markers + noise
-
-    def _next_hop(self) -> SteeredHop:
-        swing = self._swings() or 0.0
-        upcoming = self._n_frames + np.arange(np.ceil(self.robot.hop_limit_s * self.rate_hz))
-        hop, self.board = steer_past(
-            self.robot,
-            self._apex,
-            swing,
-            self.board,
-            rng=self._kicks,
-            frame_times_s=upcoming / self.rate_hz,
-        )
-        self._n_frames += len(hop.frame_time_s)
-        self.hops.append(_true_hop(hop))
-        self._apex = hop.end if not hop.stance.fell else self._put_up(hop)
-        return hop
-
-    def _put_up(self, hop: SteeredHop) -> Apex:
-        """Let the hopper go again where it was before it fell."""
-        x, y, yaw = hop.start.state[0], hop.start.state[1], hop.start.state[3]
-        anew = released(self.robot, (x, y, yaw), hop.end.boom_angle_rad)
-        return replace(anew, time_s=hop.end.time_s)
-
-
-def _true_hop(hop: SteeredHop) -> TrueHop:
-    stance = hop.stance
-    x, y, yaw = stance.pose.tolist()
-    return TrueHop(
-        start_s=hop.start.time_s,
-        swing_rad=hop.swing_rad,
-        stance_s=np.nan if stance.fell else stance.time_s,
-        pose=(x, y, yaw),
-        boom_angle_rad=stance.boom_angle_rad,
-    )

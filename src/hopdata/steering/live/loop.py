@@ -12,7 +12,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from types import TracebackType
 from typing import Literal, Self
@@ -21,16 +21,11 @@ import numpy as np
 
 from hopdata.jobs import guarded, whole_file
 from hopdata.rigid import wrapped
-from hopdata.steering.live.buffer import (
-    JOIN_S,
-    Frame,
-    FrameBuffer,
-    LoopCounts,
-    Status,
-    StreamCounts,
-)
-from hopdata.steering.live.packets import LiveError
-from hopdata.steering.live.safety import Boom, Controller, Detector, Limits, ToldStance, Tracker
+from hopdata.steering.control.objectives import Controller
+from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Status, joined
+from hopdata.steering.live.safety import Boom, Limits
+from hopdata.steering.observation.live_stances import Stance, StanceDetector
+from hopdata.steering.observation.tracking import HopperTracker
 
 # What was decided at each stance, and why; and the table of it.
 
@@ -86,48 +81,28 @@ class Decision:
     reason: str
 
 
-DECISION_COLUMNS = (
-    "stance_s",
-    "told_s",
-    "epoch",
-    "x_m",
-    "y_m",
-    "heading_rad",
-    "boom_angle_rad",
-    "pose_age_s",
-    "boom_age_s",
-    "outcome",
-    "command_rad",
-    "planning_s",
-    "latency_s",
-    "since_stance_s",
-    "reason",
-)
+def write_logs(
+    folder: Path, decisions: Iterable[Decision], states: Iterable[Status], **counts: object
+) -> None:
+    """Write `decisions.csv`, `stream_states.csv` and `counts.csv` into a folder.
+
+    They have one row a stance, with the columns of `Decision`; one a change of the stream's state,
+    with its time on the monotonic clock; and one a count of each part that counts.
+    """
+    names = [field.name for field in fields(Decision)]
+    place = names.index("pose")
+    columns = [*names[:place], "x_m", "y_m", "heading_rad", *names[place + 1 :]]
+    rows = [list(vars(decision).values()) for decision in decisions]
+    for row in rows:
+        row[place : place + 1] = row[place]
+    _write(folder / "decisions.csv", columns, rows)
+    changes = [[status.at_s, status.state, status.message] for status in states]
+    _write(folder / "stream_states.csv", ["at_s", "state", "message"], changes)
+    counted = [[part, *item] for part, one in counts.items() for item in vars(one).items()]
+    _write(folder / "counts.csv", ["part", "count", "value"], counted)
 
 
-def write_decisions(path: str | Path, decisions: Iterable[Decision]) -> None:
-    """Write the log of a run as CSV, one row a stance; columns as in `Decision`."""
-    rows = []
-    for decision in decisions:
-        values = dict(vars(decision))
-        values |= zip(("x_m", "y_m", "heading_rad"), values.pop("pose"), strict=True)
-        rows.append([values[column] for column in DECISION_COLUMNS])
-    _write(path, DECISION_COLUMNS, rows)
-
-
-def write_states(path: str | Path, states: Iterable[Status]) -> None:
-    """Write the states of a stream as CSV, one row a change; times on the monotonic clock."""
-    _write(path, ("at_s", "state", "message"), [[s.at_s, s.state, s.message] for s in states])
-
-
-def write_counts(path: str | Path, stream: StreamCounts, loop: LoopCounts) -> None:
-    """Write what was counted as CSV, one row a count: whose it is, its name and its value."""
-    parts = {"stream": stream, "loop": loop}
-    rows = [[part, *item] for part, counts in parts.items() for item in vars(counts).items()]
-    _write(path, ("part", "count", "value"), rows)
-
-
-def _write(path: str | Path, columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+def _write(path: Path, columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
     with whole_file(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
@@ -159,7 +134,7 @@ class ControlLoop:
     def __init__(
         self,
         buffer: FrameBuffer,
-        observers: Callable[[], tuple[Tracker, Detector]],
+        observers: Callable[[], tuple[HopperTracker, StanceDetector]],
         controller: Controller,
         boom: Boom,
         *,
@@ -195,9 +170,7 @@ class ControlLoop:
         self._stop.set()
         self._buffer.wake()
         if self._thread.ident is not None:
-            self._thread.join(JOIN_S)
-        if self._thread.is_alive():
-            raise LiveError(f"the control loop has not ended within {JOIN_S:g} s")
+            joined(self._thread)
 
     def __enter__(self) -> Self:
         return self.start()
@@ -224,7 +197,7 @@ class ControlLoop:
             for k, (stance, frame) in enumerate(stances):
                 self._decide(stance, frame, overtaken=k + 1 < len(stances))
 
-    def _observed(self, frame: Frame) -> ToldStance | None:
+    def _observed(self, frame: Frame) -> Stance | None:
         """Take a frame in, and return the stance that it establishes, if any."""
         self.counts.frames += 1
         try:
@@ -242,7 +215,7 @@ class ControlLoop:
             self.last_failure = repr(error)
             return None
 
-    def _decide(self, stance: ToldStance, frame: Frame, *, overtaken: bool) -> None:
+    def _decide(self, stance: Stance, frame: Frame, *, overtaken: bool) -> None:
         pose, boom = self._pose, self._boom_angle
         stance_s = frame.captured_s - (frame.time_s - stance.time_s)  # on our own clock
         asked_s, planned_s = time.monotonic(), math.nan

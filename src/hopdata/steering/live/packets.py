@@ -15,9 +15,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from hopdata.arrays import FloatArray
 from hopdata.errors import HopdataError, did_you_mean
 
 LOOPBACK = "127.0.0.1"  # heard on this computer alone
@@ -56,12 +53,10 @@ class PortError(LiveError):
 
 VERSION = "1.25"
 PORT = 22223  # where a Qualisys system listens for little-endian clients
-GREETING = "QTM RT Interface connected"
 
-ERROR, COMMAND, XML, DATA, NO_MORE_DATA, EVENT = 0, 1, 2, 3, 4, 6
+ERROR, COMMAND, XML, DATA, EVENT = 0, 1, 2, 3, 6
 PACKET_TYPES = range(10)
 EVENT_CODES = range(1, 18)
-EVENT_CONNECTED, EVENT_CAPTURE_STARTED, EVENT_CAPTURE_STOPPED, EVENT_SHUTTING_DOWN = 1, 3, 4, 12
 COMPONENT_3D, COMPONENT_3D_RESIDUAL = 1, 9
 COMPONENT_TYPES = range(1, 20)
 MARKER_BYTES = {COMPONENT_3D: 12, COMPONENT_3D_RESIDUAL: 16}
@@ -73,43 +68,6 @@ MARKERS = struct.Struct("<Ihh")
 
 LONGEST = 1 << 16  # bytes of a packet other than XML: a thousand markers with room to spare
 LONGEST_XML = 1 << 24
-
-
-@dataclass(frozen=True)
-class StreamFrame:
-    """One frame of the stream: camera time in s, frame number, markers (M, 3) in m, NaN unseen."""
-
-    time_s: float
-    number: int
-    markers: FloatArray
-
-
-def packet(kind: int, payload: bytes) -> bytes:
-    """Put the header in front of a payload."""
-    return HEADER.pack(HEADER.size + len(payload), kind) + payload
-
-
-def text(kind: int, words: str) -> bytes:
-    """Return a packet of text: a command, the answer to one, an error or XML."""
-    return packet(kind, words.encode() + b"\0")
-
-
-def event(code: int) -> bytes:
-    """Return a packet that reports a change of the system's state."""
-    return packet(EVENT, bytes([code]))
-
-
-def frame_3d(frame: StreamFrame, *, residuals: bool = False) -> bytes:
-    """Return the data packet of a frame, with the residuals (always 0) if asked for."""
-    columns = 4 if residuals else 3
-    numbers = np.zeros((len(frame.markers), columns), dtype="<f4")
-    numbers[:, :3] = 1e3 * frame.markers
-    numbers[np.isnan(frame.markers).any(axis=1)] = np.nan
-    kind = COMPONENT_3D_RESIDUAL if residuals else COMPONENT_3D
-    body = MARKERS.pack(len(numbers), 0, 0) + numbers.tobytes()
-    component = COMPONENT.pack(COMPONENT.size + len(body), kind) + body
-    stamp = FRAME.pack(round(1e6 * frame.time_s), frame.number, 1)
-    return packet(DATA, stamp + component)
 
 
 def header_fault(size: int, kind: int) -> str:
@@ -158,7 +116,7 @@ def _component_fault(payload: bytes, at: int) -> tuple[str, int]:
     return "", size
 
 
-# What we serve and read of a Qualisys system's settings: labels and frame rate, in XML.
+# What we read of a Qualisys system's settings: labels and frame rate, in XML.
 
 RATE_SLACK = 0.05
 
@@ -173,22 +131,6 @@ class StreamParameters:
     labels: tuple[str, ...]
     rate_hz: float | None
     upwards: str = ""
-
-
-def parameters_xml(labels: Sequence[str], rate_hz: float, *, parts: Sequence[str]) -> str:
-    """Return the answer to `getparameters` for the parts "general", "3d" or "all"."""
-    root = ET.Element(f"QTM_Parameters_Ver_{VERSION}")
-    if {"general", "all"} & set(parts):
-        general = ET.SubElement(root, "General")
-        ET.SubElement(general, "Frequency").text = f"{rate_hz:g}"
-    if {"3d", "all"} & set(parts):
-        settings = ET.SubElement(root, "The_3D")
-        ET.SubElement(settings, "AxisUpwards").text = "+Z"
-        ET.SubElement(settings, "Labels").text = str(len(labels))
-        for name in labels:
-            label = ET.SubElement(settings, "Label")
-            ET.SubElement(label, "Name").text = name
-    return ET.tostring(root, encoding="unicode")
 
 
 def read_parameters(document: str | bytes) -> StreamParameters:

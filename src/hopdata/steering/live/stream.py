@@ -12,21 +12,8 @@ from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 
+from hopdata.steering.live import packets
 from hopdata.steering.live.buffer import FrameBuffer, LoopThread, Status, StatusLog, StreamCounts
-from hopdata.steering.live.packets import (
-    PORT,
-    VERSION,
-    ClientAbsentError,
-    ConnectionLostError,
-    GarbageError,
-    LiveError,
-    ScreenedLoop,
-    SettingsError,
-    StreamParameters,
-    check_settings,
-    find_labels,
-    read_parameters,
-)
 
 # How long a stream waits for what.
 
@@ -157,7 +144,7 @@ class MarkerStream:
         labels: Sequence[str],
         *,
         host: str = "127.0.0.1",
-        port: int = PORT,
+        port: int = packets.PORT,
         rate_hz: float | None = None,
         capacity: int = 256,
         patience: Patience | None = None,
@@ -209,10 +196,10 @@ class MarkerStream:
         status = self.states.wait_for("streaming", "failed", timeout_s=timeout_s)
         if status is None or status.state == "failed":
             failure = self._thread.failure
-            if isinstance(failure, LiveError):
+            if isinstance(failure, packets.LiveError):
                 raise failure
             reasons = [s.message for s in self.states.history() if s.message]
-            raise ConnectionLostError(
+            raise packets.ConnectionLostError(
                 f"no frame from {self.host}, port {self.port}, within {timeout_s:g} s"
                 + (f": {reasons[-1]}" if reasons else "")
             )
@@ -225,13 +212,13 @@ class MarkerStream:
             try:
                 await self._session()
             except Exception as error:
-                if isinstance(error, SettingsError) and self.counts.frames == 0:
+                if isinstance(error, packets.SettingsError) and self.counts.frames == 0:
                     self._thread.failure = error
                     self.states.report("failed", str(error))
                     return
                 self.counts.losses += 1
-                self.counts.broken += isinstance(error, GarbageError)
-                ours = isinstance(error, LiveError | OSError)
+                self.counts.broken += isinstance(error, packets.GarbageError)
+                ours = isinstance(error, packets.LiveError | OSError)
                 self.states.report("lost", str(error) if ours else repr(error))
             delay = self.patience.retry_s if self.counts.frames > before else delay
             await asyncio.sleep(delay)
@@ -240,36 +227,38 @@ class MarkerStream:
     async def _session(self) -> None:
         """Connect and read until the connection is lost, which always ends in an exception."""
         self.states.report("connecting")
-        line = ScreenedLoop(self._note_garbled)
+        line = packets.ScreenedLoop(self._note_garbled)
         try:
             connection = await self._answer(line, self._connect(line))
             asked = connection.get_parameters(["general", "3d"])
-            parameters = read_parameters(await self._answer(line, asked))
+            parameters = packets.read_parameters(await self._answer(line, asked))
             self._begin_epoch(parameters)
             self.counts.connections += 1
             stream = connection.stream_frames(components=["3d"], on_packet=self._on_packet)
             await self._answer(line, stream)
             await self._watch(line)
         except self._client.QRTCommandException as error:
-            raise ConnectionLostError(f"the server refuses: {error}") from error
+            raise packets.ConnectionLostError(f"the server refuses: {error}") from error
         finally:
             line.close()
 
-    async def _connect(self, line: ScreenedLoop) -> Any:
+    async def _connect(self, line: packets.ScreenedLoop) -> Any:
         connection = await self._client.connect(
             self.host,
             port=self.port,
-            version=VERSION,
+            version=packets.VERSION,
             timeout=2 * self.patience.answer_s,  # ours is over first, and says what it was
             loop=line,
             on_event=self._on_event,
         )
         if connection is None:
-            reason = line.failure or f"it does not speak version {VERSION} of the protocol"
-            raise ConnectionLostError(f"cannot connect to {self.host}, port {self.port}: {reason}")
+            reason = line.failure or f"it does not speak version {packets.VERSION} of the protocol"
+            raise packets.ConnectionLostError(
+                f"cannot connect to {self.host}, port {self.port}: {reason}"
+            )
         return connection
 
-    async def _answer(self, line: ScreenedLoop, work: Awaitable[Result]) -> Result:
+    async def _answer(self, line: packets.ScreenedLoop, work: Awaitable[Result]) -> Result:
         """Wait for an answer, but no longer than there is a connection, or patience."""
         task, lost = asyncio.ensure_future(work), asyncio.ensure_future(line.until_lost())
         try:
@@ -282,12 +271,12 @@ class MarkerStream:
                 return task.result()
             if lost.done():
                 raise _loss(line)
-            raise ConnectionLostError(f"no answer within {self.patience.answer_s:g} s")
+            raise packets.ConnectionLostError(f"no answer within {self.patience.answer_s:g} s")
         finally:
             task.cancel()
             lost.cancel()
 
-    async def _watch(self, line: ScreenedLoop) -> None:
+    async def _watch(self, line: packets.ScreenedLoop) -> None:
         lost = asyncio.ensure_future(line.until_lost())
         try:
             while not lost.done():
@@ -300,13 +289,13 @@ class MarkerStream:
     def _look_at_age(self) -> None:
         age = time.monotonic() - self._last_good_s
         if age > self.patience.reconnect_s:
-            raise ConnectionLostError(f"no frame for {age:.1f} s")
+            raise packets.ConnectionLostError(f"no frame for {age:.1f} s")
         if age > self.patience.stale_s and self.states.status.state == "streaming":
             self.states.report("stale", f"no frame for {age:.2f} s")
 
-    def _begin_epoch(self, parameters: StreamParameters) -> None:
-        check_settings(parameters, self.rate_hz)
-        self._places = find_labels(self.labels, parameters.labels)
+    def _begin_epoch(self, parameters: packets.StreamParameters) -> None:
+        packets.check_settings(parameters, self.rate_hz)
+        self._places = packets.find_labels(self.labels, parameters.labels)
         self._n_streamed = len(parameters.labels)
         self._timeline, self._clock = Timeline(parameters.rate_hz), CameraClock()
         self._epoch += 1
@@ -361,17 +350,17 @@ class MarkerStream:
         self.last_fault = fault
 
 
-def _loss(line: ScreenedLoop) -> LiveError:
+def _loss(line: packets.ScreenedLoop) -> packets.LiveError:
     if line.screen is not None and line.screen.error is not None:
         return line.screen.error
-    return ConnectionLostError("the server has hung up")
+    return packets.ConnectionLostError("the server has hung up")
 
 
 def _client() -> Any:
     try:
         import qtm_rt
     except ImportError as error:
-        raise ClientAbsentError(
+        raise packets.ClientAbsentError(
             "reading a live stream needs the client qtm-rt: pip install 'hopdata[live]'"
         ) from error
     return qtm_rt

@@ -12,20 +12,10 @@ from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.steering.excitation import TRAINING
-from hopdata.steering.frame_changes import USED, FrameChanges
+from hopdata.steering.frame_changes import FrameChanges
+from hopdata.steering.models import training
 from hopdata.steering.models.process import SMOOTHNESSES, TURN, FrameChangeProcess
 from hopdata.steering.models.tabulated import COMPONENTS
-from hopdata.steering.models.training import (
-    LEAST_HOPS,
-    PRINTED,
-    RECOMMENDED,
-    WITH_PREVIOUS_CHANGE,
-    WITH_PREVIOUS_SWING,
-    ProcessOptions,
-    process_inputs,
-    process_of,
-    trained_process,
-)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,6 +58,20 @@ def prediction_score(process: FrameChangeProcess, inputs: FloatArray, outputs: F
     )
 
 
+def tested(
+    hops: FrameChanges,
+    train: FloatArray,
+    test: FloatArray,
+    options: training.ProcessOptions,
+    seed: int,
+) -> tuple[FrameChangeProcess, PredictionScore]:
+    """Train on some rows of a table of hops, and score on others."""
+    process = training.trained_process(hops.rows(train), options, seed=seed)
+    rest = hops.rows(test)
+    inputs = training.process_inputs(rest, options.history)
+    return process, prediction_score(process, inputs, rest.change)
+
+
 def random_split(hops: int, train: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
     """Draw which hops to train on; return them and the rest, as row numbers.
 
@@ -86,7 +90,7 @@ def random_split(hops: int, train: int, rng: np.random.Generator) -> tuple[Float
 
 def learning_scores(
     changes: FrameChanges,
-    options: Mapping[str, ProcessOptions],
+    options: Mapping[str, training.ProcessOptions],
     sizes: Sequence[int],
     *,
     draws: int,
@@ -125,9 +129,7 @@ def learning_scores(
         for draw, stream in enumerate(streams):
             train, test = random_split(len(hops), size, np.random.default_rng(stream))
             for name, chosen in options.items():
-                process = trained_process(hops.rows(train), chosen, seed=seed + draw)
-                rest = hops.rows(test)
-                score = prediction_score(process, process_inputs(rest, chosen.history), rest.change)
+                _, score = tested(hops, train, test, chosen, seed + draw)
                 rows.extend(score_rows(score, {"model": name, "hops": size, "draw": draw}))
     return pd.DataFrame(rows)
 
@@ -233,49 +235,17 @@ def training_table(process: FrameChangeProcess) -> pd.DataFrame:
 # variance alone, not on the units. Once the length scale is fitted and the variance is not, the
 # units decide.
 
-_FITTED = replace(PRINTED, length_scale=None, noise=None)
-READINGS: Mapping[str, ProcessOptions] = {
+_FITTED = replace(training.PRINTED, length_scale=None, noise=None)
+READINGS: Mapping[str, training.ProcessOptions] = {
     # The formula: variance and length scale 1, noise 0.1; mm and rad.
-    "printed, all fixed": PRINTED,
+    "printed, all fixed": training.PRINTED,
     # The length scale fitted, the rest as before.
-    "printed, length fitted": replace(PRINTED, length_scale=None),
+    "printed, length fitted": replace(training.PRINTED, length_scale=None),
     # scikit-learn's `Matern(nu) + WhiteKernel(0.1)`: the noise is only where the search begins.
     "printed, length and noise fitted, mm": _FITTED,
     "printed, length and noise fitted, m": replace(_FITTED, length_unit_m=1.0),
-    "standardised, all fitted": RECOMMENDED,
+    "standardised, all fitted": training.RECOMMENDED,
 }
-
-SMOOTH_NOISE = np.array([0.5e-3, 0.5e-3, 2e-3])
-
-
-def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
-    """Return frame changes by analytic functions of boom angle and swing, with a little noise.
-
-    Their sizes are those of the hopper: a few cm and about five degrees. The noise is that of
-    poses from motion capture (`SMOOTH_NOISE`).
-    """
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    angle = rng.uniform(0, 2 * np.pi, hops)
-    swing = rng.uniform(-swing_limit_rad, swing_limit_rad, hops)
-    middle = angle + swing / 2
-    change = np.column_stack(
-        [
-            0.05 - 0.025 * np.cos(middle) + 0.01 * np.sin(swing),
-            -0.02 * np.sin(middle) + 0.01 * np.cos(2 * angle) * np.cos(swing),
-            0.12 * np.sin(swing) + 0.03 * np.sin(angle) - 0.02 * np.cos(middle),
-        ]
-    )
-    unknown = np.full(hops, np.nan)
-    return FrameChanges(
-        recording=np.full(hops, "smooth truth"),
-        time_s=np.arange(hops, dtype=float),
-        boom_angle_rad=angle,
-        swing_rad=swing,
-        change=change + SMOOTH_NOISE * rng.standard_normal(change.shape),
-        previous_swing_rad=unknown,
-        previous_change=np.full((hops, 3), np.nan),
-        reason=np.full(hops, USED),
-    )
 
 
 def smoothness_scores(
@@ -284,7 +254,7 @@ def smoothness_scores(
     train: int = 100,
     draws: int,
     seed: int,
-    readings: Mapping[str, ProcessOptions] = READINGS,
+    readings: Mapping[str, training.ProcessOptions] = READINGS,
 ) -> pd.DataFrame:
     """Score the four smoothnesses in each reading of the set-up, on the same random hops.
 
@@ -301,19 +271,15 @@ def smoothness_scores(
     rows: list[dict[str, object]] = []
     for draw, stream in enumerate(np.random.SeedSequence([seed, train]).spawn(draws)):
         chosen, rest = random_split(len(hops), train, np.random.default_rng(stream))
-        test = hops.rows(rest)
         for reading, options in readings.items():
             for smoothness in SMOOTHNESSES:
                 setup = replace(options, smoothness=smoothness)
-                process = trained_process(hops.rows(chosen), setup, seed=seed + draw)
-                score = prediction_score(process, process_inputs(test, setup.history), test.change)
-                labels = {"reading": reading, "smoothness": smoothness, "draw": draw}
-                rows.extend(
-                    {**row, "log_likelihood": value}
-                    for row, value in zip(
-                        score_rows(score, labels), process.log_marginal_likelihood, strict=True
-                    )
+                process, score = tested(hops, chosen, rest, setup, seed + draw)
+                scored = score_rows(
+                    score, {"reading": reading, "smoothness": smoothness, "draw": draw}
                 )
+                for row, value in zip(scored, process.log_marginal_likelihood, strict=True):
+                    rows.append({**row, "log_likelihood": value})
     return pd.DataFrame(rows)
 
 
@@ -351,14 +317,11 @@ def learn(
     import pandas as pd
 
     hops, wanted = hops_to_learn_from(changes, options["training_hops"]), options["training_hops"]
-    processes, rows = [], []
+    setup, processes, rows = training.process_of(options), [], []
     for k in range(options["sets"]):
         rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(TRAINING, k)))
         train, rest = random_split(len(hops), wanted, rng)
-        setup = process_of(options)
-        process = trained_process(hops.rows(train), setup, seed=seed)
-        test = hops.rows(rest)
-        score = prediction_score(process, process_inputs(test, setup.history), test.change)
+        process, score = tested(hops, train, rest, setup, seed)
         processes.append(process)
         rows += score_rows(score, {"set": k + 1})
     sizes = {"training_hops": wanted, "test_hops": len(hops) - wanted}
@@ -375,10 +338,11 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
     """
     hops = changes.used()
     left_out = f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
-    if len(hops) < LEAST_HOPS + LEFT_TO_TEST:
+    least = training.LEAST_HOPS + LEFT_TO_TEST
+    if len(hops) < least:
         raise AnalysisError(
-            f"steering: expected at least {LEAST_HOPS + LEFT_TO_TEST} hops that can be used, to "
-            f"learn from and to test on, found {len(hops)} {left_out}"
+            f"steering: expected at least {least} hops that can be used, to learn from and to test "
+            f"on, found {len(hops)} {left_out}"
         )
     if len(hops) < training_hops + LEFT_TO_TEST:
         raise AnalysisError(
@@ -391,10 +355,10 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
 # How many hops it takes to learn the frame change, and whether the kernel matters.
 
 MODELS = {
-    "printed": PRINTED,
-    "recommended": RECOMMENDED,
-    "previous swing": WITH_PREVIOUS_SWING,
-    "previous change": WITH_PREVIOUS_CHANGE,
+    "printed": training.PRINTED,
+    "recommended": training.RECOMMENDED,
+    "previous swing": training.WITH_PREVIOUS_SWING,
+    "previous change": training.WITH_PREVIOUS_CHANGE,
 }
 SIZES = (20, 35, 60, 100, 170)
 LEAST_TESTED = 30  # hops left to test on

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import floor, pi
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -257,25 +257,3 @@ def tabulated(
 def turn_nodes(number: int) -> FloatArray:
     """Angles evenly spaced over a turn from 0, its end left out, rad."""
     return 2 * np.pi * np.arange(number) / number
-
-
-def tabulation_errors(
-    table: TabulatedMap, model: Any, *, points: int = 2000, seed: int = 0
-) -> tuple[FloatArray, FloatArray]:
-    """Return the largest errors of a table against its map at random points.
-
-    Returns
-    -------
-    value, gradient : (3,) arrays
-        Of each component, m, m, rad, and of its derivatives by any input, per rad.
-    """
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    d = table.values.ndim - 1
-    angle = rng.uniform(0, 2 * np.pi, points)
-    swings = rng.uniform(-table.swing_limit_rad, table.swing_limit_rad, (d - 1, points))
-    here, there = (
-        table.change_and_gradient(angle, *swings),
-        model.change_and_gradient(angle, *swings),
-    )
-    value, gradient = (np.abs(a - b) for a, b in zip(here, there, strict=True))
-    return value.max(axis=0), gradient.max(axis=(0, 2))

@@ -13,13 +13,7 @@ from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, chosen, require_choice
 from hopdata.steering.frame_changes import FrameChanges
-from hopdata.steering.models.process import (
-    TURN,
-    FrameChangeProcess,
-    embedded,
-    embedded_scales,
-    kernel_code,
-)
+from hopdata.steering.models.process import TURN, FrameChangeProcess, embedded, kernel_code
 from hopdata.steering.robot import Options
 
 # How the processes are set up: the printed way, the recommended one, and others between them.
@@ -155,23 +149,6 @@ def hyper_parameters(regressor: Any, n_inputs: int) -> tuple[float, FloatArray, 
     product, white = regressor.kernel_.k1, regressor.kernel_.k2
     lengths = np.broadcast_to(np.atleast_1d(product.k2.length_scale), (n_inputs,))
     return float(product.k1.constant_value), lengths.astype(float), float(white.noise_level)
-
-
-def regressor_of(process: FrameChangeProcess, component: int) -> Any:
-    """Return scikit-learn's regressor of one component with the hyper-parameters of a process.
-
-    It predicts the output as modelled, for embedded inputs: a peer to compare with.
-    """
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
-
-    j = component
-    lengths = embedded_scales(process.length_scales[j], process.periodic)
-    matern = Matern(lengths, nu=process.smoothness)
-    kernel = ConstantKernel(process.variance[j]) * matern + WhiteKernel(process.noise[j])
-    target = (process.outputs[:, j] - process.offset[j]) / process.unit[j]
-    regressor = GaussianProcessRegressor(kernel, alpha=0.0, optimizer=None)
-    return regressor.fit(embedded(process.inputs, process.periodic), target)
 
 
 def _kernel(options: ProcessOptions, n_inputs: int) -> Any:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
-from hopdata.errors import AnalysisError, require_choice
+from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
 from hopdata.rigid import RigidFit, rigid_fit
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry, height_band
@@ -267,57 +267,35 @@ def _mean_shape(frames: FloatArray, shape: FloatArray) -> FloatArray:
 
 
 LEAST_LENGTH_M = 1e-3
-LEVELS = ("auto", "feet", "median")
-FORWARDS = ("foot", "marker")
 
 
-def calibrate(
-    recording: Recording,
-    *,
-    level: str = "auto",
-    level_s: tuple[float, float] | None = None,
-    forward: str = "foot",
-    forward_offset_rad: float = 0.0,
-) -> HopperGeometry:
+def calibrate(recording: Recording) -> HopperGeometry:
     """Find out where the markers are in the body, how the boom moves, and how high it hops.
+
+    Level is the plane of the feet in free fall or, with fewer than three, the attitude in the
+    median over the recording, which leans if the boom does. The body x axis points towards the
+    first foot, from the middle of the feet in free fall.
 
     Parameters
     ----------
     recording : Recording
         At least three markers with the role "body"; some hops; if it has a marker with the role
         "boom", this moves through 30 degrees or more.
-    level : str
-        What is level: the plane of the "feet" in free fall, or the attitude in the "median" over
-        the recording, which leans if the boom does. "auto" takes the feet if there are three.
-    level_s : (float, float), optional
-        First and last time of a stretch in which the hopper stands level, s; its median counts.
-    forward : str
-        Direction of the body x axis: towards the first "foot", from the middle of the feet in
-        free fall; or towards the first body "marker", from the middle of these.
-    forward_offset_rad : float
-        Turn the x axis on from there, counter-clockwise.
 
     Raises
     ------
     AnalysisError
         If the recording does not suffice; see `marker_shape` and `fit_boom_circle`.
-    ConfigError
-        If `level` or `forward` is none of their choices.
     """
-    require_choice("level", level, LEVELS)
-    require_choice("forward", forward, FORWARDS)
     shape, noise_m = marker_shape(recording.body)
     fit = rigid_fit(recording.body, shape)
     below, above = height_band(fit.centre[:, 2])
     feet = _feet(recording, fit, above)
-    if level_s is not None:
-        up = _median_up(fit, _within(recording, level_s), f"within {level_s} s")
-    elif level == "median" or (level == "auto" and len(feet) < 3):
-        up = _median_up(fit, fit.known, "of the recording")
-    else:
-        up = _normal_of(feet, _median_up(fit, fit.known, "of the recording"))
-    toward = shape[0] if forward == "marker" else _first_foot(feet)
-    axes = _body_axes(up, toward, forward_offset_rad)
+    up = np.median(fit.rotation[fit.known, 2], axis=0)
+    up /= np.linalg.norm(up)
+    if len(feet) > 2:
+        up = _normal_of(feet, up)
+    axes = _body_axes(up, _first_foot(feet))
     boom_name, circle = None, None
     if recording.indices("boom"):
         boom_name = recording.names("boom")[0]
@@ -326,10 +304,6 @@ def calibrate(
     return HopperGeometry(
         recording.names("body"), shape @ axes.T, noise_m, below, above, boom_name, circle
     )
-
-
-def _within(recording: Recording, stretch_s: tuple[float, float]) -> BoolArray:
-    return np.asarray((recording.time >= stretch_s[0]) & (recording.time <= stretch_s[1]))
 
 
 def _in_body(fit: RigidFit, marker: FloatArray) -> FloatArray:
@@ -353,14 +327,6 @@ def _feet(recording: Recording, fit: RigidFit, above_m: float) -> FloatArray:
     return places
 
 
-def _median_up(fit: RigidFit, frames: BoolArray, where: str) -> FloatArray:
-    """Direction that points up in the median over frames, in the axes of the fit."""
-    if not (fit.known & frames).any():
-        raise AnalysisError(f"level: expected frames {where} with a pose, found none")
-    up = np.median(fit.rotation[fit.known & frames, 2], axis=0)
-    return np.asarray(up / np.linalg.norm(up))
-
-
 def _normal_of(feet: FloatArray, up: FloatArray) -> FloatArray:
     """Return the normal of the plane through the feet, on the side of `up`."""
     feet = feet[np.isfinite(feet).all(axis=1)]
@@ -382,7 +348,7 @@ def _first_foot(feet: FloatArray) -> FloatArray:
     return np.asarray(feet[0] - feet.mean(axis=0))
 
 
-def _body_axes(up: FloatArray, toward: FloatArray, offset_rad: float) -> FloatArray:
+def _body_axes(up: FloatArray, toward: FloatArray) -> FloatArray:
     """Body axes as rows, in the axes of the shape."""
     flat = toward - (toward @ up) * up
     if np.linalg.norm(flat) < LEAST_LENGTH_M:
@@ -390,6 +356,4 @@ def _body_axes(up: FloatArray, toward: FloatArray, offset_rad: float) -> FloatAr
             "forward: expected a direction across the vertical, found one along it within 1 mm"
         )
     ahead = flat / np.linalg.norm(flat)
-    side = np.cross(up, ahead)
-    c, s = np.cos(offset_rad), np.sin(offset_rad)
-    return np.stack([c * ahead + s * side, c * side - s * ahead, up])
+    return np.stack([ahead, np.cross(up, ahead), up])

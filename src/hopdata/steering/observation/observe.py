@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
-from hopdata.errors import AnalysisError, ConfigError
+from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
 from hopdata.steering.frame_changes import FrameChanges, frame_changes, joined
 from hopdata.steering.observation.calibration import calibrate
@@ -60,62 +60,37 @@ def observe_stances(recording: Recording, geometry: HopperGeometry) -> StanceSta
     return stance_states(motion, find_stances(motion.time, motion.height, band))
 
 
-def stance_states(
-    motion: HopperMotion,
-    stances: Stances,
-    *,
-    pose_half_s: float = POSE_HALF_S,
-    boom_s: float = BOOM_S,
-) -> StanceStates:
+def stance_states(motion: HopperMotion, stances: Stances) -> StanceStates:
     """Return the states at stances.
 
     The pose is that of a parabola through the frames near the lowest point. The boom angle is the
     median over a while from the stance on, in which the boom stands still (footnote 4 of chapter
     III); it is unknown with fewer than three frames.
-
-    Parameters
-    ----------
-    motion : HopperMotion
-    stances : Stances
-    pose_half_s : float
-        Half the window of the parabola, s; 0 takes the pose of the nearest frame, as printed.
-    boom_s : float
-        How long after the stance the boom angle is taken, s.
-
-    Raises
-    ------
-    ConfigError
-        If one of the times is negative.
     """
-    for name, value in (("pose_half_s", pose_half_s), ("boom_s", boom_s)):
-        if value < 0:
-            raise ConfigError(f"{name}: expected >= 0, found {value}")
     return StanceStates(
         stances.time_s,
-        _poses(motion, stances, pose_half_s),
-        _boom_angles(motion, stances, boom_s),
+        _poses(motion, stances),
+        _boom_angles(motion, stances),
         stances.pairs,
         motion.tilt_rad[stances.frame],
     )
 
 
-def _poses(motion: HopperMotion, stances: Stances, half_s: float) -> FloatArray:
-    if half_s == 0:
-        return motion.pose[stances.frame]
+def _poses(motion: HopperMotion, stances: Stances) -> FloatArray:
     known = np.isfinite(motion.pose).all(axis=1)
     time, pose = motion.time[known], motion.pose[known]
     poses = motion.pose[stances.frame]  # where a parabola wants frames
     for row, instant in zip(poses, stances.time_s, strict=True):
-        fit = local_fit(time, pose, instant - half_s, instant + half_s, degree=2)
+        fit = local_fit(time, pose, instant - POSE_HALF_S, instant + POSE_HALF_S, degree=2)
         if fit is not None and fit.first_s < instant < fit.last_s:
             row[:] = fit.at(instant)
     return poses
 
 
-def _boom_angles(motion: HopperMotion, stances: Stances, boom_s: float) -> FloatArray:
+def _boom_angles(motion: HopperMotion, stances: Stances) -> FloatArray:
     begin = motion.time[stances.frame]
     first = np.searchsorted(motion.time, begin, side="right")
-    last = np.searchsorted(motion.time, begin + boom_s + 1e-9, side="right")
+    last = np.searchsorted(motion.time, begin + BOOM_S + 1e-9, side="right")
     medians = np.full(len(begin), np.nan)
     for k, (i, j) in enumerate(zip(first, last, strict=True)):
         angles = motion.boom_angle_rad[i:j]

@@ -18,7 +18,7 @@ STATUSES = (SEEN, LEANED, MISFIT, UNSEEN)
 
 MISFIT_NOISES = 5.0  # residuals beyond so many times the noise are no noise: markers mixed up
 BOOM_MISS_M = 0.02
-HOLD_S = 0.5
+HOLD_S = 0.5  # two markers lean on the attitude of a frame at most so far away
 
 
 @dataclass(frozen=True)
@@ -108,8 +108,6 @@ class HopperTracker:
     geometry : HopperGeometry
     markers : sequence of str
         Names of the markers of the stream, in its order.
-    hold_s : float
-        Two markers lean on the attitude of a frame at most this much earlier, s.
 
     Raises
     ------
@@ -122,10 +120,8 @@ class HopperTracker:
         How many frames had each status.
     """
 
-    def __init__(
-        self, geometry: HopperGeometry, markers: Sequence[str], *, hold_s: float = HOLD_S
-    ) -> None:
-        self.geometry, self.hold_s = geometry, hold_s
+    def __init__(self, geometry: HopperGeometry, markers: Sequence[str]) -> None:
+        self.geometry = geometry
         self.counts = dict.fromkeys(STATUSES, 0)
         self._body = geometry.body_places(markers)
         self._boom = geometry.boom_place(markers)
@@ -134,7 +130,7 @@ class HopperTracker:
 
     def feed(self, time_s: float, markers: FloatArray) -> Observation:
         """Take the next frame: its time, s, and its markers, (M, 3), m, NaN where unseen."""
-        earlier = self._rotation if 0 <= time_s - self._seen_s <= self.hold_s else None
+        earlier = self._rotation if 0 <= time_s - self._seen_s <= HOLD_S else None
         boom = None if self._boom is None else markers[self._boom]
         found = observe_frame(self.geometry, markers[self._body], boom, earlier)
         self.counts[found.status] += 1
@@ -184,18 +180,16 @@ class HopperMotion:
         return {status: int(np.sum(self.status == status)) for status in STATUSES}
 
 
-def hopper_motion(
-    recording: Recording, geometry: HopperGeometry, *, hold_s: float = HOLD_S
-) -> HopperMotion:
+def hopper_motion(recording: Recording, geometry: HopperGeometry) -> HopperMotion:
     """Observe a hopper in all frames of a recording, by laying its geometry over the markers.
+
+    Where two body markers are seen, the turn about their line is that between the frames with more
+    before and after, or of the one that is within `HOLD_S`.
 
     Parameters
     ----------
     recording : Recording
     geometry : HopperGeometry
-    hold_s : float
-        Where two body markers are seen, the turn about their line is that between the frames
-        with more before and after, or of the one that is within this time, s.
 
     Raises
     ------
@@ -206,7 +200,7 @@ def hopper_motion(
     fit = rigid_fit(body, geometry.body_m)
     fits = fit.known & (fit.residual_m <= MISFIT_NOISES * geometry.noise_m)
     if not fits.all() and fits.any():
-        fit = rigid_fit(body, geometry.body_m, _between(recording.time, fit.rotation, fits, hold_s))
+        fit = rigid_fit(body, geometry.body_m, _between(recording.time, fit.rotation, fits))
     status = _statuses(fit, geometry.noise_m)
     known = (status == SEEN) | (status == LEANED)
     centre = np.where(known[:, None], fit.centre, np.nan)
@@ -222,8 +216,8 @@ def hopper_motion(
     )
 
 
-def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray, hold_s: float) -> FloatArray:
-    """Attitude between the frames before and after that fit, (N, 3, 3); NaN beyond `hold_s`.
+def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray) -> FloatArray:
+    """Attitude between the frames before and after that fit, (N, 3, 3); NaN beyond `HOLD_S`.
 
     A line between two rotations is none, but as something to lean on it serves: the rotation
     nearest to it is their mean. It has no step in the middle of a gap, which would be a bottom.
@@ -232,7 +226,7 @@ def _between(time: FloatArray, rotation: FloatArray, fits: BoolArray, hold_s: fl
     place = np.searchsorted(good, np.arange(len(time)))
     before, after = good[(place - 1).clip(0)], good[place.clip(0, len(good) - 1)]
     waits = np.abs(np.stack([time - time[before], time[after] - time]))
-    weights = np.where(waits <= hold_s, 1.0 / np.maximum(waits, 1e-9), 0.0)
+    weights = np.where(waits <= HOLD_S, 1.0 / np.maximum(waits, 1e-9), 0.0)
     total = weights.sum(axis=0)
     first, second = weights / np.where(total > 0, total, np.nan)
     return np.asarray(

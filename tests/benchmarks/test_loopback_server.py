@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 import qtm_rt
 from loopback import LABELS, LONG_S, our_threads, ramp, wait_until
+from loopback_server import Faults, FrameRequest, LoopbackServer, Outage, answer, text
 from qtm_rt.packet import QRTPacketType
 
 from hopdata.errors import ConfigError
-from hopdata.steering.live.faults import Faults, Outage
-from hopdata.steering.live.packets import COMMAND, HEADER, LiveError, PortError, text
-from hopdata.steering.live.server import FrameRequest, LoopbackServer, answer
+from hopdata.steering.live.packets import COMMAND, HEADER, LiveError, PortError
 
 FAST = float("inf")
 

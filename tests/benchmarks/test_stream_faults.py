@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
+from loopback_server import Faults, FaultSource, Outage
 
 from hopdata.errors import ConfigError
-from hopdata.steering.live.faults import Faults, FaultSource, Outage
 from hopdata.steering.live.packets import HEADER
 
 

@@ -1,9 +1,9 @@
 import numpy as np
-from steered_hopper import rms, steered
+from pose import about_constant, phasor_poses, printed_boom_angles, printed_stance_pairs, twists
+from steered_hopper import as_landings, heights, rms, steered, true_pairs
 
 from hopdata.rigid import wrapped
 from hopdata.scenes.body import rotation_matrices
-from hopdata.steering.observation.printed import phasor_poses
 from hopdata.synthesis.trial import MarkerOptions
 
 BODY = np.array(MarkerOptions().body_m)
@@ -67,3 +67,34 @@ def test_poses_of_the_hopper_follow_the_truth():
     error = wrapped(poses[:, 2] - hopper.yaw)
     assert rms(error - np.median(error)) < 0.01
     assert rms(poses[:, :2] - hopper.middle[:, :2]) < 0.0006
+
+
+def test_the_printed_boom_angle_is_right_up_to_zero_and_sense():
+    hopper = steered()
+    recording = hopper.recording
+    still = np.repeat(recording.positions[:1], 40, axis=0)
+    positions = np.concatenate([still, recording.positions])
+    printed = printed_boom_angles(positions[:, :3], positions[:, -1])[40:]
+    errors = [rms(about_constant(sign * printed - hopper.boom_angle)) for sign in (1, -1)]
+    assert min(errors) < 0.02
+    assert max(errors) > 0.2
+
+
+def test_the_printed_pairs_are_true_ones_but_not_all():
+    hopper = steered()
+    z = heights(hopper)
+    instants = hopper.recording.time[printed_stance_pairs(z)]
+    pairs = as_landings(instants, hopper)
+    true = {tuple(pair) for pair in true_pairs(hopper).tolist()}
+    assert {tuple(pair) for pair in pairs.tolist()} <= true
+    assert len(pairs) > 0.5 * len(true)
+
+
+def test_taken_literally_the_printed_algorithm_finds_none():
+    assert printed_stance_pairs(heights(steered()), extrema_of="speed").shape == (0, 2)
+
+
+def test_the_twist_is_off_by_half_of_pitch_times_roll():
+    angles = np.array([[0.7, 0.02, 0.03], [0.7, -0.02, 0.03]])
+    error = twists(rotation_matrices(angles)) - 0.7
+    np.testing.assert_allclose(error, -0.5 * angles[:, 1] * angles[:, 2], atol=1e-6)

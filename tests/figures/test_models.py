@@ -5,19 +5,17 @@ import pandas as pd
 import pytest
 from overlaps import text_faults
 
-from hopdata.figures.kernel_smoothness import (
-    COLUMNS,
-    FLOOR,
-    ROWS,
-    SMOOTHNESSES,
-    kernel_smoothness_figure,
-)
-from hopdata.figures.kernel_smoothness import LINES as READINGS
 from hopdata.figures.models import (
+    COLUMNS,
     COMPONENTS,
+    DATA,
+    FLOOR,
     LINES,
     PANELS,
+    READINGS,
+    SMOOTHNESSES,
     frame_change_figure,
+    kernel_smoothness_figure,
     learning_curve_figure,
 )
 
@@ -81,7 +79,7 @@ def kernels():
     return pd.DataFrame(
         [
             (data, reading, component, smoothness, 0.9 - 0.5 * k, 0.02)
-            for data in ROWS
+            for data in DATA
             for k, reading in enumerate(READINGS)
             for component in COLUMNS
             for smoothness in SMOOTHNESSES

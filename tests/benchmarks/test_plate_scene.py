@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import plate_scene as pf
 import pytest
-from scipy.integrate import solve_ivp
-
-from hopdata.hybrid import solve
-from hopdata.scenes import plate as pf
-from hopdata.scenes.plate import (
+from plate_scene import (
     N_MEMORY,
     Plate,
     plate_field,
@@ -20,6 +17,9 @@ from hopdata.scenes.plate import (
     plate_rate_bound,
     update_sums,
 )
+from scipy.integrate import solve_ivp
+
+from hopdata.hybrid import solve
 
 TILTED = np.array([0.07, 0.93, 0.21, -0.3, -1.1, 0.8])
 FALL = np.array([0.0, 2.4, 0.06, 0.0, 0.0, 0.0])

@@ -5,43 +5,247 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+import socket
 import threading
 import time
+import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Self
+from typing import Literal, Self
+
+import numpy as np
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import ConfigError
-from hopdata.steering.live.buffer import LoopThread, ServerCounts
-from hopdata.steering.live.faults import (
-    Faults,
-    FaultSource,
-    Outage,
-    ServedClient,
-    hide,
-    listening_socket,
-    next_command,
-)
+from hopdata.errors import ConfigError, require_choice
+from hopdata.steering.live.buffer import LoopThread
 from hopdata.steering.live.packets import (
     COMMAND,
+    COMPONENT,
+    COMPONENT_3D,
+    COMPONENT_3D_RESIDUAL,
+    DATA,
     ERROR,
-    EVENT_CAPTURE_STARTED,
-    GREETING,
+    EVENT,
+    FRAME,
+    HEADER,
     LOOPBACK,
-    NO_MORE_DATA,
+    MARKERS,
     VERSION,
     XML,
     LiveError,
     PortError,
-    StreamFrame,
-    event,
-    frame_3d,
-    packet,
-    parameters_xml,
-    text,
+    header_fault,
 )
+
+GREETING = "QTM RT Interface connected"
+NO_MORE_DATA = 4
+EVENT_CAPTURE_STARTED = 3
+
+# Packets as the server writes them; those of `hopdata.steering.live.packets` are read.
+
+
+@dataclass(frozen=True)
+class StreamFrame:
+    """One frame of the stream: camera time in s, frame number, markers (M, 3) in m, NaN unseen."""
+
+    time_s: float
+    number: int
+    markers: FloatArray
+
+
+def packet(kind: int, payload: bytes) -> bytes:
+    """Put the header in front of a payload."""
+    return HEADER.pack(HEADER.size + len(payload), kind) + payload
+
+
+def text(kind: int, words: str) -> bytes:
+    """Return a packet of text: a command, the answer to one, an error or XML."""
+    return packet(kind, words.encode() + b"\0")
+
+
+def event(code: int) -> bytes:
+    """Return a packet that reports a change of the system's state."""
+    return packet(EVENT, bytes([code]))
+
+
+def frame_3d(frame: StreamFrame, *, residuals: bool = False) -> bytes:
+    """Return the data packet of a frame, with the residuals (always 0) if asked for."""
+    columns = 4 if residuals else 3
+    numbers = np.zeros((len(frame.markers), columns), dtype="<f4")
+    numbers[:, :3] = 1e3 * frame.markers
+    numbers[np.isnan(frame.markers).any(axis=1)] = np.nan
+    kind = COMPONENT_3D_RESIDUAL if residuals else COMPONENT_3D
+    body = MARKERS.pack(len(numbers), 0, 0) + numbers.tobytes()
+    component = COMPONENT.pack(COMPONENT.size + len(body), kind) + body
+    stamp = FRAME.pack(round(1e6 * frame.time_s), frame.number, 1)
+    return packet(DATA, stamp + component)
+
+
+def parameters_xml(labels: Sequence[str], rate_hz: float, *, parts: Sequence[str]) -> str:
+    """Return the answer to `getparameters` for the parts "general", "3d" or "all"."""
+    root = ET.Element(f"QTM_Parameters_Ver_{VERSION}")
+    if {"general", "all"} & set(parts):
+        general = ET.SubElement(root, "General")
+        ET.SubElement(general, "Frequency").text = f"{rate_hz:g}"
+    if {"3d", "all"} & set(parts):
+        settings = ET.SubElement(root, "The_3D")
+        ET.SubElement(settings, "AxisUpwards").text = "+Z"
+        ET.SubElement(settings, "Labels").text = str(len(labels))
+        for name in labels:
+            label = ET.SubElement(settings, "Label")
+            ET.SubElement(label, "Name").text = name
+    return ET.tostring(root, encoding="unicode")
+
+
+# Faults put into a stream on purpose, the same for the same seed.
+
+OutageKind = Literal["stall", "vanish", "garbage"]
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Rates of faults that befall single frames.
+
+    `dropped` is the share of frames that are not sent, in bursts of `burst_frames` on average (1:
+    each by itself); `hidden` the share of markers not seen; `garbled` the share of frames with
+    `garbled_bytes` random bytes behind the packet's header.
+    """
+
+    dropped: float = 0.0
+    burst_frames: float = 1.0
+    hidden: float = 0.0
+    garbled: float = 0.0
+    garbled_bytes: int = 4
+
+    def __post_init__(self) -> None:
+        for name in ("dropped", "hidden", "garbled"):
+            share = getattr(self, name)
+            if not 0 <= share < 1:
+                raise ValueError(f"{name}: expected a share from 0 to below 1, found {share}")
+        if self.burst_frames < 1:
+            raise ValueError(f"burst_frames: expected at least 1, found {self.burst_frames}")
+
+
+@dataclass(frozen=True)
+class Outage:
+    """A fault of the whole server, `at_s` after the first frame, for `for_s`.
+
+    "stall": nothing is sent, and then all of it at once. "vanish": the server hangs up, refuses
+    connections and comes back. "garbage": random bytes between two packets.
+    """
+
+    at_s: float
+    for_s: float = 0.0
+    kind: OutageKind = "vanish"
+
+    def __post_init__(self) -> None:
+        require_choice("kind", self.kind, ("stall", "vanish", "garbage"))
+
+
+@dataclass(frozen=True)
+class Fate:
+    """What befalls one frame: dropped, some of its markers (M,) hidden, bytes garbled."""
+
+    dropped: bool
+    hidden: np.ndarray
+    garbled: bool
+
+
+class FaultSource:
+    """Draws the fate of frame after frame from a seed."""
+
+    def __init__(self, faults: Faults, n_markers: int, seed: int) -> None:
+        frames, garbage = np.random.SeedSequence(seed).spawn(2)
+        self._faults, self._n_markers = faults, n_markers
+        self._rng, self._bytes = np.random.default_rng(frames), np.random.default_rng(garbage)
+        self._in_burst = False
+
+    def next_fate(self) -> Fate:
+        """Return the fate of the next frame.
+
+        Every frame takes equally many random numbers, so that its fate does not depend on that of
+        others but for the bursts: a chain of two states with the given share and mean length.
+        """
+        faults = self._faults
+        drop, garble, *hide = self._rng.random(2 + self._n_markers)
+        begin = faults.dropped / (1 - faults.dropped) / faults.burst_frames
+        self._in_burst = drop < (1 - 1 / faults.burst_frames if self._in_burst else begin)
+        if faults.burst_frames == 1:
+            self._in_burst = drop < faults.dropped
+        hidden = np.asarray(hide) < faults.hidden
+        return Fate(bool(self._in_burst), hidden, bool(garble < faults.garbled))
+
+    def garbled(self, packet: bytes) -> bytes:
+        """Return the packet with some bytes behind its header replaced."""
+        damaged = np.frombuffer(packet, dtype=np.uint8).copy()
+        count = min(self._faults.garbled_bytes, len(damaged) - HEADER.size)
+        places = self._bytes.choice(np.arange(HEADER.size, len(damaged)), count, replace=False)
+        damaged[places] ^= self._bytes.integers(1, 256, count, dtype=np.uint8)
+        return damaged.tobytes()
+
+    def garbage(self, count: int = 64) -> bytes:
+        """Return random bytes."""
+        return self._bytes.bytes(count)
+
+
+def hide(markers: FloatArray, hidden: np.ndarray) -> FloatArray:
+    """Return the markers (M, 3) with NaN for those that are hidden (M,)."""
+    return np.where(hidden[:, None], np.nan, markers)
+
+
+# Connections of the server: its clients, and the socket on which it waits for them.
+
+MOST_WAITING = 1 << 20  # bytes that a client may leave unread before frames for it are skipped
+
+
+class ServedClient:
+    """One connection: which frames it wants (every so manieth, 0 for none), and how."""
+
+    def __init__(self, writer: asyncio.StreamWriter) -> None:
+        self.writer, self.every, self.residuals = writer, 0, False
+
+    def send(self, data: bytes) -> bool:
+        """Send, unless the client has left too much unread; say whether it was sent."""
+        transport = self.writer.transport
+        if transport.is_closing() or transport.get_write_buffer_size() > MOST_WAITING:
+            return False
+        self.writer.write(data)
+        return True
+
+
+async def next_command(reader: asyncio.StreamReader) -> str:
+    """Read the next command of a client.
+
+    Raises
+    ------
+    ValueError
+        If what came is no command.
+    IncompleteReadError
+        If the client has gone.
+    """
+    size, kind = HEADER.unpack(await reader.readexactly(HEADER.size))
+    fault = header_fault(size, kind)
+    if fault or kind != COMMAND:
+        raise ValueError(f"Parse error: {fault or f'packet of type {kind}'}")
+    payload = await reader.readexactly(size - HEADER.size)
+    return payload.rstrip(b"\0").decode("utf-8", errors="replace")
+
+
+def listening_socket(host: str, port: int) -> socket.socket:
+    """Return a socket that listens; port 0 for any free one.
+
+    Raises
+    ------
+    PortError
+        If the address cannot be listened on.
+    """
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    try:
+        return socket.create_server((host, port), family=family)
+    except (OSError, OverflowError) as error:
+        raise PortError(f"cannot listen on {host}, port {port}: {error}") from error
+
 
 # Answers of the server to the commands of a client, as the client of version 1.25 expects them.
 
@@ -107,6 +311,19 @@ def _every(which: str, rate_hz: float) -> int:
 
 def _not_understood() -> bytes:
     return text(ERROR, "Parse error")
+
+
+@dataclass
+class ServerCounts:
+    """What the server has done so far, in frames, markers and connections."""
+
+    frames: int = 0
+    dropped: int = 0
+    hidden_markers: int = 0
+    garbled: int = 0
+    skipped: int = 0
+    connections: int = 0
+    refused_packets: int = 0
 
 
 TRY_AGAIN_S = 0.05

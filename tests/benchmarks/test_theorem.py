@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from hopdata.hybrid.printed.theorem import MESHES, localise, turning_point
+from order import MESHES, localise, turning_point
 
 STEPS = 0.6 / 1.5 ** np.arange(12)
 PARTS = (0.05, 0.4, 0.5, 0.9)

@@ -1,0 +1,210 @@
+"""MAT files: their variables as dicts, lists, texts and arrays, by SciPy and, from 7.3 on, h5py.
+
+Either library makes an array of whatever size a file claims. So the claims of a damaged file are
+held against its bytes, and against the memory that it may ask for, before a library reads it.
+"""
+
+from __future__ import annotations
+
+import io
+import warnings
+import zlib
+from collections.abc import Iterator
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hopdata.errors import RecordingError
+from hopdata.recordings.raw import require_unpacked
+from hopdata.recordings.readers.hdf5 import SIGNATURE, checked_attribute, require_sound, whole_array
+from hopdata.recordings.readers.text import one_line
+
+Element = tuple[int, int, int]  # its type, and where its content starts and stops
+
+_HEADER_BYTES = 128
+_INT8, _INT32, _UINT32, _MATRIX, _COMPRESSED = 1, 5, 6, 14, 15  # types of elements
+_NUMBERS, _TEXTS = frozenset({*range(1, 8), 9, 12, 13}), frozenset({1, 2, 4, 16, 17, 18})
+# Types of what stands in a matrix of each class: cells, structs, text and numbers.
+_HOLDS = {1: frozenset({_MATRIX}), 2: frozenset({_INT8, _INT32, _MATRIX}), 4: _TEXTS}
+_HOLDS |= dict.fromkeys(range(6, 16), _NUMBERS)
+_IS_COMPLEX = 0x800
+_DEEPEST = 12  # levels of structs in structs
+_MOST_ITEMS = 20_000  # of version 7.3: a damaged file may refer to itself
+
+
+def read_mat(path: Path, most_unpacked_mb: float) -> dict[str, Any]:
+    """Decode all variables of a MAT file, version 5 to 7.3.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    most_unpacked_mb : float
+        Memory that all numbers may ask for, MB.
+
+    Returns
+    -------
+    dict
+        By name: a struct is a dict (an array of them a list of dicts, in version 7.3 a dict of
+        lists), a cell array a list, text is str, numbers are arrays in MATLAB's order of axes.
+        Anything else is None.
+
+    Raises
+    ------
+    RecordingError
+        Naming the file, what was expected and what was found.
+    """
+    try:
+        with path.open("rb") as file:
+            lead = file.read(512 + len(SIGNATURE))
+            if SIGNATURE not in (lead[: len(SIGNATURE)], lead[512:]):
+                return _version_5(lead + file.read(), most_unpacked_mb)
+        return _version_73(path, most_unpacked_mb)
+    except OSError as error:
+        raise RecordingError(
+            f"{path}: expected a MAT file, found: {one_line(error.strerror or str(error))}"
+        ) from None
+    except Exception as error:  # a damaged file makes both libraries raise almost anything
+        told = one_line(str(error)) or type(error).__name__
+        told = f"; {told}" if "expected" in told and "found" in told else f", found: {told}"
+        raise RecordingError(f"{path}: expected a MAT file of QTM{told}") from None
+
+
+def _version_5(data: bytes, most_mb: float) -> dict[str, Any]:
+    import scipy.io
+
+    if len(data) < _HEADER_BYTES:
+        raise ValueError(f"expected a header of {_HEADER_BYTES} bytes, found {len(data)}")
+    order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
+    if order is None:
+        raise ValueError(f"byte 126: expected 'IM' or 'MI', found {data[126:128]!r}")
+    body = b"".join(_unpacked(data, order, most_mb))
+    count = sum(_count(body, element, order) for element in _elements(body, 0, len(body), order))
+    require_unpacked(8 * count, most_mb)  # a float each, in the end
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + np.array(0x100, f"{order}u2").tobytes()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that a variable cannot be read: it may not be needed
+        found = scipy.io.loadmat(
+            io.BytesIO(header + data[126:128] + body),
+            uint16_codec="utf-16-le" if order == "<" else "utf-16-be",
+        )
+    return {name: _plain(value) for name, value in found.items() if not name.startswith("__")}
+
+
+def _plain(value: Any) -> Any:
+    """Return what SciPy made of a variable as a dict, a list, text or numbers."""
+    if not isinstance(value, np.ndarray):
+        return None
+    if names := value.dtype.names:
+        structs = [{name: _plain(one[name]) for name in names} for one in value.ravel(order="F")]
+        return structs[0] if len(structs) == 1 else structs
+    if value.dtype == object:
+        return [_plain(one) for one in value.ravel(order="F")]
+    return "".join(value.ravel()) if value.dtype.kind == "U" else value
+
+
+def _unpacked(data: bytes, order: str, most_mb: float) -> Iterator[bytes]:
+    """Yield the elements of a file, decompressed, each of the size that its first bytes state."""
+    total = 0
+    for kind, start, stop in _elements(data, _HEADER_BYTES, len(data), order):
+        if kind != _COMPRESSED:
+            yield data[start - 8 : stop]
+            continue
+        stream = zlib.decompressobj()
+        piece = stream.decompress(data[start:stop], 8)
+        size = int(np.frombuffer(piece.ljust(8, b"\0"), f"{order}u4")[1])
+        total += size
+        require_unpacked(total, most_mb)
+        piece += stream.decompress(stream.unconsumed_tail, size + 8)
+        if not stream.eof or len(piece) != 8 + size:
+            raise ValueError(
+                f"byte {start}: expected {8 + size} bytes compressed, found more or less"
+            )
+        yield piece
+
+
+def _count(data: bytes, element: Element, order: str, depth: int = 0) -> int:
+    """Count what a matrix says that it and those inside it hold; refuse it if it cannot.
+
+    SciPy takes types and sizes for what they should be, and crashes where they are not.
+    """
+    kind, start, stop = element
+    if kind != _MATRIX or depth > _DEEPEST:
+        raise ValueError(
+            f"byte {start} unpacked: expected a matrix on at most {_DEEPEST} levels, found type "
+            f"{kind} on level {depth}"
+        )
+    if start == stop:
+        return 0
+    flags, *parts = _elements(data, start, stop, order)
+    bits = int(np.frombuffer(data, f"{order}u4", 1, start + 8)[0])
+    holds = _HOLDS.get(bits & 0xFF, frozenset())
+    kinds = [part[0] for part in parts]
+    sound = flags == (_UINT32, start + 8, start + 16) and kinds[:2] == [_INT32, _INT8]
+    sound &= holds.issuperset(kinds[2:])
+    if holds in (_NUMBERS, _TEXTS):
+        sound &= len(kinds) == 3 + bool(holds is _NUMBERS and bits & _IS_COMPLEX)
+    if not sound:
+        raise ValueError(
+            f"byte {start} unpacked: expected a matrix of numbers, text, cells or structs, found "
+            f"the class {bits & 0xFF} with elements of types {kinds}"
+        )
+    shape = np.frombuffer(data[parts[0][1] : parts[0][2]], f"{order}i4").tolist()
+    if min(shape, default=-1) < 0 or prod(shape) > stop - start:
+        raise ValueError(
+            f"byte {start} unpacked: expected a size for {stop - start} bytes, found {shape}"
+        )
+    inner = (part for part in parts if part[0] == _MATRIX)
+    return prod(shape) + sum(_count(data, part, order, depth + 1) for part in inner)
+
+
+def _elements(data: bytes, at: int, end: int, order: str) -> list[Element]:
+    """List the elements between two bytes."""
+    found = []
+    while at < end:
+        kind, size = np.frombuffer(data[at : at + 8].ljust(8, b"\0"), f"{order}u4").tolist()
+        start, room = at + 8, end - at - 8
+        after = start + size + (0 if kind == _COMPRESSED else -size % 8)
+        if kind >> 16:  # a small element: its size stands before its type
+            kind, size, start, room, after = kind & 0xFFFF, kind >> 16, at + 4, 4, at + 8
+        if size > room or at + 8 > end:
+            raise ValueError(f"byte {at}: expected an element of {size} bytes, found {room}")
+        found.append((kind, start, start + size))
+        at = after
+    return found
+
+
+def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
+    """Decode the HDF5 file that version 7.3 is; its axes are reversed, and are turned back."""
+    import h5py
+
+    left = _MOST_ITEMS
+
+    def decoded(item: Any) -> Any:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise ValueError(f"expected at most {_MOST_ITEMS} items, found more")
+        if isinstance(item, h5py.Group):
+            return {name: decoded(item[name]) for name in item}
+        if not isinstance(item, h5py.Dataset):
+            found = type(item).__name__
+            raise ValueError(f"{item.name}: expected a group or dataset, found {found}")
+        is_text = checked_attribute(item, "MATLAB_class") in (b"char", "char")
+        if checked_attribute(item, "MATLAB_empty") is not None:
+            return "" if is_text else np.empty((0, 0))
+        array = whole_array(item).T
+        if array.dtype == h5py.ref_dtype:  # a cell array, or a field of an array of structs
+            return [decoded(file[reference]) for reference in array.ravel(order="F")]
+        if array.dtype.kind not in "biuf":
+            raise ValueError(f"dataset '{item.name}': expected numbers, found {array.dtype}")
+        if not is_text:
+            return array
+        codes = array.ravel(order="F").astype("<u2")
+        return codes.tobytes().decode("utf-16-le", errors="replace")
+
+    with h5py.File(path, "r") as file:
+        require_sound(file, most_mb)
+        return {name: decoded(file[name]) for name in file if not name.startswith("#")}

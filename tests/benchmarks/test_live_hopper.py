@@ -1,0 +1,72 @@
+from itertools import islice
+
+import numpy as np
+import pytest
+from live_loop import LiveHopper
+
+from hopdata.steering.robot import Board, SteeredHopper, released, steer_hop
+
+
+def frames(hopper, n):
+    times, markers = zip(*islice(iter(hopper), n), strict=True)
+    return np.array(times), np.array(markers)
+
+
+def test_frames_are_those_of_the_plant_with_noise():
+    robot = SteeredHopper().still()
+    time, markers = frames(LiveHopper(robot, lambda: None, noise_m=1e-3), 50)
+    np.testing.assert_allclose(time, np.arange(50) / 100, atol=1e-12)
+    hop = steer_hop(
+        robot,
+        released(robot, np.zeros(3)),
+        0.0,
+        rng=np.random.default_rng(0),
+        frame_times_s=time,
+    )
+    noise = markers - hop.markers
+    assert 0.9e-3 < noise.std() < 1.1e-3
+    assert LiveHopper(robot, lambda: None).labels == ("body1", "body2", "body3", "boom")
+
+
+def test_a_swing_is_executed_in_the_flight_after_it_was_commanded():
+    commands = iter([None, 0.4, None, -0.3])
+    hopper = LiveHopper(SteeredHopper(), lambda: next(commands))
+    frames(hopper, 200)
+    assert [hop.swing_rad for hop in hopper.hops[:4]] == [0.0, 0.4, 0.0, -0.3]
+    angles = np.diff([hop.boom_angle_rad for hop in hopper.hops[:4]])
+    np.testing.assert_allclose(angles, [0.4, 0.0, -0.3], atol=1e-9)
+
+
+def test_hops_follow_each_other_without_a_gap():
+    hopper = LiveHopper(SteeredHopper(), lambda: 0.2, noise_m=0.0)
+    time, markers = frames(hopper, 400)
+    np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-9)
+    assert np.abs(np.diff(markers[:, :3], axis=0)).max() < 0.05
+    assert len(hopper.hops) >= 6
+    assert all(np.isfinite(hop.stance_s) for hop in hopper.hops)
+
+
+def test_the_same_seed_hops_the_same():
+    one, two, other = (
+        frames(LiveHopper(SteeredHopper(), lambda: 0.1, seed=seed), 150)[1] for seed in (1, 1, 2)
+    )
+    assert np.array_equal(one, two)
+    assert not np.array_equal(one, other)
+
+
+def test_a_hopper_that_falls_is_let_go_again():
+    swings = iter([None, 1.0, 1.0, 1.0, 1.0] * 40)
+    robot = SteeredHopper(hop_limit_s=0.2)  # no hop ends in time
+    hopper = LiveHopper(robot, lambda: next(swings))
+    time, markers = frames(hopper, 60)
+    np.testing.assert_allclose(np.diff(time), 0.01, atol=1e-9)
+    assert all(np.isnan(hop.stance_s) for hop in hopper.hops)
+    assert np.isfinite(markers).all()
+    assert len(hopper.hops) == pytest.approx(3, abs=1)
+
+
+def test_a_board_is_pushed_along():
+    board = Board(direction=(1.0, 0.0), place_m=0.2)
+    hopper = LiveHopper(SteeredHopper(), lambda: None, board=board)
+    frames(hopper, 80)
+    assert hopper.board.place_m > 0.3
