@@ -1,6 +1,6 @@
-"""Landings of simulated studies, without recordings: true states, as seen, printed statistics.
+"""Landings of simulated studies, without recordings: true states, and as seen.
 
-States of the hopper as they are about each landing, frame by frame.
+States of a simulated body as they are about each landing, frame by frame.
 
 From an apex on the robot itself is integrated, through the landing and beyond. Before it, where a
 recording shows the robot without that apex's kick, it is flown back: a flight turned round in time
@@ -9,26 +9,17 @@ is a flight. (A control is led to the apexes of the hopper's gait; that is the g
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
 from hopdata.hybrid import System, solve_batch
-from hopdata.landings.schedules import schedule_names
-from hopdata.landings.states.assemble import HomeFrames
 from hopdata.landings.states.fits import section_states
-from hopdata.maps.affine import fit_affine
-from hopdata.maps.coordinates import rigid_states, section_coordinates, split_states
-from hopdata.maps.subspaces.constraint import bootstrap_subspaces
-from hopdata.maps.subspaces.distances import measure_distances
-from hopdata.maps.units import choose_units
-from hopdata.rigid import body_shape
 from hopdata.scenes.body import N_STATES
-from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.scene import Control
+from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis.camera import fixed_markers
-from hopdata.synthesis.hops import Hop
+from hopdata.synthesis.hops import Hop, padded
 from hopdata.synthesis.landings import (
     NOT_YET,
     SectionHeights,
@@ -70,14 +61,17 @@ def see_landings(
     noise_m: float,
     instant_noise_s: float,
     rng: np.random.Generator,
+    spoil: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> SeenLandings:
     """Observe L whole landings, as those of one recording, frame by frame.
 
     Those whose states cannot be fitted are left out. `times` (L, W), s, and `motion` (L, W, 12) are
-    of `true_tracks.true_states`, to beyond the post section (`landings.section_fits.WINDOWS_S`).
+    of `true_states`, to beyond the post section (`landings.states.fits.WINDOWS_S`). `spoil` is what
+    becomes of the tracks (L, W, B, 3) besides.
     """
     tracks = tracks_of(motion, sections.points_m)
     tracks += noise_m * rng.standard_normal(tracks.shape)
+    tracks = tracks if spoil is None else spoil(tracks)
     contact = landings.contact_s
     seen = contact + instant_noise_s * rng.standard_normal(contact.shape)
     start = APART_S * np.arange(len(times))
@@ -98,66 +92,6 @@ def see_landings(
     after = states("after", landings.post_time_s, seen.max(axis=1), sections.post_m)
     rows = np.flatnonzero(np.isfinite(np.hstack([before, after])).all(axis=1))
     return SeenLandings(before[rows], after[rows], seen[rows], rows)
-
-
-# The dissertation's comparison of schedules, and one of maps, on pairs held in memory.
-
-
-BOOTSTRAPS, PAIRS, HALVINGS = 100, 300, 5
-
-
-def printed_overlap(seen: SeenLandings, seed: int) -> tuple[float, float, float]:
-    """Return mean in-class and cross-class arc lengths at k = 17, rad, and the AUC between them."""
-    x, y = _home_pairs(seen)
-    units = choose_units(x, y)
-    factor = np.repeat([1.0 / units.length_unit_m, units.time_unit_s / units.length_unit_m], 9)
-    study = bootstrap_subspaces(
-        x * factor, y * factor, schedule_names(seen.instants), seed=seed, bootstraps=BOOTSTRAPS
-    )
-    found = measure_distances(study.bases, study.shape, seed=seed, pairs=PAIRS).summary
-    rows = found.set_index("kind")
-    return (
-        float(rows.loc["in_class", "mean"]),
-        float(rows.loc["cross_class", "mean"]),
-        float(rows.loc["cross_class", "auc_against_in_class"]),
-    )
-
-
-def operator_ratio(seen: SeenLandings, rng: np.random.Generator) -> float:
-    """Return how far maps of schedules lie apart over how far halves of one schedule do.
-
-    Largest singular value of differences between affine maps in whitened rigid-body coordinates,
-    landings nearer to the simultaneous contact than the median; two times two halves each.
-    """
-    shape = body_shape(split_states(seen.before)[0])
-    x, y = section_coordinates(rigid_states(seen.before, shape), rigid_states(seen.after, shape))
-    spread = seen.instants.std(axis=1)
-    near = spread < np.median(spread)
-    x, y = (part[near] / part[near].std(axis=0) for part in (x, y))
-    names = np.array(schedule_names(seen.instants[near]))
-    classes = [np.flatnonzero(names == name) for name in sorted(set(names.tolist()) - {""})]
-    classes = [rows for rows in classes if len(rows) >= 40]
-    within, across = [], []
-    for _ in range(HALVINGS):
-        mixed = [rng.permutation(rows) for rows in classes]
-        maps = [[fit_affine(x[r[k::2]], y[r[k::2]]).coefficients for k in (0, 1)] for r in mixed]
-        within += [np.linalg.norm(a - b, 2) for a, b in maps]
-        across += [np.linalg.norm(a[0] - b[1], 2) for a, b in combinations(maps, 2)]
-    return float(np.mean(across) / np.mean(within)) if across else float("nan")
-
-
-def _home_pairs(seen: SeenLandings) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs in home frames; means over the touchdown are those of its two ends."""
-    before, after = split_states(seen.before), split_states(seen.after)
-    middle = 0.5 * (before[0] + after[0])[:, :, :2]
-    origin = middle.mean(axis=1)
-    ray = middle[:, 0] - origin
-    home = HomeFrames(origin, ray / np.linalg.norm(ray, axis=1, keepdims=True))
-    x, y = (
-        np.concatenate([home.points(position), home.vectors(velocity)], axis=1)
-        for position, velocity in (before, after)
-    )
-    return x.reshape(len(x), -1), y.reshape(len(y), -1)
 
 
 PHASES = 16  # of the frames: each landing has one of them
@@ -203,7 +137,7 @@ def joined(parts: list[Apexes]) -> Apexes:
 
 
 def true_states(
-    hopper: HopperParameters,
+    scene: Scene,
     control: Control,
     apexes: Apexes,
     *,
@@ -223,7 +157,7 @@ def true_states(
     states = np.full((*times.shape, N_STATES), np.nan)
     for number in np.flatnonzero(np.bincount(group, minlength=PHASES)):
         rows = np.flatnonzero(group == number)
-        states[rows] = states_at(hopper, control, apexes.some(rows), times[rows[0]])
+        states[rows] = states_at(scene, control, apexes.some(rows), times[rows[0]])
     return times, states
 
 
@@ -233,28 +167,24 @@ def tracks_of(states: np.ndarray, points_m: np.ndarray) -> np.ndarray:
     return flat.reshape(*states.shape[:2], *points_m.shape)
 
 
-def states_at(
-    hopper: HopperParameters, control: Control, apexes: Apexes, times_s: np.ndarray
-) -> np.ndarray:
+def states_at(scene: Scene, control: Control, apexes: Apexes, times_s: np.ndarray) -> np.ndarray:
     """Return states (L, W, 12) at times (W,) counted from the apex, s, in order."""
     vectors = landing_vectors(
-        hopper, control, apexes.preloads_n, point_m=np.zeros(3), height_m=NO_HEIGHT_M
+        scene, control, apexes.preloads_n, point_m=np.zeros(3), height_m=NO_HEIGHT_M
     )
-    system = landing_system(hopper.system(control))
+    own = scene.system(control)
     early = times_s < 0
-    back = _turned_round(
-        _flown(system, _turned_round(apexes.before), vectors, -times_s[early][::-1])
-    )
-    ahead = _flown(system, apexes.after, vectors, times_s[~early])
+    back = _turned_round(_flown(own, _turned_round(apexes.before), vectors, -times_s[early][::-1]))
+    ahead = _flown(own, apexes.after, vectors, times_s[~early])
     return np.concatenate([back[:, ::-1], ahead], axis=1)
 
 
-def _flown(
-    system: System, states: np.ndarray, vectors: np.ndarray, times_s: np.ndarray
-) -> np.ndarray:
-    unknown = np.full((len(states), system.n_states - N_STATES), NOT_YET)
+def _flown(own: System, states: np.ndarray, vectors: np.ndarray, times_s: np.ndarray) -> np.ndarray:
+    system = landing_system(own)
+    unknown = np.full((len(states), system.n_states - own.n_states), NOT_YET)
     solution = solve_batch(
-        system, (0.0, float(times_s[-1])), np.hstack([states, unknown]), params=vectors,
+        system, (0.0, float(times_s[-1])), np.hstack([padded(states, own), unknown]),
+        params=vectors,
         mode=[0] * system.n_modes, rtol=RTOL, atol=ATOL, t_eval=times_s, workers=1,
     )  # fmt: skip
     assert solution.y is not None

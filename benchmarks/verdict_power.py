@@ -1,306 +1,317 @@
-"""Size and power of the verdict, on studies of the dissertation's size.
+"""Size, power, coverage and the promised detectable difference of the verdict, over whole studies.
 
-    python benchmarks/verdict_power.py --out verdict_power.csv [--studies 200] [--hops 2860]
+    python benchmarks/verdict_power.py --out verdict_power.csv [--studies 40] [--only kappa]
 
-False alarms on hoppers whose landing is C1, of several stiffnesses, noises, spreads and preloads;
-and how often three kinds of control are told from them. On the first 24 studies of a condition the
-other tests, the printed overlap at k = 17 and the ratio of operator norms stand beside it. One row
-a condition; beside it ``verdict_studies.csv``, one row a study.
+Landings that are C1, of two systems, in many ways of being seen; and three kinds of control. A
+study draws the apexes of its landings from a long gait, with kicks and preloads of its own; its
+landings are integrated, seen frame by frame with noise, and judged, all of them and the first
+1,000. Its seeds are its own: those on which choices of the verdict were made are none of them.
 
-For each hopper one long gait is simulated; a study draws its landings from it without replacement,
-with noise of its own. Two studies share a twentieth of their landings, with the phases of the
-frames, but no noise.
+What is simulated, and what is judged, is kept beside the table in ``verdict_studies/`` (0.7 MB a
+study) and not done again; to judge the same studies anew remove its JSON files. One row a kind and
+number of landings; beside it ``verdict_studies.csv``, one row a study. `found_share` is the share
+of studies with a difference, with its 95 % interval (Wilson); `interval_covers` and `bound_covers`
+are those whose interval or one-sided bound holds the true difference, and `detectable` is the
+median size that they say is found in 80 %.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
-import time
-from collections.abc import Iterator
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from itertools import product
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from typing import Any
 
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
+from scipy.signal import butter, sosfiltfilt
 from statsmodels.stats.proportion import proportion_confint
-from true_tracks import (
-    Apexes,
-    apexes_of,
-    joined,
-    operator_ratio,
-    printed_overlap,
-    see_landings,
-    true_states,
-)
+from true_tracks import Apexes, apexes_of, joined, see_landings, true_states
 
-from hopdata.errors import AnalysisError
 from hopdata.landings.states.fits import WINDOWS_S
-from hopdata.maps.coordinates import output_weights
+from hopdata.maps.truth.maps import input_root, marker_motions
 from hopdata.maps.verdict import judge
+from hopdata.maps.verdict.effect import contrasts, relative_size
+from hopdata.maps.verdict.inputs import LEAST_CLASS, contact_orders
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.scene import Control
+from hopdata.scenes.quadruped import Quadruped
+from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis.exact_maps import section_jacobians
-from hopdata.synthesis.landings import SectionHeights, TrueLandings, true_landings
+from hopdata.synthesis.landings import (
+    SectionHeights,
+    TrueLandings,
+    input_coordinates,
+    true_landings,
+)
 from hopdata.synthesis.trial import Kicks, MarkerOptions, run_trial
 
-POINTS_M = np.array(MarkerOptions().body_m)
-SECTIONS = SectionHeights(0.502, 0.2774, POINTS_M)  # those of the bundled sample
-POOL_STUDIES, TRIALS = 20, 8
-NOISE_M, INSTANT_NOISE_S = 0.0006, 0.0006
-RATE_HZ = 100.0
-TIME_UNIT_S = 0.03
+FIRST_SEED = 1000
+GAIT_HOPS, TRIALS = 12_000, 4
+INSTANT_NOISE_S = 0.0006
 LEVEL = 0.05
-BESIDE = 24  # studies of a condition on which the slower statistics are worked out too, by default
+FEW = 1000
+
+HOPPER_SECTIONS = SectionHeights(0.502, 0.2774, np.array(MarkerOptions().body_m))
+FOUR_MARKERS = [[0.2, 0.03, 0.05], [-0.05, 0.12, 0.075], [-0.2, -0.07, 0.055], [0.06, -0.1, 0.09]]
+QUADRUPED_SECTIONS = SectionHeights(0.511, 0.2935, np.array(FOUR_MARKERS))
+SIX = HopperParameters(n_legs=6, stiffness_n_m=45.0, damping_n_s_m=2.4, preload_n=11.0)
 
 
 @dataclass(frozen=True)
-class Condition:
-    """A hopper with its disturbances, a control and the noise it is seen with."""
+class Kind:
+    """A body with its disturbances and control, and how it is seen."""
 
-    name: str
-    hopper: HopperParameters
-    kicks: Kicks
-    control: Control
-    noise_m: float = NOISE_M
+    scene: Scene = field(default_factory=HopperParameters)
+    sections: SectionHeights = field(default=HOPPER_SECTIONS)
+    kicks: Kicks = field(default_factory=Kicks)
+    control: Control = field(default_factory=Control)
+    noise_m: float = 0.0006
+    rate_hz: float = 100.0
+    hops: int = 2100
+    spoil: Callable[[np.ndarray, np.random.Generator, float], np.ndarray] | None = None
+    relabel: Callable[[np.ndarray, np.random.Generator], np.ndarray] | None = None
+    thinned: bool = False
 
     @property
-    def gait(self) -> str:
-        """Conditions of one gait share apex states."""
-        return f"{self.hopper}{self.kicks}"
+    def strength(self) -> float:
+        """Return the one strength that is not zero, or zero; a delay in ms."""
+        return self.control.coupling or self.control.impulse or 1e3 * self.control.delay_s
 
 
-def conditions() -> list[Condition]:
-    """All conditions; the first word of a name is the kind."""
-    hopper, kicks, none = HopperParameters(), Kicks(), Control()
-    variants = {
-        "C1": (hopper, kicks, NOISE_M),
-        "C1 softer legs": (replace(hopper, stiffness_n_m=60.0, preload_n=19.0), kicks, NOISE_M),
-        "C1 stiffer legs": (replace(hopper, stiffness_n_m=120.0, preload_n=25.0), kicks, NOISE_M),
-        "C1 half the noise": (hopper, kicks, NOISE_M / 2),
-        "C1 twice the noise": (hopper, kicks, NOISE_M * 2),
-        "C1 half the kicks": (hopper, replace(kicks, angular_velocity_rad_s=0.125), NOISE_M),
-        "C1 larger kicks": (hopper, replace(kicks, angular_velocity_rad_s=0.35), NOISE_M),
-        "C1 equal preloads": (hopper, replace(kicks, preload_fraction=0.0), NOISE_M),
-        "C1 uneven preloads": (hopper, replace(kicks, preload_fraction=0.1), NOISE_M),
+def low_passed(tracks: np.ndarray, _rng: np.random.Generator, rate_hz: float) -> np.ndarray:
+    """Filter as gait laboratories do: Butterworth, 20 Hz, there and back."""
+    sos = butter(2, 20.0, fs=rate_hz, output="sos")
+    whole = np.isfinite(tracks).all(axis=(0, 2, 3))
+    tracks = tracks.copy()
+    tracks[:, whole] = sosfiltfilt(sos, tracks[:, whole], axis=1)
+    return tracks
+
+
+def drifted(tracks: np.ndarray, _rng: np.random.Generator, _rate_hz: float) -> np.ndarray:
+    """Let the cameras' height wander by 4 mm once up and down over the study."""
+    phase = 2 * np.pi * np.arange(len(tracks)) / len(tracks)
+    return tracks + 0.004 * np.sin(phase)[:, None, None, None] * np.array([0.0, 0.0, 1.0])
+
+
+def correlated(tracks: np.ndarray, rng: np.random.Generator, _rate_hz: float) -> np.ndarray:
+    """Add noise of 0.6 mm that is correlated by 0.6 from frame to frame."""
+    steps = rng.standard_normal(tracks.shape)
+    for frame in range(1, tracks.shape[1]):
+        steps[:, frame] = 0.6 * steps[:, frame - 1] + 0.8 * steps[:, frame]
+    return tracks + 0.0006 * steps
+
+
+def heavy_tailed(tracks: np.ndarray, rng: np.random.Generator, _rate_hz: float) -> np.ndarray:
+    """Add noise of 0.6 mm from Student's t with three degrees of freedom."""
+    return tracks + 0.0006 / np.sqrt(3) * rng.standard_t(3, tracks.shape)
+
+
+def swapped(instants: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Exchange the labels of two feet in 3 % of the landings."""
+    rows = np.flatnonzero(rng.random(len(instants)) < 0.03)
+    instants = instants.copy()
+    instants[rows, :2] = instants[rows, 1::-1]
+    return instants
+
+
+def kinds() -> dict[str, Kind]:
+    """All kinds, by name; those that begin with C1 have no difference."""
+    hopper, kicks = HopperParameters(), Kicks()
+    quadruped = Kind(scene=Quadruped(), sections=QUADRUPED_SECTIONS)
+    same = {
+        "C1": Kind(),
+        "C1 softer legs": Kind(scene=replace(hopper, stiffness_n_m=60.0, preload_n=19.0)),
+        "C1 stiffer legs": Kind(scene=replace(hopper, stiffness_n_m=120.0, preload_n=25.0)),
+        "C1 twice the noise": Kind(noise_m=0.0012),
+        "C1 larger kicks": Kind(kicks=replace(kicks, angular_velocity_rad_s=0.35)),
+        "C1 uneven preloads": Kind(kicks=replace(kicks, preload_fraction=0.1)),
+        "C1 at 60 Hz": Kind(rate_hz=60.0),
+        "C1 at 250 Hz": Kind(rate_hz=250.0),
+        "C1 low-passed": Kind(spoil=low_passed),
+        "C1 drifting": Kind(spoil=drifted),
+        "C1 correlated noise": Kind(noise_m=0.0, spoil=correlated),
+        "C1 heavy tails": Kind(noise_m=0.0, spoil=heavy_tailed),
+        "C1 swapped labels": Kind(relabel=swapped),
+        "C1 a rare class": Kind(thinned=True),
+        "C1 quadruped": quadruped,
     }
-    rows = [Condition(name, h, k, none, noise) for name, (h, k, noise) in variants.items()]
-    for kappa in (0.025, 0.05, 0.075, 0.1, 0.15, 0.2, 0.4):
-        rows.append(Condition("kappa", hopper, kicks, Control(coupling=kappa)))
-    for eps in (0.1, 0.2, 0.3):
-        rows.append(Condition("eps", hopper, kicks, Control(impulse=eps)))
-    for tau in (0.005, 0.01):
-        rows.append(Condition("tau", hopper, kicks, Control(delay_s=tau)))
-    return rows
+    controls = {f"kappa {k:g}": Control(coupling=k) for k in (0.05, 0.1, 0.2, 0.4)}
+    controls |= {f"eps {e:g}": Control(impulse=e) for e in (0.1, 0.2, 0.3)}
+    controls |= {f"tau {1e3 * t:g} ms": Control(delay_s=t) for t in (0.005, 0.01)}
+    coupled = {
+        f"quadruped kappa {k:g}": replace(quadruped, control=Control(coupling=k))
+        for k in (0.1, 0.2)
+    }
+    return same | {name: Kind(control=control) for name, control in controls.items()} | coupled
 
 
-def label(condition: Condition) -> str:
-    """Name and strength."""
-    return f"{condition.name} {strength(condition.control):g}"
+def gait(kind: Kind, folder: Path) -> np.ndarray:
+    """Return states (L, 12) at the apexes of a long gait, before their kicks; kept in a file."""
+    name = f"{kind.scene}{kind.kicks}".encode().hex()
+    file = folder / f"gait_{int(name, 16) % 2**61:x}.npy"
+    if not file.exists():
+        parts = [
+            apexes_of(
+                run_trial(
+                    kind.scene, hops=GAIT_HOPS // TRIALS, rate_hz=10.0, kicks=kind.kicks,
+                    rng=np.random.default_rng([77, number]),
+                )
+            )
+            for number in range(TRIALS)
+        ]  # fmt: skip
+        _kept(file, lambda part: np.save(part, joined(parts).before))
+    return np.load(file)
 
 
-def strength(control: Control) -> float:
-    """Return the one strength that is not zero, or zero; a delay in ms."""
-    return control.coupling or control.impulse or 1e3 * control.delay_s
+def starts(kind: Kind, before: np.ndarray, rng: np.random.Generator) -> Apexes:
+    """Draw the apexes of a study, and kick them."""
+    before = before[rng.integers(0, len(before), kind.hops)]
+    kick = np.zeros_like(before)
+    kick[:, 6:9] = kind.kicks.velocity_m_s * rng.standard_normal((kind.hops, 3))
+    kick[:, 9:] = kind.kicks.angular_velocity_rad_s * rng.standard_normal((kind.hops, 3))
+    uneven = kind.kicks.preload_fraction * rng.standard_normal((kind.hops, kind.scene.n_legs))
+    return Apexes(before, before + kick, kind.scene.preload_n * (1.0 + uneven))
 
 
-def apexes(condition: Condition, hops: int, seed: int) -> Apexes:
-    """Apexes of one trial."""
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    trial = run_trial(condition.hopper, hops=hops, rate_hz=10.0, rng=rng, kicks=condition.kicks)
-    return apexes_of(trial)
-
-
-def true_size(condition: Condition, states: np.ndarray, landings: TrueLandings) -> float:
-    """Relative difference of the true derivatives, in the measure of the verdict's effect."""
-    from hopdata.synthesis.landings import input_coordinates
-
-    try:
-        maps = section_jacobians(condition.hopper, condition.control, states, SECTIONS).maps
-    except AnalysisError:
-        return float("nan")
-    inputs = input_coordinates(landings.pre_state, SECTIONS.centre_m)
-    root = np.linalg.cholesky(np.cov(inputs, rowvar=False))
-    shape = POINTS_M - POINTS_M.mean(axis=0)
-    scaled = output_weights(shape, TIME_UNIT_S)[:, None] * (maps @ root)
-    rows, columns = np.triu_indices(len(maps), 1)
-    change = np.mean(np.sum((scaled[rows] - scaled[columns]) ** 2, axis=(1, 2)))
-    return float(np.sqrt(change / np.sum(scaled.mean(axis=0) ** 2)))
-
-
-@dataclass(frozen=True)
-class Pool:
-    """Landings that studies are drawn from, L of them, with the robot's motion about each.
-
-    `folder` holds times (L, W), s, and states (L, W, 12), which all processes share.
-    """
-
-    landings: TrueLandings
-    folder: Path
-
-    @property
-    def times(self) -> np.ndarray:
-        """Frames of each landing, from its apex, s."""
-        return np.load(self.folder / "times.npy", mmap_mode="r")
-
-    @property
-    def motion(self) -> np.ndarray:
-        """States in these frames."""
-        return np.load(self.folder / "motion.npy", mmap_mode="r")
-
-
-def filmed(
-    condition: Condition, starts: Apexes, landings: TrueLandings, key: list[int], folder: Path
-) -> Pool:
-    """Work out the motion about each landing, and keep it in a folder."""
+def observed(kind: Kind, before: np.ndarray, rng: np.random.Generator) -> dict[str, Any]:
+    """Simulate and observe one study: its pairs, contact instants, and true difference."""
+    apexes = starts(kind, before, rng)
+    landings = true_landings(
+        kind.scene, kind.control, apexes.after, apexes.preloads_n, kind.sections,
+        rtol=1e-6, workers=1,
+    )  # fmt: skip
+    rows = np.flatnonzero(landings.whole)
+    if kind.thinned:
+        ahead = (np.diff(landings.contact_s[rows], axis=1) > 0).all(axis=1)
+        rows = rows[~ahead | (rng.random(len(rows)) < 0.12)]
+    part = TrueLandings(*(getattr(landings, name)[rows] for name in vars(landings)))
     times, motion = true_states(
-        condition.hopper, condition.control, starts, rate_hz=RATE_HZ,
-        until_s=float(np.nanmax(landings.post_time_s[landings.whole])) + max(WINDOWS_S),
-        rng=np.random.default_rng(np.random.SeedSequence(key)),
+        kind.scene, kind.control, apexes.some(rows), rate_hz=kind.rate_hz, rng=rng,
+        until_s=float(np.nanmax(part.post_time_s)) + max(WINDOWS_S),
     )  # fmt: skip
-    np.save(folder / "times.npy", times)
-    np.save(folder / "motion.npy", motion)
-    return Pool(landings, folder)
-
-
-def one_study(
-    task: tuple[Condition, Pool, int, bool, list[int]],
-) -> dict[str, float]:
-    """Draw, observe and judge the landings of one study."""
-    condition, pool, hops, beside, key = task
-    landings = pool.landings
-    rng = np.random.default_rng(np.random.SeedSequence(key))
-    chosen = np.sort(rng.choice(len(landings), min(hops, len(landings)), replace=False))
-    whole = chosen[landings.whole[chosen]]
+    spoil = kind.spoil
     seen = see_landings(
-        pool.times[whole], pool.motion[whole], _rows(landings, whole), SECTIONS,
-        noise_m=condition.noise_m, instant_noise_s=INSTANT_NOISE_S, rng=rng,
+        times, motion, part, kind.sections, noise_m=kind.noise_m, rng=rng,
+        instant_noise_s=INSTANT_NOISE_S,
+        spoil=None if spoil is None else lambda tracks: spoil(tracks, rng, kind.rate_hz),
     )  # fmt: skip
-    start = time.perf_counter()
-    answer = judge(
-        seen.before, seen.after, seen.instants, seed=key[-1], time_unit_s=TIME_UNIT_S,
-        flips=999, all_windows=False,
-    )  # fmt: skip
-    seconds = time.perf_counter() - start
-    if answer.effect is None or answer.test is None:
-        raise AnalysisError(answer.sentence)
-    within, across, auc = printed_overlap(seen, key[-1]) if beside else (np.nan,) * 3
-    return {
-        "landings": len(seen.before),
-        "p": answer.test.p_value,
-        "effect": answer.effect.estimate,
-        "low": answer.effect.low,
-        "high": answer.effect.high,
-        "upper_bound": answer.effect.upper_bound,
-        "detectable": answer.effect.detectable,
-        "window": answer.windows[0].window,
-        "printed_in_class_rad": within,
-        "printed_cross_class_rad": across,
-        "printed_auc": auc,
-        "operator_ratio": operator_ratio(seen, rng) if beside else np.nan,
-        "seconds": np.nan if beside else seconds,
-    }
+    instants = seen.instants if kind.relabel is None else kind.relabel(seen.instants, rng)
+    true = 0.0
+    if kind.control.active:
+        root = input_root(input_coordinates(part.pre_state, kind.sections.centre_m))
+        true = true_size(kind, before, root, part.contact_s)
+    return {"before": seen.before, "after": seen.after, "instants": instants, "true_effect": true}
 
 
-def _rows(landings: TrueLandings, rows: np.ndarray) -> TrueLandings:
-    return TrueLandings(*(getattr(landings, name)[rows] for name in landings.__dataclass_fields__))
+def true_size(kind: Kind, before: np.ndarray, root: np.ndarray, instants: np.ndarray) -> float:
+    """Relative difference of the exact Jacobians, as the verdict measures it."""
+    apexes = starts(kind, before, np.random.default_rng(1))
+    exact = section_jacobians(kind.scene, kind.control, apexes.after, kind.sections)
+    orders = np.array([[int(foot) - 1 for foot in name.split(">")] for name in exact.schedules])
+    seen, counts = contact_orders(instants, LEAST_CLASS)
+    often = {tuple(order): n for order, n in zip(seen.tolist(), counts, strict=True)}
+    weights = contrasts(orders, np.array([often.get(tuple(o), 0) for o in orders.tolist()]))
+    return relative_size(marker_motions(kind.sections.points_m) @ exact.maps @ root, weights)
 
 
-def studies(args: argparse.Namespace) -> Iterator[pd.DataFrame]:
-    """All studies of one condition after the other."""
-    gaits: dict[str, Apexes] = {}
-    with ProcessPoolExecutor(args.workers) as pool:
-        for number, condition in enumerate(conditions()):
-            if args.only and args.only not in label(condition):
-                continue
-            began = time.perf_counter()
-            if condition.gait not in gaits:
-                share = args.hops * POOL_STUDIES // TRIALS
-                seeds = [args.seed + 1000 * k for k in range(TRIALS)]
-                parts = pool.map(apexes, [condition] * TRIALS, [share] * TRIALS, seeds)
-                gaits[condition.gait] = joined(list(parts))
-            starts = gaits[condition.gait]
-            landings = true_landings(
-                condition.hopper, condition.control, starts.after, starts.preloads_n, SECTIONS
-            )
-            whole = _rows(landings, np.flatnonzero(landings.whole))
-            size = true_size(condition, starts.after, whole)
-            with TemporaryDirectory() as folder:
-                drawn_from = filmed(condition, starts, landings, [args.seed, number], Path(folder))
-                tasks = [
-                    (condition, drawn_from, args.hops, k < args.beside, [args.seed, number, k])
-                    for k in range(args.studies)
-                ]
-                table = pd.DataFrame(list(pool.map(one_study, tasks, chunksize=4)))
-            table.insert(0, "condition", condition.name)
-            table.insert(1, "strength", strength(condition.control))
-            table.insert(2, "true_effect", size)
-            seconds = time.perf_counter() - began
-            alarms = np.mean(table["p"] < LEVEL)
-            print(
-                f"{label(condition)}: {alarms:.3f} below {LEVEL}, "
-                f"true {size:.3f}, found {table['effect'].mean():.3f} ({seconds:.0f} s)",
-                flush=True,
-            )
-            yield table
+def simulate(name: str, seed: int, folder: Path) -> Path:
+    """Return the file of one study, which is simulated if there is none yet."""
+    file = folder / f"{name.replace(' ', '_')}_{seed}.npz"
+    if not file.exists():
+        kind, rng = kinds()[name], np.random.default_rng([seed, *name.encode()])
+        study = observed(kind, gait(kind, folder), rng)
+        _kept(file, lambda part: np.savez(part, **study))
+    return file
+
+
+def one_study(name: str, seed: int, folder: Path) -> Path:
+    """Return the file of the verdicts on a study: on all its landings, and the first thousand."""
+    source = simulate(name, seed, folder)
+    file = source.with_suffix(".json")
+    if file.exists():
+        return file
+    kind, study = kinds()[name], np.load(source)
+    rows = []
+    for asked in (FEW, kind.hops):
+        parts = (study[part][:asked] for part in ("before", "after", "instants"))
+        answer = judge(*parts, seed=seed, flips=999)
+        row: dict[str, Any] = {"condition": name, "strength": kind.strength, "seed": seed}
+        row |= {"asked": asked, "landings": answer.n_landings, "conclusion": answer.conclusion}
+        row["true_effect"] = float(study["true_effect"])
+        rows.append(row | (asdict(answer.effect) if answer.effect else {}))
+    _kept(file, lambda part: part.write_text(json.dumps(rows)))
+    return file
+
+
+def _kept(file: Path, write: Callable[[Path], Any]) -> None:
+    """Write a file beside its place, and put it there when it is whole."""
+    part = file.with_name(f"part{os.getpid()}_{file.name}")
+    write(part)
+    part.replace(file)
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
-    """One row a condition: shares of positive verdicts with intervals, and sizes."""
+    """One row a kind and number of landings."""
     rows = []
-    for (name, level), part in table.groupby(["condition", "strength"], sort=False):
-        found = int(np.sum(part["p"] < LEVEL))
+    for (name, asked), part in table.groupby(["condition", "asked"], sort=False):
+        found = int(np.sum(part["low"] > 0))
         low, high = proportion_confint(found, len(part), method="wilson")
-        true = part["true_effect"].iloc[0]
+        true = part["true_effect"]
+        covered = (part["low"] <= true) & (true <= part["high"])
         rows.append(
             {
                 "condition": name,
-                "strength": level,
-                "true_effect": true,
+                "strength": part["strength"].iloc[0],
+                "asked": asked,
                 "studies": len(part),
                 "landings": part["landings"].mean(),
+                "true_effect": true.mean(),
                 "found_share": found / len(part),
                 "found_low": low,
                 "found_high": high,
-                "effect_mean": part["effect"].mean(),
-                "effect_sd": part["effect"].std(),
-                "interval_covers": np.mean((part["low"] <= true) & (true <= part["high"])),
+                "effect_mean": part["estimate"].mean(),
+                "effect_sd": part["estimate"].std(),
+                "interval_covers": covered.mean(),
                 "bound_covers": np.mean(part["upper_bound"] >= true),
-                "upper_bound_mean": part["upper_bound"].mean(),
-                "detectable_mean": part["detectable"].mean(),
-                "window_mean": part["window"].mean(),
-                "seconds_per_verdict": part["seconds"].median(),
-                "studies_beside": int(part["printed_auc"].notna().sum()),
-                "printed_in_class_rad": part["printed_in_class_rad"].mean(),
-                "printed_cross_class_rad": part["printed_cross_class_rad"].mean(),
-                "printed_auc": part["printed_auc"].mean(),
-                "operator_ratio_mean": part["operator_ratio"].mean(),
-                "operator_ratio_sd": part["operator_ratio"].std(),
+                "low_median": part["low"].median(),
+                "high_median": part["high"].median(),
+                "upper_bound_median": part["upper_bound"].median(),
+                "upper_bound_worst": part["upper_bound"].max(),
+                "detectable": part["detectable"].median(),
+                "no_difference_share": np.mean(part["conclusion"] == "no difference"),
             }
         )
     return pd.DataFrame(rows)
 
 
 def main() -> None:
-    """Run all studies and write both tables."""
+    """Do what studies are missing, and write both tables."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
-    parser.add_argument("--studies", type=int, default=200, help="studies a condition")
-    parser.add_argument("--hops", type=int, default=2860, help="hops a study")
-    parser.add_argument(
-        "--beside", type=int, default=BESIDE, help="studies with all statistics, the slow ones too"
-    )
-    parser.add_argument("--only", default="", help="conditions whose label holds this text")
-    parser.add_argument("--seed", type=int, default=20261121)
+    parser.add_argument("--studies", type=int, default=40, help="studies of each kind")
+    parser.add_argument("--only", default="", help="kinds whose name holds this text")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     args = parser.parse_args()
-    table = pd.concat(studies(args), ignore_index=True)
-    args.out.parent.mkdir(parents=True, exist_ok=True)
+    folder = args.out.parent / "verdict_studies"
+    folder.mkdir(parents=True, exist_ok=True)
+    names = [name for name in kinds() if args.only in name]
+    seeds = range(FIRST_SEED, FIRST_SEED + args.studies)
+    tasks = [(name, seed, folder) for seed, name in product(seeds, names)]
+    with ProcessPoolExecutor(args.workers) as pool:
+        files = list(pool.map(one_study, *zip(*tasks, strict=True)))
+    table = pd.DataFrame([row for file in files for row in json.loads(file.read_text())])
+    order = {name: number for number, name in enumerate(names)}
+    table = table.sort_values(
+        ["condition", "asked"], key=lambda c: c.map(lambda v: order.get(v, v))
+    )
     table.to_csv(args.out.with_name("verdict_studies.csv"), index=False, float_format="%.6g")
     summary(table).to_csv(args.out, index=False, float_format="%.6g")
     print(summary(table).to_string(index=False))

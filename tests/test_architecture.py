@@ -21,7 +21,7 @@ MAY_USE = {
     "figures": set(),
     "report": set(),
     "config": {"scenes", "synthesis"},
-    "commands": {"config", "recordings", "figures", "report"},
+    "commands": {"config", "recordings", "figures", "maps", "report"},
 }
 HEAVY = {"pandas", "scipy", "matplotlib", "statsmodels", "sklearn", "h5py", "jsonschema", "jinja2"}
 

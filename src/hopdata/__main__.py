@@ -122,6 +122,12 @@ def _check_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("config", metavar="CONFIG", help="such as config/config.yaml")
 
 
+def _plan_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("verdict", type=Path, metavar="VERDICT", help="verdict.json of a pilot")
+    what = "a size besides those of the table"
+    command.add_argument("--difference", type=_positive, metavar="SHARE", help=what)
+
+
 def _config_docs_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", type=Path, metavar="FILE", help="file to write; else stdout")
 
@@ -171,6 +177,16 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
         "line on each mistake, if anything is wrong. Nothing is written.",
         "  hopdata check config/config.yaml\n",
         _check_options,
+    ),
+    "plan": (
+        "hopdata.commands.plan:plan",
+        "say how many landings show which difference",
+        "Say how many landings a study takes to show a difference of a given size, from the\n"
+        "verdict on a pilot: a short recording of the same kind, or a simulated one. Errors fall\n"
+        "with the root of the number of landings.",
+        "  hopdata plan results/sample/verdict.json\n"
+        "  hopdata plan results/pilot/verdict.json --difference 0.08\n",
+        _plan_options,
     ),
     "config-docs": (
         "hopdata.commands.init:config_docs",

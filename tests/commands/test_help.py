@@ -11,7 +11,9 @@ def ended(arguments, capsys):
     return caught.value.code, *capsys.readouterr()
 
 
-@pytest.mark.parametrize("command", [[], ["inspect"], ["init"], ["check"], ["config-docs"]])
+@pytest.mark.parametrize(
+    "command", [[], ["inspect"], ["init"], ["check"], ["plan"], ["config-docs"]]
+)
 def test_help_has_examples_and_exit_codes(command, capsys):
     code, out, _ = ended([*command, "--help"], capsys)
     assert code == 0
@@ -22,7 +24,10 @@ def test_help_has_examples_and_exit_codes(command, capsys):
 @pytest.mark.parametrize(
     ("arguments", "parts"),
     [
-        (["insepct", "x"], ["expected one of inspect, init, check", "did you mean 'inspect'?"]),
+        (
+            ["insepct", "x"],
+            ["expected one of inspect, init, check, plan", "did you mean 'inspect'?"],
+        ),
         (["inspect"], ["the following arguments are required: FILE"]),
         (["inspect", "x.tsv", "--unit", "cm"], ["expected one of mm, m", "found 'cm'"]),
         (["inspect", "x.tsv", "--rate", "-5"], ["expected a number above 0, found '-5'"]),

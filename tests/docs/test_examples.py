@@ -66,5 +66,16 @@ def test_the_code_in_the_page_on_steering_runs(capsys):
     assert np.all(np.diff(np.abs(headings)) > 0.05)
 
 
+def test_the_code_in_the_page_on_the_verdict_runs():
+    (block,) = code_blocks("verdict.md")
+    scope = {"__name__": "__main__"}
+    exec(compile(block, "docs/verdict.md", "exec"), scope)
+    same, other = scope["same"], scope["other"]
+    assert "larger than 0.017 of the map" in same.sentence
+    assert "by 0.26 of the map (95 % interval 0.24 to 0.28)" in other.sentence
+    assert other.effect.low < scope["truth"](1.0) < other.effect.high
+    assert scope["truth"](1.0) == pytest.approx(0.269, abs=5e-4)
+
+
 def test_the_page_shows_the_example_as_it_is():
     assert (DOCS / "examples/two_legs.py").read_text() in code_blocks("integrator.md")

@@ -121,18 +121,27 @@ def test_verdicts_share_their_scale():
 
 
 COLUMNS = (
-    *("condition", "strength", "true_effect", "found_share", "found_low", "found_high"),
+    *("condition", "asked", "true_effect", "found_share", "found_low", "found_high"),
     *("effect_mean", "effect_sd"),
 )
 
 
 def table(kinds=tuple(CONTROLS)):
     rows = [
-        (name, 0.0, 1e-16, 0.05, 0.03, 0.09, 0.03, 0.04)
+        (name, 2100, 0.0, 0.05, 0.03, 0.09, 0.03, 0.04)
         for name in ("C1", "C1 softer legs", "C1 stiffer legs", "C1 half the noise")
     ]
     rows += [
-        (kind, size, size, min(1.0, 4 * size), max(0.0, 4 * size - 0.1), 1.0, 0.9 * size, 0.05)
+        (
+            f"{kind} {size}",
+            2100,
+            size,
+            min(1.0, 4 * size),
+            max(0.0, 4 * size - 0.1),
+            1.0,
+            0.9 * size,
+            0.05,
+        )
         for kind in kinds
         for size in (0.05, 0.1, 0.25)
     ]

@@ -131,6 +131,7 @@ def verdict(**changes: object) -> dict[str, object]:
         "sentence": "No difference larger than 0.12 of the map, at 95 % confidence.",
         "outlook": "These data show 0.075; to see 0.1 you would need about 600 landings.",
         "compared": "6 contact orders",
+        "n_feet": 3,
         "n_landings": 986,
         "n_window": 700,
         "confidence": 0.95,

@@ -151,6 +151,7 @@ rule verdict:
 rule estimate_errors:
     """The estimates of the landing map, and the verdict, against the exact maps."""
     input:
+        pairs=rules.pairs.output.pairs,
         estimates=rules.linear_maps.output.maps,
         maps=rules.true_sections.output.maps,
         true_pairs=rules.true_sections.output.pairs,

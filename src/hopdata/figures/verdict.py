@@ -230,8 +230,9 @@ def verdict_power_figure(table: pd.DataFrame) -> Figure:
     Parameters
     ----------
     table : DataFrame
-        One row a condition: ``condition`` (those that begin with ``C1`` have no difference),
-        ``strength``, ``true_effect``, ``found_share`` with its interval ``found_low`` and
+        One row a condition and number of landings: ``condition`` (those that begin with ``C1`` have
+        no difference), ``asked``, landings of a study, of which the most are shown,
+        ``true_effect``, ``found_share`` with its interval ``found_low`` and
         ``found_high``, ``effect_mean`` and ``effect_sd``.
 
     Returns
@@ -242,13 +243,14 @@ def verdict_power_figure(table: pd.DataFrame) -> Figure:
     """
     if table.empty:
         return style.message_figure("No simulated studies to show.")
+    table = table[table["asked"] == table["asked"].max()]
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 66.0)
     left, middle, right = figure.subplots(1, 3)
     same = table["condition"].str.startswith(SAME)
     _draw_alarms(left, table[same])
     none = table[table["condition"] == SAME]
     for kind in CONTROLS:
-        rows = table[table["condition"] == kind]
+        rows = table[table["condition"].str.startswith(f"{kind} ")]
         if len(rows):
             _draw_power(middle, rows, kind)
             _draw_sizes(right, rows, kind)

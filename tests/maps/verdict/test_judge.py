@@ -11,7 +11,7 @@ from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.judge import conclude, outlook
 
-OPTIONS = {"seed": 3, "flips": 499}
+OPTIONS = {"seed": 3, "flips": 199}
 
 
 def verdict(data, **options):
@@ -46,7 +46,7 @@ def test_size_of_the_effect_grows_in_proportion_to_the_kinks():
 
 def test_the_answer_follows_from_the_interval_alone():
     """Of many studies at the edge none is different with an interval from zero, or the reverse."""
-    for seed in range(12):
+    for seed in range(6):
         answer = verdict(landings(n=450, strength=0.07, noise=0.3, seed=seed), flips=199)
         assert (answer.conclusion == "different") == (answer.effect.low > 0)
         assert (answer.effect.p_value < 0.05) == (answer.effect.low > 0)

@@ -262,14 +262,14 @@ def true_effect(exact: Mapping[str, Any], states: FloatArray, instants: FloatArr
     states
         (n, 6B) true marker states of the study's landings at the pre section, m and m/s.
     instants
-        (n, feet) true contact instants, s. Of more than three feet landings count in whose order
-        there is an exact map.
+        (m, feet) contact instants, s; NaN where not known. Of more than three feet the orders count
+        as often as they occur, if there is an exact map.
     """
     points = np.array(exact["body_points_m"], float)
     body = rigid_states(states, points - points.mean(axis=0))
     inputs, _ = section_coordinates(body, body)
     orders = np.array([[int(foot) - 1 for foot in name.split(">")] for name in exact["schedules"]])
-    seen, counts = contact_orders(np.asarray(instants, float), 1)
+    seen, counts = contact_orders(instants[np.isfinite(instants).all(axis=1)], 1)
     often = {tuple(order): count for order, count in zip(seen.tolist(), counts, strict=True)}
     weights = contrasts(orders, np.array([often.get(tuple(o), 0) for o in orders.tolist()]))
     maps = marker_motions(points) @ np.array(exact["maps"], float) @ input_root(inputs)

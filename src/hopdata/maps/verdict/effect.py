@@ -24,14 +24,19 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
-from hopdata.maps.coordinates import ALL_SETS_UP_TO, kink_slopes
+from hopdata.maps.coordinates import (
+    ALL_SETS_UP_TO,
+    LANDINGS_PER_TERM,
+    kink_slopes,
+    number_of_free_terms,
+)
 from hopdata.maps.verdict.inputs import (
     LEAST_CLASS,
     POSITIONS,
     SectionLandings,
     contact_orders,
 )
-from hopdata.maps.verdict.model import KinkFit, symmetric_root
+from hopdata.maps.verdict.model import WINDOW, KinkFit, symmetric_root
 
 _AT_ONCE = 4000  # sign patterns in memory
 _BISECTIONS = 50
@@ -178,16 +183,20 @@ class _Draws:
     """Random errors of the kinks, in axes in which their size is a length.
 
     `null` and `full` (draws, m) are signed sums of the contributions without any kinks, and with
-    those found; between them they are mixed in proportion to the size that is assumed.
+    those found; between them they are mixed in proportion to the size that is assumed. `missed`
+    (draws, m) is what smooth terms that are not fitted add.
     """
 
     null: FloatArray
     full: FloatArray
+    missed: FloatArray
 
-    def statistic(self, direction: FloatArray, size: float, found: float) -> FloatArray:
+    def statistic(
+        self, direction: FloatArray, size: float, found: float, missed: float = 1.0
+    ) -> FloatArray:
         """Return draws of T for kinks of this size in a direction (m,), where `found` is theirs."""
-        share = min(1.0, size / found) if found > 0 else 0.0
-        errors = self.null if share == 0.0 else (1.0 - share) * self.null + share * self.full
+        share = min(1.0, size / found)
+        errors = (1.0 - share) * self.null + share * self.full + missed * self.missed
         return np.asarray(np.sum((errors + size * direction) ** 2, axis=1))
 
 
@@ -208,6 +217,11 @@ def effect_size(
     difference. For `high` and the bound a statistic below that median counts as the median: an
     estimate smaller than noise alone gives is luck, not knowledge.
 
+    Smooth terms that are not fitted shift the kinks by the same amount in every study of a system,
+    and as a rule along the difference itself. So their standard deviation, all of it taken along
+    the difference, is added to the upper ends and to what is detectable, and `low` brought down by
+    it, but not to zero.
+
     Parameters
     ----------
     fit, root
@@ -224,33 +238,41 @@ def effect_size(
     statistic = float(found @ found)
     size = float(np.sqrt(statistic))
     draws = _draws(fit, root, flips, generator)
-    null = np.sum(draws.null**2, axis=1)
-    typical = max(statistic, float(np.median(null)))
-    level = 1.0 - confidence
+    null = np.sum((draws.null + draws.missed) ** 2, axis=1)
+    typical = max(statistic, float(np.median(np.sum(draws.null**2, axis=1))))
+    level = round(1.0 - confidence, 12)  # 0.05, not a little more
 
-    def below(least: float, share: float) -> float:
+    def below(least: float, share: float, missed: float = 1.0) -> float:
         """Return the size from which this share of the draws is at most `least`."""
-        return _crossing(
-            lambda one: float(np.mean(draws.statistic(found / size, one, size) <= least)) - share
-        )
 
+        def excess(one: float) -> float:
+            drawn = draws.statistic(found / size, one, size, missed)
+            return float(np.mean(drawn <= least)) - share
+
+        return _crossing(excess)
+
+    shift = float(np.sqrt(np.trace(root @ fit.curvature @ root.T)))
     floor = below(float(np.median(null)), level / 2.0)
+    low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
     noise = float(np.trace(root @ fit.covariance @ root.T))
     p_value = (1 + int(np.sum(null >= statistic))) / (1 + flips)
-    low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
     return EffectSize(
         estimate=float(np.sqrt(max(0.0, statistic - noise))),
-        low=low if p_value < level else 0.0,
-        high=below(typical, level / 2.0),
-        upper_bound=below(typical, level),
-        detectable=_detectable(draws, level, power, generator),
+        low=low**2 / (low + shift) if p_value < level and low > 0.0 else 0.0,
+        high=below(typical, level / 2.0, 0.0) + shift,
+        upper_bound=below(typical, level, 0.0) + shift,
+        detectable=_detectable(null, draws, level, power, generator) + shift,
         p_value=p_value,
     )
 
 
-def landings_needed(landings: int, detectable: float, difference: float) -> int:
-    """Return how many landings show a difference as surely as these do the detectable one."""
-    return int(np.ceil(landings * (detectable / difference) ** 2))
+def landings_needed(landings: int, detectable: float, difference: float, feet: int) -> int:
+    """Return how many landings show a difference as surely as these do the detectable one.
+
+    Errors fall with the root of the number of landings; but it takes so many as second-order terms.
+    """
+    least = LANDINGS_PER_TERM * number_of_free_terms(8, feet, 2) / WINDOW
+    return int(np.ceil(max(least, landings * (detectable / difference) ** 2)))
 
 
 def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:
@@ -272,20 +294,22 @@ def _draws(fit: KinkFit, root: FloatArray, count: int, generator: np.random.Gene
     normal = generator.standard_normal((count, len(root)))
     missed = normal @ symmetric_root(root @ fit.curvature @ root.T)
     null, full = np.split(sums, 2, axis=1)
-    return _Draws(null + missed, full + missed)
+    return _Draws(null, full, missed)
 
 
-def _detectable(draws: _Draws, level: float, power: float, generator: np.random.Generator) -> float:
+def _detectable(
+    null: FloatArray, draws: _Draws, level: float, power: float, generator: np.random.Generator
+) -> float:
     """Return the size at which the test finds kinks in random directions with this power."""
-    threshold = float(np.quantile(np.sum(draws.null**2, axis=1), 1.0 - level))
+    threshold = float(np.quantile(null, 1.0 - level))
     directions = generator.standard_normal(draws.null.shape)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
 
-    def missed(size: float) -> float:
-        statistic = np.sum((draws.null + size * directions) ** 2, axis=1)
+    def too_small(size: float) -> float:
+        statistic = np.sum((draws.null + draws.missed + size * directions) ** 2, axis=1)
         return float(np.mean(statistic <= threshold)) - (1.0 - power)
 
-    return _crossing(missed)
+    return _crossing(too_small)
 
 
 def _crossing(decreasing: Callable[[float], float]) -> float:

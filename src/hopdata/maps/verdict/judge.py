@@ -47,8 +47,8 @@ class Verdict:
         is no answer.
     compared
         Whose maps were compared, in words.
-    n_landings, n_window
-        Landings used, and how many of them, nearest to the simultaneous contact, were fitted.
+    n_feet, n_landings, n_window
+        Feet; landings used, and how many of them, nearest to the simultaneous contact, were fitted.
     confidence, margin, power
         Of the interval, the difference that the study wants to exclude, and the power with which
         the detectable one would have been found.
@@ -66,6 +66,7 @@ class Verdict:
     sentence: str
     outlook: str
     compared: str
+    n_feet: int
     n_landings: int
     n_window: int
     confidence: float
@@ -156,6 +157,7 @@ def judge(
     known = np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))
     notes = _unknown_notes(known)
     asked: dict[str, Any] = {
+        "n_feet": parts[2].shape[1],
         "n_landings": int(known.sum()),
         "confidence": confidence,
         "margin": margin,
@@ -180,7 +182,7 @@ def judge(
         flips=flips,
     )
     conclusion = conclude(effect, margin)
-    needed = landings_needed(asked["n_landings"], effect.detectable, ASKED)
+    needed = landings_needed(asked["n_landings"], effect.detectable, ASKED, asked["n_feet"])
     return Verdict(
         conclusion,
         sentence(conclusion, effect, what, confidence, margin),

@@ -36,7 +36,7 @@ from hopdata.maps.verdict.inputs import SectionLandings
 #: Share of the landings, those of least contact spread, that the fit takes.
 WINDOW = 0.71
 #: How often the variance of the shrunk terms is counted: orders that are not fitted come on top.
-CURVATURE_COUNT = 3.0
+CURVATURE_COUNT = 1.5
 
 _STEPS = 40  # of the fixed-point iteration for the variances
 _NONE = 1e-7  # ratio of variances that counts as zero

@@ -1,0 +1,111 @@
+"""Size, interval, bound and what is detectable, where the error of the kinks is known."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from hopdata.maps.verdict.effect import contrasts, effect_size, landings_needed, relative_size
+from hopdata.maps.verdict.model import KinkFit
+
+KINKS, OUTPUTS, LANDINGS = 2, 4, 150
+WEIGHTS = np.linspace(0.5, 2.0, KINKS * OUTPUTS)  # errors of the kinks, which are not alike
+
+
+def fit(size, seed, curvature=0.0):
+    """Kinks of this size seen with an error that the landings' contributions make up."""
+    rng = np.random.default_rng(seed)
+    scores = WEIGHTS * rng.standard_normal((LANDINGS, len(WEIGHTS))) / np.sqrt(LANDINGS)
+    direction = rng.standard_normal(len(WEIGHTS))
+    error = scores.sum(axis=0) + np.sqrt(curvature) * rng.standard_normal(len(WEIGHTS))
+    found = size * direction / np.linalg.norm(direction) + error
+    return KinkFit(
+        coefficients=found.reshape(KINKS, OUTPUTS),
+        linear=np.zeros((8, OUTPUTS)),
+        scores=scores,
+        null_scores=scores,
+        curvature=curvature * 1.5 * np.eye(len(WEIGHTS)),
+        seen=np.eye(KINKS),
+        rows=np.arange(LANDINGS),
+    )
+
+
+def sizes(size, curvature=0.0, count=150):
+    root = np.eye(len(WEIGHTS))
+    return [
+        effect_size(
+            fit(size, seed, curvature), root, generator=np.random.default_rng(seed),
+            confidence=0.95, power=0.8, flips=199,
+        )
+        for seed in range(count)
+    ]  # fmt: skip
+
+
+def share(holds):
+    return np.mean(list(holds))
+
+
+def test_false_alarms_are_as_rare_as_said():
+    found = sizes(0.0)
+    assert share(effect.low > 0 for effect in found) <= 0.1  # 0.05 expected, 0.1 in one of 200
+    assert share(effect.p_value <= 0.2 for effect in found) >= 0.1
+
+
+@pytest.mark.parametrize("size", [3.0, 6.0, 12.0])
+@pytest.mark.parametrize("curvature", [0.0, 0.5])
+def test_interval_and_bound_hold_the_size(size, curvature):
+    found = sizes(size, curvature, count=80)
+    assert share(effect.low <= size <= effect.high for effect in found) >= 0.9
+    assert share(size <= effect.upper_bound for effect in found) >= 0.9
+
+
+def test_the_detectable_size_is_found_as_often_as_said():
+    size = float(np.median([effect.detectable for effect in sizes(0.0, count=20)]))
+    assert 0.7 < share(effect.low > 0 for effect in sizes(size)) < 0.9
+
+
+def test_the_estimate_is_right_on_average():
+    squares = [effect.estimate**2 for effect in sizes(10.0)]
+    assert np.sqrt(np.mean(squares)) == pytest.approx(10.0, rel=0.03)
+
+
+def test_the_interval_is_in_order_and_clear_of_zero_with_the_test():
+    for effect in [*sizes(0.0, count=40), *sizes(3.0, count=40)]:
+        assert effect.low <= effect.high
+        assert effect.upper_bound <= effect.high
+        assert (effect.low > 0) == (effect.p_value < 0.05)
+
+
+def test_half_the_difference_takes_four_times_the_landings():
+    assert landings_needed(1000, 0.2, 0.1, 3) == 4000
+    assert landings_needed(1000, 0.2, 0.9, 3) == 180  # those of second-order terms
+
+
+def test_of_three_feet_each_pair_of_orders_is_compared():
+    orders = np.array(list(permutations(range(3))))
+    differences, mean = contrasts(orders, np.ones(6))
+    assert differences.shape == (15, 6)
+    assert np.allclose(differences.sum(axis=1), 0)
+    assert np.allclose(mean, 1 / 6)
+
+
+def test_of_more_feet_each_two_are_compared_as_they_occur():
+    orders = np.array([[0, 1, 2, 3], [1, 0, 2, 3], [3, 2, 1, 0]])
+    differences, mean = contrasts(orders, np.array([60, 30, 25]))
+    assert np.allclose(mean, np.array([60, 30, 25]) / 115)
+    first = differences[0]  # foot 0 before foot 1, or after it
+    assert np.allclose(first, [1.0, -30 / 55, -25 / 55])
+    assert np.allclose(differences[1], [60 / 90, 30 / 90, -1.0])  # 0 before 2
+    rare = contrasts(orders, np.array([60, 30, 19]))[0]
+    assert len(rare) == 1, "only feet 0 and 1 exchange their order in 20 landings or more"
+
+
+def test_known_maps_have_the_size_that_the_formula_says():
+    rng = np.random.default_rng(2)
+    mean, change = rng.standard_normal((2, 11, 8))
+    maps = np.array([mean + change / 2, mean - change / 2])
+    weights = contrasts(np.array([[0, 1], [1, 0]]), np.ones(2))
+    parts = [np.sum(change[k] ** 2) / np.sum(mean[k] ** 2) for k in (slice(5), slice(5, 11))]
+    assert relative_size(maps, weights) == pytest.approx(np.sqrt(np.mean(parts)))
+    units = np.repeat([1e3, 1e-2], [5, 6])[:, None]
+    assert relative_size(units * maps, weights) == pytest.approx(np.sqrt(np.mean(parts)))
