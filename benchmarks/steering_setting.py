@@ -169,7 +169,7 @@ def spline_change_and_slope(coefficients, limit, angle, swing, value, gradient):
 
 
 @kept_njit(error_model="numpy")
-def spline_change_and_basis_slopes(coefficients, limit, angles, swings):  # type: ignore[no-untyped-def]
+def spline_change_and_slopes(coefficients, limit, angles, swings):  # type: ignore[no-untyped-def]
     """Return values (n, 3) and gradients (n, 3, 2); see `spline_change_and_slope`."""
     n = len(angles)
     values, gradients = np.empty((n, 3)), np.empty((n, 3, 2))
