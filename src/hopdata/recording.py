@@ -81,17 +81,13 @@ class Recording:
         n_frames, n_markers = len(self.time), len(self.markers)
         if self.time.ndim != 1:
             raise ValueError(f"time: expected shape (N,), found {self.time.shape}")
-        if self.positions.shape != (n_frames, n_markers, 3):
-            raise ValueError(
-                f"positions: expected shape {(n_frames, n_markers, 3)}, "
-                f"found {self.positions.shape}"
-            )
         if len(self.roles) != n_markers:
             raise ValueError(f"roles: expected {n_markers} entries, found {len(self.roles)}")
-        if self.filled is not None and self.filled.shape != (n_frames, n_markers):
-            raise ValueError(
-                f"filled: expected shape {(n_frames, n_markers)}, found {self.filled.shape}"
-            )
+        shapes = {"positions": (n_frames, n_markers, 3), "filled": (n_frames, n_markers)}
+        for name, expected in shapes.items():
+            values = getattr(self, name)
+            if values is not None and values.shape != expected:
+                raise ValueError(f"{name}: expected shape {expected}, found {values.shape}")
 
     def indices(self, role: str) -> list[int]:
         """Return indices of the markers with this role, in order."""
@@ -162,8 +158,7 @@ SAMPLE_FRAMES = 2000
 
 def fraction_seen(recording: Recording) -> FloatArray:
     """Fraction of the frames in which each marker was seen, (M,)."""
-    fraction: FloatArray = (~np.isnan(recording.positions).any(axis=2)).mean(axis=0)
-    return fraction
+    return np.asarray((~np.isnan(recording.positions).any(axis=2)).mean(axis=0))
 
 
 def extent(positions: FloatArray) -> float:
@@ -194,8 +189,7 @@ def body_over_feet(recording: Recording) -> FloatArray:
     difference = difference[~np.isnan(difference).any(axis=1)]
     if not len(difference):
         return np.full(3, np.nan)
-    offset: FloatArray = np.median(difference, axis=0)
-    return offset
+    return np.asarray(np.median(difference, axis=0))
 
 
 def sampled(positions: FloatArray) -> FloatArray:

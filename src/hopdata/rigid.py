@@ -175,10 +175,8 @@ def kabsch(centred: FloatArray, shape: FloatArray) -> FloatArray:
     Least squares over proper rotations (Kabsch 1976); both are centred.
     """
     left, _, right = np.linalg.svd(np.einsum("nbi,bj->nij", centred, shape))
-    handed = np.sign(np.linalg.det(left @ right))
-    left[:, :, 2] *= handed[:, None]
-    rotation: FloatArray = left @ right
-    return rotation
+    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
+    return np.asarray(left @ right)
 
 
 def twists(rotation: FloatArray) -> FloatArray:
