@@ -33,7 +33,7 @@ import numpy as np
 import pandas as pd
 from machine import quartiles
 from numpy.typing import ArrayLike
-from steering_setting import random_excitation, regressor_of
+from steering_setting import change_and_gradient, random_excitation, regressor_of
 
 from hopdata.arrays import FloatArray
 from hopdata.rigid import wrapped
@@ -385,8 +385,8 @@ def tabulation_errors(
     angle = rng.uniform(0, 2 * np.pi, points)
     swings = rng.uniform(-table.swing_limit_rad, table.swing_limit_rad, (d - 1, points))
     here, there = (
-        table.change_and_gradient(angle, *swings),
-        model.change_and_gradient(angle, *swings),
+        change_and_gradient(table, angle, *swings),
+        change_and_gradient(model, angle, *swings),
     )
     value, gradient = (np.abs(a - b) for a, b in zip(here, there, strict=True))
     return value.max(axis=0), gradient.max(axis=(0, 2))
@@ -404,8 +404,8 @@ def cost_rows(hops: FrameChanges, other: FrameChanges, seed: int) -> Iterator[di
             points = np.resize(process_inputs(other.used(), "none"), (n, 2))
             columns = points.T.copy()
             runs: dict[str, Callable[[], object]] = {
-                "closed form": lambda p=process, c=columns: p.change_and_gradient(*c),
-                "table": lambda t=table, c=columns: t.change_and_gradient(*c),
+                "closed form": lambda p=process, c=columns: change_and_gradient(p, *c),
+                "table": lambda t=table, c=columns: change_and_gradient(t, *c),
                 "closed form, sd": lambda p=process, c=columns: p.sd(*c),
                 "scikit-learn, mean": lambda r=regressors, p=process, x=points: sklearn_change(
                     r, p, x

@@ -9,6 +9,10 @@ lengths) against a reference in more digits than a double (of arc lengths the fi
 against singular values, which are good to 1e-14); `times_faster` is the method's time over
 ours. All run in one thread, and times are the processor's, but for all pairs of a study, which take
 every core: there `each_us` is from the clock.
+
+Beside it: `<table>_noise.csv`, how six distances between equal subspaces answer to noise, and
+`<table>_readings.csv`, the arc lengths of noised identities in every reading of a "signal-to-noise
+ratio of 10".
 """
 
 from __future__ import annotations
@@ -16,18 +20,21 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, TextIO
 
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
+import pandas as pd
 from machine import quartiles
 
 from hopdata.maps.affine import affine_test_errors, mean_test_errors
 from hopdata.maps.draws import distinct_draws, named_generator
-from hopdata.maps.subspaces.grassmann import arc_length, orthonormalised
+from hopdata.maps.subspaces.grassmann import arc_length, orthonormalised, principal_angles
 
 OURS, SKLEARN = "hopdata", "scikit-learn LinearRegression, loop"
 Methods = dict[str, Callable[..., np.ndarray]]
@@ -38,6 +45,8 @@ POPULATIONS = (477, 477, 477, 477, 476, 476, 1430, 2860, 1430)
 EXACT_FITS, EXACT_PAIRS = 10, 5
 #: The peers' loops take as long for each pair of a few as of many.
 FEW_PAIRS = 1000
+#: Dimensions of the space of pairs and of the subspaces in the dissertation's data set.
+SHAPE = (34, 17)
 COLUMNS = (
     *("problem", "method", "size", "each_us", "each_us_q25", "each_us_q75"),
     *("error", "times_faster"),
@@ -52,6 +61,9 @@ def main() -> None:
     options = parser.parse_args()
     rows = [*regressions(options.bootstraps), *lengths(options.pairs)]
     if options.out:
+        out = Path(options.out)
+        for name, measure in (("noise", noise_sensitivity), ("readings", snr_readings)):
+            measure(SHAPE, seed=1).to_csv(out.with_name(f"{out.stem}_{name}.csv"), index=False)
         with open(options.out, "w", newline="", encoding="utf-8") as file:
             write(rows, file)
     else:
@@ -240,6 +252,222 @@ def exact_arc_lengths(a: np.ndarray, b: np.ndarray) -> np.ndarray:
             angles = [mpmath.atan2(s, c) for s, c in zip(sines, cosines, strict=True)]
             lengths.append(float(mpmath.norm(angles)))
     return np.array(lengths)
+
+
+# How distances between subspaces answer to noise, and what "a signal-to-noise ratio of 10" is.
+#
+# The dissertation takes the arc length since, of the distances that Edelman, Arias and Smith (1998)
+# collate, it is the most sensitive to noise (Sec. 2.2.4): one that makes equal but noisy subspaces
+# look far apart has the better right to call two schedules alike. Here equal subspaces get more and
+# more noise, and two things are measured of each distance: how large it is, and how well a single
+# value tells one level of noise from twice that level.
+
+# That ratio the dissertation does not explain (Sec. 2.3): neither what is noised, nor how it is
+# counted. `READINGS` has every way to read it; the one taken for Fig. 2.5 gives distances like the
+# printed ones.
+
+# Powers of the ratio, and of the number of rows, by which the noise of an entry goes.
+RATIOS = {"amplitude": -1.0, "power": -0.5}
+SIGNALS = {"entry": 0.0, "matrix": -0.5}
+#: The signal-to-noise ratio that is printed.
+PRINTED_SNR = 10.0
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to read "a signal-to-noise ratio of 10".
+
+    Attributes
+    ----------
+    ratio
+        ``amplitude``: the noise is 1/10 of the signal; ``power``: 1/10 of its power, or 10 dB.
+    signal
+        ``entry``: the ones of the identity; ``matrix``: the rms of all its entries, zeros
+        included, so that the ratio is that of Frobenius norms (or of the norms of columns).
+    noised
+        How many of the two matrices of a pair have noise.
+    """
+
+    ratio: str
+    signal: str
+    noised: int
+
+    def noise_sd(self, shape: tuple[int, int], snr: float = PRINTED_SNR) -> float:
+        """Return the sd of the noise on each entry of a (D, k) identity."""
+        level = snr ** RATIOS[self.ratio]
+        return level * shape[0] ** SIGNALS[self.signal]
+
+
+READINGS = tuple(
+    Reading(ratio, signal, noised) for ratio in RATIOS for signal in SIGNALS for noised in (2, 1)
+)
+#: Noise of sd 0.1 on every entry of both matrices: the reading of Fig. 2.5.
+PRINTED_READING = READINGS[0]
+
+
+def noised_identities(
+    generator: np.random.Generator,
+    shape: tuple[int, int],
+    count: int,
+    noise_sd: float,
+    noised: int = 2,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (count, D, k) bases of pairs of identities with normal noise on each entry.
+
+    Of a pair, `noised` have noise, independent of each other; both are orthonormalised.
+    """
+    noise = noise_sd * generator.standard_normal((2, count, *shape))
+    noise[noised:] = 0.0
+    a, b = orthonormalised(np.eye(*shape) + noise)
+    return a, b
+
+
+# The distances between subspaces that Edelman, Arias and Smith (1998, Sec. 4.3) collate.
+#
+# All are functions of the principal angles. In the names of that paper; others call the chordal
+# F-norm the Procrustes distance (the least ``norm(a q - b)`` over rotations q), the projection
+# F-norm the chordal distance, and the projection 2-norm the gap.
+
+
+def arc_length_of(angles: np.ndarray) -> np.ndarray:
+    """Return the geodesic distance, the 2-norm of the angles, rad."""
+    return _norm(angles)
+
+
+def fubini_study(angles: np.ndarray) -> np.ndarray:
+    """Return the angle between the subspaces' exterior products, acos of the product of cosines.
+
+    From ``1 - prod(cos^2)`` by logarithms, so that small angles keep their digits.
+    """
+    with np.errstate(divide="ignore"):  # a right angle: minus infinity, of which exp is zero
+        logarithm = np.sum(np.log1p(-(np.sin(angles) ** 2)), axis=-1)
+    return np.arctan2(np.sqrt(-np.expm1(logarithm)), np.exp(logarithm / 2))
+
+
+def chordal_2(angles: np.ndarray) -> np.ndarray:
+    """Return the least 2-norm of the difference of two orthonormal bases."""
+    return np.asarray(2 * np.sin(angles.max(axis=-1) / 2))
+
+
+def chordal_f(angles: np.ndarray) -> np.ndarray:
+    """Return the least Frobenius norm of the difference of two orthonormal bases (Procrustes)."""
+    return 2 * _norm(np.sin(angles / 2))
+
+
+def projection_2(angles: np.ndarray) -> np.ndarray:
+    """Return the 2-norm of the difference of the projections, the sine of the largest angle."""
+    return np.asarray(np.sin(angles.max(axis=-1)))
+
+
+def projection_f(angles: np.ndarray) -> np.ndarray:
+    """Return the Frobenius norm of the difference of the projections over the root of two."""
+    return _norm(np.sin(angles))
+
+
+#: Name -> function of (..., k) principal angles in rad, as `principal_angles` finds them.
+DISTANCES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "arc_length": arc_length_of,
+    "chordal_f": chordal_f,
+    "projection_f": projection_f,
+    "fubini_study": fubini_study,
+    "chordal_2": chordal_2,
+    "projection_2": projection_2,
+}
+
+
+def _norm(values: np.ndarray) -> np.ndarray:
+    return np.asarray(np.linalg.norm(values, axis=-1))
+
+
+#: Sd of the noise on each entry, each 2^(1/2) times the last: 0.1 is one of them.
+NOISE_SDS = tuple(0.1 * 2.0 ** (step / 2) for step in range(-12, 7))
+_LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
+
+
+def noise_sensitivity(
+    shape: tuple[int, int],
+    *,
+    seed: int,
+    pairs: int = 400,
+    noise_sds: Sequence[float] = NOISE_SDS,
+) -> pd.DataFrame:
+    """Measure each distance between equal subspaces with more and more noise.
+
+    Parameters
+    ----------
+    shape
+        (D, k) of the subspaces.
+    seed
+        Seed of the study; each level of noise has its own stream.
+    pairs
+        Pairs of noisy subspaces at each level, and of random ones.
+    noise_sds
+        Sd of the noise on each entry of both bases.
+
+    Returns
+    -------
+    DataFrame
+        One row a distance and level: ``distance, noise_sd, mean, sd, q05, q95``;
+        ``share_of_random``, the mean over that of random subspaces; and ``doubling``, the change
+        of the mean from this noise to twice as much in units of the sd (root mean square of both),
+        NaN where twice as much is not among the levels.
+    """
+    generator = named_generator(seed, "sensitivity", "random")
+    a, b = orthonormalised(generator.standard_normal((2, pairs, *shape)))
+    unrelated = principal_angles(a, b)
+    angles = {sd: _noised_angles(seed, shape, pairs, sd) for sd in noise_sds}
+    rows = []
+    for name, distance in DISTANCES.items():
+        found = {sd: distance(part) for sd, part in angles.items()}
+        scale = distance(unrelated).mean()
+        for sd, values in found.items():
+            twice = next((part for other, part in found.items() if np.isclose(other, 2 * sd)), None)
+            spread = np.quantile(values, [0.05, 0.95])
+            level = (values.mean(), values.std(ddof=1), *spread, values.mean() / scale)
+            rows.append((name, sd, *level, np.nan if twice is None else _separation(values, twice)))
+    columns = ("distance", "noise_sd", "mean", "sd", "q05", "q95", "share_of_random", "doubling")
+    return pd.DataFrame(rows, columns=list(columns))
+
+
+def snr_readings(shape: tuple[int, int], *, seed: int, pairs: int = 1000) -> pd.DataFrame:
+    """Measure the arc lengths of the two baselines, the noised identity in every reading.
+
+    Returns
+    -------
+    DataFrame
+        One row a reading, and one of random subspaces: ``kind, ratio, signal, noised, noise_sd,
+        printed, mean, mean_se, sd, q05, q25, median, q75, q95``, lengths in rad; ``printed`` marks
+        the reading of Fig. 2.5.
+    """
+    rows = []
+    for reading in READINGS:
+        names = (reading.ratio, reading.signal, str(reading.noised))
+        sd = reading.noise_sd(shape)
+        generator = named_generator(seed, "snr", *names)
+        lengths = arc_length(*noised_identities(generator, shape, pairs, sd, reading.noised))
+        known = ("noised_identity", *names, sd, reading == PRINTED_READING)
+        rows.append((*known, *_summary(lengths)))
+    generator = named_generator(seed, "snr", "random")
+    lengths = arc_length(*orthonormalised(generator.standard_normal((2, pairs, *shape))))
+    rows.append(("random", "", "", "", np.nan, False, *_summary(lengths)))
+    columns = ("kind", "ratio", "signal", "noised", "noise_sd", "printed")
+    levels = ("mean", "mean_se", "sd", "q05", "q25", "median", "q75", "q95")
+    return pd.DataFrame(rows, columns=[*columns, *levels])
+
+
+def _noised_angles(seed: int, shape: tuple[int, int], pairs: int, noise_sd: float) -> np.ndarray:
+    generator = named_generator(seed, "sensitivity", f"{noise_sd:.9g}")
+    return principal_angles(*noised_identities(generator, shape, pairs, noise_sd))
+
+
+def _separation(values: np.ndarray, twice: np.ndarray) -> float:
+    spread = np.sqrt((values.var(ddof=1) + twice.var(ddof=1)) / 2)
+    return float((twice.mean() - values.mean()) / spread)
+
+
+def _summary(values: np.ndarray) -> tuple[float, ...]:
+    spread = values.std(ddof=1)
+    return (values.mean(), spread / len(values) ** 0.5, spread, *np.quantile(values, _LEVELS))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,6 @@ from hopdata.landings.contacts import kink_law as kink_recording
 from hopdata.landings.sections import select as sections
 from hopdata.landings.states import assemble as pair_assembly
 from hopdata.landings.states import fits as states
-from hopdata.maps.subspaces import grassmann as baselines
 from hopdata.maps.truth import landings as landing_scores
 from hopdata.recordings import (
     external as external_contacts,
@@ -132,11 +131,6 @@ ASKED = {
         lambda name: tasks.board_for(name, np.zeros(3), drag_n=1.0, ahead_m=1.0),
     ),
     "history": (models.HISTORIES, lambda name: models.process_inputs(ANY, name)),
-    "ratio": (baselines.RATIOS, lambda name: baselines.Reading(name, "entry", 2).noise_sd((3, 2))),
-    "signal": (
-        baselines.SIGNALS,
-        lambda name: baselines.Reading("power", name, 2).noise_sd((3, 2)),
-    ),
     "conclusion": (answer.CONCLUSIONS, lambda name: answer.sentence(name, ANY, "", 0.95, 0.1)),
     "conclusion in short": (
         answer.CONCLUSIONS,

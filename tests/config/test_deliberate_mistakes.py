@@ -105,9 +105,9 @@ ADDED = {
         "distance: {pairs: 30}",
         "8: distance: expected a known key, found 'distance'; did you mean 'distances'?",
     ),
-    "distances: a word for a truth value": (
-        "distances: {sensitivity: 'yes'}",
-        "8: distances.sensitivity: expected true or false, found 'yes'",
+    "floor: a word for a truth value": (
+        "floor: {enabled: 'yes'}",
+        "8: floor.enabled: expected true or false, found 'yes'",
     ),
     "touchdowns: a number for a choice": (
         "touchdowns: {gravity: 9.81}",

@@ -452,7 +452,7 @@ STAGES = {
     "units": ("hopdata.maps.units", "choose_units", set()),
     "prediction": ("hopdata.maps.prediction", "bootstrap_prediction", set()),
     "subspaces": ("hopdata.maps.subspaces.constraint", "bootstrap_subspaces", set()),
-    "distances": ("hopdata.maps.subspaces.distances", "measure_distances", {"sensitivity"}),
+    "distances": ("hopdata.maps.subspaces.distances", "measure_distances", set()),
     "scaling_study": ("hopdata.synthesis.scaling", "study_landings", set()),
     "figures": ("hopdata.figures.style", "save_figure", set()),
 }

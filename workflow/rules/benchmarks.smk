@@ -12,7 +12,7 @@ BENCHMARK_TABLES = {
     "first_order": ["first_order.csv"],
     "contact_instants": ["contact_instants.csv"],
     "velocities": ["velocities.csv"],
-    "maps": ["maps.csv"],
+    "maps": ["maps.csv", "maps_noise.csv", "maps_readings.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
     "verdict_power": ["verdict_power.csv", "verdict_studies.csv"],
     "study_cost": ["study_cost.csv", "study_cost_stages.csv"],

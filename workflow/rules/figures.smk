@@ -1,6 +1,5 @@
 # A rule for each kind of figure that this study has; `hopdata.figures.catalogue` says what is drawn.
 KINDS = ["landings", "maps"]
-KINDS += ["sensitivity"] if STUDY["distances"]["sensitivity"] else []
 KINDS += ["truth"] if SIMULATED else []
 KINDS += ["overlay"] if EXTERNAL else []
 # On the page the answer comes first, then the dissertation's figures.

@@ -29,14 +29,6 @@ rule distances:
     input:
         pairs=rules.pairs.output.pairs,
     output:
-        **(
-            {
-                "sensitivity": f"{RESULTS}/tables/distance_sensitivity.csv",
-                "readings": f"{RESULTS}/tables/snr_readings.csv",
-            }
-            if STUDY["distances"]["sensitivity"]
-            else {}
-        ),
         distances=f"{RESULTS}/tables/distances.csv",
         summary=f"{RESULTS}/tables/distance_summary.csv",
         notes=f"{RESULTS}/maps/distances_notes.json",
@@ -49,8 +41,7 @@ rule distances:
         **needs(mb_a_mb=60, minutes=30),
     params:
         subspaces=STUDY["subspaces"],
-        options={k: v for k, v in STUDY["distances"].items() if k != "sensitivity"},
-        sensitivity=STUDY["distances"]["sensitivity"],
+        options=STUDY["distances"],
         seed=STUDY["seed"],
         code=code("distances"),
     script:

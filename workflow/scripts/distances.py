@@ -3,7 +3,7 @@
 from hopdata.jobs import reported, write_json, write_table
 from hopdata.landings.states.pairs import read_pairs
 from hopdata.maps.subspaces.constraint import bootstrap_subspaces
-from hopdata.maps.subspaces.distances import measure_distances, noise_sensitivity, snr_readings
+from hopdata.maps.subspaces.distances import measure_distances
 
 with reported(snakemake.log[0]):
     pairs, params, output = read_pairs(snakemake.input.pairs), snakemake.params, snakemake.output
@@ -14,6 +14,3 @@ with reported(snakemake.log[0]):
     write_table(output.distances, study.distances)
     write_table(output.summary, study.summary)
     write_json(output.notes, subspaces.notes + study.notes)
-    if params.sensitivity:
-        write_table(output.sensitivity, noise_sensitivity(subspaces.shape, seed=params.seed))
-        write_table(output.readings, snr_readings(subspaces.shape, seed=params.seed))

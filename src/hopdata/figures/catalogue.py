@@ -82,12 +82,6 @@ FIGURES: dict[str, dict[str, Drawing]] = {
             "maps:matrices_figure", _table("map_estimates"), truth=_table("exact_map")
         ),
     },
-    "sensitivity": {
-        "distance_sensitivity": Drawing(
-            "distances:sensitivity_figure",
-            _table("distance_sensitivity", "snr_readings", "distance_summary"),
-        )
-    },
     "truth": {
         "map_errors": Drawing("maps:map_errors_figure", _table("map_errors")),
         "scaling_study": Drawing("maps:scaling_study_figure", _table("scaling_study")),

@@ -20,15 +20,13 @@ RANK_TOLERANCE = 1e-11
 _BLOCK_ROWS = 256
 
 
-def pooled_basis(x: FloatArray, *, rank_tolerance: float = RANK_TOLERANCE) -> FloatArray:
+def pooled_basis(x: FloatArray) -> FloatArray:
     """Return the whitened design of a population: a column of ones, then the input directions.
 
     Parameters
     ----------
     x
         (n, p) inputs.
-    rank_tolerance
-        See `RANK_TOLERANCE`.
 
     Returns
     -------
@@ -37,7 +35,7 @@ def pooled_basis(x: FloatArray, *, rank_tolerance: float = RANK_TOLERANCE) -> Fl
     """
     x = np.asarray(x, float)
     scale = column_scales(x)
-    _, values, right = truncated_svd(_triangle((x - x.mean(0)) / scale), rank_tolerance)
+    _, values, right = truncated_svd(_triangle((x - x.mean(0)) / scale))
     directions = right.T / values / scale[:, None]
     spread = row_product(x - x.mean(0), directions)
     spread -= spread.mean(0)
@@ -67,12 +65,10 @@ def _blocks(count: int) -> list[slice]:
     return [slice(first, first + _BLOCK_ROWS) for first in range(0, count, _BLOCK_ROWS)]
 
 
-def truncated_svd(
-    matrix: FloatArray, rank_tolerance: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def truncated_svd(matrix: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return U, s, Vt without the singular values that count as zero."""
     left, values, right = np.linalg.svd(matrix, full_matrices=False)
-    rank = int(np.sum(values > rank_tolerance * values[0])) if values.size else 0
+    rank = int(np.sum(values > RANK_TOLERANCE * values[0])) if values.size else 0
     return left[:, :rank], values[:rank], right[:rank]
 
 
@@ -113,17 +109,13 @@ class AffineMap:
         return np.asarray(x, float) @ self.coefficients + self.intercept
 
 
-def fit_affine(
-    x: FloatArray, y: FloatArray, *, rank_tolerance: float = RANK_TOLERANCE
-) -> AffineMap:
+def fit_affine(x: FloatArray, y: FloatArray) -> AffineMap:
     """Fit one affine map by ordinary least squares.
 
     Parameters
     ----------
     x, y
         (n, p) inputs and (n, q) outputs; all finite.
-    rank_tolerance
-        See `RANK_TOLERANCE`.
 
     Raises
     ------
@@ -132,7 +124,7 @@ def fit_affine(
     """
     x, y = checked(x, y)
     scale = column_scales(x)
-    left, values, right = truncated_svd((x - x.mean(0)) / scale, rank_tolerance)
+    left, values, right = truncated_svd((x - x.mean(0)) / scale)
     scaled = right.T @ ((left.T @ (y - y.mean(0))) / values[:, None])
     # Of the maps that agree on the data, the one without a part that the inputs never excite.
     excited = np.linalg.qr(right.T * np.where(np.isfinite(scale), scale, 0.0)[:, None])[0]
@@ -140,9 +132,7 @@ def fit_affine(
     return AffineMap(coefficients, y.mean(0) - x.mean(0) @ coefficients, len(values))
 
 
-def leave_one_out_residuals(
-    x: FloatArray, y: FloatArray, *, rank_tolerance: float = RANK_TOLERANCE
-) -> FloatArray:
+def leave_one_out_residuals(x: FloatArray, y: FloatArray) -> FloatArray:
     """Return the (n, q) errors of predicting each row from an affine fit to all the others.
 
     Uses the leverages of the full fit, so nothing is refitted (Allen's PRESS residuals).
@@ -155,7 +145,7 @@ def leave_one_out_residuals(
         If some row alone decides a direction of the fit, so that the others cannot predict it.
     """
     x, y = checked(x, y)
-    design = pooled_basis(x, rank_tolerance=rank_tolerance) / np.sqrt(len(x))
+    design = pooled_basis(x) / np.sqrt(len(x))
     slack = 1.0 - np.sum(design**2, axis=1)
     if slack.min() < 1e-10:
         raise AnalysisError(
@@ -165,14 +155,7 @@ def leave_one_out_residuals(
     return (y - design @ (design.T @ y)) / slack[:, None]
 
 
-def affine_test_errors(
-    x: FloatArray,
-    y: FloatArray,
-    train: IntArray,
-    test: IntArray,
-    *,
-    rank_tolerance: float = RANK_TOLERANCE,
-) -> FloatArray:
+def affine_test_errors(x: FloatArray, y: FloatArray, train: IntArray, test: IntArray) -> FloatArray:
     """Fit an affine map to each training set and return its mean squared test errors.
 
     Parameters
@@ -180,10 +163,9 @@ def affine_test_errors(
     x, y
         (n, p) inputs and (n, q) outputs of the population; all finite.
     train, test
-        (R, m) and (R, t) row numbers of each replicate.
-    rank_tolerance
-        See `RANK_TOLERANCE`. A direction that the whole population lacks plays no part; one
-        that only a training set lacks gets the minimum-norm solution in the units of `x`.
+        (R, m) and (R, t) row numbers of each replicate. A direction that the whole population
+        lacks plays no part; one that only a training set lacks gets the minimum-norm solution in
+        the units of `x`.
 
     Returns
     -------
@@ -198,7 +180,7 @@ def affine_test_errors(
         If a row number is not one of the population.
     """
     x, y = checked(x, y)
-    design = pooled_basis(x, rank_tolerance=rank_tolerance)
+    design = pooled_basis(x)
     # What the pooled fit explains is exact in every replicate; fit only what it leaves.
     centred = y - y.mean(0)
     residual = centred - row_product(design, cross_product(design, centred) / len(x))

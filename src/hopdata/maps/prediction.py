@@ -14,7 +14,6 @@ sample size.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -240,7 +239,9 @@ def bootstrap_prediction(
         generator = named_generator(seed, "prediction", population.name)
         splits = distinct_draws(generator, len(population.rows), sizes, bootstraps)
         inputs, outputs = x[population.rows], y[population.rows]
-        for model in _models_of(population, sizes[0], needed):
+        for model, kind in MODELS.items():
+            if kind != population.kind or (sizes[0] < needed and model != "mean"):
+                continue
             if model in ("specialised_mean", "mean"):
                 errors = mean_test_errors(outputs, *splits)
             else:
@@ -324,12 +325,6 @@ _COLUMNS = (
 )
 
 
-def _models_of(population: Population, fitted: int, needed: int) -> Iterator[str]:
-    for model, kind in MODELS.items():
-        if kind == population.kind and (fitted >= needed or model == "mean"):
-            yield model
-
-
 def _rows(
     model: str,
     population: Population,
@@ -343,18 +338,11 @@ def _rows(
 
     half = errors.shape[1] // 2
     position, velocity = errors[:, :half], errors[:, half:]
-    worst_position = 1e3 * length_unit_m * np.sqrt(position.max(axis=1))
-    worst_velocity = length_unit_m / time_unit_s * np.sqrt(velocity.max(axis=1))
     values = (
-        model,
-        population.schedule,
-        np.arange(len(errors)),
-        *sizes,
-        errors.mean(axis=1),
-        position.mean(axis=1),
-        velocity.mean(axis=1),
-        worst_position,
-        worst_velocity,
+        *(model, population.schedule, np.arange(len(errors)), *sizes),
+        *(part.mean(axis=1) for part in (errors, position, velocity)),
+        1e3 * length_unit_m * np.sqrt(position.max(axis=1)),
+        length_unit_m / time_unit_s * np.sqrt(velocity.max(axis=1)),
     )
     return pd.DataFrame(dict(zip(_COLUMNS, values, strict=True)))
 
@@ -365,6 +353,5 @@ def _table(frames: list[pd.DataFrame]) -> pd.DataFrame:
 
     if not frames:
         return pd.DataFrame(columns=list(_COLUMNS))
-    order = list(MODELS)
-    frames = sorted(frames, key=lambda frame: order.index(frame["model"].iloc[0]))
+    frames = sorted(frames, key=lambda frame: list(MODELS).index(frame["model"].iloc[0]))
     return pd.concat(frames, ignore_index=True)

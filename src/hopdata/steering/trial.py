@@ -254,6 +254,7 @@ def _whole(robot: plant.SteeredHopper, apex: plant.Apex, swing_rad: float) -> pl
 # The trial that a model is learned from, where nobody has recorded one.
 
 NAME = "excitation"
+POSE = ["x_m", "y_m", "heading_rad"]
 
 
 @one_blas_thread()
@@ -276,37 +277,21 @@ def simulate_excitation(
         The truth: one row a stance (``frame, time_s, x_m, y_m, heading_rad, boom_angle_rad,
         follows``) and one row a frame (``time_s``, pose, ``boom_angle_rad, tilt_rad``).
     """
+    import pandas as pd
+
     camera = plant.camera_of(motion_capture)
     robot = plant.robot_of(steering["robot"], camera)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(EXCITATION,)))
     swings = eulerian_excitation(ControlGrid(**steering["excitation"]), rng).swings
     trial = record_trial(robot, swings, seed=(seed, TRIAL), camera=camera, name=NAME)
-    return trial.recording, _stances(trial), _motion(trial)
-
-
-def _stances(trial: SteeredTrial) -> pd.DataFrame:
-    import pandas as pd
-
     true = trial.stances
-    x, y, heading = true.pose.T
-    return pd.DataFrame(
-        {
-            "frame": true.frame, "time_s": true.time_s, "x_m": x, "y_m": y, "heading_rad": heading,
-            "boom_angle_rad": true.boom_angle_rad, "follows": true.follows,
-        }
-    )  # fmt: skip
-
-
-def _motion(trial: SteeredTrial) -> pd.DataFrame:
-    import pandas as pd
-
-    x, y, heading = trial.poses.T
-    return pd.DataFrame(
-        {
-            "time_s": trial.recording.time, "x_m": x, "y_m": y, "heading_rad": heading,
-            "boom_angle_rad": trial.boom_angle_rad, "tilt_rad": trial.tilt_rad,
-        }
-    )  # fmt: skip
+    stances = pd.DataFrame({"frame": true.frame, "time_s": true.time_s})
+    stances[POSE] = true.pose
+    stances = stances.assign(boom_angle_rad=true.boom_angle_rad, follows=true.follows)
+    motion = pd.DataFrame({"time_s": trial.recording.time})
+    motion[POSE] = trial.poses
+    motion = motion.assign(boom_angle_rad=trial.boom_angle_rad, tilt_rad=trial.tilt_rad)
+    return trial.recording, stances, motion
 
 
 # The true frame changes as a table, and back.

@@ -75,8 +75,6 @@ def fly_hop(
     preloads_n: FloatArray | None = None,
     frame_times_s: FloatArray | None = None,
     limit_s: float = 3.0,
-    rtol: float = RTOL,
-    atol: float = ATOL,
 ) -> Hop:
     """Integrate one hop from flight until the next apex.
 
@@ -93,8 +91,6 @@ def fly_hop(
         Times after the start at which the state is wanted, s.
     limit_s : float
         Give up if no apex has come by then, s.
-    rtol, atol : float
-        Tolerances of the integration, as for `hopdata.hybrid.solve`.
 
     Raises
     ------
@@ -111,8 +107,8 @@ def fly_hop(
         padded(state, system),
         params=scene.vector(preloads, variant),
         mode=flight_mode(system, state[8]).tolist(),
-        rtol=rtol,
-        atol=atol,
+        rtol=RTOL,
+        atol=ATOL,
         t_eval=frames[frames < limit_s],
     )
     events = solution.events

@@ -15,27 +15,9 @@ from hopdata.blas import one_blas_thread
 from hopdata.recording import Recording, Truth
 from hopdata.scenes import STANDARD, scene_class
 from hopdata.scenes.scene import Control, Scene
-from hopdata.synthesis.camera import (
-    CurvedFloor,
-    MarkerTracks,
-    draw_floor,
-    draw_gaps,
-    observe,
-    track_markers,
-)
+from hopdata.synthesis import camera as cameras
+from hopdata.synthesis import trial as trials
 from hopdata.synthesis.hops import rest_foot
-from hopdata.synthesis.trial import (
-    FloorOptions,
-    GapOptions,
-    Kicks,
-    MarkerOptions,
-    Operator,
-    Trial,
-    from_mapping,
-    refuse_unknown,
-    require,
-    run_trial,
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,19 +44,19 @@ class Simulation:
     duration_s: float | None = None
     name: str = STANDARD
     scene: Scene = field(default_factory=scene_class(STANDARD))
-    kicks: Kicks = field(default_factory=Kicks)
-    operator: Operator = field(default_factory=Operator)
+    kicks: trials.Kicks = field(default_factory=trials.Kicks)
+    operator: trials.Operator = field(default_factory=trials.Operator)
     control: Control = field(default_factory=Control)
 
     def __post_init__(self) -> None:
-        require(self.hops >= 1, "simulation.hops", "at least 1", self.hops)
+        trials.require(self.hops >= 1, "simulation.hops", "at least 1", self.hops)
         longer = self.duration_s is None or self.duration_s > 0
-        require(longer, "simulation.duration_s", "> 0", self.duration_s)
+        trials.require(longer, "simulation.duration_s", "> 0", self.duration_s)
         self.scene.require_take_off(f"simulation.{self.name}")
         for strength, value in asdict(self.control).items():
             known = f"0, since the scene {self.name} knows {' and '.join(self.scene.controls)} only"
             alright = value == 0 or strength in self.scene.controls
-            require(alright, f"simulation.control.{strength}", known, value)
+            trials.require(alright, f"simulation.control.{strength}", known, value)
 
     @classmethod
     def of(cls, values: Mapping[str, Any] | None) -> Simulation:
@@ -88,10 +70,10 @@ class Simulation:
         given = dict(values or {})
         name = given.get("scene", STANDARD)
         kind, others = scene_class(name), ("hops", "duration_s", "kicks", "operator", "control")
-        refuse_unknown(given, ["scene", name, *others], "simulation")
-        scene = from_mapping(kind, given.get(name), f"simulation.{name}")
+        trials.refuse_unknown(given, ["scene", name, *others], "simulation")
+        scene = trials.from_mapping(kind, given.get(name), f"simulation.{name}")
         rest = {key: given[key] for key in others if key in given}
-        return replace(from_mapping(cls, rest, "simulation"), name=name, scene=scene)
+        return replace(trials.from_mapping(cls, rest, "simulation"), name=name, scene=scene)
 
     def said(self) -> dict[str, Any]:
         """Return the block as plain data; a control, and another scene, only if there is one."""
@@ -122,14 +104,15 @@ class MotionCapture:
     rate_hz: float = 100.0
     noise_m: float = 0.0006
     resolution_m: float = 2.0**-15
-    floor: FloorOptions = field(default_factory=FloorOptions)
-    gaps: GapOptions = field(default_factory=GapOptions)
-    markers: MarkerOptions = field(default_factory=MarkerOptions)
+    floor: trials.FloorOptions = field(default_factory=trials.FloorOptions)
+    gaps: trials.GapOptions = field(default_factory=trials.GapOptions)
+    markers: trials.MarkerOptions = field(default_factory=trials.MarkerOptions)
 
     def __post_init__(self) -> None:
-        require(self.rate_hz > 0, "motion_capture.rate_hz", "> 0", self.rate_hz)
-        require(self.noise_m >= 0, "motion_capture.noise_m", ">= 0", self.noise_m)
-        require(self.resolution_m >= 0, "motion_capture.resolution_m", ">= 0", self.resolution_m)
+        trials.require(self.rate_hz > 0, "motion_capture.rate_hz", "> 0", self.rate_hz)
+        for name in ("noise_m", "resolution_m"):
+            value = getattr(self, name)
+            trials.require(value >= 0, f"motion_capture.{name}", ">= 0", value)
 
 
 @one_blas_thread()
@@ -159,11 +142,11 @@ def simulate_recording(
         If a key is unknown or a value out of range.
     """
     simulated = Simulation.of(simulation)
-    camera = from_mapping(MotionCapture, motion_capture, "motion_capture")
+    camera = trials.from_mapping(MotionCapture, motion_capture, "motion_capture")
     scene, control = simulated.scene, simulated.control
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
-    kicks_rng, floor_rng, *camera_rngs = streams
-    trial = run_trial(
+    streams = np.random.SeedSequence(seed).spawn(4)
+    kicks_rng, floor_rng, *camera_rngs = map(np.random.default_rng, streams)
+    trial = trials.run_trial(
         scene,
         hops=simulated.hops,
         rate_hz=camera.rate_hz,
@@ -173,8 +156,8 @@ def simulate_recording(
         control=control if control.active else None,
         duration_s=math.inf if simulated.duration_s is None else simulated.duration_s,
     )
-    tracks = track_markers(trial, scene, camera.markers, delay_s=control.delay_s)
-    floor = draw_floor(camera.floor, floor_rng)
+    tracks = cameras.track_markers(trial, scene, camera.markers, delay_s=control.delay_s)
+    floor = cameras.draw_floor(camera.floor, floor_rng)
     recording = observed(tracks, floor, camera, name, *camera_rngs)
     times, points = first_contacts(trial, scene)
     bodies = [i for i, role in enumerate(tracks.roles) if role == "body"]
@@ -195,8 +178,8 @@ def simulate_recording(
 
 
 def observed(
-    tracks: MarkerTracks,
-    floor: CurvedFloor,
+    tracks: cameras.MarkerTracks,
+    floor: cameras.CurvedFloor,
     camera: MotionCapture,
     name: str,
     noise_rng: np.random.Generator,
@@ -204,29 +187,20 @@ def observed(
 ) -> Recording:
     """Return what a motion-capture system records of marker tracks."""
     frames, markers, _ = tracks.positions.shape
-    hidden = draw_gaps(
+    hidden = cameras.draw_gaps(
         camera.gaps, frames=frames, markers=markers, rate_hz=camera.rate_hz, rng=gaps_rng
     )
-    positions = observe(
-        tracks.positions,
-        floor=floor,
-        noise_m=camera.noise_m,
-        resolution_m=camera.resolution_m,
-        hidden=hidden,
-        rng=noise_rng,
-    )
+    positions = cameras.observe(
+        tracks.positions, floor=floor, noise_m=camera.noise_m, resolution_m=camera.resolution_m,
+        hidden=hidden, rng=noise_rng,
+    )  # fmt: skip
+    time, rate_hz = np.arange(frames) / camera.rate_hz, camera.rate_hz
     return Recording(
-        name=name,
-        time=np.arange(frames) / camera.rate_hz,
-        positions=positions,
-        markers=tracks.names,
-        roles=tracks.roles,
-        rate_hz=camera.rate_hz,
-        source="simulation",
+        name, time, positions, tracks.names, tracks.roles, rate_hz, source="simulation"
     )
 
 
-def first_contacts(trial: Trial, scene: Scene) -> tuple[FloatArray, FloatArray]:
+def first_contacts(trial: trials.Trial, scene: Scene) -> tuple[FloatArray, FloatArray]:
     """When and where each foot first touched in each landing: (L, n) s and (L, n, 2) m, or NaN."""
     shape = (len(trial.hops), scene.n_legs)
     times, points = np.full(shape, np.nan), np.full((*shape, 2), np.nan)

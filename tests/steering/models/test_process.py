@@ -5,14 +5,14 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from steered_hops import LIMIT, chained_hops, smooth_change
-from steering_setting import regressor_of
+from steering_setting import change_and_gradient, correlation_and_slope, regressor_of
 
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.steering.models.process import (
     SMOOTHNESSES,
     FrameChangeProcess,
+    compiled_correlation,
     correlation,
-    correlation_and_slope,
     embedded,
     kernel_code,
     load_process,
@@ -82,7 +82,7 @@ def test_hyper_parameters_are_those_that_scikit_learn_found(trained):
 
 def test_gradients_are_those_of_differences(trained):
     _, process, points = trained
-    gradient = process.change_and_gradient(*points.T)[1]
+    gradient = change_and_gradient(process, *points.T)[1]
     for axis in range(points.shape[1]):
         step = np.zeros(points.shape[1])
         step[axis] = 1e-5
@@ -161,7 +161,7 @@ def test_the_printed_set_up_is_the_printed_formula():
 def test_compiled_kernels_are_the_others(smoothness):
     squared = np.array([0.0, 0.01, 0.7, 3.0])
     code = kernel_code(smoothness)
-    compiled = [correlation_and_slope(s, code)[0] for s in squared]
+    compiled = [compiled_correlation(s, code) for s in squared]
     np.testing.assert_allclose(compiled, correlation(squared, smoothness), rtol=1e-14)
     for s in squared[1:]:
         step = 1e-6 * s
@@ -198,7 +198,7 @@ def test_a_single_number_holds_for_all_hops_and_no_hops_are_no_trouble():
     both = process.change(angles, np.full(2, 0.3))
     np.testing.assert_array_equal(process.change(angles, 0.3), both)
     assert process.change(np.zeros(0), 0.3).shape == (0, 3)
-    assert process.change_and_gradient(np.zeros(0), np.zeros(0))[1].shape == (0, 3, 2)
+    assert change_and_gradient(process, np.zeros(0), np.zeros(0))[1].shape == (0, 3, 2)
 
 
 def test_hops_alike_without_noise_are_an_error():

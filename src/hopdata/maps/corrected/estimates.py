@@ -92,21 +92,14 @@ class MapEstimates:
         import pandas as pd
 
         sd = np.sqrt(np.diag(self.input_covariance))
-        rows = [
-            (
-                name,
-                INPUT_NAMES[i],
-                OUTPUT_NAMES[j],
-                one.coefficients[i, j],
-                one.standard_errors[i, j],
-                1e3 * sd[i] * one.coefficients[i, j] * self.output_weights[j],
+        columns = ["estimator", "input", "output", "value", "standard_error", "standardised"]
+        tables = [
+            coefficient_table(one.coefficients, sd, self.output_weights).assign(
+                estimator=name, standard_error=one.standard_errors.ravel()
             )
             for name, one in self.maps.items()
-            for i in range(len(INPUT_NAMES))
-            for j in range(len(OUTPUT_NAMES))
         ]
-        columns = ["estimator", "input", "output", "value", "standard_error", "standardised"]
-        return pd.DataFrame(rows, columns=columns)
+        return pd.concat(tables or [pd.DataFrame(columns=columns)], ignore_index=True)[columns]
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain data, for ``map_estimates.json``."""
@@ -132,6 +125,25 @@ class MapEstimates:
             "n_landings": self.n_landings,
             "notes": self.notes,
         }
+
+
+def coefficient_table(
+    coefficients: FloatArray, input_sd: FloatArray, weights: FloatArray
+) -> pd.DataFrame:
+    """Return one row an input and output of a map (8, 11): ``input, output, value, standardised``.
+
+    The last is the rms displacement of the markers, mm, by one standard deviation of the input.
+    """
+    import pandas as pd
+
+    return pd.DataFrame(
+        {
+            "input": np.repeat(INPUT_NAMES, len(OUTPUT_NAMES)),
+            "output": np.tile(OUTPUT_NAMES, len(INPUT_NAMES)),
+            "value": coefficients.ravel(),
+            "standardised": (1e3 * input_sd[:, None] * coefficients * weights).ravel(),
+        }
+    )
 
 
 @one_blas_thread()

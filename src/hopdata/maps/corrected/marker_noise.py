@@ -46,8 +46,7 @@ class MarkerNoise:
     def covariance(self, n_markers: int) -> FloatArray:
         """Return the covariance (6B, 6B) of the state of so many markers."""
         one = np.array([[self.position, self.shared], [self.shared, self.velocity]])
-        whole: FloatArray = np.kron(one, np.eye(3 * n_markers))
-        return whole
+        return np.asarray(np.kron(one, np.eye(3 * n_markers)))
 
 
 @dataclass(frozen=True)
@@ -162,8 +161,7 @@ def _at_noisy_instant(states: FloatArray) -> FloatArray:
     falling = np.tile([0.0, 0.0, -GRAVITY_M_S2], (n, markers, 1))
     motion = np.concatenate([velocities, falling], axis=1).reshape(n, -1)
     late = np.concatenate([height, np.zeros_like(height)]) / sinking[:, None]
-    shift: FloatArray = np.eye(motion.shape[1]) - motion[:, :, None] * late[:, None, :]
-    return shift
+    return np.asarray(np.eye(motion.shape[1]) - motion[:, :, None] * late[:, None, :])
 
 
 # What inputs are to be expected given those that were measured with noise.

@@ -80,15 +80,14 @@ def mean_terms(x: FloatArray, slopes: FloatArray, degree: int, doubt: FloatArray
 def mean_signed_square(middle: FloatArray, sd: FloatArray) -> FloatArray:
     """Return the mean of ``d |d|`` of normal d of this mean and standard deviation."""
     share, density = _normal(middle, sd)
-    values: FloatArray = (middle**2 + sd**2) * share + 2 * middle * sd * density
-    return values
+    return np.asarray((middle**2 + sd**2) * share + 2 * middle * sd * density)
 
 
 def mean_cube(middle: FloatArray, sd: FloatArray) -> FloatArray:
     """Return the mean of ``|d|^3`` of normal d of this mean and standard deviation."""
     share, density = _normal(middle, sd)
-    values: FloatArray = (middle**3 + 3 * middle * sd**2) * share
-    return values + 2 * sd * (middle**2 + 2 * sd**2) * density
+    far = (middle**3 + 3 * middle * sd**2) * share
+    return np.asarray(far + 2 * sd * (middle**2 + 2 * sd**2) * density)
 
 
 def contact_slopes(x: FloatArray, instants: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -129,8 +128,7 @@ def simultaneous_point(x: FloatArray, middle: FloatArray, slopes: FloatArray) ->
     """
     spread = np.cov(x, rowvar=False)
     weights = np.linalg.lstsq(slopes.T @ spread @ slopes, -middle, rcond=1e-8)[0]
-    point: FloatArray = x.mean(axis=0) + spread @ slopes @ weights
-    return point
+    return np.asarray(x.mean(axis=0) + spread @ slopes @ weights)
 
 
 def _mean_third_order(x: FloatArray, doubt: FloatArray) -> FloatArray:
@@ -297,7 +295,7 @@ def _regress(
     rest = np.ones((len(linear), 1))
     if others is not None:
         rest = np.column_stack([rest, others])
-    basis: FloatArray = np.linalg.qr(rest)[0]
+    basis = np.linalg.qr(rest)[0]
     linear, y = (part - basis @ (basis.T @ part) for part in (linear, y))
     own, triangle = np.linalg.qr(linear)
     if np.abs(np.diag(triangle)).min() <= 1e-10 * np.abs(np.diag(triangle)).max():

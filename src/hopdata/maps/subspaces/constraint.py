@@ -19,34 +19,12 @@ from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
-from hopdata.maps.subspaces.grassmann import principal_angles
 
 #: Principal components taken for the two Poincaré sections.
 SECTION_COMPONENTS = 2
 #: Singular values below this share of the largest leave a draw without that component.
 _RANK_TOLERANCE = 1e-10
 _CHUNK_BYTES = 2 * 2**20
-
-
-@dataclass(frozen=True)
-class PooledFrame:
-    """Principal frame of all pairs of a study.
-
-    Attributes
-    ----------
-    kept, dropped
-        (12B, 12B - 2) and (12B, 2) orthonormal components; the dropped vary least.
-    standard_deviations
-        (12B,) of the pairs along the components, decreasing, normalised units.
-    section_angles_rad
-        (2,) principal angles between the dropped components and the section normals: zero if
-        the dropped components are the section conditions, as the method supposes.
-    """
-
-    kept: FloatArray
-    dropped: FloatArray
-    standard_deviations: FloatArray
-    section_angles_rad: FloatArray
 
 
 @dataclass(frozen=True)
@@ -58,7 +36,7 @@ class SubspaceStudy:
     bases
         Schedule -> (bootstraps, D, k) orthonormal bases of the leading components.
     frame
-        The pooled frame in which they stand.
+        (12B, D) orthonormal components of the pooled pairs, in which they stand.
     shape
         (D, k) of the bases, known even where no class has any.
     samples
@@ -68,27 +46,16 @@ class SubspaceStudy:
     """
 
     bases: dict[str, FloatArray]
-    frame: PooledFrame
+    frame: FloatArray
     shape: tuple[int, int]
     samples: int
     notes: list[dict[str, str]]
 
 
-def section_normals(n_markers: int) -> FloatArray:
-    """Return the (12B, 2) unit normals of the two sections in pair coordinates.
+def pooled_frame(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the principal components of pairs but for the two that vary least, (12B, 12B - 2).
 
-    A section fixes the mean height of the B body markers: the normal has equal parts in their
-    z coordinates, those of the pre state in the first column, of the post state in the second.
-    """
-    normals = np.zeros((12 * n_markers, 2))
-    for column in (0, 1):
-        start = 6 * n_markers * column
-        normals[start + 2 : start + 3 * n_markers : 3, column] = n_markers**-0.5
-    return normals
-
-
-def pooled_frame(x: FloatArray, y: FloatArray) -> PooledFrame:
-    """Split the space of pairs into its two least varying components and the others.
+    These two are the section conditions.
 
     Parameters
     ----------
@@ -110,12 +77,8 @@ def pooled_frame(x: FloatArray, y: FloatArray) -> PooledFrame:
             f"in row {unknown[0]}"
         )
     centred = pairs - pairs.mean(0)
-    _, values, right = np.linalg.svd(np.linalg.qr(centred, mode="r"), full_matrices=True)
-    deviations = np.zeros(pairs.shape[1])
-    deviations[: len(values)] = values / np.sqrt(len(pairs))
-    kept, dropped = right[:-SECTION_COMPONENTS].T, right[-SECTION_COMPONENTS:].T
-    angles = principal_angles(dropped, section_normals(pairs.shape[1] // 12))
-    return PooledFrame(kept, dropped, deviations, angles)
+    right = np.linalg.svd(np.linalg.qr(centred, mode="r"), full_matrices=True)[2]
+    return np.asarray(right[:-SECTION_COMPONENTS].T)
 
 
 @one_blas_thread()
@@ -155,7 +118,7 @@ def bootstrap_subspaces(
     names = np.asarray(schedule, str)
     frame = pooled_frame(x, y)
     k = components or min(x.shape[1] - 1, samples - 1)
-    pairs = np.hstack([x, y]) @ frame.kept
+    pairs = np.hstack([x, y]) @ frame
     bases: dict[str, FloatArray] = {}
     notes, rare = _fewer_components(k, x.shape[1] - 1, components, samples), {}
     for name in sorted(set(names.tolist()) - {""}):

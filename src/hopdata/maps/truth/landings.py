@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.blas import one_blas_thread
@@ -20,6 +20,9 @@ from hopdata.maps.truth.maps import Entries, entry, mean, quantile
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from hopdata.landings.floor_surface import FloorModel
+    from hopdata.recording import Truth
 
 # Which touchdown found is which true landing: one to one, by time.
 
@@ -46,10 +49,9 @@ def match_landings(found: FloatArray, true: FloatArray) -> IntArray:
     landing = np.full(len(found), -1)
     if not (len(found) and len(true)):
         return landing
-    gaps = np.abs(_mean_instant(found)[:, np.newaxis] - _mean_instant(true)[np.newaxis, :])
-    gaps = np.where(np.isnan(gaps), np.inf, gaps)
-    nearest = gaps.argmin(axis=1)
-    gap = gaps[np.arange(len(found)), nearest]
+    gaps = np.abs(_mean_instant(found)[:, None] - _mean_instant(true))
+    gaps[np.isnan(gaps)] = np.inf
+    nearest, gap = gaps.argmin(axis=1), gaps.min(axis=1)
     for row in np.argsort(gap, kind="stable")[::-1]:  # the closest claims last, and so keeps it
         if gap[row] <= MATCH_WITHIN_S:
             landing[landing == nearest[row]] = -1
@@ -61,24 +63,6 @@ def _mean_instant(instants: FloatArray) -> FloatArray:
     count = np.isfinite(instants).sum(axis=1)
     total = np.nansum(instants, axis=1)
     return np.divide(total, count, out=np.full(len(instants), np.nan), where=count > 0)
-
-
-class TruthOfRecording(Protocol):
-    """What scoring reads of `hopdata.recording.Truth`."""
-
-    contact_times: FloatArray
-    complete: NDArray[np.bool_]
-    foot_down: NDArray[np.bool_]
-    body_height: FloatArray
-    contact_points: FloatArray
-    floor_at_contacts: FloatArray
-
-
-class Floor(Protocol):
-    """What scoring asks of `hopdata.landings.floor_surface.FloorModel`."""
-
-    def height(self, x: ArrayLike, y: ArrayLike) -> FloatArray:
-        """Height of the floor at places (x, y), m."""
 
 
 @dataclass(frozen=True)
@@ -108,17 +92,11 @@ class KnownRecording:
     floor_model: FloatArray | None = None
 
 
-def known_recording(truth: TruthOfRecording, floor: Floor) -> KnownRecording:
+def known_recording(truth: Truth, floor: FloorModel) -> KnownRecording:
     """Join the truth of a recording and the floor that was fitted to it."""
-    points = np.asarray(truth.contact_points)
-    return KnownRecording(
-        contact_times=truth.contact_times,
-        complete=truth.complete,
-        foot_down=truth.foot_down,
-        body_height=truth.body_height,
-        floor_at_contacts=truth.floor_at_contacts,
-        floor_model=floor.height(points[..., 0], points[..., 1]),
-    )
+    found = floor.height(truth.contact_points[..., 0], truth.contact_points[..., 1])
+    same = ("contact_times", "complete", "foot_down", "body_height", "floor_at_contacts")
+    return KnownRecording(**{name: getattr(truth, name) for name in same}, floor_model=found)
 
 
 def score_contacts(
@@ -198,9 +176,7 @@ def count_touchdowns(table: pd.DataFrame) -> Entries:
 
 def _ambiguous(table: pd.DataFrame) -> BoolArray:
     """Mark the touchdowns of the class ambiguous, (n,); none in a table without classes."""
-    classes = table.get("class")
-    if classes is None:
-        return np.zeros(len(table), dtype=bool)
+    classes = table.get("class", np.zeros(len(table)))
     return np.asarray(classes == AMBIGUOUS, dtype=bool)
 
 
@@ -217,10 +193,7 @@ def score_sections(known: Mapping[str, KnownRecording], sections: Mapping[str, A
     pooled = [_true_frames(item, sections["frames"]) for item in known.values()]
     height, all_up, all_down = (np.concatenate(part) for part in zip(*pooled, strict=True))
     tail = sections["tail_fraction"]
-    true = {
-        "pre": quantile(height[~all_up], 1 - tail),
-        "post": quantile(height[~all_down], tail),
-    }
+    true = {"pre": quantile(height[~all_up], 1 - tail), "post": quantile(height[~all_down], tail)}
     travel = 1e3 * (sections["pre_height_m"] - sections["post_height_m"])
     entries = {"body_travel": entry(travel, "mm", "Height between the pre and the post section")}
     for name, height_m in true.items():
@@ -303,10 +276,8 @@ def true_rows(
     keyed = table.set_index(["recording", "index"])[[f"contact_{foot}_s" for foot in feet]]
     keys = list(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
     found = keyed.loc[keys].to_numpy(float)
-    places = {
-        key: row
-        for row, key in enumerate(zip(true.recording.tolist(), true.index.tolist(), strict=True))
-    }
+    numbers = zip(true.recording.tolist(), true.index.tolist(), strict=True)
+    places = {key: row for row, key in enumerate(numbers)}
     rows = np.full(len(found), -1)
     for name, instants in contacts.items():
         mine = np.flatnonzero(pairs.recording == name)
@@ -369,15 +340,12 @@ def score_states(errors: pd.DataFrame) -> Entries:
     """Say how good positions and velocities at the sections are."""
     entries: Entries = {}
     for row in errors.to_dict("records"):
-        section = row["section"]
-        entries[f"position_rms_{section}"] = entry(
-            row["position_rms_mm"],
-            "mm",
-            f"Rms error of the marker positions at the {section} section, per coordinate",
-        )
-        entries[f"velocity_rms_{section}"] = entry(
-            row["velocity_rms_mm_s"],
-            "mm/s",
-            f"Rms error of the marker velocities at the {section} section, per coordinate",
-        )
+        where = f"at the {row['section']} section, per coordinate"
+        for kind, unit, plural in (
+            ("position", "mm", "positions"),
+            ("velocity", "mm/s", "velocities"),
+        ):
+            value = row[f"{kind}_rms_{unit.replace('/', '_')}"]
+            what = f"Rms error of the marker {plural} {where}"
+            entries[f"{kind}_rms_{row['section']}"] = entry(value, unit, what)
     return entries

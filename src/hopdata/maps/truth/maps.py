@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.maps.coordinates import (
-    INPUT_NAMES,
     OUTPUT_NAMES,
     output_weights,
     rigid_states,
     section_coordinates,
 )
+from hopdata.maps.corrected.estimates import coefficient_table
 from hopdata.maps.verdict.effect import contrasts, relative_size
 from hopdata.maps.verdict.inputs import contact_orders, marker_root
 from hopdata.rigid import kabsch
@@ -41,9 +41,9 @@ Entries = dict[str, Entry]
 
 def entry(value: float | int | bool, unit: str, what: str) -> Entry:
     """Return one entry; a value that could not be computed is None, which JSON can hold."""
-    if isinstance(value, bool | int):
-        return {"value": value, "unit": unit, "what": what}
-    return {"value": float(value) if np.isfinite(value) else None, "unit": unit, "what": what}
+    if not isinstance(value, bool | int):
+        value = float(value)
+    return {"value": value if np.isfinite(value) else None, "unit": unit, "what": what}
 
 
 def mean(values: NDArray[Any]) -> float:
@@ -124,27 +124,13 @@ class ExactMap:
 
     def error(self, coefficients: FloatArray) -> float:
         """Return the relative error of an estimate (8, 11)."""
-        return relative_difference(
-            coefficients.T,
-            self.coefficients.T,
-            root=input_root(self.inputs),
-            units=1 / self.weights,
-        )
+        root, units = input_root(self.inputs), 1 / self.weights
+        return relative_difference(coefficients.T, self.coefficients.T, root=root, units=units)
 
     def table(self) -> pd.DataFrame:
         """Return one row an input and output, as `MapEstimates.table` has them."""
-        import pandas as pd
-
         sd = self.inputs.std(axis=0, ddof=1)
-        shown = 1e3 * sd[:, None] * self.coefficients * self.weights
-        return pd.DataFrame(
-            {
-                "input": np.repeat(INPUT_NAMES, len(OUTPUT_NAMES)),
-                "output": np.tile(OUTPUT_NAMES, len(INPUT_NAMES)),
-                "value": self.coefficients.ravel(),
-                "standardised": shown.ravel(),
-            }
-        )
+        return coefficient_table(self.coefficients, sd, self.weights)
 
 
 @one_blas_thread()
@@ -224,11 +210,10 @@ def estimate_errors(exact: ExactMap, estimates: Mapping[str, Any]) -> pd.DataFra
 def score_estimates(errors: pd.DataFrame) -> Entries:
     """Say how far the estimates of the landing map are from the exact one, and what is gained."""
     found = dict(zip(errors["estimator"], errors["error"].astype(float), strict=True))
+    whats = (f"Relative error of the landing map: {what}" for what in errors["what"])
     entries = {
-        f"map_estimate_error_{row['estimator']}": entry(
-            float(row["error"]), "1", f"Relative error of the landing map: {row['what']}"
-        )
-        for row in errors.to_dict("records")
+        f"map_estimate_error_{name}": entry(error, "1", what)
+        for (name, error), what in zip(found.items(), whats, strict=True)
     }
     if {"printed", "corrected_curved"} <= found.keys():
         gain = found["printed"] / found["corrected_curved"]
@@ -308,20 +293,17 @@ def score_verdict(errors: pd.DataFrame) -> Entries:
     if errors.empty:
         return {}
     row = errors.iloc[0]
+    columns = {
+        "true_effect": "True relative difference of the maps of the contact orders",
+        "estimate": "Relative difference of these maps that the verdict found",
+        "p_value": "p-value of the verdict's test of the kinks",
+    }
+    true, found, chance = (entry(float(row[key]), "1", what) for key, what in columns.items())
     inside = bool(row["low"] <= row["true_effect"] <= row["high"])
+    covers = entry(inside, "yes/no", "Whether the verdict's interval holds the true difference")
     return {
-        "verdict_true_effect": entry(
-            float(row["true_effect"]),
-            "1",
-            "True relative difference of the maps of the contact orders",
-        ),
-        "verdict_effect": entry(
-            float(row["estimate"]), "1", "Relative difference of these maps that the verdict found"
-        ),
-        "verdict_p_value": entry(
-            float(row["p_value"]), "1", "p-value of the verdict's test of the kinks"
-        ),
-        "verdict_interval_covers": entry(
-            inside, "yes/no", "Whether the verdict's interval holds the true difference"
-        ),
+        "verdict_true_effect": true,
+        "verdict_effect": found,
+        "verdict_p_value": chance,
+        "verdict_interval_covers": covers,
     }

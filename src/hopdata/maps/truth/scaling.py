@@ -160,8 +160,8 @@ def _slopes(sample: Coordinates, rows: IntArray) -> FloatArray:
     x, y = sample[0][rows], sample[1][rows]
     centred = x - x.mean(axis=0)
     spread = centred.std(axis=0)
-    slopes: FloatArray = np.linalg.lstsq(centred / spread, y - y.mean(axis=0), rcond=None)[0]
-    return (slopes / spread[:, None]).T
+    slopes = np.linalg.lstsq(centred / spread, y - y.mean(axis=0), rcond=None)[0]
+    return np.asarray((slopes / spread[:, None]).T)
 
 
 def score_maps(errors: pd.DataFrame) -> Entries:
@@ -199,19 +199,11 @@ KINDS = {
 }
 
 
-class Strengths(Protocol):
-    """What the study reads of a control."""
-
-    coupling: float
-    impulse: float
-    delay_s: float
-
-
 class Landings(Protocol):
     """What the study reads of `hopdata.synthesis.scaling.ScaledLandings`."""
 
     case: str
-    control: Strengths
+    control: Any
     scale: float
     x: FloatArray
     y: FloatArray
@@ -257,67 +249,55 @@ def scaling_table(samples: Iterable[Landings]) -> pd.DataFrame:
     table = pd.DataFrame(rows).reindex(columns=COLUMNS)
     for case in dict.fromkeys(table["case"]):
         mine = table["case"] == case
-        table.loc[mine, "slope"] = _slope(
-            table.loc[mine, "scale"].to_numpy(), table.loc[mine, "pooled_rms"].to_numpy()
-        )
+        table.loc[mine, "slope"] = _slope(*table.loc[mine, ["scale", "pooled_rms"]].to_numpy().T)
     return table
+
+
+# Entry, and the column that it takes of the smallest scale, in words.
+_SHOWN = {
+    "scaling_slope": ("slope", "Slope of log pooled error over log scale, {who}"),
+    "scaling_pooled_over_specialised": (
+        "pooled_over_specialised",
+        "Noise-free MSE of one map over that of one a schedule {at}",
+    ),
+    "scaling_map_difference": (
+        "map_difference",
+        "Largest relative difference between the fitted maps of two schedules {at}",
+    ),
+    "exact_map_difference": (
+        "exact_difference",
+        "Largest relative difference between the exact maps of two schedules, {who}",
+    ),
+    "scaling_map_error": (
+        "map_error",
+        "Relative error of the noise-free pooled map against the exact one {at}",
+    ),
+}
 
 
 def score_scaling(table: pd.DataFrame) -> Entries:
     """Say what the scaling study shows of each case."""
     entries: Entries = {}
     for case in dict.fromkeys(table["case"]):
-        rows = table[table["case"] == case].sort_values("scale")
-        smallest, who = rows.iloc[0], KINDS.get(case, f"the {case}") + _strength(rows.iloc[0])
+        smallest = table[table["case"] == case].sort_values("scale").iloc[0]
+        who = KINDS.get(case, f"the {case}") + _strength(smallest)
         at = f"at {smallest['scale']:g} of the spread, {who}"
-        entries |= {
-            f"scaling_slope_{case}": entry(
-                float(smallest["slope"]), "1", f"Slope of log pooled error over log scale, {who}"
-            ),
-            f"scaling_pooled_over_specialised_{case}": entry(
-                float(smallest["pooled_over_specialised"]),
-                "1",
-                f"Noise-free MSE of one map over that of one a schedule {at}",
-            ),
-            f"scaling_map_difference_{case}": entry(
-                float(smallest["map_difference"]),
-                "1",
-                f"Largest relative difference between the fitted maps of two schedules {at}",
-            ),
-            f"exact_map_difference_{case}": entry(
-                float(smallest["exact_difference"]),
-                "1",
-                f"Largest relative difference between the exact maps of two schedules, {who}",
-            ),
-            f"scaling_map_error_{case}": entry(
-                float(smallest["map_error"]),
-                "1",
-                f"Relative error of the noise-free pooled map against the exact one {at}",
-            ),
-        }
+        for name, (column, what) in _SHOWN.items():
+            said = what.format(who=who, at=at)
+            entries[f"{name}_{case}"] = entry(float(smallest[column]), "1", said)
     return entries
 
 
 def _strength(row: Any) -> str:
-    given = [
-        f"{name} {row[key]:g}{unit}"
-        for key, name, unit in (
-            ("coupling", "kappa", ""),
-            ("impulse", "epsilon", ""),
-            ("delay_s", "tau", " s"),
-        )
-        if row[key] != 0
-    ]
+    names = (("coupling", "kappa", ""), ("impulse", "epsilon", ""), ("delay_s", "tau", " s"))
+    given = [f"{name} {row[key]:g}{unit}" for key, name, unit in names if row[key] != 0]
     return f" ({', '.join(given)})" if given else ""
 
 
 def _counts(sample: Landings) -> dict[str, Any]:
-    strengths = sample.control
     return {
         "case": sample.case,
-        "coupling": strengths.coupling,
-        "impulse": strengths.impulse,
-        "delay_s": strengths.delay_s,
+        **{name: getattr(sample.control, name) for name in ("coupling", "impulse", "delay_s")},
         "scale": sample.scale,
         "landings": len(sample.x),
         "failed": sample.n_failed,
@@ -325,7 +305,7 @@ def _counts(sample: Landings) -> dict[str, Any]:
 
 
 def _errors(sample: Landings, units: FloatArray) -> dict[str, Any]:
-    root = input_root(sample.x)
+    how = {"root": input_root(sample.x), "units": units}
     pooled, own = _fit(sample, np.arange(len(sample.x)), units), _fits(sample, units)
     variance, own_variance = pooled.variance, _mean_square([fit for fit in own if fit.freedom > 0])
     p, maps = sample.x.shape[1], np.array([fit.slopes for fit in own])
@@ -335,14 +315,10 @@ def _errors(sample: Landings, units: FloatArray) -> dict[str, Any]:
         "spread_ms": 1e3 * float(np.median(sample.contact_s.std(axis=1))),
         "pooled_rms": float(np.sqrt(variance)),
         "specialised_rms": float(np.sqrt(own_variance)),
-        "pooled_over_specialised": float(variance / own_variance) if own else float("nan"),
-        "map_difference": largest_difference(maps[..., :p], root=root, units=units)
-        if own
-        else float("nan"),
-        "exact_difference": largest_difference(exact, root=root, units=units),
-        "map_error": relative_difference(
-            pooled.slopes[:, :p], exact.mean(axis=0), root=root, units=units
-        ),
+        "pooled_over_specialised": float(variance / own_variance) if own else np.nan,
+        "map_difference": largest_difference(maps[..., :p], **how) if own else np.nan,
+        "exact_difference": largest_difference(exact, **how),
+        "map_error": relative_difference(pooled.slopes[:, :p], exact.mean(axis=0), **how),
     }
 
 

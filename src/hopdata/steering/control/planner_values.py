@@ -226,9 +226,9 @@ def cost_of(  # type: ignore[no-untyped-def]
     """Cost of swings (H,) and of all that comes after; `errors` (H + 1, 3) is filled."""
     errors[0] = error
     total, weight = 0.0, 1.0
-    change, gradient = np.empty(3), np.empty((3, 2))
+    change = np.empty(3)
     for k in range(swings.size):
-        spline_change(coefficients, limit, boom, swings[k], change, gradient)
+        spline_change(coefficients, limit, boom, swings[k], change)
         _hop(errors[k], change, is_heading, errors[k + 1])
         boom += swings[k]
         total += weight * _stage(errors[k + 1], width)

@@ -33,10 +33,9 @@ def rate_interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[
     from scipy.special import betaincinv
 
     tail = (1 - confidence) / 2
-    low = 0.0 if successes == 0 else float(betaincinv(successes, runs - successes + 1, tail))
-    high = (
-        1.0 if successes == runs else float(betaincinv(successes + 1, runs - successes, 1 - tail))
-    )
+    failures = runs - successes
+    low = 0.0 if successes == 0 else float(betaincinv(successes, failures + 1, tail))
+    high = 1.0 if failures == 0 else float(betaincinv(successes + 1, failures, 1 - tail))
     return low, high
 
 
@@ -156,6 +155,7 @@ def _row(
     rate_low, rate_high = rate_interval(int(succeeded.sum()), len(group), confidence)
     hops_low, hops_high = median_interval(hops, confidence)
     reasons = group["reason"].value_counts()
+    ways = {"late": tasks.LATE, "left": tasks.LEFT, "fell": tasks.FELL}
     row = {
         **dict(zip(GROUP, key, strict=True)),
         "runs": len(group),
@@ -166,9 +166,7 @@ def _row(
         "hops": float(np.median(hops)) if len(hops) else float("nan"),
         "hops_low": hops_low,
         "hops_high": hops_high,
-        "late": int(reasons.get(tasks.LATE, 0)),
-        "left": int(reasons.get(tasks.LEFT, 0)),
-        "fell": int(reasons.get(tasks.FELL, 0)),
+        **{name: int(reasons.get(reason, 0)) for name, reason in ways.items()},
         "stances": int(group["stances"].sum()),
         "blind": int(group["blind"].sum()),
     }
@@ -281,14 +279,6 @@ def _model_scores(model: FrameChangeMap, true_map: TrueFrameChanges) -> dict[str
     for (name, unit, factor), error, map_ in zip(COMPONENTS, errors.T, true.T, strict=True):
         explained = 1 - np.mean(error**2) / np.var(map_)
         what = f"frame change in {name}"
-        scores[f"model_{name}_rms"] = (
-            factor * _rms(error),
-            unit,
-            f"{what}, rms error of the model",
-        )
-        scores[f"model_{name}_r2"] = (
-            explained,
-            "1",
-            f"{what}, share of the true map explained (R2)",
-        )
+        scores[f"model_{name}_rms"] = factor * _rms(error), unit, f"{what}, rms error of the model"
+        scores[f"model_{name}_r2"] = explained, "1", f"{what}, share of the true map explained (R2)"
     return scores

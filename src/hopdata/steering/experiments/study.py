@@ -189,7 +189,8 @@ def experiment_of(
             key = {
                 "experiment": experiment, "start": heading, "controller": name, "run": start.number
             }  # fmt: skip
-            runs.append(key | {"model": model + 1} | _summary(run))
+            summary = {"stances": len(run.time_s), "blind": run.blind}
+            runs.append(key | {"model": model + 1} | vars(run.outcome) | summary)
             stances.append(_stances(key, run))
             if (heading, name) == (tasks.ANY, SHOWN):
                 shown.append((makers[model], start, run))
@@ -245,16 +246,6 @@ def _film(
     table.insert(0, "marker", np.tile(names, len(kept)))
     table.insert(0, "time_s", np.repeat([time for time, _ in kept], len(names)) - first_s)
     return table
-
-
-def _summary(run: Run) -> dict[str, Any]:
-    return {
-        "success": run.outcome.success,
-        "hops": run.outcome.hops,
-        "reason": run.outcome.reason,
-        "stances": len(run.time_s),
-        "blind": run.blind,
-    }
 
 
 def _stances(key: Mapping[str, Any], run: Run) -> pd.DataFrame:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, Self
 
 from hopdata.errors import ConfigError
@@ -147,9 +147,7 @@ class _Signals:
                     self._before[number] = signal.signal(number, self._note)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
-    ) -> None:
+    def __exit__(self, _: object, error: BaseException | None, *__: object) -> None:
         for number, before in self._before.items():
             signal.signal(number, before)
         if self.first is not None and not isinstance(error, SystemExit):
@@ -180,11 +178,8 @@ def _check_parts(geometry: HopperGeometry, controller: Controller, boom: Boom) -
             "geometry: expected a boom and its circle, found none; calibrate with a recording that "
             "has a marker with the role boom (markers.boom)"
         )
-    parts: dict[str, tuple[object, str]] = {
-        "controller": (controller, "plan"),
-        "boom": (boom, "swing"),
-    }
-    for name, (part, method) in parts.items():
+    parts = (("controller", controller, "plan"), ("boom", boom, "swing"))
+    for name, part, method in parts:
         if isinstance(part, type) or not callable(getattr(part, method, None)):
             kind = f"the class {part.__name__}" if isinstance(part, type) else type(part).__name__
             raise ConfigError(f"{name}: expected an object with the method {method}, found {kind}")

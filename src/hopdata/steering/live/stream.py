@@ -7,7 +7,6 @@ import math
 import time
 from collections.abc import Awaitable, Sequence
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
@@ -180,9 +179,7 @@ class MarkerStream:
     def __enter__(self) -> Self:
         return self.start()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def wait_until_streaming(self, timeout_s: float = 30.0) -> Status:
@@ -319,11 +316,10 @@ class MarkerStream:
 
     def _keep(self, number: int, time_s: float, arrival_s: float, markers: np.ndarray) -> None:
         verdict = self._timeline.judge(number, time_s)
-        if verdict == "outdated":
-            self.counts.outdated += 1
-            return
         if verdict == "implausible":
             self._note_garbled(f"frame {number} at {time_s:.3f} s does not follow on the last")
+        self.counts.outdated += verdict == "outdated"
+        if verdict in ("implausible", "outdated"):
             return
         if verdict == "restart":
             self._clock = CameraClock()

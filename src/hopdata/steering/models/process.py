@@ -1,7 +1,7 @@
 """Three Gaussian processes, one for each component of the frame change, in closed form.
 
-Mean, variance and gradient follow Rasmussen and Williams 2006, Sec. 2.2. The mean and its gradient
-are compiled: a controller asks for few points at a time.
+Mean and variance follow Rasmussen and Williams 2006, Sec. 2.2. The mean is compiled: a controller
+asks for few points at a time.
 """
 
 from __future__ import annotations
@@ -35,13 +35,10 @@ def input_rows(inputs: tuple[ArrayLike, ...], wanted: int) -> FloatArray:
     if len(inputs) != wanted:
         raise AnalysisError(f"frame change: expected {wanted} inputs, found {len(inputs)}")
     arrays = [np.asarray(values, dtype=float).ravel() for values in inputs]
-    sizes = {array.size for array in arrays} - {1} or {1}
+    sizes = {array.size for array in arrays} - {1}
     if len(sizes) > 1:
         raise AnalysisError(f"frame change: expected inputs of one length, found {sorted(sizes)}")
-    rows = np.empty((wanted, sizes.pop()))
-    for row, array in zip(rows, arrays, strict=True):
-        row[:] = array
-    return rows
+    return np.array(np.broadcast_arrays(*arrays))
 
 
 # Covariance functions of boom angle, swing and what came before.
@@ -110,88 +107,43 @@ def correlation(squared: FloatArray, smoothness: float) -> FloatArray:
 
 
 @kept_njit(error_model="numpy")
-def correlation_and_slope(squared, code):  # type: ignore[no-untyped-def]
-    """Return the kernel and its derivative by the squared distance; `code` is `kernel_code`.
-
-    At distance zero the kernel of smoothness 1/2 has a kink, and its derivative is given as 0.
-    """
-    if code == 1:
-        r = _ROOT3 * sqrt(squared)
-        decay = exp(-r)
-        return (1.0 + r) * decay, -1.5 * decay
+def compiled_correlation(squared, code):  # type: ignore[no-untyped-def]
+    """Return the kernel at a squared distance; `code` is `kernel_code`."""
+    if code == 3:
+        return exp(-0.5 * squared)
     if code == 2:
         r = _ROOT5 * sqrt(squared)
-        decay = exp(-r)
-        return (1.0 + r + r * r / 3.0) * decay, -(5.0 / 6.0) * (1.0 + r) * decay
-    if code == 3:
-        decay = exp(-0.5 * squared)
-        return decay, -0.5 * decay
-    r = sqrt(squared)
-    decay = exp(-r)
-    return decay, (-0.5 * decay / r if r > 0.0 else 0.0)
-
-
-# Mean of the three processes and its gradient, compiled: a few points cost microseconds.
-
-
-@kept_njit(error_model="numpy")
-def accumulate(  # type: ignore[no-untyped-def]
-    point, train, weights, inverse_squares, offset, code, periodic, value, gradient
-):
-    """Write mean (3,) and gradient (3, d) at one point (d,).
-
-    `train` (m, 2 + d) holds cosine and sine of the boom angle, and the inputs; `weights` (3, m) and
-    `offset` (3,) are in units of the output; `inverse_squares` (3, d) are of the length scales.
-    """
-    d = len(point)
-    c, s = cos(point[0]), sin(point[0])
-    squares, slopes = np.empty(d), np.empty(d)
-    for j in range(3):
-        value[j] = offset[j]
-        for a in range(d):
-            gradient[j, a] = 0.0
-    for i in range(len(train)):
-        if periodic:
-            x, y = c - train[i, 0], s - train[i, 1]
-            squares[0] = x * x + y * y
-            slopes[0] = 2.0 * (s * train[i, 0] - c * train[i, 1])
-        for a in range(1 if periodic else 0, d):
-            difference = point[a] - train[i, 2 + a]
-            squares[a] = difference * difference
-            slopes[a] = 2.0 * difference
-        for j in range(3):
-            squared = 0.0
-            for a in range(d):
-                squared += squares[a] * inverse_squares[j, a]
-            k, slope = correlation_and_slope(squared, code)
-            value[j] += weights[j, i] * k
-            for a in range(d):
-                gradient[j, a] += weights[j, i] * slope * slopes[a] * inverse_squares[j, a]
-
-
-@kept_njit(error_model="numpy")
-def mean_and_gradient(  # type: ignore[no-untyped-def]
-    points, train, weights, inverse_squares, offset, code, periodic
-):
-    """Return means (n, 3) and gradients (n, 3, d) at points (n, d); see `accumulate`."""
-    n, d = points.shape
-    values, gradients = np.empty((n, 3)), np.empty((n, 3, d))
-    for p in range(n):
-        accumulate(
-            points[p], train, weights, inverse_squares, offset, code, periodic,
-            values[p], gradients[p],
-        )  # fmt: skip
-    return values, gradients
+        return (1.0 + r + r * r / 3.0) * exp(-r)
+    if code == 1:
+        r = _ROOT3 * sqrt(squared)
+        return (1.0 + r) * exp(-r)
+    return exp(-sqrt(squared))
 
 
 @kept_njit(error_model="numpy")
 def mean(points, train, weights, inverse_squares, offset, code, periodic):  # type: ignore[no-untyped-def]
-    """Return means (n, 3) at points (n, d); see `accumulate`."""
-    values, gradient = np.empty((len(points), 3)), np.empty((3, points.shape[1]))
-    for p in range(len(points)):
-        accumulate(
-            points[p], train, weights, inverse_squares, offset, code, periodic, values[p], gradient
-        )
+    """Return means of the three processes (n, 3) at points (n, d): a few cost microseconds.
+
+    `train` (m, 2 + d) holds cosine and sine of the boom angle, and the inputs; `weights` (3, m) and
+    `offset` (3,) are in units of the output; `inverse_squares` (3, d) are of the length scales.
+    """
+    n, d = points.shape
+    values, squares = np.empty((n, 3)), np.empty(d)
+    for p in range(n):
+        c, s = cos(points[p, 0]), sin(points[p, 0])
+        values[p] = offset
+        for i in range(len(train)):
+            if periodic:
+                x, y = c - train[i, 0], s - train[i, 1]
+                squares[0] = x * x + y * y
+            for a in range(1 if periodic else 0, d):
+                difference = points[p, a] - train[i, 2 + a]
+                squares[a] = difference * difference
+            for j in range(3):
+                squared = 0.0
+                for a in range(d):
+                    squared += squares[a] * inverse_squares[j, a]
+                values[p, j] += weights[j, i] * compiled_correlation(squared, code)
     return values
 
 
@@ -233,8 +185,7 @@ class FrameChangeProcess:
     def __post_init__(self) -> None:
         m, d = self.inputs.shape
         shapes: dict[str, tuple[int, ...]] = {"outputs": (m, 3), "length_scales": (3, d)}
-        for name in ("offset", "unit", "variance", "noise"):
-            shapes[name] = (3,)
+        shapes |= dict.fromkeys(("offset", "unit", "variance", "noise"), (3,))
         for name, shape in shapes.items():
             if getattr(self, name).shape != shape:
                 raise ValueError(f"{name}: expected {shape}, found {getattr(self, name).shape}")
@@ -255,33 +206,28 @@ class FrameChangeProcess:
             factors.append(_inverse_factor(covariance))
         return np.array(factors)
 
+    @property
+    def _whitened(self) -> FloatArray:
+        """Modelled outputs by the inverse factors, (3, m)."""
+        targets = ((self.outputs - self.offset) / self.unit).T
+        return np.asarray(np.einsum("jab,jb->ja", self.inverse_factors, targets))
+
     @cached_property
     def weights(self) -> FloatArray:
         """Weight of each training point in the mean, (3, m), in units of the output."""
-        targets = ((self.outputs - self.offset) / self.unit).T
-        inverse = self.inverse_factors
-        whitened = np.einsum("jab,jb->ja", inverse, targets)
-        solved = np.einsum("jab,ja->jb", inverse, whitened)
+        solved = np.einsum("jab,ja->jb", self.inverse_factors, self._whitened)
         return np.ascontiguousarray(solved * (self.variance * self.unit)[:, None])
 
     @cached_property
     def log_marginal_likelihood(self) -> FloatArray:
         """Log marginal likelihood of the training outputs, (3,), as modelled."""
-        targets = ((self.outputs - self.offset) / self.unit).T
-        inverse = self.inverse_factors
-        whitened = np.einsum("jab,jb->ja", inverse, targets)
-        half_logdet = -np.log(np.einsum("jaa->ja", inverse)).sum(axis=1)
+        half_logdet = -np.log(np.einsum("jaa->ja", self.inverse_factors)).sum(axis=1)
         constant = len(self.inputs) / 2 * np.log(2 * np.pi)
-        return np.asarray(-(whitened**2).sum(axis=1) / 2 - half_logdet - constant)
+        return np.asarray(-(self._whitened**2).sum(axis=1) / 2 - half_logdet - constant)
 
     def change(self, *inputs: ArrayLike) -> FloatArray:
         """Return the expected frame changes (n, 3) of hops with these inputs, (n,) each."""
         return self.mean_at(self._points(inputs))
-
-    def change_and_gradient(self, *inputs: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return the expected frame changes (n, 3), and derivatives (n, 3, d) by the inputs."""
-        points = self._points(inputs)
-        return mean_and_gradient(points, *self._compiled)
 
     def sd(self, *inputs: ArrayLike, observed: bool = False) -> FloatArray:
         """Return predictive standard deviations (n, 3) of the frame change, m, m, rad.

@@ -83,18 +83,6 @@ def _basis(f):  # type: ignore[no-untyped-def]
 
 
 @kept_njit(error_model="numpy")
-def _slopes(f, per_unit):  # type: ignore[no-untyped-def]
-    """Return the derivatives of the four B-splines by the input."""
-    g = 1.0 - f
-    return (
-        -0.5 * g * g * per_unit,
-        (1.5 * f * f - 2.0 * f) * per_unit,
-        (2.0 * g - 1.5 * g * g) * per_unit,
-        0.5 * f * f * per_unit,
-    )
-
-
-@kept_njit(error_model="numpy")
 def _on_turn(angle, nodes):  # type: ignore[no-untyped-def]
     """Return cell and place in it of an angle, rad, and cells per rad; `nodes` make a turn."""
     per_unit = nodes / (2.0 * pi)
@@ -114,39 +102,31 @@ def _on_line(x, limit, nodes):  # type: ignore[no-untyped-def]
 
 
 @kept_njit(error_model="numpy")
-def spline_change(coefficients, limit, angle, swing, value, gradient):  # type: ignore[no-untyped-def]
-    """Write value (3,) and gradient (3, 2) of a spline (A + 3, S + 2, 3) of angle and swing."""
-    i, f, per_angle = _on_turn(angle, coefficients.shape[0] - 3)
-    k, g, per_swing = _on_line(swing, limit, coefficients.shape[1] - 2)
-    b, db = _basis(f), _slopes(f, per_angle)
-    e, de = _basis(g), _slopes(g, per_swing)
+def spline_change(coefficients, limit, angle, swing, value):  # type: ignore[no-untyped-def]
+    """Write the value (3,) of a spline (A + 3, S + 2, 3) of angle and swing."""
+    i, f, _ = _on_turn(angle, coefficients.shape[0] - 3)
+    k, g, _ = _on_line(swing, limit, coefficients.shape[1] - 2)
+    b, e = _basis(f), _basis(g)
     for j in range(3):
-        total = by_angle = by_swing = 0.0
+        total = 0.0
         for p in range(4):
-            row = slope = 0.0
+            row = 0.0
             for q in range(4):
-                c = coefficients[i + p, k + q, j]
-                row += e[q] * c
-                slope += de[q] * c
+                row += e[q] * coefficients[i + p, k + q, j]
             total += b[p] * row
-            by_angle += db[p] * row
-            by_swing += b[p] * slope
         value[j] = total
-        gradient[j, 0] = by_angle
-        gradient[j, 1] = by_swing
 
 
 @kept_njit(error_model="numpy")
 def spline_changes(coefficients, limit, angles, swings):  # type: ignore[no-untyped-def]
-    """Return values (n, 3) and gradients (n, 3, 2); see `spline_change`."""
-    n = len(angles)
-    values, gradients = np.empty((n, 3)), np.empty((n, 3, 2))
-    for a in range(n):
-        spline_change(coefficients, limit, angles[a], swings[a], values[a], gradients[a])
-    return values, gradients
+    """Return values (n, 3); see `spline_change`."""
+    values = np.empty((len(angles), 3))
+    for a in range(len(angles)):
+        spline_change(coefficients, limit, angles[a], swings[a], values[a])
+    return values
 
 
-# What a controller asks of a model: frame changes and their gradients, for many hops at once.
+# What a controller asks of a model: frame changes of many hops at once.
 #
 # Conventions of all models: the frame change is (x, y, heading) in the frame of the first stance;
 # m, m, rad. Angles in rad. The boom angle is periodic: a whole turn more gives the same frame
@@ -160,12 +140,6 @@ class FrameChangeMap(Protocol):
 
     def change(self, boom_angle: FloatArray, swing: FloatArray, /) -> FloatArray:
         """Return the frame changes (n, 3) of hops from boom angles (n,) by swings (n,)."""
-        ...
-
-    def change_and_gradient(
-        self, boom_angle: FloatArray, swing: FloatArray, /
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return frame changes (n, 3), and derivatives (n, 3, 2) by boom angle and swing."""
         ...
 
 
@@ -220,28 +194,21 @@ class TabulatedMap:
         return np.linspace(-self.swing_limit_rad, self.swing_limit_rad, self.values.shape[1])
 
     def change(self, *inputs: ArrayLike) -> FloatArray:
-        """Return the frame changes (n, 3) of hops with these inputs, (n,) each."""
-        return self.change_and_gradient(*inputs)[0]
-
-    def change_and_gradient(self, *inputs: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return the frame changes (n, 3), and derivatives (n, 3, d) by the inputs.
+        """Return the frame changes (n, 3) of hops with these inputs, (n,) each.
 
         Raises
         ------
         AnalysisError
             If a swing is beyond the limit, or the number of inputs is wrong.
         """
-        rows = input_rows(inputs, 2)
-        self._require_within(rows[1])
-        values, gradients = spline_changes(self.coefficients, self.swing_limit_rad, *rows)
-        return values, gradients
-
-    def _require_within(self, swings: FloatArray) -> None:
+        angles, swings = input_rows(inputs, 2)
         largest = float(np.abs(swings).max(initial=0.0))
         if not largest <= self.swing_limit_rad * (1 + BEYOND):
             raise AnalysisError(
                 f"table: expected swings within {self.swing_limit_rad:.4f} rad, found {largest:.4f}"
             )
+        values = spline_changes(self.coefficients, self.swing_limit_rad, angles, swings)
+        return np.asarray(values)
 
 
 def tabulated(
