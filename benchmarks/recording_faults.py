@@ -9,26 +9,78 @@ fault is told with its markers and frames (a swap that ends in a gap may end any
 wrong, `false_alarms` is the number of faults told in all their recordings, `hours` their length,
 and `guessed` the share of them in which unit, vertical axis and the roles of all markers are
 guessed right.
+
+`floor_faults.csv`, beside it: the fitted floor where a foot hangs low, drags, or stands on
+something, against the true floor.
+
+The hopper is simulated with the default curved floor, and its feet are then moved as each fault
+says. One row for each fault, height and estimator: `ours` is `hopdata.landings.floor.fit_floor`;
+`tukey`, `huber` and `least squares` are one regression of the same rest points by statsmodels (RLM,
+RLM, OLS), with the same polynomial and mount heights. Errors at the true contacts, root mean square
+over the seeds: `floor_mm` of the floor, less its mean; `mounts_mm` of the worst foot's mount height
+against the other feet; `level_mm` the mean of floor and mount together, over the feet, and `rms_mm`
+their root mean square: how far from zero a foot on the floor is afterwards. `efficiency`, of the
+clean recordings only: the square of `floor_mm` of least squares over that of the row.
+
+Faults: `hangs`, one foot's rests are too high by that height in the given share of the run;
+`drags`, the foot slides in flight at that height with slow waves of half of it, in the given share;
+`obstacle`, all feet rest that much higher within a disc that holds the given share of the steps,
+about.
+
+`filling.csv`, beside it: gaps of the body markers, what filling wins, and how far what it fills is
+from the truth.
+
+The hopper is simulated once for each number of body markers and observed with and without
+drop-outs of all markers, feet included. One row for each kind of gaps and each way to fill them:
+`none`, the methods of `hopdata.landings.filling`, and scipy's `CubicSpline` through all that was
+seen of each marker, which knows neither contacts nor bodies. Gaps of up to `longest_s` are filled;
+the default of the configuration is `rigid` up to 0.1 s.
+
+`error_mm` is the rms distance of filled places from the true ones, per coordinate, `worst_mm` its
+99 % quantile, and `seen_mm` the same rms of the places that were seen, which is their noise.
+Touchdowns that are used are counted beside those of the same recording without any gap; `won` are
+those more than with `none`. Errors of the states at the sections are against the integrated
+landings: of the touchdowns that rest on filled places (from 0.22 s before the pre section to
+0.22 s after the post section) and of those that do not.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from hopdata.arrays import FloatArray
-from hopdata.recording import Recording
+from hopdata.landings.filling import fill_gaps, mark_filled
+from hopdata.landings.floor import fit_floor, level
+from hopdata.landings.floor_surface import (
+    FloorModel,
+    design,
+    polynomial_terms,
+    rest_points,
+    thinned,
+)
+from hopdata.landings.sections.select import select_sections
+from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
+from hopdata.landings.states.pairs import Pairs
+from hopdata.landings.touchdowns import touchdown_table
+from hopdata.maps.truth.landings import state_errors, true_rows
+from hopdata.recording import Recording, Truth
 from hopdata.recordings.plausibility import check_fall, check_rigid
 from hopdata.recordings.quality.inspection import Faults, Inspection, inspect_recording
 from hopdata.recordings.quality.roles import guess_roles
+from hopdata.recordings.quality.stretches import marker_gaps
 from hopdata.recordings.raw import RawRecording
+from hopdata.synthesis.landings import SectionHeights
+from hopdata.synthesis.scaling import known_scene, true_states
 from hopdata.synthesis.simulate import simulate_recording
 
 CAMERAS = ((100.0, 0.0003), (100.0, 0.0006), (100.0, 0.0012), (250.0, 0.0006))
@@ -183,20 +235,323 @@ def with_fault(rate_hz: float, noise_m: float, n: int) -> Iterator[dict[str, Any
         yield {"fault": kind, "recordings": n, "found": found / n, "named": named / n}
 
 
+# The floor where a foot hangs low, drags, or stands on something.
+
+DEGREE = 5
+FLOOR_FAULTS = (
+    ("clean", 0.0, 0.0),
+    *(("hangs", share, mm) for share in (0.3, 0.5, 0.7) for mm in (4.0, 8.0, 15.0)),
+    *(("drags", share, mm) for share in (0.3, 0.6) for mm in (4.0, 15.0)),
+    *(("obstacle", share, mm) for share in (0.1, 0.3) for mm in (4.0, 8.0, 15.0)),
+)
+
+
+def spoilt(
+    recording: Recording, truth: Truth, fault: str, share: float, height_m: float
+) -> Recording:
+    """Move the feet as a fault says."""
+    positions = recording.positions.copy()
+    feet = recording.indices("foot")
+    late = recording.time > (1 - share) * recording.time[-1]
+    down = truth.foot_down
+    if fault == "hangs":
+        positions[late & down[:, 0], feet[0], 2] += height_m
+    elif fault == "drags":
+        wave = height_m * (1 + 0.5 * np.sin(2 * np.pi * recording.time / 2.0))
+        floor = _true_floor(recording, truth, feet[0])
+        moved = late & ~down[:, 0]
+        noise = np.random.default_rng(0).normal(0, truth.noise_m, len(wave))
+        positions[moved, feet[0], 2] = (floor + wave + noise)[moved]
+    elif fault == "obstacle":
+        stands = np.concatenate([positions[down[:, k], f, :2] for k, f in enumerate(feet)])
+        centre = np.median(stands, axis=0) + np.array([0.2, 0.1])
+        radius = np.quantile(np.hypot(*(stands - centre).T), share)
+        for k, foot in enumerate(feet):
+            inside = np.hypot(*(positions[:, foot, :2] - centre).T) < radius
+            positions[inside & down[:, k], foot, 2] += height_m
+    return replace(recording, positions=positions)
+
+
+def _true_floor(recording: Recording, truth: Truth, foot: int) -> FloatArray:
+    """Height of the true floor under a foot at each frame: that of the nearest true contact."""
+    from scipy.spatial import cKDTree
+
+    seen = np.isfinite(truth.contact_times)
+    _, nearest = cKDTree(truth.contact_points[seen]).query(recording.positions[:, foot, :2])
+    return truth.floor_at_contacts[seen][nearest]
+
+
+def peer(recording: Recording, name: str) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """Regress the same rest points by statsmodels; floor and mounts as a function of places."""
+    import statsmodels.api as sm
+
+    rest = rest_points(recording)
+    rest = thinned(rest.take(np.abs(rest.above_mode) <= 0.06), 10000)
+    rest = rest.take(np.abs(rest.above_mode) <= 0.02)
+    scale = float(np.abs(rest.points[:, :2]).max())
+    terms = polynomial_terms(DEGREE)
+    n = len(rest.start_m)
+    contrasts = np.vstack([np.eye(n - 1), -np.ones((1, n - 1))])
+    columns = np.hstack([design(rest.points[:, :2] / scale, terms), contrasts[rest.foot]])
+    norms = {"tukey": sm.robust.norms.TukeyBiweight(), "huber": sm.robust.norms.HuberT()}
+    heights = rest.points[:, 2]
+    if name == "least squares":
+        found = sm.OLS(heights, columns).fit().params
+    else:
+        found = sm.RLM(heights, columns, M=norms[name]).fit().params
+    offsets = contrasts @ found[len(terms) :]
+
+    def height(places: FloatArray, foot: FloatArray) -> FloatArray:
+        flat = places.reshape(-1, 2) / scale
+        floor = (design(flat, terms) @ found[: len(terms)]).reshape(places.shape[:-1])
+        return np.asarray(floor + foot * offsets)
+
+    return height
+
+
+def ours(recording: Recording) -> Callable[[FloatArray, FloatArray], FloatArray]:
+    """Fit by `fit_floor`."""
+    floor: FloorModel = fit_floor(recording, degree=DEGREE)
+
+    def height(places: FloatArray, foot: FloatArray) -> FloatArray:
+        return np.asarray(
+            floor.height(places[..., 0], places[..., 1]) + foot * floor.foot_offsets_m
+        )
+
+    return height
+
+
+def measure(
+    height: Callable[[FloatArray, FloatArray], FloatArray], truth: Truth
+) -> dict[str, float]:
+    """Errors at the true contacts; the true mount heights are all zero."""
+    seen = np.isfinite(truth.contact_times)
+    floor = (height(truth.contact_points, np.zeros(1)) - truth.floor_at_contacts)[seen]
+    both = np.where(seen, height(truth.contact_points, np.ones(1)) - truth.floor_at_contacts, 0)
+    zero = np.zeros((1, truth.contact_points.shape[1], 2))
+    mounts = (height(zero, np.ones(1)) - height(zero, np.zeros(1)))[0]
+    return {
+        "floor_mm": 1e3 * float(floor.std()),
+        "mounts_mm": 1e3 * float(np.abs(mounts).max()),
+        "level_mm": 1e3 * float(both[seen].mean()),
+        "rms_mm": 1e3 * float(np.sqrt(np.mean(both[seen] ** 2))),
+    }
+
+
+ESTIMATORS: dict[str, Callable[[Recording], Callable[[FloatArray, FloatArray], FloatArray]]] = {
+    "ours": ours,
+    "tukey": lambda r: peer(r, "tukey"),
+    "huber": lambda r: peer(r, "huber"),
+    "least squares": lambda r: peer(r, "least squares"),
+}
+
+
+def _rms_of(values: pd.Series) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def floor_table(hops: int, seeds: int) -> pd.DataFrame:
+    """Simulate, spoil, fit and tabulate."""
+    rows: list[dict[str, Any]] = []
+    for seed in range(seeds):
+        recording, truth = simulate_recording({"hops": hops}, seed=seed)
+        for fault, share, mm in FLOOR_FAULTS:
+            bad = spoilt(recording, truth, fault, share, 1e-3 * mm)
+            for name, estimator in ESTIMATORS.items():
+                found = measure(estimator(bad), truth)
+                where = {"fault": fault, "share": share, "height_mm": mm, "estimator": name}
+                rows.append({**where, **found})
+    keys = ["fault", "share", "height_mm", "estimator"]
+    table = pd.DataFrame(rows).groupby(keys, sort=False).agg(_rms_of).reset_index()
+    clean = table["fault"] == "clean"
+    best = table.loc[clean & (table["estimator"] == "least squares"), "floor_mm"].iloc[0]
+    table["efficiency"] = np.where(clean, (best / table["floor_mm"]) ** 2, np.nan)
+    return table
+
+
+# Gaps of the body markers, filled.
+
+MARKERS = (
+    *((0.13, 0.03, 0.05), (-0.08, 0.11, 0.075), (-0.07, -0.14, 0.055)),
+    *((0.02, -0.05, 0.1), (-0.12, 0.0, 0.03)),
+)
+FILLED_GAPS = {"short": (60.0, 0.03), "long": (60.0, 0.15)}  # 1/min of each marker, s
+METHODS = ("none", "rigid", "CubicSpline")
+DEFAULT_S, LONGEST_S = 0.1, 0.5
+WAYS = (("none", 0.0), ("rigid", DEFAULT_S), ("CubicSpline", LONGEST_S))
+CAPTURE = {"noise_m": 0.0006}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A hopper seen with and without gaps, its truth, and what does not depend on the gaps."""
+
+    whole: Recording
+    perfect: Recording
+    truth: Truth
+    heights: tuple[float, float]
+    true: Pairs
+
+
+def observed(hops: int, n_body: int, seed: int, **capture: Any) -> tuple[Recording, Truth]:
+    """Simulate the hopper with its first `n_body` markers."""
+    capture = {**CAPTURE, "markers": {"body_m": MARKERS[:n_body]}, **capture}
+    return simulate_recording({"hops": hops}, capture, seed=seed)
+
+
+def make_case(hops: int, n_body: int, seed: int) -> Case:
+    """Simulate, choose the sections, and integrate the true landings to them."""
+    whole, truth = observed(hops, n_body, seed)
+    perfect, _ = observed(hops, n_body, seed, noise_m=0.0, resolution_m=0.0)
+    flat = level(whole, fit_floor(whole))
+    found = select_sections([flat])
+    scene = known_scene(truth)
+    sections = SectionHeights(found.pre_height_m, found.post_height_m, scene.body_points_m)
+    states = true_states(truth, scene, sections)
+    names = np.full(len(states.index), whole.name)
+    true = Pairs(
+        states.x, states.y, states.schedule, states.spread_s, names, states.index,
+        whole.names("body"),
+    )  # fmt: skip
+    return Case(whole, perfect, truth, (found.pre_height_m, found.post_height_m), true)
+
+
+def splined(recording: Recording, *, longest_s: float) -> Recording:
+    """Fill the gaps of each body marker by scipy's spline through all that was seen of it."""
+    positions, filled = recording.positions.copy(), np.zeros(recording.positions.shape[:2], bool)
+    short = short_gaps(recording, longest_s)
+    for m in recording.indices("body"):
+        is_seen = np.isfinite(positions[:, m, 0])
+        spline = CubicSpline(recording.time[is_seen], positions[is_seen, m], extrapolate=False)
+        positions[short[:, m], m] = spline(recording.time[short[:, m]])
+        filled[:, m] = short[:, m] & np.isfinite(positions[:, m, 0])
+    return replace(recording, positions=positions, filled=filled)
+
+
+def short_gaps(recording: Recording, longest_s: float) -> NDArray[np.bool_]:
+    """Mark the gaps that are no longer than `longest_s`, (N, M)."""
+    mask = np.zeros(recording.positions.shape[:2], bool)
+    for m, gaps in enumerate(marker_gaps(recording.positions, recording.markers)):
+        for start, stop in gaps.stretches:
+            mask[start:stop, m] = stop - start <= longest_s * recording.rate_hz + 1e-6
+    return mask
+
+
+def filled_by(method: str, flat: Recording, longest_s: float) -> Recording:
+    """Fill by one of `METHODS`."""
+    if method == "none":
+        return replace(flat, filled=np.zeros(flat.positions.shape[:2], bool))
+    if method == "CubicSpline":
+        return splined(flat, longest_s=longest_s)
+    return fill_gaps(flat, longest_s=longest_s)
+
+
+def touchdowns(recording: Recording, case: Case) -> tuple[Pairs, pd.DataFrame]:
+    """Pairs and touchdowns of a levelled recording."""
+    pre, post = case.heights
+    table = touchdown_table(recording, pre_height_m=pre, post_height_m=post)
+    table = mark_filled(recording, table)
+    pairs = assemble_pairs([recording], table, pre_height_m=pre, post_height_m=post)
+    return pairs, exclude_stateless(table, pairs)
+
+
+def state_row(case: Case, recording: Recording) -> dict[str, float]:
+    """Touchdowns used, and errors of their states with and without filled places."""
+    pairs, table = touchdowns(recording, case)
+    contacts = {recording.name: case.truth.contact_times}
+    rows = true_rows(pairs, table, case.true, contacts, recording.names("foot"))
+    share = table.set_index("index")["filled_share"].loc[pairs.index].to_numpy()
+    out: dict[str, float] = {
+        "descents": len(table),
+        "used": int((~table["excluded"]).sum()),
+        "rest_on_filled": int((share > 0).sum()),
+    }
+    for kind, chosen in (("filled", share > 0), ("seen", share == 0)):
+        errors = state_errors(pairs, case.true, np.where(chosen, rows, -1))
+        for row in errors.to_dict("records"):
+            section = row["section"]
+            out[f"{kind}_{section}_position_mm"] = row["position_rms_mm"]
+            out[f"{kind}_{section}_velocity_mm_s"] = row["velocity_rms_mm_s"]
+    return out
+
+
+def rows_of(case: Case, n_body: int, kind: str, gappy: Recording) -> list[dict[str, Any]]:
+    """One row a method for one recording with gaps."""
+    floor = fit_floor(gappy)
+    flat, perfect = level(gappy, floor), level(case.perfect, floor)
+    bodies = flat.indices("body")
+    missing = ~np.isfinite(flat.positions[:, bodies]).all(axis=2)
+    noise = (flat.positions - perfect.positions)[:, bodies][~missing]
+    whole = replace(level(case.whole, floor), filled=np.zeros(flat.positions.shape[:2], bool))
+    used_whole = int((~touchdowns(whole, case)[1]["excluded"]).sum())
+    rows = []
+    for method, longest_s in WAYS:
+        recording = filled_by(method, flat, longest_s)
+        assert recording.filled is not None
+        error = (recording.positions - perfect.positions)[recording.filled]
+        rows.append(
+            {
+                "body_markers": n_body,
+                "gaps": kind,
+                "rate_per_min": FILLED_GAPS[kind][0],
+                "mean_s": FILLED_GAPS[kind][1],
+                "method": method,
+                "longest_s": longest_s,
+                "missing": int(missing.sum()),
+                "filled": len(error),
+                "error_mm": 1e3 * _rms(error),
+                "worst_mm": 1e3 * _far(error),
+                "seen_mm": 1e3 * _rms(noise),
+                "used_without_gaps": used_whole,
+                **state_row(case, recording),
+            }
+        )
+    for row in rows:
+        row["won"] = row["used"] - rows[0]["used"]
+    return rows
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
+
+
+def _far(values: FloatArray) -> float:
+    return float(np.quantile(np.abs(values), 0.99)) if values.size else float("nan")
+
+
+def filling_table(hops: int, seed: int) -> pd.DataFrame:
+    """Simulate, fill and tabulate."""
+    rows: list[dict[str, Any]] = []
+    for n_body in (3, 4, 5):
+        case = make_case(hops, n_body, seed)
+        for kind, (rate, mean) in FILLED_GAPS.items():
+            gaps = {"rate_per_min": rate, "mean_s": mean}
+            gappy, _ = observed(hops, n_body, seed, gaps=gaps)
+            rows += rows_of(case, n_body, kind, gappy)
+    return pd.DataFrame(rows)
+
+
 def main() -> None:
     """Measure and write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--recordings", type=int, default=RECORDINGS)
+    parser.add_argument("--floor-seeds", type=int, default=5)
+    parser.add_argument("--filled-hops", type=int, default=500)
     options = parser.parse_args()
+    out: Path = options.out
     rows = [
         {"rate_hz": rate_hz, "noise_mm": 1e3 * noise_m, **row}
         for rate_hz, noise_m in CAMERAS
         for measure in (without_fault, with_fault)
         for row in measure(rate_hz, noise_m, options.recordings)
     ]
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    pd.DataFrame(rows).to_csv(options.out, index=False, float_format="%.4g")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    pd.DataFrame(rows).to_csv(out, index=False, float_format="%.4g")
+    floor = floor_table(300, options.floor_seeds)
+    floor.to_csv(out.with_name("floor_faults.csv"), index=False, float_format="%.6g")
+    filled = filling_table(options.filled_hops, 20261121)
+    filled.to_csv(out.with_name("filling.csv"), index=False, float_format="%.6g")
 
 
 if __name__ == "__main__":

@@ -85,9 +85,8 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 def write_json(path: str | Path, content: Mapping[str, Any] | list[Any]) -> None:
     """Write `content` as indented JSON, whole or not at all; NaN is not allowed in it."""
     with whole_file(path) as temporary:
-        temporary.write_text(
-            json.dumps(content, indent=2, sort_keys=False, allow_nan=False) + "\n", encoding="utf-8"
-        )
+        text = json.dumps(content, indent=2, allow_nan=False)
+        temporary.write_text(text + "\n", encoding="utf-8")
 
 
 def read_json(path: str | Path) -> Any:
@@ -102,10 +101,9 @@ def write_table(path: str | Path, table: pd.DataFrame) -> None:
     """
     table = _changed(table, guarded)
     exact = {name: _printed(table[name]) for name in table.columns if _is_late(table[name])}
+    options: Any = {"float_format": f"%.{DIGITS}g", "lineterminator": "\n"}
     with whole_file(path) as temporary:
-        table.assign(**exact).to_csv(
-            temporary, index=False, float_format=f"%.{DIGITS}g", lineterminator="\n"
-        )
+        table.assign(**exact).to_csv(temporary, index=False, **options)
 
 
 def guarded(cell: object) -> object:
@@ -120,9 +118,8 @@ def _unguarded(cell: object) -> object:
 def _changed(table: pd.DataFrame, change: Callable[[object], object]) -> pd.DataFrame:
     """Change the texts of a table, the names of its columns too."""
     texts = table.select_dtypes(["object", "str"]) if len(table) else ()
-    return table.assign(**{str(name): table[name].map(change) for name in texts}).rename(
-        columns=change
-    )
+    changed = {str(name): table[name].map(change) for name in texts}
+    return table.assign(**changed).rename(columns=change)
 
 
 def _is_late(column: pd.Series) -> bool:
@@ -140,11 +137,10 @@ def read_table(path: str | Path) -> pd.DataFrame:
     """Read a CSV table; `TEXT_COLUMNS` stay text, their empty cells empty text."""
     import pandas as pd
 
-    columns = pd.read_csv(path, nrows=0).columns
-    text = [name for name in TEXT_COLUMNS if name in columns]
-    table = pd.read_csv(  # a recording may be called NA; an empty cell alone is a missing value
-        path, dtype=dict.fromkeys(text, str), keep_default_na=False, na_values=[""]
-    )
+    text = [name for name in pd.read_csv(path, nrows=0).columns if name in TEXT_COLUMNS]
+    # A recording may be called NA; an empty cell alone is a missing value.
+    missing: Any = {"keep_default_na": False, "na_values": [""]}
+    table = pd.read_csv(path, dtype=dict.fromkeys(text, str), **missing)
     return _changed(table.assign(**{name: table[name].fillna("") for name in text}), _unguarded)
 
 

@@ -15,10 +15,16 @@ from hopdata import __version__
 
 PACKAGE = Path(__file__).parent
 ASSETS = {".css", ".j2", ".mplstyle", ".yaml"}
-REPORTED_PACKAGES = (
-    "hopdata", "numpy", "scipy", "pandas", "matplotlib", "h5py", "numba",
+REPORTED_PACKAGES = [
+    "hopdata",
+    "numpy",
+    "scipy",
+    "pandas",
+    "matplotlib",
+    "h5py",
+    "numba",
     "snakemake",
-)  # fmt: skip
+]
 # Statements `from hopdata... import ...`, also over several lines, and `import hopdata...`. To
 # parse all sources takes half as long as the shortest study.
 IMPORT = re.compile(
@@ -50,18 +56,15 @@ def _assets(source: Path) -> tuple[Path, ...]:
     """Non-Python files of a sub-package (style sheets, templates, schemas)."""
     if source.name != "__init__.py" or source.parent == PACKAGE:
         return ()
-    assets = (p for p in source.parent.rglob("*") if p.suffix in ASSETS)
-    return tuple(sorted(p for p in assets if p.is_file()))
+    return tuple(sorted(p for p in source.parent.rglob("*") if p.suffix in ASSETS and p.is_file()))
 
 
 def _closure(start: Iterable[Path]) -> set[Path]:
     seen: set[Path] = set()
-    waiting = list(start)
+    waiting = set(start)
     while waiting:
-        source = waiting.pop()
-        if source not in seen:
-            seen.add(source)
-            waiting.extend(_imports(source))
+        seen |= waiting
+        waiting = {one for source in waiting for one in _imports(source)} - seen
     return seen
 
 
@@ -82,12 +85,11 @@ def _module_files(name: str) -> tuple[Path, ...]:
     parts = name.split(".")
     if parts[0] != PACKAGE.name:
         return ()
-    found: list[Path] = []
-    for depth in range(1, len(parts) + 1):
-        base = PACKAGE.joinpath(*parts[1:depth])
-        candidates = (base / "__init__.py", base.with_suffix(".py"))
-        found.extend(path for path in candidates if path in _sources())
-    return tuple(found)
+    bases = [PACKAGE.joinpath(*parts[1:depth]) for depth in range(1, len(parts) + 1)]
+    candidates = [
+        path for base in bases for path in (base / "__init__.py", base.with_suffix(".py"))
+    ]
+    return tuple(path for path in candidates if path in _sources())
 
 
 @cache
@@ -114,7 +116,7 @@ def provenance(
         "seed": config["seed"],
         "config": dict(config),
         "inputs": dict(inputs),
-        "code_sha256": driver_digest(),
+        "code_sha256": package_digest(),
         "versions": {name: _version(name) for name in REPORTED_PACKAGES},
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
@@ -122,7 +124,7 @@ def provenance(
     }
 
 
-def driver_digest() -> str:
+def package_digest() -> str:
     """Digest of all sources of the package: what a version number does not tell apart."""
     digest = hashlib.sha256()
     for source in sorted(PACKAGE.rglob("*.py")):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,16 +79,17 @@ class Recording:
     filled: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
-        n_frames, n_markers = len(self.time), len(self.markers)
+        seen = (len(self.time), len(self.markers))
         if self.time.ndim != 1:
             raise ValueError(f"time: expected shape (N,), found {self.time.shape}")
-        if len(self.roles) != n_markers:
-            raise ValueError(f"roles: expected {n_markers} entries, found {len(self.roles)}")
-        shapes = {"positions": (n_frames, n_markers, 3), "filled": (n_frames, n_markers)}
-        for name, expected in shapes.items():
-            values = getattr(self, name)
-            if values is not None and values.shape != expected:
-                raise ValueError(f"{name}: expected shape {expected}, found {values.shape}")
+        if len(self.roles) != seen[1]:
+            raise ValueError(f"roles: expected {seen[1]} entries, found {len(self.roles)}")
+        for name, array, shape in (
+            ("positions", self.positions, (*seen, 3)),
+            ("filled", self.filled, seen),
+        ):
+            if array is not None and array.shape != shape:
+                raise ValueError(f"{name}: expected shape {shape}, found {array.shape}")
 
     def indices(self, role: str) -> list[int]:
         """Return indices of the markers with this role, in order."""
@@ -106,9 +108,8 @@ class Recording:
     def part(self, frames: slice) -> Recording:
         """Return the recording of these frames alone."""
         filled = None if self.filled is None else self.filled[frames]
-        return replace(
-            self, time=self.time[frames], positions=self.positions[frames], filled=filled
-        )
+        kept: Any = {"time": self.time[frames], "positions": self.positions[frames]}
+        return replace(self, **kept, filled=filled)
 
     @cached_property
     def body(self) -> FloatArray:
@@ -187,9 +188,7 @@ def body_over_feet(recording: Recording) -> FloatArray:
     """Median over frames of the mean body position less the mean foot position, (3,), m."""
     difference = sampled(recording.body).mean(axis=1) - sampled(recording.feet).mean(axis=1)
     difference = difference[~np.isnan(difference).any(axis=1)]
-    if not len(difference):
-        return np.full(3, np.nan)
-    return np.asarray(np.median(difference, axis=0))
+    return np.asarray(np.median(difference, axis=0)) if len(difference) else np.full(3, np.nan)
 
 
 def sampled(positions: FloatArray) -> FloatArray:

@@ -97,6 +97,19 @@ def headings(rotation: FloatArray) -> FloatArray:
     return np.asarray(np.arctan2(rotation[..., 1, 0], rotation[..., 0, 0]))
 
 
+def twists(rotation: FloatArray) -> FloatArray:
+    """Turn about the vertical, (...), rad, that is left when the body is tilted back the short way.
+
+    It does not depend on which body axis is called x, and differs from the yaw by half the product
+    of pitch and roll.
+    """
+    return np.asarray(
+        np.arctan2(
+            rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1]
+        )
+    )
+
+
 # Rigid motions of the plane, SE(2): poses (x, y, heading), m and rad, on the last array axis.
 
 
@@ -110,7 +123,7 @@ def composed(pose: ArrayLike, change: ArrayLike) -> FloatArray:
 
     Headings add up and are not wrapped, so that turns can be counted.
     """
-    (x, y, heading), (dx, dy, turn) = _parts(pose), _parts(change)
+    (x, y, heading), (dx, dy, turn) = (_parts(one) for one in (pose, change))
     c, s = np.cos(heading), np.sin(heading)
     return np.stack([x + c * dx - s * dy, y + s * dx + c * dy, heading + turn], axis=-1)
 
@@ -139,7 +152,7 @@ def _parts(pose: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 _ALIGNMENTS = 20
 _SETTLED = 1e-15  # change of the shape, relative
-_LEAST_WIDTH = 1e-3
+_LEAST_BODY_WIDTH = 1e-3
 
 
 def body_shape(positions: FloatArray) -> FloatArray:
@@ -164,7 +177,7 @@ def body_shape(positions: FloatArray) -> FloatArray:
         if np.abs(shape - before).max() <= _SETTLED * np.abs(shape).max():
             break
     widths = np.linalg.svd(shape, compute_uv=False)
-    if widths[1] < _LEAST_WIDTH * widths[0]:
+    if widths[1] < _LEAST_BODY_WIDTH * widths[0]:
         raise AnalysisError("rigid body: expected body markers that are not on one line")
     return shape
 
@@ -177,19 +190,3 @@ def kabsch(centred: FloatArray, shape: FloatArray) -> FloatArray:
     left, _, right = np.linalg.svd(np.einsum("nbi,bj->nij", centred, shape))
     left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
     return np.asarray(left @ right)
-
-
-def twists(rotation: FloatArray) -> FloatArray:
-    """Turn about the vertical, (...), rad, that is left when the body is tilted back the short way.
-
-    It does not depend on which body axis is called x, and differs from the yaw by half the product
-    of pitch and roll.
-    """
-    return np.asarray(
-        np.arctan2(
-            rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1]
-        )
-    )
-
-
-# Rigid motions of the plane, SE(2): poses (x, y, heading), m and rad, on the last array axis.

@@ -68,7 +68,7 @@ def test_every_figure_has_a_rule_and_a_caption(jobs):
 def test_every_figure_has_a_caption_and_a_function(name):
     assert (ROOT / f"workflow/captions/{name}.md").is_file() or name == "fig2_5_both_sides"
     drawing = next(drawings[name] for drawings in FIGURES.values() if name in drawings)
-    assert f"\ndef {drawing.function}(" in source_of(name).read_text()
+    assert f"\ndef {drawing.place.partition(':')[2]}(" in source_of(name).read_text()
 
 
 @pytest.mark.parametrize("program", sorted(programs()))

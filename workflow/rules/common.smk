@@ -4,6 +4,8 @@ import shlex
 import sys
 from pathlib import Path
 
+from snakemake.io import strip_wildcard_constraints
+
 from hopdata.config import files_of, load_config, simulation_of
 from hopdata.config.schema import load_schema
 from hopdata.errors import HopdataError
@@ -98,6 +100,13 @@ def needs(*, minutes, mb_a_mb=0):
         "mem_mb": lambda wildcards, input: 800 + int(mb_a_mb * input.size_mb),
         "runtime": minutes,
     }
+
+
+def stage_times(folder):
+    """Where the times of a study's jobs are written, of the rules that stand so far."""
+    times = [strip_wildcard_constraints(one.benchmark) for one in workflow.rules if one.benchmark]
+    own = [one for one in times if one.startswith(f"{folder}/benchmarks/")]
+    return sorted(set(expand(own, recording=RECORDINGS, experiment=EXPERIMENTS)))
 
 
 def each_recording(pattern):

@@ -1,25 +1,3 @@
-# What a study runs through, whose times the report gives.
-STAGES = [
-    *([] if all(SOURCES.values()) else [rules.simulate]),
-    rules.recording,
-    rules.sections,
-    rules.touchdowns,
-    rules.pairs,
-    rules.quality,
-    rules.linear_maps,
-    rules.distances,
-    rules.verdict,
-    rules.score,
-    *(
-        [rules.true_sections, rules.map_errors, rules.estimate_errors, rules.scaling_study]
-        if SIMULATED
-        else []
-    ),
-    *([rules.contact_overlay] if EXTERNAL else []),
-    *[getattr(rules, f"figures_{kind}") for kind in KINDS],
-]
-
-
 # Whether the study's page has the sections of the steering.
 IN_REPORT = STUDY["steering"]["in_report"]
 
@@ -70,15 +48,7 @@ rule report:
         **needs(mb_a_mb=40, minutes=10),
     params:
         study=STUDY,
-        stage_times=sorted(
-            set(
-                expand(
-                    [stage.benchmark for stage in STAGES + (STEERING_STAGES if IN_REPORT else [])],
-                    recording=RECORDINGS,
-                    experiment=EXPERIMENTS,
-                )
-            )
-        ),
+        stage_times=stage_times(RESULTS) + (stage_times(STEERING) if IN_REPORT else []),
         code=code("report"),
     script:
         "../scripts/report.py"

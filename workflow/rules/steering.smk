@@ -263,25 +263,6 @@ STEERING_PAGE = {
         }
     ),
 }
-STEERING_STAGES = [
-    rules.steering_observe,
-    rules.steering_model,
-    rules.steering_learning,
-    rules.figures_steering_model,
-    *(
-        []
-        if STEERED
-        else [
-            rules.steering_excite,
-            rules.steering_true_map,
-            rules.steering_experiment,
-            rules.steering_outcomes,
-            rules.steering_score,
-            rules.figures_steering_runs,
-            rules.steering_film,
-        ]
-    ),
-]
 
 
 rule steering_report:
@@ -297,9 +278,7 @@ rule steering_report:
         **needs(mb_a_mb=40, minutes=10),
     params:
         study=STUDY,
-        stage_times=sorted(
-            set(expand([one.benchmark for one in STEERING_STAGES], experiment=EXPERIMENTS))
-        ),
+        stage_times=stage_times(STEERING),
         code=code("steering_report"),
     script:
         "../scripts/steering_report.py"

@@ -33,7 +33,9 @@ def check(options: argparse.Namespace) -> int:
     for entry in config["recordings"]:
         files = files_of(entry)
         if not files:
-            print(f"{entry['name']}: simulated, {_length(simulation_of(config, entry['name']))}")
+            hops, cut_s = map(simulation_of(config, entry["name"]).get, ("hops", "duration_s"))
+            cut = "" if cut_s is None else f", cut at {cut_s:g} s"
+            print(f"{entry['name']}: simulated, {hops} hops{cut}")
             continue
         try:
             with terminal.progress_line() as progress:
@@ -75,15 +77,8 @@ def _suspects(recording: Recording) -> list[str]:
     with terminal.progress_line() as progress:
         progress(f"looking for faults in {recording.source}")
         found = inspect(recording)
-    if not found.faults.count:
-        return []
-    return [f"{recording.source}: {terminal.answer(found)} 'hopdata inspect' lists them"]
-
-
-def _length(simulation: dict[str, Any]) -> str:
-    """Say how long a simulated recording is."""
-    hops, duration = simulation["hops"], simulation["duration_s"]
-    return f"{hops} hops" if duration is None else f"{hops} hops, cut at {duration:g} s"
+    told = f"{recording.source}: {terminal.answer(found)} 'hopdata inspect' lists them"
+    return [told] if found.faults.count else []
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:

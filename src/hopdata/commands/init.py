@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
     from hopdata.recordings.quality.roles import Roles
 
-# ``hopdata config-docs``: the page on the configuration's keys.
-
 
 def config_docs(options: argparse.Namespace) -> int:
     """Write the page on the configuration's keys."""
@@ -149,9 +147,7 @@ def _markers(draft: Draft) -> list[str]:
             lines[-1] += "" if names else "  # TO DO: fill in, see above"
     used = {name for names in draft.markers.values() for name in names}
     left = [name for name in draft.all_markers if name not in used]
-    if left:
-        lines += _comment("Not used: " + ", ".join(left), indent="  ")
-    return lines
+    return lines + (_comment("Not used: " + ", ".join(left), indent="  ") if left else [])
 
 
 def _list(key: str, names: Sequence[str]) -> list[str]:
@@ -201,11 +197,8 @@ def init(options: argparse.Namespace) -> int:
 def _draft(
     options: argparse.Namespace, out: Path, inspection: Inspection, roles: Roles, remarks: list[str]
 ) -> Draft:
-    reasons = {
-        f"markers.{key}": f"{what} {roles.reasons[key]}."
-        for key, what in _WHAT.items()
-        if roles.reasons.get(key)
-    }
+    told = {key: what for key, what in _WHAT.items() if roles.reasons.get(key)}
+    reasons = {f"markers.{key}": f"{what} {roles.reasons[key]}." for key, what in told.items()}
     if roles.reasons["home"]:
         reasons["home.marker"] = f"{roles.reasons['home']}."
     settings: dict[str, dict[str, object]] = {"input": {}}

@@ -12,6 +12,12 @@ from typing import Any
 from hopdata.errors import ConfigError, did_you_mean
 from hopdata.scenes import STANDARD
 
+
+def _unknown(key: str, what: str, name: str, known: list[str]) -> str:
+    """Say that a name is not among those that are there."""
+    return f"{key}: expected {what} ({', '.join(known)}), found '{name}'{did_you_mean(name, known)}"
+
+
 # Mistakes in what a configuration says of external contacts and forces.
 
 BLOCKS = ("contacts", "forces")
@@ -46,10 +52,7 @@ def _wrong_columns(place: str, block: dict[str, Any], feet: list[str]) -> Iterat
             )
         for foot in column["feet"] or [column["name"]]:
             if foot not in feet:
-                yield (
-                    f"{place}.columns[{k}].feet: expected feet of markers.feet "
-                    f"({', '.join(feet)}), found '{foot}'{did_you_mean(foot, feet)}"
-                )
+                yield _unknown(f"{place}.columns[{k}].feet", "feet of markers.feet", foot, feet)
 
 
 def _wrong_options(place: str, recording: dict[str, Any]) -> Iterator[str]:
@@ -140,10 +143,7 @@ def _wrong_recordings(config: dict[str, Any]) -> Iterator[str]:
     known = [entry["name"] for entry in config["recordings"]]
     for i, name in enumerate(config["steering"]["recordings"]):
         if name not in known:
-            yield (
-                f"steering.recordings[{i}]: expected one of the recordings ({', '.join(known)}), "
-                f"found '{name}'{did_you_mean(name, known)}"
-            )
+            yield _unknown(f"steering.recordings[{i}]", "one of the recordings", name, known)
     if len(config["markers"]["boom"]) != 1:
         found = ", ".join(config["markers"]["boom"]) or "none"
         yield (
@@ -153,9 +153,8 @@ def _wrong_recordings(config: dict[str, Any]) -> Iterator[str]:
 
 
 def _wrong_excitation(steering: dict[str, Any]) -> Iterator[str]:
-    angles, steps, repeats = (
-        steering["excitation"][key] for key in ("n_angles", "n_steps", "repeats")
-    )
+    excitation = steering["excitation"]
+    angles, steps, repeats = (excitation[key] for key in ("n_angles", "n_steps", "repeats"))
     limit, largest = steering["robot"]["swing_limit_rad"], 2 * pi * steps / angles
     if largest > limit + ROUNDING:
         yield (
@@ -214,10 +213,7 @@ def _repeated_markers(config: dict[str, Any]) -> Iterator[str]:
 def _home_marker(config: dict[str, Any]) -> Iterator[str]:
     marker, body = config["home"]["marker"], config["markers"]["body"]
     if marker is not None and marker not in body:
-        yield (
-            f"home.marker: expected a body marker ({', '.join(body)}), "
-            f"found '{marker}'{did_you_mean(marker, body)}"
-        )
+        yield _unknown("home.marker", "a body marker", marker, body)
 
 
 def _sections_in_order(config: dict[str, Any]) -> Iterator[str]:
@@ -270,10 +266,7 @@ def _simulated_markers(config: dict[str, Any]) -> Iterator[str]:
     for role, names in config["markers"].items():
         for name in names:
             if name not in made:
-                yield (
-                    f"markers.{role}: expected a marker of the simulation ({', '.join(made)}), "
-                    f"found '{name}'{did_you_mean(name, made)}"
-                )
+                yield _unknown(f"markers.{role}", "a marker of the simulation", name, made)
                 return
 
 

@@ -21,8 +21,8 @@ class Drawing:
 
     Attributes
     ----------
-    module, function
-        Where it is drawn: a function of tables and numbers, in the order of `files`.
+    place
+        Module and function, which takes tables and numbers in the order of `files`.
     files
         CSV and JSON files, by their paths below the folder of results.
     options
@@ -31,8 +31,7 @@ class Drawing:
         Further files, which only a simulated study has.
     """
 
-    module: str
-    function: str
+    place: str
     files: tuple[str, ...]
     options: Mapping[str, Any] = field(default_factory=dict)
     truth: tuple[str, ...] = ()
@@ -42,16 +41,14 @@ def _table(*names: str) -> tuple[str, ...]:
     return tuple(f"tables/{name}.csv" for name in names)
 
 
-def _of_benchmarks(module: str, function: str, *tables: str, **options: Any) -> Drawing:
-    return Drawing(module, function, tuple(f"{name}.csv" for name in tables), options)
+def _of_benchmarks(place: str, *tables: str, **options: Any) -> Drawing:
+    return Drawing(place, tuple(f"{name}.csv" for name in tables), options)
 
 
 def _run(experiment: str) -> Drawing:
     options = {"experiment": experiment}
-    return Drawing("steering", "steering_run_figure", _table("examples"), options)
+    return Drawing("steering:steering_run_figure", _table("examples"), options)
 
-
-_SIDES = ("distances.csv", "distance_summary.csv")
 
 # The job that draws, and the figures that it draws. Files are found below the study's folder; for
 # `steering_*` in its folder `steering`, for `benchmarks` in ``results/benchmarks``, for `sides` and
@@ -59,50 +56,46 @@ _SIDES = ("distances.csv", "distance_summary.csv")
 FIGURES: dict[str, dict[str, Drawing]] = {
     "landings": {
         "fig2_2_sections": Drawing(
-            "sections",
-            "sections_figure",
+            "sections:sections_figure",
             (*_table("section_frames", "section_densities"), "landings/sections.json"),
         ),
         "fig2_3_schedule": Drawing(
-            "schedule", "example_figure", _table("example_touchdown", "touchdowns")
+            "schedule:example_figure", _table("example_touchdown", "touchdowns")
         ),
-        "stability": Drawing("quality", "stability_figure", _table("section_stability", "drift")),
+        "stability": Drawing("quality:stability_figure", _table("section_stability", "drift")),
         "worst_landings": Drawing(
-            "quality", "worst_landings_figure", _table("worst_landings", "worst_landing_samples")
+            "quality:worst_landings_figure", _table("worst_landings", "worst_landing_samples")
         ),
         "recording_gaps": Drawing(
-            "quality", "recording_gaps_figure", _table("markers", "gap_times", "faults")
+            "quality:recording_gaps_figure", _table("markers", "gap_times", "faults")
         ),
     },
     "maps": {
-        "verdict": Drawing("verdict", "verdict_figure", ("verdict.json", *_table("touchdowns"))),
+        "verdict": Drawing("verdict:verdict_figure", ("verdict.json", *_table("touchdowns"))),
         "fig2_4_prediction": Drawing(
-            "prediction", "prediction_figure", (*_table("prediction_summary"), "tables/units.json")
+            "prediction:prediction_figure", (*_table("prediction_summary"), "tables/units.json")
         ),
         "fig2_5_distances": Drawing(
-            "distances", "distances_figure", _table("distances", "distance_summary")
+            "distances:distances_figure", _table("distances", "distance_summary")
         ),
         "map_matrices": Drawing(
-            "maps", "matrices_figure", _table("map_estimates"), truth=_table("exact_map")
+            "maps:matrices_figure", _table("map_estimates"), truth=_table("exact_map")
         ),
     },
     "truth": {
-        "map_errors": Drawing("maps", "map_errors_figure", _table("map_errors")),
-        "scaling_study": Drawing("maps", "scaling_study_figure", _table("scaling_study")),
+        "map_errors": Drawing("maps:map_errors_figure", _table("map_errors")),
+        "scaling_study": Drawing("maps:scaling_study_figure", _table("scaling_study")),
     },
     "overlay": {
         "contact_overlay": Drawing(
-            "overlay",
-            "contact_overlay_figure",
+            "overlay:contact_overlay_figure",
             _table("contact_overlay", "contact_overlay_summary", "contact_overlay_example"),
         )
     },
     "steering_model": {
-        "steering_map": Drawing(
-            "models", "frame_change_figure", _table("model_map", "training_hops")
-        ),
-        "steering_learning": Drawing("models", "learning_curve_figure", _table("learning_curve")),
-        "steering_kernels": Drawing("models", "kernel_smoothness_figure", _table("kernels")),
+        "steering_map": Drawing("models:frame_change_figure", _table("model_map", "training_hops")),
+        "steering_learning": Drawing("models:learning_curve_figure", _table("learning_curve")),
+        "steering_kernels": Drawing("models:kernel_smoothness_figure", _table("kernels")),
     },
     "steering_runs": {
         "fig3_5_origin": _run("origin"),
@@ -110,13 +103,12 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         "fig3_8_origin_board": _run("origin_board"),
         "fig3_9_turn_board": _run("turn_board"),
         "steering_outcomes": Drawing(
-            "steering", "steering_outcomes_figure", _table("outcomes", "runs")
+            "steering:steering_outcomes_figure", _table("outcomes", "runs")
         ),
     },
     "sides": {
         "fig2_5_both_sides": Drawing(
-            "distances",
-            "both_sides_figure",
+            "distances:both_sides_figure",
             tuple(
                 f"{study}/{name}"
                 for study in ("thesis", "control")
@@ -127,8 +119,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
     },
     "pair": {
         "verdicts": Drawing(
-            "verdict",
-            "verdicts_figure",
+            "verdict:verdicts_figure",
             tuple(
                 f"{study}/{name}"
                 for study in ("sample", "sample_control")
@@ -138,36 +129,29 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         )
     },
     "benchmarks": {
-        "fig4_2_order": _of_benchmarks("integrator", "order_figure", "order"),
+        "fig4_2_order": _of_benchmarks("integrator:order_figure", "order"),
         "fig4_3_calibration": _of_benchmarks(
-            "integrator", "calibration_figure", "calibration_trajectories"
+            "integrator:calibration_figure", "calibration_trajectories"
         ),
-        "fig4_4_scaling": _of_benchmarks("integrator", "scaling_figure", "plate", "plate_marginal"),
+        "fig4_4_scaling": _of_benchmarks("integrator:scaling_figure", "plate", "plate_marginal"),
         "work_precision": _of_benchmarks(
-            "integrator", "work_precision_figure", "work_precision", "ratios"
+            "integrator:work_precision_figure", "work_precision", "ratios"
         ),
-        "map_error": _of_benchmarks("maps", "map_error_figure", "map_error"),
+        "map_error": _of_benchmarks("maps:map_error_figure", "map_error"),
         "fig3_3_frame_change": _of_benchmarks(
-            "models",
-            "frame_change_figure",
+            "models:frame_change_figure",
             "frame_change_map",
             "frame_change_points",
             model="recommended",
         ),
         "fig3_3_printed": _of_benchmarks(
-            "models",
-            "frame_change_figure",
-            "frame_change_map",
-            "frame_change_points",
-            model="printed",
+            "models:frame_change_figure", "frame_change_map", "frame_change_points", model="printed"
         ),
-        "learning_curve": _of_benchmarks(
-            "models", "learning_curve_figure", "frame_change_learning"
-        ),
+        "learning_curve": _of_benchmarks("models:learning_curve_figure", "frame_change_learning"),
         "kernel_smoothness": _of_benchmarks(
-            "models", "kernel_smoothness_figure", "frame_change_kernels"
+            "models:kernel_smoothness_figure", "frame_change_kernels"
         ),
-        "verdict_power": _of_benchmarks("verdict", "verdict_power_figure", "verdict_power"),
+        "verdict_power": _of_benchmarks("verdict:verdict_power_figure", "verdict_power"),
     },
 }
 
@@ -180,7 +164,7 @@ def tables_of(name: str, *, simulated: bool = False) -> tuple[str, ...]:
 
 def source_of(name: str) -> Path:
     """Return the module that draws a figure."""
-    return Path(__file__).with_name(f"{_drawing(name).module}.py")
+    return Path(__file__).with_name(f"{_drawing(name).place.partition(':')[0]}.py")
 
 
 def draw(name: str, files: list[str], base: str | Path, **options: Any) -> None:
@@ -203,8 +187,9 @@ def draw(name: str, files: list[str], base: str | Path, **options: Any) -> None:
 
     drawing = _drawing(name)
     content = [read_json(path) if path.endswith(".json") else read_table(path) for path in files]
-    function = getattr(import_module(f"hopdata.figures.{drawing.module}"), drawing.function)
-    save_figure(function(*content, **drawing.options), base, **options)
+    module, _, function = drawing.place.partition(":")
+    drawn = getattr(import_module(f"hopdata.figures.{module}"), function)
+    save_figure(drawn(*content, **drawing.options), base, **options)
 
 
 def _drawing(name: str) -> Drawing:

@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
-from hopdata.errors import ConfigError, did_you_mean
+from hopdata.errors import ConfigError, require_choice
 from hopdata.jobs import whole_file
 
 # Lines with bands, and logarithmic axes with plain numbers: what figures of errors share.
@@ -247,7 +247,10 @@ def save_figure(
     ConfigError
         If a format is not one of the three, or `dpi` is not positive.
     """
-    _check(formats, dpi)
+    for name in formats:
+        require_choice("figures.formats", name, METADATA)
+    if not dpi > 0:
+        raise ConfigError(f"figures.dpi: expected a positive number, found {dpi}")
     base = Path(path)
     targets = tuple(base.with_name(f"{base.name}.{suffix}") for suffix in formats)
     with ExitStack() as whole, style_context(), _laid_out(figure):
@@ -289,14 +292,3 @@ def _round_positions(figure: Figure) -> None:
         )
         axes.set_position((left, bottom, width, height))
         axes.set_in_layout(is_in_layout)  # which `set_position` takes it out of
-
-
-def _check(formats: Sequence[str], dpi: float) -> None:
-    for name in formats:
-        if name not in METADATA:
-            raise ConfigError(
-                f"figures.formats: expected one of {', '.join(METADATA)}, found '{name}'"
-                f"{did_you_mean(name, METADATA)}"
-            )
-    if not dpi > 0:
-        raise ConfigError(f"figures.dpi: expected a positive number, found {dpi}")

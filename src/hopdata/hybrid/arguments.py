@@ -27,7 +27,7 @@ def check_numbers(
 ) -> tuple[float, float, float, float, float, int, int]:
     """Return start, end, relative tolerance, largest and first step (0: to be chosen), and counts.
 
-    All of them are plain numbers; `driver.entry.can_be_done` checks the same.
+    All of them are plain numbers; `driver.loop.can_be_done` checks the same.
     """
     try:
         t_start, t_end = t_span

@@ -48,7 +48,7 @@ LAST_FLIP, FLIPS, OPEN, BENT = numbers(4)
 FLAG_ROWS = 4
 
 # Rows of `lists`: the guards that are awake, the heap of those asleep (see `sleep`), the few that
-# the step may concern (see `near`), and those that flip now.
+# the step may concern (see `watch`), and those that flip now.
 AWAKE, HEAP, NEAR, DUE = numbers(4)
 LIST_ROWS = 4
 

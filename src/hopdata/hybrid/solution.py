@@ -240,7 +240,7 @@ class Solution:
 
     @property
     def clock(self) -> FloatArray:
-        """The driver's times at the end, as `driver.layout` numbers them."""
+        """The driver's times at the end, as `layout` numbers them."""
         return np.frombuffer(self.parts[0])[:COUNTS]
 
     @property

@@ -125,9 +125,8 @@ def project(p: Problem, m: Memory, k: int, rate: float) -> None:
     is left of the rate, if time does not matter.
     """
     phi, n = p.tangent, m.states.width
-    moved, before, inputs = (
-        single(m, at.COLUMN), single(m, at.F_BEFORE), single(m, at.RATE_INPUTS),
-    )  # fmt: skip
+    moved, before = single(m, at.COLUMN), single(m, at.F_BEFORE)
+    inputs = single(m, at.RATE_INPUTS)
     for i in range(n):
         phi[moved, i] = phi[before, i]
         phi[single(m, at.ALONG), i] = 0.0

@@ -92,6 +92,7 @@ def cubic_root(g0: float, d0: float, g1: float, d1: float, low: float, high: flo
 
 PASS, CROSSING, DIP = 0, 1, 2
 NONE = -1  # no guard
+Suspicion = tuple[int, int, float, float, int]  # kind, guard, guess, a place before it, piece
 
 EDGE = 1e-6  # a dip this near to an end of its piece is that end
 STEEPEST = 0.34  # rise over slope, from which a cubic cannot turn back: a third
@@ -156,7 +157,7 @@ def suspect_before(
 
 
 @kernel
-def first_suspect(p: Problem, m: Memory, dt: float) -> tuple[int, int, float, float, int]:
+def first_suspect(p: Problem, m: Memory, dt: float) -> Suspicion:
     """Return (kind, guard, guess, low, piece) of the suspect guard with the earliest guess.
 
     All that are near are asked; those that are suspect have no clearance at all from then on.
@@ -174,9 +175,7 @@ def first_suspect(p: Problem, m: Memory, dt: float) -> tuple[int, int, float, fl
 
 
 @kernel
-def first_rival(
-    p: Problem, m: Memory, dt: float, k: int, end: float
-) -> tuple[int, int, float, float, int]:
+def first_rival(p: Problem, m: Memory, dt: float, k: int, end: float) -> Suspicion:
     """Return the same of the guards that may flip before guard k does, at `end`.
 
     Asked are those that are suspect, and those past their surface in row H.

@@ -331,10 +331,8 @@ def _enter_many(
     """
     n, n_modes, n_params = y0.shape[1], modes.shape[1], params.shape[1]
     mode, clock = memory.int_vector(desk[at.MODE], n_modes), memory.float_vector(desk[at.CLOCK], 0)
-    count, state = (
-        memory.int_vector(desk[at.COUNTS], 0),
-        memory.float_table(desk[at.STATE_TABLE], n),
-    )
+    count = memory.int_vector(desk[at.COUNTS], 0)
+    state = memory.float_table(desk[at.STATE_TABLE], n)
     start, room = memory.float_vector(desk[at.START_STATE], n), address_of(view(samples))
     phi, n_wanted = memory.float_table(desk[at.TANGENT_TABLE], n), desk[at.WANTED + 1]
     here, own = address_of(view(desk)), memory.float_vector(desk[at.PARAMS], n_params)

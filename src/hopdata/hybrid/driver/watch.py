@@ -26,6 +26,9 @@ from hopdata.hybrid.layout import Memory
 # Degrees that a series needs for 1.5 and 3 radians of the fastest motion that shows in it.
 ONE_PIECE, TWO_PIECES = 22, 28
 THIRD = 1.0 / 3.0
+Ends = tuple[
+    float, float, float, float
+]  # margin and slope at the start, margin and slope at the end
 
 
 @kernel
@@ -35,17 +38,13 @@ def knot(m: Memory, number: int) -> int:
 
 
 @kernel
-def piece_ends(
-    m: Memory, k: int, lock: int, piece: int, dt: float
-) -> tuple[float, float, float, float]:
+def piece_ends(m: Memory, k: int, lock: int, piece: int, dt: float) -> Ends:
     """Return margin and slope of guard k, per piece, at both ends of a piece of the step."""
     return ends_between(m, k, lock, at.H0 + 2 * piece, knot(m, piece + 1), dt * m.clock[at.PIECE])
 
 
 @kernel
-def ends_between(
-    m: Memory, k: int, lock: int, start: int, end: int, span: float
-) -> tuple[float, float, float, float]:
+def ends_between(m: Memory, k: int, lock: int, start: int, end: int, span: float) -> Ends:
     """Return margin and slope of guard k, per `span`, by the rows of its values at two places."""
     g = m.guards
     g0, d0 = lock * g[start, k], lock * g[start + 1, k] * span
