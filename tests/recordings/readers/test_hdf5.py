@@ -148,7 +148,7 @@ def test_sizes_that_disagree_are_refused(tmp_path, recording):
     write_recording(tmp_path / "a.h5", recording)
     with h5py.File(tmp_path / "a.h5", "a") as file:
         file.attrs["markers"] = ["one"]
-    with pytest.raises(RecordingError, match="expected shape"):
+    with pytest.raises(RecordingError, match="roles: expected 1 entries, found 5"):
         read_recording(tmp_path / "a.h5")
 
 
