@@ -161,7 +161,8 @@ def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(tmp_
             wait_until(lambda: heard.append(robot.swings.newest()) or len(set(heard)) > 2)
             process.send_signal(getattr(signal, told))
             process.send_signal(getattr(signal, told))  # nobody's patience spoils the end
-            assert process.wait(LONG_S) == code
+            # Where the second one comes late, all is written and the handlers are put back.
+            assert process.wait(LONG_S) in {code, -getattr(signal, told)}
         finally:
             process.kill()
             process.wait()
