@@ -62,8 +62,8 @@ def main() -> None:
     rows = [*regressions(options.bootstraps), *lengths(options.pairs)]
     if options.out:
         out = Path(options.out)
-        for name, measure in (("noise", noise_sensitivity), ("readings", snr_readings)):
-            measure(SHAPE, seed=1).to_csv(out.with_name(f"{out.stem}_{name}.csv"), index=False)
+        noise_sensitivity(SHAPE, seed=1).to_csv(out.with_name("maps_noise.csv"), index=False)
+        snr_readings(SHAPE, seed=1).to_csv(out.with_name("maps_readings.csv"), index=False)
         with open(options.out, "w", newline="", encoding="utf-8") as file:
             write(rows, file)
     else:

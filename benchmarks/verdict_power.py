@@ -34,6 +34,7 @@ from scipy.signal import butter, sosfiltfilt
 from statsmodels.stats.proportion import proportion_confint
 from true_tracks import Apexes, apexes_of, joined, see_landings, true_states
 
+from hopdata.jobs import whole_file
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.maps.truth.maps import input_root, marker_motions
 from hopdata.maps.verdict import judge
@@ -165,7 +166,8 @@ def gait(kind: Kind, folder: Path) -> np.ndarray:
             )
             for number in range(TRIALS)
         ]  # fmt: skip
-        _kept(file, lambda part: np.save(part, joined(parts).before))
+        with whole_file(file) as part, part.open("wb") as stream:
+            np.save(stream, joined(parts).before)
     return np.load(file)
 
 
@@ -226,7 +228,8 @@ def simulate(name: str, seed: int, folder: Path) -> Path:
     if not file.exists():
         kind, rng = kinds()[name], np.random.default_rng([seed, *name.encode()])
         study = observed(kind, gait(kind, folder), rng)
-        _kept(file, lambda part: np.savez(part, **study))
+        with whole_file(file) as part, part.open("wb") as stream:
+            np.savez(stream, **study)
     return file
 
 
@@ -245,15 +248,9 @@ def one_study(name: str, seed: int, folder: Path) -> Path:
         row |= {"asked": asked, "landings": answer.n_landings, "conclusion": answer.conclusion}
         row["true_effect"] = float(study["true_effect"])
         rows.append(row | (asdict(answer.effect) if answer.effect else {}))
-    _kept(file, lambda part: part.write_text(json.dumps(rows)))
+    with whole_file(file) as part:
+        part.write_text(json.dumps(rows))
     return file
-
-
-def _kept(file: Path, write: Callable[[Path], Any]) -> None:
-    """Write a file beside its place, and put it there when it is whole."""
-    part = file.with_name(f"part{os.getpid()}_{file.name}")
-    write(part)
-    part.replace(file)
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
