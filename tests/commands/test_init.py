@@ -27,7 +27,7 @@ def test_the_sample_gets_the_roles_of_its_own_configuration(sample_path, folder,
     assert drafted["markers"] == bundled["markers"]
     assert drafted["home"] == bundled["home"]
     changed = {key for key in bundled if drafted[key] != bundled[key]}
-    assert changed == {"study", "recordings", "input", "report"}
+    assert changed == {"study", "recordings", "input", "report", "simulation"}
     known = {"expected_noise_m": bundled["report"]["expected_noise_m"]}  # of one's own cameras
     assert {**drafted["report"], **known} == bundled["report"]
     assert drafted["input"] == {**bundled["input"], "unit": "m"}

@@ -18,12 +18,12 @@ def written(tmp_path, content):
 def test_the_number_falls_with_the_square_of_the_difference(tmp_path, capsys):
     assert main(["plan", written(tmp_path, PILOT), "--difference", "0.08"]) == 0
     said = capsys.readouterr().out
-    assert "1,000 landings of 3 feet find 0.2 in 80 % of studies" in said
-    rows = dict(line.split() for line in said.splitlines()[3:])
-    assert rows["0.1"] == "4,000"
-    assert rows["0.2"] == "1,000"
-    assert rows["0.08"] == "6,200"  # two digits of 6,250
-    assert rows["0.5"] == "180", "second-order terms take as many"
+    assert "1,000 landings of 3 feet find 20 % in 80 % of studies" in said
+    rows = dict(map(str.strip, line.split("%")) for line in said.splitlines()[3:])
+    assert rows["10"] == "4,000"
+    assert rows["20"] == "1,000"
+    assert rows["8"] == "6,200"  # two digits of 6,250
+    assert rows["50"] == "180", "second-order terms take as many"
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,12 @@ from hopdata.figures.verdict import (
 )
 
 SENTENCES = {
-    "different": "The maps of 6 contact orders are different: by 0.38 of the map "
-    "(95 % interval 0.32 to 0.45).",
-    "no difference": "No difference between the maps of 6 contact orders larger than 0.12 of the "
+    "different": "The maps of 6 contact orders are different: by 38 % of the map "
+    "(95 % interval 32 % to 45 %).",
+    "no difference": "No difference between the maps of 6 contact orders larger than 12 % of the "
     "map, at 95 % confidence.",
     "cannot tell": "These data cannot tell: no difference between the maps of 6 contact orders was "
-    "found, but one of up to 0.33 of the map cannot be excluded, and 0.2 was wanted.",
+    "found, but one of up to 33 % of the map cannot be excluded, and 20 % was wanted.",
 }
 EFFECTS = {  # estimate, low, high, upper bound, detectable
     "different": (0.38, 0.32, 0.45, 0.44, 0.06),

@@ -7,8 +7,8 @@ from hopdata.report.verdict import MEANING, notes, verdict_facts
 
 def test_the_card_says_effect_interval_and_the_bound_that_decides():
     facts = verdict_facts(verdict())
-    assert facts["difference"] == "0.04 (0 to 0.13)"
-    bound = "larger than 0.12 excluded (one-sided), 0.2 wanted"
+    assert facts["difference"] == "4 (0 to 13)\u00a0%"
+    bound = "larger than 12 % excluded (one-sided), 20 % wanted"
     assert facts["remark"] == f"of the map, 95\u00a0% interval; {bound}"
     assert facts["found"] is True
 
@@ -30,7 +30,7 @@ def test_the_verdict_opens_the_page():
     page = Page(build_report(full_study()))
     sentence = "No difference larger than 0.12 of the map"
     assert page.text.index(sentence) < page.text.index("Is landing on several feet one smooth map")
-    assert page.text.index("Difference of the maps 0.04") < page.text.index("Recordings 1")
+    assert page.text.index("Difference of the maps 4") < page.text.index("Recordings 1")
     assert page.ids.index("verdict") == page.ids.index("glance") + 1
     assert "you would need about 600 landings" in page.text
     assert MEANING in page.text

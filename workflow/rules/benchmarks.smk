@@ -50,7 +50,7 @@ BENCHMARK_ARGUMENTS = {
     "steering_control": "--starts 10 --plans 400 --slow-plans 80",
     "stress": "--hops 20000 --systems 300",
     "study_cost": "--base 0.1",
-    "verdict_power": "--studies 4 --beside 2",
+    "verdict_power": "--studies 2",
 }
 # Whose tables hold errors and no times: these run beside each other, the others one at a time.
 UNTIMED = {"map_error", "order", "recording_faults", "velocities"}

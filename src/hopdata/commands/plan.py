@@ -28,10 +28,11 @@ def plan(options: argparse.Namespace) -> int:
     if effect is None:
         raise ConfigError(f"{options.verdict}: the pilot has no answer: {pilot['sentence']}")
     seen = effect["detectable"]
-    print(f"{landings:,} landings of {feet} feet find {seen:.2g} in {100 * power:g} % of studies\n")
+    found = f"{100 * seen:.2g} % in {100 * power:g} % of studies"
+    print(f"{landings:,} landings of {feet} feet find {found}\n")
     print("difference  landings")
     own = () if options.difference is None else (options.difference,)
     for difference in sorted({*DIFFERENCES, *own}):
         needed = landings_needed(landings, seen, difference, feet)
-        print(f"{difference:10.2g}  {int(float(f'{needed:.1e}')):8,}")
+        print(f"{100 * difference:8.2g} %  {int(float(f'{needed:.1e}')):8,}")
     return OK

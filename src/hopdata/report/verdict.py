@@ -38,12 +38,11 @@ def verdict_facts(verdict: Verdict | None) -> dict[str, Any]:
     }
     if effect is None:
         return facts | {"remark": str(known.get("conclusion", ""))}
-    estimate, low, high, bound = (
-        show.significant(effect[key], 2) for key in ("estimate", "low", "high", "upper_bound")
-    )
-    excluded = f"; larger than {bound} excluded (one-sided), {known['margin']:g} wanted"
+    keys = ("estimate", "low", "high", "upper_bound")
+    estimate, low, high, bound = (show.significant(100 * effect[key], 2) for key in keys)
+    excluded = f"; larger than {bound} % excluded (one-sided), {100 * known['margin']:g} % wanted"
     return facts | {
-        "difference": f"{estimate} ({low} to {high})",
+        "difference": show.with_unit(f"{estimate} ({low} to {high})", "%"),
         "remark": f"of the map, {facts['confidence']} interval"
         + ("" if known["conclusion"] == "different" else excluded),
     }

@@ -28,7 +28,7 @@ def test_one_curved_map_for_all_orders_is_no_difference():
     assert answer.conclusion == "no difference"
     assert answer.effect.low == 0.0
     assert answer.effect.upper_bound < 0.2
-    assert f"{answer.effect.upper_bound:.2g}" in answer.sentence
+    assert f"{float(f'{100 * answer.effect.upper_bound:.2g}'):g} % of" in answer.sentence
 
 
 def test_a_map_with_kinks_is_different_and_the_interval_holds_its_size():
@@ -64,7 +64,7 @@ def test_the_three_conclusions():
 def test_what_could_have_been_seen_is_said():
     size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3)
     said = outlook(size, 2_312, 0.8)
-    assert "0.15 in 80 %" in said
+    assert "15 % in 80 %" in said
     assert "about 2,300 landings" in said
     assert "Nothing could have been seen" in outlook(replace(size, detectable=1.2), 144_000, 0.8)
 

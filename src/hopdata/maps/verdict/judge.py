@@ -94,21 +94,20 @@ def sentence(
 ) -> str:
     """Say a conclusion in one sentence."""
     require_choice("conclusion", conclusion, CONCLUSIONS)
-    sure = f"{100 * confidence:g} %"
+    sure, bound = f"{100 * confidence:g} %", _percent(effect.upper_bound)
     if conclusion == DIFFERENT:
         return (
-            f"The maps of {compared} are different: by {effect.estimate:.2g} of the map "
-            f"({sure} interval {effect.low:.2g} to {effect.high:.2g})."
+            f"The maps of {compared} are different: by {_percent(effect.estimate)} of the "
+            f"map ({sure} interval {_percent(effect.low)} to {_percent(effect.high)})."
         )
     if conclusion == NO_DIFFERENCE:
         return (
-            f"No difference between the maps of {compared} larger than {effect.upper_bound:.2g} of "
-            f"the map, at {sure} confidence."
+            f"No difference between the maps of {compared} larger than {bound} of the map, "
+            f"at {sure} confidence."
         )
     return (
         f"These data cannot tell: no difference between the maps of {compared} was found, but one "
-        f"of up to {effect.upper_bound:.2g} of the map cannot be excluded, and {margin:g} was "
-        "wanted."
+        f"of up to {bound} of the map cannot be excluded, and {_percent(margin)} was wanted."
     )
 
 
@@ -117,10 +116,12 @@ def outlook(effect: EffectSize, needed: int, power: float) -> str:
     seen = (
         "Nothing could have been seen here: a difference would have to be larger than the map"
         if effect.detectable > 1.0
-        else f"These data show a difference of {effect.detectable:.2g} in {100 * power:g} % of "
-        "such studies"
+        else f"These data show a difference of {_percent(effect.detectable)} in "
+        f"{100 * power:g} % of such studies"
     )
-    return f"{seen}; to see {ASKED:g} you would need about {_two_digits(needed):,} landings."
+    return (
+        f"{seen}; to see {_percent(ASKED)} you would need about {_two_digits(needed):,} landings."
+    )
 
 
 @one_blas_thread()
@@ -204,6 +205,11 @@ def _unknown_notes(known: NDArray[np.bool_]) -> Notes:
         "instant of a foot"
     )
     return [{"what": "touchdowns left out of the verdict", "reason": reason}]
+
+
+def _percent(share: float) -> str:
+    """Write a share in per cent, to two digits."""
+    return f"{float(f'{100 * share:.2g}'):g} %"
 
 
 def _two_digits(number: int) -> int:
