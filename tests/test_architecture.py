@@ -4,6 +4,7 @@ import ast
 from pathlib import Path
 
 import pytest
+from house_size import rooms
 
 import hopdata
 
@@ -81,6 +82,15 @@ def test_scripts_are_thin():
     for path in scripts:
         lines = [x for x in path.read_text().splitlines() if x.strip() and not x.startswith("#")]
         assert len(lines) <= 40, f"{path.name} has {len(lines)} lines"
+
+
+def test_the_house_stays_small():
+    sizes = [size for room in rooms().values() for size in room]
+    lines = sum(size.lines for size in sizes)
+    assert len(sizes) <= 210
+    assert lines <= 27_600, "asked are 27,000"
+    assert sum(size.imports for size in sizes) <= 0.09 * lines
+    assert max(size.lines for size in sizes) <= 600
 
 
 def test_every_module_explains_itself():
