@@ -4,9 +4,9 @@ import ast
 from pathlib import Path
 
 import pytest
-from house_size import rooms
 
 import hopdata
+from house_size import rooms
 
 PACKAGE = Path(hopdata.__file__).parent
 SHARED = {"arrays", "blas", "code_cache", "errors", "jobs", "recording", "rigid"}
