@@ -123,9 +123,12 @@ def _check_options(command: argparse.ArgumentParser) -> None:
 
 
 def _plan_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument("verdict", type=Path, metavar="VERDICT", help="verdict.json of a pilot")
+    what = "verdict.json of a pilot, or a configuration, which is first run as far as that"
+    command.add_argument("pilot", type=Path, metavar="PILOT", help=what)
     what = "a size besides those of the table"
     command.add_argument("--difference", type=_positive, metavar="SHARE", help=what)
+    what = "draw the curve into this file (svg, png or pdf)"
+    command.add_argument("--figure", type=Path, metavar="FILE", help=what)
 
 
 def _config_docs_options(command: argparse.ArgumentParser) -> None:
@@ -182,10 +185,11 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
         "hopdata.commands.plan:plan",
         "say how many landings show which difference",
         "Say how many landings a study takes to show a difference of a given size, from the\n"
-        "verdict on a pilot: a short recording of the same kind, or a simulated one. Errors fall\n"
-        "with the root of the number of landings.",
+        "verdict on a pilot: a short recording of the same kind, or a study simulated with\n"
+        "the feet, rate, noise and kicks of its configuration. Errors fall with the root of the\n"
+        "number of landings.",
         "  hopdata plan results/sample/verdict.json\n"
-        "  hopdata plan results/pilot/verdict.json --difference 0.08\n",
+        "  hopdata plan config/quadruped.yaml --difference 0.08 --figure plan.svg\n",
         _plan_options,
     ),
     "config-docs": (

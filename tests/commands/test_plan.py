@@ -1,10 +1,16 @@
 """``hopdata plan`` on the verdict of a pilot."""
 
 import json
+from pathlib import Path
 
 import pytest
+import yaml
+from overlaps import text_faults
 
 from hopdata.__main__ import main
+from hopdata.figures.verdict import plan_figure
+
+ROOT = Path(__file__).parents[2]
 
 PILOT = {"n_landings": 1000, "n_feet": 3, "power": 0.8, "effect": {"detectable": 0.2}}
 
@@ -24,6 +30,27 @@ def test_the_number_falls_with_the_square_of_the_difference(tmp_path, capsys):
     assert rows["20"] == "1,000"
     assert rows["8"] == "6,200"  # two digits of 6,250
     assert rows["50"] == "180", "second-order terms take as many"
+
+
+def test_the_curve_is_drawn_through_the_pilot(tmp_path):
+    figure = tmp_path / "plan.png"
+    assert main(["plan", written(tmp_path, PILOT), "--figure", str(figure)]) == 0
+    assert figure.stat().st_size > 2000
+    drawn = plan_figure({0.1: 4000, 0.2: 1000}, (1000, 0.2), 0.8)
+    line, point = drawn.axes[0].lines
+    assert list(line.get_xdata()) == pytest.approx([10, 20])
+    assert list(line.get_ydata()) == [4000, 1000]
+    assert (point.get_xdata()[0], point.get_ydata()[0]) == (pytest.approx(20), 1000)
+    assert text_faults(drawn) == []
+
+
+def test_a_configuration_is_run_where_the_workflow_is(tmp_path, monkeypatch, capsys):
+    (tmp_path / "config").mkdir()
+    config = yaml.safe_load((ROOT / "config/quadruped.yaml").read_text())
+    (tmp_path / "config/mine.yaml").write_text(yaml.safe_dump(config))
+    monkeypatch.chdir(tmp_path)
+    assert main(["plan", "config/mine.yaml"]) == 1
+    assert "where the Snakefile is" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

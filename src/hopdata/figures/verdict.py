@@ -210,6 +210,36 @@ def _draw_landing(axes: Axes, ranks: Sequence[int], ground: float) -> None:
         axes.text(place, ground - 0.1, ORDINALS[rank], ha="center", va="top", fontsize=6)
 
 
+# How many landings a study takes.
+
+
+@style.styled
+def plan_figure(needed: Mapping[float, int], pilot: tuple[int, float], power: float) -> Figure:
+    """Draw the landings that it takes to see a difference.
+
+    Parameters
+    ----------
+    needed : mapping
+        Number of landings by difference, as a share of the map.
+    pilot : (int, float)
+        Landings of the pilot, and the difference that it can see.
+    power : float
+        Share of studies in which a difference is to be found.
+    """
+    figure = style.paper_figure(style.SINGLE_COLUMN_MM, 60.0)
+    axes = figure.subplots()
+    axes.loglog([100.0 * size for size in needed], list(needed.values()), color=style.BLUE)
+    axes.plot(100.0 * pilot[1], pilot[0], "o", color=style.VERMILION, markersize=5)
+    style.note(axes, "pilot", (100.0 * pilot[1], pilot[0]), (5, 4), color=style.VERMILION)
+    for axis in (axes.xaxis, axes.yaxis):
+        style.plain_numbers(axis)
+    axes.set_xticks([100.0 * size for size in needed])
+    axes.set_xlabel("difference between the maps (% of the map)")
+    axes.set_ylabel(f"landings that show it\nin {100 * power:g} % of studies")
+    axes.grid(True)
+    return figure
+
+
 # Size and power of the verdict: false alarms, differences found, and the sizes estimated.
 
 SAME = "C1"
