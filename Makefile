@@ -48,7 +48,7 @@ both-sides: $(VENV)/.run
 	$(BIN)/snakemake --cores $(CORES) both_sides prediction_ratios
 
 benchmarks: $(VENV)/.bench
-	$(BIN)/snakemake --cores $(CORES) benchmarks
+	$(BIN)/snakemake --cores $(CORES) --keep-going benchmarks
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
