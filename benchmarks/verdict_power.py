@@ -61,6 +61,7 @@ FEW = 1000
 HOPPER_SECTIONS = SectionHeights(0.502, 0.2774, np.array(MarkerOptions().body_m))
 FOUR_MARKERS = [[0.2, 0.03, 0.05], [-0.05, 0.12, 0.075], [-0.2, -0.07, 0.055], [0.06, -0.1, 0.09]]
 QUADRUPED_SECTIONS = SectionHeights(0.511, 0.2935, np.array(FOUR_MARKERS))
+TWO = HopperParameters(n_legs=2)
 SIX = HopperParameters(n_legs=6, stiffness_n_m=45.0, damping_n_s_m=2.4, preload_n=11.0)
 
 
@@ -141,6 +142,8 @@ def kinds() -> dict[str, Kind]:
         "C1 swapped labels": Kind(relabel=swapped),
         "C1 a rare class": Kind(thinned=True),
         "C1 quadruped": quadruped,
+        "C1 two feet": Kind(scene=TWO),
+        "C1 six feet": Kind(scene=SIX),
     }
     controls = {f"kappa {k:g}": Control(coupling=k) for k in (0.05, 0.1, 0.2, 0.4)}
     controls |= {f"eps {e:g}": Control(impulse=e) for e in (0.1, 0.2, 0.3)}
@@ -148,6 +151,10 @@ def kinds() -> dict[str, Kind]:
     coupled = {
         f"quadruped kappa {k:g}": replace(quadruped, control=Control(coupling=k))
         for k in (0.1, 0.2)
+    }
+    coupled |= {
+        f"{name} feet kappa 0.1": Kind(scene=scene, control=Control(coupling=0.1))
+        for name, scene in (("two", TWO), ("six", SIX))
     }
     return same | {name: Kind(control=control) for name, control in controls.items()} | coupled
 

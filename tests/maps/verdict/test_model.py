@@ -54,7 +54,7 @@ def test_kinks_are_those_of_the_penalised_fit(rng):
     x, t = rng.standard_normal((700, 8)), rng.standard_normal((700, 3))
     terms = _terms(x, t, 2)
     output = terms.rest(rng.standard_normal((700, 1)))[:, 0]
-    ratios = np.array([0.02, 0.0, 0.3, 0.01])
+    ratios = np.array([0.02, 0.0, 0.3, 0.01, 0.1, 0.0, 0.05])
     influence, _ = terms.influence(ratios)
     spreads = np.sqrt(ratios)[terms.groups]
     design = np.hstack([terms.bends, terms.others * spreads])

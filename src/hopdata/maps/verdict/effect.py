@@ -36,10 +36,8 @@ from hopdata.maps.verdict.inputs import (
     SectionLandings,
     contact_orders,
 )
-from hopdata.maps.verdict.model import WINDOW, KinkFit, symmetric_root
+from hopdata.maps.verdict.model import KinkFit, symmetric_root, window_share
 
-#: How often smooth terms that are not fitted count once a difference is found.
-FOUND_COUNT = 1.5
 _AT_ONCE = 4000  # sign patterns in memory
 _BISECTIONS = 50
 _LARGEST = 1e3
@@ -222,8 +220,7 @@ def effect_size(
     Smooth terms that are not fitted shift the kinks by the same amount in every study of a system,
     and as a rule along the difference itself. So their standard deviation, all of it taken along
     the difference, is added to the upper ends and to what is detectable, and `low` brought down by
-    it, but not to zero. A difference that is found has second-order terms of its own: then
-    `FOUND_COUNT` times as much.
+    it, but not to zero.
 
     Parameters
     ----------
@@ -254,19 +251,17 @@ def effect_size(
 
         return _crossing(excess)
 
-    missed = float(np.sqrt(np.trace(root @ fit.curvature @ root.T)))
+    shift = float(np.sqrt(np.trace(root @ fit.curvature @ root.T)))
     floor = below(float(np.median(null)), level / 2.0)
     low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
     noise = float(np.trace(root @ fit.covariance @ root.T))
     p_value = (1 + int(np.sum(null >= statistic))) / (1 + flips)
-    found_one = p_value < level and low > 0.0
-    shift = FOUND_COUNT * missed if found_one else missed
     return EffectSize(
         estimate=float(np.sqrt(max(0.0, statistic - noise))),
-        low=low**2 / (low + shift) if found_one else 0.0,
+        low=low**2 / (low + shift) if p_value < level and low > 0.0 else 0.0,
         high=below(typical, level / 2.0, 0.0) + shift,
         upper_bound=below(typical, level, 0.0) + shift,
-        detectable=_detectable(null, draws, level, power, generator) + missed,
+        detectable=_detectable(null, draws, level, power, generator) + shift,
         p_value=p_value,
     )
 
@@ -276,7 +271,7 @@ def landings_needed(landings: int, detectable: float, difference: float, feet: i
 
     Errors fall with the root of the number of landings; but it takes so many as second-order terms.
     """
-    least = LANDINGS_PER_TERM * number_of_free_terms(8, feet, 2) / WINDOW
+    least = LANDINGS_PER_TERM * number_of_free_terms(8, feet, 2) / window_share(feet)
     return int(np.ceil(max(least, landings * (detectable / difference) ** 2)))
 
 

@@ -33,10 +33,11 @@ from hopdata.maps.coordinates import (
 )
 from hopdata.maps.verdict.inputs import SectionLandings
 
-#: Share of the landings, those of least contact spread, that the fit takes.
-WINDOW = 0.71
+#: Share of the landings, those of least contact spread, that the fit takes; of more than three
+#: feet, whose kinks are not all fitted, fewer.
+WINDOW, WINDOW_OF_PAIRS = 0.71, 0.5
 #: How often the variance of the shrunk terms is counted: orders that are not fitted come on top.
-CURVATURE_COUNT = 1.5
+CURVATURE_COUNT = 2.5
 
 _STEPS = 40  # of the fixed-point iteration for the variances
 _NONE = 1e-7  # ratio of variances that counts as zero
@@ -82,6 +83,11 @@ class KinkFit:
         return self.scores.T @ self.scores + self.curvature
 
 
+def window_share(feet: int) -> float:
+    """Return the share of the landings that a fit takes."""
+    return WINDOW if feet <= ALL_SETS_UP_TO else WINDOW_OF_PAIRS
+
+
 def fit_kinks(landings: SectionLandings) -> KinkFit:
     """Fit the kinks to the landings of the window.
 
@@ -92,7 +98,7 @@ def fit_kinks(landings: SectionLandings) -> KinkFit:
     """
     x, t = landings.inputs, landings.expected
     near = np.argsort(t.std(axis=1), kind="stable")
-    rows = np.sort(near[: round(WINDOW * len(x))])
+    rows = np.sort(near[: round(window_share(t.shape[1]) * len(x))])
     degree = affordable_degree(len(rows), x.shape[1], t.shape[1])
     if degree < 2:
         raise AnalysisError(f"{len(x)} touchdowns are too few for second-order terms")
@@ -155,6 +161,9 @@ def _terms(inputs: FloatArray, instants: FloatArray, degree: int) -> _Terms:
         [squares, _products(squares, x)],
         [np.abs(d) ** 3, _products(squares, _powers(tilts, 2)), _powers(tilts, 4)],
         [_products(_powers(tilts, 2), _powers(x, 2))],
+        [_powers(tilts, 2), _powers(tilts, 3)],
+        [_products(tilts, x), _products(_powers(tilts, 2), x)],
+        [_powers(tilts, 5), _powers(tilts, 6)],
         *([[_powers(x, 3)]] if degree < 3 else []),
     ]
     groups = [np.hstack([part / np.sqrt(np.mean(part**2)) for part in block]) for block in blocks]
