@@ -1,6 +1,7 @@
 """Write the page of the benchmarks: every table, and the figures above their captions."""
 
 import ast
+from datetime import datetime
 from pathlib import Path
 
 import pandas as pd
@@ -27,7 +28,9 @@ with reported(snakemake.log[0]):
         caption = render_caption(Path(text).read_text(), {}, name=name)
         picture = f"![{caption.alt}]({Path(figure).relative_to(page.parent)})"
         drawn[program] += [f"### {caption.title}", picture, *caption.paragraphs]
-    parts = ["# The benchmarks' last run"]
+    made = [datetime.fromtimestamp(Path(table).stat().st_mtime) for table in snakemake.input.tables]
+    when = f"The tables were made from {min(made):%Y-%m-%d %H:%M} to {max(made):%Y-%m-%d %H:%M}."
+    parts = ["# The benchmarks' last run", when]
     for name, about in programs.items():
         title = ast.get_docstring(ast.parse(Path(about["file"]).read_text())).splitlines()[0]
         parts += [f"## {title}", f"`{' '.join([name + '.py', *about['arguments']])}`", *drawn[name]]
