@@ -16,6 +16,10 @@ SECTION_NAMES = {
     "pre_height_m": "pre section",
     "post_height_m": "post section",
 }
+DECIDED_BY = {
+    "config": " (from the configuration)",
+    "contacts": " (moved, so as to hold the landings)",
+}
 DETAIL_NAMES = {
     "ground_m": "ground mode of all feet",
     "min_foot_mode height_m": "ground mode of the minimum foot height",
@@ -26,6 +30,8 @@ DETAIL_NAMES = {
     "max_foot_mode bandwidth_m": "bandwidth that it was found with",
     "threshold_sigmas": "scatters from a mode to its threshold",
     "tail_fraction": "tail on the wrong side of a section",
+    "held pre": "share of the landings that the pre section holds",
+    "held post": "share of the landings that the post section holds",
     "frames": "kind of frames used",
     "n_frames": "frames in which all markers are seen",
     "n_used": "frames that the sections are made from",
@@ -113,7 +119,7 @@ def sections_table(sections: Mapping[str, Any] | None) -> show.Table | None:
     decided = sections.get("decided") or {}
     rows = [
         (
-            f"{name} (from the configuration)" if decided.get(key) == "config" else name,
+            f"{name}{DECIDED_BY.get(decided.get(key, 'data'), '')}",
             show.fixed(show.scaled(sections.get(key), 1e3), 2),
             "mm",
         )

@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 from contact_instants import mean_kink_bound
 from falling_feet import NOISE_M, RATE_HZ, SPEED_M_S, falls
+from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
-from hopdata.landings.contacts.descents import LANDED
+from hopdata.landings.contacts.descents import LANDED, find_transitions
 from hopdata.landings.contacts.find import LONG_WINDOWS_S, find_contacts
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits
-from hopdata.landings.contacts.kink_law import FootHeights, Law, learn, learned_law, weak_priors
+from hopdata.landings.contacts.kink_law import (
+    FootHeights,
+    Law,
+    learn,
+    learned_law,
+    single_fits,
+    weak_priors,
+)
 from hopdata.landings.schedules import order_probability
 
 FIRST_MEASURED_MS = {"known": 0.49, "learned": 0.49, "free": 0.84}
@@ -179,3 +187,50 @@ def test_outliers_do_not_widen_it():
 def test_too_few_or_too_vague_leave_the_prior():
     assert creep_learned(np.full(7, 0.02), np.full(7, 1e-4)) == (0.0, 0.1)
     assert creep_learned(np.full(100, 0.02), np.full(100, 1.0)) == (0.0, 0.1)
+
+
+def alone(feet, rounded=None):
+    """Fit each foot alone; the heights of one rounded off as by a sole that gives for 60 ms."""
+    heights = feet.heights.copy()
+    if rounded is not None:
+        kernel = np.hanning(15)[1:-1] / np.hanning(15)[1:-1].sum()
+        heights[:, rounded] = np.convolve(heights[:, rounded], kernel, mode="same")
+    near = feet.contacts + 0.004
+    fits = single_fits(
+        FootHeights(feet.time, heights, (0.05, 0.04)), near, noise_m=NOISE_M, gravity="learned"
+    )
+    return fits.instant - feet.contacts, NOISE_M * fits.unit_se
+
+
+def test_a_foot_without_a_kink_gets_the_spread_of_the_laws():
+    """And the others stay as they are."""
+    feet = falls(60, seed=3)
+    hard_error, hard_se = alone(feet)
+    error, se = alone(feet, rounded=1)
+    np.testing.assert_array_equal(error[:, [0, 2]], hard_error[:, [0, 2]])
+    assert np.nanmedian(se[:, 1]) > 3 * np.nanmedian(hard_se[:, 1])
+    known = np.isfinite(error[:, 1])
+    assert known.mean() > 0.95
+    scatter = (error[:, 1] - np.median(error[known, 1]))[known]  # where it touches is not defined
+    assert np.sqrt(np.mean((scatter / se[known, 1]) ** 2)) < 1.25
+
+
+@pytest.mark.parametrize("landings", [2, 5, 10, 20])
+def test_errors_from_few_landings_are_as_large_as_stated(landings):
+    """Pushes that so few cannot show are kept: else 1.3 to 1.7."""
+    squares = []
+    for seed in range(20):
+        scene = simulate(landings, seed=seed)
+        recording = scene.recording
+        falling = find_transitions(
+            recording.time,
+            recording.body_height,
+            pre_height_m=PRE_HEIGHT_M,
+            post_height_m=POST_HEIGHT_M,
+        )
+        contacts = find_contacts(
+            recording.time, recording.feet[:, :, 2], falling, down_height_m=0.02
+        )
+        landed = contacts.status == LANDED
+        squares.append(((contacts.instant - scene.contact_times) / contacts.se)[landed] ** 2)
+    assert 0.8 < np.sqrt(np.mean(np.concatenate(squares))) < 1.25

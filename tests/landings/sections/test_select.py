@@ -227,7 +227,19 @@ def test_thresholds_are_the_knees_of_the_ground_modes(fake_sections):
     assert found.max_foot_threshold_m == found.max_foot_mode.knee(4.0)
     assert found.min_foot_mode.height_m < found.ground_m < found.max_foot_mode.height_m
     assert found.ground_m == pytest.approx(0.0, abs=1e-4)
-    assert set(found.decided.values()) == {"data"}
+    assert {found.decided[f"{foot}_foot_threshold_m"] for foot in ("min", "max")} == {"data"}
+
+
+def test_a_section_that_loses_many_landings_moves_to_their_contacts():
+    """Feet that stay within their threshold long after contact: a sole that gives."""
+    fake = hopper(np.random.default_rng(4), extension_m=0.0, tilt_rad=0.06)
+    given = {"pre_height_m": 0.7, "post_height_m": 0.35}
+    kept = select_sections([fake.recording], **given)
+    assert (kept.pre_height_m, kept.post_height_m) == (0.7, 0.35)
+    assert kept.held["pre"] < 0.1  # few hop as high
+    loose = select_sections([fake.recording], max_foot_threshold_m=0.03)  # and not down yet
+    assert loose.decided["post_height_m"] == "contacts"
+    assert loose.held["post"] > 0.98
 
 
 def test_gaps_are_left_out(fake_sections):

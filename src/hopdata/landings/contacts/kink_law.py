@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hopdata.arrays import GRAVITY_M_S2, FloatArray
+from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray
 from hopdata.errors import chosen
 from hopdata.landings.contacts.descents import LEAST_NOISE_M
 from hopdata.landings.contacts.kink import FlightPriors, KinkFits, kink_fits
@@ -163,6 +163,10 @@ COMPLIANCES_S = (0.0, 0.002, 0.004, 0.006, 0.009, 0.013)
 # The log likelihood that a further part of the law must gain: to be beyond chance, and for each
 # fit, since what gains less there moves an instant by little of its standard error.
 TELLING_GAIN, TELLING_GAIN_PER_FIT = 20.0, 0.15
+# A contact is not determined from this standard error on, s, or if the foot does not come down; and
+# a foot's law does not do if it leaves more than this share of its contacts so.
+UNDETERMINED_S, UNDETERMINED_SHARE = 0.015, 0.025
+SOFTER_S = (0.0, 0.003, 0.006, 0.009, 0.013)  # compliances of the laws for such a foot
 
 
 @dataclass(frozen=True)
@@ -235,12 +239,78 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
 
 
 def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> KinkFits:
-    """Fit each foot alone with a free curvature (unless gravity is `known`), windows recentred."""
+    """Fit each foot alone, by the simplest law that determines its contacts.
+
+    With a free curvature (unless gravity is `known`), windows recentred: first a foot that stops at
+    once and stands; where that leaves too many of its contacts undetermined, one that creeps on;
+    and where that does not do either, the median over softer and softer contacts. What these differ
+    by from landing to landing is part of the standard error.
+    """
     law = Law(weak_priors(feet.heights.shape[1], gravity), noise_m, pushes=False)
+    best = _alone(feet, near, law)
+    noise = pooled_noise(best)
+    for foot in np.flatnonzero(_undetermined(best, near, noise) > UNDETERMINED_SHARE):
+        own = np.where(np.arange(near.shape[1]) == foot, near, np.nan)
+        laws = [replace(law, creeps=True, compliance_s=time_s) for time_s in SOFTER_S]
+        found = [_alone(feet, own, laws[0])]
+        if _undetermined(found[0], own, noise)[foot] > UNDETERMINED_SHARE:
+            found += [_alone(feet, own, one) for one in laws[1:]]
+        best = _with_foot(best, _median_law(found, int(foot), noise), int(foot))
+    return best
+
+
+def _alone(feet: FootHeights, near: FloatArray, law: Law) -> KinkFits:
     fits = feet.fits(near, law, widely=True)
     for _ in range(3):
         fits = feet.fits(fits.instant, law)
     return fits
+
+
+def _determined(fits: KinkFits, noise_m: float) -> BoolArray:
+    """Say which contacts (L, n) have a kink that fixes their instant."""
+    return np.asarray((noise_m * fits.unit_se < UNDETERMINED_S) & (fits.velocity < 0))
+
+
+def _undetermined(fits: KinkFits, near: FloatArray, noise_m: float) -> FloatArray:
+    """Return the share of each foot's contacts (n,) that have none."""
+    wanted = np.isfinite(near)
+    return np.asarray(
+        (wanted & ~_determined(fits, noise_m)).sum(axis=0) / np.maximum(wanted.sum(axis=0), 1)
+    )
+
+
+def _median_law(found: Sequence[KinkFits], foot: int, noise_m: float) -> KinkFits:
+    """Return the fits whose instants of a foot are nearest to the median, with that instant.
+
+    The standard error gets the spread of the instants over the laws.
+    """
+    known = np.stack([_determined(fits, noise_m)[:, foot] for fits in found])
+    instant = np.ma.array([fits.instant[:, foot] for fits in found], mask=~known)
+    error = np.ma.array([fits.unit_se[:, foot] for fits in found], mask=~known)
+    middle = np.ma.median(instant, axis=0)
+    variance = (
+        np.ma.median(error**2, axis=0) + np.ma.mean((instant - middle) ** 2, axis=0) / noise_m**2
+    )
+    nearest = np.ma.argmin(np.ma.abs(instant - middle), axis=0, fill_value=np.inf)
+    rows = np.arange(len(nearest))
+    fits = KinkFits(
+        **{
+            name: np.stack([vars(one)[name] for one in found])[nearest, rows]
+            for name in vars(found[0])
+        }
+    )
+    some = known.any(axis=0)
+    fits.instant[some, foot] = np.asarray(middle[some])
+    fits.unit_se[some, foot] = np.sqrt(np.asarray(variance[some]))
+    return fits
+
+
+def _with_foot(fits: KinkFits, other: KinkFits, foot: int) -> KinkFits:
+    """Return fits with one foot's from others."""
+    mine = {name: values.copy() for name, values in vars(fits).items()}
+    for name, values in mine.items():
+        values[:, foot] = vars(other)[name][:, foot]
+    return KinkFits(**mine)
 
 
 def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) -> Law:
@@ -255,8 +325,9 @@ def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) 
     some = some_landings(instant, STANCE_LANDINGS)
     law = _refined(feet, some, law)
     free = replace(law, pushes=False)
-    better = _better(_log_likelihood(feet, some, law), _log_likelihood(feet, some, free))
-    return law if better else free
+    gain = _gain(_log_likelihood(feet, some, law), _log_likelihood(feet, some, free))
+    # Few landings cannot show pushes; where these are left out errors are stated too small.
+    return law if gain.sum() > min(_telling(gain), len(gain) - TELLING_GAIN) else free
 
 
 def some_landings(instant: FloatArray, most: int) -> FloatArray:
@@ -317,8 +388,17 @@ def _log_likelihood(feet: FootHeights, instant: FloatArray, law: Law) -> FloatAr
 
 def _better(more: FloatArray, fewer: FloatArray) -> bool:
     """Whether a law with more parts is clearly likelier than one with fewer."""
-    gain = (more - fewer)[np.isfinite(more - fewer)]
-    return float(gain.sum()) > TELLING_GAIN + TELLING_GAIN_PER_FIT * len(gain)
+    gain = _gain(more, fewer)
+    return float(gain.sum()) > _telling(gain)
+
+
+def _gain(more: FloatArray, fewer: FloatArray) -> FloatArray:
+    return np.asarray((more - fewer)[np.isfinite(more - fewer)])
+
+
+def _telling(gain: FloatArray) -> float:
+    """Return what such gains must sum to."""
+    return TELLING_GAIN + TELLING_GAIN_PER_FIT * len(gain)
 
 
 def _vertex(trials: Sequence[float], totals: Sequence[float]) -> float:

@@ -12,6 +12,13 @@ from hopdata.arrays import BoolArray, FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.sections.frames import Frames, Heights, heights_of, pool_frames
+from hopdata.landings.sections.held import (
+    LEFT_LOSS,
+    LOST_PER_TAIL,
+    holds,
+    landing_heights,
+    nearest_holding,
+)
 from hopdata.landings.sections.modes import (
     GroundMode,
     finite,
@@ -50,7 +57,10 @@ class Sections:
     frames : {"all", "landings"}
         Frames that the sections are made from.
     decided : dict
-        ``"data"`` or ``"config"`` for each of the four heights above.
+        ``"data"`` or ``"config"`` for each of the four heights above; ``"contacts"`` for a section
+        that was moved since it lost too many landings.
+    held : dict
+        Share of the landings of all feet that the ``"pre"`` and the ``"post"`` section hold.
     n_frames : int
         Frames in which all feet and the body are seen.
     n_used : int
@@ -68,6 +78,7 @@ class Sections:
     tail_fraction: float
     frames: str
     decided: dict[str, str]
+    held: dict[str, float | None]
     n_frames: int
     n_used: int
 
@@ -145,6 +156,10 @@ def select_sections(
     and its threshold counts as down while the body still rides up to that much higher than at
     contact; the section lies in between, and the middle is taken. With a threshold from the
     configuration a foot below it *is* down, and nothing is taken off.
+
+    Where a section loses many more landings than that, feet and thresholds disagree on what down is
+    (a runner's sole gives after its contact): it moves to the nearest height that holds almost all
+    landings, by their contacts (see `hopdata.landings.sections.held`).
     """
     _check_options(recordings, frames, tail_fraction, threshold_sigmas)
     heights = [heights_of(recording) for recording in recordings]
@@ -174,6 +189,7 @@ def select_sections(
         tail_fraction=tail_fraction,
         frames=frames,
         decided={name: "data" if value is None else "config" for name, value in given.items()},
+        held={},
         n_frames=sum(int(h.seen.sum()) for h in heights),
         n_used=0,
     )
@@ -187,8 +203,42 @@ def select_sections(
     if post is None:  # hardly ever reached while some foot is up
         lowest_body = np.quantile(pooled.body[~pooled.all_down], tail_fraction)
         post = float(lowest_body - 0.5 * excess[1] * (max_foot_threshold_m is None))
+    pre, post, decided, held = _held(recordings, pre, post, sections)
     _require_order(pre, post)
-    return replace(sections, pre_height_m=pre, post_height_m=post, n_used=len(pooled.body))
+    return replace(
+        sections,
+        pre_height_m=pre,
+        post_height_m=post,
+        decided=decided,
+        held=held,
+        n_used=len(pooled.body),
+    )
+
+
+def _held(
+    recordings: Sequence[Recording], pre: float, post: float, sections: Sections
+) -> tuple[float, float, dict[str, str], dict[str, float | None]]:
+    """Move the sections that lose too many landings, and say which share each holds.
+
+    Contacts are fitted only if rough ones say that landings are lost.
+    """
+    heights, decided = {"pre": pre, "post": post}, dict(sections.decided)
+    held = dict[str, float | None](pre=None, post=None)
+    least = 1.0 - max(LOST_PER_TAIL * sections.tail_fraction, LEFT_LOSS)
+    for closely in (False, True):
+        landings = np.concatenate([landing_heights(one, closely=closely) for one in recordings])
+        if len(landings) == 0:
+            break
+        for side, height in heights.items():
+            share = float(np.mean(holds(height, landings, side)))
+            if closely and share < least and decided[f"{side}_height_m"] == "data":
+                heights[side] = nearest_holding(height, landings, side)
+                share = float(np.mean(holds(heights[side], landings, side)))
+                decided[f"{side}_height_m"] = "contacts"
+            held[side] = share
+        if min(share for share in held.values() if share is not None) >= least:
+            break
+    return heights["pre"], heights["post"], decided, held
 
 
 def _require_hopping(pooled: Frames, sections: Sections) -> None:
