@@ -4,6 +4,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from csv_files import motive, nexus
 from mat_files import qtm_struct, write_mat5, write_mat73
 from qtm_files import NAMES, columns, data_rows, qtm_text, standing
 from trc_files import trc_text
@@ -60,6 +61,8 @@ def _texts():
         "no_counters.tsv": qtm_text(positions, counters=False),
         "external.tsv": qtm_text(positions, frequency="EXT"),
         "bare.txt": "\n".join(bare) + "\n",
+        "motive.csv": motive(positions, NAMES),
+        "nexus.csv": nexus(positions, NAMES),
         "mm.trc": trc_text(positions, NAMES),
         "m.trc": trc_text(positions / 1000, NAMES, unit="m", blank=False, tab="\t"),
     }

@@ -14,7 +14,7 @@ def sound():
 
 
 def test_the_files_are_sound_before_they_are_damaged(sound, tmp_path):
-    assert len(sound) == 15
+    assert len(sound) == 17
     for name, data in sound.items():
         (tmp_path / name).write_bytes(data)
         recording = read(tmp_path / name)

@@ -164,7 +164,7 @@ MISTAKES = {
     "other format": lambda f: (
         f / "trial.xlsx",
         {},
-        [".tsv, .txt, .mat, .c3d, .trc, .h5", "found '.xlsx'"],
+        [".tsv, .txt, .csv, .mat, .c3d, .trc, .h5", "found '.xlsx'"],
     ),
     "mm taken for m": lambda f: (
         good(f),

@@ -22,7 +22,7 @@ from hopdata.recordings.raw import (
     RawRecording,
     rotate_up,
 )
-from hopdata.recordings.readers.formats import read_raw, suffixes
+from hopdata.recordings.readers.formats import LEAST_SCORE, read_raw, suffixes
 from hopdata.recordings.readers.text import listed
 
 # Several files of one day as one recording: their frames one after the other, with a pause.
@@ -149,6 +149,7 @@ def import_recording(
     vertical_axis: str = "z",
     rate_hz: float | None = None,
     most_unpacked_mb: float = MOST_UNPACKED_MB,
+    least_score: float = LEAST_SCORE,
 ) -> tuple[Recording, Truth | None]:
     """Read a file of any known format, or several in the order of time, into one recording.
 
@@ -171,6 +172,8 @@ def import_recording(
         Frame rate, for files that do not state it.
     most_unpacked_mb : float
         Memory that a packed file (MAT, HDF5) may ask for, MB.
+    least_score : float
+        Keypoints from video that are less sure count as unseen.
 
     Returns
     -------
@@ -188,7 +191,8 @@ def import_recording(
     paths = [Path(p) for p in ([path] if isinstance(path, str | Path) else path)]
     if not paths:
         raise RecordingError(f"recording '{name}': expected at least one file, found none")
-    files = [read_raw(p, rate_hz=rate_hz, most_unpacked_mb=most_unpacked_mb) for p in paths]
+    limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
+    files = [read_raw(p, rate_hz=rate_hz, **limits) for p in paths]
     pieces = [_chosen(p, file, markers) for p, file in zip(paths, files, strict=True)]
     sources = [os.fsencode(p.as_posix()).decode(errors="replace") for p in paths]
     raw = pieces[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from hopdata.recordings.readers.text import require_file
 LARGEST = 1e9  # mm or m: no camera sees so far
 
 
-def _hdf5(path: Path, rate_hz: float | None, most_mb: float) -> RawRecording:
+def _hdf5(path: Path, rate_hz: float | None, *, most_mb: float, **_: float) -> RawRecording:
     from hopdata.recordings.readers.hdf5 import read_recording
 
     own = read_recording(path, most_unpacked_mb=most_mb)
@@ -43,34 +44,54 @@ def _hdf5(path: Path, rate_hz: float | None, most_mb: float) -> RawRecording:
     )
 
 
-SUFFIXES = (".tsv", ".txt", ".mat", ".c3d", ".trc", ".h5", ".hdf5")
+LEAST_SCORE = 0.6  # as the default of input.least_score in the schema
 
 
-def _read(path: Path, rate_hz: float | None, most_mb: float) -> RawRecording:
-    """Read by the reader that the suffix calls for, the only one that is imported."""
-    suffix = path.suffix.lower()
-    if suffix in (".tsv", ".txt"):
-        from hopdata.recordings.readers.qtm import read_qtm_tsv
+def _qtm_tsv(path: Path, rate_hz: float | None, **_: float) -> RawRecording:
+    from hopdata.recordings.readers.qtm import read_qtm_tsv
 
-        return read_qtm_tsv(path, rate_hz=rate_hz)
-    if suffix == ".mat":
-        from hopdata.recordings.readers.qtm import read_qtm_mat
+    return read_qtm_tsv(path, rate_hz=rate_hz)
 
-        return read_qtm_mat(path, rate_hz=rate_hz, most_unpacked_mb=most_mb)
-    if suffix == ".c3d":
-        from hopdata.recordings.readers.c3d import read_c3d
 
-        return read_c3d(path, rate_hz=rate_hz)
-    if suffix == ".trc":
-        from hopdata.recordings.readers.trc import read_trc
+def _csv(path: Path, rate_hz: float | None, *, least_score: float, **_: float) -> RawRecording:
+    from hopdata.recordings.readers.csv_exports import read_csv
 
-        return read_trc(path, rate_hz=rate_hz)
-    return _hdf5(path, rate_hz, most_mb)
+    return read_csv(path, rate_hz=rate_hz, least_score=least_score)
+
+
+def _qtm_mat(path: Path, rate_hz: float | None, *, most_mb: float, **_: float) -> RawRecording:
+    from hopdata.recordings.readers.qtm import read_qtm_mat
+
+    return read_qtm_mat(path, rate_hz=rate_hz, most_unpacked_mb=most_mb)
+
+
+def _c3d(path: Path, rate_hz: float | None, **_: float) -> RawRecording:
+    from hopdata.recordings.readers.c3d import read_c3d
+
+    return read_c3d(path, rate_hz=rate_hz)
+
+
+def _trc(path: Path, rate_hz: float | None, **_: float) -> RawRecording:
+    from hopdata.recordings.readers.trc import read_trc
+
+    return read_trc(path, rate_hz=rate_hz)
+
+
+_READERS: dict[str, Callable[..., RawRecording]] = {
+    ".tsv": _qtm_tsv,
+    ".txt": _qtm_tsv,
+    ".csv": _csv,
+    ".mat": _qtm_mat,
+    ".c3d": _c3d,
+    ".trc": _trc,
+    ".h5": _hdf5,
+    ".hdf5": _hdf5,
+}
 
 
 def suffixes() -> tuple[str, ...]:
     """File suffixes that can be read."""
-    return SUFFIXES
+    return tuple(_READERS)
 
 
 def read_raw(
@@ -78,6 +99,7 @@ def read_raw(
     *,
     rate_hz: float | None = None,
     most_unpacked_mb: float = MOST_UNPACKED_MB,
+    least_score: float = LEAST_SCORE,
 ) -> RawRecording:
     """Read all markers of a file, by the reader that its suffix calls for.
 
@@ -89,6 +111,8 @@ def read_raw(
         Frame rate, for files that do not state it.
     most_unpacked_mb : float
         Memory that a packed file (MAT, HDF5) may ask for, MB.
+    least_score : float
+        Keypoints from video that are less sure count as unseen.
 
     Raises
     ------
@@ -96,13 +120,14 @@ def read_raw(
         If there is no such file or no reader for it, or if the reader finds a fault.
     """
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
+    if path.suffix.lower() not in _READERS:
         raise RecordingError(
-            f"{path}: format: expected a file ending in {', '.join(SUFFIXES)}, "
+            f"{path}: format: expected a file ending in {', '.join(_READERS)}, "
             f"found '{path.suffix}'"
         )
     require_file(path)
-    raw = _read(path, rate_hz, most_unpacked_mb)
+    read = _READERS[path.suffix.lower()]
+    raw = read(path, rate_hz, most_mb=most_unpacked_mb, least_score=least_score)
     _check_finite(path, raw)
     more = irregular(str(path), raw.time, raw.rate_hz)
     more += events_outside(str(path), raw.events, raw.time, raw.rate_hz)

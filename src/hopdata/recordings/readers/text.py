@@ -252,12 +252,12 @@ def _fault(fields: list[str], width: int) -> str:
     if len(fields) != width:
         return f": expected {width} columns, found {len(fields)}"
     for k, text in enumerate(fields):
-        if text.strip(" ") not in TEXT_TABLE_MISSING and (fault := _no_number(text)):
+        if text.strip(" ") not in TEXT_TABLE_MISSING and (fault := no_number(text)):
             return f", column {k + 1}: {fault}"
     return ""
 
 
-def _no_number(text: str) -> str:
+def no_number(text: str) -> str:
     """Say that a field is no finite number; empty if it is one."""
     if is_number(text) and np.isfinite(float(text)):
         return ""
@@ -341,7 +341,7 @@ class ColumnTable:
         """Slowly, with the place of what is no number, and with blanks and quotes about it."""
         cells = self.texts(name)
         for row, cell in enumerate(cells):
-            if cell not in MISSING and (fault := _no_number(cell)):
+            if cell not in MISSING and (fault := no_number(cell)):
                 raise RecordingError(f"{self.path}, line {row + 2}, column '{name}': {fault}")
         return np.array([np.nan if cell in MISSING else float(cell) for cell in cells])
 
