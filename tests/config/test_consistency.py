@@ -50,7 +50,22 @@ def test_a_recording_has_neither_by_default():
     assert recording["forces"]["file"] is None
 
 
+def excluding(**span):
+    config = copy.deepcopy(SOUND)
+    config["recordings"][0]["exclude"] = [{"from_s": 2.0, "to_s": 3.0, "reason": "fell"} | span]
+    return config
+
+
+def test_spans_that_are_left_out():
+    assert load_config(excluding(), check_files=False)["recordings"][0]["exclude"][0]["to_s"] == 3.0
+
+
 MISTAKES = {
+    "empty span": (
+        excluding(to_s=2.0),
+        ["recordings[0].exclude[0].to_s", "more than from_s (2 s)", "found 2 s"],
+    ),
+    "span without a reason": (excluding(reason=""), ["recordings[0].exclude[0].reason"]),
     "foot unknown": (
         edited("forces", columns=[{"name": "Fz", "feet": ["hel"]}]),
         ["recordings[0].forces.columns[0].feet", "(heel, toe)", "'hel'", "did you mean 'heel'"],

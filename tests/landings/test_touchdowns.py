@@ -14,7 +14,12 @@ from hopdata.landings.contacts.descents import LANDED, Transitions, find_transit
 from hopdata.landings.contacts.find import Contacts
 from hopdata.landings.contacts.velocity_minimum import example_touchdown
 from hopdata.landings.forces import force_onsets
-from hopdata.landings.touchdowns import exclusion_reasons, find_hidden_landings, touchdown_table
+from hopdata.landings.touchdowns import (
+    exclusion_reasons,
+    find_hidden_landings,
+    left_out,
+    touchdown_table,
+)
 from hopdata.recording import Recording
 
 SECTIONS = {"pre_height_m": PRE_HEIGHT_M, "post_height_m": POST_HEIGHT_M}
@@ -34,6 +39,22 @@ def with_feet(recording, heights):
     positions = recording.positions.copy()
     positions[:, recording.indices("foot"), 2] = heights
     return replace(recording, positions=positions)
+
+
+def test_what_is_left_out_by_hand_says_why(table):
+    begin, end = table["t_pre_s"][10], table["t_post_s"][12]
+    spans = [
+        {"from_s": begin - 0.01, "to_s": begin + 0.001, "reason": "a cable"},  # part of the first
+        {"from_s": end - 0.001, "to_s": end + 0.01, "reason": "fell"},
+        {"from_s": begin, "to_s": end, "reason": "both"},
+    ]
+    found = left_out(table, spans)
+    assert found["reason"][10:13].tolist() == ["by hand: a cable", "by hand: both", "by hand: fell"]
+    assert found["excluded"].sum() == table["excluded"].sum() + 3
+    pd.testing.assert_frame_equal(found.drop([10, 11, 12]), table.drop([10, 11, 12]))
+    assert not table["excluded"][10:13].any()
+    again = left_out(found, [{"from_s": begin, "to_s": end, "reason": "other"}])
+    pd.testing.assert_frame_equal(again, found)
 
 
 def test_columns(table):

@@ -37,6 +37,7 @@ rule touchdowns:
         methods=SCORED_METHODS,
         options=STUDY["touchdowns"],
         largest_share=STUDY["filling"]["largest_share"],
+        exclude=lambda wildcards: EXCLUDED[wildcards.recording],
         code=code("touchdowns"),
     script:
         "../scripts/touchdowns.py"

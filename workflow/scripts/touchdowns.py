@@ -2,7 +2,7 @@
 
 from hopdata.jobs import read_json, reported, write_table
 from hopdata.landings.filling import mark_filled
-from hopdata.landings.touchdowns import touchdown_table
+from hopdata.landings.touchdowns import left_out, touchdown_table
 from hopdata.recordings.readers.hdf5 import read_recording
 
 with reported(snakemake.log[0]):
@@ -16,4 +16,4 @@ with reported(snakemake.log[0]):
             **{**snakemake.params.options, "method": method},
         )
         table = mark_filled(recording, table, largest_share=snakemake.params.largest_share)
-        write_table(path, table)
+        write_table(path, left_out(table, snakemake.params.exclude))

@@ -200,6 +200,16 @@ def _repeated_names(config: dict[str, Any]) -> Iterator[str]:
             )
 
 
+def _empty_spans(config: dict[str, Any]) -> Iterator[str]:
+    for i, recording in enumerate(config["recordings"]):
+        for k, span in enumerate(recording["exclude"]):
+            if not span["to_s"] > span["from_s"]:
+                yield (
+                    f"recordings[{i}].exclude[{k}].to_s: expected more than from_s "
+                    f"({span['from_s']:g} s), found {span['to_s']:g} s"
+                )
+
+
 def _repeated_markers(config: dict[str, Any]) -> Iterator[str]:
     seen: dict[str, str] = {}
     for role, names in config["markers"].items():
@@ -317,6 +327,7 @@ def _enough_flips(config: dict[str, Any]) -> Iterator[str]:
 
 CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _repeated_names,
+    _empty_spans,
     _repeated_markers,
     _home_marker,
     _sections_in_order,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -244,6 +245,27 @@ def touchdown_table(
     table = _table(recording, transitions, contacts, ambiguous_below, ambiguous)
     landed = (contacts.status == descents.LANDED).any(axis=1)
     return _with_low_flights(table, kind == LOW, landed=landed)
+
+
+def left_out(table: pd.DataFrame, spans: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Exclude by hand the touchdowns of which any part lies in a span of time.
+
+    Parameters
+    ----------
+    table
+        See `touchdown_table`.
+    spans
+        Each ``from_s`` and ``to_s``, s, and its ``reason``. One that is excluded already keeps its
+        own reason.
+    """
+    table = table.copy()
+    begins = table["t_pre_s"].to_numpy(float)
+    ends = np.fmax(table["t_post_s"].to_numpy(float), begins)
+    for span in spans:
+        inside = (begins <= span["to_s"]) & (ends >= span["from_s"]) & ~table["excluded"]
+        table.loc[inside, "reason"] = f"by hand: {span['reason']}"
+        table.loc[inside, "excluded"] = True
+    return table
 
 
 def _all_landings(
