@@ -82,6 +82,18 @@ def test_what_cannot_be_guessed_is_said_to_be_unsure():
     assert found.value == "m"
 
 
+@pytest.mark.parametrize("turn", [[0, 1, 2], [1, 2, 0], [2, 0, 1]])
+@pytest.mark.parametrize("seed", range(5))
+def test_who_stands_or_takes_one_step_shows_no_floor(seed, turn):
+    """Each marker rests, along every axis, at places of its own."""
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(-0.4, 0.4, (7, 3)) + np.array([0, 0, 1])
+    step = np.clip((np.arange(800) - 300) / 60, 0, 1)[:, None, None]
+    reached = places + step * rng.uniform(-0.5, 0.5, (7, 3))
+    positions = reached + rng.normal(0, 3e-4, (800, 7, 3))
+    assert not guess_unit_and_up(raw(positions[..., turn]))[1].is_sure
+
+
 def test_what_the_user_gives_is_taken():
     found, up = guess_unit_and_up(raw(hopping(1)[1]), unit="mm", up="x")
     assert (found.value, up.value) == ("mm", "x")

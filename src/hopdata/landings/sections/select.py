@@ -203,21 +203,14 @@ def select_sections(
     if post is None:  # hardly ever reached while some foot is up
         lowest_body = np.quantile(pooled.body[~pooled.all_down], tail_fraction)
         post = float(lowest_body - 0.5 * excess[1] * (max_foot_threshold_m is None))
-    pre, post, decided, held = _held(recordings, pre, post, sections)
-    _require_order(pre, post)
-    return replace(
-        sections,
-        pre_height_m=pre,
-        post_height_m=post,
-        decided=decided,
-        held=held,
-        n_used=len(pooled.body),
-    )
+    found = {**_held(recordings, pre, post, sections), "n_used": len(pooled.body)}
+    _require_order(found["pre_height_m"], found["post_height_m"])
+    return replace(sections, **found)
 
 
 def _held(
     recordings: Sequence[Recording], pre: float, post: float, sections: Sections
-) -> tuple[float, float, dict[str, str], dict[str, float | None]]:
+) -> dict[str, Any]:
     """Move the sections that lose too many landings, and say which share each holds.
 
     Contacts are fitted only if rough ones say that landings are lost.
@@ -238,7 +231,8 @@ def _held(
             held[side] = share
         if min(share for share in held.values() if share is not None) >= least:
             break
-    return heights["pre"], heights["post"], decided, held
+    moved = {f"{side}_height_m": height for side, height in heights.items()}
+    return {**moved, "decided": decided, "held": held}
 
 
 def _require_hopping(pooled: Frames, sections: Sections) -> None:

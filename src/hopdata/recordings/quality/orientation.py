@@ -23,7 +23,7 @@ PLAUSIBLE_EXTENT_M = (0.015, 12.0)
 HALF_WINDOW_S = 0.04
 WITHIN = 0.25  # of g: how far an acceleration may be from free fall
 LEAST_SHARE = 0.01  # of all frames of a marker, mean over markers
-FREE_FALL_CLEARER = 2.0  # so many times the frames in free fall of the next best guess
+FREE_FALL_CLEARER = 4.0  # so many times the frames in free fall of the next best guess
 MOST_FRAMES = 20_000  # evaluated, evenly spaced
 
 UNITS_IN_M = MappingProxyType({"mm": 1e-3, "cm": 1e-2, "inch": 0.0254, "m": 1.0})
@@ -303,9 +303,15 @@ def _up(raw: RawRecording, fall: FreeFall) -> Guess:
         )
     direction, flatness, following = flattest_direction(raw.positions)
     if flatness < FLAT and CLEARER * flatness < following:
-        return Guess(direction, "markers come to rest at their lowest along it, as on a floor")
+        return Guess(
+            direction,
+            "markers come down to rest at their lowest along it, again and again, as on a floor",
+        )
     if raw.stated_up:
         return Guess(raw.stated_up, "the file says so; nothing falls freely that would show it")
     return Guess(
-        "z", "nothing falls freely and nothing rests at a lowest place: only usual", is_sure=False
+        "z",
+        "nothing falls freely and nothing steps on a floor again and again: only usual, as is y; "
+        "input.vertical_axis settles it",
+        is_sure=False,
     )

@@ -155,6 +155,8 @@ WINDOW_S = 0.04
 LEAST_REST_S = 0.03
 FLAT = 0.05  # of the range of heights: the lowest tenth of the frames of a foot spans less
 CLEARER = 2.0
+ON_THE_FLOOR = 0.05  # of the extent: how far above the lowest one another may come to rest
+LEAST_TIMES_DOWN = 5  # of a marker that stands on a floor now and then
 MOST_FRAMES = 200_000  # of a longer recording, evenly spaced
 ONE_M = 1e-5  # no camera system is so exact: heights whose difference varies by less are copies
 
@@ -224,7 +226,9 @@ def at_rest(heights: FloatArray, rate_hz: float) -> BoolArray:
 
 
 def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
-    """Find the direction at whose lower end at least two markers stay for a while.
+    """Find the direction at whose lower end at least two markers stay for a while, again and again.
+
+    Who stands still does so once, along any direction.
 
     Parameters
     ----------
@@ -244,12 +248,26 @@ def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
     for axis, name in enumerate("xyz"):
         for sign in (1, -1):
             low, tenth, high = _quantiles(sign * positions[:, :, axis], [0.01, 0.1, 0.99])
+            floor, top = np.nanmin(low, initial=np.inf), np.nanmax(high, initial=-np.inf)
+            comes = low - floor < ON_THE_FLOOR * (top - floor)
+            comes &= _times_down(sign * positions[:, :, axis], low, high) >= LEAST_TIMES_DOWN
             with np.errstate(invalid="ignore", divide="ignore"):
-                flatness = np.sort(((tenth - low) / (high - low))[high > low])
+                flatness = np.sort(((tenth - low) / (high - low))[comes])
             direction = name if sign > 0 else f"-{name}"
             found[direction] = float(flatness[1]) if len(flatness) > 1 else np.inf
     best, following = sorted(found, key=lambda d: found[d])[:2]
     return best, found[best], found[following]
+
+
+def _times_down(values: FloatArray, low: FloatArray, high: FloatArray) -> IntArray:
+    """Count how often each column (N, M) comes down from its upper half to its lowest tenth."""
+    counts = np.zeros(values.shape[1], dtype=np.int64)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        level = (values - low) / (high - low)
+    for m in np.flatnonzero(high > low):
+        ends = np.where(level[:, m] > 0.5, 1, np.where(level[:, m] < 0.1, -1, 0))
+        counts[m] = np.count_nonzero(np.diff(ends[ends != 0]) < 0)
+    return counts
 
 
 def _quantiles(values: FloatArray, levels: list[float]) -> FloatArray:

@@ -8,7 +8,6 @@ by name. All leave cells empty where a marker was not seen.
 from __future__ import annotations
 
 import csv
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from io import StringIO
@@ -22,6 +21,7 @@ from hopdata.recordings import raw
 from hopdata.recordings.readers import text
 
 _MOTIVE_UNITS = {"millimeters": ("mm", 1.0), "centimeters": ("mm", 10.0), "meters": ("m", 1.0)}
+_KINDS = {"Marker", "Rigid Body", "Rigid Body Marker", "Bone", "Bone Marker"}
 _AXES = ["X", "Y", "Z"]
 _MOST_HEADER_LINES = 40
 
@@ -76,7 +76,7 @@ def _motive(
     """Read markers; those solved from a rigid body or skeleton only if there are no others."""
     keys = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     axes_at = _row_that(path, rows, "Frame, Time (Seconds), X, Y, Z", lambda row: row[0] == "Frame")
-    kinds = next((row for row in rows[1:axes_at] if _is_kind(row)), [])
+    kinds = next((row for row in rows[1:axes_at] if _KINDS & {*row}), [])
     if not kinds:
         raise RecordingError(f"{path}: expected a row of Marker or Rigid Body, found none")
     names = rows[rows.index(kinds) + 1]
@@ -246,11 +246,10 @@ def _recording(
         )
     positions = factor * table[:, len(counters) :].reshape(len(table), len(starts), 3)
     text.blank_unseen(positions)
-    number = table[:, 0] if counts else np.arange(len(table), dtype=float)
-    time = number / rate_hz if has_time or not counts else (number - 1.0) / rate_hz
-    late: tuple[str, ...] = ()
     if has_time:
-        time, late = raw.settle(str(path), table[:, 1].copy(), number, rate_hz)
+        time, late = raw.settle(str(path), table[:, 1].copy(), table[:, 0].copy(), rate_hz)
+    else:
+        time, late = (table[:, 0] - 1.0 if counts else np.arange(len(table))) / rate_hz, ()
     markers, renamed = raw.distinct_names(str(path), names, may_lack=True)
     return raw.RawRecording(
         markers, time, positions, rate_hz, unit=unit, remarks=remarks + renamed + late
@@ -314,10 +313,6 @@ def _cells(line: str) -> Row:
 
 def _at(row: Row, place: int) -> str:
     return row[place] if place < len(row) else ""
-
-
-def _is_kind(row: Row) -> bool:
-    return any(re.fullmatch("(Rigid Body |Bone )?Marker|Rigid Body|Bone", cell) for cell in row)
 
 
 def _row_that(path: Path, rows: list[Row], what: str, is_it: Callable[[Row], bool]) -> int:
