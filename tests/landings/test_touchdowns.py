@@ -57,6 +57,23 @@ def test_what_is_left_out_by_hand_says_why(table):
     pd.testing.assert_frame_equal(again, found)
 
 
+@pytest.mark.parametrize(
+    ("lifted_m", "said"), [(0.3, "no foot landed"), (0.0, "post section never reached")]
+)
+def test_a_descent_that_ends_early_is_another_leg_s_if_no_foot_comes_down(scene, lifted_m, said):
+    recording, t = scene.recording, scene.recording.time
+    table = touchdown_table(recording, **SECTIONS)
+    inside = (t > table["t_pre_s"][20] - 0.01) & (t < table["t_pre_s"][21] - 0.1)
+    positions = recording.positions.copy()
+    body, feet = recording.indices("body"), recording.indices("foot")
+    sunk = np.minimum(recording.body_height - POST_HEIGHT_M - 0.01, 0.0)[inside]
+    positions[np.ix_(inside, body, [2])] -= sunk[:, None, None]
+    positions[np.ix_(inside, feet, [2])] += lifted_m
+    found = touchdown_table(replace(recording, positions=positions), **SECTIONS)
+    assert len(found) == len(table)
+    assert found["reason"][20] == said
+
+
 def test_columns(table):
     feet = ["foot1", "foot2", "foot3"]
     assert list(table.columns) == [

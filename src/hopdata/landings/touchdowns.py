@@ -243,6 +243,8 @@ def touchdown_table(
         maximum_misfit=maximum_misfit,
     )
     table = _table(recording, transitions, contacts, ambiguous_below, ambiguous)
+    idle = _no_foot_near(recording, transitions, down)
+    table.loc[idle & table["excluded"], "reason"] = NO_FOOT_LANDED
     landed = (contacts.status == descents.LANDED).any(axis=1)
     return _with_low_flights(table, kind == LOW, landed=landed)
 
@@ -287,6 +289,19 @@ def _all_landings(
         longest_gap_s=_longest_gap_s(recording),
     )
     return descents.together(*seen, hidden)
+
+
+def _no_foot_near(
+    recording: Recording, transitions: descents.Transitions, down_height_m: float
+) -> BoolArray:
+    """Tell of the descents that end above the post section in which no foot comes down, (L,).
+
+    They are watched for as long as the others take: a runner's other leg stops the body earlier.
+    """
+    until = transitions.t_pre + np.nanmax(transitions.t_post - transitions.t_pre, initial=0.0)
+    spans = zip(*np.searchsorted(recording.time, [transitions.t_pre, until]), strict=True)
+    lowest = [np.min(recording.feet[a:b, :, 2], initial=np.inf) for a, b in spans]  # NaN: unseen
+    return ~transitions.complete & (np.array(lowest) > down_height_m)
 
 
 def _longest_gap_s(recording: Recording) -> float:

@@ -327,7 +327,8 @@ def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) 
     free = replace(law, pushes=False)
     gain = _gain(_log_likelihood(feet, some, law), _log_likelihood(feet, some, free))
     # Few landings cannot show pushes; where these are left out errors are stated too small.
-    return law if gain.sum() > min(_telling(gain), len(gain) - TELLING_GAIN) else free
+    enough = TELLING_GAIN + TELLING_GAIN_PER_FIT * len(gain)
+    return law if gain.sum() > min(enough, len(gain) - TELLING_GAIN) else free
 
 
 def some_landings(instant: FloatArray, most: int) -> FloatArray:
@@ -389,16 +390,11 @@ def _log_likelihood(feet: FootHeights, instant: FloatArray, law: Law) -> FloatAr
 def _better(more: FloatArray, fewer: FloatArray) -> bool:
     """Whether a law with more parts is clearly likelier than one with fewer."""
     gain = _gain(more, fewer)
-    return float(gain.sum()) > _telling(gain)
+    return float(gain.sum()) > TELLING_GAIN + TELLING_GAIN_PER_FIT * len(gain)
 
 
 def _gain(more: FloatArray, fewer: FloatArray) -> FloatArray:
     return np.asarray((more - fewer)[np.isfinite(more - fewer)])
-
-
-def _telling(gain: FloatArray) -> float:
-    """Return what such gains must sum to."""
-    return TELLING_GAIN + TELLING_GAIN_PER_FIT * len(gain)
 
 
 def _vertex(trials: Sequence[float], totals: Sequence[float]) -> float:
