@@ -25,7 +25,14 @@ TABLES = {
     *("from_table", "to_table", "true_map_of", "true_map_table", "training_table", "filled_table"),
     *("camera_of", "robot_of", "common_scene", "known_recording", "require_distinct", "notes"),
     *("check_plausible", "check_study", "contact_instants", "example_touchdown", "error_ratios"),
-    *("exclude_stateless", "landing_samples", "mark_filled", "outcome_table", "section_frames"),
+    *(
+        "exclude_stateless",
+        "landing_samples",
+        "left_out",
+        "mark_filled",
+        "outcome_table",
+        "section_frames",
+    ),
     *("overlay_external_truth", "true_rows", "verdict_errors", "worst_landings"),
     "study_landings",  # integrates, one by one as they are asked for
 }
