@@ -4,10 +4,11 @@
 
 One row a case of `tests/hybrid/stress` (whose modules are imported from there), the long run of
 `--hops` hops at a tight and at the tightest tolerance, and blocks of 100 of the `--systems` random
-systems of each kind. `missed` and `spurious` count events against the exact answer, `error_max` is
-the largest deviation of the final state in the case's own units, `error_over_tolerance` the same in
-units of what the case allows, `status` and `right_status` how the integration ended. The rows of
-`scipy` show one call of `solve_ivp` (RK45, same tolerances), which has no locks: its field sees the
+systems of each kind (`back`: from the end to the start). `missed` and `spurious` count events
+against the exact answer, `error_max` is the largest deviation of the final state in the case's own
+units, `error_over_tolerance` the same in units of what the case allows, `status` and `right_status`
+how the integration ended. The rows of `scipy` show one call of `solve_ivp` (RK45, same
+tolerances), which has no locks: its field sees the
 sign of h. `right` there asks of it what is asked of ours; read its `missed`, `spurious` and
 `error_max` instead. The rows of `quick` are `--systems` / 5 random members of each family of guards
 that bend or move quickly, at each of four tolerances, by all methods in turn; SciPy's DOP853 and
@@ -32,7 +33,7 @@ from scipy.integrate import solve_ivp
 TESTS = Path(__file__).resolve().parent.parent / "tests" / "hybrid"
 sys.path[:0] = [str(TESTS), str(TESTS / "stress")]
 
-from stress_case import Case, Verdict, compare, judge, matched  # noqa: E402
+from stress_case import Case, Verdict, compare, judge, matched, turned_back  # noqa: E402
 from stress_edges import edge_cases  # noqa: E402
 from stress_gaps import gap_cases  # noqa: E402
 from stress_mass import energy, long_case, mass_cases  # noqa: E402
@@ -98,10 +99,12 @@ def summed_row(name: str, parameter: str, cases: list[Case]) -> Row:
     return row_of("hopdata", name, f"{parameter}, {wrong} wrong", total)
 
 
-def block_row(first: int, count: int, *, affine: bool) -> Row:
-    """Return the row of a block of random event-selected systems."""
+def block_rows(first: int, count: int, *, affine: bool) -> Iterator[Row]:
+    """Yield the rows of a block of random event-selected systems: to their ends, and back."""
     cases = [random_case(seed, affine=affine) for seed in range(first, first + count)]
-    return summed_row(cases[0].name, f"seeds {first} to {first + count - 1}", cases)
+    seeds = f"seeds {first} to {first + count - 1}"
+    yield summed_row(cases[0].name, seeds, cases)
+    yield summed_row(f"{cases[0].name} back", seeds, [turned_back(case) for case in cases])
 
 
 def swing_rows(count: int) -> Iterator[Row]:
@@ -132,6 +135,7 @@ def quick_rows(count: int) -> Iterator[Row]:
             yield summed_row("quick", f"{family}, {rtol:g}", ours)
             if family == "after an event":  # of which peers without locks know nothing
                 continue
+            yield summed_row("quick back", f"{family}, {rtol:g}", [turned_back(c) for c in ours])
             yield peer_row("scipy", f"{family}, {rtol:g}", [watched_by_scipy(c) for c in cases])
             if family not in KINKED:
                 watch = heyoka_watcher(family, rtol)
@@ -314,7 +318,7 @@ def main() -> None:
     for affine in (False, True):
         for first in range(0, arguments.systems, BLOCK):
             count = min(BLOCK, arguments.systems - first)
-            rows.append(block_row(first, count, affine=affine))
+            rows.extend(block_rows(first, count, affine=affine))
     rows.extend(swing_rows(arguments.systems))
     rows.extend(quick_rows(max(1, arguments.systems // 5)))
     rows.extend(scipy_rows(cases))

@@ -164,7 +164,9 @@ def test_the_initial_state_is_not_changed():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"t_span": (1, 0)}, "t_span"),
+        ({"t_span": (1, np.nan)}, "t_span"),
+        ({"t_span": (1, -np.inf)}, "t_span"),
+        ({"t_span": 1.0}, "t_span"),
         ({"t_span": (0, np.inf)}, "t_span"),
         ({"y0": [0.0]}, "y0"),
         ({"y0": [0.0, np.nan]}, "y0"),

@@ -189,7 +189,7 @@ def test_the_tolerance_of_the_last_call_is_forgotten():
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"t_span": (1.0, 0.0)}, {"t_span": (0.0, np.nan)}, {"t_span": (-np.inf, 0.0)},
+        {"t_span": (1.0, np.nan)}, {"t_span": (0.0, np.nan)}, {"t_span": (-np.inf, 0.0)},
         {"t_span": (0.0, 1.0, 2.0)}, {"t_span": (0.0, "end")}, {"rtol": -1e-9}, {"rtol": 1.0},
         {"rtol": np.nan}, {"max_step": 0.0}, {"max_step": np.nan}, {"max_steps": 0},
         {"max_events": -1},

@@ -16,6 +16,7 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.callbacks import Caught
+from hopdata.hybrid.derived import asked_backward, goes_back
 from hopdata.hybrid.driver.loop import END_STATE, many_entry
 from hopdata.hybrid.layout import describe
 from hopdata.hybrid.system import System
@@ -231,6 +232,8 @@ def solve_batch(
     Exception
         Whatever the system's functions raise.
     """
+    if goes_back(t_span):
+        system, t_span, t_eval = asked_backward(system, t_span, t_eval)
     options = arguments.check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
     if workers is not None:
         workers = arguments.check_count("workers", workers)
@@ -270,7 +273,7 @@ def solve_batch(
     steps = int(room.counts[:done, at.STEPS].sum()) * len(states)
     system.methods(method, jacobian).specialise(steps)
     run_in_threads(run, done, len(states), workers, progress)
-    return _solution(room, times, jacobian, system.guard_names)
+    return _solution(room, times, jacobian, system)
 
 
 def _states(y0: ArrayLike, n_states: int) -> FloatArray:
@@ -290,25 +293,23 @@ def _parameters(params: ArrayLike, n_runs: int) -> FloatArray:
     return np.ascontiguousarray(numbers)
 
 
-def _solution(
-    room: _Room, times: FloatArray, jacobian: bool, guard_names: tuple[str, ...]
-) -> BatchSolution:
+def _solution(room: _Room, times: FloatArray, jacobian: bool, system: System) -> BatchSolution:
     y = None
     if len(times):
         room.samples[np.arange(len(times)) >= room.counts[:, at.SAMPLES, None]] = np.nan
         y = np.ascontiguousarray(np.swapaxes(room.samples, 1, 2))
     return BatchSolution(
         status=room.status[:, 0],
-        t_end=room.ends[:, 0],
+        t_end=system.way * room.ends[:, 0],
         y_end=room.ends[:, END_STATE:],
         mode=room.modes,
         n_events=room.counts[:, at.EVENTS],
         n_steps=room.counts[:, at.STEPS],
         nfev=room.counts[:, at.NFEV],
-        t=times if len(times) else None,
+        t=system.way * times if len(times) else None,
         y=y,
         jacobian=room.jacobians if jacobian else None,
         culprit=room.counts[:, at.CULPRIT],
         rates=room.ends[:, 1:END_STATE],
-        guard_names=guard_names,
+        guard_names=system.guard_names,
     )

@@ -135,12 +135,15 @@ class Form:
         Numbers in the record of an event.
     guard_names : tuple of str
         Names of all guards of the system.
+    way : float
+        By which the driver's times are multiplied: -1 where time runs backward.
     """
 
     state: int
     mode: int
     event: int
     guard_names: tuple[str, ...]
+    way: float = 1.0
 
 
 @dataclass(frozen=True, repr=False)
@@ -179,6 +182,9 @@ class Solution:
     def events(self) -> EventLog:
         """All events."""
         records = np.frombuffer(self.parts[2]).reshape(-1, self.form.event)
+        if self.form.way < 0:
+            records = records.copy()
+            records[:, 0] *= self.form.way
         return EventLog(records, self.form.state, self.form.guard_names)
 
     @cached_property
@@ -189,12 +195,12 @@ class Solution:
     @property
     def t_end(self) -> float:
         """Time reached, s."""
-        return float(self.clock[layout.T])
+        return float(self.form.way * self.clock[layout.T])
 
     @cached_property
     def t(self) -> FloatArray:
         """Times, s; (N,): `t_eval` as far as it was reached, or every step and event."""
-        return self._table[:, 0].copy()
+        return self.form.way * self._table[:, 0]
 
     @cached_property
     def y(self) -> FloatArray:

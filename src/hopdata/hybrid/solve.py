@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import Limits, check_flag, check_numbers, check_times, set_mode
 from hopdata.hybrid.compiled.callbacks import catch, stop_catching
+from hopdata.hybrid.derived import asked_backward, goes_back
 from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System
 from hopdata.hybrid.workspace import Workspace
@@ -46,7 +47,8 @@ def solve(
     system : System
         Vector field, guards and handler.
     t_span : tuple of float
-        Start and end, s; the end not before the start.
+        Start and end, s. If the end is before the start, time runs backward: locks, and the
+        directions of events, are then those that are met on the way.
     y0 : (n,) array_like
         Initial state.
     params : (p,) array_like
@@ -96,6 +98,13 @@ def solve(
             t_span, y0, params, rtol, atol, max_step, max_steps, max_events, method
         ):
             limits = rtol, max_step, first_step, max_steps, max_events
+            if goes_back(t_span):
+                turned, t_span, t_eval = asked_backward(system, t_span, t_eval)
+                return solve(
+                    turned, t_span, y0, params=params, mode=mode, rtol=rtol, atol=atol,
+                    max_step=max_step, first_step=first_step, t_eval=t_eval, max_steps=max_steps,
+                    max_events=max_events, method=method, jacobian=jacobian, memory=memory,
+                )  # fmt: skip
             _ask(system, work, t_span, y0, params, limits, atol, t_eval, method, jacobian, memory)
         flags = 0
         if mode is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,9 @@ class System:
         Event functions and their rates, declared by `hopdata.hybrid.guards`.
     on_event : Callback, optional
         Handler, declared by `hopdata.hybrid.on_event`.
+    undo : Callback, optional
+        What takes its place where time runs backward, declared by `hopdata.hybrid.on_event`: undoes
+        what the handler does, when the same guard is crossed from the other side.
     guard : Callback, optional
         Instead of `guards`: one event function at a time, declared by `hopdata.hybrid.guard`.
     rate_bound : Callback, optional
@@ -73,6 +77,9 @@ class System:
     terminal: tuple[bool, ...] | None = None
     n_extra_modes: int = 0
     n_memory: int = 0
+    undo: Callback | None = None
+
+    way: ClassVar[float] = 1.0  # of time
 
     def __post_init__(self) -> None:
         _check_callback("field", self.field)
@@ -80,6 +87,8 @@ class System:
         for name in ("on_event", "jacobian", "affine"):
             if getattr(self, name) is not None:
                 _check_callback(name, getattr(self, name))
+        if self.undo is not None:
+            _check_callback("on_event", self.undo)
         for name in ("n_extra_modes", "n_memory"):
             if getattr(self, name) < 0:
                 raise ValueError(f"{name}: expected at least 0, found {getattr(self, name)}")
@@ -188,6 +197,11 @@ class System:
         self.idle.append(self.take_workspace())
 
     @cached_property
+    def derived(self) -> dict[str, System]:
+        """Systems made from this one (see `hybrid.derived`)."""
+        return {}
+
+    @cached_property
     def idle(self) -> Pool:
         """Workspaces of integrations that have ended, for the next."""
         return Pool()
@@ -197,7 +211,7 @@ class System:
         logged = self.n_extra_modes if self.guard is not None else self.n_modes
         return Workspace(
             self.addresses, self.rules, self.n_states, self.n_modes, self.n_memory,
-            self.guard_names, logged,
+            self.guard_names, logged, self.way,
         )  # fmt: skip
 
     def take_workspace(self) -> Workspace:

@@ -53,6 +53,8 @@ class Workspace:
         For the log of events.
     n_logged_modes : int
         Length of the last part of the mode that the log of events keeps.
+    way : float
+        Of time: -1 if the system's own runs backward.
 
     Attributes
     ----------
@@ -82,6 +84,7 @@ class Workspace:
         n_memory: int,
         guard_names: tuple[str, ...],
         n_logged_modes: int,
+        way: float = 1.0,
     ) -> None:
         n_guards = len(guard_names)
         self.desk = np.array(addresses, dtype=np.int64)
@@ -103,7 +106,7 @@ class Workspace:
         self._make_records(FIRST_ROWS, FIRST_EVENTS)
         self._wanted, self._samples = np.empty(0), np.empty((0, n_states))
         self._kept: list[tuple[memoryview, memoryview]] = []  # chunks that are full
-        self._form = Form(n_states, n_modes, self._widths[1], guard_names)
+        self._form = Form(n_states, n_modes, self._widths[1], guard_names, way)
         self._lay_out(layout.RULES, rules, self._atol)
         self._lay_out(layout.GUARD_TABLE, self._guards, self._flags, self._lists, self._wake_at)
         self._lay_out(layout.WANTED, self._wanted, self._samples)
@@ -171,6 +174,8 @@ class Workspace:
             if not (isinstance(atol, float) and atol == self._atol_of_all):
                 self.set_tolerance(atol)
             start, end = t_span
+            if end < start:
+                return False
             self._write(
                 self._block, ASKED_AT, start, end, rtol, max_step, 0.0, max_steps, max_events,
                 True, *y0, *params, *self._no_memory,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -118,3 +118,17 @@ def params_of(cases: list[Case]) -> list[Any]:
     import pytest  # the benchmark of these cases runs without it
 
     return [pytest.param(case, id=str(case)) for case in cases]
+
+
+def turned_back(case: Case) -> Case:
+    """Return the case from its (only) right end back to its start, whose state is then the answer.
+
+    What its handler does must not matter.
+    """
+    (answer,) = case.answers
+    events = tuple((t, guard, -direction) for t, guard, direction in reversed(answer.events))
+    system = replace(case.system, undo=case.system.on_event)
+    expected = replace(answer, events=events, y_end=case.y0, mode=None)
+    return replace(
+        case, system=system, t_span=case.t_span[::-1], y0=answer.y_end, answers=(expected,)
+    )

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stress_case import judge
+from stress_case import judge, turned_back
 from stress_quick import (
     FAMILIES,
     METHODS,
@@ -34,6 +34,17 @@ def test_no_contact_of_a_family_is_missed(family):
                 options = {**case.options, "method": method}
                 verdict = judge(replace(case, system=quick(method == "taylor"), options=options))
                 assert verdict.right, (case, options, verdict)
+
+
+@pytest.mark.parametrize("family", [one for one in FAMILIES if one != "after an event"])
+def test_no_contact_of_a_family_is_missed_on_the_way_back(family):
+    for number, rtol in enumerate(RTOLS):
+        rng = np.random.default_rng([number, *map(ord, family)])
+        for method in METHODS:
+            case = quick_member(family, rng, rtol)
+            options = {**case.options, "method": method}
+            case = replace(case, system=quick(method == "taylor"), options=options)
+            assert judge(turned_back(case)).right, case
 
 
 @pytest.mark.parametrize("rtol", RTOLS)

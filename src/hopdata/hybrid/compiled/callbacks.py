@@ -258,6 +258,8 @@ class Callback:
         Whether to try to compile it.
     """
 
+    kept = True  # whether the machine code may be used in other processes
+
     def __init__(self, function: Function, signature: Signature, compiled: bool = True) -> None:
         function = getattr(function, "py_func", function)
         declare.check_declaration(function, signature)
@@ -345,7 +347,8 @@ class Callback:
 
     def _compile(self) -> Any:
         def compile_it(cached: bool) -> Any:
-            compiler = numba.cfunc(self.signature.native, cache=cached, error_model="numpy")
+            native, kept = self.signature.native, cached and self.kept
+            compiler = numba.cfunc(native, cache=kept, error_model="numpy")
             return compiler(with_digest(self.function))
 
         return compiled_in_cache(self.function, function_digest(self.function), compile_it)
