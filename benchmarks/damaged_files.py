@@ -32,7 +32,7 @@ import pandas as pd
 TESTS = Path(__file__).resolve().parent.parent / "tests" / "recordings"
 sys.path[:0] = [str(TESTS)]
 
-from damage import case, corpus, read  # noqa: E402
+from damage import case, corpus, placed, read  # noqa: E402
 from reading import most_memory_mb  # noqa: E402
 
 SEED = 20261121
@@ -49,8 +49,7 @@ def work(first: int, files: int, folder: Path) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (used + LIMIT_BYTES, used + LIMIT_BYTES))
     for number in range(first, files):
         name, data = case(sound, names, SEED, number)
-        path = folder / f"damaged{Path(name).suffix}"
-        path.write_bytes(data)
+        path = placed(folder, name, data)
         print(json.dumps({"number": number, "begun": True}), flush=True)
         signal.alarm(LIMIT_S)
         start = time.perf_counter()
@@ -120,8 +119,7 @@ def main() -> None:
     if options.only is not None:
         sound = corpus()
         name, data = case(sound, list(sound), SEED, options.only)
-        path = Path(f"damaged_{options.only}{Path(name).suffix}")
-        path.write_bytes(data)
+        path = placed(Path(), name, data)
         print(name, read(path))
         return
     found = run(options.files)

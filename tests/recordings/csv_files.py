@@ -49,5 +49,7 @@ def nexus(positions, names, *, subjects=("cat",), others=True):
     lines += ["Frame,Sub Frame" + ",X,Y,Z" * len(names), ",," + ",".join(["mm"] * 3 * len(names))]
     for frame, place in enumerate(positions):
         lines.append(f"{frame + 1},0,{cells(np.tile(place, (len(subjects), 1)))}")
-    lines += ["", "Model Outputs", "100", ",,cat:Angle,,", "Frame,Sub Frame,X,Y,Z", "1,0,1,2,3"]
-    return "\n".join(lines if others else lines[:-6]) + "\n"
+    models = ["Model Outputs", "100", ",,cat:Angle,,", "Frame,Sub Frame,X,Y,Z", "1,0,1,2,3"]
+    if others == "first":
+        return "\n".join([*models, "", *lines]) + "\n"
+    return "\n".join([*lines, "", *models] if others else lines) + "\n"

@@ -4,7 +4,18 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from bids_files import NAME, write_bids
 from csv_files import motive, nexus
+from keypoint_files import (
+    anipose,
+    deeplabcut,
+    pandas_blocks,
+    pandas_rows,
+    table,
+)
+from keypoint_files import (
+    columns as keypoint_columns,
+)
 from mat_files import qtm_struct, write_mat5, write_mat73
 from qtm_files import NAMES, columns, data_rows, qtm_text, standing
 from trc_files import trc_text
@@ -12,13 +23,16 @@ from written_files import write_c3d
 
 from hopdata.errors import RecordingError
 from hopdata.recording import Event, Recording
+from hopdata.recordings.external import read_force_signals
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.plausibility import check_plausible
 from hopdata.recordings.raw import RawRecording
 from hopdata.recordings.readers.hdf5 import write_recording
 
 N_FRAMES = 24
+TEXTS = (".tsv", ".txt", ".trc", ".csv", ".mot", ".json")
 EVENTS = (("strike", 0.05), ("toe off", 0.12))
+FORCE = "ground_force_vy"
 MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
 # Numbers that files lie with.
 WORDS = (
@@ -63,10 +77,31 @@ def _texts():
         "bare.txt": "\n".join(bare) + "\n",
         "motive.csv": motive(positions, NAMES),
         "nexus.csv": nexus(positions, NAMES),
+        "anipose.csv": anipose(positions, NAMES, np.full((N_FRAMES, len(NAMES)), 0.9)),
+        "deeplabcut.csv": deeplabcut(positions, NAMES),
+        "forces.mot": _storage(),
         "mm.trc": trc_text(positions, NAMES),
         "m.trc": trc_text(positions / 1000, NAMES, unit="m", blank=False, tab="\t"),
     }
     return {name: text.encode() for name, text in texts.items()}
+
+
+def _storage():
+    """OpenSim's file of forces under a plate, in a column named as `FORCE`."""
+    head = ["forces", "version=1", f"nRows={N_FRAMES}", "nColumns=2", "inDegrees=yes", "endheader"]
+    rows = [f"{k / 1000:.4f}\t{700 * (k % 9):.3f}" for k in range(N_FRAMES)]
+    return "\n".join([*head, f"time\t{FORCE}", *rows]) + "\n"
+
+
+def placed(folder, name, data):
+    """Write a damaged file, and what must stand beside it; return what is to be read."""
+    if name.startswith(NAME):
+        path = write_bids(folder, standing(N_FRAMES), NAMES)
+        (folder / name).write_bytes(data)
+        return path
+    path = folder / f"damaged{Path(name).suffix}"
+    path.write_bytes(data)
+    return path
 
 
 def _binaries(folder):
@@ -83,6 +118,10 @@ def _binaries(folder):
     write_mat5(folder / "compressed.mat", struct, compressed=True)
     write_mat73(folder / "hdf5.mat", struct)
     roles = ("body",) * 3 + ("foot",) * 2
+    heads, values = keypoint_columns(NAMES, score=""), table(positions)
+    pandas_rows(folder / "rows.h5", heads, values)
+    pandas_blocks(folder / "blocks.h5", heads, values)
+    write_bids(folder, standing(N_FRAMES), NAMES)
     own = Recording("trial", time, positions / 1000, NAMES, roles, 100.0, events=events)
     write_recording(folder / "own.h5", own)
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
@@ -144,9 +183,10 @@ def lie_in_words(data, rng):
     """One field of one line replaced by a word."""
     lines = data.split(b"\n")
     i = int(rng.integers(min(len(lines), 14) if rng.random() < 0.6 else len(lines)))
-    fields = lines[i].split(b"\t")
+    mark = max((b"\t", b","), key=data.count)
+    fields = lines[i].split(mark)
     fields[rng.integers(len(fields))] = WORDS[rng.integers(len(WORDS))].encode()
-    return b"\n".join([*lines[:i], b"\t".join(fields), *lines[i + 1 :]])
+    return b"\n".join([*lines[:i], mark.join(fields), *lines[i + 1 :]])
 
 
 def move_line(data, rng):
@@ -167,13 +207,17 @@ def read(path):
 
     Whatever else is raised goes through; a recording that cannot be one is an AssertionError.
     """
-    rate_hz = 100.0 if "EXT" in path.read_text("latin-1")[:400] else None
+    begin = path.read_text("latin-1")
+    stateless = ("EXT" in begin[:400], "scorer" in begin[:40], "ncams" in begin, "pandas" in begin)
+    rate_hz = 100.0 if any(stateless) else None
     try:
+        if path.suffix == ".mot":
+            return _forces(path)
         recording, _ = import_recording(path, name="trial", markers=MARKERS, rate_hz=rate_hz)
         check_plausible(recording)
     except RecordingError as error:
         message = str(error)
-        assert message.startswith(str(path)), f"no file named: {message}"
+        assert message.startswith(str(path.parent)), f"no file named: {message}"
         assert "\n" not in message, f"more than one line: {message}"
         assert "expected" in message, f"nothing expected: {message}"
         assert "found" in message, f"nothing found: {message}"
@@ -185,8 +229,16 @@ def read(path):
     return recording
 
 
+def _forces(path):
+    column = {"columns": [{"name": FORCE, "feet": ["toe"]}], "time_column": None, "rate_hz": None}
+    options = {"file": path, "unit": "N", "inverted": False, "offset_s": 0.0, **column}
+    (signal,) = read_force_signals(options, feet=("toe",))
+    assert np.isfinite(signal.time).all()
+    return signal
+
+
 def case(sound, names, seed, number):
     """Name and bytes of damaged file `number`: the corpus in turn, each with its own seed."""
     name = names[number % len(names)]
     rng = np.random.Generator(np.random.PCG64(np.random.SeedSequence([seed, number])))
-    return name, damaged(sound[name], rng, text=Path(name).suffix in (".tsv", ".txt", ".trc"))
+    return name, damaged(sound[name], rng, text=Path(name).suffix in TEXTS)

@@ -3,7 +3,7 @@
 import warnings
 
 import pytest
-from damage import case, corpus, read
+from damage import case, corpus, placed, read
 
 SEED, N_FILES = 5, 1050
 
@@ -14,10 +14,9 @@ def sound():
 
 
 def test_the_files_are_sound_before_they_are_damaged(sound, tmp_path):
-    assert len(sound) == 17
+    assert len(sound) == 25
     for name, data in sound.items():
-        (tmp_path / name).write_bytes(data)
-        recording = read(tmp_path / name)
+        recording = read(placed(tmp_path, name, data))
         assert not isinstance(recording, str), f"{name}: {recording}"
         assert len(recording.time) == 24
 
@@ -29,9 +28,9 @@ def test_a_damaged_file_gives_a_recording_or_a_message(sound, tmp_path, part):
         warnings.simplefilter("error")  # nor a warning of another library
         for number in range(part, N_FILES, 5):
             name, data = case(sound, names, SEED, number)
-            path = tmp_path / name
-            path.write_bytes(data)
-            refused += isinstance(read(path), str)  # any other error fails the test
+            refused += isinstance(
+                read(placed(tmp_path, name, data)), str
+            )  # any other error fails the test
     assert 0 < refused < N_FILES / 5
 
 

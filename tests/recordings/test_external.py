@@ -147,6 +147,25 @@ def test_a_column_of_times(tmp_path):
     np.testing.assert_allclose(signal.time, time)
 
 
+@pytest.mark.parametrize("mark", ["\t", "  "])
+@pytest.mark.parametrize("suffix", [".mot", ".STO"])
+def test_forces_of_opensim_have_a_clock_of_their_own(tmp_path, mark, suffix):
+    names = ["time", *(f"1_ground_force_v{axis}" for axis in "xyz")]
+    head = ["forces", "version=1", "nRows=400", "nColumns=4", "inDegrees=yes", "", "endheader"]
+    rows = [mark.join((f"{k / 250:.6f}", "1.5", f"{f:.6f}", "0")) for k, f in enumerate(WAVE)]
+    path = tmp_path / f"forces{suffix}"
+    path.write_text("\n".join([*head, mark.join(names), *(" " * (mark != "\t") + r for r in rows)]))
+    signal = read(str(path), columns=columns(**{names[2]: FORCE_SIGNALS_FEET}))
+    np.testing.assert_allclose(signal.time, np.arange(400) / 250, atol=1e-9)
+    np.testing.assert_allclose(signal.force, WAVE, atol=1e-6)
+    path.write_text(path.read_text().replace("0.024000", "0.016000"))
+    with pytest.raises(RecordingError, match="row to row, found otherwise at line 15"):
+        read(str(path), columns=columns(**{names[2]: FORCE_SIGNALS_FEET}))
+    path.write_text(path.read_text().replace("endheader", "end"))
+    with pytest.raises(RecordingError, match="expected a line endheader, found none"):
+        read(str(path))
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("N", 1), ("kN", 1000), ("body_weight", 1)])
 def test_units(tmp_path, unit, factor):
     signal = read(written_force_signals(tmp_path), rate_hz=200, unit=unit)

@@ -263,7 +263,7 @@ def _analog_signals(
 
 def _times(table: ColumnTable, options: Mapping[str, Any], n_samples: int) -> FloatArray:
     """Time of each sample from the start of the file's clock, (K,), s."""
-    rate, name = options["rate_hz"], options["time_column"]
+    rate, name = options["rate_hz"], options["time_column"] or table.clock
     if name is None:
         if rate is None:
             raise RecordingError(
@@ -272,17 +272,17 @@ def _times(table: ColumnTable, options: Mapping[str, Any], n_samples: int) -> Fl
             )
         return np.arange(n_samples) / float(rate)
     time = table.numbers(name)
-    _check_times(f"{table.path}, column '{name}'", time, rate)
+    _check_times(f"{table.path}, column '{name}'", time, rate, n_lines=table.n_lines)
     return time
 
 
-def _check_times(place: str, time: FloatArray, rate: float | None) -> None:
+def _check_times(place: str, time: FloatArray, rate: float | None, *, n_lines: int = 1) -> None:
     steps = np.diff(time)
     if len(time) < 2 or not (steps > 0).all():
         bad = int(np.flatnonzero(~(steps > 0))[0]) if len(time) > 1 else 0
         raise RecordingError(
             f"{place}: expected times in s that increase from row to row, found otherwise "
-            f"at line {bad + 3}"
+            f"at line {n_lines + bad + 2}"
         )
     found, hint = 1 / float(np.median(steps)), ""
     if found == 1:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +20,14 @@ from hopdata.recording import Event
 
 METRES_PER_UNIT: Mapping[str, float] = MappingProxyType({"mm": 1e-3, "m": 1.0})
 USUAL_UNIT = "mm"  # of files that may state a unit and do not
+# How files spell units; numbers times the factor are in mm or m.
+_SPELT = (
+    (r"mm|millimet(er|re)s?", "mm", 1.0),
+    (r"cm|centimet(er|re)s?", "mm", 10.0),
+    (r"m|met(er|re)s?", "m", 1.0),
+    (r"in|inch(es)?", "mm", 25.4),
+)
+_BY_PROGRAM = re.compile(r"(.*:)?(\*\d+|unlabel+ed.*)", re.IGNORECASE)
 
 FASTEST_HZ = 1e5  # as in the schema of input.rate_hz
 MOST_UNPACKED_MB = 2000.0  # as the default of input.most_unpacked_mb in the schema
@@ -111,6 +120,32 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
             f"found input.rate_hz: {given:g}; leave that key out"
         )
     return stated
+
+
+def metric(place: str, stated: str) -> tuple[str, float]:
+    """Return mm or m, and the factor to it, of a unit as files spell it: ``Centimeters``, ``in``.
+
+    Raises
+    ------
+    RecordingError
+        If it is no unit of length; it begins with `place`.
+    """
+    spelt = stated.strip().lower()
+    found = next(((unit, by) for form, unit, by in _SPELT if re.fullmatch(form, spelt)), None)
+    if found is None:
+        raise RecordingError(f"{place}: expected mm, cm, m or inches, found '{stated[:40]}'")
+    return found
+
+
+def labelled(place: str, names: Sequence[str]) -> tuple[list[int], tuple[str, ...]]:
+    """Return which trajectories somebody named, and a remark on those that a program did.
+
+    ``*113`` and ``Unlabeled 7`` are pieces of any marker; a file of nothing else keeps them.
+    """
+    kept = [i for i, name in enumerate(names) if not _BY_PROGRAM.fullmatch(name)]
+    if not kept or len(kept) == len(names):
+        return list(range(len(names))), ()
+    return kept, (f"{place}: {len(names) - len(kept)} unlabeled trajectories are left out",)
 
 
 def require_unpacked(n_bytes: int, most_mb: float) -> None:

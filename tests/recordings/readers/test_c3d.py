@@ -113,6 +113,24 @@ def test_model_outputs_are_no_markers(with_parameters):
         read_c3d(with_parameters(content, ANGLES=list(names)))
 
 
+def test_outputs_of_plug_in_gait_are_known_by_name_where_no_list_has_them(with_parameters):
+    names = ("hip", "cat:LHipAngles", "toe", "RKneeMoment", "*113")
+    again = read_c3d(with_parameters(raw(n_markers=5, markers=names)))
+    assert again.markers == ("hip", "toe")
+    np.testing.assert_array_equal(again.positions, raw(n_markers=5).positions[:, [0, 2]])
+    assert "1 unlabeled" in again.remarks[0]
+    assert "2 model outputs are no markers and left out: cat:LHipAngles" in again.remarks[1]
+
+
+def test_events_that_do_not_fit_together_are_left_out_and_said(tmp_path, monkeypatch):
+    groups = c3d_writing._groups
+    event = {"USED": 2, "LABELS": ["strike"], "TIMES": np.array([[0.0, 0.05]], "<f4")}
+    monkeypatch.setattr(c3d_writing, "_groups", lambda *given: {**groups(*given), "EVENT": event})
+    again = read_c3d(written(tmp_path))
+    assert again.events == ()
+    assert "expected 2 events, found 1 labels" in again.remarks[0]
+
+
 def test_markers_of_one_name_are_numbered_and_said(tmp_path):
     content = raw(markers=("toe", "hip", "toe"))
     again = read_c3d(written(tmp_path, content))

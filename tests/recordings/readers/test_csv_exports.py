@@ -1,8 +1,11 @@
 """Exports of Motive, Nexus, DeepLabCut and Anipose, written as those programs write them."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
-from csv_files import cells, motive, nexus
+from csv_files import motive, nexus
+from keypoint_files import anipose, columns, deeplabcut, pandas_blocks, pandas_rows, table
 
 from hopdata.errors import RecordingError
 from hopdata.recordings.readers.formats import read_raw
@@ -15,34 +18,6 @@ def track(n=30, seed=0):
     positions = np.random.default_rng(seed).uniform(-500, 900, (n, 3, 3)).round(3)
     positions[4:6, 1] = np.nan
     return positions
-
-
-def deeplabcut(positions, scores, *, plane=False):
-    axes = ("x", "y", "likelihood") if plane else ("x", "y", "z", "likelihood")
-    header = [
-        ",".join(["scorer", *["net"] * len(axes) * 3]),
-        ",".join(["bodyparts", *[name for name in NAMES for _ in axes]]),
-        ",".join(["coords", *axes * 3]),
-    ]
-    rows = [
-        f"{k},"
-        + ",".join(f"{cells(p[: len(axes) - 1])},{s}" for p, s in zip(place, score, strict=True))
-        for k, (place, score) in enumerate(zip(positions, scores, strict=True))
-    ]
-    return "\n".join(header + rows) + "\n"
-
-
-def anipose(positions, scores):
-    header = [
-        f"{name}_{part}" for name in NAMES for part in ("x", "y", "z", "error", "ncams", "score")
-    ]
-    rows = [
-        ",".join(f"{cells(p)},1.2,3,{s}" for p, s in zip(place, score, strict=True))
-        + f",1,0,0,0,1,0,0,0,1,0,0,0,{k}"
-        for k, (place, score) in enumerate(zip(positions, scores, strict=True))
-    ]
-    matrix = [f"M_{i}{j}" for i in range(3) for j in range(3)] + [f"center_{i}" for i in range(3)]
-    return "\n".join([",".join([*header, *matrix, "fnum"]), *rows]) + "\n"
 
 
 def read(folder, text, **options):
@@ -94,24 +69,55 @@ def test_nexus_two_animals_keep_their_names_apart(tmp_path):
 def test_keypoints_that_are_not_sure_count_as_unseen(tmp_path, write):
     scores = np.full((30, 3), 0.95)
     scores[10, 2] = 0.3
-    found = read(tmp_path, write(track(), scores), rate_hz=50.0)
+    found = read(tmp_path, write(track(), NAMES, scores), rate_hz=50.0)
     want = track()
     want[10, 2] = np.nan
     np.testing.assert_allclose(found.positions, want)
     assert found.markers == NAMES
     assert "1 of 90" in found.remarks[-1]
-    lenient = read(tmp_path, write(track(), scores), rate_hz=50.0, least_score=0.2)
+    lenient = read(tmp_path, write(track(), NAMES, scores), rate_hz=50.0, least_score=0.2)
     np.testing.assert_allclose(lenient.positions, track())
 
 
 def test_keypoints_state_no_rate(tmp_path):
     with pytest.raises(RecordingError, match=r"input\.rate_hz"):
-        read(tmp_path, anipose(track(), np.ones((30, 3))))
+        read(tmp_path, anipose(track(), NAMES, np.ones((30, 3))))
 
 
 def test_one_camera_s_plane_is_refused(tmp_path):
-    with pytest.raises(RecordingError, match=r"line 3: .*triangulate"):
-        read(tmp_path, deeplabcut(track(), np.ones((30, 3)), plane=True), rate_hz=50.0)
+    lines = deeplabcut(track(), NAMES).splitlines()
+    plane = [",".join(c for k, c in enumerate(x.split(",")) if k % 3 or not k) for x in lines]
+    with pytest.raises(RecordingError, match=r"one camera's plane; triangulate"):
+        read(tmp_path, "\n".join(plane), rate_hz=50.0)
+
+
+@pytest.mark.parametrize("write", [pandas_rows, pandas_blocks])
+def test_keypoints_in_pandas_tables_of_hdf5(tmp_path, write):
+    scores = np.full((30, 3), 0.95)
+    scores[10, 2] = 0.3
+    file = write(tmp_path / "a.h5", columns(NAMES), table(track(), scores))
+    found, want = read_raw(file, rate_hz=50.0), track()
+    want[10, 2] = np.nan
+    np.testing.assert_allclose(found.positions, want)
+    assert found.markers == NAMES
+    assert found.rate_hz == 50.0
+    assert not found.unit_is_stated
+    with pytest.raises(RecordingError, match=r"input\.rate_hz"):
+        read_raw(file)
+
+
+class _Harm:
+    def __reduce__(self):
+        return (Path.touch, (Path("harmed"),))
+
+
+def test_a_pickle_that_is_more_than_names_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    heads = [*columns(NAMES, score=""), _Harm()]
+    file = pandas_rows(tmp_path / "a.h5", heads, np.zeros((3, len(heads))))
+    with pytest.raises(RecordingError, match=r"expected names of columns, found a pickle of"):
+        read_raw(file, rate_hz=50.0)
+    assert not Path("harmed").exists()
 
 
 @pytest.mark.parametrize(
@@ -120,7 +126,7 @@ def test_one_camera_s_plane_is_refused(tmp_path):
         (lambda _: "a,b,c\n1,2,3\n", "line 1: expected an export of Motive"),
         (
             lambda t: t.replace("Millimeters", "Furlongs"),
-            "expected Millimeters, Centimeters or Meters",
+            "Length Units: expected mm, cm, m or inches",
         ),
         (lambda t: t.replace("0.030000", "x"), "line 11, column 2: expected a number, found 'x'"),
         (lambda t: t[:-40], "was it cut short"),

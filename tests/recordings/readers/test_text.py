@@ -47,6 +47,12 @@ def test_empty_lines_at_the_end_are_no_rows(tmp_path, end):
     assert table.texts("label") == ["a", "", "b"]
 
 
+def test_decimals_are_those_of_the_first_row(tmp_path):
+    path = tmp_path / "plate.csv"
+    path.write_text("t;Fz\n0;1,5\n1;-2\n2;\n")
+    np.testing.assert_array_equal(open_table(path).numbers("Fz"), [1.5, -2, np.nan])
+
+
 def test_short_rows_end_in_empty_cells(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("a,b\n1,2\n3\n")
@@ -58,7 +64,7 @@ MISTAKES = {
     "column twice": ("Fz,Fz\n1,2\n", "Fz", ["expected 'Fz' once", "found 2 of that name"]),
     "text": ("Fz\n1\nhigh\n", "Fz", ["line 3, column 'Fz': expected a number, found 'high'"]),
     "infinity": ("Fz\n1\ninf\n", "Fz", ["line 3", "found 'inf'"]),
-    "decimal comma": ("t;Fz\n0;1,5\n", "Fz", ["line 2", "found '1,5'; write decimals with"]),
+    "a comma among points": ("t;Fz\n0;1.5\n0;1,5\n", "Fz", ["line 3", "found '1,5'; write dec"]),
     "no names": ("1,2\n3,4\n", "Fz", ["line 1: expected names of columns, found '1,2'"]),
     "nothing": ("", "Fz", ["line 1: expected names of columns"]),
 }

@@ -79,6 +79,14 @@ FORMS = {
         "expected 13 frames as stated, found 12 rows, which are taken; was the file cut short?",
     ),
     "a number of frames that is too low": (TEXT.replace("\t12\t5", "\t11\t5"), "expected 11"),
+    "a key that nobody knows": (
+        TEXT.replace("NumFrames", "NumFrame", 1),
+        "found 'NumFrame'; did you mean 'NumFrames'?; it is not read",
+    ),
+    "another number of markers": (
+        trc_text(POSITIONS, NAMES, values={"NumMarkers": "6"}),
+        "expected 6 marker names (NumMarkers), found 5, which are taken",
+    ),
     "more columns than markers": (
         "\n".join([*ROWS[:6], *(row and row + "\t7\t8\t9" for row in ROWS[6:])]),
         "expected 15 columns of 5 markers, found 18; the others are not read",
@@ -135,19 +143,15 @@ FAULTS = {
     "empty": ("", ["line 1", "PathFileType", "empty file"]),
     "prose": ("Dear colleague\n" * 9, ["line 1", "PathFileType", "'Dear colleague'"]),
     "header only": ("\n".join(TEXT.split("\n")[:6]), ["rows of numbers", "none"]),
-    "misspelt key": (
-        TEXT.replace("NumFrames", "NumFrame", 1),
-        ["line 2", "'NumFrame'", "did you mean 'NumFrames'"],
-    ),
-    "inches": (trc_text(POSITIONS, NAMES, unit="in"), ["line 3", "mm or m", "'in'"]),
+    "feet": (trc_text(POSITIONS, NAMES, unit="ft"), ["line 3", "mm, cm, m or inches", "'ft'"]),
     "rate 0": (trc_text(POSITIONS, NAMES, values={"DataRate": "0"}), ["DataRate", "0 Hz"]),
     "rate in words": (
         trc_text(POSITIONS, NAMES, values={"DataRate": "fast"}),
         ["line 3", "DataRate", "'fast'"],
     ),
     "markers": (
-        trc_text(POSITIONS, NAMES, values={"NumMarkers": "6"}),
-        ["line 4", "expected 6 marker names", "found 5"],
+        line(trc_text(POSITIONS, NAMES, values={"NumMarkers": "6"}), 4, "Frame#\tTime\ta\t\t\tb"),
+        ["line 4", "expected 6 marker names", "found 2"],
     ),
     "shifted names": (
         line(TEXT, 4, "Frame#\tTime\ta\t\tb\t\t\tc"),

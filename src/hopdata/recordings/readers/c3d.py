@@ -7,6 +7,7 @@ states is held against the bytes that are there before anything is read.
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,6 +34,7 @@ from hopdata.recordings.readers.text import listed, only_place, readable
 MOST_PARAMETER_BYTES = 255 * BLOCK
 # Parameters of POINT that name points which are no markers, but what a model made of them.
 MODEL_OUTPUTS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS")
+_OUTPUT = re.compile(r".*[a-z](Angles?|Forces?|Moments?|Powers?)")  # as Plug-in Gait names them
 
 
 def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
@@ -65,20 +67,24 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
         raise RecordingError(f"{path}: expected markers, found none")
     n_frames, remarks = count_frames(header, parameters, size - header.data_start)
     markers, kept, more = _markers(parameters, n_points)
-    unit = _unit(parameters)
-    positions = _positions(header, _numbers(path, header, parameters, n_frames))[:, kept]
+    stated_unit = "".join(parameters.texts("POINT", "UNITS")[:1])
+    unit, factor = raw.USUAL_UNIT, 1.0
+    if stated_unit:
+        unit, factor = raw.metric(parameters.place("POINT", "UNITS"), stated_unit)
+    positions = factor * _positions(header, _numbers(path, header, parameters, n_frames))[:, kept]
     rate = raw.resolve_rate(f"{path}: header", stated=frame_rate(header, parameters), given=rate_hz)
     time = (first_frame(header, parameters) - 1 + np.arange(n_frames)) / rate
+    events, unread = _events(parameters)
     return raw.RawRecording(
         markers,
         time,
         positions,
         rate,
-        unit=unit or raw.USUAL_UNIT,
-        unit_is_stated=bool(unit),
-        events=_events(parameters) or header.events,
+        unit=unit,
+        unit_is_stated=bool(stated_unit),
+        events=events or header.events,
         stated_up=_stated_up(parameters),
-        remarks=parameters.remarks + remarks + more,
+        remarks=parameters.remarks + remarks + more + unread,
     )
 
 
@@ -109,8 +115,10 @@ def open_c3d(path: Path) -> tuple[C3dHeader, Parameters, int]:
 def frame_rate(header: C3dHeader, parameters: Parameters) -> float:
     """Frame rate of the header and of ``POINT:RATE``, Hz, which must agree."""
     stated = parameters.number("POINT", "RATE")
-    if stated is None:
+    if stated is None or not stated > 0:
         return header.rate_hz
+    if not header.rate_hz > 0:
+        return stated
     if not abs(stated - header.rate_hz) <= raw.RATE_TOLERANCE * abs(stated):
         raise RecordingError(
             f"{parameters.place('POINT', 'RATE')}: expected {header.rate_hz:g} Hz as in the "
@@ -125,33 +133,23 @@ def _markers(
     """Names of the points that are markers, which points these are, and remarks."""
     place = parameters.place("POINT", "LABELS")
     labels = parameters.texts("POINT", "LABELS")[:n_points]
-    if not labels:
-        raise RecordingError(
-            f"{place}: expected {n_points} marker names, found none"
-            f"{parameters.near('POINT', 'LABELS')}"
-        )
     labels += [""] * (n_points - len(labels))
     outputs = {name for key in MODEL_OUTPUTS for name in parameters.texts("POINT", key)} - {""}
+    outputs |= {label for label in labels if _OUTPUT.fullmatch(label)}
     kept = [i for i, label in enumerate(labels) if label not in outputs]
+    n_outputs = n_points - len(kept)
     if not kept:
         raise RecordingError(
             f"{place}: expected markers, found model outputs only ({listed(labels)})"
         )
+    named, unlabelled = raw.labelled(place, [labels[i] for i in kept])
+    kept = [kept[i] for i in named]
     markers, remarks = raw.distinct_names(place, [labels[i] for i in kept], may_lack=True)
     if len(kept) == n_points:
         return markers, slice(None), remarks
     told = listed([label for label in labels if label in outputs])
-    left_out = f"{place}: {n_points - len(kept)} model outputs are no markers and left out: {told}"
-    return markers, kept, (*remarks, left_out)
-
-
-def _unit(parameters: Parameters) -> str:
-    """Return the unit that the file states; empty if it states none."""
-    place, stated = parameters.place("POINT", "UNITS"), parameters.texts("POINT", "UNITS")
-    unit = stated[0].lower() if stated else ""
-    if unit and unit not in raw.METRES_PER_UNIT:
-        raise RecordingError(f"{place}: expected mm or m, found '{stated[0]}'")
-    return unit
+    left_out = f"{place}: {n_outputs} model outputs are no markers and left out: {told}"
+    return markers, kept, (*remarks, *unlabelled, *(left_out,) * bool(n_outputs))
 
 
 def _stated_up(parameters: Parameters) -> str:
@@ -181,24 +179,23 @@ def _positions(header: C3dHeader, numbers: NDArray[Any]) -> FloatArray:
     return positions
 
 
-def _events(parameters: Parameters) -> tuple[Event, ...]:
-    """Events of the group ``EVENT``: labels, and times in minutes and seconds."""
-    used = parameters.number("EVENT", "USED")
-    if not used:
-        return ()
+def _events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]:
+    """Events of the group ``EVENT``: labels, and times in minutes and seconds; and a remark.
+
+    Markers do not depend on them: events that do not fit together are not read.
+    """
+    used = int(parameters.number("EVENT", "USED") or 0)
     labels, times = parameters.texts("EVENT", "LABELS"), parameters.numbers("EVENT", "TIMES")
     contexts = parameters.texts("EVENT", "CONTEXTS") or [""] * len(labels)
-    if not (used == len(labels) == len(contexts) == len(times) / 2) or not np.isfinite(times).all():
-        raise RecordingError(
-            f"{parameters.place('EVENT', 'USED')}: expected {used:g} events, found {len(labels)} "
-            f"labels, {len(contexts)} contexts and {len(times) / 2:g} times"
+    enough = 0 <= used <= min(len(labels), len(contexts), len(times) // 2)
+    if not enough or not np.isfinite(times[: 2 * used]).all():
+        return (), (
+            f"{parameters.place('EVENT', 'USED')}: expected {used} events, found {len(labels)} "
+            f"labels, {len(contexts)} contexts and {len(times) / 2:g} times; none is read",
         )
-    return tuple(
-        Event(f"{context} {label}".strip(), 60 * minutes + seconds)
-        for context, label, minutes, seconds in zip(
-            contexts, labels, times[::2], times[1::2], strict=True
-        )
-    )
+    parts = zip(contexts[:used], labels, times[::2], times[1::2], strict=False)
+    events = (Event(f"{where} {what}".strip(), 60 * m + s) for where, what, m, s in parts)
+    return tuple(events), ()
 
 
 # Analog channels of a C3D file, such as the forces of a plate.

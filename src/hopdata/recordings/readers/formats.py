@@ -23,9 +23,12 @@ from hopdata.recordings.readers.text import require_file
 LARGEST = 1e9  # mm or m: no camera sees so far
 
 
-def _hdf5(path: Path, rate_hz: float | None, *, most_mb: float, **_: float) -> RawRecording:
+def _hdf5(path: Path, rate_hz: float | None, *, most_mb: float, least_score: float) -> RawRecording:
     from hopdata.recordings.readers.hdf5 import read_recording
+    from hopdata.recordings.readers.keypoints import keypoints, pandas_table
 
+    if (table := pandas_table(path, most_mb)) is not None:
+        return keypoints(path, *table, rate_hz, least_score)
     own = read_recording(path, most_unpacked_mb=most_mb)
     if own.filled is not None:  # what was filled in was not seen
         own.positions[own.filled] = np.nan
@@ -47,9 +50,12 @@ def _hdf5(path: Path, rate_hz: float | None, *, most_mb: float, **_: float) -> R
 LEAST_SCORE = 0.6  # as the default of input.least_score in the schema
 
 
-def _qtm_tsv(path: Path, rate_hz: float | None, **_: float) -> RawRecording:
+def _tsv(path: Path, rate_hz: float | None, **_: float) -> RawRecording:
+    from hopdata.recordings.readers.bids import ENDS, read_bids
     from hopdata.recordings.readers.qtm import read_qtm_tsv
 
+    if path.name.endswith(ENDS):
+        return read_bids(path, rate_hz=rate_hz)
     return read_qtm_tsv(path, rate_hz=rate_hz)
 
 
@@ -78,8 +84,8 @@ def _trc(path: Path, rate_hz: float | None, **_: float) -> RawRecording:
 
 
 _READERS: dict[str, Callable[..., RawRecording]] = {
-    ".tsv": _qtm_tsv,
-    ".txt": _qtm_tsv,
+    ".tsv": _tsv,
+    ".txt": _tsv,
     ".csv": _csv,
     ".mat": _qtm_mat,
     ".c3d": _c3d,

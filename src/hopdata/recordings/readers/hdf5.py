@@ -252,7 +252,7 @@ def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Rec
         If the file cannot be read, or lacks a dataset or attribute, or their kinds or sizes are
         not those of a recording.
     """
-    with _open(path, "not a recording", most_unpacked_mb) as file:
+    with opened(path, "not a recording", most_unpacked_mb) as file:
         recording = Recording(
             time=numbers(file, "time"),
             positions=numbers(file, "positions"),
@@ -280,7 +280,7 @@ def read_truth(path: str | Path) -> Truth | None:
     RecordingError
         If the file cannot be read or its truth is not whole.
     """
-    with _open(path, "truth is not whole") as file:
+    with opened(path, "truth is not whole") as file:
         if "truth" not in file:
             return None
         group = file["truth"]
@@ -294,7 +294,7 @@ def read_truth(path: str | Path) -> Truth | None:
 
 
 @contextmanager
-def _open(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> Iterator[h5py.File]:
+def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> Iterator[h5py.File]:
     """Open a file; what is wrong in it, or with it, becomes a RecordingError that names it."""
     import h5py
 

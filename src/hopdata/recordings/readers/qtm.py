@@ -220,15 +220,15 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
     """
     header = qtm_header.read_header(Path(path))
     _check_kind(header)
-    place, names = qtm_header.marker_names(header)
-    markers, renamed = raw.distinct_names(place, names)
+    place, names, wrong = qtm_header.marker_names(header)
+    markers, renamed = raw.distinct_names(place, names, may_lack=True)
     counters = qtm_header.counter_columns(header, names)
-    types = qtm_header.trajectory_types(header, len(markers))
+    types, untold = qtm_header.trajectory_types(header, len(markers))
     n_columns = len(counters) + 3 * len(markers)
     width = n_columns + qtm_header.n_empty_columns(header, names)
     rows = Rows(header.path, header.n_lines, header.offset, width)
     table = rows.numbers()
-    _check_frame_count(header, len(table))
+    wrong += untold + _frame_count(header, len(table))
     require_counters(rows, table[:, : len(counters)], counters)
     positions = table[:, len(counters) : n_columns].reshape(len(table), len(markers), 3)
     blank_unseen(positions)
@@ -243,7 +243,7 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
         events=tuple(header.events),
         trajectory_types=types,
         started=qtm_header.moment((header.values.get("TIME_STAMP") or [""])[0]),
-        remarks=renamed + remarks + _event_remarks(header, rate),
+        remarks=renamed + wrong + remarks + _event_remarks(header, rate),
     )
 
 
@@ -256,14 +256,16 @@ def _check_kind(header: qtm_header.QtmHeader) -> None:
         )
 
 
-def _check_frame_count(header: qtm_header.QtmHeader, n_rows: int) -> None:
+def _frame_count(header: qtm_header.QtmHeader, n_rows: int) -> tuple[str, ...]:
+    """Remark on a stated number of frames that is not that of the rows."""
     stated = header.number("NO_OF_FRAMES")
-    if stated is not None and stated != n_rows:
-        cut = "; was the file cut short?" if n_rows < stated else ""
-        raise RecordingError(
-            f"{header.place('NO_OF_FRAMES')}: NO_OF_FRAMES: expected {stated:g} frames as stated, "
-            f"found {n_rows} rows{cut}"
-        )
+    if stated is None or stated == n_rows:
+        return ()
+    cut = "; was the file cut short?" if n_rows < stated else ""
+    return (
+        f"{header.place('NO_OF_FRAMES')}: NO_OF_FRAMES: expected {stated:g} frames as stated, "
+        f"found {n_rows} rows, which are taken{cut}",
+    )
 
 
 def _time_and_rate(
@@ -298,7 +300,7 @@ def _time_and_rate(
 def _stated_rate(
     header: qtm_header.QtmHeader, external: bool, stamps: FloatArray | None, number: FloatArray
 ) -> float | None:
-    """Frame rate by the header or, without a header, by the time stamps; None if neither tells."""
+    """Frame rate by the header or, without it, by the time stamps; None if neither tells."""
     if external:
         return None
     if header.values:
@@ -307,7 +309,8 @@ def _stated_rate(
             raise RecordingError(
                 f"{header.path}: header: expected the key FREQUENCY, found none{near}"
             )
-        return header.number("FREQUENCY")
+        if "FREQUENCY" in header.values:
+            return header.number("FREQUENCY")
     return None if stamps is None else raw.rate_of(stamps, number)
 
 

@@ -20,6 +20,7 @@ from hopdata.recording import Event
 from hopdata.recordings.readers.text import (
     TEXT_TABLE_MISSING,
     is_number,
+    pointed,
     readable,
     split_line,
     trimmed,
@@ -68,7 +69,7 @@ class QtmHeader:
         """
         if key not in self.values:
             return None
-        text = (self.values[key] or [""])[0]
+        text = pointed((self.values[key] or [""])[0])
         try:
             return float(text)
         except ValueError:
@@ -106,7 +107,7 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     if fields == [""]:
         return False
     first = next((f for f in fields if f not in TEXT_TABLE_MISSING), None)
-    if first is None or is_number(first):
+    if first is None or is_number(pointed(first)):
         return first is not None or len(fields) > 1
     is_key = _KEY.fullmatch(fields[0]) and fields[0] not in TEXT_TABLE_MISSING
     if is_key or _is_column_row(fields):
@@ -127,7 +128,8 @@ def _take(header: QtmHeader, fields: list[str]) -> None:
     """Put one line that is not numbers into the header."""
     key = fields[0]
     if _is_column_row(fields):
-        header.columns = trimmed(fields)
+        counters = {name.lower(): name for name in COUNTERS}
+        header.columns = [counters.get(name.lower(), name) for name in trimmed(fields)]
     elif key == "EVENT":
         event, frame = _event(header, fields[1:])
         header.events.append(event)
@@ -158,7 +160,7 @@ def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
 
 
 def _is_column_row(fields: list[str]) -> bool:
-    return fields[0] in COUNTERS or coordinate_stems(fields[:3]) is not None
+    return fields[0].title() in COUNTERS or coordinate_stems(fields[:3]) is not None
 
 
 def coordinate_stems(columns: list[str]) -> list[str] | None:
@@ -183,15 +185,15 @@ def coordinate_stems(columns: list[str]) -> list[str] | None:
 # Which column of a QTM export holds what: marker names, and the columns before and after them.
 
 
-def marker_names(header: QtmHeader) -> tuple[str, list[str]]:
-    """Place and marker names of ``MARKER_NAMES``, or else of the column row.
+def marker_names(header: QtmHeader) -> tuple[str, list[str], tuple[str, ...]]:
+    """Place and marker names of ``MARKER_NAMES``, or else of the column row, and remarks.
 
     A file of nothing but numbers has ``marker1``, ``marker2`` and so on.
 
     Raises
     ------
     RecordingError
-        If there are none, or the number differs from ``NO_OF_MARKERS``.
+        If there are none, or neither their number nor ``NO_OF_MARKERS`` fits the columns.
     """
     if "MARKER_NAMES" in header.values:
         place, names = header.place("MARKER_NAMES"), trimmed(header.values["MARKER_NAMES"])
@@ -207,29 +209,26 @@ def marker_names(header: QtmHeader) -> tuple[str, list[str]]:
         raise RecordingError(
             f"{header.path}: expected MARKER_NAMES or a column row, found neither{hint}"
         )
-    stated = header.number("NO_OF_MARKERS")
-    if stated is not None and stated != len(names):
-        raise RecordingError(
-            f"{place}: expected {stated:g} marker names (NO_OF_MARKERS), found {len(names)}"
-        )
-    return place, names
+    stated, width = header.number("NO_OF_MARKERS"), len(header.first_row)
+    if stated is None or stated == len(names):
+        return place, names, ()
+    told = f"{place}: expected {stated:g} marker names (NO_OF_MARKERS), found {len(names)}"
+    if width in (3 * stated, 3 * stated + 2) and len(names) < stated:  # the last have no name
+        names += [""] * int(stated - len(names))
+    elif width not in (3 * len(names), 3 * len(names) + 2):
+        raise RecordingError(told)
+    return place, names, (f"{told}; the columns are those of {len(names)} markers",)
 
 
-def trajectory_types(header: QtmHeader, n_markers: int) -> tuple[str, ...]:
-    """Entries of ``TRAJECTORY_TYPES``, one a marker; none if the file has no such row.
-
-    Raises
-    ------
-    RecordingError
-        If their number is not that of the markers.
-    """
+def trajectory_types(header: QtmHeader, n_markers: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Entries of ``TRAJECTORY_TYPES``, one a marker; else none, and a remark if there is a row."""
     types = trimmed(header.values.get("TRAJECTORY_TYPES", []))
     if types and len(types) != n_markers:
-        raise RecordingError(
+        return (), (
             f"{header.place('TRAJECTORY_TYPES')}: TRAJECTORY_TYPES: expected {n_markers} entries, "
-            f"one a marker, found {len(types)}"
+            f"one a marker, found {len(types)}; none is read",
         )
-    return tuple(types)
+    return tuple(types), ()
 
 
 def counter_columns(header: QtmHeader, markers: Sequence[str]) -> list[str]:

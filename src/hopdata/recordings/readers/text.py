@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import warnings
 from collections.abc import Iterator, Sequence
@@ -26,7 +27,7 @@ ROWS = 20_000  # read at a time
 # Programs print what is missing as nothing, in words, or as their C library prints a NaN.
 _NAN = ["".join(letters) for letters in product("nN", "aA", "nN")]
 TEXT_TABLE_MISSING = (
-    *("", "NULL", "Null", "null", *_NAN, *(f"-{nan}" for nan in _NAN)),
+    *("", "NULL", "Null", "null", "n/a", "N/A", *_NAN, *(f"-{nan}" for nan in _NAN)),
     *("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),
 )
 
@@ -44,7 +45,7 @@ class Rows:
     width: int
 
     def numbers(self) -> FloatArray:
-        """Read the rows, (N, width), NaN where a field is missing.
+        """Read the rows, (N, width), NaN where a field is missing; decimals as in the first row.
 
         pandas pads short rows in silence but refuses long ones. So if no row is too long and the
         number of tabs is right in total, every row is right.
@@ -76,13 +77,16 @@ class Rows:
         """Read by pandas, which finds the kind of each column faster than it obeys a given one."""
         import pandas as pd
 
+        with self.path.open("rb") as file:
+            file.seek(self.offset)
+            decimal = "," if b"," in file.readline() else "."
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is refused anyway
             try:
                 yield from pd.read_csv(
                     self.path, sep="\t", header=None, skiprows=self.n_lines, quoting=QUOTE_NONE,
                     na_values=list(TEXT_TABLE_MISSING), keep_default_na=False,
-                    skipinitialspace=True, chunksize=ROWS,
+                    skipinitialspace=True, chunksize=ROWS, decimal=decimal,
                 )  # fmt: skip
             except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
                 raise self._bad_row(str(error)) from None
@@ -190,7 +194,9 @@ def require_file(path: Path) -> None:
 
 
 def decoded(data: bytes) -> str:
-    """Text of a file, which may be older than UTF-8."""
+    """Text of a file, which may be older than UTF-8 or in UTF-16."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -234,12 +240,17 @@ def trimmed(fields: list[str]) -> list[str]:
 
 
 def is_number(text: str) -> bool:
-    """Tell whether a field is a number."""
+    """Tell whether a field is a number, with a point."""
     try:
         float(text)
     except ValueError:
         return False
     return True
+
+
+def pointed(text: str) -> str:
+    """Write a number of a header with a point, if its only mark is a comma."""
+    return text.replace(",", ".") if text.count(",") == 1 and "." not in text else text
 
 
 def one_line(text: str) -> str:
@@ -268,6 +279,7 @@ def no_number(text: str) -> str:
 # Named columns of a text table, as other devices and programs export them.
 
 DELIMITERS = "\t;,"
+STORAGE = (".mot", ".sto")  # OpenSim's files, whose columns may be separated by blanks
 MISSING = ("", "NaN", "nan", "NULL", "null")
 MOST_LISTED = 12
 
@@ -283,12 +295,21 @@ class ColumnTable:
     names : tuple of str
         Column names, in the file's order.
     delimiter : str
-        What stands between the cells: a tab, a semicolon or a comma.
+        What stands between the cells: a tab, a semicolon, a comma or, in OpenSim's files, blanks.
+    n_lines : int
+        Lines up to the names, with theirs.
+    decimal : str
+        A point or a comma.
+    clock : str, optional
+        The column that is time, in s, if the format says so.
     """
 
     path: Path
     names: tuple[str, ...]
     delimiter: str
+    n_lines: int = 1
+    decimal: str = "."
+    clock: str | None = None
 
     def numbers(self, name: str) -> FloatArray:
         """Read a column of numbers, (N,), NaN where a cell is empty.
@@ -303,9 +324,10 @@ class ColumnTable:
         place = self.place_of(name)
         try:
             values: FloatArray = pd.read_csv(
-                self.path, sep=self.delimiter, header=None, skiprows=1, usecols=[place],
-                dtype=np.float64, na_values=list(MISSING), keep_default_na=False,
-                skip_blank_lines=False, encoding="utf-8-sig",
+                self.path, sep=r"\s+" if self.delimiter == " " else self.delimiter, header=None,
+                skiprows=self.n_lines, usecols=[place], dtype=np.float64, na_values=list(MISSING),
+                keep_default_na=False, skip_blank_lines=False, encoding="utf-8-sig",
+                decimal=self.decimal,
             ).to_numpy()[:, 0]  # fmt: skip
         except (ValueError, OverflowError):  # pandas' own errors are ValueErrors
             return self._numbers_one_by_one(name)
@@ -322,7 +344,7 @@ class ColumnTable:
             If there is no such column.
         """
         place = self.place_of(name)
-        rows = [_cells(line, self.delimiter) for line in _lines(self.path)[1:]]
+        rows = [_cells(line, self.delimiter) for line in _lines(self.path)[self.n_lines :]]
         while rows and rows[-1] == [""]:
             rows.pop()
         return [_plain(row[place]) if place < len(row) else "" for row in rows]
@@ -335,19 +357,20 @@ class ColumnTable:
         RecordingError
             If no column has this name, or several have.
         """
-        return only_place(f"{self.path}, line 1: column", name, self.names)
+        return only_place(f"{self.path}, line {self.n_lines}: column", name, self.names)
 
     def _numbers_one_by_one(self, name: str) -> FloatArray:
         """Slowly, with the place of what is no number, and with blanks and quotes about it."""
-        cells = self.texts(name)
+        cells = [cell.replace(self.decimal, ".") for cell in self.texts(name)]
         for row, cell in enumerate(cells):
             if cell not in MISSING and (fault := no_number(cell)):
-                raise RecordingError(f"{self.path}, line {row + 2}, column '{name}': {fault}")
+                place = f"{self.path}, line {self.n_lines + row + 1}, column '{name}'"
+                raise RecordingError(f"{place}: {fault}")
         return np.array([np.nan if cell in MISSING else float(cell) for cell in cells])
 
 
 def open_table(path: str | Path) -> ColumnTable:
-    """Read the row of column names.
+    """Read the row of column names, in OpenSim's files that below the line ``endheader``.
 
     Raises
     ------
@@ -356,15 +379,25 @@ def open_table(path: str | Path) -> ColumnTable:
     """
     path = Path(path)
     require_file(path)
-    first = next(iter(_lines(path)), "")
-    delimiter = next((mark for mark in DELIMITERS if mark in first), "\t")
+    lines, n_above = _lines(path), 0
+    is_storage = path.suffix.lower() in STORAGE
+    if is_storage:
+        header = [line.strip().lower() for line in lines]
+        if "endheader" not in header:
+            raise RecordingError(f"{path}: expected a line endheader, found none")
+        n_above = header.index("endheader") + 1
+    first, second = [*lines[n_above : n_above + 2], "", ""][:2]
+    marks = DELIMITERS + " " * is_storage
+    delimiter = next((mark for mark in marks if mark in first.strip()), "\t")
+    decimal = "," if delimiter != "," and "," in second else "."
     names = tuple(_plain(cell) for cell in _cells(first, delimiter))
     if not any(name and not is_number(name) for name in names):
         raise RecordingError(
-            f"{path}, line 1: expected names of columns, found '{first[:40]}'; "
+            f"{path}, line {n_above + 1}: expected names of columns, found '{first[:40]}'; "
             "write a row of names above the numbers"
         )
-    return ColumnTable(path, names, delimiter)
+    clock = next((name for name in names if is_storage and name.lower() == "time"), None)
+    return ColumnTable(path, names, delimiter, n_above + 1, decimal, clock)
 
 
 def listed(names: Sequence[str]) -> str:
@@ -383,6 +416,8 @@ def _lines(path: Path) -> list[str]:
 
 def _cells(line: str, delimiter: str) -> list[str]:
     """Split a line; a delimiter between quotes belongs to its cell."""
+    if delimiter == " ":
+        return line.split() or [""]
     return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), None) or [""]
 
 

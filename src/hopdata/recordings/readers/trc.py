@@ -15,6 +15,7 @@ from hopdata.recordings.readers.text import (
     Rows,
     blank_unseen,
     is_number,
+    pointed,
     readable,
     require_counters,
     split_line,
@@ -42,8 +43,8 @@ class _Header:
 
     def number(self, key: str) -> float | None:
         """Value of a key as a finite number; None if the key is absent."""
-        text = self.values.get(key)
-        if text is None:
+        text = pointed(self.values.get(key, ""))
+        if not text:
             return None
         if not (is_number(text) and np.isfinite(float(text))):
             raise RecordingError(
@@ -71,14 +72,18 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
     """
     path = Path(path)
     header = _read_header(path)
-    unit = _unit(header)
-    rate = raw.resolve_rate(
-        f"{path}, line 3: DataRate", stated=header.number("DataRate"), given=rate_hz
-    )
+    place, stated_unit = f"{path}, line 3", header.values.get("Units", "")
+    unit, factor = raw.USUAL_UNIT, 1.0
+    if stated_unit:
+        unit, factor = raw.metric(f"{place}: Units", stated_unit)
     table = header.rows.numbers()
     require_counters(header.rows, table[:, :2], COUNTERS)
+    stated = header.number("DataRate")
+    if stated is None:
+        stated = raw.rate_of(table[:, 1], table[:, 0])
+    rate = raw.resolve_rate(f"{place}: DataRate", stated=stated, given=rate_hz)
     n_columns = 2 + 3 * len(header.markers)
-    positions = table[:, 2:n_columns].reshape(len(table), len(header.markers), 3)
+    positions = factor * table[:, 2:n_columns].reshape(len(table), len(header.markers), 3)
     blank_unseen(positions)
     time, remarks = raw.settle(str(path), table[:, 1].copy(), table[:, 0].copy(), rate)
     return raw.RawRecording(
@@ -86,8 +91,8 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
         time,
         positions,
         rate,
-        unit=unit or raw.USUAL_UNIT,
-        unit_is_stated=bool(unit),
+        unit=unit,
+        unit_is_stated=bool(stated_unit),
         remarks=header.remarks + _frame_count(header, len(table)) + remarks,
     )
 
@@ -116,21 +121,22 @@ def _read_header(path: Path) -> _Header:
             lines.append([])
             offset += len(first)
             first = next(iter(file), b"")
-    if not lines or re.split(r"[\s,;]", lines[0][0])[0] != "PathFileType":
+    if not lines or re.split(r"[\s,;]", lines[0][0])[0].lower() != "pathfiletype":
         found = f"'{lines[0][0][:40]}'" if lines else "an empty file"
         raise RecordingError(f"{path}, line 1: expected PathFileType, found {found}")
     if not first:
         raise RecordingError(f"{path}: expected rows of numbers after the header, found none")
-    values, n_axes = _values(path, lines[1], lines[2]), _count_axes(path, lines[4])
+    values, unknown = _values(path, lines[1], lines[2])
+    n_axes = _count_axes(path, lines[4])
     names = _names(path, lines[3], n_axes)
     stated = _Header(path, values, (), Rows(path, 0, 0, 0)).number("NumMarkers")
     if stated == n_axes // 3:  # the last may have no name
         names += [""] * (n_axes // 3 - len(names))
-    if stated is not None and stated != len(names):
-        raise RecordingError(
-            f"{path}, line 4: expected {stated:g} marker names (NumMarkers), found {len(names)}"
-        )
+    told = f"{path}, line 4: expected {stated or 0:g} marker names (NumMarkers), found {len(names)}"
+    if stated not in (None, len(names), n_axes // 3) and n_axes != 3 * len(names):
+        raise RecordingError(told)
     markers, remarks = raw.distinct_names(f"{path}, line 4", names, may_lack=True)
+    remarks += unknown + (f"{told}, which are taken",) * (stated not in (None, len(names)))
     fields = split_line(path, first)
     width = max(len(fields), 2 + 3 * len(markers))
     unused = sum(map(bool, fields[2 + 3 * len(markers) :]))
@@ -142,21 +148,24 @@ def _read_header(path: Path) -> _Header:
     return _Header(path, values, markers, Rows(path, len(lines), offset, width), remarks)
 
 
-def _values(path: Path, keys: list[str], values: list[str]) -> dict[str, str]:
+def _values(
+    path: Path, keys: list[str], values: list[str]
+) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Values by key, and remarks on keys that nobody knows, which are not read."""
     known = {key.lower(): key for key in KEYS}
     keys, values = [known.get(key.lower(), key) for key in trimmed(keys)], trimmed(values)
-    for key in keys:
-        if key not in KEYS:
-            raise RecordingError(
-                f"{path}, line 2: expected keys such as {', '.join(KEYS[:5])}, "
-                f"found '{key[:40]}'{did_you_mean(key, KEYS)}"
-            )
     if len(keys) != len(values) or len(set(keys)) != len(keys):
         raise RecordingError(
             f"{path}, line 3: expected a value for each of {len(keys)} different keys, "
             f"found {len(values)} values"
         )
-    return dict(zip(keys, values, strict=True))
+    remarks = tuple(
+        f"{path}, line 2: expected keys such as {', '.join(KEYS[:5])}, found '{key[:40]}'"
+        f"{did_you_mean(key, KEYS)}; it is not read"
+        for key in keys
+        if key not in KEYS
+    )
+    return dict(zip(keys, values, strict=True)), remarks
 
 
 def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
@@ -165,6 +174,8 @@ def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
     if not (len(fields) > 1 and all(map(re.fullmatch, _COUNTERS, (f.lower() for f in fields[:2])))):
         raise RecordingError(f"{place}: expected {' and '.join(COUNTERS)}, found {fields[:2]}")
     cells = trimmed(fields[2:])
+    if len(cells) == n_axes and all(cells[k] == cells[k - k % 3] for k in range(n_axes)):
+        cells = [name if k % 3 == 0 else "" for k, name in enumerate(cells)]  # each name thrice
     names = [name for name in cells if name]
     astray = next((i for i, name in enumerate(cells) if name and i % 3), None)
     if astray is None:
@@ -187,21 +198,11 @@ def _count_axes(path: Path, fields: list[str]) -> int:
     """Require the fifth line to say X1, Y1, Z1, X2 and so on."""
     found = [field for field in fields if field]
     for i, have in enumerate(found):
-        want = f"{'XYZ'[i % 3]}{i // 3 + 1}"
-        if want != have.upper():
+        want = f"{'XYZ'[i % 3]}{i // 3 + 1}"  # some count from 0, go on after a gap or not at all
+        if not re.fullmatch(rf"{want[0]}\d*", have.upper()):
             raise RecordingError(f"{path}, line 5: expected '{want}', found '{have[:40]}'")
     if len(found) % 3:
         raise RecordingError(
             f"{path}, line 5: expected X, Y, Z of each marker, found {found[-1]} last"
         )
     return len(found)
-
-
-def _unit(header: _Header) -> str:
-    """Return the unit that the file states; empty if it states none."""
-    stated = header.values.get("Units")
-    if stated is None:
-        return ""
-    if stated.lower() not in raw.METRES_PER_UNIT:
-        raise RecordingError(f"{header.path}, line 3: Units: expected mm or m, found '{stated}'")
-    return stated.lower()

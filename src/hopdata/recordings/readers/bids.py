@@ -1,0 +1,146 @@
+"""Motion-BIDS: rows of numbers in ``_motion.tsv``, told by ``_channels.tsv`` and json beside it.
+
+The brain imaging data structure lets a json file stand in a folder above as well, for all files
+whose names have the parts of its own.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hopdata.errors import RecordingError
+from hopdata.recordings import raw
+from hopdata.recordings.readers.text import (
+    Rows,
+    blank_unseen,
+    is_number,
+    open_table,
+    readable,
+    split_line,
+)
+
+ENDS = "_motion.tsv"
+_FOLDERS = 4  # of a dataset: motion, session, subject, dataset
+_UP = {"S": "", "U": "", "I": "-", "D": "-"}  # superior, up, inferior, down
+_MISSING = ("", "n/a")
+
+
+def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
+    """Read the tracked points of a Motion-BIDS file that have a position in three axes.
+
+    Parameters
+    ----------
+    path : path
+        The ``_motion.tsv`` file; ``_channels.tsv`` stands beside it.
+    rate_hz : float, optional
+        Frame rate; must be that of the json file, if it states one.
+
+    Raises
+    ------
+    RecordingError
+        Naming the file, the place in it, what was expected and what was found.
+    """
+    path = Path(path)
+    channels = path.with_name(path.name.removesuffix(ENDS) + "_channels.tsv")
+    table = open_table(channels)
+    columns = {key: table.texts(key) for key in ("component", "type", "tracked_point", "units")}
+    kinds = [kind.upper() for kind in columns["type"]]
+    places: dict[str, dict[str, int]] = {}
+    for k, (kind, point) in enumerate(zip(kinds, columns["tracked_point"], strict=True)):
+        if kind == "POS":
+            axis = columns["component"][k].lower()
+            if axis in places.setdefault(point, {}):
+                raise RecordingError(
+                    f"{channels}, line {k + 2}: expected {axis} of '{point}' once, found it twice"
+                )
+            places[point][axis] = k
+    points = {name: at for name, at in places.items() if {*"xyz"} <= at.keys()}
+    if not points:
+        raise RecordingError(
+            f"{channels}: expected channels of the type POS with components x, y and z, found "
+            f"{', '.join(sorted(set(kinds))) or 'none'}"
+        )
+    at = np.array([[found[axis] for axis in "xyz"] for found in points.values()])
+    units = {columns["units"][k] for k in at.ravel()}
+    if len(units) > 1:
+        raise RecordingError(
+            f"{channels}: units: expected one unit of all positions, found "
+            f"{', '.join(sorted(units))}"
+        )
+    stated = units.pop()
+    unit, factor = (raw.USUAL_UNIT, 1.0)
+    if stated not in _MISSING:
+        unit, factor = raw.metric(f"{channels}: units", stated)
+    told = _told(path, "motion")
+    numbers = _rows(path, len(kinds)).numbers()
+    missing = told.get("MissingValues")
+    if missing is not None and is_number(str(missing)):
+        numbers[numbers == float(missing)] = np.nan
+    positions = factor * numbers[:, at]
+    blank_unseen(positions)
+    rate = raw.resolve_rate(f"{path}: SamplingFrequency", stated=_rate(path, told), given=rate_hz)
+    time = np.arange(len(numbers)) / rate
+    late: tuple[str, ...] = ()
+    if "LATENCY" in kinds:
+        stamps = numbers[:, kinds.index("LATENCY")]
+        if not np.isfinite(stamps).all():
+            row = int(np.argmin(np.isfinite(stamps)))
+            raise RecordingError(f"{path}, line {row + 1}: LATENCY: expected a time, found none")
+        time, late = raw.settle(str(path), stamps, np.arange(1.0, len(numbers) + 1), rate)
+    lacking = len(places) - len(points)
+    flat = f"{channels}: {lacking} points without three coordinates are left out"
+    markers, renamed = raw.distinct_names(str(channels), list(points), may_lack=True)
+    return raw.RawRecording(
+        markers, time, positions, rate, unit=unit, unit_is_stated=stated not in _MISSING,
+        stated_up=_stated_up(path), remarks=renamed + late + (flat,) * bool(lacking),
+    )  # fmt: skip
+
+
+def _rows(path: Path, width: int) -> Rows:
+    """Rows of numbers: the standard has no row of names, some files do."""
+    with readable(path) as file:
+        first = file.readline()
+    named = not any(map(is_number, split_line(path, first)))
+    return Rows(path, int(named), len(first) * named, width)
+
+
+def _rate(path: Path, told: dict[str, Any]) -> float | None:
+    stated = told.get("SamplingFrequency")
+    if stated is None or isinstance(stated, int | float):
+        return stated
+    raise RecordingError(f"{path}: SamplingFrequency: expected a number, found '{stated}'")
+
+
+def _stated_up(path: Path) -> str:
+    """Axis that points up in the one reference frame that is described; empty if none is."""
+    frames = _told(path, "channels").get("reference_frame")
+    levels = frames.get("Levels") if isinstance(frames, dict) else None
+    levels = list(levels.values()) if isinstance(levels, dict) else []
+    axes = {str(level.get("SpatialAxes")) for level in levels if isinstance(level, dict)}
+    letters = axes.pop().upper() if len(axes) == 1 else ""
+    ups = [_UP[a] + axis for a, axis in zip(letters, "xyz", strict=False) if a in _UP]
+    return ups[0] if len(letters) == 3 and len(ups) == 1 else ""
+
+
+def _told(path: Path, suffix: str) -> dict[str, Any]:
+    """Keys of the json files that hold for a file; nearer ones replace those of further ones."""
+    parts, found = set(path.name.removesuffix(ENDS).split("_")), {}
+    for folder in reversed(path.absolute().parents[:_FOLDERS]):
+        for file in sorted(folder.glob(f"*_{suffix}.json")):
+            if set(file.stem.split("_")[:-1]) <= parts:
+                found.update(_json(file))
+    return found
+
+
+def _json(file: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(file.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise RecordingError(f"{file}: expected json, found: {error}") from None
+    if not isinstance(content, dict):
+        raise RecordingError(f"{file}: expected keys and values, found {type(content).__name__}")
+    return content

@@ -1,0 +1,175 @@
+"""Keypoints from video in three dimensions: the tables of DeepLabCut and Anipose, CSV or HDF5.
+
+They state neither rate nor unit, but how sure each point is. In HDF5 they are tables of pandas: one
+of rows with the names of its columns pickled beside it, or arrays of blocks with their names.
+"""
+
+from __future__ import annotations
+
+import io
+import pickle
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.arrays import FloatArray
+from hopdata.errors import RecordingError
+from hopdata.recordings import raw
+from hopdata.recordings.readers import hdf5
+from hopdata.recordings.readers.text import blank_unseen
+
+if TYPE_CHECKING:
+    import h5py
+
+AXES = ("x", "y", "z")
+SCORES = ("likelihood", "score")
+
+Columns = list[tuple[str, ...]]
+
+
+def keypoints(
+    path: Path, columns: Columns, values: FloatArray, rate_hz: float | None, least_score: float
+) -> raw.RawRecording:
+    """Make a recording of named columns.
+
+    Parameters
+    ----------
+    path : path
+        The file, for messages.
+    columns : list of tuple of str
+        The K names: of DeepLabCut the scorer, perhaps the individual, the body part and the
+        coordinate; of Anipose one name such as ``toe_x``.
+    values : (N, K) array
+        NaN where missing; in an unknown unit, taken for mm.
+    rate_hz : float or None
+        ``input.rate_hz``, which the file does not state.
+    least_score : float
+        Points with a smaller likelihood or score count as unseen.
+
+    Raises
+    ------
+    RecordingError
+        If there is no rate, or no point has three coordinates.
+    """
+    split = [
+        c[0].rpartition("_")[::2] if len(c) == 1 else (" ".join(c[1:-1]), c[-1]) for c in columns
+    ]
+    at = {part: k for k, part in reversed(list(enumerate(split)))}
+    names = [n for n, axis in split if axis == "x" and all((n, other) in at for other in AXES)]
+    if not names:
+        found = "one camera's plane" if ("x" in {axis for _, axis in split}) else "none"
+        raise RecordingError(
+            f"{path}: expected keypoints with coordinates x, y and z, found {found}; triangulate "
+            "the cameras first (Anipose, or DeepLabCut's 3-D project)"
+        )
+    rate = raw.resolve_rate(str(path), stated=None, given=rate_hz)
+    positions = values[:, [[at[n, axis] for axis in AXES] for n in names]]
+    blank_unseen(positions)
+    scored = [(m, at[n, s]) for m, n in enumerate(names) for s in SCORES if (n, s) in at]
+    remarks: tuple[str, ...] = ()
+    if scored:
+        places, scores = (list(column) for column in zip(*scored, strict=True))
+        sure = values[:, scores] >= least_score
+        unsure = ~sure & np.isfinite(positions[:, places, 0])
+        positions[:, places] = np.where(sure[..., None], positions[:, places], np.nan)
+        remarks = (
+            f"{path}: {unsure.sum()} of {unsure.size} places have a score below {least_score:g} "
+            "(input.least_score) and count as unseen",
+        )
+    markers, renamed = raw.distinct_names(str(path), names, may_lack=True)
+    return raw.RawRecording(
+        markers, np.arange(len(values)) / rate, positions, rate, unit=raw.USUAL_UNIT,
+        unit_is_stated=False, remarks=renamed + remarks,
+    )  # fmt: skip
+
+
+def pandas_table(path: Path, most_unpacked_mb: float) -> tuple[Columns, FloatArray] | None:
+    """Read the first table that pandas wrote to an HDF5 file; None if there is none.
+
+    Returns
+    -------
+    columns : list of tuple of str
+    values : (N, K) array
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read, or its table is not one of numbers.
+    """
+    with hdf5.opened(path, "not a table of keypoints", most_unpacked_mb) as file:
+        groups = (item for item in map(file.get, file) if hasattr(item, "attrs"))
+        group = next((g for g in groups if "pandas_type" in g.attrs), None)
+        if group is None:
+            return None
+        blocks = _rows_of(group["table"]) if "table" in group else _blocks_of(group)
+        columns = [column for names, _ in blocks for column in names]
+        values = np.concatenate([block for _, block in blocks], axis=1)
+        if values.shape[1] != len(columns):
+            raise ValueError(f"expected {len(columns)} columns, found {values.shape[1]}")
+        return columns, values
+
+
+def _rows_of(table: h5py.Dataset) -> list[tuple[Columns, FloatArray]]:
+    """Blocks of a dataset of rows, each with an index and fields ``values_block_<k>``."""
+    rows = hdf5.whole_array(table)
+    fields = [f for f in rows.dtype.names or () if f.startswith("values_block_")]
+    return [
+        (_named(_plain_pickle(hdf5.checked_attribute(table, f"{f}_kind"))), _numbers(rows[f]))
+        for f in fields
+    ]
+
+
+def _blocks_of(group: h5py.Group) -> list[tuple[Columns, FloatArray]]:
+    """Blocks of ``block<k>_values``, with the levels of their names, or the names themselves."""
+    blocks = []
+    for k in range(int(hdf5.number(group, "nblocks"))):
+        at = f"block{k}_items"
+        values = _numbers(hdf5.whole_array(group[f"block{k}_values"]))
+        if at in group:
+            named = _named(hdf5.whole_array(group[at]).tolist())
+        else:
+            levels = [
+                [name[0] for name in _named(hdf5.whole_array(group[f"{at}_level{i}"]).tolist())]
+                for i in range(int(hdf5.number(group, f"{at}_nlevels")))
+            ]
+            codes = [hdf5.whole_array(group[f"{at}_label{i}"]) for i in range(len(levels))]
+            named = [
+                tuple(level[c] for level, c in zip(levels, of, strict=True))
+                for of in zip(*(c.tolist() for c in codes), strict=True)
+            ]
+        blocks.append((named, values))
+    return blocks
+
+
+def _numbers(array: Any) -> FloatArray:
+    if array.dtype.kind not in "iuf" or array.ndim != 2:
+        raise ValueError(f"expected a table of numbers, found {array.dtype} of {array.shape}")
+    numbers: FloatArray = array.astype(np.float64)
+    return numbers
+
+
+def _named(names: Any) -> Columns:
+    """Require names of columns: texts, or tuples of texts."""
+    if not isinstance(names, Sequence) or isinstance(names, str | bytes):
+        raise ValueError(f"expected names of columns, found {type(names).__name__}")
+    columns = [name if isinstance(name, tuple) else (name,) for name in names]
+    return [tuple(map(_text, column)) for column in columns]
+
+
+def _text(name: Any) -> str:
+    return name.decode("utf-8", "replace") if isinstance(name, bytes) else str(name)
+
+
+class _Plain(pickle.Unpickler):
+    """Unpickles texts, numbers, lists and tuples; a pickle that asks for more is refused."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        raise ValueError(f"expected names of columns, found a pickle of {module}.{name}")
+
+
+def _plain_pickle(data: Any) -> Any:
+    if not isinstance(data, bytes):
+        raise ValueError(f"expected names of columns, found {type(data).__name__}")
+    return _Plain(io.BytesIO(data)).load()
