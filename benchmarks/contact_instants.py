@@ -14,7 +14,8 @@ method, in turn in this process. "One fit" is what scipy does, a single fit of e
 start near the truth; the other kink rows are the whole of `find_contacts`.
 
 The last rows are of a runner at 2.5 m/s (see the README for the files): the first contact of each
-foot's three markers against the force plate, `sd_ms` by the median absolute deviation.
+foot's three markers against the force plate, `sd_ms` by the median absolute deviation; and of three
+runs the landings, with the share `found` of those that give a pair of states.
 """
 
 from __future__ import annotations
@@ -34,12 +35,16 @@ from scipy.optimize import curve_fit, least_squares
 
 from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.landings.contacts.descents import LANDED, Transitions
-from hopdata.landings.contacts.find import LONG_WINDOWS_S, find_contacts
+from hopdata.landings.contacts.find import LONG_WINDOWS_S, find_contacts, find_landings
 from hopdata.landings.contacts.kink import FlightPriors, kink_fits
+from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.forces import force_onsets
 from hopdata.landings.schedules import order_probability
-from hopdata.landings.touchdowns import touchdown_table
+from hopdata.landings.sections.select import select_sections
+from hopdata.landings.states.assemble import assemble_pairs
+from hopdata.landings.touchdowns import NO_FOOT_LANDED, touchdown_table
 from hopdata.recording import Recording
+from hopdata.recordings.importing import import_recording
 
 # How exactly a contact instant can be known at all: the Cramer-Rao bound of the kink.
 #
@@ -451,6 +456,37 @@ def _foot(path: Path, side: str) -> Recording:
     return Recording("runner", time, positions, names, ("body",) * 3 + ("foot",) * 3, RUNNER_HZ)
 
 
+# How many landings of runners' feet are used, from the file to the states at both sections.
+
+PELVIS, SOLE = ("R.ASIS", "L.ASIS", "R.PSIS"), ("Heel.Bottom", "MT1", "MT5")
+RUNS = {
+    "RBDS032 at 3.5 m/s": ("RBDS032runT35markers.txt", "y", PELVIS, SOLE, "."),
+    "RBDS001 at 3.5 m/s": ("RBDS001runT35_markers.txt", "y", PELVIS, SOLE, "."),
+    "RBDS001 at 2.5 m/s": (MARKERS, "z", ("body1", "body2", "body3"), ("heel", "mt1", "mt5"), "_"),
+}
+
+
+def used_rows() -> list[dict[str, Any]]:
+    """One row for each run and foot: its landings, and of them those with a pair of states."""
+    rows = []
+    for run, (file, axis, body, sole, between) in RUNS.items():
+        path = next((f / file for f in FOLDERS if (f / file).is_file()), None)
+        for side in SIDES if path else ():
+            markers = {"body": body, "feet": [f"{side}{between}{name}" for name in sole]}
+            recording, _ = import_recording([path], name=run, markers=markers, vertical_axis=axis)
+            recording = level(recording, fit_floor(recording))
+            landings = find_landings(recording)
+            sections = select_sections([recording], landings={run: landings}, frames="landings")
+            heights = {k: getattr(sections, k) for k in ("pre_height_m", "post_height_m")}
+            table = touchdown_table(recording, landings=landings, **heights)
+            pairs = assemble_pairs([recording], table, **heights)
+            total = int((table["reason"] != NO_FOOT_LANDED).sum())
+            name = f"{SIDES[side][1]} foot of {run}: landings used"
+            row = {"condition": name, "method": "kink, learned", "landings": total}
+            rows.append(row | {"found": len(pairs) / total})
+    return rows
+
+
 def _compared(table: pd.DataFrame, onsets: np.ndarray) -> dict[str, float]:
     contacts = table[[name for name in table if name.startswith("contact_")]]
     first = contacts.min(axis=1).dropna().to_numpy()
@@ -480,7 +516,7 @@ def main() -> None:
     table = pd.DataFrame([row for name in CONDITIONS for row in rows_of(name, arguments)])
     loop = table[table["method"] == "scipy curve_fit loop, free"].set_index("condition")
     table["times_faster"] = table["condition"].map(loop["us_per_fit"]) / table["us_per_fit"]
-    table = pd.concat([table, pd.DataFrame(runner_rows())], ignore_index=True)
+    table = pd.concat([table, pd.DataFrame([*runner_rows(), *used_rows()])], ignore_index=True)
     table = table.reindex(columns=COLUMNS)
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(arguments.out, index=False, float_format="%.6g")

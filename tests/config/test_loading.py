@@ -442,12 +442,13 @@ def listed(value):
 
 
 # The function that takes a section's keys as its options, and the keys that go elsewhere.
+LABELS = ("method", "ambiguous", "ambiguous_below")
 STAGES = {
     "input": ("hopdata.recordings.importing", "import_recording", set()),
     "floor": ("hopdata.landings.floor", "fit_floor", set()),
     "filling": ("hopdata.landings.filling", "fill_gaps", {"largest_share"}),
     "sections": ("hopdata.landings.sections.select", "select_sections", {"grid_nodes"}),
-    "touchdowns": ("hopdata.landings.touchdowns", "touchdown_table", set()),
+    "touchdowns": ("hopdata.landings.contacts.find", "find_landings", {*LABELS}),
     "states": ("hopdata.landings.states.assemble", "assemble_pairs", set()),
     "units": ("hopdata.maps.units", "choose_units", set()),
     "prediction": ("hopdata.maps.prediction", "bootstrap_prediction", set()),

@@ -65,11 +65,13 @@ EXTERNAL = {
     for entry in STUDY["recordings"]
     if entry["contacts"]["file"] or entry["forces"]["file"]
 }
-EXCLUDED = {entry["name"]: entry["exclude"] for entry in STUDY["recordings"]}
 # Three markers cannot be placed by three others.
 FILLS = STUDY["filling"]["longest_s"] > 0 and len(STUDY["markers"]["body"]) > 3
 # Levelled recordings, with their short gaps filled where that is asked for.
 READY = f"{RESULTS}/ready/{{recording}}.h5"
+# Their descents and contacts, and the keys of `touchdowns` that say what is then made of these.
+CONTACTS = f"{RESULTS}/landings/contacts/{{recording}}.csv"
+LABELLING = ("method", "ambiguous", "ambiguous_below")
 FORMATS = STUDY["figures"]["formats"]
 # Of this file, not of the Snakefile, which is another's where this workflow is a module. Relative, so
 # that a study may be run in another folder (`--directory`) and a checkout may be moved.
@@ -113,6 +115,11 @@ def stage_times(folder):
 def each_recording(pattern):
     """One path a recording, in the order of the config."""
     return expand(pattern, recording=RECORDINGS)
+
+
+def touchdowns_by(method):
+    """Tables of touchdowns by one method, one a recording."""
+    return each_recording(f"{RESULTS}/landings/{method}/{{recording}}.csv")
 
 
 def sources(name, folders=(PROGRAMS, STRESS_SUITE, STRESS_SUITE / "stress", DAMAGE_SUITE)):

@@ -1,53 +1,56 @@
-rule sections:
-    """Choose the Poincare sections before and after touchdown from all recordings."""
-    input:
-        recordings=each_recording(READY),
-    output:
-        sections=f"{RESULTS}/landings/sections.json",
-        densities=f"{RESULTS}/tables/section_densities.csv",
-        frames=f"{RESULTS}/tables/section_frames.csv",
-    log:
-        f"{RESULTS}/logs/sections.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/sections.tsv"
-    resources:
-        **needs(mb_a_mb=40, minutes=10),
-    params:
-        options=STUDY["sections"],
-        code=code("sections"),
-    script:
-        "../scripts/sections.py"
-
-
-rule touchdowns:
-    """Contact instants, mode schedules and exclusions of one recording, by each method."""
+rule contacts:
+    """Descents of the body in one recording, and when each foot touched in them."""
     input:
         recording=READY,
-        sections=rules.sections.output.sections,
     output:
-        touchdowns=[f"{RESULTS}/landings/{method}/{{recording}}.csv" for method in SCORED_METHODS],
+        landings=CONTACTS,
     log:
-        f"{RESULTS}/logs/touchdowns_{{recording}}.log",
+        f"{RESULTS}/logs/contacts_{{recording}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/touchdowns_{{recording}}.tsv"
+        f"{RESULTS}/benchmarks/contacts_{{recording}}.tsv"
     priority: 1  # more waits for it than for a figure
     resources:
         **needs(mb_a_mb=40, minutes=30),
     params:
-        methods=SCORED_METHODS,
-        options=STUDY["touchdowns"],
-        largest_share=STUDY["filling"]["largest_share"],
-        exclude=lambda wildcards: EXCLUDED[wildcards.recording],
-        code=code("touchdowns"),
+        options={key: value for key, value in STUDY["touchdowns"].items() if key not in LABELLING},
+        code=code("contacts"),
     script:
-        "../scripts/touchdowns.py"
+        "../scripts/contacts.py"
+
+
+rule sections:
+    """The Poincare sections, and the touchdowns of each recording between them, by each method."""
+    input:
+        recordings=each_recording(READY),
+        landings=each_recording(CONTACTS),
+    output:
+        sections=f"{RESULTS}/landings/sections.json",
+        densities=f"{RESULTS}/tables/section_densities.csv",
+        frames=f"{RESULTS}/tables/section_frames.csv",
+        touchdowns=[path for method in SCORED_METHODS for path in touchdowns_by(method)],
+    log:
+        f"{RESULTS}/logs/sections.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/sections.tsv"
+    priority: 1  # more waits for it than for a figure
+    resources:
+        **needs(mb_a_mb=40, minutes=20),
+    params:
+        options=STUDY["sections"],
+        methods=SCORED_METHODS,
+        touchdowns=STUDY["touchdowns"],
+        largest_share=STUDY["filling"]["largest_share"],
+        exclude=[entry["exclude"] for entry in STUDY["recordings"]],
+        code=code("sections"),
+    script:
+        "../scripts/sections.py"
 
 
 rule pairs:
     """States at the two sections in each touchdown's home frame, the touchdowns, the units."""
     input:
         recordings=each_recording(READY),
-        touchdowns=each_recording(f"{RESULTS}/landings/{METHOD}/{{recording}}.csv"),
+        touchdowns=touchdowns_by(METHOD),
         sections=rules.sections.output.sections,
     output:
         pairs=f"{RESULTS}/landings/pairs.h5",
@@ -76,6 +79,7 @@ rule quality:
     input:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         levelled=each_recording(READY),
+        landings=each_recording(CONTACTS),
         sections=rules.sections.output.sections,
         touchdowns=rules.pairs.output.touchdowns,
     output:

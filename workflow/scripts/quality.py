@@ -15,11 +15,13 @@ with reported(snakemake.log[0]):
     levelled = [read_recording(path) for path in source.levelled]
     touchdowns = read_table(source.touchdowns)
     sections = Sections.from_dict(read_json(source.sections))
+    landings = zip(levelled, map(read_table, source.landings), strict=True)
+    landings = {recording.name: table for recording, table in landings}
     options = {key: value for key, value in params.sections.items() if key != "grid_nodes"}
     worst = worst_landings(touchdowns, params.number)
     tables = {
         **recording_tables(read_recording(path) for path in source.recordings),
-        "stability": section_stability(levelled, sections, options),
+        "stability": section_stability(levelled, sections, options, landings),
         "drift": drift_table(levelled, touchdowns),
         "landings": worst,
         "samples": landing_samples(levelled, worst),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
+from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.sections.frames import heights_of
 from hopdata.landings.sections.select import Sections, select_sections
 from hopdata.recording import Recording
@@ -126,7 +127,10 @@ COLUMNS = ("kind", "variant", "bandwidth_m", "pre_height_m", "post_height_m", "n
 
 @one_blas_thread()
 def section_stability(
-    recordings: Sequence[Recording], sections: Sections, options: Mapping[str, Any]
+    recordings: Sequence[Recording],
+    sections: Sections,
+    options: Mapping[str, Any],
+    landings: Mapping[str, pd.DataFrame] | None = None,
 ) -> pd.DataFrame:
     """Choose the sections again under six bandwidths, and from parts of the data.
 
@@ -141,6 +145,8 @@ def section_stability(
         Those chosen from all, the first row.
     options : mapping
         Options with which they were chosen.
+    landings : mapping, optional
+        Those that they were chosen by.
 
     Returns
     -------
@@ -151,10 +157,11 @@ def section_stability(
     """
     import pandas as pd
 
+    landings = landings or {one.name: find_landings(one) for one in recordings}
     rows = [_row("chosen", "all data", sections)]
     for kind, variant, part, changed in _variants(recordings, sections):
         try:
-            found = select_sections(part, **{**options, **changed})
+            found = select_sections(part, landings=landings, **{**options, **changed})
         except AnalysisError as error:
             rows.append((kind, variant, float("nan"), float("nan"), float("nan"), str(error)))
         else:

@@ -12,10 +12,9 @@ from hopdata.landings.contacts.descents import (
     MISSING,
     NOT_LANDED,
     approaches,
-    find_low_flights,
+    descents,
     find_transitions,
     height_noise,
-    together,
 )
 
 
@@ -185,17 +184,17 @@ def test_where_no_crossing_is_seen_the_gap_is_that_which_may_hide_it():
 def test_a_hidden_top_is_told_by_its_gap():
     time, height = hops([1.0, 0.2, 1.0, 1.0])
     height[(time > 2.06) & (time < 2.46)] = np.nan  # about the third top
-    low = find_low_flights(time, height, **SECTIONS)
-    gaps = dict(zip(np.round(low.t_pre, 1).tolist(), low.gap_pre.tolist(), strict=True))
-    assert min(gaps.values()) == pytest.approx(time[1] - time[0])
-    assert max(gaps.values()) > 0.1
+    found = find_transitions(time, height, **SECTIONS)
+    gaps = found.gap_pre.round(3).tolist()
+    assert gaps == [0.005, 0.005, pytest.approx(0.405, abs=0.006), 0.005]
 
 
 def test_a_recording_that_starts_low_or_ends_in_descent():
     time, height = wave()
     found = find_transitions(time[22:440], height[22:440], **SECTIONS)  # between the sections
-    assert len(found) == 4
-    assert found.complete.sum() == 4
+    assert len(found) == 5
+    assert np.isinf(found.gap_pre).tolist() == [True] + 4 * [False]  # its top is not recorded
+    assert found.complete.all()
     found = find_transitions(time[:423], height[:423], **SECTIONS)
     assert len(found) == 5
     assert found.complete.tolist() == [True] * 4 + [False]
@@ -222,7 +221,9 @@ def test_mistakes_are_named():
 
 def test_a_body_that_never_sinks_through_the_section_makes_no_transition():
     time, height = wave()
-    assert len(find_transitions(time, height, pre_height_m=-2.0, post_height_m=-3.0)) == 0
+    assert np.isnan(
+        find_transitions(time, height, pre_height_m=-2.0, post_height_m=-3.0).t_pre
+    ).all()
     assert len(find_transitions(time, height * np.nan, **SECTIONS)) == 0
 
 
@@ -238,18 +239,18 @@ def hops(tops, rate_hz=200.0):
 
 
 def test_a_hop_that_stays_below_the_pre_section_is_found_at_its_top():
-    time, height = hops([1.0, 0.2, 0.9, -0.1, 1.0])  # below 0, half way, is no hop
-    assert len(find_transitions(time, height, **SECTIONS)) == 3
-    low = find_low_flights(time, height, **SECTIONS)
-    np.testing.assert_allclose(low.t_pre, [1.25])
+    time, height = hops([1.0, 0.2, 0.9, -0.4, 1.0])  # a rise of less than 30 % is no hop
+    found = find_transitions(time, height, **SECTIONS)
+    assert len(found) == 4
+    np.testing.assert_allclose(found.t_pre[1], 1.25)
     fall = np.sqrt(1 - (-0.3 + 0.6) / (0.2 + 0.6))
-    np.testing.assert_allclose(low.t_post, [1.25 + 0.25 * fall], atol=1e-3)
-    both, kind = together(find_transitions(time, height, **SECTIONS), low)
-    assert kind.tolist() == [0, 1, 0, 0]
-    assert (np.diff(both.t_pre) > 0).all()
+    np.testing.assert_allclose(found.t_post[1], 1.25 + 0.25 * fall, atol=1e-3)
+    assert (np.diff(found.t_pre) > 0).all()
 
 
-def test_a_top_that_was_not_recorded_is_no_low_flight():
-    time, height = hops([0.2, 1.0])
-    assert len(find_low_flights(time[60:], height[60:], **SECTIONS)) == 0  # begins on the way down
-    assert len(find_low_flights(time, height * np.nan, **SECTIONS)) == 0
+def test_the_descent_that_a_recording_ends_in_is_one_once_it_is_deep_enough():
+    time, height = hops([1.0, 1.0])
+    assert len(descents(height)) == 2
+    for deep, count in ((0.2, 1), (0.6, 2)):  # 30 % of the range are 0.54
+        stop = np.flatnonzero((time > 1.25) & (height > 1.0 - deep))[-1]
+        assert len(descents(height[:stop])) == count

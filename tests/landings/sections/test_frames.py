@@ -29,13 +29,21 @@ def test_descents_of_a_wave_with_noise():
     np.testing.assert_allclose(found[:9, 1], 100 * np.arange(9) + 50, atol=8)
 
 
-def test_descents_leap_over_gaps_and_leave_out_an_unfinished_one():
+def test_descents_leap_over_gaps_and_end_with_the_recording():
     wave = np.cos(2 * np.pi * np.arange(0, 3.3, 0.01))
     whole = descents(wave)
-    assert whole == [(0, 50), (100, 150), (200, 250)]
+    assert whole == [(0, 50), (100, 150), (200, 250), (300, 329)]
     wave[120:130] = np.nan
-    assert descents(wave) == whole
-    assert descents(wave[:140]) == [(0, 50)]
+    assert descents(wave) == descents(wave, longest=11) == whole
+    assert descents(wave[:120]) == [(0, 50), (100, 119)]
+    assert descents(wave[:110]) == [(0, 50)]  # not yet deep enough
+
+
+def test_a_long_gap_may_hide_turns():
+    wave = np.cos(2 * np.pi * np.arange(0, 3.3, 0.01))
+    wave[135:240] = np.nan
+    assert (100, 250) in descents(wave)
+    assert descents(wave, longest=10) == [(0, 50), (100, 134), (300, 329)]
 
 
 @pytest.mark.parametrize("body", [np.empty(0), np.full(9, np.nan), np.ones(9)])

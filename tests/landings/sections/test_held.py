@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from section_fakes import hopper
 
+from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.sections.held import (
     LEFT_LOSS,
     holds,
@@ -17,27 +18,46 @@ from hopdata.landings.sections.held import (
 MADE_UP = np.array([[1.00, 0.90, 0.80, 0.70]] * 9 + [[0.95, 0.93, 0.60, 0.55]])
 
 
-@pytest.mark.parametrize("closely", [False, True])
-def test_heights_are_those_of_the_body_at_its_turns_and_contacts(closely):
+def test_heights_are_those_of_the_body_at_its_turns_and_contacts():
     fake = hopper(np.random.default_rng(1), hops=60)
-    found = landing_heights(fake.recording, closely=closely)
-    assert 50 <= len(found) <= 60
-    assert (np.diff(found, axis=1) <= 0).all()
+    found = landing_heights(fake.recording, find_landings(fake.recording))
+    assert 58 <= len(found) <= 60
+    for contact in (1, 2):
+        assert (np.diff(found[:, [0, contact, 3]], axis=1) <= 0).all()
     touches = np.flatnonzero(np.diff(fake.foot_down.any(axis=1).astype(int)) == 1)
     all_down = np.flatnonzero(np.diff(fake.foot_down.all(axis=1).astype(int)) == 1)
     frame_m = 0.02  # what the body falls from one frame to the next
-    assert np.median(found[:, 1]) == pytest.approx(
-        np.median(fake.body_height[touches]), abs=frame_m
-    )
+    later = np.median(fake.body_height[touches + 1])  # the flight is continued by a frame
+    assert np.median(found[:, 1]) == pytest.approx(later, abs=frame_m)
     assert np.median(found[:, 2]) == pytest.approx(
         np.median(fake.body_height[all_down]), abs=frame_m
     )
 
 
+def test_a_part_of_a_recording_has_the_landings_that_it_shows():
+    recording = hopper(np.random.default_rng(1), hops=60).recording
+    landings = find_landings(recording)
+    whole = landing_heights(recording, landings)
+    middle = len(recording.time) // 2
+    halves = [
+        landing_heights(recording.part(half), landings)
+        for half in (slice(middle), slice(middle, None))
+    ]
+    assert len(whole) - 1 <= sum(map(len, halves)) <= len(whole)
+    np.testing.assert_array_equal(halves[0], whole[: len(halves[0])])
+    unseen = recording.positions.copy()
+    unseen[(recording.time > 5) & (recording.time < 6)] = np.nan
+    fewer = landing_heights(replace(recording, positions=unseen), landings)
+    assert 1 <= len(whole) - len(fewer) <= 3
+    assert {*map(tuple, fewer)} < {*map(tuple, whole)}
+
+
 def test_a_recording_without_descents_has_no_landings():
     fake = hopper(np.random.default_rng(1), hops=20)
     still = fake.recording.positions * 0 + fake.recording.positions[:1]
-    assert landing_heights(replace(fake.recording, positions=still), closely=False).shape == (0, 4)
+    recording = replace(fake.recording, positions=still)
+    assert len(find_landings(recording)) == 0
+    assert landing_heights(recording, find_landings(recording)).shape == (0, 4)
 
 
 def test_a_landing_is_held_between_its_turning_point_and_its_contact():

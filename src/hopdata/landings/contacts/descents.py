@@ -10,22 +10,55 @@ from numpy.typing import NDArray
 from hopdata.arrays import GRAVITY_M_S2, BoolArray, FloatArray, IntArray
 from hopdata.errors import AnalysisError
 
-# Candidate touchdowns: the body sinks through the pre section and then the post section.
+# Descents of the body, each of which may be a landing, and where they cross the sections.
+
+_SWING = 0.3  # least swing of a descent, as a share of the body's range from 2 % to 98 %
+#: A foot may touch so long before the pre section, s: the flight is continued to it.
+CONTINUED_S = 0.01
+HIDDEN_S = 0.1  # a longer gap of the body may hide a turn of it
 
 
-# Part of the distance between the sections by which the body must sink below the pre section before
-# a descent counts, so that noise about the section makes no descents of its own.
-HYSTERESIS = 0.02
+def descents(body: FloatArray, *, longest: float = np.inf) -> list[tuple[int, int]]:
+    """Descents of the body as (frame of the apex, frame of the nadir after it).
+
+    A turning point counts if the body moves away from it by 30 % of its usual range, so that
+    neither noise nor a shudder makes one. The recording may begin and end in a descent, and so may
+    what is seen before and after a gap of more than `longest` frames.
+    """
+    seen = np.flatnonzero(np.isfinite(body))
+    if len(seen) == 0:
+        return []
+    low, high = np.quantile(body[seen], [0.02, 0.98])
+    swing = _SWING * float(high - low)
+    if swing <= 0:
+        return []
+    found: list[tuple[int, int]] = []
+    for part in np.split(seen, np.flatnonzero(np.diff(seen) > longest) + 1):
+        apex: int | None = None
+        turn, falling = int(part[0]), False  # the highest (lowest) frame since the last turn
+        for frame, height in zip(part.tolist(), body[part].tolist(), strict=True):
+            beyond = height < body[turn] if falling else height > body[turn]
+            if beyond:
+                turn = frame
+            elif abs(height - body[turn]) > swing:
+                if falling and apex is not None:
+                    found.append((apex, turn))
+                apex = None if falling else turn
+                turn, falling = frame, not falling
+        if apex is not None:
+            found.append((apex, turn))
+    return found
 
 
 @dataclass(frozen=True)
 class Transitions:
-    """Descents through the pre section, in order of time (L of them).
+    """Where descents, in order of time, cross the two sections (L of them).
 
     Parameters
     ----------
     t_pre, t_post : (L,) array
-        Instants of the descending crossings, s; `t_post` is NaN where the body rose again first.
+        Instants of the crossings, s; NaN where the body rose again first. `t_pre` is the instant of
+        a top that is below the pre section.
     gap_pre, gap_post : (L,) array
         Time between the two frames that bracket each crossing, s; where there is none, the longest
         time without a frame in which it may be hidden.
@@ -51,8 +84,9 @@ def find_transitions(
     *,
     pre_height_m: float,
     post_height_m: float,
+    spans: FloatArray | None = None,
 ) -> Transitions:
-    """Find every descent of the body through the pre section.
+    """Find where each descent of the body crosses the sections.
 
     Parameters
     ----------
@@ -62,12 +96,13 @@ def find_transitions(
         Mean height of the body markers, m; NaN where unseen.
     pre_height_m, post_height_m : float
         The sections, m; the pre section is the upper one.
+    spans : (L, 2) array, optional
+        Instants of apex and nadir of each descent, s; by default those of `descents`.
 
     Returns
     -------
     Transitions
-        One entry for each descent, also for those that turn back before the post section; none if
-        the body never sinks through the pre section.
+        One entry for each descent, also for those that turn back before a section.
 
     Raises
     ------
@@ -79,63 +114,38 @@ def find_transitions(
             f"sections: expected the post section below the pre section, found post "
             f"{post_height_m:.4g} m and pre {pre_height_m:.4g} m"
         )
-    seen = np.flatnonzero(~np.isnan(height))
+    if spans is None:
+        spans = time[np.array(descents(height), dtype=np.int64).reshape(-1, 2)]
+    seen = ~np.isnan(height)
     t, h = time[seen], height[seen]
-    sunk = pre_height_m - HYSTERESIS * (pre_height_m - post_height_m)
-    falls, rises = schmitt_edges(h, high=pre_height_m, low=sunk)
-    if len(falls) == 0:
-        return Transitions(*np.empty((4, 0)))
-    before_pre = last_at_or_before(np.flatnonzero(h >= pre_height_m), falls)
-    end = np.append(rises, len(h))[np.searchsorted(rises, falls)]
-    after_post = _first_at_or_after(np.flatnonzero(h <= post_height_m), falls, len(h))
-    reached = after_post < end
-    last = np.where(reached, after_post, 1) - 1
-    t_pre, gap_pre = _crossing(t, h, before_pre, pre_height_m)
-    t_post, gap_post = _crossing(t, h, last, post_height_m)
-    gap_post = np.where(reached, gap_post, _longest_step(t, before_pre, end))
-    return Transitions(t_pre, np.where(reached, t_post, np.nan), gap_pre, gap_post)
+    rows = [_crossings(t, h, first, last, pre_height_m, post_height_m) for first, last in spans]
+    return Transitions(*np.array(rows).reshape(-1, 4).T)
 
 
-def find_low_flights(
-    time: FloatArray, height: FloatArray, *, pre_height_m: float, post_height_m: float
-) -> Transitions:
-    """Find descents to the post section from tops that are below the pre section.
-
-    A hop may be too low for the section that all others pass. It has no crossing of it, but it is a
-    landing all the same. From half way between the sections on a rise counts as a hop.
-
-    Parameters
-    ----------
-    time, height, pre_height_m, post_height_m
-        As for `find_transitions`.
-
-    Returns
-    -------
-    Transitions
-        `t_pre` is the instant of the top.
-    """
-    seen = np.flatnonzero(~np.isnan(height))
-    t, h = time[seen], height[seen]
-    middle = 0.5 * (pre_height_m + post_height_m)
-    falls, rises = schmitt_edges(h, high=middle, low=post_height_m)
-    falls = falls[falls > rises[0]] if len(rises) else falls[:0]  # of the first the top is unseen
-    if len(falls) == 0:
-        return Transitions(*np.empty((4, 0)))
-    starts = last_at_or_before(rises, falls)
-    tops = np.array([a + int(np.argmax(h[a:b])) for a, b in zip(starts, falls, strict=True)])
-    low = h[tops] < pre_height_m
-    t_post, gap_post = _crossing(t, h, falls[low] - 1, post_height_m)
-    gap_pre = _longest_step(t, starts[low] - 1, tops[low] + 1)
-    return Transitions(t[tops[low]], t_post, gap_pre, gap_post)
+def _crossings(
+    t: FloatArray, h: FloatArray, first_s: float, last_s: float, pre_m: float, post_m: float
+) -> tuple[float, float, float, float]:
+    """Instants of both crossings between two instants, and the gaps about them, s."""
+    start, stop = int(np.searchsorted(t, first_s)), int(np.searchsorted(t, last_s, side="right"))
+    above = np.flatnonzero(h[start:stop] >= pre_m) + start
+    below = np.flatnonzero(h[start:stop] <= post_m) + start
+    top, t_pre, t_post = start, first_s, np.nan
+    steps = np.diff(t, prepend=-np.inf, append=np.inf)  # step k ends in frame k
+    gap_pre = steps[start : start + 2].max()  # about a top below the section, which may be higher
+    if len(above):
+        top = int(above[above < below[0]][-1] if len(below) else above[-1])
+        gap_pre = steps[top + 1]
+        t_pre = _crossing(t, h, top, pre_m) if top + 1 < stop else np.nan
+    gap_post = steps[top + 1 : min(stop + 1, len(t))].max(initial=0.0)
+    if len(below) and below[0] > start:
+        t_post, gap_post = _crossing(t, h, int(below[0]) - 1, post_m), steps[below[0]]
+    return t_pre, t_post, gap_pre, gap_post
 
 
-def together(*parts: Transitions) -> tuple[Transitions, IntArray]:
-    """All parts in order of time, and of which part each entry is."""
-    fields = ("t_pre", "t_post", "gap_pre", "gap_post")
-    joined = [np.concatenate([getattr(part, f) for part in parts]) for f in fields]
-    order = np.argsort(joined[0], kind="stable")
-    kind = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
-    return Transitions(*(values[order] for values in joined)), kind[order]
+def _crossing(t: FloatArray, h: FloatArray, index: int, level: float) -> float:
+    """Instant at which the chord from frame `index` to the next meets `level`."""
+    share = (h[index] - level) / (h[index] - h[index + 1])
+    return float(t[index] + share * (t[index + 1] - t[index]))
 
 
 def schmitt_edges(h: FloatArray, *, high: float, low: float) -> tuple[IntArray, IntArray]:
@@ -153,23 +163,85 @@ def last_at_or_before(candidates: IntArray, at: IntArray) -> IntArray:
     return candidates[np.searchsorted(candidates, at, side="right") - 1]
 
 
-def _first_at_or_after(candidates: IntArray, at: IntArray, missing: int) -> IntArray:
-    return np.append(candidates, missing)[np.searchsorted(candidates, at)]
+# Landings while the body is hidden: seen by the feet alone, so that none is left out unlisted.
+
+CLEARLY_UP = 2.0  # times the height below which a foot is down
+LONGEST_GAP_FRAMES = 2.5  # between the frames about a crossing: one of them may be missing
+LONGEST_GAP_S = 0.04  # a body on a curved path leaves the straight line by 2 mm
 
 
-def _longest_step(t: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
-    """Longest time from frame to frame, s, between each two frames; `last` may be past the end."""
-    steps = np.diff(t)
-    return np.array([steps[a:b].max(initial=0.0) for a, b in zip(first, last, strict=True)])
+def find_hidden_landings(
+    time: FloatArray,
+    feet: FloatArray,
+    body_height: FloatArray,
+    spans: FloatArray,
+    *,
+    down_height_m: float,
+) -> FloatArray:
+    """Find landings that have no descent of their own, because the body is hidden meanwhile.
+
+    Of several landings in one gap the body's height tells one at most: it is above the sections
+    before the gap, and below them after it.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Time of each frame, s.
+    feet : (N, F) array
+        Heights of the feet above the floor, m; NaN where unseen.
+    body_height : (N,) array
+        Mean height of the body markers, m; NaN where unseen.
+    spans : (D, 2) array
+        Instants of apex and nadir of the descents that were seen, s.
+    down_height_m : float
+        A foot below this height is down, m; at twice the height it is up.
+
+    Returns
+    -------
+    (H, 2) array
+        From a frame in which all feet that are seen are up to the first in which all are down, s.
+    """
+    found = time[np.column_stack(_all_up_to_all_down(feet, down_height_m))]
+    gap = longest_gaps(time[~np.isnan(body_height)], found)
+    return found[(gap > longest_gap_s(time)) & ~_have_a_descent(found, spans)]
 
 
-def _crossing(
-    t: FloatArray, h: FloatArray, index: IntArray, level: float
-) -> tuple[FloatArray, FloatArray]:
-    """Instant at which the chord from frame `index` to the next meets `level`, and its length."""
-    width = t[index + 1] - t[index]
-    drop = h[index] - h[index + 1]
-    return t[index] + width * (h[index] - level) / np.where(drop == 0, 1.0, drop), width
+def _all_up_to_all_down(
+    feet: FloatArray, down_height_m: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Last frames with all feet up, and first frames with all of them down after these."""
+    seen = np.flatnonzero(~np.isnan(feet).all(axis=1))
+    lowest, highest = np.nanmin(feet[seen], axis=1), np.nanmax(feet[seen], axis=1)
+    up, down = lowest >= CLEARLY_UP * down_height_m, highest <= down_height_m
+    ends, _ = schmitt_edges(up.astype(float) - down, high=1.0, low=-1.0)
+    if len(ends) == 0:
+        return ends, ends
+    return seen[last_at_or_before(np.flatnonzero(up), ends)], seen[ends]
+
+
+def longest_gap_s(time: FloatArray) -> float:
+    """Longest gap of the body about a crossing that is still seen, s."""
+    return max(LONGEST_GAP_FRAMES * float(np.median(np.diff(time))), LONGEST_GAP_S)
+
+
+def longest_gaps(seen: FloatArray, spans: FloatArray) -> FloatArray:
+    """Longest time without a frame, s, that overlaps each span (L, 2); infinite at either end."""
+    edges = np.concatenate([[-np.inf], seen, [np.inf]])
+    gaps = np.diff(edges)
+    begin = np.searchsorted(edges, spans[:, 0], side="right") - 1
+    end = np.searchsorted(edges, spans[:, 1], side="left")
+    return np.array([gaps[a:b].max(initial=0.0) for a, b in zip(begin, end, strict=True)])
+
+
+def _have_a_descent(found: FloatArray, spans: FloatArray) -> BoolArray:
+    """Tell which landings (H, 2) have a descent: each has one, the nearest that it holds."""
+    have = np.zeros(len(found), dtype=bool)
+    middle = found.mean(axis=1)
+    for begin, end in spans:
+        near = np.flatnonzero((found[:, 0] <= end) & (found[:, 1] >= begin) & ~have)
+        if len(near) > 0:
+            have[near[np.argmin(np.abs(middle[near] - 0.5 * (begin + end)))]] = True
+    return have
 
 
 LANDED, ALREADY_DOWN, NOT_LANDED, MISSING, POOR_FIT = range(5)

@@ -5,19 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.errors import chosen, require_choice
+from hopdata.blas import one_blas_thread
+from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts import descents, kink_law
 from hopdata.landings.contacts.kink import KinkFits
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
+from hopdata.recording import Recording
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight law holds
 SHORT_WINDOWS_S = (0.04, 0.027)  # where it does not
 REFUTED = 2.0  # rms residual over measurement noise from which the flight law does not hold
 FRAMES_BEFORE, FRAMES_AFTER = 3, 2  # the least that determine a kink
+DOWN_SHARE, DOWN_SIGMAS = 0.15, 4.0  # of the median descent, and of the noise: a foot that is down
 
 
 @dataclass(frozen=True)
@@ -41,12 +48,105 @@ class Contacts:
     noise_m: float
 
 
+@one_blas_thread()
+def find_landings(
+    recording: Recording,
+    *,
+    gravity: str = "learned",
+    window_before_s: float | None = None,
+    window_after_s: float | None = None,
+    down_height_m: float | None = None,
+    maximum_misfit: float = 5.0,
+) -> pd.DataFrame:
+    """Find the descents of the body, and by the kink fit when each foot touched in them.
+
+    Parameters
+    ----------
+    recording : Recording
+        Levelled: feet rest at height 0.
+    down_height_m : float, optional
+        A foot that never sinks below this height has not landed, m. By default 15 % of the median
+        descent of the body, and at least four times the noise.
+    gravity, window_before_s, window_after_s, maximum_misfit
+        See `find_contacts`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each descent, in order of time: begin_s and end_s (apex and nadir of the body),
+        hidden (whether only the feet show it: then from all up to all down), and of each foot
+        contact_<foot>_s, se_<foot>_s and status_<foot>.
+
+    Raises
+    ------
+    AnalysisError
+        If there are fewer than two feet.
+    ConfigError
+        If `gravity` is unknown.
+    """
+    import pandas as pd
+
+    feet, time = recording.names("foot"), recording.time
+    if len(feet) < 2:
+        raise AnalysisError(
+            f"{recording.name}: expected at least 2 foot markers, found {len(feet)}"
+        )
+    heights, body = recording.feet[:, :, 2], recording.body_height
+    longest = descents.HIDDEN_S * recording.rate_hz
+    falls = np.array(descents.descents(body, longest=longest), dtype=np.int64)
+    spans = time[falls.reshape(-1, 2)]
+    down_m = down_height_m or usual_down_height(recording, spans)
+    hidden = descents.find_hidden_landings(time, heights, body, spans, down_height_m=down_m)
+    spans = np.concatenate([spans, hidden])
+    order = np.argsort(spans[:, 0], kind="stable")
+    gap = np.full(len(spans), np.nan)
+    contacts = find_contacts(
+        time,
+        heights,
+        descents.Transitions(spans[order, 0], spans[order, 1], gap, gap),
+        down_height_m=down_m,
+        lead_s=0.0,
+        gravity=gravity,
+        window_before_s=window_before_s,
+        window_after_s=window_after_s,
+        maximum_misfit=maximum_misfit,
+    )
+    columns = {
+        "begin_s": spans[order, 0],
+        "end_s": spans[order, 1],
+        "hidden": order >= len(spans) - len(hidden),
+        **{f"contact_{foot}_s": contacts.instant[:, i] for i, foot in enumerate(feet)},
+        **{f"se_{foot}_s": contacts.se[:, i] for i, foot in enumerate(feet)},
+        **{f"status_{foot}": contacts.status[:, i] for i, foot in enumerate(feet)},
+    }
+    return pd.DataFrame(columns)
+
+
+def usual_down_height(recording: Recording, spans: FloatArray) -> float:
+    """Return the height, m, below which a foot is down, by the descents (L, 2) of the body, s."""
+    apex, nadir = (np.searchsorted(recording.time, side) for side in spans.T)
+    falls = recording.body_height[apex] - recording.body_height[nadir]
+    noise_m = descents.height_noise(recording.feet[:, :, 2])
+    fall_m = float(np.nanmedian(falls)) if np.isfinite(falls).any() else 0.0
+    return max(DOWN_SHARE * fall_m, DOWN_SIGMAS * noise_m)
+
+
+def contacts_of(landings: pd.DataFrame) -> Contacts:
+    """Return the contacts in a table of `find_landings`."""
+    instant, se, status = (
+        landings[[name for name in landings if str(name).startswith(kind)]].to_numpy(float)
+        for kind in ("contact_", "se_", "status_")
+    )
+    return Contacts(instant, se, status.astype(np.int64), float("nan"))
+
+
 def find_contacts(
     time: FloatArray,
     heights: FloatArray,
     transitions: descents.Transitions,
     *,
     down_height_m: float,
+    lead_s: float = SHORT_WINDOWS_S[0],
     method: str = "kink",
     gravity: str = "learned",
     window_before_s: float | None = None,
@@ -65,6 +165,8 @@ def find_contacts(
         The descents of the body.
     down_height_m : float
         A foot that never sinks below this height has not landed, m.
+    lead_s : float
+        The search for a foot begins so long before a transition, s.
     method : {"kink", "velocity_minimum", "velocity_minimum_parabola"}
         Maximum-likelihood kink; or the least vertical velocity in the transition (the printed
         method, Sec. 2.2.3), as a whole frame or at the vertex of a parabola through it.
@@ -96,7 +198,7 @@ def find_contacts(
         transitions,
         noise_m=noise_m,
         down_height_m=down_height_m,
-        lead_s=window_before_s or SHORT_WINDOWS_S[0],
+        lead_s=lead_s,
         trail_s=window_after_s or SHORT_WINDOWS_S[1],
     )
     if find is not None:

@@ -164,8 +164,9 @@ COMPLIANCES_S = (0.0, 0.002, 0.004, 0.006, 0.009, 0.013)
 # fit, since what gains less there moves an instant by little of its standard error.
 TELLING_GAIN, TELLING_GAIN_PER_FIT = 20.0, 0.15
 # A contact is not determined from this standard error on, s, or if the foot does not come down; and
-# a foot's law does not do if it leaves more than this share of its contacts so.
-UNDETERMINED_S, UNDETERMINED_SHARE = 0.015, 0.025
+# a foot's law does not do if it leaves more than this share of its contacts so, one odd
+# one of ten or more apart.
+UNDETERMINED_S, UNDETERMINED_SHARE, ODD_ONE_OF = 0.015, 0.025, 10
 SOFTER_S = (0.0, 0.003, 0.006, 0.009, 0.013)  # compliances of the laws for such a foot
 
 
@@ -272,11 +273,11 @@ def _determined(fits: KinkFits, noise_m: float) -> BoolArray:
 
 
 def _undetermined(fits: KinkFits, near: FloatArray, noise_m: float) -> FloatArray:
-    """Return the share of each foot's contacts (n,) that have none."""
+    """Return the share of each foot's contacts (n,) that have none; of ten one does not count."""
     wanted = np.isfinite(near)
-    return np.asarray(
-        (wanted & ~_determined(fits, noise_m)).sum(axis=0) / np.maximum(wanted.sum(axis=0), 1)
-    )
+    count = wanted.sum(axis=0)
+    without = (wanted & ~_determined(fits, noise_m)).sum(axis=0) - (count >= ODD_ONE_OF)
+    return np.asarray(without / np.maximum(count, 1))
 
 
 def _median_law(found: Sequence[KinkFits], foot: int, noise_m: float) -> KinkFits:

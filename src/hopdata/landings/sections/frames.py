@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
+from hopdata.landings.contacts.descents import descents
 from hopdata.recording import Recording
 
 _CLEAR = 3.0  # heights above ground, in thresholds, that make a run of frames an up
-_SWING = 0.3  # least swing of a descent, as a share of the body's range from 2 % to 98 %
 
 
 @dataclass(frozen=True)
@@ -145,31 +145,3 @@ def landing_frames(
             in_descent[frames] = True
             landed[frames[down[0] :]] = True
     return in_descent, landed
-
-
-def descents(body: FloatArray) -> list[tuple[int, int]]:
-    """Descents of the body as (frame of the apex, frame of the nadir after it).
-
-    A turning point counts if the body moves away from it by 30 % of its usual range, so that
-    neither noise nor a shudder makes one.
-    """
-    seen = np.flatnonzero(np.isfinite(body))
-    if len(seen) == 0:
-        return []
-    low, high = np.quantile(body[seen], [0.02, 0.98])
-    swing = _SWING * float(high - low)
-    if swing <= 0:
-        return []
-    found: list[tuple[int, int]] = []
-    apex: int | None = None
-    turn, falling = int(seen[0]), False  # the highest (lowest) frame since the last turn
-    for frame, height in zip(seen.tolist(), body[seen].tolist(), strict=True):
-        beyond = height < body[turn] if falling else height > body[turn]
-        if beyond:
-            turn = frame
-        elif abs(height - body[turn]) > swing:
-            if falling and apex is not None:
-                found.append((apex, turn))
-            apex = None if falling else turn
-            turn, falling = frame, not falling
-    return found

@@ -1,65 +1,62 @@
 """Landings that a section holds: a foot is down from the instant of its contact on.
 
-A pre section holds a landing that begins above it and has its first contact below it, a post
-section one with all contacts above it that goes on below it. Heights of feet say only roughly where
-that is: a heel or a sole that gives may lie within its threshold long before or after its contact.
+A pre section holds a landing that begins above it and has its first contact below it, or so little
+above it that the flight can be continued; a post section one with all contacts above it that goes
+on below it. Heights of feet say only roughly where that is: a heel or a sole that gives may lie
+within its threshold long before or after its contact.
 """
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
-from hopdata.landings.contacts import descents as contact_search
-from hopdata.landings.contacts.find import SHORT_WINDOWS_S, find_contacts
-from hopdata.landings.sections.frames import descents
+from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED
+from hopdata.landings.contacts.find import contacts_of
 from hopdata.recording import Recording
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Landings that a section may lose for each frame that it may have on its wrong side, both as
 #: shares; and the share that the height may lose to which it gives way if it loses more.
 LOST_PER_TAIL, LEFT_LOSS = 150.0, 0.015
 _INSIDE_M = 1e-3  # of the heights that hold as many, where there is room
-_DOWN_SHARE = 0.15  # of the median descent: a foot that stays higher has not landed
 #: Columns of `landing_heights` that bound a section: contact and turning point of the body.
 _BOUNDS = {"pre": (1, 0, 1.0), "post": (2, 3, -1.0)}
 
 
-def landing_heights(recording: Recording, *, closely: bool) -> FloatArray:
+def landing_heights(recording: Recording, landings: pd.DataFrame) -> FloatArray:
     """Heights of the body in the landings of all feet: apex, first and last contact, nadir.
 
     Parameters
     ----------
     recording : Recording
-        Levelled, with feet and body.
-    closely : bool
-        By kinks, or only roughly by heights: within some frames of the contact, but at once.
+        Levelled, with feet and body; it may be a part of that whose landings these are.
+    landings : pandas.DataFrame
+        As from `hopdata.landings.contacts.find.find_landings`.
 
     Returns
     -------
     ndarray
-        (L, 4) mean heights of the body markers, m.
+        (L, 4) mean heights of the body markers, m, of the landings that the recording shows; that
+        of the first contact is as low as the flight can be continued from it.
     """
-    time, body, feet = recording.time, recording.body_height, recording.feet[:, :, 2]
-    apex, nadir = np.array(descents(body), dtype=np.int64).reshape(-1, 2).T
-    if len(apex) == 0:
+    contacts = contacts_of(landings)
+    whole = (contacts.status == LANDED).all(axis=1) & np.isfinite(contacts.instant).all(axis=1)
+    instant, spans = contacts.instant[whole], landings[["begin_s", "end_s"]].to_numpy(float)[whole]
+    ends = np.column_stack([instant.min(axis=1) + CONTINUED_S, instant.max(axis=1)])
+    ends = np.clip(ends, spans[:, :1], spans[:, 1:])
+    at = np.insert(spans, 1, ends.T, axis=1)
+    seen = np.isfinite(recording.body_height)
+    time, height = recording.time[seen], recording.body_height[seen]
+    if len(time) < 2:
         return np.empty((0, 4))
-    gap = np.full(len(apex), np.median(np.diff(time)))
-    falls = contact_search.Transitions(time[apex], time[nadir], gap, gap)
-    noise_m = contact_search.height_noise(feet)
-    down_m = max(_DOWN_SHARE * float(np.median(body[apex] - body[nadir])), 4.0 * noise_m)
-    if closely:
-        found = find_contacts(time, feet, falls, down_height_m=down_m)
-        instant, status = found.instant, found.status
-    else:
-        lead_s, trail_s = SHORT_WINDOWS_S
-        instant, status = contact_search.approaches(
-            time, feet, falls, noise_m=noise_m, down_height_m=down_m, lead_s=lead_s, trail_s=trail_s
-        )
-    whole = (status == contact_search.LANDED).all(axis=1) & np.isfinite(instant).all(axis=1)
-    apex, nadir, instant = apex[whole], nadir[whole], instant[whole]
-    ends = np.clip([instant.min(axis=1), instant.max(axis=1)], time[apex], time[nadir])
-    seen = np.isfinite(body)
-    return np.column_stack([body[apex], np.interp(ends, time[seen], body[seen]).T, body[nadir]])
+    after = np.clip(np.searchsorted(time, at), 1, len(time) - 1)
+    shown = (at >= time[0]) & (at <= time[-1]) & (time[after] - time[after - 1] <= HIDDEN_S)
+    return np.interp(at[shown.all(axis=1)], time, height)
 
 
 def holds(height_m: float, landings: FloatArray, side: str) -> BoolArray:

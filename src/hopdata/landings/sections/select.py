@@ -11,6 +11,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, chosen, require_choice
+from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.sections.frames import Frames, Heights, heights_of, pool_frames
 from hopdata.landings.sections.held import (
     LEFT_LOSS,
@@ -107,6 +108,7 @@ class Sections:
 def select_sections(
     recordings: Sequence[Recording],
     *,
+    landings: Mapping[str, pd.DataFrame] | None = None,
     frames: str = "all",
     tail_fraction: float = 0.0003,
     threshold_sigmas: float = 3.0,
@@ -126,6 +128,9 @@ def select_sections(
     ----------
     recordings : sequence of Recording
         Above the floor (see `hopdata.landings.floor.level`), each with feet and body.
+    landings : mapping, optional
+        Of each recording by name, as from `hopdata.landings.contacts.find.find_landings`; by
+        default found here.
     frames : {"all", "landings"}
         Use all frames, or only descents of the body, from apex to nadir, in which the feet go
         from all up to all down: for animals that also stand on feet which are not followed.
@@ -203,34 +208,25 @@ def select_sections(
     if post is None:  # hardly ever reached while some foot is up
         lowest_body = np.quantile(pooled.body[~pooled.all_down], tail_fraction)
         post = float(lowest_body - 0.5 * excess[1] * (max_foot_threshold_m is None))
-    found = {**_held(recordings, pre, post, sections), "n_used": len(pooled.body)}
+    landings = landings or {one.name: find_landings(one) for one in recordings}
+    known = np.concatenate([landing_heights(one, landings[one.name]) for one in recordings])
+    found = {**_held(known, pre, post, sections), "n_used": len(pooled.body)}
     _require_order(found["pre_height_m"], found["post_height_m"])
     return replace(sections, **found)
 
 
-def _held(
-    recordings: Sequence[Recording], pre: float, post: float, sections: Sections
-) -> dict[str, Any]:
-    """Move the sections that lose too many landings, and say which share each holds.
-
-    Contacts are fitted only if rough ones say that landings are lost.
-    """
+def _held(landings: FloatArray, pre: float, post: float, sections: Sections) -> dict[str, Any]:
+    """Move the sections that lose too many landings (L, 4), and say which share each holds."""
     heights, decided = {"pre": pre, "post": post}, dict(sections.decided)
     held = dict[str, float | None](pre=None, post=None)
     least = 1.0 - max(LOST_PER_TAIL * sections.tail_fraction, LEFT_LOSS)
-    for closely in (False, True):
-        landings = np.concatenate([landing_heights(one, closely=closely) for one in recordings])
-        if len(landings) == 0:
-            break
-        for side, height in heights.items():
-            share = float(np.mean(holds(height, landings, side)))
-            if closely and share < least and decided[f"{side}_height_m"] == "data":
-                heights[side] = nearest_holding(height, landings, side)
-                share = float(np.mean(holds(heights[side], landings, side)))
-                decided[f"{side}_height_m"] = "contacts"
-            held[side] = share
-        if min(share for share in held.values() if share is not None) >= least:
-            break
+    for side in heights if len(landings) else ():
+        share = float(np.mean(holds(heights[side], landings, side)))
+        if share < least and decided[f"{side}_height_m"] == "data":
+            heights[side] = nearest_holding(heights[side], landings, side)
+            share = float(np.mean(holds(heights[side], landings, side)))
+            decided[f"{side}_height_m"] = "contacts"
+        held[side] = share
     moved = {f"{side}_height_m": height for side, height in heights.items()}
     return {**moved, "decided": decided, "held": held}
 

@@ -12,6 +12,7 @@ import numpy as np
 from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, did_you_mean, require_choice
+from hopdata.landings.contacts.descents import longest_gap_s
 from hopdata.landings.schedules import AMBIGUOUS, TREATMENTS
 from hopdata.landings.states.coefficients import SectionStates
 from hopdata.landings.states.fits import section_states
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 # The home frame: it moves the plane so that where and which way a landing was does not matter.
 
 LEAST_RADIUS_M = 1e-6
-LONGEST_GAP_S = 0.04  # a body on a curved path leaves the straight line by a tenth of a millimetre
-LONGEST_GAP_FRAMES = 2.5  # one missing frame may be bridged at any rate
 
 
 @dataclass(frozen=True)
@@ -116,12 +115,11 @@ def track_means(
 ) -> FloatArray:
     """Time averages of tracks (N, B, k) between instants (L,), (L, B, k).
 
-    Short gaps are bridged by a straight line; NaN where a gap is longer than `LONGEST_GAP_S` and
-    `LONGEST_GAP_FRAMES`.
+    Short gaps are bridged by a straight line; NaN where one is longer than `longest_gap_s`.
     """
     seen = np.asarray(np.isfinite(tracks).all(axis=2))
     means = np.full((len(t_pre), *tracks.shape[1:]), np.nan)
-    longest_gap = max(LONGEST_GAP_S, LONGEST_GAP_FRAMES * float(np.median(np.diff(time))))
+    longest_gap = longest_gap_s(time)
     for b in range(tracks.shape[1]):
         t, values = time[seen[:, b]], tracks[seen[:, b], b]
         if len(t) < 2:
