@@ -36,7 +36,7 @@ def test_all_figures_and_the_report_are_there(sample):
     assert page.count("<figure") >= len(FIGURES)
     record = json.loads((results / "provenance.json").read_text())
     assert record["study"] == "sample"
-    assert len(record["stage_seconds"]) == 11
+    assert len(record["stage_seconds"]) == 12
     assert not any("simulate" in stage for stage in record["stage_seconds"])
 
 

@@ -77,18 +77,15 @@ rule pairs:
 rule quality:
     """Whether the recordings and their landings are to be trusted."""
     input:
-        recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         levelled=each_recording(READY),
         landings=each_recording(CONTACTS),
         sections=rules.sections.output.sections,
         touchdowns=rules.pairs.output.touchdowns,
+        markers=rules.inspection.output.markers,
+        faults=rules.inspection.output.faults,
     output:
         **({"filled": f"{RESULTS}/tables/filled.csv"} if FILLS else {}),
         checks=f"{RESULTS}/quality.json",
-        markers=f"{RESULTS}/tables/markers.csv",
-        gaps=f"{RESULTS}/tables/gap_times.csv",
-        faults=f"{RESULTS}/tables/faults.csv",
-        remarks=f"{RESULTS}/tables/remarks.csv",
         stability=f"{RESULTS}/tables/section_stability.csv",
         drift=f"{RESULTS}/tables/drift.csv",
         landings=f"{RESULTS}/tables/worst_landings.csv",

@@ -42,3 +42,24 @@ rule recording:
         code=code("recording"),
     script:
         "../scripts/recording.py"
+
+
+rule inspection:
+    """What is wrong with the recordings themselves; it runs beside the search for landings."""
+    input:
+        recordings=each_recording(rules.recording.output.recording),
+    output:
+        markers=f"{RESULTS}/tables/markers.csv",
+        gaps=f"{RESULTS}/tables/gap_times.csv",
+        faults=f"{RESULTS}/tables/faults.csv",
+        remarks=f"{RESULTS}/tables/remarks.csv",
+    log:
+        f"{RESULTS}/logs/inspection.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/inspection.tsv"
+    resources:
+        **needs(mb_a_mb=60, minutes=20),
+    params:
+        code=code("inspection"),
+    script:
+        "../scripts/inspection.py"

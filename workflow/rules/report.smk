@@ -22,8 +22,8 @@ rule report:
         distances=rules.distances.output.summary,
         verdict=rules.verdict.output.verdict,
         quality=rules.quality.output.checks,
-        faults=rules.quality.output.faults,
-        remarks=rules.quality.output.remarks,
+        faults=rules.inspection.output.faults,
+        remarks=rules.inspection.output.remarks,
         notes=[
             rules.linear_maps.output.notes,
             rules.distances.output.notes,

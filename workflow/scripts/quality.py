@@ -8,7 +8,6 @@ from hopdata.landings.stability import section_stability
 from hopdata.landings.stability import landing_samples, worst_landings
 from hopdata.landings.sections.select import Sections
 from hopdata.recordings.readers.hdf5 import read_recording
-from hopdata.recordings.quality.inspection import recording_tables
 
 with reported(snakemake.log[0]):
     source, target, params = snakemake.input, snakemake.output, snakemake.params
@@ -20,7 +19,6 @@ with reported(snakemake.log[0]):
     options = {key: value for key, value in params.sections.items() if key != "grid_nodes"}
     worst = worst_landings(touchdowns, params.number)
     tables = {
-        **recording_tables(read_recording(path) for path in source.recordings),
         "stability": section_stability(levelled, sections, options, landings),
         "drift": drift_table(levelled, touchdowns),
         "landings": worst,
@@ -29,9 +27,11 @@ with reported(snakemake.log[0]):
     }
     checks = check_study(
         touchdowns=touchdowns,
+        markers=read_table(source.markers),
+        faults=read_table(source.faults),
         expected_noise_m=params.noise_m,
         other_feet=options["frames"] == "landings",
-        **{name: tables[name] for name in ("markers", "faults", "stability", "drift")},
+        **{name: tables[name] for name in ("stability", "drift")},
     )
     write_json(target.checks, [check.to_dict() for check in checks])
     for name, path in target.items():
