@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import yaml
 from made_up_files import export
-from made_up_hopper import hopping, with_spike
+from made_up_hopper import MARKERS, hopping, with_spike
 from made_up_jumps import STYLES, jumping
 
 from hopdata.__main__ import main
@@ -87,6 +87,18 @@ def test_a_runner_gets_one_foot_and_landings_only(external_recording, folder):
     assert main(["check", "config/RBDS001runT25markers.yaml"]) == 0
 
 
+def test_a_rate_that_nobody_states_is_asked_for_with_two_candidates(folder, capsys):
+    heads = [f"{name}_{axis}" for name in MARKERS for axis in "xyz"]
+    rows = [",".join(f"{x:.5f}" for x in row.ravel()) for row in 1000 * hopping(1)[1]]
+    (folder / "monday.csv").write_text("\n".join([",".join(heads), *rows]))
+    assert main(["init", "monday.csv"]) == 1
+    said = capsys.readouterr().err
+    assert "frame rate: expected a number in the file or in input.rate_hz" in said
+    assert "of the frames are free fall if the rate is 100 Hz: --rate 100 or " in said
+    assert main(["init", "monday.csv", "--rate", "100"]) == 0
+    assert load_config("config/monday.yaml")["input"]["rate_hz"] == 100
+
+
 def test_nothing_is_replaced_unless_asked(folder, capsys):
     export(folder)
     assert main(["init", "monday.tsv"]) == 0
@@ -105,7 +117,7 @@ def test_what_cannot_be_guessed_is_said_and_left_to_fill_in(folder, capsys):
     assert main(["init", "monday.tsv"]) == 1
     out = capsys.readouterr().out
     assert "note: markers.feet: expected two markers or more" in out
-    assert "note: input.vertical_axis: z is not sure" in out
+    assert "note: input.vertical_axis: z or y? z is not sure" in out
     text = (folder / "config/monday.yaml").read_text()
     assert "# TO DO: markers.feet" in text
     assert "# Not used: " in text

@@ -18,6 +18,7 @@ BENCHMARK_TABLES = {
     "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
     "animals": ["animals.csv"],
     "recording_faults": ["recording_faults.csv", "floor_faults.csv", "filling.csv"],
+    "guesses": ["guesses.csv"],
     "reading": ["reading.csv", "reading_agreement.csv"],
     "damaged_files": ["damaged_files.csv"],
     "frame_change_models": [
@@ -43,6 +44,7 @@ BENCHMARK_ARGUMENTS = {
     "damaged_files": "--files 4200",
     "first_solve": "--repeats 3",
     "frame_change_models": "--recordings 4 --draws 4",
+    "guesses": "--seeds 2",
     "live_loop": "--seconds 15",
     "maps": "--bootstraps 300 --pairs 5000",
     "pose": "--hops 125 --frames 12000",
@@ -53,7 +55,7 @@ BENCHMARK_ARGUMENTS = {
     "verdict_power": "--studies 2",
 }
 # Whose tables hold errors and no times: these run beside each other, the others one at a time.
-UNTIMED = {"map_error", "order", "recording_faults", "velocities"}
+UNTIMED = {"guesses", "map_error", "order", "recording_faults", "velocities"}
 for program, tables in BENCHMARK_TABLES.items():
 
     rule:

@@ -173,7 +173,11 @@ def init(options: argparse.Namespace) -> int:
         raise HopdataError(f"{out}: expected no such file yet, found one; --force replaces it")
     inspection = inspected(options)
     roles = guess_roles(inspection)
-    remarks = [*roles.problems, *_remarks(inspection)]
+    asked = [
+        f"markers.{key}: {', '.join(getattr(roles, key))}, or {other}?"
+        for key, other in roles.unsure.items()
+    ]
+    remarks = [*roles.problems, *asked, *_remarks(inspection)]
     draft = _draft(options, out, inspection, roles, remarks)
     terminal.write_text(out, draft_config(draft, path=str(out)))
     print(f"{out}: written")
@@ -247,9 +251,11 @@ def _remarks(inspection: Inspection) -> list[str]:
     if unit.value not in READABLE_UNITS:
         remarks.append(f"the numbers look like {unit.value} ({unit.reason}): export in mm or m")
     elif not unit.is_sure:
-        remarks.append(f"input.unit: {unit.value} is not sure ({unit.reason})")
+        remarks.append(terminal.asked("input.unit", unit))
     if not up.is_sure:
-        remarks.append(f"input.vertical_axis: {up.value} is not sure ({up.reason})")
+        remarks.append(terminal.asked("input.vertical_axis", up))
+    if not inspection.rate.is_sure:
+        remarks.append(terminal.asked("frame rate (Hz)", inspection.rate))
     found = terminal.suspects(inspection)
     if found:
         more = f" and {len(found) - 1} more" if len(found) > 1 else ""

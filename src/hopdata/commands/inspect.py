@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hopdata.commands import terminal
+from hopdata.errors import RecordingError
 from hopdata.report.formatting import Table
 from hopdata.report.inputs import ReportFigure, picture_of
 from hopdata.report.quality import build_inspection_page
@@ -37,12 +38,21 @@ def inspect(options: argparse.Namespace) -> int:
 def inspected(options: argparse.Namespace) -> Inspection:
     """Read and measure the file of ``file``, ``unit``, ``vertical_axis``, ``rate`` ...."""
     from hopdata.recordings.quality.inspection import inspect_recording
+    from hopdata.recordings.quality.orientation import choose_unit, guess_rate
+    from hopdata.recordings.raw import RateUnknownError
     from hopdata.recordings.readers.formats import read_raw
 
     with terminal.progress_line() as progress:
         progress(f"reading {options.file}")
-        limits = {"rate_hz": options.rate, "most_unpacked_mb": options.most_unpacked_mb}
-        raw = read_raw(options.file, **limits)
+        limit = {"most_unpacked_mb": options.most_unpacked_mb}
+        try:
+            raw = read_raw(options.file, rate_hz=options.rate, **limit)
+        except RateUnknownError as error:
+            raw = read_raw(options.file, rate_hz=100.0, **limit)
+            unit = choose_unit(raw.positions, unit="auto", nominal=raw.unit)
+            rate = guess_rate(raw, unit, is_stated=False)
+            try_it = f": --rate {rate.value} or {rate.other}?" if rate.value else ""
+            raise RecordingError(f"{error}; {rate.reason}{try_it}") from None
         guessed = {"unit": options.unit, "up": options.vertical_axis}
         return inspect_recording(raw, **guessed, progress=progress)
 
@@ -60,7 +70,7 @@ def inspection_html(inspection: Inspection, file: str) -> str:
     """Write the page on one recording."""
     found = terminal.suspects(inspection)
     unsure = [
-        f"{what}: {guess.value} is not sure ({guess.reason})"
+        terminal.asked(what, guess)
         for what, guess in (("unit", inspection.unit), ("vertical axis", inspection.up))
         if not guess.is_sure
     ]

@@ -15,6 +15,7 @@ from hopdata.errors import HopdataError
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
+    from hopdata.recordings.quality.orientation import Guess
     from hopdata.recordings.quality.stretches import MarkerGaps
 
 # What a command's exit code says; argparse itself ends with 2 on a wrong command line.
@@ -166,13 +167,18 @@ def _facts(inspection: Inspection) -> list[str]:
     return [
         f"  {'frames':8} {rate}; {stamps}",
         *_wrapped("markers", f"{len(inspection.markers)}: {names}"),
-        *_wrapped("unit", f"{unit.value}: {unit.reason}" + _unsure(unit.is_sure)),
-        *_wrapped("up", f"{up.value}: {up.reason}" + _unsure(up.is_sure)),
+        *_wrapped("unit", f"{unit.value}: {unit.reason}" + _unsure(unit)),
+        *_wrapped("up", f"{up.value}: {up.reason}" + _unsure(up)),
     ]
 
 
-def _unsure(is_sure: bool) -> str:
-    return "" if is_sure else " (not sure)"
+def asked(what: str, guess: Guess) -> str:
+    """Ask for what is not sure, with its two candidates."""
+    return f"{what}: {guess.value} or {guess.other}? {guess.value} is not sure ({guess.reason})"
+
+
+def _unsure(guess: Guess) -> str:
+    return "" if guess.is_sure else f" (not sure: {guess.value} or {guess.other}?)"
 
 
 def _rigid(inspection: Inspection) -> list[str]:

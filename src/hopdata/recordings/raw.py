@@ -34,6 +34,10 @@ MOST_UNPACKED_MB = 2000.0  # as the default of input.most_unpacked_mb in the sch
 RATE_TOLERANCE = 1e-3  # relative; files round their rate, but not by more than this
 
 
+class RateUnknownError(RecordingError):
+    """Neither the file nor the configuration tells the frame rate."""
+
+
 @dataclass(frozen=True)
 class RawRecording:
     """All markers of one file, before selection, scaling and rotation.
@@ -98,7 +102,8 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
     Raises
     ------
     RecordingError
-        If neither is known, the rate is not positive or beyond any camera's, or the two disagree.
+        If neither is known (`RateUnknownError`), the two disagree, or the rate is not positive or
+        beyond any camera's.
     """
     if stated is not None and not (math.isfinite(stated) and stated > 0):
         raise RecordingError(f"{place}: frame rate: expected more than 0 Hz, found {stated:g} Hz")
@@ -109,7 +114,7 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
     if given is not None and not (math.isfinite(given) and given > 0):
         raise RecordingError(f"input.rate_hz: expected more than 0 Hz, found {given:g} Hz")
     if stated is None and given is None:
-        raise RecordingError(
+        raise RateUnknownError(
             f"{place}: frame rate: expected a number in the file or in input.rate_hz, found neither"
         )
     if stated is None or given is None:

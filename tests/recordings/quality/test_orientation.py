@@ -11,7 +11,12 @@ from hopdata.errors import RecordingError
 from hopdata.recording import extent
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.plausibility import notes
-from hopdata.recordings.quality.orientation import choose_unit, free_fall, guess_unit_and_up
+from hopdata.recordings.quality.orientation import (
+    choose_unit,
+    free_fall,
+    guess_rate,
+    guess_unit_and_up,
+)
 from hopdata.recordings.raw import RawRecording, rotate_up
 
 UNITS = {"m": 1.0, "mm": 1000.0, "cm": 100.0, "inch": 1 / 0.0254}
@@ -72,6 +77,39 @@ def test_a_unit_that_the_file_does_not_state_is_not_called_its_own():
     found, _ = guess_unit_and_up(replace(raw(walking() * 1000, "mm"), unit_is_stated=False))
     assert found.value == "mm"
     assert "usual, the file states none; the markers span" in found.reason
+
+
+@pytest.mark.parametrize("unit", ["cm", "inch"])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_unit_that_hardly_lets_move_is_not_sure(unit, seed):
+    """The file says mm, or nothing, and the numbers are others: a walker would creep."""
+    sound = replace(raw(walking(seed) * 1000, "mm", rate_hz=200), unit_is_stated=False)
+    assert guess_unit_and_up(sound)[0].is_sure
+    for stated in (True, False):
+        wrong = replace(sound, positions=walking(seed) * UNITS[unit], unit_is_stated=stated)
+        found = guess_unit_and_up(wrong)[0]
+        assert (found.value, found.is_sure, found.other) == ("mm", False, unit)
+        assert "nothing falls, and the markers move at" in found.reason
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("rate_hz", [100.0, 200.0])
+def test_the_rate_is_asked_for_with_what_free_fall_says(seed, rate_hz):
+    positions = hopping(seed, rate_hz=rate_hz)[1]
+    assert guess_rate(raw(positions, rate_hz=rate_hz), "m").is_sure
+    twice = guess_rate(raw(positions, rate_hz=2 * rate_hz), "m")
+    assert (twice.value, twice.is_sure) == (f"{2 * rate_hz:g}", False)
+    assert twice.other == f"{rate_hz:g}"
+    asked = guess_rate(raw(positions, rate_hz=100.0), "m", is_stated=False)
+    assert not asked.is_sure
+    assert asked.value == f"{rate_hz:g}"
+
+
+def test_without_free_fall_no_rate_is_offered():
+    still = np.random.default_rng(4).normal(0, 1e-4, (2000, 7, 3)) + np.arange(7)[:, None] * 0.1
+    asked = guess_rate(raw(still), "m", is_stated=False)
+    assert (asked.value, asked.is_sure) == ("", False)
+    assert "nothing falls" in asked.reason
 
 
 def test_what_cannot_be_guessed_is_said_to_be_unsure():

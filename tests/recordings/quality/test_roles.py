@@ -200,3 +200,31 @@ def test_without_a_body_it_says_what_is_missing():
     found = roles(hopping(3)[1][:, 3:6], MARKERS[3:6])
     assert found.body == ()
     assert any(problem.startswith("markers.body: expected") for problem in found.problems)
+
+
+def test_a_body_marker_that_is_often_unseen_gives_way_to_others():
+    positions = hopping(1)[1]
+    more = np.einsum("m,nmi->ni", [0.7, 0.6, -0.3], positions[:, :3])
+    positions = np.concatenate([positions, more[:, None]], axis=1)
+    positions[100:300, 0] = np.nan
+    found = roles(positions, (*MARKERS, "hip4"))
+    assert found.body == ("hip2", "hip3", "hip4")
+    assert "since they are seen less: hip1" in found.reasons["body"]
+    assert roles(positions[:, :7]).body == ("hip1", "hip2", "hip3")  # there is no other
+
+
+def test_a_second_rigid_part_makes_the_body_unsure_where_names_say_nothing():
+    positions = hopping(1)[1]
+    assert roles(positions).unsure == {}
+    sway = 0.1 * np.sin(np.arange(len(positions)) / 30)[:, None, None]
+    arm = positions[:, :3] - [0.6, 0.0, 0.05] + sway * [0.0, 1.0, 0.0]
+    plain = tuple(f"m{k}" for k in range(10))
+    found = roles(np.concatenate([positions, arm], axis=1), plain)
+    assert found.body == plain[:3]
+    assert found.unsure == {"body": "m7, m8, m9"}
+
+
+def test_feet_that_land_once_are_not_sure():
+    found = roles(hopping(1)[1][:100])
+    assert set(found.unsure) == {"body", "feet"}
+    assert "less than three times" in found.unsure["feet"]

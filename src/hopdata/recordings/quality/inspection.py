@@ -15,7 +15,7 @@ from hopdata.errors import RecordingError
 from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality import rigid
-from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_unit_and_up
+from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_rate, guess_unit_and_up
 from hopdata.recordings.quality.spikes import Jump, Spike, find_jumps, find_spikes, surprises
 from hopdata.recordings.quality.stretches import (
     Frozen,
@@ -68,8 +68,8 @@ class Inspection:
         In m, turned so that z is up.
     rate_hz : float
         Nominal frame rate, Hz.
-    unit, up : Guess
-        Unit of the file, and the direction in it that points up.
+    unit, up, rate : Guess
+        Unit of the file, the direction in it that points up, and the frame rate, Hz.
     gaps : tuple of MarkerGaps
         One a marker.
     timing : Timing
@@ -90,6 +90,7 @@ class Inspection:
     rate_hz: float
     unit: Guess
     up: Guess
+    rate: Guess
     gaps: tuple[MarkerGaps, ...]
     timing: Timing
     pairs: rigid.PairDistances
@@ -173,7 +174,8 @@ def inspect_recording(
         never_seen=tuple(g.marker for g in gaps if g.missing == g.n_frames),
     )
     return Inspection(
-        raw.markers, raw.time, positions, raw.rate_hz, unit_guess, up_guess, gaps,
+        raw.markers, raw.time, positions, raw.rate_hz, unit_guess, up_guess,
+        guess_rate(raw, unit_guess.value), gaps,
         timing, pairs, clusters, noise, faults,
     )  # fmt: skip
 

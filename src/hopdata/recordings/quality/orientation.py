@@ -248,11 +248,14 @@ class Guess:
         A phrase for the user.
     is_sure : bool
         Whether the data speak for it; otherwise it is only what is usual.
+    other : str
+        What it may be as well, where it is not sure.
     """
 
     value: str
     reason: str
     is_sure: bool = True
+    other: str = ""
 
 
 def guess_unit_and_up(
@@ -288,10 +291,67 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
             f"if the numbers are {fall.unit}",
         )
     unit = choose_unit(raw.positions, unit="auto", nominal=raw.unit)
-    size = extent(raw.positions) * UNITS_IN_M[unit]
+    size, moves = extent(raw.positions), liveliness(raw.positions, raw.rate_hz)
+    lively = {u for u, m in UNITS_IN_M.items() if _fits(size * m) and _is_lively(moves * m)}
     own = "the format's own unit" if raw.unit_is_stated else "usual, the file states none"
     why = own if unit == raw.unit else f"in {raw.unit} the size would be absurd"
-    return Guess(unit, f"{why}; the markers span {size:.2f} m", is_sure=_fits(size))
+    metres = UNITS_IN_M[unit]
+    told = f"{why}; the markers span {size * metres:.2f} m"
+    if unit in lively:
+        return Guess(unit, f"{told} and move as animals do, at {moves * metres:.0f} m/s²")
+    other = next((u for u in UNITS_IN_M if u in lively), "cm" if unit == "mm" else "mm")
+    nothing = f"nothing falls, and the markers move at {moves * metres:.2g} m/s²"
+    return Guess(unit, f"{told}; {nothing}", is_sure=False, other=other)
+
+
+# What runs, walks or hops accelerates like this: a middle marker, in the fastest tenth of the time.
+# Read in a unit ten times too small it hardly moves.
+LIVELY_M_S2 = (5.0, 100.0)
+RATES_HZ = (25, 30, 50, 60, 100, 120, 150, 200, 240, 250, 300, 400, 500, 1000)
+SOME_FALL = 0.005  # of the frames must be free fall at half or twice the rate that is stated, and
+CLEARLY = 3.0  # so many times the share at that one
+
+
+def liveliness(positions: FloatArray, rate_hz: float) -> float:
+    """Acceleration of the median marker that it exceeds in a tenth of the time, per s²."""
+    size: FloatArray = np.linalg.norm(accelerations(positions, rate_hz), axis=2)
+    of_seen = size[:, np.isfinite(size).any(axis=0)]
+    return float(np.median(np.nanquantile(of_seen, 0.9, axis=0))) if of_seen.size else np.nan
+
+
+def _is_lively(moves_m_s2: float) -> bool:
+    return LIVELY_M_S2[0] <= moves_m_s2 <= LIVELY_M_S2[1]
+
+
+def guess_rate(raw: RawRecording, unit: str, *, is_stated: bool = True) -> Guess:
+    """Guess the frame rate, Hz, by free fall: at twice the rate it is four times as fast.
+
+    Parameters
+    ----------
+    raw : RawRecording
+        As read, at the rate that is stated, or at any if none is.
+    unit : str
+        Of the positions, one of `UNITS_IN_M`.
+    is_stated : bool
+        Whether the file states its rate.
+    """
+    units, own = {unit: UNITS_IN_M[unit]}, raw.rate_hz
+    hertz = (own, own / 2, 2 * own) if is_stated else RATES_HZ
+    falls = {f"{r:g}": free_fall(raw.positions, r, units=units) for r in hertz}
+    best, following = sorted(falls, key=lambda r: -falls[r].share)[:2]
+    share = falls[best].share
+    told = "nothing falls freely that would show it"
+    if share >= LEAST_SHARE:
+        told = f"{100 * share:.0f} % of the frames are free fall if the rate is {best} Hz"
+    if not is_stated:
+        return Guess(best if share >= LEAST_SHARE else "", told, is_sure=False, other=following)
+    stated, moves = f"{own:g}", UNITS_IN_M[unit] * liveliness(raw.positions, own)
+    if share >= SOME_FALL and share > CLEARLY * falls[stated].share:
+        return Guess(stated, f"as stated, but {told}", is_sure=False, other=best)
+    if moves > LIVELY_M_S2[1]:
+        told = f"as stated, but the markers would move at {moves:.0f} m/s²"
+        return Guess(stated, told, is_sure=False, other=f"{own / 2:g}")
+    return Guess(stated, "as stated, and nothing in the motion speaks against it")
 
 
 def _up(raw: RawRecording, fall: FreeFall) -> Guess:
@@ -314,4 +374,5 @@ def _up(raw: RawRecording, fall: FreeFall) -> Guess:
         "nothing falls freely and nothing steps on a floor again and again: only usual, as is y; "
         "input.vertical_axis settles it",
         is_sure=False,
+        other="y",
     )

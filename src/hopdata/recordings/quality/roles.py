@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -94,6 +94,8 @@ class Roles:
         Further groups of feet, which land at other times.
     problems : tuple of str
         What could not be guessed, and what to do about it.
+    unsure : dict
+        Of ``"body"`` and ``"feet"``: what else they may be, where that is not clear.
     """
 
     body: tuple[str, ...]
@@ -103,6 +105,7 @@ class Roles:
     reasons: dict[str, str]
     other_feet: tuple[tuple[str, ...], ...]
     problems: tuple[str, ...]
+    unsure: dict[str, str] = field(default_factory=dict)
 
 
 def guess_roles(inspection: Inspection) -> Roles:
@@ -128,7 +131,7 @@ def guess_roles(inspection: Inspection) -> Roles:
     else:
         problems.append(_no_feet(group, inspection))
     taken = {m for g in groups for m in g} | {markers.index(name) for name in boom}
-    body, reasons["body"] = _body(inspection, taken)
+    body, reasons["body"], other_body = _body(inspection, taken)
     if len(body) < LEAST_BODY:
         problems.append(
             "markers.body: expected three markers or more that keep their distances, found none; "
@@ -139,7 +142,23 @@ def guess_roles(inspection: Inspection) -> Roles:
     others = [tuple(markers[m] for m in g) for g in groups if not set(g) & set(group)]
     feet = tuple(markers[m] for m in sorted(group))
     body_names = tuple(markers[m] for m in body)
-    return Roles(body_names, feet, boom, home, reasons, tuple(others), tuple(problems))
+    unsure = {"body": other_body} if body and other_body else {}
+    rested = min((len(runs(rests[:, m])) for m in group), default=0)
+    if feet and (doubt := _doubt(feet, markers, rested)):
+        rivals = [", ".join(other) for other in others]
+        unsure["feet"] = " or ".join([doubt, *rivals])
+    if body and rested < LEAST_RESTS and "body" not in unsure:
+        unsure["body"] = "parts that bend, in a recording too short to show it"
+    return Roles(body_names, feet, boom, home, reasons, tuple(others), tuple(problems), unsure)
+
+
+def _doubt(feet: tuple[str, ...], markers: tuple[str, ...], rested: int) -> str:
+    """Say what speaks against feet: too few landings, or other markers that are named so."""
+    if rested < LEAST_RESTS:
+        return "others, since these rest near the floor less than three times"
+    named = [name for name in markers if part_by_name(name) == "foot"]
+    strangers = [name for name in feet if name not in named]
+    return f"those named so: {', '.join(named)}" if named and strangers else ""
 
 
 def _fixed(positions: FloatArray) -> BoolArray:
@@ -260,29 +279,54 @@ def _wrong(faults: int, unseen: float) -> str:
     return ", ".join(parts)
 
 
-def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str]:
-    """Return the body's markers, and why: a rigid cluster, or named markers that hardly bend."""
+def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str, str]:
+    """Return the body's markers, why, and what else it may be, if that is not clear.
+
+    It is a rigid cluster, or named markers that hardly bend; those that are nearly always seen, if
+    they are enough.
+    """
     markers = inspection.markers
     named = [m for m, name in enumerate(markers) if part_by_name(name) == "body" and m not in taken]
     rigid = [[m for m in c.markers if m not in taken] for c in inspection.clusters]
     rigid = [c for c in rigid if len(c) >= LEAST_BODY]
     rigid.sort(key=lambda c: -float(np.nanmedian(inspection.positions[:, c, 2])))
-    of_named = [c for c in rigid if set(c) & set(named)]
+    of_named = [c for c in rigid if len(set(c) & set(named)) >= LEAST_BODY]
+    seen = np.isfinite(inspection.positions[:, :, 0]).mean(axis=0)
+    reason, other = "", ""
+
+    def left_out(kept: list[int], of: list[int], why: str) -> str:
+        left = [markers[m] for m in of if m not in kept]
+        return f"; left out, {why}: {', '.join(left)}" if left else ""
+
     if of_named:
-        kept = [m for m in of_named[0] if m in named]
-        kept = kept if len(kept) >= LEAST_BODY else of_named[0]
-        left = [markers[m] for m in of_named[0] if m not in kept]
-        others = f"; left out, for their names: {', '.join(left)}" if left else ""
-        return kept, f"rigid, {_strain(kept, inspection.pairs)}; never on the floor{others}"
+        pool = [m for m in of_named[0] if m in named]
+        kept = _well_seen(pool, seen)
+        reason = f"rigid, {_strain(kept, inspection.pairs)}; never on the floor"
+        reason += left_out(pool, of_named[0], "for their names")
+        return kept, reason + left_out(kept, pool, "since they are seen less"), ""
     if len(named) >= LEAST_BODY:
-        kept = _stiffest(named, inspection.pairs)
+        pool = _well_seen(named, seen)
+        kept = _stiffest(pool, inspection.pairs)
+        if not kept:
+            pool, kept = named, _stiffest(named, inspection.pairs)
         if kept:
-            left = [markers[m] for m in named if m not in kept]
-            dropped = f"; left out, since they bend more: {', '.join(left)}" if left else ""
-            return kept, f"by name; {_strain(kept, inspection.pairs)}{dropped}"
+            reason = f"by name; {_strain(kept, inspection.pairs)}"
+            reason += left_out(pool, named, "since they are seen less")
+            return kept, reason + left_out(kept, pool, "since they bend more"), ""
     if rigid:
-        return rigid[0], f"the highest rigid cluster, {_strain(rigid[0], inspection.pairs)}"
-    return [], ""
+        kept = _well_seen(rigid[0], seen)
+        reason = f"the highest rigid cluster, {_strain(kept, inspection.pairs)}"
+        reason += left_out(kept, rigid[0], "since they are seen less")
+        rivals = [m for c in rigid[1:2] for m in c] or named
+        other = ", ".join(markers[m] for m in rivals if m not in kept)
+        return kept, reason, other
+    return [], "", ""
+
+
+def _well_seen(pool: list[int], seen: FloatArray) -> list[int]:
+    """Keep the markers that are seen in nearly all frames, if they are enough for a body."""
+    well = [m for m in pool if seen[m] >= 1 - SEEN_SHARE]
+    return well if len(well) >= LEAST_BODY else pool
 
 
 def _stiffest(named: list[int], pairs: PairDistances) -> list[int]:

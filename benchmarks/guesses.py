@@ -1,0 +1,189 @@
+"""How honest the guesses of `hopdata init` are: right and sure, wrong and sure, or not sure.
+
+    python benchmarks/guesses.py --out guesses.csv [--recordings FOLDER] [--seeds 5]
+
+The two bundled recordings, made-up hoppers and, where they have been fetched, the runners and
+OpenSim's test files below FOLDER, whose unit, vertical axis and parts are known. Each is cut into
+pieces of several lengths at seeded places. One row a guess and a kind of change to the pieces:
+
+- `up`: turned so that each of the six directions points up; the file says nothing of it.
+- `unit`: multiplied to be in mm, cm, m or inches; the file says which (`stated`), says nothing
+  (`silent`), or says mm or m where it is another (`misstated`).
+- `rate`: stated as it is, or as half or twice of it, without a column of time. `removed`: it is not
+  stated at all; right is then that it is one of the two candidates, to a tenth.
+- `feet`, `body`: which markers are chosen, by names as they are, and called `m1`, `m2` ... in
+  another order. Right is a choice of markers all on feet, or all on one of pelvis, trunk and head.
+
+What is not sure is asked for by name of the key, with two candidates; `asked` are questions without
+any. `wrong_sure` is the share that matters: at most 3 % are to be.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import machine  # noqa: F401  first, since it sets the number of threads
+import numpy as np
+import pandas as pd
+
+from hopdata.recordings.quality.inspection import inspect_recording
+from hopdata.recordings.quality.orientation import (
+    DIRECTIONS,
+    UNITS_IN_M,
+    guess_rate,
+    guess_unit_and_up,
+)
+from hopdata.recordings.quality.roles import guess_roles
+from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording, rotate_up
+from hopdata.recordings.readers.formats import read_raw
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT / "tests/recordings/quality")]
+from made_up_hopper import MARKERS, hopping  # noqa: E402
+
+SEED = 20261124
+LENGTHS_S = (2.0, 5.0, 15.0, 60.0)
+KNOWN = {  # which way is up in a file, where it is known; the unit is the one it states
+    "hopper.h5": "z", "control.h5": "z", "RBDS001runT25markers.tsv": "z", "RBDS001runT35.c3d": "y",
+    "RBDS032runT35markers.txt": "y", "dataWithBlanksForMissingMarkers.trc": "z", "init100.trc": "z",
+    "dataWithNaNsOfDifferentCases.trc": "y", "std_walking2_markers.trc": "z",
+    "subject01_synthetic_marker_data.trc": "y", "walk_free_01.trc": "y", "abdbonepin.trc": "",
+}  # fmt: skip
+FEET = re.compile("asy|heel|mt[0-9]|toe|cal$|midfoot|foot", re.IGNORECASE)
+BODIES = [
+    re.compile(names, re.IGNORECASE)
+    for names in (
+        "asis|psis|iliac|sacral|[lr](asi|psi)$|[lr]hjc|body[0-9]|hip[0-9]|boom",
+        "sternum|strn|clav|t10|c7|acromi|scapula|shoulder",
+        "head|[lr][fb]hd|temple",
+    )
+]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A stretch of a recording in m, z up (where `up` is known), and the file that it is from."""
+
+    file: str
+    raw: RawRecording
+    up: bool
+
+
+def pieces(folder: Path, n_seeds: int) -> Iterator[Piece]:
+    """Cut all recordings."""
+    files = [*(ROOT / "data/sample").glob("*.h5"), *folder.rglob("*.*")]
+    for path in sorted(path for path in files if path.name in KNOWN):
+        raw, up = read_raw(path), KNOWN[path.name]
+        metres = rotate_up(raw.positions * METRES_PER_UNIT[raw.unit], up or "z")
+        whole = replace(raw, positions=metres, unit="m", stated_up="")
+        yield from (Piece(path.name, part, bool(up)) for part in _cut(whole, n_seeds))
+    for seed in range(n_seeds):
+        time, positions = hopping(seed)
+        raw = RawRecording(MARKERS, time, positions, 100.0, "m")
+        yield from (Piece("made-up hopper", part, True) for part in _cut(raw, 1))
+
+
+def _cut(raw: RawRecording, n_seeds: int) -> Iterator[RawRecording]:
+    rng = np.random.default_rng(np.random.SeedSequence([SEED, len(raw.time)]))
+    for length in LENGTHS_S:
+        n = round(length * raw.rate_hz)
+        if n >= len(raw.time):
+            yield raw
+            return
+        for start in rng.integers(0, len(raw.time) - n, n_seeds):
+            part = slice(int(start), int(start) + n)
+            yield replace(raw, time=raw.time[part], positions=raw.positions[part], events=())
+
+
+def turned(positions: np.ndarray, up: str) -> np.ndarray:
+    """Turn positions, z up, to a file in which `up` points up."""
+    return positions @ np.linalg.inv(rotate_up(np.eye(3), up))
+
+
+def outcome(right: bool, sure: bool) -> str:
+    return f"{'right' if right else 'wrong'}_{'sure' if sure else 'unsure'}"
+
+
+def judge(piece: Piece, number: int) -> Iterator[tuple[str, str, str]]:
+    """Yield guess, change and outcome."""
+    raw = piece.raw
+    if piece.up:
+        for up in DIRECTIONS:
+            turn = replace(raw, positions=turned(raw.positions, up))
+            _, guess = guess_unit_and_up(turn)
+            yield "up", up, outcome(guess.value == up, guess.is_sure)
+    for unit, metres in UNITS_IN_M.items():
+        scaled = replace(raw, positions=raw.positions / metres)
+        for said in ("", "mm", "m"):
+            guess, _ = guess_unit_and_up(
+                replace(scaled, unit=said or "mm", unit_is_stated=bool(said))
+            )
+            kind = "silent" if not said else "stated" if said == unit else "misstated"
+            yield "unit", f"{kind}, {unit}", outcome(guess.value == unit, guess.is_sure)
+    for change, factor in (("stated", 1.0), ("half", 0.5), ("twice", 2.0)):
+        guess = guess_rate(replace(raw, rate_hz=factor * raw.rate_hz), "m")
+        yield "rate", change, outcome(factor == 1.0, guess.is_sure)
+    guess = guess_rate(replace(raw, rate_hz=100.0), "m", is_stated=False)
+    if guess.value:
+        candidates = [float(guess.value), float(guess.other)]
+        right = any(abs(rate / raw.rate_hz - 1) <= 0.1 for rate in candidates)
+        yield "rate", "removed", outcome(right, sure=False)
+    else:
+        yield "rate", "removed", "asked"
+    yield from _roles(piece, number)
+
+
+def _roles(piece: Piece, number: int) -> Iterator[tuple[str, str, str]]:
+    raw, rng = piece.raw, np.random.default_rng(np.random.SeedSequence([SEED, number]))
+    order = rng.permutation(len(raw.markers))
+    plain = tuple(f"m{k + 1}" for k in range(len(order)))
+    for change, names, places in (
+        ("as they are", raw.markers, np.arange(len(order))),
+        ("shuffled", plain, order),
+    ):
+        own = dict(zip(names, np.array(raw.markers)[places].tolist(), strict=True))
+        asked = replace(raw, markers=names, positions=raw.positions[:, places])
+        found = guess_roles(inspect_recording(asked, unit="m", up="z"))
+        feet, body = ([own[name] for name in chosen] for chosen in (found.feet, found.body))
+        right = bool(feet) and all(FEET.search(name) for name in feet)
+        yield "feet", change, outcome(right, "feet" not in found.unsure) if feet else "asked"
+        right = any(all(part.search(name) for name in body) for part in BODIES)
+        yield "body", change, outcome(right, "body" not in found.unsure) if body else "asked"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Honesty of guesses.")
+    parser.add_argument("--out", type=Path, help="CSV file to write")
+    parser.add_argument("--recordings", type=Path, default=ROOT.parent / "shared/recordings")
+    parser.add_argument("--seeds", type=int, default=5, help="pieces of each length")
+    parser.add_argument("--verbose", action="store_true", help="name what is wrong and sure")
+    options = parser.parse_args()
+    rows = []
+    for number, piece in enumerate(pieces(options.recordings, options.seeds)):
+        for guess, change, what in judge(piece, number):
+            rows.append((piece.file, guess, change, what))
+            if options.verbose and what.startswith("wrong_sure"):
+                print(piece.file, f"{len(piece.raw.time)} frames:", guess, change)
+    table = pd.DataFrame(rows, columns=["file", "guess", "change", "outcome"])
+    counts = pd.crosstab([table["guess"], table["change"]], table["outcome"])
+    names = ["right_sure", "right_unsure", "wrong_unsure", "asked", "wrong_sure"]
+    counts = counts.reindex(columns=names, fill_value=0)
+    of_all = counts.groupby(level=0).sum()
+    of_all.index = pd.MultiIndex.from_tuples(
+        [(g, "all") for g in of_all.index], names=counts.index.names
+    )
+    counts = pd.concat([counts, of_all]).sort_index()
+    counts["wrong_sure_%"] = (100 * counts["wrong_sure"] / counts.sum(axis=1)).round(1)
+    print(counts.to_string())
+    if options.out:
+        options.out.parent.mkdir(parents=True, exist_ok=True)
+        counts.reset_index().to_csv(options.out, index=False, lineterminator="\n")
+
+
+if __name__ == "__main__":
+    main()
