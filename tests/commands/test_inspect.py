@@ -7,6 +7,7 @@ from made_up_hopper import hopping, with_frozen, with_gap, with_spike, with_swap
 
 from hopdata.__main__ import main
 from hopdata.commands.terminal import listing
+from hopdata.recordings.readers.formats import read_raw
 
 
 @pytest.fixture
@@ -87,6 +88,9 @@ def test_the_page_is_one_file_with_picture_and_tables(faulty, tmp_path, capsys):
     assert not re.search(r'(src|href)="(?!data:|#)', text)
     for part in ("toe1 and toe2 exchanged", "Rigid clusters", "What looks wrong", "faulty.tsv"):
         assert part in text
+    left, right, *times = map(float, re.search('data-span="([^"]*)"', text)[1].split())
+    assert 0 < left < 0.5 < right < 1
+    assert times == pytest.approx(read_raw(faulty).time[[0, -1]])
     again = tmp_path / "again.html"
     main(["inspect", str(faulty), "--html", str(again)])
     assert again.read_bytes() == page.read_bytes()

@@ -58,12 +58,25 @@ def excluding(**span):
 
 def test_spans_that_are_left_out():
     assert load_config(excluding(), check_files=False)["recordings"][0]["exclude"][0]["to_s"] == 3.0
+    whole = copy.deepcopy(SOUND)
+    whole["recordings"][0]["exclude"] = [{"reason": "belt"}, {"reason": "fell", "landings": [3]}]
+    first, second = load_config(whole, check_files=False)["recordings"][0]["exclude"]
+    assert first == {"from_s": None, "to_s": None, "landings": [], "markers": [], "reason": "belt"}
+    assert second["landings"] == [3]
 
 
 MISTAKES = {
     "empty span": (
         excluding(to_s=2.0),
         ["recordings[0].exclude[0].to_s", "more than from_s (2 s)", "found 2 s"],
+    ),
+    "a landing in a span": (
+        excluding(landings=[2]),
+        ["recordings[0].exclude[0].landings", "no other choice beside them, found from_s"],
+    ),
+    "an unseen marker unknown": (
+        excluding(markers=["hel"]),
+        ["recordings[0].exclude[0].markers", "found 'hel'", "did you mean 'heel'"],
     ),
     "span without a reason": (excluding(reason=""), ["recordings[0].exclude[0].reason"]),
     "foot unknown": (

@@ -62,6 +62,29 @@ def test_what_is_left_out_by_hand_says_why(table):
     pd.testing.assert_frame_equal(again, found)
 
 
+def test_landings_feet_and_recordings_are_left_out_by_hand(scene, table):
+    foot, body = scene.recording.names("foot")[1], scene.recording.names("body")[0]
+    used = ~table["excluded"]
+    found = left_out(table, [{"landings": [4, 7], "reason": "a cable"}])
+    assert found.index[found["reason"] == "by hand: a cable"].tolist() == [4, 7]
+    with pytest.raises(
+        AnalysisError, match=r"expected numbers of the \d+ landings of .* found 9999"
+    ):
+        left_out(table, [{"landings": [9999], "reason": "typo"}])
+    begin, end = table["t_pre_s"][4], table["t_post_s"][5]
+    found = left_out(table, [{"from_s": begin, "to_s": end, "markers": [foot], "reason": "loose"}])
+    assert (found["reason"][4:6] == f"by hand: {foot}: loose").all()
+    assert found["excluded"][4:6].all()
+    pd.testing.assert_frame_equal(found.drop([4, 5]), table.drop([4, 5]))
+    entry = {"from_s": begin, "to_s": end, "markers": [body], "reason": "loose"}
+    pd.testing.assert_frame_equal(left_out(table, [entry]), table)  # the others carry it
+    gone = table.assign(excluded=table["excluded"] | (table.index == 4))
+    assert left_out(gone, [entry])["reason"][4] == f"by hand: {body}: loose"
+    whole = left_out(table, [{"reason": "the belt slipped"}])
+    assert whole["excluded"].all()
+    assert (whole["reason"][used] == "by hand: the belt slipped").all()
+
+
 @pytest.mark.parametrize(
     ("lifted_m", "said"), [(0.3, "no foot landed"), (0.0, "post section never reached")]
 )

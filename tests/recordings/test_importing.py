@@ -37,6 +37,22 @@ def test_markers_come_in_the_order_of_their_roles(tmp_path):
     np.testing.assert_allclose(recording.positions, positions[:, order] / 1000, atol=1e-6)
 
 
+def test_a_marker_is_unseen_where_the_configuration_says_so(tmp_path):
+    path = write(tmp_path, qtm_text(standing()))
+    entries = [
+        {"from_s": 0.1, "to_s": 0.2, "markers": ["toe"], "landings": [], "reason": "loose"},
+        {"from_s": None, "to_s": 0.05, "markers": ["back"], "landings": [], "reason": "hidden"},
+        {"from_s": None, "to_s": None, "markers": [], "landings": [], "reason": "all of it"},
+    ]
+    found, plain = imported(path, exclude=entries), imported(path)
+    unseen = np.isnan(found.positions).all(axis=2)
+    assert np.flatnonzero(unseen[:, found.markers.index("toe")]).tolist() == list(range(10, 21))
+    assert np.flatnonzero(unseen[:, found.markers.index("back")]).tolist() == list(range(6))
+    np.testing.assert_array_equal(found.positions[~unseen], plain.positions[~unseen])
+    assert "marker 'toe' counts as unseen from 0.1 to 0.2 s, by hand: loose" in found.remarks[-2]
+    assert len(found.remarks) == len(plain.remarks) + 2
+
+
 def test_source_and_digest_are_kept(tmp_path):
     path = write(tmp_path, qtm_text())
     recording = imported(path)

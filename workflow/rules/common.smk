@@ -65,6 +65,7 @@ EXTERNAL = {
     for entry in STUDY["recordings"]
     if entry["contacts"]["file"] or entry["forces"]["file"]
 }
+EXCLUDED = {entry["name"]: entry["exclude"] for entry in STUDY["recordings"]}
 # Three markers cannot be placed by three others.
 FILLS = STUDY["filling"]["longest_s"] > 0 and len(STUDY["markers"]["body"]) > 3
 # Levelled recordings, with their short gaps filled where that is asked for.

@@ -35,6 +35,7 @@ rule recording:
     params:
         markers=STUDY["markers"],
         options=STUDY["input"],
+        exclude=lambda wildcards: EXCLUDED[wildcards.recording],
         quality=STUDY["quality"],
         floor=STUDY["floor"],
         fills=FILLS,

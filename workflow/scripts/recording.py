@@ -13,6 +13,7 @@ with reported(snakemake.log[0]):
         list(snakemake.input),
         name=snakemake.wildcards.recording,
         markers=params.markers,
+        exclude=params.exclude,
         **params.options,
     )
     check_plausible(recording, **params.quality)

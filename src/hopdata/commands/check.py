@@ -41,8 +41,9 @@ def check(options: argparse.Namespace) -> int:
             with terminal.progress_line() as progress:
                 progress(f"reading {', '.join(files)}")
                 recording, _ = import_recording(
-                    files, name=entry["name"], markers=config["markers"], **config["input"]
-                )
+                    files, name=entry["name"], markers=config["markers"], **config["input"],
+                    exclude=entry["exclude"],
+                )  # fmt: skip
                 progress(f"checking {', '.join(files)}")
                 check_plausible(recording, **config["quality"])
             known = describe_external(

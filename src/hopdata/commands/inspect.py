@@ -74,7 +74,8 @@ def inspection_html(inspection: Inspection, file: str) -> str:
         for what, guess in (("unit", inspection.unit), ("vertical axis", inspection.up))
         if not guess.is_sure
     ]
-    figure = ReportFigure("seen", _timeline(inspection, found), "image/svg+xml", CAPTION)
+    image, ends = _timeline(inspection, found)
+    figure = ReportFigure("seen", image, "image/svg+xml", CAPTION)
     return build_inspection_page(
         title=file,
         answer=terminal.answer(inspection),
@@ -83,6 +84,8 @@ def inspection_html(inspection: Inspection, file: str) -> str:
         pictures=[picture_of(figure, {})],
         tables=[t for t in (_suspect_table(found), _gap_table(inspection), _rigid_table(inspection))
                 if t.rows],
+        markers=inspection.markers,
+        span=(*ends, *(float(t) for t in inspection.time[[0, -1]])) if ends else (),
     )  # fmt: skip
 
 
@@ -100,7 +103,10 @@ def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
     ]
 
 
-def _timeline(inspection: Inspection, found: list[terminal.Suspect]) -> bytes:
+def _timeline(
+    inspection: Inspection, found: list[terminal.Suspect]
+) -> tuple[bytes, tuple[float, ...]]:
+    """Draw the picture as SVG, and say between which shares of its width its time axis runs."""
     import pandas as pd
 
     from hopdata.figures.quality import gap_timeline_figure
@@ -116,7 +122,9 @@ def _timeline(inspection: Inspection, found: list[terminal.Suspect]) -> bytes:
     buffer = io.BytesIO()
     with style_context():
         figure.savefig(buffer, format="svg", metadata=dict(METADATA["svg"]))
-    return buffer.getvalue()
+    return buffer.getvalue(), tuple(
+        x for axes in figure.axes for x in axes.get_position().intervalx
+    )
 
 
 def _signs(found: list[terminal.Suspect]) -> pd.DataFrame:

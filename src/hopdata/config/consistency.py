@@ -200,14 +200,22 @@ def _repeated_names(config: dict[str, Any]) -> Iterator[str]:
             )
 
 
-def _empty_spans(config: dict[str, Any]) -> Iterator[str]:
+def _left_out(config: dict[str, Any]) -> Iterator[str]:
+    known = [*config["markers"]["body"], *config["markers"]["feet"]]
     for i, recording in enumerate(config["recordings"]):
-        for k, span in enumerate(recording["exclude"]):
-            if not span["to_s"] > span["from_s"]:
-                yield (
-                    f"recordings[{i}].exclude[{k}].to_s: expected more than from_s "
-                    f"({span['from_s']:g} s), found {span['to_s']:g} s"
-                )
+        for k, entry in enumerate(recording["exclude"]):
+            place, begin, end = f"recordings[{i}].exclude[{k}]", entry["from_s"], entry["to_s"]
+            if begin is not None and end is not None and not end > begin:
+                yield f"{place}.to_s: expected more than from_s ({begin:g} s), found {end:g} s"
+            others = [key for key in ("from_s", "to_s", "markers") if entry[key] not in (None, [])]
+            if entry["landings"] and others:
+                yield f"{place}.landings: expected no other choice beside them, found {others[0]}"
+            for name in entry["markers"]:
+                if name not in known:
+                    yield (
+                        f"{place}.markers: expected one of markers.body or markers.feet, found "
+                        f"'{name}'{did_you_mean(name, known)}"
+                    )
 
 
 def _repeated_markers(config: dict[str, Any]) -> Iterator[str]:
@@ -327,7 +335,7 @@ def _enough_flips(config: dict[str, Any]) -> Iterator[str]:
 
 CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _repeated_names,
-    _empty_spans,
+    _left_out,
     _repeated_markers,
     _home_marker,
     _sections_in_order,

@@ -9,7 +9,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.blas import one_blas_thread
-from hopdata.errors import chosen, require_choice
+from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings import schedules
 from hopdata.landings.contacts import descents
 from hopdata.landings.contacts.find import (
@@ -157,24 +157,49 @@ def touchdown_table(
     return table.assign(index=np.arange(len(table)))
 
 
-def left_out(table: pd.DataFrame, spans: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Exclude by hand the touchdowns of which any part lies in a span of time.
+def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Exclude by hand the touchdowns that are named, or of which any part lies in a span of time.
 
     Parameters
     ----------
     table
         See `touchdown_table`.
-    spans
-        Each ``from_s`` and ``to_s``, s, and its ``reason``. One that is excluded already keeps its
-        own reason.
+    entries
+        ``recordings[].exclude`` of the configuration: ``from_s`` and ``to_s``, s, ``landings``,
+        ``markers`` and the ``reason``. One that is excluded already keeps its own reason, unless
+        its markers are not seen by hand. Markers of the body alone exclude nothing here.
+
+    Raises
+    ------
+    AnalysisError
+        If there is no landing of a number.
     """
     table = table.copy()
     begins = table["t_pre_s"].to_numpy(float)
     ends = np.fmax(table["t_post_s"].to_numpy(float), begins)
-    for span in spans:
-        inside = (begins <= span["to_s"]) & (ends >= span["from_s"]) & ~table["excluded"]
-        table.loc[inside, "reason"] = f"by hand: {span['reason']}"
-        table.loc[inside, "excluded"] = True
+    for entry in entries:
+        named = set(entry.get("landings") or ())
+        for number in sorted(named - set(table["index"])):
+            raise AnalysisError(
+                f"recordings[].exclude: landings: expected numbers of the {len(table)} landings of "
+                f"'{table['recording'].iloc[0] if len(table) else ''}', found {number}"
+            )
+        begin, end = entry.get("from_s"), entry.get("to_s")
+        inside = (begins <= (np.inf if end is None else end)) & (
+            ends >= (-np.inf if begin is None else begin)
+        )
+        out, markers = table["excluded"].to_numpy(bool), entry.get("markers") or ()
+        told = f"by hand: {', '.join(markers)}: {entry['reason']}"
+        if named:
+            chosen, told = table["index"].isin(named) & ~out, f"by hand: {entry['reason']}"
+        elif any(f"contact_{name}_s" in table for name in markers):
+            chosen = inside  # a foot is not seen: whatever its contacts say now
+        elif markers:
+            chosen = inside & out  # what the rest of the body did not carry
+        else:
+            chosen, told = inside & ~out, f"by hand: {entry['reason']}"
+        table.loc[chosen, "reason"] = told
+        table.loc[chosen, "excluded"] = True
     return table
 
 

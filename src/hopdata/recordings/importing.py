@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -150,6 +151,7 @@ def import_recording(
     rate_hz: float | None = None,
     most_unpacked_mb: float = MOST_UNPACKED_MB,
     least_score: float = LEAST_SCORE,
+    exclude: Sequence[Mapping[str, Any]] = (),
 ) -> tuple[Recording, Truth | None]:
     """Read a file of any known format, or several in the order of time, into one recording.
 
@@ -174,6 +176,9 @@ def import_recording(
         Memory that a packed file (MAT, HDF5) may ask for, MB.
     least_score : float
         Keypoints from video that are less sure count as unseen.
+    exclude : sequence of mappings
+        ``recordings[].exclude`` of the configuration: the ``markers`` of an entry count as unseen
+        from ``from_s`` to ``to_s``, which a remark says.
 
     Returns
     -------
@@ -215,9 +220,26 @@ def import_recording(
         events=raw.events,
         remarks=raw.remarks + guessed,
     )
+    recording = replace(recording, remarks=recording.remarks + _unseen(recording, exclude))
     if len(paths) > 1 or vertical_axis != "z":
         return recording, None
     return recording, _truth(paths[0], files[0], recording)
+
+
+def _unseen(recording: Recording, exclude: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """Take markers for unseen in spans of time (in place), as the configuration asks; say so."""
+    remarks = []
+    for entry in exclude:
+        begin, end = (recording.time[k] if t is None else t
+                      for k, t in ((0, entry["from_s"]), (-1, entry["to_s"])))  # fmt: skip
+        inside = (recording.time >= begin) & (recording.time <= end)
+        for name in entry["markers"]:
+            recording.positions[inside, recording.markers.index(name)] = np.nan
+            remarks.append(
+                f"{recording.source}: marker '{name}' counts as unseen from {begin:g} to {end:g} "
+                f"s, by hand: {entry['reason']}"
+            )
+    return tuple(remarks)
 
 
 def sha256(path: Path) -> str:

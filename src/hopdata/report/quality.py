@@ -23,6 +23,8 @@ def build_inspection_page(
     notes: Sequence[str],
     pictures: Sequence[Picture],
     tables: Sequence[show.Table],
+    markers: Sequence[str] = (),
+    span: tuple[float, ...] = (),
 ) -> str:
     """Write the page on one recording, a complete HTML document that needs no other file.
 
@@ -38,6 +40,11 @@ def build_inspection_page(
         What the reader should look at.
     pictures : sequence of Picture
     tables : sequence of Table
+    markers : sequence of str
+        Names to choose from in lines that leave something out.
+    span : tuple of float
+        Left and right end of the time axis in shares of the first picture's width, and the times
+        there, s: of it a reader can choose spans that are to be left out.
     """
     return rendered(
         "inspection.html.j2",
@@ -47,6 +54,8 @@ def build_inspection_page(
         notes=notes,
         pictures=pictures,
         tables=tables,
+        markers=markers,
+        span=span,
         version=__version__,
     )
 
