@@ -84,6 +84,12 @@ def workstation(positions, names):
     return "\n".join([*heads, *body]) + "\n"
 
 
+def _jarvis(positions, names):
+    heads = [",".join(name for name in names for _ in range(4)), ",".join("xyz") + ",confidence"]
+    heads[1] = ",".join([heads[1]] * len(names))
+    return "\n".join([*heads, *(cells(row) for row in table(positions, SCORES))]) + "\n"
+
+
 def _dlc(positions, names):
     return deeplabcut(positions, names, SCORES)
 
@@ -101,6 +107,7 @@ TEXTS = {  # format: suffix, mark between cells, writer, whether a rate must be 
     "Workstation": (".csv", ",", workstation, None),
     "plain CSV": (".csv", ",", plain, None),
     "Anipose": (".csv", ",", _anipose, RATE),
+    "JARVIS": (".csv", ",", _jarvis, RATE),
     "DeepLabCut": (".csv", ",", _dlc, RATE),
 }
 
@@ -204,9 +211,7 @@ def _of_texts():
             for code in ("utf-8", "latin-1"):
                 if habit == "not ASCII" and code == "latin-1":
                     names = tuple(name.replace("背", "Rück") for name in names)
-                elif code == "latin-1" or (
-                    habit == "repeated" and kind in ("Anipose", "DeepLabCut")
-                ):
+                elif code == "latin-1" or (habit == "repeated" and hz):
                     continue  # keypoints are columns of one table, whose names differ
                 data = write(POSITIONS, names).encode(code)
                 yield Variant(kind, f"names {habit}, {code}", suffix, data, None, names, hz)
@@ -230,6 +235,7 @@ def _of_single_formats():
         "an event": {"EVENT": "strike\t6\t0.05000"},
         "no frequency": {"FREQUENCY": None},
         "an unknown key": {"SUBJECT": "cat"},
+        "two dates": {"TIME_STAMP": "2021-01-01, 12:00:00\r\nTIME_STAMP\t2022-01-01, 12:00:00"},
     }.items():
         yield text("QTM", habit, tsv(POSITIONS, NAMES, header=header))
     yield text("QTM", "no row of columns", tsv(POSITIONS, NAMES, column_row=False))
@@ -256,6 +262,9 @@ def _of_single_formats():
         "axes not counted": trc.replace(axes, re.sub(r"\d", "", axes)),
         "axes in small letters": trc.replace(axes, axes.lower()),
         "axes from 0": trc.replace(axes, re.sub(r"\d", lambda d: str(int(d[0]) - 1), axes)),
+        "blanks between values": trc.replace(rows[2], rows[2].replace("\t", "   ")),
+        "axes from 5": trc.replace(axes, re.sub(r"\d", lambda d: str(int(d[0]) + 4), axes)),
+        "seven keys": trc_text(POSITIONS, NAMES, values={"OrigNumFrames": None}),
         "no empty line": trc_text(POSITIONS, NAMES, blank=False),
         "names in each column": trc.replace(
             rows[3], "Frame#\tTime\t" + "\t".join(n for n in NAMES for _ in "XYZ")

@@ -20,7 +20,7 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
 from hopdata.recordings import raw
 from hopdata.recordings.readers import qtm_header, text
-from hopdata.recordings.readers.keypoints import AXES, keypoints
+from hopdata.recordings.readers.keypoints import AXES, Columns, keypoints
 
 _KINDS = {"Marker", "Rigid Body", "Rigid Body Marker", "Bone", "Bone Marker"}
 _SECTIONS = ("Devices", "Model Outputs", "Joints", "Segments", "Events")  # of Nexus, not read
@@ -79,6 +79,10 @@ def read_csv(
         return _nexus(sheet)
     if first[0] == "scorer":
         return _deeplabcut(sheet, rows, least_score)
+    if len(rows) > 1 and rows[1][:3] == list(AXES):  # JARVIS: names above, coordinates below
+        columns: Columns = [("", _at(first, k), axis) for k, axis in enumerate(rows[1])]
+        numbers = _numbers(sheet, 2, list(range(len(columns))))
+        return keypoints(path, columns, numbers, rate_hz, least_score)
     counters = tuple(cell.lower() for cell in first[:2] if cell.lower() in ("frame", "time"))
     if names := qtm_header.coordinate_stems(text.trimmed(first)[len(counters) :]):
         places = [len(counters) + 3 * k for k in range(len(names))]

@@ -1,4 +1,4 @@
-"""Keypoints from video in three dimensions: the tables of DeepLabCut and Anipose, CSV or HDF5.
+"""Keypoints from video in three dimensions: tables of DeepLabCut, Anipose, JARVIS; CSV or HDF5.
 
 They state neither rate nor unit, but how sure each point is. In HDF5 they are tables of pandas: one
 of rows with the names of its columns pickled beside it, or arrays of blocks with their names.
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import h5py
 
 AXES = ("x", "y", "z")
-SCORES = ("likelihood", "score")
+SCORES = ("likelihood", "score", "confidence")
 
 Columns = list[tuple[str, ...]]
 

@@ -243,7 +243,7 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
         events=tuple(header.events),
         trajectory_types=types,
         started=qtm_header.moment((header.values.get("TIME_STAMP") or [""])[0]),
-        remarks=renamed + wrong + remarks + _event_remarks(header, rate),
+        remarks=header.remarks + renamed + wrong + remarks + _event_remarks(header, rate),
     )
 
 

@@ -31,6 +31,7 @@ KEYS = (
     *("NO_OF_ANALOG", "ANALOG_FREQUENCY", "DESCRIPTION", "TIME_STAMP", "DATA_INCLUDED"),
     *("EVENT", "MARKER_NAMES", "TRAJECTORY_TYPES"),
 )
+_DECISIVE = {"NO_OF_FRAMES", "NO_OF_MARKERS", "FREQUENCY", "DATA_INCLUDED", "MARKER_NAMES"}
 COUNTERS = ("Frame", "Time")  # columns that may stand before the coordinates
 
 _KEY = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
@@ -54,6 +55,7 @@ class QtmHeader:
     first_row: list[str] = field(default_factory=list)
     n_lines: int = 0
     offset: int = 0
+    remarks: tuple[str, ...] = ()
 
     def place(self, key: str) -> str:
         """File and line of `key`, for messages."""
@@ -135,10 +137,13 @@ def _take(header: QtmHeader, fields: list[str]) -> None:
         header.events.append(event)
         header.event_frames.append(frame)
     elif key in header.values and header.values[key] != fields[1:]:
-        raise RecordingError(
+        told = (
             f"{header.path}, line {header.n_lines}: expected {key} once, "
             f"found it with another value in line {header.lines[key]}"
         )
+        if key in _DECISIVE:
+            raise RecordingError(told)
+        header.remarks += (f"{told}; the first is taken",)
     elif key:
         header.values[key] = fields[1:]
         header.lines[key] = header.n_lines

@@ -153,7 +153,8 @@ def _values(
 ) -> tuple[dict[str, str], tuple[str, ...]]:
     """Values by key, and remarks on keys that nobody knows, which are not read."""
     known = {key.lower(): key for key in KEYS}
-    keys, values = [known.get(key.lower(), key) for key in trimmed(keys)], trimmed(values)
+    keys, values = " ".join(keys).split(), " ".join(values).split()  # some have blanks for tabs
+    keys = [known.get(key.lower(), key) for key in keys]
     if len(keys) != len(values) or len(set(keys)) != len(keys):
         raise RecordingError(
             f"{path}, line 3: expected a value for each of {len(keys)} different keys, "
