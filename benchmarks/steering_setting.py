@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import cos, exp, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import OptimizeResult, minimize
 
 from hopdata.arrays import BoolArray, FloatArray
-from hopdata.code_cache import kept_njit
 from hopdata.rigid import composed, wrapped
 from hopdata.steering.control.objectives import (
     Controller,
@@ -28,7 +26,6 @@ from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.excitation import ControlGrid, Excitation
 from hopdata.steering.experiments.tasks import ORIGIN, board_for
 from hopdata.steering.frame_changes import FrameChanges, frame_changes
-from hopdata.steering.models import tabulated as tables
 from hopdata.steering.models.learning import random_split
 from hopdata.steering.models.process import (
     FrameChangeProcess,
@@ -43,139 +40,47 @@ from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import Board, Stance, SteeredHopper, released, steer_past
 from hopdata.steering.trial import record_trial, true_frame_changes
 
-# Derivatives of models in closed form, compiled as their values are.
-
-_ROOT3, _ROOT5 = sqrt(3.0), sqrt(5.0)
+# Derivatives of models in closed form.
 
 
 def change_and_gradient(model: Any, *inputs: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Frame changes (n, 3) of hops with these inputs, and derivatives (n, 3, d) by the inputs."""
     if isinstance(model, FrameChangeProcess):
-        return mean_and_gradient(model._points(inputs), *model._compiled)
+        points = model._points(inputs)
+        return model.mean_at(points), mean_slopes(model, points)
     if isinstance(model, TabulatedMap):
-        rows = input_rows(inputs, 2)
-        return spline_change_and_slopes(model.coefficients, model.swing_limit_rad, *rows)
+        angles, swings = input_rows(inputs, 2)
+        points = np.stack([swings, angles % (2 * np.pi)], axis=-1)
+        slopes = [model._spline(points, nu=nu) for nu in ((0, 1), (1, 0))]
+        return model.change(*inputs), np.stack(slopes, axis=-1)
     return model.change_and_gradient(*inputs)
 
 
-@kept_njit(error_model="numpy")
-def correlation_and_slope(squared, code):  # type: ignore[no-untyped-def]
-    """Return the kernel and its derivative by the squared distance; `code` is `kernel_code`.
+def correlation_slope(squared: FloatArray, smoothness: float) -> FloatArray:
+    """Return the derivative of the kernel by the squared distance.
 
     At distance zero the kernel of smoothness 1/2 has a kink, and its derivative is given as 0.
     """
-    if code == 1:
-        r = _ROOT3 * sqrt(squared)
-        decay = exp(-r)
-        return (1.0 + r) * decay, -1.5 * decay
-    if code == 2:
-        r = _ROOT5 * sqrt(squared)
-        decay = exp(-r)
-        return (1.0 + r + r * r / 3.0) * decay, -(5.0 / 6.0) * (1.0 + r) * decay
-    if code == 3:
-        decay = exp(-0.5 * squared)
-        return decay, -0.5 * decay
-    r = sqrt(squared)
-    decay = exp(-r)
-    return decay, (-0.5 * decay / r if r > 0.0 else 0.0)
+    if smoothness == np.inf:
+        return np.asarray(-0.5 * np.exp(-0.5 * squared))
+    r = np.sqrt(2 * smoothness * squared)
+    with np.errstate(divide="ignore"):
+        factor = {
+            0.5: np.where(r > 0, -0.5 / r, 0.0), 1.5: -1.5, 2.5: -(5.0 / 6.0) * (1.0 + r)
+        }[smoothness]  # fmt: skip
+    return np.asarray(factor * np.exp(-r))
 
 
-# Mean of the three processes and its gradient, compiled: a few points cost microseconds.
-
-
-@kept_njit(error_model="numpy")
-def accumulate(  # type: ignore[no-untyped-def]
-    point, train, weights, inverse_squares, offset, code, periodic, value, gradient
-):
-    """Write mean (3,) and gradient (3, d) at one point (d,).
-
-    `train` (m, 2 + d) holds cosine and sine of the boom angle, and the inputs; `weights` (3, m) and
-    `offset` (3,) are in units of the output; `inverse_squares` (3, d) are of the length scales.
-    """
-    d = len(point)
-    c, s = cos(point[0]), sin(point[0])
-    squares, slopes = np.empty(d), np.empty(d)
-    for j in range(3):
-        value[j] = offset[j]
-        for a in range(d):
-            gradient[j, a] = 0.0
-    for i in range(len(train)):
-        if periodic:
-            x, y = c - train[i, 0], s - train[i, 1]
-            squares[0] = x * x + y * y
-            slopes[0] = 2.0 * (s * train[i, 0] - c * train[i, 1])
-        for a in range(1 if periodic else 0, d):
-            difference = point[a] - train[i, 2 + a]
-            squares[a] = difference * difference
-            slopes[a] = 2.0 * difference
-        for j in range(3):
-            squared = 0.0
-            for a in range(d):
-                squared += squares[a] * inverse_squares[j, a]
-            k, slope = correlation_and_slope(squared, code)
-            value[j] += weights[j, i] * k
-            for a in range(d):
-                gradient[j, a] += weights[j, i] * slope * slopes[a] * inverse_squares[j, a]
-
-
-@kept_njit(error_model="numpy")
-def mean_and_gradient(  # type: ignore[no-untyped-def]
-    points, train, weights, inverse_squares, offset, code, periodic
-):
-    """Return means (n, 3) and gradients (n, 3, d) at points (n, d); see `accumulate`."""
-    n, d = points.shape
-    values, gradients = np.empty((n, 3)), np.empty((n, 3, d))
-    for p in range(n):
-        accumulate(
-            points[p], train, weights, inverse_squares, offset, code, periodic,
-            values[p], gradients[p],
-        )  # fmt: skip
-    return values, gradients
-
-
-@kept_njit(error_model="numpy")
-def _basis_slopes(f, per_unit):  # type: ignore[no-untyped-def]
-    """Return the derivatives of the four B-splines by the input."""
-    g = 1.0 - f
-    return (
-        -0.5 * g * g * per_unit,
-        (1.5 * f * f - 2.0 * f) * per_unit,
-        (2.0 * g - 1.5 * g * g) * per_unit,
-        0.5 * f * f * per_unit,
-    )
-
-
-@kept_njit(error_model="numpy")
-def spline_change_and_slope(coefficients, limit, angle, swing, value, gradient):  # type: ignore[no-untyped-def]
-    """Write value (3,) and gradient (3, 2) of a spline (A + 3, S + 2, 3) of angle and swing."""
-    i, f, per_angle = tables._on_turn(angle, coefficients.shape[0] - 3)
-    k, g, per_swing = tables._on_line(swing, limit, coefficients.shape[1] - 2)
-    b, db = tables._basis(f), _basis_slopes(f, per_angle)
-    e, de = tables._basis(g), _basis_slopes(g, per_swing)
-    for j in range(3):
-        total = by_angle = by_swing = 0.0
-        for p in range(4):
-            row = slope = 0.0
-            for q in range(4):
-                c = coefficients[i + p, k + q, j]
-                row += e[q] * c
-                slope += de[q] * c
-            total += b[p] * row
-            by_angle += db[p] * row
-            by_swing += b[p] * slope
-        value[j] = total
-        gradient[j, 0] = by_angle
-        gradient[j, 1] = by_swing
-
-
-@kept_njit(error_model="numpy")
-def spline_change_and_slopes(coefficients, limit, angles, swings):  # type: ignore[no-untyped-def]
-    """Return values (n, 3) and gradients (n, 3, 2); see `spline_change_and_slope`."""
-    n = len(angles)
-    values, gradients = np.empty((n, 3)), np.empty((n, 3, 2))
-    for a in range(n):
-        spline_change_and_slope(coefficients, limit, angles[a], swings[a], values[a], gradients[a])
-    return values, gradients
+def mean_slopes(process: FrameChangeProcess, points: FloatArray) -> FloatArray:
+    """Return the derivatives (n, 3, d) of a process's means at points (n, d)."""
+    apart = points[:, None] - process.inputs  # (n, m, d)
+    square, slope = apart**2, 2 * apart
+    if process.periodic:
+        square[..., 0] = 2 * (1 - np.cos(apart[..., 0]))
+        slope[..., 0] = 2 * np.sin(apart[..., 0])
+    inverse = 1 / process.length_scales**2
+    kernel = correlation_slope(np.einsum("nmd,jd->jnm", square, inverse), process.smoothness)
+    return np.einsum("jm,jnm,nmd,jd->njd", process.weights, kernel, slope, inverse, optimize=True)
 
 
 # Plans with the gradient in closed form, and the best plan there is.
@@ -238,7 +143,7 @@ def objective_and_gradient(
         boom += swing
     ahead, ahead_slopes = np.array(poses[1:]), np.array(slopes[1:])
     by_pose = _penalty_slopes(objective, ahead)
-    return objective_value(objective, ahead), np.einsum("kc,kch->h", by_pose, ahead_slopes)
+    return float(objective_value(objective, ahead)), np.einsum("kc,kch->h", by_pose, ahead_slopes)
 
 
 def _composed_slopes(

@@ -147,9 +147,9 @@ WITHOUT_ANY_FOLDER = """
 import tempfile
 
 tempfile.tempdir = "/dev/null"
-from hopdata.steering.models.tabulated import _basis
+from hopdata.landings.contacts.kink_kernel import _vertex
 
-print(_basis(1.0)[3] * 6)
+print(_vertex(-1.0, 4.0, 0.0, 1.0, 2.0, 1.0, 0.0))
 """
 
 

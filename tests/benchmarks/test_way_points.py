@@ -4,8 +4,7 @@ from control_models import table
 from live_loop import WayPointFollower, WayPoints
 
 from hopdata.steering.control.objectives import PlanningError, ToPoint, errors_left
-from hopdata.steering.control.planner import PlannerOptions, planner
-from hopdata.steering.control.planner_values import PointGrid
+from hopdata.steering.control.planner import PlannerOptions, PointGrid, planner
 from hopdata.steering.control.printed import predicted_poses
 
 MODEL = table()

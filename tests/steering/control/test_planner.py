@@ -15,21 +15,20 @@ from hopdata.steering.control.objectives import (
     ToPoint,
     errors_left,
 )
-from hopdata.steering.control.planner import PlannerOptions, planner
-from hopdata.steering.control.planner_values import (
+from hopdata.steering.control.planner import (
+    DISCOUNT,
+    TOLERANCE,
     HeadingGrid,
+    PlannerOptions,
     PointGrid,
-    StageCost,
-    distances_of,
-    point_value,
-    stage_cost,
+    planner,
 )
 from hopdata.steering.control.printed import predicted_poses
 
 TABLE = table()
 COARSE = PlannerOptions(
     point_grid=PointGrid(distances=24, bearings=24, boom_angles=16, swings=9),
-    heading_grid=HeadingGrid(errors=72, boom_angles=24, swings=9),
+    heading_grid=HeadingGrid(heading_errors=72, boom_angles=24, swings=9),
 )
 START = np.array([-0.9, 0.4, 2.6])
 
@@ -58,7 +57,7 @@ def flown(controller, pose, boom, hops):
 def test_the_cost_to_go_satisfies_bellman_s_equation(to_point):
     """At nodes, against poses composed in the world."""
     cost, grid = to_point.cost_to_go, COARSE.point_grid
-    distances = distances_of(grid.distances, grid.farthest_m)
+    distances = grid.distances_m
     swings = np.linspace(-LIMIT, LIMIT, grid.swings)
     rng = np.random.default_rng(np.random.SeedSequence(1))
     for _ in range(20):
@@ -69,19 +68,18 @@ def test_the_cost_to_go_satisfies_bellman_s_equation(to_point):
         for swing in swings:
             x, y, turn = TABLE.change(boom, swing)[0]
             turned = np.exp(-1j * turn) * complex(goal[0] - x, goal[1] - y)
-            ahead = point_value(
-                cost.values, cost.farthest_m, turned.real, turned.imag, boom + swing
-            )
-            now = stage_cost(abs(turned) ** 2, cost.stage.width)
-            after.append(now + cost.stage.discount * ahead)
-        assert cost.values[i, j, k] == pytest.approx(min(after), abs=3 * cost.stage.tolerance)
+            left = np.array([[turned.real, turned.imag, 0.0]])
+            ahead = cost.ahead(left, [boom + swing])[0]
+            now = abs(turned) ** 2 / (abs(turned) ** 2 + grid.width**2)
+            after.append(now + DISCOUNT * ahead)
+        assert cost.values[i, j, k] == pytest.approx(min(after), abs=3 * TOLERANCE)
 
 
 def test_the_cost_rises_with_the_distance_of_a_goal_ahead(to_point):
     """From half a metre on; nearer by, the hopper is best off with the goal still ahead of it."""
     grid = COARSE.point_grid
     ahead = to_point.cost_to_go.values[:, grid.bearings // 2].min(axis=-1)
-    far = distances_of(grid.distances, grid.farthest_m) > 0.5
+    far = grid.distances_m > 0.5
     assert far.sum() > 5
     assert np.all(np.diff(ahead[far]) > 0)
 
@@ -142,11 +140,10 @@ def test_a_state_that_is_none_is_refused(to_point):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: StageCost(width=0.0), "width: expected more than 0"),
-        (lambda: StageCost(width=0.1, discount=1.0), "discount: expected between 0 and 1"),
+        (lambda: HeadingGrid(width=0.0), "width: expected more than 0"),
         (lambda: PointGrid(bearings=2), "bearings: expected 4 at least, found 2"),
         (lambda: PointGrid(farthest_m=0.0), "farthest_m: expected more than 0"),
-        (lambda: HeadingGrid(errors=3), "errors: expected 4 at least"),
+        (lambda: HeadingGrid(heading_errors=3), "heading_errors: expected 4 at least"),
         (lambda: planner(TABLE, horizon=Horizon(hops=4)), "hops: expected one of"),
     ],
 )

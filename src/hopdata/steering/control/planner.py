@@ -1,36 +1,237 @@
 """A planner that gets to a point from any heading: a short look ahead, then the cost-to-go.
 
 Three hops are fewer than a turn takes, so the printed controller, facing away, sees no way that
-brings it nearer, and hops on the spot. The cost-to-go knows the way round.
+brings it nearer, and hops on the spot. The cost-to-go knows the way round: it is what going on from
+a state costs as well as can be, by value iteration on a grid.
+
+Seen from the hopper, "go to a point" depends on three numbers: the distance of the point, its
+bearing, and the boom angle. "Turn to a heading" depends on two: the heading error and the boom
+angle. The cost of a stance rises from 0 at the goal to 1 far away, and later stances count less:
+what is minimised is the time away from the goal, now and in the long run, so that it pays to
+arrive early and to stay.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import ConfigError
-from hopdata.rigid import wrapped
+from hopdata.errors import AnalysisError, ConfigError
+from hopdata.rigid import relative
 from hopdata.steering.control import objectives
-from hopdata.steering.control import planner_values as values
 from hopdata.steering.control.printed import predicted_poses
-from hopdata.steering.models.tabulated import FrameChangeMap, TabulatedMap, tabulated
+from hopdata.steering.models.process import TURN
+from hopdata.steering.models.tabulated import (
+    LEAST_NODES,
+    FrameChangeMap,
+    TabulatedMap,
+    tabulated,
+    turn_nodes,
+)
+
+DISCOUNT = 0.98  # what the next stance counts beside this one
+TOLERANCE = 1e-3  # largest change of the cost-to-go in the last sweep
+MOST_SWEEPS = 200
+SWEEPS_BETWEEN = 24  # under the policy chosen last
+
+# How much closer the distances lie near the goal than at the far end: exp(STRETCH).
+STRETCH = 3.5
+BEYOND = 1.0  # cost per metre beyond the last distance
 
 #: Swings of each hop that are tried before refinement, by the number of hops.
 SWINGS_TRIED = {1: 101, 2: 31, 3: 13}
+FINEST_RAD = 5e-3  # of the refinement: swings beside the best are a third of it away
+
+
+class _Grid:
+    """What both grids share; what is left of the way is the pose (..., 3) of the goal."""
+
+    boom_angles: int
+    swings: int
+    width: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if isinstance(value, int) and value < LEAST_NODES:
+                raise ConfigError(f"{name}: expected {LEAST_NODES} at least, found {value}")
+            if not value > 0:
+                raise ConfigError(f"{name}: expected more than 0, found {value}")
+
+    def stage_cost(self, error: FloatArray) -> FloatArray:
+        """Cost of stances with these errors."""
+        return error**2 / (error**2 + self.width**2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointGrid(_Grid):
+    """Grid of states and swings on which the cost-to-go to a point is computed.
+
+    Parameters
+    ----------
+    distances, bearings, boom_angles, swings : int
+        Number of nodes of each. Distances lie closer near the goal.
+    farthest_m : float
+        Largest distance, m; beyond it each metre costs as much as it takes hops.
+    width : float
+        Distance at which a stance costs one half, m.
+    """
+
+    distances: int = 40
+    bearings: int = 48
+    boom_angles: int = 32
+    swings: int = 25
+    farthest_m: float = 3.0
+    width: float = 0.2
+
+    @property
+    def distances_m(self) -> FloatArray:
+        """Distances (D,) of the nodes, m."""
+        place = np.linspace(0.0, 1.0, self.distances)
+        return np.asarray(self.farthest_m * np.expm1(STRETCH * place) / np.expm1(STRETCH))
+
+    def nodes(self) -> FloatArray:
+        """Return what is left at the nodes, (D, B, 3)."""
+        distance, bearing = self.distances_m[:, None], turn_nodes(self.bearings) - np.pi
+        x, y = distance * np.cos(bearing), distance * np.sin(bearing)
+        return np.stack([x, y, np.zeros_like(x)], axis=-1)
+
+    def errors(self, left: FloatArray) -> FloatArray:
+        """Return the distances of the goal, m."""
+        return np.hypot(left[..., 0], left[..., 1])
+
+    def places(self, left: FloatArray) -> tuple[FloatArray, ...]:
+        """Return places between the nodes of distance and of bearing, counted in nodes."""
+        inner = np.minimum(self.errors(left), self.farthest_m)
+        stretched = np.log1p(inner * (np.expm1(STRETCH) / self.farthest_m)) / STRETCH
+        bearing = np.arctan2(left[..., 1], left[..., 0]) + np.pi
+        return stretched * (self.distances - 1), bearing * (self.bearings / TURN)
+
+    def beyond(self, left: FloatArray) -> FloatArray:
+        """Return what the way to the last distance costs."""
+        return BEYOND * np.maximum(self.errors(left) - self.farthest_m, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeadingGrid(_Grid):
+    """The same for a heading; `width` is the heading error at which a stance costs half, rad."""
+
+    heading_errors: int = 180
+    boom_angles: int = 72
+    swings: int = 37
+    width: float = 0.15
+
+    def nodes(self) -> FloatArray:
+        """Return what is left at the nodes, (E, 3)."""
+        turn = turn_nodes(self.heading_errors) - np.pi
+        return np.stack([np.zeros_like(turn), np.zeros_like(turn), turn], axis=-1)
+
+    def errors(self, left: FloatArray) -> FloatArray:
+        """Return the sizes of the heading errors, rad."""
+        return np.abs(left[..., 2])
+
+    def places(self, left: FloatArray) -> tuple[FloatArray, ...]:
+        """Return places between the nodes, counted in nodes."""
+        return ((left[..., 2] + np.pi) * (self.heading_errors / TURN),)
+
+    def beyond(self, left: FloatArray) -> FloatArray:
+        """Return nothing: all heading errors are on the grid."""
+        return np.zeros(left.shape[:-1])
+
+
+Grid: TypeAlias = PointGrid | HeadingGrid
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlannerOptions:
-    """What the cost-to-go weighs, and on which grids it is computed."""
+    """On which grids the cost-to-go is computed."""
 
-    point: values.StageCost = field(default_factory=lambda: values.StageCost(width=0.2))
-    heading: values.StageCost = field(default_factory=lambda: values.StageCost(width=0.15))
-    point_grid: values.PointGrid = field(default_factory=values.PointGrid)
-    heading_grid: values.HeadingGrid = field(default_factory=values.HeadingGrid)
+    point_grid: PointGrid = field(default_factory=PointGrid)
+    heading_grid: HeadingGrid = field(default_factory=HeadingGrid)
+
+
+@dataclass(frozen=True)
+class CostToGo:
+    """Cost-to-go on a grid.
+
+    Parameters
+    ----------
+    values : (D, B, A) or (E, A) array
+        By distance, bearing and boom angle, or by heading error and boom angle. Bearings and errors
+        are spaced evenly from -pi on, boom angles from 0 on.
+    grid : PointGrid or HeadingGrid
+    sweeps : int
+        Improvements of the policy that it took.
+    """
+
+    values: FloatArray
+    grid: Grid
+    sweeps: int
+
+    @cached_property
+    def _closed(self) -> FloatArray:
+        return _closed(self.values)
+
+    def ahead(self, left: FloatArray, boom_angle_rad: ArrayLike) -> FloatArray:
+        """Cost-to-go where this is left (..., 3) at these boom angles; linear between the nodes."""
+        places = (*self.grid.places(left), _boom_places(boom_angle_rad, self.grid.boom_angles))
+        return _between(self._closed, np.stack(places)) + self.grid.beyond(left)
+
+
+def _boom_places(boom_angle_rad: ArrayLike, boom_angles: int) -> FloatArray:
+    return np.asarray(boom_angle_rad) % TURN * (boom_angles / TURN)
+
+
+def _closed(values: FloatArray) -> FloatArray:
+    """Values with the first of each angle once more behind the last; all axes but the distance."""
+    return np.pad(values, [(0, 0), (0, 1), (0, 1)][-values.ndim :], mode="wrap")
+
+
+def _between(closed: FloatArray, places: FloatArray) -> FloatArray:
+    """Interpolate linearly at places (axes, ...)."""
+    from scipy.ndimage import map_coordinates
+
+    return np.asarray(map_coordinates(closed, places, order=1, mode="nearest"))
+
+
+def cost_to_go(model: TabulatedMap, grid: Grid) -> CostToGo:
+    """Return the cost-to-go on a grid by policy iteration.
+
+    The best swings are chosen, what they cost is followed over some hops, and they are chosen
+    again. Where each swing leads does not change, so that it is worked out once.
+
+    Raises
+    ------
+    AnalysisError
+        If it does not settle.
+    """
+    boom = turn_nodes(grid.boom_angles)[:, None]
+    swing = np.linspace(-model.swing_limit_rad, model.swing_limit_rad, grid.swings)
+    rows = [axis.ravel() for axis in np.broadcast_arrays(boom, swing)]
+    change = model.change(*rows).reshape(grid.boom_angles, grid.swings, 3)
+    left = relative(change, grid.nodes()[..., None, None, :])
+    now = grid.stage_cost(grid.errors(left)) + DISCOUNT * grid.beyond(left)
+    booms = np.broadcast_to(_boom_places(boom + swing, grid.boom_angles), now.shape)
+    places = np.stack([*grid.places(left), booms])
+    values = np.zeros(now.shape[:-1])
+    for sweep in range(1, MOST_SWEEPS + 1):
+        costs = now + DISCOUNT * _between(_closed(values), places)
+        best = costs.argmin(axis=-1)[..., None]
+        before, values = values, np.take_along_axis(costs, best, axis=-1)[..., 0]
+        if np.abs(values - before).max() < TOLERANCE:
+            return CostToGo(values, grid, sweep)
+        stage = np.take_along_axis(now, best, axis=-1)[..., 0]
+        chosen = np.take_along_axis(places, best[None], axis=-1)[..., 0]
+        for _ in range(SWEEPS_BETWEEN):
+            values = stage + DISCOUNT * _between(_closed(values), chosen)
+    raise AnalysisError(
+        f"cost-to-go: expected changes below {TOLERANCE} within {MOST_SWEEPS} sweeps"
+    )
 
 
 @dataclass(frozen=True)
@@ -51,7 +252,7 @@ class Planner:
     objective: objectives.Objective
     horizon: objectives.Horizon
     options: PlannerOptions
-    cost_to_go: values.CostToGo
+    cost_to_go: CostToGo
 
     def towards(self, objective: objectives.Objective) -> Planner:
         """Return a planner with another objective; of the other kind, it is computed anew."""
@@ -65,21 +266,35 @@ class Planner:
         """Plan from a pose and a boom angle; the previous swing is not used."""
         del previous_swing_rad
         start, boom = objectives.checked_state(pose, boom_angle_rad)
-        swings = np.empty(self.horizon.hops)
-        value = values.best_ahead(
-            self.model.coefficients,
-            self.horizon.swing_limit_rad,
-            self.cost_to_go.layers,
-            self.cost_to_go.farthest_m,
-            self.cost_to_go.stage.width,
-            self.cost_to_go.stage.discount,
-            isinstance(self.objective, objectives.ToHeading),
-            _left(self.objective, start),
-            boom,
-            SWINGS_TRIED[self.horizon.hops],
-            swings,
-        )
+        if isinstance(self.objective, objectives.ToHeading):
+            left = relative(start, [*start[:2], self.objective.heading_rad])
+        else:
+            left = relative(start, [*self.objective.point_m, start[2]])
+        hops, limit = self.horizon.hops, self.horizon.swing_limit_rad
+        tried = SWINGS_TRIED[hops]
+        value, swings = self._best(left, boom, [np.linspace(-limit, limit, tried)] * hops)
+        step = 2 * limit / (tried - 1)
+        while step > FINEST_RAD:
+            near = np.clip(swings[:, None] + step * np.linspace(-1, 1, 7), -limit, limit)
+            value, swings = self._best(left, boom, near)
+            step /= 3
         return objectives.Plan(swings, predicted_poses(self.model, start, boom, swings), value)
+
+    def _best(
+        self, left: FloatArray, boom: float, tried: Iterable[FloatArray]
+    ) -> tuple[float, FloatArray]:
+        """Return the least cost over all sequences of the swings tried at each hop, and those."""
+        grid, total, weight, booms = self.cost_to_go.grid, np.zeros(()), 1.0, np.array(boom)
+        for swing in tried:
+            shape = (*booms.shape, len(swing))
+            at = [np.broadcast_to(one, shape).ravel() for one in (booms[..., None], swing)]
+            left = relative(self.model.change(*at).reshape(*shape, 3), left[..., None, :])
+            booms = booms[..., None] + swing
+            total = total[..., None] + weight * grid.stage_cost(grid.errors(left))
+            weight *= DISCOUNT
+        total = total + weight * self.cost_to_go.ahead(left, booms)
+        best = np.unravel_index(total.argmin(), total.shape)
+        return float(total[best]), np.array([one[k] for one, k in zip(tried, best, strict=True)])
 
 
 def planner(
@@ -97,17 +312,6 @@ def planner(
     limit = horizon.swing_limit_rad
     if not (isinstance(model, TabulatedMap) and model.swing_limit_rad == limit):
         model = tabulated(model, limit)
-    if isinstance(objective, objectives.ToHeading):
-        cost = values.to_a_heading(model, options.heading, options.heading_grid)
-    else:
-        cost = values.to_a_point(model, options.point, options.point_grid)
-    return Planner(model, objective, horizon, options, cost)
-
-
-def _left(objective: objectives.Objective, pose: FloatArray) -> FloatArray:
-    """Return what is left of the way, in the body frame: the point (m, m), or the turn (rad)."""
-    if isinstance(objective, objectives.ToHeading):
-        return np.array([0.0, 0.0, wrapped(objective.heading_rad - pose[2])])
-    away = np.array(objective.point_m) - pose[:2]
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return np.array([c * away[0] + s * away[1], c * away[1] - s * away[0], 0.0])
+    turns = isinstance(objective, objectives.ToHeading)
+    grid = options.heading_grid if turns else options.point_grid
+    return Planner(model, objective, horizon, options, cost_to_go(model, grid))

@@ -13,10 +13,12 @@ from hopdata.rigid import composed
 from hopdata.steering.control import objectives
 from hopdata.steering.models.tabulated import FrameChangeMap
 
+DIFFERENCE_RAD = 1e-8  # as scipy takes it by itself, but all differences at once
+
 
 @dataclass(frozen=True, kw_only=True)
 class PrintedController:
-    """Predictive control by scipy's L-BFGS-B, which takes differences of the objective.
+    """Predictive control by scipy's L-BFGS-B, with differences of the objective.
 
     Where the search begins the text does not say. It descends, and does not find the other way
     round by itself, so it begins at several places, of which the best end counts: half the limit to
@@ -65,23 +67,33 @@ class PrintedController:
         """Search from the same swing in all hops."""
         from scipy.optimize import minimize
 
-        def value(swings: FloatArray) -> float:
-            poses = predicted_poses(self.model, pose, boom_angle_rad, swings)
-            return objectives.objective_value(self.objective, poses[1:])
-
         limit, hops = self.horizon.swing_limit_rad, self.horizon.hops
+
+        def value_and_slope(swings: FloatArray) -> tuple[float, FloatArray]:
+            """Value at the swings, and its slope by differences of swings within the limit."""
+            steps = np.where(swings + DIFFERENCE_RAD > limit, -DIFFERENCE_RAD, DIFFERENCE_RAD)
+            tried = swings + np.vstack([np.zeros(hops), np.diag(steps)])
+            poses = predicted_poses(self.model, pose, boom_angle_rad, tried)
+            values = objectives.objective_value(self.objective, poses[1:])
+            return float(values[0]), (values[1:] - values[0]) / np.diag(tried[1:] - swings)
+
         return minimize(
-            value, np.full(hops, first_rad), method="L-BFGS-B", bounds=[(-limit, limit)] * hops
+            value_and_slope,
+            np.full(hops, first_rad),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(-limit, limit)] * hops,
         )
 
 
 def predicted_poses(
-    model: FrameChangeMap, pose: FloatArray, boom_angle_rad: float, swings_rad: FloatArray
+    model: FrameChangeMap, pose: ArrayLike, boom_angle_rad: float, swings_rad: ArrayLike
 ) -> FloatArray:
-    """Poses (H + 1, 3) of a rollout, the present one first (Sec. 3.4.1)."""
-    poses, boom = [np.asarray(pose, dtype=float)], boom_angle_rad
-    for swing in swings_rad:
-        change = model.change(np.array([boom]), np.array([swing]))[0]
+    """Poses (H + 1, ..., 3) of rollouts by swings (..., H), the present one first (Sec. 3.4.1)."""
+    swings = np.moveaxis(np.asarray(swings_rad, dtype=float), -1, 0)
+    booms = boom_angle_rad + np.cumsum(swings, axis=0) - swings
+    poses = [np.broadcast_to(np.asarray(pose, dtype=float), (*swings.shape[1:], 3))]
+    for boom, swing in zip(booms, swings, strict=True):
+        change = model.change(np.ravel(boom), np.ravel(swing)).reshape(*swing.shape, 3)
         poses.append(composed(poses[-1], change))
-        boom += swing
     return np.array(poses)

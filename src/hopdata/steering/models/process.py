@@ -1,14 +1,12 @@
 """Three Gaussian processes, one for each component of the frame change, in closed form.
 
-Mean and variance follow Rasmussen and Williams 2006, Sec. 2.2. The mean is compiled: a controller
-asks for few points at a time.
+Mean and variance follow Rasmussen and Williams 2006, Sec. 2.2.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
-from math import cos, exp, sin, sqrt
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -17,8 +15,7 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
-from hopdata.code_cache import kept_njit
-from hopdata.errors import AnalysisError, ConfigError, RecordingError
+from hopdata.errors import AnalysisError, RecordingError
 from hopdata.jobs import whole_file
 
 # Arguments of maps: as many inputs as the map has, a number or an array of one a hop each.
@@ -53,23 +50,6 @@ def input_rows(inputs: tuple[ArrayLike, ...], wanted: int) -> FloatArray:
 
 SMOOTHNESSES = (0.5, 1.5, 2.5, np.inf)
 
-_ROOT3, _ROOT5 = sqrt(3.0), sqrt(5.0)
-
-
-def kernel_code(smoothness: float) -> int:
-    """Return the number by which compiled code knows a smoothness: its place in SMOOTHNESSES.
-
-    Raises
-    ------
-    ConfigError
-        If it is none of them.
-    """
-    if smoothness not in SMOOTHNESSES:
-        raise ConfigError(
-            f"smoothness: expected one of {', '.join(map(str, SMOOTHNESSES))}, found {smoothness}"
-        )
-    return SMOOTHNESSES.index(smoothness)
-
 
 def embedded(inputs: ArrayLike, periodic: bool) -> FloatArray:
     """Return inputs (n, d) with the boom angle, the first, as a point on the circle: (n, d + 1).
@@ -89,14 +69,6 @@ def embedded_scales(length_scales: ArrayLike, periodic: bool) -> FloatArray:
     return np.concatenate([scales[..., :1], scales], axis=-1) if periodic else scales
 
 
-def squared_distances(a: FloatArray, b: FloatArray, scales: FloatArray) -> FloatArray:
-    """Return scaled squared distances (n, m) of embedded inputs (n, e) and (m, e)."""
-    squared = np.zeros((len(a), len(b)))
-    for column_a, column_b in zip((a / scales).T, (b / scales).T, strict=True):
-        squared += (column_a[:, None] - column_b) ** 2
-    return squared
-
-
 def correlation(squared: FloatArray, smoothness: float) -> FloatArray:
     """Return the kernel, 1 at distance zero, of scaled squared distances."""
     if smoothness == np.inf:
@@ -104,47 +76,6 @@ def correlation(squared: FloatArray, smoothness: float) -> FloatArray:
     r = np.sqrt(2 * smoothness * squared)
     polynomial = {0.5: 1.0, 1.5: 1 + r, 2.5: 1 + r + r**2 / 3}[smoothness]
     return np.asarray(polynomial * np.exp(-r))
-
-
-@kept_njit(error_model="numpy")
-def compiled_correlation(squared, code):  # type: ignore[no-untyped-def]
-    """Return the kernel at a squared distance; `code` is `kernel_code`."""
-    if code == 3:
-        return exp(-0.5 * squared)
-    if code == 2:
-        r = _ROOT5 * sqrt(squared)
-        return (1.0 + r + r * r / 3.0) * exp(-r)
-    if code == 1:
-        r = _ROOT3 * sqrt(squared)
-        return (1.0 + r) * exp(-r)
-    return exp(-sqrt(squared))
-
-
-@kept_njit(error_model="numpy")
-def mean(points, train, weights, inverse_squares, offset, code, periodic):  # type: ignore[no-untyped-def]
-    """Return means of the three processes (n, 3) at points (n, d): a few cost microseconds.
-
-    `train` (m, 2 + d) holds cosine and sine of the boom angle, and the inputs; `weights` (3, m) and
-    `offset` (3,) are in units of the output; `inverse_squares` (3, d) are of the length scales.
-    """
-    n, d = points.shape
-    values, squares = np.empty((n, 3)), np.empty(d)
-    for p in range(n):
-        c, s = cos(points[p, 0]), sin(points[p, 0])
-        values[p] = offset
-        for i in range(len(train)):
-            if periodic:
-                x, y = c - train[i, 0], s - train[i, 1]
-                squares[0] = x * x + y * y
-            for a in range(1 if periodic else 0, d):
-                difference = points[p, a] - train[i, 2 + a]
-                squares[a] = difference * difference
-            for j in range(3):
-                squared = 0.0
-                for a in range(d):
-                    squared += squares[a] * inverse_squares[j, a]
-                values[p, j] += weights[j, i] * compiled_correlation(squared, code)
-    return values
 
 
 TURN = 2 * np.pi
@@ -198,13 +129,16 @@ class FrameChangeProcess:
     @cached_property
     def inverse_factors(self) -> FloatArray:
         """Inverse Cholesky factors of the three covariances, (3, m, m)."""
-        points = embedded(self.inputs, self.periodic)
-        factors = []
-        for j in range(3):
-            covariance = self._covariance(points, points, j)
-            covariance[np.diag_indices_from(covariance)] += self.noise[j]
-            factors.append(_inverse_factor(covariance))
-        return np.array(factors)
+        covariances = self.variance[:, None, None] * self._correlations(self.inputs)
+        covariances += self.noise[:, None, None] * np.eye(len(self.inputs))
+        with one_blas_thread():
+            try:
+                return np.asarray(np.linalg.inv(np.linalg.cholesky(covariances)))
+            except np.linalg.LinAlgError as error:
+                raise AnalysisError(
+                    "Gaussian process: expected a positive definite covariance, found one that is "
+                    "not; the noise is too small for hops that are so much alike"
+                ) from error
 
     @property
     def _whitened(self) -> FloatArray:
@@ -216,7 +150,7 @@ class FrameChangeProcess:
     def weights(self) -> FloatArray:
         """Weight of each training point in the mean, (3, m), in units of the output."""
         solved = np.einsum("jab,ja->jb", self.inverse_factors, self._whitened)
-        return np.ascontiguousarray(solved * (self.variance * self.unit)[:, None])
+        return np.asarray(solved * (self.variance * self.unit)[:, None])
 
     @cached_property
     def log_marginal_likelihood(self) -> FloatArray:
@@ -241,52 +175,38 @@ class FrameChangeProcess:
 
         It matters only for processes that are not periodic.
         """
-        return mean(np.ascontiguousarray(points, dtype=float), *self._compiled)
+        means = np.einsum("jna,ja->nj", self._correlations(points), self.weights)
+        return np.asarray(self.offset + means)
 
     @one_blas_thread()
     def sd_at(self, points: ArrayLike, *, observed: bool = False) -> FloatArray:
         """Return predictive standard deviations (n, 3) at inputs (n, d); see `mean_at`, `sd`."""
-        at = embedded(np.asarray(points, dtype=float), self.periodic)
-        train = embedded(self.inputs, self.periodic)
-        variances = np.empty((len(at), 3))
-        for j in range(3):
-            explained = self._covariance(at, train, j) @ self.inverse_factors[j].T
-            variances[:, j] = self.variance[j] - (explained**2).sum(axis=1)
+        crossed = self.variance[:, None, None] * self._correlations(points)
+        explained = crossed @ self.inverse_factors.swapaxes(1, 2)
+        variances = self.variance - (explained**2).sum(axis=2).T
         variances = np.maximum(variances, 0.0) + (self.noise if observed else 0.0)
         return np.asarray(np.sqrt(variances) * self.unit)
 
-    def _covariance(self, a: FloatArray, b: FloatArray, j: int) -> FloatArray:
-        scales = embedded_scales(self.length_scales[j], self.periodic)
-        return self.variance[j] * correlation(squared_distances(a, b, scales), self.smoothness)
+    @cached_property
+    def _scaled(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Length scales and scaled training inputs of each process, both embedded."""
+        train = embedded(self.inputs, self.periodic)
+        scales = embedded_scales(self.length_scales, self.periodic)
+        return [(one, train / one) for one in scales]
+
+    def _correlations(self, points: ArrayLike) -> FloatArray:
+        """Kernels between points (n, d) and the training inputs, (3, n, m)."""
+        from scipy.spatial.distance import cdist
+
+        at = embedded(points, self.periodic)
+        squared = [cdist(at / scales, train, "sqeuclidean") for scales, train in self._scaled]
+        return correlation(np.array(squared), self.smoothness)
 
     def _points(self, inputs: tuple[ArrayLike, ...]) -> FloatArray:
         points = input_rows(inputs, self.n_inputs).T
         if not self.periodic:
             points[:, 0] %= TURN
-        return np.ascontiguousarray(points)
-
-    @cached_property
-    def _compiled(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, bool]:
-        """Arguments of the compiled mean after the points."""
-        angle = self.inputs[:, 0]
-        train = np.column_stack([np.cos(angle), np.sin(angle), self.inputs])
-        inverse_squares = 1.0 / self.length_scales**2
-        code = kernel_code(self.smoothness)
-        return train, self.weights, inverse_squares, self.offset, code, self.periodic
-
-
-def _inverse_factor(covariance: FloatArray) -> FloatArray:
-    from scipy.linalg import cholesky, solve_triangular
-
-    with one_blas_thread():
-        try:
-            factor = cholesky(covariance, lower=True)
-        except np.linalg.LinAlgError as error:
-            raise AnalysisError(
-                "Gaussian process: expected a positive definite covariance, found one that is not; "
-                "the noise is too small for hops that are so much alike"
-            ) from error
-        return np.asarray(solve_triangular(factor, np.eye(len(factor)), lower=True))
+        return points
 
 
 # Trained processes on disk: one `.npz` file, written whole or not at all.

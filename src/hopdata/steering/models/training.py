@@ -13,7 +13,12 @@ from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, chosen, require_choice
 from hopdata.steering.frame_changes import FrameChanges
-from hopdata.steering.models.process import TURN, FrameChangeProcess, embedded, kernel_code
+from hopdata.steering.models.process import (
+    SMOOTHNESSES,
+    TURN,
+    FrameChangeProcess,
+    embedded,
+)
 from hopdata.steering.robot import Options
 
 # How the processes are set up: the printed way, the recommended one, and others between them.
@@ -70,7 +75,9 @@ class ProcessOptions:
     restarts: int = 1
 
     def __post_init__(self) -> None:
-        kernel_code(self.smoothness)
+        if self.smoothness not in SMOOTHNESSES:
+            known = ", ".join(map(str, SMOOTHNESSES))
+            raise ConfigError(f"smoothness: expected one of {known}, found {self.smoothness}")
         require_choice("history", self.history, HISTORIES)
         for name in ("variance", "noise", "length_scale", "length_unit_m"):
             value = getattr(self, name)
