@@ -12,12 +12,10 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from hopdata.arrays import pd
 from hopdata.errors import HopdataError
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 TEXT_COLUMNS = (
     *("recording", "schedule", "schedule_a", "schedule_b", "reason"),
@@ -135,8 +133,6 @@ def _printed(column: pd.Series) -> list[str]:
 
 def read_table(path: str | Path) -> pd.DataFrame:
     """Read a CSV table; `TEXT_COLUMNS` stay text, their empty cells empty text."""
-    import pandas as pd
-
     text = [name for name in pd.read_csv(path, nrows=0).columns if name in TEXT_COLUMNS]
     # A recording may be called NA; an empty cell alone is a missing value.
     missing: Any = {"keep_default_na": False, "na_values": [""]}
@@ -146,7 +142,5 @@ def read_table(path: str | Path) -> pd.DataFrame:
 
 def read_tables(paths: Iterable[str | Path]) -> pd.DataFrame:
     """Read CSV tables of the same columns into one; those without rows leave its types alone."""
-    import pandas as pd
-
     tables = [read_table(path) for path in paths]
     return pd.concat([t for t in tables if len(t)] or tables[:1], ignore_index=True)

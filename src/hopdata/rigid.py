@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -108,6 +109,23 @@ def twists(rotation: FloatArray) -> FloatArray:
             rotation[..., 1, 0] - rotation[..., 0, 1], rotation[..., 0, 0] + rotation[..., 1, 1]
         )
     )
+
+
+# Coordinates of a rigid body on a section, with place and heading left out, and its outcome: the
+# change of place and heading, and the same eight at the post section.
+INPUT_NAMES = (
+    *("pitch_rad", "roll_rad"),
+    *("forward_m_s", "sideways_m_s", "climb_m_s"),
+    *("spin_x_rad_s", "spin_y_rad_s", "spin_z_rad_s"),
+)
+OUTPUT_NAMES = ("step_x_m", "step_y_m", "turn_rad", *INPUT_NAMES)
+
+
+def turned(vectors: Any, yaw: Any) -> Any:
+    """Return vectors (..., 3), of numbers of any kind, in frames turned by `yaw`, (...)."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack([c * x + s * y, c * y - s * x, vectors[..., 2]], axis=-1)
 
 
 # Rigid motions of the plane, SE(2): poses (x, y, heading), m and rad, on the last array axis.

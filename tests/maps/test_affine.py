@@ -6,12 +6,10 @@ from hopdata.errors import AnalysisError
 from hopdata.maps import affine
 from hopdata.maps.affine import (
     affine_test_errors,
-    cross_product,
     fit_affine,
     leave_one_out_residuals,
     mean_test_errors,
     pooled_basis,
-    row_product,
 )
 from hopdata.maps.draws import distinct_draws, named_generator
 
@@ -268,11 +266,3 @@ def test_directions_that_are_not_there_are_left_out():
     assert pooled_basis(x).shape == pooled_basis(more).shape == (400, 5)
     assert pooled_basis(np.full((400, 3), 0.288)).shape == (400, 1)
     assert pooled_basis(x[:3]).shape == (3, 3)
-
-
-def test_products_in_blocks_are_products():
-    a, b = np.random.default_rng(2).normal(size=(2, 600, 5))
-    np.testing.assert_allclose(cross_product(a, b), a.T @ b, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(row_product(a, b[:5]), a @ b[:5], rtol=1e-13)
-    assert cross_product(a[:0], b[:0]).tolist() == np.zeros((5, 5)).tolist()
-    assert row_product(a[:0], b[:5]).shape == (0, 5)

@@ -5,8 +5,6 @@ import pytest
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import (
-    INPUT_NAMES,
-    OUTPUT_NAMES,
     foot_sets,
     kink_slopes,
     kinks,
@@ -15,7 +13,7 @@ from hopdata.maps.coordinates import (
     rigid_states,
     section_coordinates,
 )
-from hopdata.rigid import body_shape, kabsch
+from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES, body_shape, kabsch
 
 SHAPE = np.array([[0.13, 0.03, -0.01], [-0.07, 0.11, 0.02], [-0.06, -0.14, -0.01]])
 
@@ -59,8 +57,6 @@ def test_place_attitude_and_motion_are_found_exactly(n_markers):
     np.testing.assert_allclose(found.rotation, rotation, atol=1e-13)
     np.testing.assert_allclose(found.velocity, velocity, atol=1e-13)
     np.testing.assert_allclose(found.spin, spin, atol=1e-12)
-    assert found.position_residual_m < 1e-13
-    assert found.velocity_residual_m_s < 1e-12
 
 
 def test_kabsch_gives_rotations_and_never_a_reflection():
@@ -157,17 +153,6 @@ def test_nothing_changes_if_each_landing_is_moved_and_turned_in_the_plane():
         pairs.append(section_coordinates(*states))
     for one, other in zip(*pairs, strict=True):
         np.testing.assert_allclose(other, one, atol=1e-11)
-
-
-def test_the_noise_of_the_markers_is_recovered_from_what_is_not_rigid():
-    rng = np.random.default_rng(11)
-    centre, rotation, velocity, spin, _ = motions(20_000)
-    states = markers(centre, rotation, velocity, spin)
-    noise = np.repeat([6e-4, 0.02], states.shape[1] // 2)
-    found = rigid_states(states + noise * rng.standard_normal(states.shape), SHAPE)
-    # 3 degrees of freedom a landing: standard error 1 / sqrt(2 * 3 * 20000) = 0.3 %
-    assert found.position_residual_m == pytest.approx(6e-4, rel=0.01)
-    assert found.velocity_residual_m_s == pytest.approx(0.02, rel=0.01)
 
 
 @pytest.mark.parametrize("column", range(11))

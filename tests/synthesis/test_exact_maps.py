@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from hopdata.errors import AnalysisError
+from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
 from hopdata.synthesis.exact_maps import homed, section_jacobians, simultaneous_landing
 from hopdata.synthesis.hops import level_state
 from hopdata.synthesis.landings import (
-    INPUT_NAMES,
-    OUTPUT_NAMES,
     SectionHeights,
     height_slope,
     input_coordinates,

@@ -7,10 +7,11 @@ import pytest
 
 from hopdata.errors import AnalysisError
 from hopdata.maps.truth.scaling import scaling_table
+from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
 from hopdata.synthesis import simulate_recording
-from hopdata.synthesis.landings import INPUT_NAMES, OUTPUT_NAMES, SectionHeights
+from hopdata.synthesis.landings import SectionHeights
 from hopdata.synthesis.scaling import (
     KnownScene,
     common_scene,

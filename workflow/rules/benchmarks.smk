@@ -56,6 +56,19 @@ BENCHMARK_ARGUMENTS = {
 }
 # Whose tables hold errors and no times: these run beside each other, the others one at a time.
 UNTIMED = {"guesses", "map_error", "order", "recording_faults", "velocities"}
+# Each figure, as `benchmark_figures.py` draws it, and the tables that it is drawn from.
+BENCHMARK_FIGURES = {
+    "fig4_2_order": ["order.csv"],
+    "fig4_3_calibration": ["calibration_trajectories.csv"],
+    "fig4_4_scaling": ["plate.csv", "plate_marginal.csv"],
+    "work_precision": ["work_precision.csv", "ratios.csv"],
+    "map_error": ["map_error.csv"],
+    "fig3_3_frame_change": ["frame_change_map.csv", "frame_change_points.csv"],
+    "fig3_3_printed": ["frame_change_map.csv", "frame_change_points.csv"],
+    "learning_curve": ["frame_change_learning.csv"],
+    "kernel_smoothness": ["frame_change_kernels.csv"],
+    "verdict_power": ["verdict_power.csv"],
+}
 for program, tables in BENCHMARK_TABLES.items():
 
     rule:
@@ -82,32 +95,38 @@ for program, tables in BENCHMARK_TABLES.items():
             "{params.python} {params.program} --out {output.table} {params.arguments} > {log} 2>&1"
 
 
-for figure_name in CATALOGUE["benchmarks"]:
-    job = drawn("benchmarks", BENCHMARKS, to=f"{BENCHMARKS}/figures", names=[figure_name])
+for figure_name, tables in BENCHMARK_FIGURES.items():
 
     rule:
         name:
             f"figure_{figure_name}"
         input:
-            **job["input"],
+            expand(f"{BENCHMARKS}/{{table}}", table=tables),
         output:
-            job["output"],
+            expand(f"{BENCHMARKS}/figures/{figure_name}.{{format}}", format=FORMATS),
         log:
             f"{BENCHMARKS}/figure_{figure_name}.log",
         resources:
             **needs(minutes=10),
         params:
-            **job["params"],
-        script:
-            "../scripts/figures.py"
+            python=sys.executable,
+            program=f"{PROGRAMS}/benchmark_figures.py",
+            figure=figure_name,
+            base=f"{BENCHMARKS}/figures/{figure_name}",
+            dpi=STUDY["figures"]["dpi"],
+            formats=FORMATS,
+            code=lambda wildcards: code_digest(PROGRAMS / "benchmark_figures.py"),
+        shell:
+            "{params.python} {params.program} {params.figure} {input} --out {params.base} "
+            "--dpi {params.dpi} --formats {params.formats} > {log} 2>&1"
 
 
 rule benchmark_page:
     """Every table and figure of the last run on one page, with what it ran on."""
     input:
         tables=[f"{BENCHMARKS}/{table}" for tables in BENCHMARK_TABLES.values() for table in tables],
-        figures=expand(f"{BENCHMARKS}/figures/{{name}}.{FORMATS[0]}", name=CATALOGUE["benchmarks"]),
-        captions=expand(f"{CAPTIONS}/{{name}}.md", name=CATALOGUE["benchmarks"]),
+        figures=expand(f"{BENCHMARKS}/figures/{{name}}.{FORMATS[0]}", name=BENCHMARK_FIGURES),
+        captions=expand(f"{CAPTIONS}/{{name}}.md", name=BENCHMARK_FIGURES),
     output:
         f"{BENCHMARKS}/README.md",
     log:
@@ -123,6 +142,7 @@ rule benchmark_page:
             }
             for name, tables in BENCHMARK_TABLES.items()
         },
+        drawn_from=BENCHMARK_FIGURES,
         code=code("benchmark_page"),
     script:
         "../scripts/benchmark_page.py"
@@ -134,6 +154,6 @@ rule benchmarks:
         rules.benchmark_page.output,
         expand(
             f"{BENCHMARKS}/figures/{{name}}.{{format}}",
-            name=CATALOGUE["benchmarks"],
+            name=BENCHMARK_FIGURES,
             format=FORMATS,
         ),

@@ -10,9 +10,9 @@ FIGURE_NAMES = sorted(
 FIGURES = expand(f"{RESULTS}/figures/{{name}}.{{format}}", name=FIGURE_NAMES, format=FORMATS)
 
 
-def drawn(kind, folder, *, to, names=None):
+def drawn(kind, folder, *, to):
     """Input, output and parameters of a job that draws: figures of a kind from a folder's tables."""
-    names = list(names or CATALOGUE[kind])
+    names = list(CATALOGUE[kind])
     sources = sorted({source_of(name) for name in names})
     return {
         "input": {

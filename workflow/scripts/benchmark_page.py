@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pandas as pd
 
-from hopdata.figures.catalogue import tables_of
 from hopdata.jobs import reported, whole_file
 from hopdata.report.inputs import render_caption
 
@@ -24,7 +23,8 @@ with reported(snakemake.log[0]):
     drawn = {name: [] for name in programs}
     for figure, text in zip(snakemake.input.figures, snakemake.input.captions, strict=True):
         name = Path(figure).stem
-        program = next(p for p, about in programs.items() if tables_of(name)[0] in about["tables"])
+        table = snakemake.params.drawn_from[name][0]
+        program = next(p for p, about in programs.items() if table in about["tables"])
         caption = render_caption(Path(text).read_text(), {}, name=name)
         picture = f"![{caption.alt}]({Path(figure).relative_to(page.parent)})"
         drawn[program] += [f"### {caption.title}", picture, *caption.paragraphs]

@@ -41,18 +41,13 @@ def _table(*names: str) -> tuple[str, ...]:
     return tuple(f"tables/{name}.csv" for name in names)
 
 
-def _of_benchmarks(place: str, *tables: str, **options: Any) -> Drawing:
-    return Drawing(place, tuple(f"{name}.csv" for name in tables), options)
-
-
 def _run(experiment: str) -> Drawing:
     options = {"experiment": experiment}
     return Drawing("steering:steering_run_figure", _table("examples"), options)
 
 
 # The job that draws, and the figures that it draws. Files are found below the study's folder; for
-# `steering_*` in its folder `steering`, for `benchmarks` in ``results/benchmarks``, for `sides` and
-# `pair` in ``results``.
+# `steering_*` in its folder `steering`, for `sides` and `pair` in ``results``.
 FIGURES: dict[str, dict[str, Drawing]] = {
     "landings": {
         "fig2_2_sections": Drawing(
@@ -127,31 +122,6 @@ FIGURES: dict[str, dict[str, Drawing]] = {
             ),
             {"names": ("C1 hopper", "control, not C1")},
         )
-    },
-    "benchmarks": {
-        "fig4_2_order": _of_benchmarks("integrator:order_figure", "order"),
-        "fig4_3_calibration": _of_benchmarks(
-            "integrator:calibration_figure", "calibration_trajectories"
-        ),
-        "fig4_4_scaling": _of_benchmarks("integrator:scaling_figure", "plate", "plate_marginal"),
-        "work_precision": _of_benchmarks(
-            "integrator:work_precision_figure", "work_precision", "ratios"
-        ),
-        "map_error": _of_benchmarks("maps:map_error_figure", "map_error"),
-        "fig3_3_frame_change": _of_benchmarks(
-            "models:frame_change_figure",
-            "frame_change_map",
-            "frame_change_points",
-            model="recommended",
-        ),
-        "fig3_3_printed": _of_benchmarks(
-            "models:frame_change_figure", "frame_change_map", "frame_change_points", model="printed"
-        ),
-        "learning_curve": _of_benchmarks("models:learning_curve_figure", "frame_change_learning"),
-        "kernel_smoothness": _of_benchmarks(
-            "models:kernel_smoothness_figure", "frame_change_kernels"
-        ),
-        "verdict_power": _of_benchmarks("verdict:verdict_power_figure", "verdict_power"),
     },
 }
 

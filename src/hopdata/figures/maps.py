@@ -14,69 +14,6 @@ from numpy.typing import NDArray
 
 from hopdata.figures import style
 
-# Error of the estimated landing map by number of landings, for levels of noise.
-
-# Estimator: what the reader sees, colour, line style, marker. OLS on rigid-body coordinates is the
-# printed one but for rounding, and is left out.
-LINES: dict[str, tuple[str, str, Any, str]] = {
-    "printed": ("least squares, as printed", style.GREY, "-", "o"),
-    "corrected": ("corrected for noise", style.ORANGE, (0, (5, 1.5)), "s"),
-    "curved": ("with curvature", style.BLUE, (0, (1.5, 1.2)), "^"),
-    "corrected_curved": ("with both", style.VERMILION, "-", "D"),
-}
-STATES = {"split_fit": "states split at contacts", "savitzky_golay": "states by 7-frame cubic"}
-
-
-@style.styled
-def map_error_figure(table: pd.DataFrame) -> Figure:
-    """Draw the errors, a row of panels for each way of fitting states, a column for each noise.
-
-    Parameters
-    ----------
-    table : DataFrame
-        One row a setting: ``states`` (of `STATES`), ``noise_mm``, ``estimator`` (of `LINES`;
-        others are left out), ``landings``, and over the draws ``median, q05, q95``.
-
-    Returns
-    -------
-    Figure
-        Logarithmic axes; bands from 5 to 95 %.
-    """
-    ways = [way for way in STATES if (table["states"] == way).any()]
-    if not ways:
-        return style.message_figure("No errors of maps to show.")
-    noises = sorted(table["noise_mm"].unique())
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 20.0 + 47.0 * len(ways))
-    panels = figure.subplots(len(ways), len(noises), sharex=True, sharey=True, squeeze=False)
-    for row, way in zip(panels, ways, strict=True):
-        for axes, noise in zip(row, noises, strict=True):
-            _draw(axes, table[(table["states"] == way) & (table["noise_mm"] == noise)])
-        row[0].set_ylabel(f"relative error of the map\n{STATES[way]}")
-    for axes, noise in zip(panels[0], noises, strict=True):
-        axes.set_title(f"{noise:g} mm" if noise > 0 else "no noise")
-    for axes in panels[-1]:
-        axes.set_xlabel("landings")
-    style.letters(panels.flat)
-    axes = panels[0, 0]  # whose scales all share
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.xaxis.set_major_locator(ticker.FixedLocator([60, 250, 1000, 3000]))
-    axes.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
-    for axis in (axes.xaxis, axes.yaxis):
-        style.plain_numbers(axis)
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
-    return figure
-
-
-def _draw(axes: Axes, table: pd.DataFrame) -> None:
-    for estimator, line in LINES.items():
-        rows = table[table["estimator"] == estimator].sort_values("landings")
-        if rows.empty:
-            continue
-        style.banded_line(axes, rows["landings"], rows["median"], (rows["q05"], rows["q95"]), line)
-    axes.grid(axis="y")
-
-
 # How close fitted maps come to the exact ones, by the number of landings.
 
 SOURCES = {

@@ -25,9 +25,7 @@ ONE_SIDED, ABOUT_ZERO, SPREAD = "cividis", "RdBu_r", "Greys"
 
 
 @style.styled
-def frame_change_figure(
-    maps: pd.DataFrame, hops: pd.DataFrame, *, model: str | None = None
-) -> Figure:
+def frame_change_figure(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
     """Draw three maps above their standard deviations, with the hops behind them.
 
     Parameters
@@ -37,16 +35,12 @@ def frame_change_figure(
         dy_mm, dtheta_deg``, and their standard deviations, with ``_sd``.
     hops : DataFrame
         Hops learned from: the same columns but the standard deviations.
-    model : str, optional
-        Which of several in the column ``model``.
 
     Returns
     -------
     Figure
         Each panel has a scale of its own. Dots are hops, in the colour of what was measured.
     """
-    if model is not None:
-        maps, hops = (table[table["model"] == model] for table in (maps, hops))
     if maps.empty:
         return style.message_figure("No map of frame changes to show.")
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 88.0)

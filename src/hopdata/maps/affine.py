@@ -16,8 +16,6 @@ from hopdata.errors import AnalysisError
 
 #: Singular values of the scaled, centred inputs below this share of the largest count as zero.
 RANK_TOLERANCE = 1e-11
-#: So few rows that no BLAS shares them out to threads, of which the last bits would depend.
-_BLOCK_ROWS = 256
 
 
 def pooled_basis(x: FloatArray) -> FloatArray:
@@ -35,34 +33,10 @@ def pooled_basis(x: FloatArray) -> FloatArray:
     """
     x = np.asarray(x, float)
     scale = column_scales(x)
-    _, values, right = truncated_svd(_triangle((x - x.mean(0)) / scale))
-    directions = right.T / values / scale[:, None]
-    spread = row_product(x - x.mean(0), directions)
-    spread -= spread.mean(0)
-    # Already near to orthogonal, so that Cholesky's factor serves as well as a QR.
-    factor = np.linalg.cholesky(cross_product(spread, spread) / len(x))
-    return np.column_stack([np.ones(len(x)), row_product(spread, np.linalg.inv(factor).T)])
-
-
-def cross_product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return ``a.T @ b``, the same bytes on any number of threads."""
-    parts = [a[rows].T @ b[rows] for rows in _blocks(len(a))]
-    return np.sum(parts, axis=0) if parts else np.zeros((a.shape[1], b.shape[1]))
-
-
-def row_product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return ``a @ b``, the same bytes on any number of threads."""
-    return np.concatenate([a[:0] @ b, *(a[rows] @ b for rows in _blocks(len(a)))])
-
-
-def _triangle(matrix: FloatArray) -> FloatArray:
-    """Return the R of a QR factorisation, from those of blocks of rows."""
-    parts = [np.linalg.qr(matrix[rows], mode="r") for rows in _blocks(len(matrix))]
-    return np.asarray(np.linalg.qr(np.concatenate([matrix[:0], *parts]), mode="r"))
-
-
-def _blocks(count: int) -> list[slice]:
-    return [slice(first, first + _BLOCK_ROWS) for first in range(0, count, _BLOCK_ROWS)]
+    _, values, right = truncated_svd((x - x.mean(0)) / scale)
+    spread = (x - x.mean(0)) @ (right.T / values / scale[:, None])
+    spread = np.linalg.qr(spread - spread.mean(0))[0]
+    return np.column_stack([np.ones(len(x)), np.sqrt(len(x)) * spread])
 
 
 def truncated_svd(matrix: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -183,7 +157,7 @@ def affine_test_errors(x: FloatArray, y: FloatArray, train: IntArray, test: IntA
     design = pooled_basis(x)
     # What the pooled fit explains is exact in every replicate; fit only what it leaves.
     centred = y - y.mean(0)
-    residual = centred - row_product(design, cross_product(design, centred) / len(x))
+    residual = centred - design @ (design.T @ centred / len(x))
     errors, spread = _whitened_errors(design, residual, train, test)
     again = np.flatnonzero(spread <= _LEAST_SPREAD)
     for rows in _chunks(len(again), train.shape[1] * (x.shape[1] + y.shape[1])):

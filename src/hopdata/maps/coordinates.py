@@ -18,14 +18,7 @@ from math import comb
 import numpy as np
 
 from hopdata.arrays import FloatArray
-from hopdata.rigid import kabsch
-
-INPUT_NAMES = (
-    *("pitch_rad", "roll_rad"),
-    *("forward_m_s", "sideways_m_s", "climb_m_s"),
-    *("spin_x_rad_s", "spin_y_rad_s", "spin_z_rad_s"),
-)
-OUTPUT_NAMES = ("step_x_m", "step_y_m", "turn_rad", *INPUT_NAMES)
+from hopdata.rigid import headings, kabsch, turned, wrapped
 
 
 @dataclass(frozen=True)
@@ -40,16 +33,12 @@ class RigidStates:
         (n, 3, 3) from the mean attitude to the present one.
     spin
         (n, 3) angular velocity in body axes, rad/s.
-    position_residual_m, velocity_residual_m_s
-        Rms per degree of freedom of what a rigid body cannot explain: the noise per coordinate.
     """
 
     centre: FloatArray
     velocity: FloatArray
     rotation: FloatArray
     spin: FloatArray
-    position_residual_m: float
-    velocity_residual_m_s: float
 
 
 def split_states(states: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -77,30 +66,19 @@ def rigid_states(states: FloatArray, shape: FloatArray) -> RigidStates:
     inertia = np.einsum("nbi,nbi->n", arms, arms)[:, None, None] * np.eye(3)
     inertia = inertia - np.einsum("nbi,nbj->nij", arms, arms)
     turning = np.linalg.solve(inertia, np.cross(arms, moving).sum(axis=1)[..., None])[..., 0]
-    free = 3 * len(shape) - 6
-    misses = positions - centre[:, None] - arms
-    slips = moving - np.cross(turning[:, None], arms)
-    return RigidStates(
-        centre,
-        velocity,
-        rotation,
-        np.einsum("nji,nj->ni", rotation, turning),
-        float(np.sqrt((misses**2).sum() / (free * len(misses)))),
-        float(np.sqrt((slips**2).sum() / (free * len(slips)))),
-    )
+    return RigidStates(centre, velocity, rotation, np.einsum("nji,nj->ni", rotation, turning))
 
 
 def section_coordinates(pre: RigidStates, post: RigidStates) -> tuple[FloatArray, FloatArray]:
-    """Return inputs (n, 8) and outputs (n, 11): see `INPUT_NAMES`, `OUTPUT_NAMES`.
+    """Return inputs (n, 8) and outputs (n, 11): see `INPUT_NAMES`, `OUTPUT_NAMES` of `rigid`.
 
     Outputs are in the heading frame of the state at the pre section.
     """
-    yaw, after = _heading(pre.rotation), _heading(post.rotation)
-    step = _turned(post.centre - pre.centre, yaw)[:, :2]
-    turn = (after - yaw + np.pi) % (2 * np.pi) - np.pi
-    x = np.column_stack([_tilt(pre.rotation), _turned(pre.velocity, yaw), pre.spin])
-    y = np.column_stack([_tilt(post.rotation), _turned(post.velocity, yaw), post.spin])
-    return x, np.column_stack([step, turn, y])
+    yaw, after = headings(pre.rotation), headings(post.rotation)
+    step = turned(post.centre - pre.centre, yaw)[:, :2]
+    x = np.column_stack([_tilt(pre.rotation), turned(pre.velocity, yaw), pre.spin])
+    y = np.column_stack([_tilt(post.rotation), turned(post.velocity, yaw), post.spin])
+    return x, np.column_stack([step, wrapped(after - yaw), y])
 
 
 def output_weights(shape: FloatArray, time_unit_s: float) -> FloatArray:
@@ -115,21 +93,9 @@ def output_weights(shape: FloatArray, time_unit_s: float) -> FloatArray:
     return np.concatenate([position, time_unit_s * np.ones(3), time_unit_s * about])
 
 
-def _heading(rotation: FloatArray) -> FloatArray:
-    angle: FloatArray = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
-    return angle
-
-
 def _tilt(rotation: FloatArray) -> FloatArray:
     pitch = -np.arcsin(np.clip(rotation[:, 2, 0], -1.0, 1.0))
     return np.column_stack([pitch, np.arctan2(rotation[:, 2, 1], rotation[:, 2, 2])])
-
-
-def _turned(vectors: FloatArray, yaw: FloatArray) -> FloatArray:
-    """Return vectors (n, 3) in frames turned by `yaw` about the vertical."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    x, y = vectors[:, 0], vectors[:, 1]
-    return np.column_stack([c * x + s * y, c * y - s * x, vectors[:, 2]])
 
 
 # What a landing map that is not C1 looks like near a simultaneous contact: kinks.

@@ -15,18 +15,14 @@ sample size.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.maps.affine import affine_test_errors, mean_test_errors, pooled_basis
 from hopdata.maps.draws import MOST_ONE_BY_ONE, Notes, distinct_draws, named_generator, rare_notes
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Which landings each model of Fig. 2.4 draws from, and how large its splits are.
 
@@ -263,8 +259,6 @@ def summarise_errors(errors: pd.DataFrame) -> pd.DataFrame:
         and 95 % interval of the errors in position and in velocity alone (``position_median,
         position_p2_5, position_p97_5``, and of ``velocity``).
     """
-    import pandas as pd
-
     rows = []
     for model in [name for name in MODELS if name in set(errors["model"])]:
         part = errors[errors["model"] == model]
@@ -334,8 +328,6 @@ def _rows(
     time_unit_s: float,
 ) -> pd.DataFrame:
     """Return the table of one model and population from its (R, 6B) squared errors."""
-    import pandas as pd
-
     half = errors.shape[1] // 2
     position, velocity = errors[:, :half], errors[:, half:]
     values = (
@@ -349,8 +341,6 @@ def _rows(
 
 def _table(frames: list[pd.DataFrame]) -> pd.DataFrame:
     """Concatenate in the order of Fig. 2.4."""
-    import pandas as pd
-
     if not frames:
         return pd.DataFrame(columns=list(_COLUMNS))
     frames = sorted(frames, key=lambda frame: list(MODELS).index(frame["model"].iloc[0]))

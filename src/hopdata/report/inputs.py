@@ -7,16 +7,14 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hopdata.arrays import pd
 from hopdata.errors import ConfigError
+from hopdata.recording import Recording
 from hopdata.report.formatting import NO_BREAK_SPACE
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Captions: short texts beside the workflow, whose numbers are filled in from the tables.
 
@@ -193,40 +191,7 @@ class ReportInputs:
     steering: SteeringInputs | None = None
 
 
-class Described(Protocol):
-    """What the page says of a recording; `hopdata.recording.Recording` has it all."""
-
-    @property
-    def name(self) -> str:
-        """Name in the study."""
-        ...
-
-    @property
-    def source(self) -> str:
-        """File that it was read from."""
-        ...
-
-    @property
-    def rate_hz(self) -> float:
-        """Frames a second."""
-        ...
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """Time of each frame, (N,), s."""
-        ...
-
-    @property
-    def positions(self) -> NDArray[np.float64]:
-        """Marker positions, (N, M, 3), m; NaN where unseen."""
-        ...
-
-    def names(self, role: str) -> tuple[str, ...]:
-        """Names of the markers with this role."""
-        ...
-
-
-def describe_recording(recording: Described) -> dict[str, Any]:
+def describe_recording(recording: Recording) -> dict[str, Any]:
     """Describe a recording for the page: where from, how long, how many markers, how much seen."""
     time = recording.time
     return {

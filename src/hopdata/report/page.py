@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from hopdata.arrays import pd
 from hopdata.report import formatting as show
 from hopdata.report import quality, tables, verdict
 from hopdata.report.inputs import Picture, ReportFigure, ReportInputs, as_yaml, picture_of, rendered
 from hopdata.report.steering import steering_content
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # The few numbers that the page opens with, and that captions may name.
 

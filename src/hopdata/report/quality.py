@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hopdata import __version__
+from hopdata.arrays import pd
 from hopdata.report import formatting as show
 from hopdata.report.inputs import Picture, rendered
 from hopdata.report.tables import excluded
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def build_inspection_page(

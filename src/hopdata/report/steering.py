@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from hopdata.arrays import pd
 from hopdata.jobs import read_json, read_table
 from hopdata.report import formatting as show
 from hopdata.report import tables as result_tables
@@ -17,9 +18,6 @@ from hopdata.report.inputs import (
     read_figures,
     rendered,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Tables of the steering study: outcomes, what was observed, how well the model predicts.
 

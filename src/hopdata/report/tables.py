@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from hopdata.arrays import pd
 from hopdata.report import formatting as show
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SECTION_NAMES = {
     "min_foot_threshold_m": "threshold of the minimum foot height",

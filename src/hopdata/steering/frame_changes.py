@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import FloatArray, IntArray, pd
 from hopdata.errors import RecordingError
 from hopdata.rigid import relative, wrapped
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 TextArray = NDArray[np.str_]
 
@@ -193,8 +190,6 @@ _COLUMNS = {
 
 def to_table(changes: FrameChanges) -> pd.DataFrame:
     """Return the hops as a table with a unit in each column's name."""
-    import pandas as pd
-
     columns: dict[str, Any] = {}
     for name, names in _COLUMNS.items():
         values = getattr(changes, name)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.arrays import BoolArray, FloatArray, IntArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.recording import Recording
@@ -18,9 +18,6 @@ from hopdata.steering.excitation import EXCITATION, TRIAL, ControlGrid, eulerian
 from hopdata.synthesis.camera import draw_floor, fixed_markers, track_markers
 from hopdata.synthesis.simulate import MotionCapture, observed
 from hopdata.synthesis.trial import Operator, Trial, run_trial
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -277,8 +274,6 @@ def simulate_excitation(
         The truth: one row a stance (``frame, time_s, x_m, y_m, heading_rad, boom_angle_rad,
         follows``) and one row a frame (``time_s``, pose, ``boom_angle_rad, tilt_rad``).
     """
-    import pandas as pd
-
     camera = plant.camera_of(motion_capture)
     robot = plant.robot_of(steering["robot"], camera)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(EXCITATION,)))
@@ -302,8 +297,6 @@ CHANGE = ["dx_m", "dy_m", "dtheta_rad"]
 
 def true_map_table(true: TrueFrameChanges) -> pd.DataFrame:
     """Return one row for each boom angle, swing and previous swing, in this order."""
-    import pandas as pd
-
     axes = (true.boom_angle_rad, true.swing_rad, true.previous_swing_rad)
     columns = [axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")]
     table = pd.DataFrame(np.column_stack(columns), columns=INPUTS)

@@ -14,6 +14,7 @@ from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.hybrid import System, field, guards, on_event, solve_batch
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.layout import TERMINATED
+from hopdata.rigid import turned
 from hopdata.scenes.body import N_STATES, rotation_entries, rotation_matrices, vertical_rate
 from hopdata.scenes.scene import Scene, Variant
 from hopdata.synthesis.hops import padded
@@ -306,12 +307,6 @@ def _heights(states: FloatArray, point_m: FloatArray) -> FloatArray:
 # eleven: the steps of centre and heading since the pre section, and the same eight at the post
 # section, with the velocity in the heading frame of the pre section.
 
-INPUT_NAMES = (
-    *("pitch_rad", "roll_rad"),
-    *("forward_m_s", "sideways_m_s", "climb_m_s"),
-    *("spin_x_rad_s", "spin_y_rad_s", "spin_z_rad_s"),
-)
-OUTPUT_NAMES = ("step_x_m", "step_y_m", "turn_rad", *INPUT_NAMES)
 
 COMPLEX_STEP = 1e-30
 
@@ -332,7 +327,7 @@ def input_coordinates(states: FloatArray, centre_m: FloatArray) -> FloatArray:
 def output_coordinates(pre: FloatArray, post: FloatArray, centre_m: FloatArray) -> FloatArray:
     """Outcome of landings, (n, 11), from their states (n, 12) at both sections."""
     yaw = pre[..., 3]
-    step = _turned(_centre(post, centre_m) - _centre(pre, centre_m), yaw)[..., :2]
+    step = turned(_centre(post, centre_m) - _centre(pre, centre_m), yaw)[..., :2]
     turn = (post[..., 3] - yaw)[..., None]
     return np.concatenate([step, turn, _intrinsic(post, centre_m, yaw)], axis=-1)
 
@@ -371,15 +366,8 @@ def _intrinsic(states: Any, centre_m: FloatArray, yaw: Any) -> Any:
     velocity = states[..., 6:9] + np.einsum(
         "...ij,...j->...i", rotation_matrices(states[..., 3:6]), arm
     )
-    return np.concatenate([states[..., 4:6], _turned(velocity, yaw), states[..., 9:12]], axis=-1)
+    return np.concatenate([states[..., 4:6], turned(velocity, yaw), states[..., 9:12]], axis=-1)
 
 
 def _centre(states: Any, centre_m: FloatArray) -> Any:
     return states[..., :3] + rotation_matrices(states[..., 3:6]) @ centre_m
-
-
-def _turned(vectors: Any, yaw: Any) -> Any:
-    """Vectors (..., 3) in frames turned by `yaw` about the vertical."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack([c * x + s * y, c * y - s * x, vectors[..., 2]], axis=-1)

@@ -20,14 +20,13 @@ from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.recording import Truth
+from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES
 from hopdata.scenes import STANDARD, scene_class
 from hopdata.scenes.body import rotation_matrices
 from hopdata.scenes.scene import Control, Scene
 from hopdata.synthesis.camera import fixed_markers
 from hopdata.synthesis.exact_maps import homed, section_jacobians
 from hopdata.synthesis.landings import (
-    INPUT_NAMES,
-    OUTPUT_NAMES,
     SectionHeights,
     input_coordinates,
     output_coordinates,

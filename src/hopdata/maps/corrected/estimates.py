@@ -11,18 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import fit_affine
 from hopdata.maps.coordinates import (
-    INPUT_NAMES,
-    OUTPUT_NAMES,
     output_weights,
     rigid_states,
     section_coordinates,
@@ -30,10 +28,7 @@ from hopdata.maps.coordinates import (
 )
 from hopdata.maps.corrected.marker_noise import InputErrors, MarkerNoise, input_errors, marker_noise
 from hopdata.maps.corrected.regression import LinearMap, corrected_map, curved_map, ols_map
-from hopdata.rigid import body_shape
-
-if TYPE_CHECKING:
-    import pandas as pd
+from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES, body_shape
 
 # The estimates of a study's landing map: a table for people, plain data for other stages.
 
@@ -89,8 +84,6 @@ class MapEstimates:
         ``value`` and ``standard_error`` are in SI units; ``standardised`` is the rms displacement
         of the markers, mm, by one standard deviation of the input.
         """
-        import pandas as pd
-
         sd = np.sqrt(np.diag(self.input_covariance))
         columns = ["estimator", "input", "output", "value", "standard_error", "standardised"]
         tables = [
@@ -134,8 +127,6 @@ def coefficient_table(
 
     The last is the rms displacement of the markers, mm, by one standard deviation of the input.
     """
-    import pandas as pd
-
     return pd.DataFrame(
         {
             "input": np.repeat(INPUT_NAMES, len(OUTPUT_NAMES)),

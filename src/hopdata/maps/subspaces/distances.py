@@ -14,17 +14,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import FloatArray, IntArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.maps.draws import named_generator
 from hopdata.maps.subspaces.grassmann import arc_length, noised_identity, random
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def pair_mean_error(values: FloatArray, first: IntArray, second: IntArray) -> float:
@@ -170,8 +166,6 @@ def summarise_distances(
         ``auc_against_in_class``: the probability that a distance of this kind exceeds an in-class
         one (NaN without any).
     """
-    import pandas as pd
-
     own = np.sort(lengths.get("in_class", np.zeros(0)))
     rows = []
     for kind in [kind for kind in KINDS if len(lengths.get(kind, ()))]:
@@ -198,8 +192,6 @@ def _note(what: str, reason: str) -> dict[str, str]:
 
 
 def _table(blocks: list[tuple[str, str, str, FloatArray]]) -> pd.DataFrame:
-    import pandas as pd
-
     columns = ("schedule_a", "schedule_b", "distance_rad")
     frames = [
         pd.DataFrame({"kind": kind, **dict(zip(columns, block, strict=True))})

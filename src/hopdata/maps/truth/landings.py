@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.arrays import BoolArray, FloatArray, IntArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import chosen
 from hopdata.landings.schedules import AMBIGUOUS, schedule_names
@@ -19,8 +19,6 @@ from hopdata.maps.coordinates import split_states
 from hopdata.maps.truth.maps import Entries, entry, mean, quantile
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from hopdata.landings.floor_surface import FloorModel
     from hopdata.recording import Truth
 
@@ -299,8 +297,6 @@ def state_errors(pairs: Any, true: Any, rows: IntArray) -> pd.DataFrame:
         Columns section (``pre``, ``post``), landings, position_rms_mm, velocity_rms_mm_s; per
         coordinate of a marker.
     """
-    import pandas as pd
-
     known = np.flatnonzero(rows >= 0)
     mine = [split_states(states[known]) for states in (pairs.x, pairs.y)]
     truly = [split_states(states[rows[known]]) for states in (true.x, true.y)]

@@ -12,15 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.maps.coordinates import (
-    OUTPUT_NAMES,
     output_weights,
     rigid_states,
     section_coordinates,
@@ -28,10 +27,7 @@ from hopdata.maps.coordinates import (
 from hopdata.maps.corrected.estimates import coefficient_table
 from hopdata.maps.verdict.effect import contrasts, relative_size
 from hopdata.maps.verdict.inputs import contact_orders, marker_root
-from hopdata.rigid import kabsch
-
-if TYPE_CHECKING:
-    import pandas as pd
+from hopdata.rigid import OUTPUT_NAMES, kabsch
 
 # Entries of ``truth.json``: name -> value, unit and what it is.
 
@@ -175,13 +171,15 @@ def marker_states(coordinates: FloatArray, shape: FloatArray) -> FloatArray:
     Parameters
     ----------
     coordinates
-        (n, 11), see `hopdata.maps.coordinates.OUTPUT_NAMES`: place and heading in the plane, and
+        (n, 11), see `hopdata.rigid.OUTPUT_NAMES`: place and heading in the plane, and
         the inputs, with velocities in the frame of the plane.
     shape
         (B, 3) markers in the body, centred, m.
     """
+    from scipy.spatial.transform import Rotation
+
     n = len(coordinates)
-    turn = _turn(2, coordinates[:, 2]) @ _turn(1, coordinates[:, 3]) @ _turn(0, coordinates[:, 4])
+    turn = Rotation.from_euler("ZYX", coordinates[:, 2:5]).as_matrix()
     centre = np.column_stack([coordinates[:, :2], np.zeros(n)])
     positions = centre[:, None] + np.einsum("nij,bj->nbi", turn, shape)
     arms = np.cross(coordinates[:, None, 8:], shape)
@@ -198,8 +196,6 @@ def estimate_errors(exact: ExactMap, estimates: Mapping[str, Any]) -> pd.DataFra
     DataFrame
         Columns estimator, what, landings, error.
     """
-    import pandas as pd
-
     rows = [
         (name, one["what"], estimates["n_landings"], exact.error(np.array(one["coefficients"])))
         for name, one in estimates["maps"].items()
@@ -220,17 +216,6 @@ def score_estimates(errors: pd.DataFrame) -> Entries:
         what = "Error of the printed landing map over that of the map with both corrections"
         entries["map_estimate_gain"] = entry(gain, "1", what)
     return entries
-
-
-def _turn(axis: int, angle: FloatArray) -> FloatArray:
-    """Return rotations (n, 3, 3) about an axis."""
-    turn = np.zeros((len(angle), 3, 3))
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    turn[:, axis, axis] = 1.0
-    turn[:, i, i] = turn[:, j, j] = np.cos(angle)
-    turn[:, j, i] = np.sin(angle)
-    turn[:, i, j] = -turn[:, j, i]
-    return turn
 
 
 # The verdict's effect against the exact maps of a simulated study.
@@ -278,8 +263,6 @@ def verdict_errors(true: float, verdict: Mapping[str, Any]) -> pd.DataFrame:
     DataFrame
         Columns true_effect, estimate, low, high, upper_bound, detectable, p_value, conclusion.
     """
-    import pandas as pd
-
     columns = ["true_effect", "estimate", "low", "high", "upper_bound", "detectable", "p_value"]
     effect = verdict["effect"]
     if effect is None:

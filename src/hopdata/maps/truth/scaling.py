@@ -12,12 +12,12 @@ act like noise in proportion to the scale; here they are known, and stand beside
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import FloatArray, IntArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.coordinates import output_weights, rigid_states, section_coordinates
@@ -28,9 +28,6 @@ from hopdata.maps.truth.maps import (
     largest_difference,
     relative_difference,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # How close linear maps fitted to landings come to the exact ones.
 #
@@ -85,8 +82,6 @@ def map_error_table(
     AnalysisError
         If no touchdown has a true landing.
     """
-    import pandas as pd
-
     known = np.flatnonzero(rows >= 0)
     if not len(known):
         raise AnalysisError("map errors: expected touchdowns with a true landing, found none")
@@ -236,8 +231,6 @@ def scaling_table(samples: Iterable[Landings]) -> pd.DataFrame:
         pooled rms over log scale, the same for all rows of a case). A sample of too few landings
         has no errors (NaN).
     """
-    import pandas as pd
-
     rows: list[dict[str, Any]] = []
     units: FloatArray | None = None
     for sample in samples:

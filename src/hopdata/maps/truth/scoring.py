@@ -7,8 +7,9 @@ Everything here compares what the pipeline found with what the simulator knew. E
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from hopdata.arrays import pd
 from hopdata.blas import one_blas_thread
 from hopdata.maps.truth.landings import (
     KnownRecording,
@@ -20,9 +21,6 @@ from hopdata.maps.truth.landings import (
 )
 from hopdata.maps.truth.maps import Entries, entry, score_estimates, score_verdict
 from hopdata.maps.truth.scaling import score_maps, score_scaling
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Models of Fig. 2.4 in words.
 MODELS = {

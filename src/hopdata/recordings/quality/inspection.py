@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording
@@ -27,9 +27,6 @@ from hopdata.recordings.quality.stretches import (
 )
 from hopdata.recordings.quality.swaps import Swap, explained_frames, find_swaps
 from hopdata.recordings.raw import RawRecording, is_pause, rotate_up
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Progress = Callable[[str], None]
 
@@ -241,8 +238,6 @@ def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]
 
 def marker_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
     """One row a marker of each recording: frames missing, longest gap, noise of a coordinate."""
-    import pandas as pd
-
     rows = [
         (
             *(recording.name, gaps.marker, role, found.duration_s, gaps.n_frames, gaps.missing),
@@ -256,8 +251,6 @@ def marker_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
 
 def gap_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
     """One row a gap of each marker, from its first missing frame to the next seen one."""
-    import pandas as pd
-
     rows = [
         (recording.name, gaps.marker, role, *(_time(recording, i) for i in ends), ends[1] - ends[0])
         for recording, found in inspections
@@ -273,8 +266,6 @@ def fault_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
     Kinds are ``swap, spike, jump, frozen, never seen``, and without a marker ``dropped, irregular,
     backward``. A pause, in which nothing was recorded (`joining.is_pause`), is no fault.
     """
-    import pandas as pd
-
     rows = [
         (recording.name, kind, marker, _time(recording, start), _time(recording, stop), remark)
         for recording, found in inspections
@@ -286,8 +277,6 @@ def fault_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
 
 def remark_table(recordings: Iterable[Recording]) -> pd.DataFrame:
     """One row a remark on a recording, as `hopdata check` notes them: a guessed unit, for one."""
-    import pandas as pd
-
     rows = [(recording.name, note) for recording in recordings for note in notes(recording)]
     return pd.DataFrame(rows, columns=list(REMARK_COLUMNS))
 

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.rigid import wrapped
 from hopdata.steering.excitation import BOOTSTRAP
 from hopdata.steering.experiments import tasks
 from hopdata.steering.models.tabulated import FrameChangeMap
 from hopdata.steering.trial import TrueFrameChanges
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Intervals for few runs: of a rate, of a median, of a ratio of medians.
 
@@ -135,8 +132,6 @@ def outcome_table(runs: pd.DataFrame, *, seed: int, confidence: float = 0.95) ->
         which both succeeded); ``asked_rate, asked_ratio`` (NaN where nothing is asked) and ``met``
         (whether all that is asked holds; empty where nothing is).
     """
-    import pandas as pd
-
     rows = []
     for key, group in runs.groupby(GROUP, sort=False):
         best = runs[

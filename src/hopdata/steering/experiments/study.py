@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hopdata.arrays import pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import chosen
 from hopdata.rigid import composed, inverse
@@ -20,9 +21,6 @@ from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.robot import Board, SteeredHopper, camera_of, robot_of
 from hopdata.steering.trial import TrueFrameChanges
 from hopdata.synthesis.camera import draw_floor
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # A run in which the model stands in for the hopper: what would happen were it right.
 
@@ -46,8 +44,6 @@ def simulated(controller: Controller, task: tasks.Task, start: ArrayLike, run: R
     DataFrame
         ``curve`` ("pure"), ``stance, time_s, x_m, y_m, heading_rad``.
     """
-    import pandas as pd
-
     seen = np.isfinite(run.measured[:, 0])
     pose = np.array(run.measured[seen][0] if seen.any() else start, dtype=float)
     boom = float(run.boom_angle_rad[seen][0]) if seen.any() else np.pi
@@ -166,8 +162,6 @@ def experiment_of(
     seed : int
         The study's.
     """
-    import pandas as pd
-
     camera, options = camera_of(motion_capture), steering["experiments"]
     robot = robot_of(steering["robot"], camera)
     sight = Sight(camera, geometry, draw_floor(camera.floor, tasks.floor_stream(seed)))
@@ -211,8 +205,6 @@ def typical(runs: list[Shown]) -> Shown:
 
 def _example(setting: Setting, policy: tasks.Policy, start: tasks.Start, run: Run) -> pd.DataFrame:
     """Return the three curves of a run; a turn is given in the frame of its start."""
-    import pandas as pd
-
     task, board = setting.task(), setting.board(start)
     alone = simulated(setting.controller(policy, start), task, start.pose, run)
     table = pd.concat([_curves(run), alone], ignore_index=True)
@@ -235,8 +227,6 @@ def _film(
     setting: Setting, policy: tasks.Policy, start: tasks.Start, first_s: float
 ) -> pd.DataFrame:
     """Make a run again, which the same chance makes the same, and keep some of its frames."""
-    import pandas as pd
-
     frames: Frames = []
     setting.run(policy, start, tasks.ANY, frames)
     kept = frames[:: max(1, round(setting.sight.camera.rate_hz / FILM_HZ))]
@@ -249,8 +239,6 @@ def _film(
 
 
 def _stances(key: Mapping[str, Any], run: Run) -> pd.DataFrame:
-    import pandas as pd
-
     return pd.DataFrame(
         {
             **key,
@@ -267,8 +255,6 @@ def _stances(key: Mapping[str, Any], run: Run) -> pd.DataFrame:
 
 
 def _curves(run: Run) -> pd.DataFrame:
-    import pandas as pd
-
     return pd.concat(
         [
             pd.DataFrame(

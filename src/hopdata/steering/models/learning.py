@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.steering.excitation import TRAINING
@@ -16,9 +16,6 @@ from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models import training
 from hopdata.steering.models.process import SMOOTHNESSES, TURN, FrameChangeProcess
 from hopdata.steering.models.tabulated import COMPONENTS
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 WIDTH_95 = 1.959963984540054  # half of the central 95 % of a standard normal
 UNITS = ("mm", "mm", "deg")
@@ -119,8 +116,6 @@ def learning_scores(
         Columns ``model, hops, draw, component, unit, r2, rmse, coverage``; a row for each component
         of each draw.
     """
-    import pandas as pd
-
     hops = changes.used()
     hops = hops.rows(np.isfinite(hops.previous_change).all(axis=1))
     rows = []
@@ -198,8 +193,6 @@ def map_table(
     AnalysisError
         If the process has history.
     """
-    import pandas as pd
-
     if process.n_inputs != 2:
         raise AnalysisError(
             f"map: expected a process of boom angle and swing, found one of {process.n_inputs} "
@@ -216,8 +209,6 @@ def map_table(
 
 def training_table(process: FrameChangeProcess) -> pd.DataFrame:
     """Return the training hops of a process, each once: inputs and outputs as in `map_table`."""
-    import pandas as pd
-
     angle = process.inputs[:, 0]
     once = (angle >= 0) & (angle < TURN)
     table = pd.DataFrame(process.inputs[once, :2], columns=["boom_angle_rad", "swing_rad"])
@@ -265,8 +256,6 @@ def smoothness_scores(
         ``log_likelihood``, the log marginal likelihood of the training hops in the units in which
         they are modelled: compare it within a reading and a component.
     """
-    import pandas as pd
-
     hops = changes.used()
     rows: list[dict[str, object]] = []
     for draw, stream in enumerate(np.random.SeedSequence([seed, train]).spawn(draws)):
@@ -314,8 +303,6 @@ def learn(
     AnalysisError
         If there are too few hops.
     """
-    import pandas as pd
-
     hops, wanted = hops_to_learn_from(changes, options["training_hops"]), options["training_hops"]
     setup, processes, rows = training.process_of(options), [], []
     for k in range(options["sets"]):

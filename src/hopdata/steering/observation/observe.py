@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
@@ -18,9 +18,6 @@ from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.stances import Stances, find_stances, local_fit
 from hopdata.steering.observation.tracking import HopperMotion, hopper_motion
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Pose and boom angle of each stance: what the frame changes are made of.
 
@@ -139,8 +136,6 @@ def observe_recordings(recordings: Sequence[Recording], *, swing_limit_rad: floa
     AnalysisError
         If a recording has no boom marker, or cannot be calibrated; it is named.
     """
-    import pandas as pd
-
     parts = [_observed(recording, swing_limit_rad) for recording in recordings]
     return Observed(
         geometry=parts[0].geometry,
@@ -198,8 +193,6 @@ def _counts(
 
 
 def _stance_table(name: str, stances: Stances, states: StanceStates) -> pd.DataFrame:
-    import pandas as pd
-
     x, y, heading = states.pose.T
     follows = np.zeros(len(stances.time_s), dtype=bool)
     follows[stances.pairs[:, 1]] = True
@@ -214,8 +207,6 @@ def _stance_table(name: str, stances: Stances, states: StanceStates) -> pd.DataF
 
 
 def _motion_table(name: str, motion: HopperMotion) -> pd.DataFrame:
-    import pandas as pd
-
     x, y, heading = motion.pose.T
     return pd.DataFrame(
         {

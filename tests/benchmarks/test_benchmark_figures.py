@@ -1,18 +1,23 @@
+"""Figures that only benchmarks draw: what they show, and that no text lies on another."""
+
 import numpy as np
 import pandas as pd
 import pytest
-from overlaps import text_faults
-
-from hopdata.figures.integrator import (
+from benchmark_figures import (
+    CONTROLS,
+    ESTIMATORS,
     LINES,
     SCENE_NAMES,
     SERIES,
     WAYS,
     calibration_figure,
+    map_error_figure,
     order_figure,
     scaling_figure,
+    verdict_power_figure,
     work_precision_figure,
 )
+from overlaps import text_faults
 
 METHODS = {"printed, DOPRI5, Illinois": 4.0, "hopdata, dopri5": 5.0, "hopdata, dop853": 8.0}
 
@@ -296,3 +301,98 @@ def test_without_results_the_figure_says_so():
         "No work-precision results"
         in work_precision_figure(table, chosen(table)).texts[0].get_text()
     )
+
+
+# Errors of the landing map.
+
+SIZES = (60, 120, 250, 500, 1000, 2784)
+
+
+def map_errors(ways=("split_fit", "savitzky_golay"), noises=(0.0, 0.3, 0.6, 1.2)):
+    rows = [
+        (way, noise, estimator, size, middle, 0.8 * middle, 1.3 * middle)
+        for way in ways
+        for noise in noises
+        for k, estimator in enumerate(("ols", *ESTIMATORS))
+        for size in SIZES
+        for middle in [(0.02 + 0.1 * noise + 1 / (k + 3)) / np.sqrt(size)]
+    ]  # fmt: skip
+    columns = ["states", "noise_mm", "estimator", "landings", "median", "q05", "q95"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def test_a_panel_for_each_noise_and_way():
+    figure = map_error_figure(map_errors())
+    assert len(figure.axes) == 8
+    assert [axes.get_title(loc="left") for axes in figure.axes[:4]] == [
+        "no noise", "0.3 mm", "0.6 mm", "1.2 mm",
+    ]  # fmt: skip
+    assert {len(axes.lines) for axes in figure.axes} == {len(ESTIMATORS)}
+    assert text_faults(figure) == []
+
+
+def test_lines_of_errors_are_the_table():
+    table = map_errors(ways=("split_fit",), noises=(0.6,))
+    (axes,) = map_error_figure(table).axes
+    for line, name in zip(axes.lines, ESTIMATORS, strict=True):
+        rows = table[table["estimator"] == name]
+        np.testing.assert_array_equal(line.get_xdata(), rows["landings"])
+        np.testing.assert_array_equal(line.get_ydata(), rows["median"])
+    assert axes.get_xscale() == axes.get_yscale() == "log"
+
+
+def test_nothing_to_show_is_said():
+    (text,) = map_error_figure(map_errors().iloc[:0]).texts
+    assert "No errors" in text.get_text()
+
+
+# Size and power of the verdict.
+
+COLUMNS = (
+    *("condition", "asked", "true_effect", "found_share", "found_low", "found_high"),
+    *("effect_mean", "effect_sd"),
+)
+
+
+def table(kinds=tuple(CONTROLS)):
+    rows = [
+        (name, 2100, 0.0, 0.05, 0.03, 0.09, 0.03, 0.04)
+        for name in ("C1", "C1 softer legs", "C1 stiffer legs", "C1 half the noise")
+    ]
+    rows += [
+        (
+            f"{kind} {size}",
+            2100,
+            size,
+            min(1.0, 4 * size),
+            max(0.0, 4 * size - 0.1),
+            1.0,
+            0.9 * size,
+            0.05,
+        )
+        for kind in kinds
+        for size in (0.05, 0.1, 0.25)
+    ]
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def test_false_alarms_power_and_sizes_stand_side_by_side():
+    figure = verdict_power_figure(table())
+    left, middle, _ = figure.axes
+    assert [label.get_text() for label in left.get_yticklabels()] == [
+        *("hopper", "softer legs", "stiffer legs", "half the noise")
+    ]
+    assert len(middle.containers) == len(CONTROLS)
+    assert text_faults(figure) == []
+
+
+@pytest.mark.parametrize("kinds", [(), ("kappa",)])
+def test_kinds_that_were_not_simulated_are_left_out(kinds):
+    figure = verdict_power_figure(table(kinds))
+    assert len(figure.axes[1].containers) == len(kinds)
+    assert text_faults(figure) == []
+
+
+def test_no_studies_are_said_in_words():
+    figure = verdict_power_figure(table().iloc[:0])
+    assert "No simulated studies" in figure.texts[0].get_text()

@@ -1,15 +1,25 @@
-"""Work and precision: time of a trajectory against the error of its end, our solver and peers."""
+"""Draw a figure of the benchmarks from the tables that they wrote.
+
+    python benchmarks/benchmark_figures.py fig4_2_order results/benchmarks/order.csv --out order
+
+The workflow has a rule for each (`BENCHMARK_FIGURES` in `workflow/rules/benchmarks.smk`).
+"""
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hopdata.figures import style
+from hopdata.figures import models, style
+from hopdata.jobs import read_table
 
 # Figure 4.2: how the error of the final state falls with the step, for each method.
 
@@ -306,3 +316,210 @@ def _add_legend(figure: Figure, seen: list[str]) -> None:
         look: Any = {"color": colour, "linestyle": dash, "marker": marker, "markersize": 2.6}
         handles.append(Line2D([], [], label=way, **look))
     figure.legend(handles=handles, loc="outside lower center", ncols=5, handlelength=2.6)
+
+
+# Error of the estimated landing map by number of landings, for levels of noise.
+
+# Estimator: what the reader sees, colour, line style, marker. OLS on rigid-body coordinates is the
+# printed one but for rounding, and is left out.
+ESTIMATORS: dict[str, tuple[str, str, Any, str]] = {
+    "printed": ("least squares, as printed", style.GREY, "-", "o"),
+    "corrected": ("corrected for noise", style.ORANGE, (0, (5, 1.5)), "s"),
+    "curved": ("with curvature", style.BLUE, (0, (1.5, 1.2)), "^"),
+    "corrected_curved": ("with both", style.VERMILION, "-", "D"),
+}
+STATES = {"split_fit": "states split at contacts", "savitzky_golay": "states by 7-frame cubic"}
+
+
+@style.styled
+def map_error_figure(table: pd.DataFrame) -> Figure:
+    """Draw the errors, a row of panels for each way of fitting states, a column for each noise.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row a setting: ``states`` (of `STATES`), ``noise_mm``, ``estimator`` (of `ESTIMATORS`;
+        others are left out), ``landings``, and over the draws ``median, q05, q95``.
+
+    Returns
+    -------
+    Figure
+        Logarithmic axes; bands from 5 to 95 %.
+    """
+    ways = [way for way in STATES if (table["states"] == way).any()]
+    if not ways:
+        return style.message_figure("No errors of maps to show.")
+    noises = sorted(table["noise_mm"].unique())
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 20.0 + 47.0 * len(ways))
+    panels = figure.subplots(len(ways), len(noises), sharex=True, sharey=True, squeeze=False)
+    for row, way in zip(panels, ways, strict=True):
+        for axes, noise in zip(row, noises, strict=True):
+            _draw_errors(axes, table[(table["states"] == way) & (table["noise_mm"] == noise)])
+        row[0].set_ylabel(f"relative error of the map\n{STATES[way]}")
+    for axes, noise in zip(panels[0], noises, strict=True):
+        axes.set_title(f"{noise:g} mm" if noise > 0 else "no noise")
+    for axes in panels[-1]:
+        axes.set_xlabel("landings")
+    style.letters(panels.flat)
+    axes = panels[0, 0]  # whose scales all share
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.xaxis.set_major_locator(ticker.FixedLocator([60, 250, 1000, 3000]))
+    axes.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+    for axis in (axes.xaxis, axes.yaxis):
+        style.plain_numbers(axis)
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    return figure
+
+
+def _draw_errors(axes: Axes, table: pd.DataFrame) -> None:
+    for estimator, line in ESTIMATORS.items():
+        rows = table[table["estimator"] == estimator].sort_values("landings")
+        if rows.empty:
+            continue
+        style.banded_line(axes, rows["landings"], rows["median"], (rows["q05"], rows["q95"]), line)
+    axes.grid(axis="y")
+
+
+# Size and power of the verdict: false alarms, differences found, and the sizes estimated.
+
+SAME = "C1"
+# kind of control: what the reader sees, colour, marker.
+CONTROLS = {
+    "kappa": ("coupled forces, κ", style.VERMILION, "s"),
+    "eps": ("rigid impulses, ε", style.GREEN, "^"),
+    "tau": ("contact by velocity, τ", style.ORANGE, "D"),
+}
+LEVEL, WANTED_POWER = 0.05, 0.8
+TOLERATED = (0.02, 0.08)
+
+
+@style.styled
+def verdict_power_figure(table: pd.DataFrame) -> Figure:
+    """Draw the shares of simulated studies in which a difference is found, and its size.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row a condition and number of landings: ``condition`` (those that begin with ``C1`` have
+        no difference), ``asked``, landings of a study, of which the most are shown,
+        ``true_effect``, ``found_share`` with its interval ``found_low`` and
+        ``found_high``, ``effect_mean`` and ``effect_sd``.
+
+    Returns
+    -------
+    Figure
+        (a) False alarms of landings that are C1; (b) power by true difference; (c) estimated
+        over true difference. Bars are 95 % intervals in (a) and (b), standard deviations in (c).
+    """
+    if table.empty:
+        return style.message_figure("No simulated studies to show.")
+    table = table[table["asked"] == table["asked"].max()]
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 66.0)
+    left, middle, right = figure.subplots(1, 3)
+    same = table["condition"].str.startswith(SAME)
+    _draw_alarms(left, table[same])
+    none = table[table["condition"] == SAME]
+    for kind in CONTROLS:
+        rows = table[table["condition"].str.startswith(f"{kind} ")]
+        if len(rows):
+            _draw_power(middle, rows, kind)
+            _draw_sizes(right, rows, kind)
+    _label_power(middle, none)
+    _label_sizes(right, table[~same])
+    figure.legend(*middle.get_legend_handles_labels(), loc="outside upper right", ncols=4)
+    for axes, name in zip((left, middle, right), "abc", strict=True):
+        style.letter(axes, name)
+    return figure
+
+
+def _draw_alarms(axes: Axes, rows: pd.DataFrame) -> None:
+    places = np.arange(len(rows))[::-1]
+    share = rows["found_share"].to_numpy()
+    bars = np.abs(rows[["found_low", "found_high"]].to_numpy().T - share)
+    axes.axvspan(*(100 * edge for edge in TOLERATED), color=style.GREY, alpha=0.2, linewidth=0)
+    axes.axvline(100 * LEVEL, color=style.INK, linewidth=0.6)
+    axes.errorbar(100 * share, places, xerr=100 * bars, fmt="o", color=style.BLUE, markersize=3)
+    names = [str(name).removeprefix(SAME).strip() or "hopper" for name in rows["condition"]]
+    axes.set_yticks(places, names)
+    axes.set_xlim(left=0.0)
+    axes.set_xlabel("false alarms (%)\ngrey: 2 to 8 %, line: nominal")
+
+
+def _draw_power(axes: Axes, rows: pd.DataFrame, kind: str) -> None:
+    label, colour, marker = CONTROLS[kind]
+    ordered = rows.sort_values("true_effect")
+    share = ordered["found_share"].to_numpy()
+    bars = np.abs(ordered[["found_low", "found_high"]].to_numpy().T - share)
+    axes.errorbar(
+        ordered["true_effect"], 100 * share, yerr=100 * bars,
+        color=colour, marker=marker, markersize=3, label=label,
+    )  # fmt: skip
+
+
+def _label_power(axes: Axes, none: pd.DataFrame) -> None:
+    if len(none):
+        axes.plot(
+            [0.0], 100 * none["found_share"], "o", color=style.BLUE, markersize=3, label="hopper"
+        )
+    axes.axhline(100 * WANTED_POWER, color=style.INK, linewidth=0.6, linestyle=(0, (4, 2)))
+    axes.set_ylim(-3.0, 103.0)
+    axes.set_xlabel("true difference (share of the map)")
+    axes.set_ylabel("studies that find a difference (%)")
+
+
+def _draw_sizes(axes: Axes, rows: pd.DataFrame, kind: str) -> None:
+    _, colour, marker = CONTROLS[kind]
+    axes.errorbar(
+        rows["true_effect"], rows["effect_mean"], yerr=rows["effect_sd"],
+        fmt=marker, color=colour, markersize=3,
+    )  # fmt: skip
+
+
+def _label_sizes(axes: Axes, rows: pd.DataFrame) -> None:
+    most = float(rows[["true_effect", "effect_mean"]].max().max()) if len(rows) else 1.0
+    axes.plot([0.0, most], [0.0, most], color=style.GREY, linewidth=0.8, zorder=0)
+    axes.set_xlabel("true difference (share of the map)")
+    axes.set_ylabel("estimated difference")
+
+
+# Figures of the frame change, which a study draws too.
+
+
+def frame_change_of(model: str) -> Callable[[pd.DataFrame, pd.DataFrame], Figure]:
+    """Return what draws Figure 3.3 of one of the models in the tables."""
+
+    def drawn(maps: pd.DataFrame, hops: pd.DataFrame) -> Figure:
+        return models.frame_change_figure(*(t[t["model"] == model] for t in (maps, hops)))
+
+    return drawn
+
+
+FIGURES: dict[str, Callable[..., Figure]] = {
+    "fig4_2_order": order_figure,
+    "fig4_3_calibration": calibration_figure,
+    "fig4_4_scaling": scaling_figure,
+    "work_precision": work_precision_figure,
+    "map_error": map_error_figure,
+    "fig3_3_frame_change": frame_change_of("recommended"),
+    "fig3_3_printed": frame_change_of("printed"),
+    "learning_curve": models.learning_curve_figure,
+    "kernel_smoothness": models.kernel_smoothness_figure,
+    "verdict_power": verdict_power_figure,
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("figure", choices=FIGURES)
+    parser.add_argument("tables", type=Path, nargs="+", help="CSV tables that it is drawn from")
+    parser.add_argument("--out", type=Path, required=True, help="path without a suffix")
+    parser.add_argument("--formats", nargs="+", default=["svg", "png"])
+    parser.add_argument("--dpi", type=float, default=200.0)
+    options = parser.parse_args()
+    figure = FIGURES[options.figure](*map(read_table, options.tables))
+    style.save_figure(figure, options.out, formats=options.formats, dpi=options.dpi)
+
+
+if __name__ == "__main__":
+    main()
