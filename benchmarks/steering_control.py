@@ -63,11 +63,11 @@ from steering_setting import (
 
 from hopdata.arrays import FloatArray
 from hopdata.rigid import relative
-from hopdata.steering.control.objectives import Controller, Horizon, ToHeading, ToPoint
+from hopdata.steering.control.objectives import Controller, Horizon, ToHeading, ToPoint, errors_left
 from hopdata.steering.control.planner import Planner, planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.experiments.outcomes import rate_interval
-from hopdata.steering.experiments.tasks import ORIGIN, TURN, Task, errors_of, judged
+from hopdata.steering.experiments.tasks import ORIGIN, TURN, Task, goal_of, judged
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated, turn_nodes
 from hopdata.steering.models.training import trained_process
 from hopdata.steering.robot import SteeredHopper, released, steer_hop
@@ -138,7 +138,7 @@ def trial_task(name: str) -> Task:
 
 def _run(task: Task, start: FloatArray, trial: ClosedLoopTrial, strict: float) -> Run:
     """Judge a trial as the study judges its runs."""
-    left = errors_of(task.manoeuvre, start, trial.poses)
+    left = errors_left(goal_of(task.manoeuvre, start), trial.poses)
     outcome = judged(task, left, fell=trial.fell)
     hops = float(outcome.hops) if outcome.hops >= 0 else np.nan
     return Run(outcome.success, hops, first_below(left, strict), trial.fell)

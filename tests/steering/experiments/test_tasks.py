@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from hopdata.config import load_config
-from hopdata.steering.control.objectives import ToHeading, ToPoint
+from hopdata.steering.control.objectives import ToHeading, ToPoint, errors_left
 from hopdata.steering.experiments.tasks import (
     ARRIVED,
     FELL,
@@ -12,7 +12,6 @@ from hopdata.steering.experiments.tasks import (
     board_for,
     decided,
     draw_starts,
-    errors_of,
     goal_of,
     judged,
     tasks_of,
@@ -60,8 +59,10 @@ def test_a_run_is_over_when_nothing_can_change_its_outcome(task):
 def test_errors_are_distances_or_what_is_left_of_half_a_turn():
     start = np.array([0.0, 0.0, 2.0])
     poses = np.array([[3.0, 4.0, 2.0], [0.0, 0.0, 2.0 + np.pi], [0.0, 0.0, 1.9 - np.pi]])
-    np.testing.assert_allclose(errors_of("origin", start, poses), [5, 0, 0])
-    np.testing.assert_allclose(errors_of("turn", start, poses), [np.pi, 0, 0.1], atol=1e-12)
+    np.testing.assert_allclose(errors_left(goal_of("origin", start), poses), [5, 0, 0])
+    np.testing.assert_allclose(
+        errors_left(goal_of("turn", start), poses), [np.pi, 0, 0.1], atol=1e-12
+    )
 
 
 def test_goals_are_what_errors_are_measured_to():

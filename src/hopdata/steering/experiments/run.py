@@ -8,13 +8,22 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import BoolArray, FloatArray
-from hopdata.steering.control.objectives import Controller, PlanningError
-from hopdata.steering.experiments.tasks import Outcome, Start, Task, decided, errors_of, judged
+from hopdata.arrays import BoolArray, FloatArray, pd
+from hopdata.steering.control.objectives import Controller, Plan, PlanningError, errors_left
+from hopdata.steering.experiments.tasks import Outcome, Start, Task, decided, goal_of, judged
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.live_stances import StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker, Observation
-from hopdata.steering.robot import Apex, Board, SteeredHop, SteeredHopper, released, steer_past
+from hopdata.steering.robot import (
+    Apex,
+    Board,
+    Stance,
+    SteeredHop,
+    SteeredHopper,
+    released,
+    steer_past,
+)
+from hopdata.steering.trial import POSE
 from hopdata.synthesis.camera import CurvedFloor, draw_gaps, observe
 from hopdata.synthesis.simulate import MotionCapture
 
@@ -43,34 +52,6 @@ class Sight:
     camera: MotionCapture
     geometry: HopperGeometry
     floor: CurvedFloor
-
-
-@dataclass(frozen=True)
-class WatchedStance:
-    """One stance, as it was and as it was seen.
-
-    Parameters
-    ----------
-    hop : SteeredHop
-        The hop that ended in it, with its true stance.
-    seen : Observation or None
-        What the frame nearest to the lowest point told, or the nearest with a pose; None if no
-        stance was recognised or no frame near it had a pose.
-    time_s : float
-        Instant of the stance as it was recognised; NaN if it was not.
-    board : Board or None
-        The board as the hop left it.
-    """
-
-    hop: SteeredHop
-    seen: Observation | None
-    time_s: float
-    board: Board | None
-
-    @property
-    def fell(self) -> bool:
-        """Whether the hopper fell."""
-        return self.hop.stance.fell
 
 
 class WatchedHopper:
@@ -121,8 +102,17 @@ class WatchedHopper:
         self._body = sight.geometry.body_places(markers)
         self._detector = StanceDetector.of(sight.geometry, rate_hz=camera.rate_hz)
 
-    def hop(self, swing_rad: float) -> WatchedStance:
-        """Make one hop with this swing of the boom, rad, and watch it."""
+    def hop(self, swing_rad: float) -> tuple[Stance, Observation | None]:
+        """Make one hop with this swing of the boom, rad, and watch it.
+
+        Returns
+        -------
+        Stance
+            As it truly was.
+        Observation or None
+            What the frame nearest to the lowest point told, or the nearest with a pose; None if no
+            stance was recognised or no frame near it had a pose.
+        """
         rate, apex = self.sight.camera.rate_hz, self._apex
         first = int(np.ceil(apex.time_s * rate - 1e-9))
         frames = np.arange(first, first + int(self.robot.hop_limit_s * rate))
@@ -135,13 +125,12 @@ class WatchedHopper:
             frame_times_s=frames / rate,
         )
         self._apex = hop.end
-        time_s, seen = self._watched(hop)
-        return WatchedStance(hop, seen, time_s, self.board)
+        return hop.stance, self._watched(hop)
 
-    def _watched(self, hop: SteeredHop) -> tuple[float, Observation | None]:
-        """Return the time of the stance, and the frame with a pose that was nearest to it then."""
+    def _watched(self, hop: SteeredHop) -> Observation | None:
+        """Return the frame with a pose that was nearest to the stance."""
         past: list[_Frame] = []
-        found: tuple[float, Observation | None] = (np.nan, None)
+        found = None
         for now, markers in zip(hop.frame_time_s.tolist(), self._seen(hop), strict=True):
             if self._frames is not None:
                 self._frames.append((now, markers))
@@ -149,7 +138,7 @@ class WatchedHopper:
             past.append((now, markers, told))
             stance = self._detector.feed(now, height)
             if stance is not None:
-                found = (stance.time_s, self._nearest(past, stance.time_s))
+                found = self._nearest(past, stance.time_s)
         return found
 
     def _height(
@@ -190,47 +179,31 @@ class WatchedHopper:
         )
 
 
+# Columns of the stances of a run: poses as they truly were, as they were seen (NaN where not), and
+# as the controller's model foretold them from the stance before (NaN for the first). The boom angle
+# is as seen, or by the swing that was commanded; the swing is that of the hop after; the board's
+# place is along its direction, NaN without one.
+MEASURED, PREDICTED = ([f"{kind}_{name}" for name in POSE] for kind in ("measured", "predicted"))
+COLUMNS = ["time_s", *POSE, *MEASURED, "boom_angle_rad", "swing_rad", *PREDICTED, "board_m"]
+
+
 @dataclass(frozen=True)
 class Run:
     """What happened at the K + 1 stances of a run, that of the first landing first.
 
     Parameters
     ----------
-    time_s : (K + 1,) array
-        Time of each stance since the release, s.
-    pose, measured : (K + 1, 3) arrays
-        As it truly was, and as it was seen; m, m, rad. NaN where it was not seen.
-    boom_angle_rad : (K + 1,) array
-        As seen; taken from the swing that was commanded where it was not.
-    swing_rad : (K + 1,) array
-        Swing that was commanded for the hop after each stance.
-    predicted : (K + 1, 3) array
-        Pose that the controller's model foretold from the stance before; NaN for the first.
-    board_m : (K + 1,) array
-        Where the board was along its direction; NaN without one.
+    stances : DataFrame
+        One row a stance: `COLUMNS`; times are since the release.
     blind : int
         Stances at which nothing was planned, since no pose was known: the boom held still.
     outcome : Outcome
         Judged by the true poses.
     """
 
-    time_s: FloatArray
-    pose: FloatArray
-    measured: FloatArray
-    boom_angle_rad: FloatArray
-    swing_rad: FloatArray
-    predicted: FloatArray
-    board_m: FloatArray
+    stances: pd.DataFrame
     blind: int
     outcome: Outcome
-
-
-@dataclass
-class _Decision:
-    swing_rad: float
-    predicted: FloatArray
-    boom_angle_rad: float
-    blind: bool
 
 
 def run_task(
@@ -265,52 +238,35 @@ def run_task(
         robot, sight, start.pose, most_hops=task.most_hops + 2, kicks=kicks, noise=noise,
         gaps=gaps, board=board, frames=frames,
     )  # fmt: skip
-    stances: list[WatchedStance] = []
-    decisions: list[_Decision] = []
+    goal, unknown = goal_of(task.manoeuvre, start.pose), np.full(3, np.nan)
+    rows: list[list[float]] = []
     errors: list[float] = []
-    last = _Decision(0.0, np.full(3, np.nan), robot.hopper.boom_angle_rad, False)
+    swing, boom, foretold, blind = 0.0, robot.hopper.boom_angle_rad, unknown, 0
     while True:
-        stance = hopper.hop(last.swing_rad)
+        stance, seen = hopper.hop(swing)
         if stance.fell:
             break
-        last = _decide(controller, stance, last, first=not stances)
-        stances.append(stance)
-        decisions.append(last)
-        errors.append(float(errors_of(task.manoeuvre, start.pose, stance.hop.stance.pose)))
+        boom = boom + swing
+        if seen is not None and np.isfinite(seen.boom_angle_rad):
+            boom = seen.boom_angle_rad
+        plan = None if seen is None else _plan(controller, seen, boom, swing if rows else None)
+        swing, blind = (0.0, blind + 1) if plan is None else (plan.swing_rad, blind)
+        place = np.nan if hopper.board is None else hopper.board.place_m
+        measured = unknown if seen is None else seen.pose
+        rows.append([stance.time_s, *stance.pose, *measured, boom, swing, *foretold, place])
+        foretold = unknown if plan is None else plan.poses[1]
+        errors.append(float(errors_left(goal, stance.pose)))
         if decided(task, errors):
             break
-    return _collected(stances, decisions, judged(task, errors, fell=stance.fell))
+    outcome = judged(task, errors, fell=stance.fell)
+    return Run(pd.DataFrame(rows, columns=COLUMNS, dtype=float), blind, outcome)
 
 
-def _decide(
-    controller: Controller, stance: WatchedStance, before: _Decision, *, first: bool
-) -> _Decision:
-    """Plan from what was seen; hold the boom still where that is too little."""
-    boom = before.boom_angle_rad + before.swing_rad
-    nothing = np.full(3, np.nan)
-    if stance.seen is None:
-        return _Decision(0.0, nothing, boom, True)
-    if np.isfinite(stance.seen.boom_angle_rad):
-        boom = stance.seen.boom_angle_rad
+def _plan(
+    controller: Controller, seen: Observation, boom: float, swung: float | None
+) -> Plan | None:
+    """Plan from what was seen, or not where that is too little: the boom is held still then."""
     try:
-        plan = controller.plan(stance.seen.pose, boom, None if first else before.swing_rad)
+        return controller.plan(seen.pose, boom, swung)
     except PlanningError:
-        return _Decision(0.0, nothing, boom, True)
-    return _Decision(plan.swing_rad, plan.poses[1], boom, False)
-
-
-def _collected(stances: list[WatchedStance], decisions: list[_Decision], outcome: Outcome) -> Run:
-    unseen = np.full(3, np.nan)
-    measured = [unseen if s.seen is None else s.seen.pose for s in stances]
-    foretold = [unseen, *(d.predicted for d in decisions[:-1])][: len(stances)]
-    return Run(
-        time_s=np.array([s.hop.stance.time_s for s in stances]),
-        pose=np.array([s.hop.stance.pose for s in stances]).reshape(-1, 3),
-        measured=np.array(measured).reshape(-1, 3),
-        boom_angle_rad=np.array([d.boom_angle_rad for d in decisions]),
-        swing_rad=np.array([d.swing_rad for d in decisions]),
-        predicted=np.array(foretold).reshape(-1, 3),
-        board_m=np.array([np.nan if s.board is None else s.board.place_m for s in stances]),
-        blind=sum(d.blind for d in decisions),
-        outcome=outcome,
-    )
+        return None

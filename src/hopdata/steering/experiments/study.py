@@ -13,13 +13,13 @@ from hopdata.arrays import pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import chosen
 from hopdata.rigid import composed, inverse
-from hopdata.steering.control.objectives import Controller
+from hopdata.steering.control.objectives import Controller, errors_left
 from hopdata.steering.experiments import tasks
-from hopdata.steering.experiments.run import Frames, Run, Sight, run_task
+from hopdata.steering.experiments.run import MEASURED, PREDICTED, Frames, Run, Sight, run_task
 from hopdata.steering.models.tabulated import FrameChangeMap
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.robot import Board, SteeredHopper, camera_of, robot_of
-from hopdata.steering.trial import TrueFrameChanges
+from hopdata.steering.trial import POSE, TrueFrameChanges
 from hopdata.synthesis.camera import draw_floor
 
 # A run in which the model stands in for the hopper: what would happen were it right.
@@ -44,17 +44,17 @@ def simulated(controller: Controller, task: tasks.Task, start: ArrayLike, run: R
     DataFrame
         ``curve`` ("pure"), ``stance, time_s, x_m, y_m, heading_rad``.
     """
-    seen = np.isfinite(run.measured[:, 0])
-    pose = np.array(run.measured[seen][0] if seen.any() else start, dtype=float)
-    boom = float(run.boom_angle_rad[seen][0]) if seen.any() else np.pi
-    hop_s = float(np.diff(run.time_s).mean()) if len(run.time_s) > 1 else np.nan
-    poses, errors, swing = [pose], [float(tasks.errors_of(task.manoeuvre, start, pose))], None
+    goal, seen = tasks.goal_of(task.manoeuvre, start), run.stances.dropna(subset=MEASURED)
+    pose, boom, hop_s = np.array(start, dtype=float), np.pi, run.stances["time_s"].diff().mean()
+    if len(seen):
+        pose, boom = seen[MEASURED].to_numpy()[0], float(seen["boom_angle_rad"].iloc[0])
+    poses, errors, swing = [pose], [float(errors_left(goal, pose))], None
     while not tasks.decided(task, errors):
         plan = controller.plan(pose, boom, swing)
         pose, swing = plan.poses[1], plan.swing_rad
         boom += swing
         poses.append(pose)
-        errors.append(float(tasks.errors_of(task.manoeuvre, start, pose)))
+        errors.append(float(errors_left(goal, pose)))
     stances = np.arange(len(poses))
     table = pd.DataFrame(np.array(poses), columns=POSE)
     return table.assign(curve="pure", stance=stances, time_s=stances * hop_s)
@@ -62,7 +62,6 @@ def simulated(controller: Controller, task: tasks.Task, start: ArrayLike, run: R
 
 SHOWN = tasks.PLANNER  # whose run of median hops is the example
 FILM_HZ = 10.0
-POSE = ("x_m", "y_m", "heading_rad")
 
 Shown: TypeAlias = tuple[tasks.Policy, tasks.Start, Run]
 
@@ -183,9 +182,9 @@ def experiment_of(
             key = {
                 "experiment": experiment, "start": heading, "controller": name, "run": start.number
             }  # fmt: skip
-            summary = {"stances": len(run.time_s), "blind": run.blind}
+            summary = {"stances": len(run.stances), "blind": run.blind}
             runs.append(key | {"model": model + 1} | vars(run.outcome) | summary)
-            stances.append(_stances(key, run))
+            stances.append(pd.DataFrame({**key, "stance": run.stances.index, **run.stances}))
             if (heading, name) == (tasks.ANY, SHOWN):
                 shown.append((makers[model], start, run))
     policy, start, run = typical(shown)
@@ -193,7 +192,7 @@ def experiment_of(
         pd.DataFrame(runs),
         pd.concat(stances, ignore_index=True),
         _example(setting, policy, start, run),
-        _film(setting, policy, start, run.time_s[0]),
+        _film(setting, policy, start, run.stances["time_s"].iloc[0]),
     )
 
 
@@ -210,7 +209,7 @@ def _example(setting: Setting, policy: tasks.Policy, start: tasks.Start, run: Ru
     table = pd.concat([_curves(run), alone], ignore_index=True)
     into = (np.nan, np.nan) if board is None else board.direction
     if setting.manoeuvre == tasks.TURN:  # from the origin; the board stands across its heading
-        table[list(POSE)] = composed(inverse(start.pose), table[list(POSE)].to_numpy())
+        table[POSE] = composed(inverse(start.pose), table[POSE].to_numpy())
         into = into if board is None else (1.0, 0.0)
     return table.assign(
         experiment=setting.experiment,
@@ -238,34 +237,13 @@ def _film(
     return table
 
 
-def _stances(key: Mapping[str, Any], run: Run) -> pd.DataFrame:
-    return pd.DataFrame(
-        {
-            **key,
-            "stance": np.arange(len(run.time_s)),
-            "time_s": run.time_s,
-            **dict(zip(POSE, run.pose.T, strict=True)),
-            **{f"measured_{n}": v for n, v in zip(POSE, run.measured.T, strict=True)},
-            "boom_angle_rad": run.boom_angle_rad,
-            "swing_rad": run.swing_rad,
-            **{f"predicted_{n}": v for n, v in zip(POSE, run.predicted.T, strict=True)},
-            "board_m": run.board_m,
-        }
-    )
-
-
 def _curves(run: Run) -> pd.DataFrame:
-    return pd.concat(
-        [
-            pd.DataFrame(
-                {
-                    "curve": name,
-                    "stance": np.arange(len(run.time_s)),
-                    "time_s": run.time_s - run.time_s[0],
-                    **dict(zip(POSE, poses.T, strict=True)),
-                    "board_m": run.board_m if name == "measured" else np.nan,
-                }
-            )
-            for name, poses in (("measured", run.measured), ("response", run.predicted))
-        ]
-    )
+    """Return what was measured, and beside it what the model foretold from each stance."""
+    made = run.stances
+    curves = []
+    for name, columns in (("measured", MEASURED), ("response", PREDICTED)):
+        curve = pd.DataFrame({"curve": name, "stance": made.index})
+        curve["time_s"] = made["time_s"] - made["time_s"].iloc[0]
+        curve[POSE] = made[columns]
+        curves.append(curve.assign(board_m=made["board_m"] if name == "measured" else np.nan))
+    return pd.concat(curves)

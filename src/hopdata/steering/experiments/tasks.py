@@ -112,14 +112,6 @@ def goal_of(manoeuvre: str, start: ArrayLike) -> Objective:
     return ToHeading(heading_rad=float(wrapped(float(np.asarray(start)[2]) + np.pi)))
 
 
-def errors_of(manoeuvre: str, start: ArrayLike, poses: ArrayLike) -> FloatArray:
-    """Distance from the origin, m, or size of the heading's error, rad, at poses (..., 3)."""
-    poses = np.asarray(poses, dtype=float)
-    if to_origin(manoeuvre):
-        return np.asarray(np.hypot(poses[..., 0], poses[..., 1]))
-    return np.abs(wrapped(poses[..., 2] - np.asarray(start)[2] - np.pi))
-
-
 def board_for(
     manoeuvre: str, start: ArrayLike, *, drag_n: float, ahead_m: float, reach_m: float = 0.38
 ) -> Board:
