@@ -35,7 +35,7 @@ from machine import quartiles
 from numpy.typing import ArrayLike
 from steering_setting import change_and_gradient, random_excitation, regressor_of
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, IntArray
 from hopdata.rigid import wrapped
 from hopdata.steering.excitation import ControlGrid
 from hopdata.steering.experiments.outcomes import SAME_STANCE_S
@@ -47,7 +47,6 @@ from hopdata.steering.models.learning import (
     map_table,
     prediction_score,
     random_split,
-    score_rows,
     smoothness_scores,
     training_table,
     with_intervals,
@@ -65,7 +64,13 @@ from hopdata.steering.models.training import (
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import SteeredHopper
-from hopdata.steering.trial import SteeredTrial, TrueFrameChanges, record_trial, true_frame_changes
+from hopdata.steering.trial import (
+    POSE,
+    SteeredTrial,
+    TrueFrameChanges,
+    record_trial,
+    true_frame_changes,
+)
 
 ROBOT = SteeredHopper()
 LIMIT = ROBOT.swing_limit_rad
@@ -121,6 +126,12 @@ def frame_changes_at_frames(
         swing_limit_rad=swing_limit_rad,
         recording=recording,
     )
+
+
+def true_pairs(stances: pd.DataFrame) -> IntArray:
+    """Return the frames (P, 2) of stances that are a hop apart, of `SteeredTrial.stances`."""
+    frame, second = stances["frame"].to_numpy(), np.flatnonzero(stances["follows"])
+    return np.column_stack([frame[second - 1], frame[second]])
 
 
 def stance_boom_angles(booms_rad: ArrayLike, frames: ArrayLike, window: int) -> FloatArray:
@@ -218,9 +229,9 @@ def observed(trial: SteeredTrial, name: str) -> FrameChanges:
 def true_hops(trial: SteeredTrial, name: str) -> FrameChanges:
     """Return the frame changes that truly happened."""
     return frame_changes_at_frames(
-        trial.stances.pairs(),
-        trial.poses,
-        trial.boom_angle_rad,
+        true_pairs(trial.stances),
+        trial.motion[POSE].to_numpy(),
+        trial.motion["boom_angle_rad"].to_numpy(),
         rate_hz=trial.recording.rate_hz,
         swing_limit_rad=LIMIT,
         recording=name,
@@ -294,7 +305,8 @@ def model_rows(
             for test, data in (("rest", usable.rows(rest)), ("any swing", with_past(other))):
                 inputs = process_inputs(data, options.history)
                 score = prediction_score(process, inputs, data.change)
-                yield from score_rows(score, {"model": name, "test": test, "draw": draw})
+                labels = {"model": name, "test": test, "draw": draw}
+                yield from pd.DataFrame({**labels, **score}).to_dict("records")
             if options.history in ("none", "swing"):
                 labels = {"model": name, "test": "true map", "draw": draw}
                 yield from true_map_rows(process, true, labels)

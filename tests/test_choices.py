@@ -11,6 +11,7 @@ from hopdata import recording
 from hopdata.config.schema import load_schema
 from hopdata.figures import distances as both_sides
 from hopdata.figures import style as saving
+from hopdata.figures.catalogue import FORMATS
 from hopdata.hybrid.methods import table as integrators
 from hopdata.landings import schedules, touchdowns
 from hopdata.landings.contacts import find as contacts
@@ -85,7 +86,7 @@ ASKED = {
         ),
     ),
     "figures.formats": (
-        saving.METADATA,
+        FORMATS,
         lambda name: saving.save_figure(ANY, "figure", formats=(name,)),
     ),
     "input.vertical_axis": (axes.FILE_AXES, lambda name: axes.rotate_up(NONE, name)),
@@ -125,7 +126,6 @@ ASKED = {
         lambda name: starts.draw_starts("turn", name, 1, distance_m=1.0, seed=0),
     ),
     "goal": (tasks.MANOEUVRES, lambda name: tasks.goal_of(name, np.zeros(3))),
-    "errors": (tasks.MANOEUVRES, lambda name: tasks.errors_of(name, np.zeros(3), np.zeros(3))),
     "board": (
         tasks.MANOEUVRES,
         lambda name: tasks.board_for(name, np.zeros(3), drag_n=1.0, ahead_m=1.0),
@@ -156,7 +156,7 @@ CONFIGURED = {
     "touchdowns.ambiguous": schedules.TREATMENTS,
     "states.method": states.METHODS,
     "states.gravity": states.GRAVITIES,
-    "figures.formats": saving.METADATA,
+    "figures.formats": FORMATS,
     "steering.model.kernel": models.KERNELS,
     "simulation.scene": SCENES,
 }

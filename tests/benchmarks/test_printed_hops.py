@@ -2,7 +2,12 @@
 
 import numpy as np
 import pytest
-from frame_change_models import frame_change_errors, frame_changes_at_frames, stance_boom_angles
+from frame_change_models import (
+    frame_change_errors,
+    frame_changes_at_frames,
+    stance_boom_angles,
+    true_pairs,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from steering_setting import random_excitation
@@ -10,7 +15,7 @@ from test_excitation import GRIDS, counts, generator
 
 from hopdata.steering.excitation import ControlGrid
 from hopdata.steering.robot import SteeredHopper
-from hopdata.steering.trial import record_trial
+from hopdata.steering.trial import POSE, record_trial
 
 
 @settings(max_examples=20, deadline=None)
@@ -64,14 +69,13 @@ def test_measured_frame_changes_of_the_plant_are_scored_against_the_true_ones():
     swings = np.random.default_rng(2).uniform(-1.1, 1.1, 25)
     trial = record_trial(SteeredHopper(), swings, seed=3)
     options = {"rate_hz": trial.recording.rate_hz, "swing_limit_rad": 1.2}
-    pairs = trial.stances.pairs()
-    true = frame_changes_at_frames(pairs, trial.poses, trial.boom_angle_rad, **options)
-    told = swings[np.flatnonzero(trial.stances.follows)]
+    pairs, poses = true_pairs(trial.stances), trial.motion[POSE].to_numpy()
+    booms = trial.motion["boom_angle_rad"].to_numpy()
+    true = frame_changes_at_frames(pairs, poses, booms, **options)
+    told = swings[np.flatnonzero(trial.stances["follows"])]
     np.testing.assert_allclose(true.swing_rad, told, atol=1e-9)
-    noise = np.random.default_rng(4).normal(0, 1e-3, trial.poses.shape)
-    seen = frame_changes_at_frames(
-        pairs[2:] + 1, trial.poses + noise, trial.boom_angle_rad, **options
-    )
+    noise = np.random.default_rng(4).normal(0, 1e-3, poses.shape)
+    seen = frame_changes_at_frames(pairs[2:] + 1, poses + noise, booms, **options)
     errors = frame_change_errors(seen, true)
     assert (errors.missed, errors.invented) == (2, 0)
     rms = errors.rms()

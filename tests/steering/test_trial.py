@@ -41,7 +41,7 @@ def trial(config):
 
 @pytest.fixture(scope="module")
 def observed(trial):
-    return observe_recordings([trial[0]], swing_limit_rad=3 * np.pi / 8)
+    return observe_recordings([trial.recording], swing_limit_rad=3 * np.pi / 8)
 
 
 def rng(seed=0):
@@ -65,7 +65,7 @@ def test_the_excitation_and_the_kernel_are_those_configured(config):
 
 
 def test_the_trial_s_truth_is_by_stance_and_by_frame(trial):
-    recording, stances, motion = trial
+    recording, stances, motion = trial.recording, trial.stances, trial.motion
     assert len(motion) == len(recording.time)
     assert stances["follows"].sum() >= 60
     assert recording.names("boom") == ("boom",)
@@ -73,21 +73,21 @@ def test_the_trial_s_truth_is_by_stance_and_by_frame(trial):
 
 def test_hops_are_observed_and_all_accounted_for(trial, observed):
     count = observed.counts[0]
-    assert count["pairs"] == len(observed.changes) == trial[1]["follows"].sum()
+    assert count["pairs"] == len(observed.changes) == trial.stances["follows"].sum()
     assert count["used"] + sum(count["excluded"].values()) == count["pairs"]
-    assert sum(count["frames"].values()) == len(trial[0].time)
+    assert sum(count["frames"].values()) == len(trial.recording.time)
     assert observed.stances["follows"].sum() == count["pairs"]
     assert observed.geometry.boom_name == "boom"
 
 
 def test_recordings_are_joined_one_after_the_other(trial, observed):
-    both = observe_recordings([trial[0], trial[0]], swing_limit_rad=3 * np.pi / 8)
+    both = observe_recordings([trial.recording, trial.recording], swing_limit_rad=3 * np.pi / 8)
     assert len(both.changes) == 2 * len(observed.changes)
     assert [count["recording"] for count in both.counts] == ["excitation"] * 2
 
 
 def test_a_recording_without_a_boom_is_refused_in_words(trial):
-    whole = trial[0]
+    whole = trial.recording
     keep = [i for i, role in enumerate(whole.roles) if role != "boom"]
     bare = Recording(
         name="monday",
@@ -103,7 +103,7 @@ def test_a_recording_without_a_boom_is_refused_in_words(trial):
 
 
 def test_which_recording_cannot_be_calibrated_is_said(trial):
-    whole = trial[0]
+    whole = trial.recording
     boom, body = whole.indices("boom")[0], whole.indices("body")[0]
     positions = whole.positions.copy()
     positions[:, boom] = positions[:, body]
@@ -117,7 +117,7 @@ def test_hops_of_a_robot_that_tips_over_are_left_out_and_counted():
     trial = record_trial(robot, [0.5, -0.5] * 12, seed=3)
     seen = observe_recordings([trial.recording], swing_limit_rad=1.2)
     stances, count = seen.stances, seen.counts[0]
-    true = trial.tilt_rad[stances["frame"]]
+    true = trial.motion["tilt_rad"][stances["frame"]]
     np.testing.assert_allclose(stances["tilt_rad"], true, atol=np.deg2rad(3))  # level by its feet
     tilted = (stances["tilt_rad"] > np.deg2rad(20)).to_numpy()
     follows = np.flatnonzero(stances["follows"])
@@ -202,7 +202,7 @@ class Law:
 
 
 def test_scores_against_the_truth(trial, observed):
-    _, stances, motion = trial
+    stances, motion = trial.stances, trial.motion
     entries = truth_entries(observed.motion, motion, observed.stances, stances, Law(), true_map())
     value = {name: entry["value"] for name, entry in entries.items()}
     assert value["true_pairs"] == stances["follows"].sum()

@@ -5,9 +5,9 @@ from hopdata.recordings.readers.hdf5 import write_recording
 from hopdata.steering.trial import simulate_excitation
 
 with reported(snakemake.log[0]):
-    recording, stances, motion = simulate_excitation(
+    trial = simulate_excitation(
         snakemake.params.steering, snakemake.params.motion_capture, seed=snakemake.params.seed
     )
-    write_recording(snakemake.output.recording, recording)
-    write_table(snakemake.output.stances, stances)
-    write_table(snakemake.output.motion, motion)
+    write_recording(snakemake.output.recording, trial.recording)
+    write_table(snakemake.output.stances, trial.stances)
+    write_table(snakemake.output.motion, trial.motion)

@@ -109,8 +109,9 @@ def _timeline(
     """Draw the picture as SVG, and say between which shares of its width its time axis runs."""
     import pandas as pd
 
+    from hopdata.figures.catalogue import FORMATS
     from hopdata.figures.quality import gap_timeline_figure
-    from hopdata.figures.style import METADATA, style_context
+    from hopdata.figures.style import style_context
 
     time = inspection.time - inspection.time[0]
     stretches = [(g.marker, *stretch) for g in inspection.gaps for stretch in g.stretches]
@@ -121,7 +122,7 @@ def _timeline(
     )
     buffer = io.BytesIO()
     with style_context():
-        figure.savefig(buffer, format="svg", metadata=dict(METADATA["svg"]))
+        figure.savefig(buffer, format="svg", metadata=dict(FORMATS["svg"]))
     return buffer.getvalue(), tuple(
         x for axes in figure.axes for x in axes.get_position().intervalx
     )

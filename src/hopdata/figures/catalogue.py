@@ -14,6 +14,14 @@ from typing import Any
 
 from hopdata.jobs import read_json, read_table
 
+# A date or a library version in a file would change its bytes without a change of the data.
+#: Formats of figures, and what is written into a file beside the picture.
+FORMATS: Mapping[str, Mapping[str, str | None]] = {
+    "svg": {"Date": None, "Creator": "hopdata"},
+    "png": {"Software": "hopdata"},
+    "pdf": {"CreationDate": None, "Creator": "hopdata", "Producer": "hopdata"},
+}
+
 
 @dataclass(frozen=True)
 class Drawing:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import wraps
 from math import isfinite
@@ -19,6 +19,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
 from hopdata.errors import ConfigError, require_choice
+from hopdata.figures.catalogue import FORMATS
 from hopdata.jobs import whole_file
 
 # Lines with bands, and logarithmic axes with plain numbers: what figures of errors share.
@@ -208,12 +209,6 @@ def letter(axes: Axes, text: str) -> None:
 
 # Figures to files: the same data give the same bytes, and all formats are written or none.
 
-# A date or a library version in the file would change its bytes without a change of the data.
-METADATA: Mapping[str, Mapping[str, str | None]] = {
-    "svg": {"Date": None, "Creator": "hopdata"},
-    "png": {"Software": "hopdata"},
-    "pdf": {"CreationDate": None, "Creator": "hopdata", "Producer": "hopdata"},
-}
 DECIMALS = 9  # of a place, in parts of the figure
 
 
@@ -248,7 +243,7 @@ def save_figure(
         If a format is not one of the three, or `dpi` is not positive.
     """
     for name in formats:
-        require_choice("figures.formats", name, METADATA)
+        require_choice("figures.formats", name, FORMATS)
     if not dpi > 0:
         raise ConfigError(f"figures.dpi: expected a positive number, found {dpi}")
     base = Path(path)
@@ -256,7 +251,7 @@ def save_figure(
     with ExitStack() as whole, style_context(), _laid_out(figure):
         for target, suffix in zip(targets, formats, strict=True):
             draft = whole.enter_context(whole_file(target))
-            metadata: dict[str, Any] = dict(METADATA[suffix])
+            metadata: dict[str, Any] = dict(FORMATS[suffix])
             figure.savefig(draft, format=suffix, dpi=dpi, metadata=metadata)
     return targets
 

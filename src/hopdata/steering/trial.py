@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray, pd
+from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.recording import Recording
@@ -19,49 +19,28 @@ from hopdata.synthesis.camera import draw_floor, fixed_markers, track_markers
 from hopdata.synthesis.simulate import MotionCapture, observed
 from hopdata.synthesis.trial import Operator, Trial, run_trial
 
-
-@dataclass(frozen=True)
-class TrueStances:
-    """Stances of a trial as they truly were, one a hop.
-
-    Parameters
-    ----------
-    frame : (S,) array of int
-        Frame in which the body markers are lowest on the mean.
-    time_s : (S,) array
-        Time of that frame, s.
-    pose : (S, 3) array
-        Mean of the body markers on the floor, m, and yaw, rad, in that frame.
-    boom_angle_rad : (S,) array
-        Angle of the boom there; not wrapped.
-    follows : (S,) bool array
-        Whether the stance before is that of the hop before, with no handling between.
-    """
-
-    frame: IntArray
-    time_s: FloatArray
-    pose: FloatArray
-    boom_angle_rad: FloatArray
-    follows: BoolArray
-
-    def pairs(self) -> IntArray:
-        """Frames of consecutive stances, (P, 2)."""
-        second = np.flatnonzero(self.follows)
-        return np.column_stack([self.frame[second - 1], self.frame[second]])
+POSE = ["x_m", "y_m", "heading_rad"]
 
 
 @dataclass(frozen=True)
 class SteeredTrial:
     """A recording of a steered hopper, and its truth.
 
-    `poses` (N, 3), `boom_angle_rad` (N,) and `tilt_rad` (N,) are the true ones at every frame.
+    Parameters
+    ----------
+    recording : Recording
+    stances : DataFrame
+        One row a stance, one a hop: ``frame`` in which the body markers are lowest on the mean, its
+        ``time_s``, the pose in it (mean of the body markers on the floor, m, and yaw, rad; `POSE`),
+        ``boom_angle_rad``, not wrapped, and ``follows``: whether the stance before is that of the
+        hop before, with no handling between.
+    motion : DataFrame
+        One row a frame: ``time_s``, the pose, ``boom_angle_rad, tilt_rad``.
     """
 
     recording: Recording
-    stances: TrueStances
-    poses: FloatArray
-    boom_angle_rad: FloatArray
-    tilt_rad: FloatArray
+    stances: pd.DataFrame
+    motion: pd.DataFrame
 
 
 def record_trial(
@@ -110,13 +89,11 @@ def record_trial(
     floor = draw_floor(camera.floor, floor_rng)
     recording = observed(tracks, floor, camera, name, noise_rng, gaps_rng)
     robot = replace(robot, markers=camera.markers)
-    return SteeredTrial(
-        recording=recording,
-        stances=true_stances(robot, trial),
-        poses=plant.marker_poses(robot, trial.states),
-        boom_angle_rad=_boom_angles(robot, trial),
-        tilt_rad=np.arccos(np.cos(trial.states[:, 4]) * np.cos(trial.states[:, 5])),
-    )
+    motion = pd.DataFrame({"time_s": recording.time})
+    motion[POSE] = plant.marker_poses(robot, trial.states)
+    tilt = np.arccos(np.cos(trial.states[:, 4]) * np.cos(trial.states[:, 5]))
+    motion = motion.assign(boom_angle_rad=_boom_angles(robot, trial), tilt_rad=tilt)
+    return SteeredTrial(recording, true_stances(robot, trial, motion), motion)
 
 
 def _numbers(swings_rad: Iterable[float]) -> FloatArray:
@@ -133,8 +110,8 @@ def _numbers(swings_rad: Iterable[float]) -> FloatArray:
     return numbers
 
 
-def true_stances(robot: plant.SteeredHopper, trial: Trial) -> TrueStances:
-    """Return the stances of the hops in which all legs stood."""
+def true_stances(robot: plant.SteeredHopper, trial: Trial, motion: pd.DataFrame) -> pd.DataFrame:
+    """Return the stances of the hops in which all legs stood; see `SteeredTrial`."""
     body = fixed_markers(trial.states, np.array(robot.markers.body_m))
     height = body[..., 2].mean(axis=1)
     ends = trial.hop_start_s + [hop.end_time_s for hop in trial.hops]
@@ -145,13 +122,9 @@ def true_stances(robot: plant.SteeredHopper, trial: Trial) -> TrueStances:
     frame = np.array([a + np.argmin(height[a:b]) for a, b in spans], dtype=np.int64)
     joined = np.append(False, np.isclose(trial.hop_start_s[1:], ends[:-1], rtol=0, atol=1e-9))
     joined[1:] &= stood[:-1]
-    return TrueStances(
-        frame=frame,
-        time_s=frame / trial.rate_hz,
-        pose=plant.marker_poses(robot, trial.states[frame]),
-        boom_angle_rad=_boom_angles(robot, trial)[frame],
-        follows=joined[stood],
-    )
+    poses = motion[[*POSE, "boom_angle_rad"]].iloc[frame].reset_index(drop=True)
+    table = pd.DataFrame({"frame": frame, "time_s": frame / trial.rate_hz})
+    return table.join(poses).assign(follows=joined[stood])
 
 
 def _boom_angles(robot: plant.SteeredHopper, trial: Trial) -> FloatArray:
@@ -251,13 +224,12 @@ def _whole(robot: plant.SteeredHopper, apex: plant.Apex, swing_rad: float) -> pl
 # The trial that a model is learned from, where nobody has recorded one.
 
 NAME = "excitation"
-POSE = ["x_m", "y_m", "heading_rad"]
 
 
 @one_blas_thread()
 def simulate_excitation(
     steering: Mapping[str, Any], motion_capture: Mapping[str, Any], *, seed: int
-) -> tuple[Recording, pd.DataFrame, pd.DataFrame]:
+) -> SteeredTrial:
     """Let the simulated robot execute an excitation, seen by motion capture.
 
     Parameters
@@ -266,27 +238,12 @@ def simulate_excitation(
         These blocks of the configuration.
     seed : int
         The study's.
-
-    Returns
-    -------
-    recording : Recording
-    stances, motion : DataFrame
-        The truth: one row a stance (``frame, time_s, x_m, y_m, heading_rad, boom_angle_rad,
-        follows``) and one row a frame (``time_s``, pose, ``boom_angle_rad, tilt_rad``).
     """
     camera = plant.camera_of(motion_capture)
     robot = plant.robot_of(steering["robot"], camera)
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(EXCITATION,)))
     swings = eulerian_excitation(ControlGrid(**steering["excitation"]), rng).swings
-    trial = record_trial(robot, swings, seed=(seed, TRIAL), camera=camera, name=NAME)
-    true = trial.stances
-    stances = pd.DataFrame({"frame": true.frame, "time_s": true.time_s})
-    stances[POSE] = true.pose
-    stances = stances.assign(boom_angle_rad=true.boom_angle_rad, follows=true.follows)
-    motion = pd.DataFrame({"time_s": trial.recording.time})
-    motion[POSE] = trial.poses
-    motion = motion.assign(boom_angle_rad=trial.boom_angle_rad, tilt_rad=trial.tilt_rad)
-    return trial.recording, stances, motion
+    return record_trial(robot, swings, seed=(seed, TRIAL), camera=camera, name=NAME)
 
 
 # The true frame changes as a table, and back.

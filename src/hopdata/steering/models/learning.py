@@ -22,36 +22,29 @@ UNITS = ("mm", "mm", "deg")
 IN_UNITS = np.array([1e3, 1e3, 180 / np.pi])
 
 
-@dataclass(frozen=True)
-class PredictionScore:
-    """Scores of predictions, each (3,).
+def prediction_score(
+    process: FrameChangeProcess, inputs: FloatArray, outputs: FloatArray
+) -> pd.DataFrame:
+    """Score predictions of frame changes `outputs` (n, 3) at `inputs` (n, d).
 
-    Parameters
-    ----------
-    r2 : array
-        1 less the mean square error over the variance of what was to be predicted.
-    rmse : array
-        Root mean square error, mm, mm, degrees.
-    coverage : array
-        Share of the hops within the central 95 % of their prediction.
+    Returns
+    -------
+    DataFrame
+        A row for each ``component``, with its ``unit``: ``r2``, 1 less the mean square error over
+        the variance of what was to be predicted; ``rmse``, root mean square error in that unit;
+        ``coverage``, the share of the hops within the central 95 % of their prediction.
     """
-
-    r2: FloatArray
-    rmse: FloatArray
-    coverage: FloatArray
-
-
-def prediction_score(process: FrameChangeProcess, inputs: FloatArray, outputs: FloatArray) -> (
-    PredictionScore
-):  # fmt: skip
-    """Score predictions of frame changes `outputs` (n, 3) at `inputs` (n, d)."""
     error = process.change(*inputs.T) - outputs
     sd = process.sd(*inputs.T, observed=True)
     square = np.mean(error**2, axis=0)
-    return PredictionScore(
-        r2=1 - square / outputs.var(axis=0),
-        rmse=np.sqrt(square) * IN_UNITS,
-        coverage=np.mean(np.abs(error) <= WIDTH_95 * sd, axis=0),
+    return pd.DataFrame(
+        {
+            "component": COMPONENTS,
+            "unit": UNITS,
+            "r2": 1 - square / outputs.var(axis=0),
+            "rmse": np.sqrt(square) * IN_UNITS,
+            "coverage": np.mean(np.abs(error) <= WIDTH_95 * sd, axis=0),
+        }
     )
 
 
@@ -61,7 +54,7 @@ def tested(
     test: FloatArray,
     options: training.ProcessOptions,
     seed: int,
-) -> tuple[FrameChangeProcess, PredictionScore]:
+) -> tuple[FrameChangeProcess, pd.DataFrame]:
     """Train on some rows of a table of hops, and score on others."""
     process = training.trained_process(hops.rows(train), options, seed=seed)
     rest = hops.rows(test)
@@ -125,15 +118,8 @@ def learning_scores(
             train, test = random_split(len(hops), size, np.random.default_rng(stream))
             for name, chosen in options.items():
                 _, score = tested(hops, train, test, chosen, seed + draw)
-                rows.extend(score_rows(score, {"model": name, "hops": size, "draw": draw}))
-    return pd.DataFrame(rows)
-
-
-def score_rows(score: PredictionScore, labels: Mapping[str, object]) -> list[dict[str, object]]:
-    """Return a row for each component."""
-    columns = zip(COMPONENTS, UNITS, score.r2, score.rmse, score.coverage, strict=True)
-    names = ("component", "unit", "r2", "rmse", "coverage")
-    return [{**labels, **dict(zip(names, values, strict=True))} for values in columns]
+                rows.append(pd.DataFrame({"model": name, "hops": size, "draw": draw, **score}))
+    return pd.concat(rows, ignore_index=True)
 
 
 def with_intervals(scores: pd.DataFrame, by: Sequence[str], values: Sequence[str]) -> pd.DataFrame:
@@ -257,19 +243,17 @@ def smoothness_scores(
         they are modelled: compare it within a reading and a component.
     """
     hops = changes.used()
-    rows: list[dict[str, object]] = []
+    rows = []
     for draw, stream in enumerate(np.random.SeedSequence([seed, train]).spawn(draws)):
         chosen, rest = random_split(len(hops), train, np.random.default_rng(stream))
         for reading, options in readings.items():
             for smoothness in SMOOTHNESSES:
                 setup = replace(options, smoothness=smoothness)
                 process, score = tested(hops, chosen, rest, setup, seed + draw)
-                scored = score_rows(
-                    score, {"reading": reading, "smoothness": smoothness, "draw": draw}
-                )
-                for row, value in zip(scored, process.log_marginal_likelihood, strict=True):
-                    rows.append({**row, "log_likelihood": value})
-    return pd.DataFrame(rows)
+                labels = {"reading": reading, "smoothness": smoothness, "draw": draw}
+                scored = pd.DataFrame({**labels, **score})
+                rows.append(scored.assign(log_likelihood=process.log_marginal_likelihood))
+    return pd.concat(rows, ignore_index=True)
 
 
 # From the table of frame changes to a model, and how well it predicts the other hops.
@@ -310,9 +294,9 @@ def learn(
         train, rest = random_split(len(hops), wanted, rng)
         process, score = tested(hops, train, rest, setup, seed)
         processes.append(process)
-        rows += score_rows(score, {"set": k + 1})
+        rows.append(pd.DataFrame({"set": k + 1, **score}))
     sizes = {"training_hops": wanted, "test_hops": len(hops) - wanted}
-    return processes, pd.DataFrame(rows).assign(**sizes)
+    return processes, pd.concat(rows, ignore_index=True).assign(**sizes)
 
 
 def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChanges:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -19,7 +20,6 @@ from hopdata.steering.models.process import (
     FrameChangeProcess,
     embedded,
 )
-from hopdata.steering.robot import Options
 
 # How the processes are set up: the printed way, the recommended one, and others between them.
 
@@ -288,6 +288,6 @@ def _copies(inputs: FloatArray) -> FloatArray:
 KERNELS = {"recommended": RECOMMENDED, "printed": PRINTED}
 
 
-def process_of(options: Options) -> ProcessOptions:
+def process_of(options: Mapping[str, Any]) -> ProcessOptions:
     """Return the set-up of the processes that the block ``steering.model`` names."""
     return chosen("steering.model.kernel", options["kernel"], KERNELS)
