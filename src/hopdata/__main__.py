@@ -176,8 +176,9 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
     "check": (
         "hopdata.commands.check:check",
         "check a configuration and its recordings",
-        "Check a configuration, read its recordings, and say what is in them. Exit code 1, and a\n"
-        "line on each mistake, if anything is wrong. Nothing is written.",
+        "Check a configuration, read its recordings, and say what is in them and what the study\n"
+        "will find: landings used, whether the verdict is in reach, what to change. Exit code 1,\n"
+        "and a line on each mistake, if anything is wrong. Nothing is written.",
         "  hopdata check config/config.yaml\n",
         _check_options,
     ),

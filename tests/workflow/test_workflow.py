@@ -13,6 +13,9 @@ import pytest
 import yaml
 from checkouts import FIGURES, ROOT, copy_checkout, edit_config, planned_rules, snakemake
 
+from hopdata.commands.forecast import foretell
+from hopdata.config.loading import load_config
+from hopdata.recordings.importing import import_recording
 from hopdata.recordings.readers.hdf5 import read_truth
 
 pytestmark = pytest.mark.workflow
@@ -68,6 +71,21 @@ def test_the_verdict_on_the_sample(sample):
     assert verdict["conclusion"] in {"no difference", "cannot tell"}
     assert verdict["sentence"] in (sample / "results" / "sample" / "report.html").read_text()
     assert verdict["effect"]["low"] <= verdict["effect"]["estimate"] <= verdict["effect"]["high"]
+
+
+def test_the_check_foretells_what_the_study_found(sample, monkeypatch):
+    monkeypatch.chdir(sample)
+    config = load_config("config/config.yaml")
+    recording, _ = import_recording(
+        ["data/sample/hopper.h5"], name="hopper", markers=config["markers"], **config["input"]
+    )
+    forecast = foretell(config, [recording])
+    verdict = json.loads((sample / "results/sample/verdict.json").read_text())
+    assert (forecast.used, forecast.stops) == (verdict["n_landings"], False)
+    assert forecast.detectable == pytest.approx(verdict["effect"]["detectable"], rel=0.01)
+    table = pd.read_csv(sample / "results/sample/tables/touchdowns.csv", keep_default_na=False)
+    found = table.loc[table["excluded"], "reason"].value_counts()
+    assert forecast.left_out() == found.drop("no foot landed", errors="ignore").to_dict()
 
 
 def test_an_edited_library_module_runs_the_stages_that_use_it(sample):

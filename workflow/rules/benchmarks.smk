@@ -11,6 +11,7 @@ BENCHMARK_TABLES = {
     "first_solve": ["first_solve.csv"],
     "first_order": ["first_order.csv"],
     "contact_instants": ["contact_instants.csv"],
+    "check_forecast": ["check_forecast.csv"],
     "velocities": ["velocities.csv"],
     "maps": ["maps.csv", "maps_noise.csv", "maps_readings.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],

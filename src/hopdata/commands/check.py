@@ -10,7 +10,7 @@ import numpy as np
 
 from hopdata.arrays import GRAVITY_M_S2
 from hopdata.commands import terminal
-from hopdata.errors import RecordingError
+from hopdata.errors import AnalysisError, RecordingError
 from hopdata.recordings.external import ForceSignal, read_contact_times, read_force_signals
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def check(options: argparse.Namespace) -> int:
         if not files:
             hops, cut_s = map(simulation_of(config, entry["name"]).get, ("hops", "duration_s"))
             cut = "" if cut_s is None else f", cut at {cut_s:g} s"
-            print(f"{entry['name']}: simulated, {hops} hops{cut}")
+            print(f"{entry['name']}: simulated, {hops} hops{cut}: see hopdata plan")
             continue
         try:
             with terminal.progress_line() as progress:
@@ -67,8 +67,28 @@ def check(options: argparse.Namespace) -> int:
         mistakes.append(str(error))
     if mistakes:
         raise RecordingError(*mistakes)
+    if len(sound) == len(config["recordings"]):
+        _foretell(config, sound)
     print(f"{options.config} is sound")
     return terminal.OK
+
+
+def _foretell(config: dict[str, Any], recordings: list[Recording]) -> None:
+    """Say what the study will find.
+
+    Raises
+    ------
+    AnalysisError
+        If it will stop.
+    """
+    from hopdata.commands.forecast import foretell, told
+
+    with terminal.progress_line() as progress:
+        progress("looking for landings")
+        forecast = foretell(config, recordings)
+    print("\n".join(told(forecast, config, recordings)))
+    if forecast.stops:
+        raise AnalysisError(forecast.reason)
 
 
 def _suspects(recording: Recording) -> list[str]:

@@ -109,3 +109,9 @@ def test_known_maps_have_the_size_that_the_formula_says():
     assert relative_size(maps, weights) == pytest.approx(np.sqrt(np.mean(parts)))
     units = np.repeat([1e3, 1e-2], [5, 6])[:, None]
     assert relative_size(units * maps, weights) == pytest.approx(np.sqrt(np.mean(parts)))
+
+
+def test_without_any_order_nothing_is_compared():
+    differences, mean = contrasts(np.empty((0, 3), int), np.empty(0, int))
+    assert differences.shape == (0, 0)
+    assert mean.shape == (0,)

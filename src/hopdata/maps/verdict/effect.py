@@ -92,7 +92,7 @@ def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArra
     if feet <= ALL_SETS_UP_TO:
         one = np.eye(number)
         pairs = [one[a] - one[b] for a, b in combinations(range(number), 2)]
-        return np.reshape(pairs, (-1, number)), np.full(number, 1.0 / number)
+        return np.reshape(pairs, (len(pairs), number)), np.full(number, 1.0 / max(number, 1))
     place = np.argsort(orders, axis=1)
     differences = []
     for i, j in combinations(range(feet), 2):
@@ -100,7 +100,7 @@ def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArra
         last = counts - first
         if min(first.sum(), last.sum()) >= LEAST_CLASS:
             differences.append(first / first.sum() - last / last.sum())
-    return np.reshape(differences, (-1, number)), counts / counts.sum()
+    return np.reshape(differences, (len(differences), number)), counts / counts.sum()
 
 
 def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:

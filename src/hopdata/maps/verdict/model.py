@@ -240,9 +240,8 @@ def _variance_ratios(terms: _Terms, outputs: FloatArray) -> tuple[FloatArray, Fl
     variances = np.repeat(1e-3 * noise[:, None], count, axis=1)
     for _ in range(_STEPS):
         shrinkage = noise[:, None] / variances[:, terms.groups]
-        inverse = np.linalg.inv(gram + shrinkage[:, :, None] * np.eye(g))
-        sizes = np.einsum("qij,qj->qi", inverse, loads)
-        known = 1.0 - shrinkage * np.einsum("qii->qi", inverse)
+        sizes, spread = _posterior(gram, shrinkage, loads)
+        known = 1.0 - shrinkage * spread
         steps = (sizes**2 @ member) / np.maximum(known @ member, _FLAT) / variances
         least = _FLAT * noise[:, None]
         variances = np.maximum(variances * np.maximum(steps, least / variances) ** 1.5, least)
@@ -250,6 +249,23 @@ def _variance_ratios(terms: _Terms, outputs: FloatArray) -> tuple[FloatArray, Fl
         noise = rest / np.maximum(free - known.sum(axis=1), 1.0)
     ratios = variances / noise[:, None]
     return np.where(ratios < _NONE, 0.0, ratios), noise
+
+
+def _posterior(
+    gram: FloatArray, shrinkage: FloatArray, loads: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return means (q, g) of the shrunk terms and the diagonals (q, g) of their covariances.
+
+    By triangles, which take a third of the time of whole inverses.
+    """
+    from scipy.linalg.lapack import dpotrf, dtrtri
+
+    sizes, spread = np.empty_like(loads), np.empty_like(loads)
+    for k, (own, load) in enumerate(zip(shrinkage, loads, strict=True)):
+        root, _ = dpotrf(gram + np.diag(own), lower=1)
+        inverse, _ = dtrtri(root, lower=1)
+        sizes[k], spread[k] = inverse.T @ (inverse @ load), np.sum(inverse**2, axis=0)
+    return sizes, spread
 
 
 def _seen_directions(bends: FloatArray, whole: FloatArray, feet: int) -> FloatArray:

@@ -106,23 +106,25 @@ def _spikes(third: FloatArray, m: int) -> tuple[list[Excursion], float]:
     with a gross one are looked at. The limits are those of at most `MOST_FRAMES` frames.
     """
     n_frames = len(third) + 3
-    gross = np.flatnonzero(_length(third) >= LEAST_M) + 3
     usual = np.arange(3, n_frames - 3, -(-n_frames // MOST_FRAMES))
-    around, around_usual = _around(third, gross), _around(third, usual)
+    around = _around(third, usual)
+    limits = {
+        length: _limit(_excursions(around[:, usual <= n_frames - length - 3], length))
+        for length in range(LONGEST_SPIKE, 0, -1)
+    }
+    gross = np.flatnonzero(_length(third) >= min(limits.values())) + 3
+    around = _around(third, gross)
     covered = np.zeros(n_frames)  # sizes of longer excursions
     found: list[Excursion] = []
-    limit = np.inf
-    for length in range(LONGEST_SPIKE, 0, -1):
-        last = n_frames - length - 3
-        limit = _limit(_excursions(around_usual[:, usual <= last], length))
-        sizes = _excursions(around[:, gross <= last], length)
+    for length, limit in limits.items():
+        sizes = _excursions(around[:, gross <= n_frames - length - 3], length)
         for k in np.flatnonzero(sizes > limit).tolist():
             start, size = int(gross[k]), float(sizes[k])
             if covered[start : start + length].min() < OF_SHORTER * size:
                 found.append(Excursion(m, start, start + length, size))
         for e in found:
             np.maximum(covered[e.start : e.stop], e.size, out=covered[e.start : e.stop])
-    return found, limit
+    return found, limits[1]
 
 
 def _around(third: FloatArray, frames: IntArray) -> FloatArray:

@@ -1,0 +1,255 @@
+"""What a study will find, told before it is run: landings used, and what its verdict can tell.
+
+The stages' own functions, in one process, without tables and figures. Of the verdict nothing is
+told but how small a difference it can show, so that no choice is made by its answer.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hopdata.errors import AnalysisError
+from hopdata.landings.contacts.find import find_landings
+from hopdata.landings.filling import TOO_MUCH_FILLED, fill_gaps, mark_filled
+from hopdata.landings.floor import fit_floor, level
+from hopdata.landings.sections.select import select_sections
+from hopdata.landings.states.assemble import STATELESS, assemble_pairs, exclude_stateless
+from hopdata.landings.touchdowns import (
+    HIDDEN_PRE,
+    LOW_FLIGHT,
+    NO_FOOT_LANDED,
+    left_out,
+    touchdown_table,
+)
+from hopdata.maps.verdict import judge
+from hopdata.maps.verdict.effect import landings_needed
+from hopdata.recording import Recording, fraction_seen
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_FRAMES = 120_000  # looked at; of longer studies the middle of each recording
+LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
+#: The bound of a study without a difference is some 0.75 to 1 of what it detects.
+BOUND_SHARE = 0.75
+
+_HIDDEN_BODY = (
+    "{body} is hidden as the body passes a section: with four body markers or more gaps are filled "
+    "from the others (filling.longest_s), or take it off markers.body"
+)
+_OTHERWISE = "set sections.{side}_height_m, or sections.frames to landings"
+#: What to change where a reason costs landings.
+CHANGES = {
+    "frames missing at the contact of foot": "{foot} is hidden where it lands: point more cameras "
+    "at the floor, or take it off markers.feet",
+    "not down by the post section": "{foot} is not down when the others are: if it often lands "
+    "later or not at all take it off markers.feet; else " + _OTHERWISE.format(side="post"),
+    "down before the pre section": "{foot} is down too early: if it stays on the floor take it off "
+    "markers.feet; else " + _OTHERWISE.format(side="pre"),
+    "poor fit of foot": "{foot} does not fall and stand as a foot does: is it swapped or loose "
+    "(hopdata inspect)? if it is sound raise touchdowns.maximum_misfit",
+    "not determined": "{foot} slows without a kink: put a marker where it touches",
+    HIDDEN_PRE: _HIDDEN_BODY,
+    "frames missing at the post section": _HIDDEN_BODY,
+    "post section never reached": "the body does not sink to the post section: "
+    + _OTHERWISE.format(side="post"),
+    LOW_FLIGHT: "these hops are lower than the others: lower sections.pre_height_m",
+    TOO_MUCH_FILLED: "raise filling.largest_share, or see the body better",
+    STATELESS: "see the body in every frame, or record more frames a second",
+}
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a study will find.
+
+    Attributes
+    ----------
+    touchdowns
+        Table of the touchdowns that were looked at: see `touchdown_table`.
+    frames_share
+        Share of the study's frames that were looked at.
+    detectable
+        Difference that the verdict finds with its power, of all landings; None if it can tell
+        nothing.
+    reason
+        Why it can tell nothing; empty if it can.
+    stops
+        Whether the study has too few touchdowns even to run to its end.
+    """
+
+    touchdowns: pd.DataFrame
+    frames_share: float
+    detectable: float | None = None
+    reason: str = ""
+    stops: bool = False
+
+    @property
+    def landings(self) -> int:
+        """Number of landings of the study's feet."""
+        return self._scaled((self.touchdowns["reason"] != NO_FOOT_LANDED).sum())
+
+    @property
+    def used(self) -> int:
+        """Number of those that will be used."""
+        return self._scaled((~self.touchdowns["excluded"]).sum())
+
+    def timed(self, foot: str) -> float:
+        """Share of the landings in which the contact of a foot is found."""
+        landed = self.touchdowns[self.touchdowns["reason"] != NO_FOOT_LANDED]
+        return float(landed[f"contact_{foot}_s"].notna().mean())
+
+    def left_out(self) -> dict[str, int]:
+        """Return how many landings each reason costs, the most costly first."""
+        out = self.touchdowns.loc[self.touchdowns["excluded"], "reason"]
+        counts = out[out != NO_FOOT_LANDED].value_counts().items()
+        return {str(reason): self._scaled(count) for reason, count in counts}
+
+    def _scaled(self, count: float) -> int:
+        return round(float(count) / self.frames_share)
+
+
+def foretell(config: Mapping[str, Any], recordings: Sequence[Recording]) -> Forecast:
+    """Say what the study of these recordings will find.
+
+    Parameters
+    ----------
+    config
+        Configuration, complete and sound.
+    recordings
+        All its recordings, as imported.
+
+    Raises
+    ------
+    AnalysisError
+        If the study stops before it has touchdowns.
+    """
+    import pandas as pd
+
+    numbered = any(e.get("landings") for r in config["recordings"] for e in r["exclude"])
+    parts, share = _parts(recordings, math.inf if numbered else MOST_FRAMES)
+    ready = [_ready(part, config) for part in parts]
+    options: dict[str, Any] = {
+        key: x for key, x in config["sections"].items() if key != "grid_nodes"
+    }
+    labelling = ("method", "ambiguous", "ambiguous_below")
+    fitting = {key: x for key, x in config["touchdowns"].items() if key not in labelling}
+    landings = {part.name: find_landings(part, **fitting) for part in ready}
+    chosen = select_sections(ready, landings=landings, **options)
+    sections: dict[str, Any] = {
+        "pre_height_m": chosen.pre_height_m,
+        "post_height_m": chosen.post_height_m,
+    }
+    spans = {entry["name"]: entry["exclude"] for entry in config["recordings"]}
+    tables = []
+    for part in ready:
+        found = landings[part.name]
+        table = touchdown_table(part, landings=found, **sections, **config["touchdowns"])
+        table = mark_filled(part, table, largest_share=config["filling"]["largest_share"])
+        tables.append(left_out(table, spans[part.name]))
+    touchdowns = pd.concat(tables, ignore_index=True)
+    options = {**config["states"], "home_marker": config["home"]["marker"], **sections}
+    ambiguous = config["touchdowns"]["ambiguous"]
+    try:
+        pairs = assemble_pairs(ready, touchdowns, ambiguous=ambiguous, **options)
+    except AnalysisError as error:
+        return Forecast(touchdowns, share, reason=str(error), stops=True)
+    touchdowns = exclude_stateless(touchdowns, pairs)
+    instants = np.asarray(pairs.instants)
+    verdict = judge(pairs.x, pairs.y, instants, seed=config["seed"], **config["verdict"])
+    if verdict.effect is None:
+        return Forecast(touchdowns, share, reason=verdict.notes[-1]["reason"])
+    return Forecast(touchdowns, share, verdict.effect.detectable * float(np.sqrt(share)))
+
+
+def _parts(recordings: Sequence[Recording], most: float) -> tuple[list[Recording], float]:
+    """Return the recordings, or their middles with so many frames at most, and their share."""
+    total = sum(len(one.time) for one in recordings)
+    share, parts = min(1.0, most / total), []
+    for one in recordings:
+        few = math.ceil(share * len(one.time))
+        first = (len(one.time) - few) // 2
+        parts.append(one.part(slice(first, first + few)))
+    return parts, sum(len(one.time) for one in parts) / total
+
+
+def _ready(recording: Recording, config: Mapping[str, Any]) -> Recording:
+    """Return a recording as the rule `recording` leaves it: level, its short gaps filled."""
+    ready = level(recording, fit_floor(recording, **config["floor"]))
+    longest_s = config["filling"]["longest_s"]
+    if longest_s > 0 and len(config["markers"]["body"]) > 3:
+        ready = fill_gaps(ready, longest_s=longest_s)
+    return ready
+
+
+def told(
+    forecast: Forecast, config: Mapping[str, Any], recordings: Sequence[Recording]
+) -> list[str]:
+    """Say a forecast in lines: landings and feet, what is left out, the verdict, what to change."""
+    feet = config["markers"]["feet"]
+    about = "about " if forecast.frames_share < 1 else ""
+    timed = ", ".join(f"{foot} {100 * forecast.timed(foot):.0f} %" for foot in feet)
+    out = [f"{count} {reason}" for reason, count in forecast.left_out().items()]
+    lines = [
+        "forecast",
+        f"  landings  {about}{forecast.used} of {forecast.landings} will be used; contacts timed: "
+        f"{timed}",
+        *([f"  left out  {'; '.join(out)}"] if out else []),
+        f"  verdict   {_reach(forecast, config)}",
+    ]
+    changes = list(_changes(forecast, config, recordings))
+    return lines + [f"  change    {change}" for change in changes]
+
+
+def _reach(forecast: Forecast, config: Mapping[str, Any]) -> str:
+    """Say whether the verdict can be reached."""
+    seen, margin = forecast.detectable, config["verdict"]["margin"]
+    if seen is None:
+        return f"out of reach: {forecast.reason}"
+    if seen > 1:
+        return "out of reach: a difference would have to be larger than the map to be seen"
+    shows = f"a difference of {100 * seen:.2g} % of the map shows in "
+    shows += f"{100 * config['verdict']['power']:g} % of such studies"
+    reach = "in reach" if seen <= margin else "in doubt" if BOUND_SHARE * seen <= margin else ""
+    asked = f"verdict.margin is {100 * margin:g} %"
+    return f"{reach or 'in reach only if the difference is large'}: {shows}, {asked}"
+
+
+def _changes(
+    forecast: Forecast, config: Mapping[str, Any], recordings: Sequence[Recording]
+) -> list[str]:
+    """Say what to change, the most costly first."""
+    feet, body = config["markers"]["feet"], config["markers"]["body"]
+    seen = {
+        name: float(np.mean([fraction_seen(r)[r.markers.index(name)] for r in recordings]))
+        for name in body
+    }
+    changes = []
+    for reason, count in forecast.left_out().items():
+        number = re.search(r"foot (\d+)", reason)
+        foot = feet[int(number[1]) - 1] if number else ""
+        texts = [text for key, text in CHANGES.items() if key in reason]
+        if texts and count >= LEAST_SHARE * forecast.landings:
+            changes.append(texts[0].format(foot=foot, body=min(seen, key=lambda name: seen[name])))
+    margin = config["verdict"]["margin"]
+    enough = forecast.detectable is not None and forecast.detectable <= margin
+    needed = landings_needed(forecast.used, forecast.detectable or 0.0, margin, len(feet))
+    if needed > forecast.used and not enough:
+        minutes = sum(float(r.time[-1] - r.time[0]) for r in recordings) / 60
+        minutes *= needed / max(forecast.used, 1) - 1
+        changes.append(
+            f"record more: about {needed} landings are wanted for verdict.margin, some "
+            f"{minutes:.2g} minutes more at this pace"
+        )
+    if "orders" in forecast.reason or "no two feet" in forecast.reason:
+        changes.append(
+            "vary how the body lands (push, tilt, speed) until other feet come first, or name feet "
+            "that do: maps of one contact order cannot be compared"
+        )
+    return list(dict.fromkeys(changes))

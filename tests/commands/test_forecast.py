@@ -1,0 +1,112 @@
+"""`hopdata check` foretells what a study will find, and what to change.
+
+That the numbers are those of the study: `benchmarks/check_forecast.py`, `tests/workflow`.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from made_up_files import export
+from made_up_hopper import hopping, with_gap
+
+import hopdata.landings
+from hopdata.__main__ import main
+from hopdata.commands import forecast
+
+STUDY = """study: trial
+recordings:
+  - {{name: one, file: {file}}}
+markers: {{body: [hip1, hip2, hip3], feet: [toe1, toe2, toe3]}}
+"""
+
+
+@pytest.fixture
+def check(tmp_path, capsys):
+    """Exit code of a check of these positions, the lines of its forecast, and its errors."""
+
+    def checked(positions):
+        config = tmp_path / "study.yaml"
+        config.write_text(STUDY.format(file=export(tmp_path, positions)))
+        code = main(["check", str(config)])
+        told = capsys.readouterr()
+        lines = [line.strip() for line in told.out.splitlines()]
+        return code, lines[lines.index("forecast") :] if "forecast" in lines else [], told.err
+
+    return checked
+
+
+def starting(lines, word):
+    return [line.removeprefix(word).strip() for line in lines if line.startswith(word)]
+
+
+def test_few_landings_are_counted_and_more_are_asked_for(check):
+    code, lines, _ = check(None)
+    assert code == 0
+    (landings,), (verdict,) = starting(lines, "landings"), starting(lines, "verdict")
+    used, of, found = landings.split()[:3]
+    assert of == "of"
+    assert 28 <= int(used) <= int(found) <= 34
+    assert landings.endswith("toe1 100 %, toe2 100 %, toe3 100 %")
+    assert verdict.startswith("out of reach: contact orders with 20 touchdowns or more")
+    more, vary = starting(lines, "change")
+    assert more.startswith("record more: about 180 landings")
+    assert vary.startswith("vary how the body lands")
+
+
+def test_a_foot_that_is_hidden_where_it_lands_is_named(check):
+    positions = hopping(1)[1]
+    for start in range(0, len(positions), 100):
+        positions = with_gap(positions, "toe2", start, start + 50)
+    _, lines, _ = check(positions)
+    used, _, found = starting(lines, "landings")[0].split()[:3]
+    assert int(used) < 0.8 * int(found)
+    assert any(x.startswith("toe2 is hidden where it lands") for x in starting(lines, "change"))
+    assert not any("toe1" in x or "toe3" in x for x in starting(lines, "change"))
+
+
+def test_a_body_marker_that_is_lost_is_named(check):
+    _, lines, _ = check(with_gap(hopping(1)[1], "hip3", 1200, 2000))
+    assert any(x.startswith("hip3 is hidden as the body") for x in starting(lines, "change"))
+
+
+def test_a_study_that_will_stop_is_a_problem_in_its_own_words(check):
+    code, lines, errors = check(hopping(1)[1][:130])
+    assert code == 1
+    assert starting(lines, "verdict")[0].startswith("out of reach: pairs: expected at least 3")
+    assert "hopdata: error: pairs: expected at least 3 usable touchdowns" in errors
+
+
+def test_feet_that_never_fly_are_an_error_before_any_forecast(check):
+    positions = hopping(1)[1]
+    positions[:, 3:6, 2] = np.random.default_rng(0).normal(0, 6e-4, (len(positions), 3))
+    code, lines, errors = check(positions)
+    assert (code, lines) == (1, [])
+    assert "the feet never leave the ground together" in errors
+
+
+def test_of_long_studies_the_middle_is_looked_at_and_counts_are_scaled(check, monkeypatch):
+    positions = hopping(2, n_frames=6000)[1]
+    whole = starting(check(positions)[1], "landings")[0].split()
+    monkeypatch.setattr(forecast, "MOST_FRAMES", 3000)
+    part = starting(check(positions)[1], "landings")[0].split()
+    assert part[0] == "about"
+    assert int(part[1]) == pytest.approx(int(whole[0]), rel=0.1)
+
+
+def test_what_is_seen_says_how_near_the_verdict_is():
+    config = {"verdict": {"margin": 0.2, "power": 0.8}}
+    told = {
+        seen: forecast._reach(forecast.Forecast(pd.DataFrame(), 1.0, seen), config)
+        for seen in (0.1, 0.25, 0.4, 2.0)
+    }
+    starts = ("in reach: ", "in doubt: ", "in reach only if", "out of reach: ")
+    assert all(x.startswith(start) for x, start in zip(told.values(), starts, strict=True))
+    assert "a difference of 25 % of the map shows in 80 % of such studies" in told[0.25]
+
+
+def test_every_change_answers_a_reason_that_the_tables_give():
+    sources = Path(hopdata.landings.__file__).parent.rglob("*.py")
+    text = "\n".join(path.read_text(encoding="utf-8") for path in sources)
+    assert all(reason in text for reason in forecast.CHANGES)
