@@ -11,6 +11,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -97,11 +98,20 @@ def write_table(path: str | Path, table: pd.DataFrame) -> None:
 
     What a spreadsheet would run has an apostrophe before it, which `read_table` takes off.
     """
+    with whole_file(path) as temporary:
+        temporary.write_text(_csv(table), encoding="utf-8", newline="\n")
+
+
+def as_stored(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table as `read_table` gives it back after `write_table`: in the digits of a file."""
+    return _read(lambda: StringIO(_csv(table)))
+
+
+def _csv(table: pd.DataFrame) -> str:
     table = _changed(table, guarded)
     exact = {name: _printed(table[name]) for name in table.columns if _is_late(table[name])}
     options: Any = {"float_format": f"%.{DIGITS}g", "lineterminator": "\n"}
-    with whole_file(path) as temporary:
-        table.assign(**exact).to_csv(temporary, index=False, **options)
+    return str(table.assign(**exact).to_csv(index=False, **options))
 
 
 def guarded(cell: object) -> object:
@@ -133,14 +143,22 @@ def _printed(column: pd.Series) -> list[str]:
 
 def read_table(path: str | Path) -> pd.DataFrame:
     """Read a CSV table; `TEXT_COLUMNS` stay text, their empty cells empty text."""
-    text = [name for name in pd.read_csv(path, nrows=0).columns if name in TEXT_COLUMNS]
+    return _read(lambda: path)
+
+
+def _read(source: Callable[[], Any]) -> pd.DataFrame:
+    text = [name for name in pd.read_csv(source(), nrows=0).columns if name in TEXT_COLUMNS]
     # A recording may be called NA; an empty cell alone is a missing value.
     missing: Any = {"keep_default_na": False, "na_values": [""]}
-    table = pd.read_csv(path, dtype=dict.fromkeys(text, str), **missing)
+    table = pd.read_csv(source(), dtype=dict.fromkeys(text, str), **missing)
     return _changed(table.assign(**{name: table[name].fillna("") for name in text}), _unguarded)
 
 
 def read_tables(paths: Iterable[str | Path]) -> pd.DataFrame:
-    """Read CSV tables of the same columns into one; those without rows leave its types alone."""
-    tables = [read_table(path) for path in paths]
+    """Read CSV tables of the same columns into one."""
+    return stacked([read_table(path) for path in paths])
+
+
+def stacked(tables: list[pd.DataFrame]) -> pd.DataFrame:
+    """Put tables of the same columns into one; those without rows leave its types alone."""
     return pd.concat([t for t in tables if len(t)] or tables[:1], ignore_index=True)

@@ -8,10 +8,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
-from hopdata.errors import RecordingError, require_choice
+from hopdata.errors import RecordingError, did_you_mean, require_choice
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,58 @@ class Recording:
         ):
             if array is not None and array.shape != shape:
                 raise ValueError(f"{name}: expected shape {shape}, found {array.shape}")
+
+    @classmethod
+    def from_arrays(
+        cls,
+        time: ArrayLike,
+        positions: ArrayLike,
+        markers: Iterable[str],
+        *,
+        feet: Iterable[str],
+        body: Iterable[str],
+        name: str = "recording",
+    ) -> Recording:
+        """Make a recording of what is in memory.
+
+        Parameters
+        ----------
+        time : (N,) array-like
+            Time of each frame, s, strictly increasing.
+        positions : (N, M, 3) array-like
+            Marker positions, m, z up; NaN where a marker was not seen.
+        markers : iterable of str
+            The M marker names.
+        feet, body : iterable of str
+            Those of the feet and of the body; the others are kept without a role.
+        name : str
+            Name of the recording.
+
+        Raises
+        ------
+        RecordingError
+            If shapes, times or names do not fit together.
+        """
+        stamps, places = np.asarray(time, float), np.asarray(positions, float)
+        known, of_foot, of_body = tuple(markers), tuple(feet), tuple(body)
+        wanted = (*stamps.shape, len(known), 3)
+        if stamps.ndim != 1 or len(stamps) < 2 or not (np.diff(stamps) > 0).all():
+            raise RecordingError(
+                f"time: expected two frames or more, each later than the one before, (N,), s, "
+                f"found an array of shape {stamps.shape}"
+            )
+        if places.shape != wanted:
+            raise RecordingError(
+                f"positions: expected shape {wanted} (frames, markers, 3), found {places.shape}"
+            )
+        for key, chosen in (("feet", of_foot), ("body", of_body)):
+            for one in chosen:
+                if one not in known:
+                    near = did_you_mean(one, known)
+                    raise RecordingError(f"{key}: expected any of {known}, found '{one}'{near}")
+        roles = ("body" if m in of_body else "foot" if m in of_foot else "other" for m in known)
+        rate_hz = 1.0 / float(np.median(np.diff(stamps)))
+        return cls(name, stamps, places, known, tuple(roles), rate_hz)
 
     def indices(self, role: str) -> list[int]:
         """Return indices of the markers with this role, in order."""

@@ -16,6 +16,7 @@ from checkouts import FIGURES, ROOT, copy_checkout, edit_config, planned_rules, 
 from hopdata.commands.forecast import foretell
 from hopdata.config.loading import load_config
 from hopdata.recordings.importing import import_recording
+import hopdata
 from hopdata.recordings.readers.hdf5 import read_truth
 
 pytestmark = pytest.mark.workflow
@@ -114,6 +115,15 @@ def test_one_core_gives_the_same_tables(sample, tmp_path):
     for figure in (sample / results / "figures").glob("*.svg"):
         twin = other / figure.relative_to(sample)
         assert twin.read_bytes() == figure.read_bytes(), figure.name
+
+
+def test_a_study_in_a_notebook_has_the_same_bytes(sample, tmp_path, monkeypatch):
+    monkeypatch.chdir(sample)
+    hopdata.analyse("config/config.yaml").save(tmp_path)
+    for file in filter(Path.is_file, tmp_path.rglob("*")):
+        twin = sample / "results" / "sample" / file.relative_to(tmp_path)
+        assert twin.read_bytes() == file.read_bytes(), file.name
+    assert len(list(tmp_path.rglob("*.csv"))) >= 15
 
 
 def test_accuracy_against_truth(sample):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from snakemake.io import strip_wildcard_constraints
 
+from hopdata import config as configuration
 from hopdata.config import files_of, load_config, simulation_of
 from hopdata.config.schema import load_schema
 from hopdata.errors import HopdataError
@@ -57,22 +58,18 @@ MAY_HAVE_TRUTH = any(
 )
 SCORED_METHODS = METHODS if MAY_HAVE_TRUTH else [METHOD]
 SIMULATIONS = {entry["name"]: simulation_of(STUDY, entry["name"]) for entry in STUDY["recordings"]}
-# The scenes of a study that is simulated as a whole are known, and can be integrated again.
-SIMULATED = not any(SOURCES.values())
+SIMULATED = configuration.is_simulated(STUDY)
 # What is known from elsewhere of the contacts in each recording, where anything is.
 EXTERNAL = {
     entry["name"]: {block: entry[block] for block in ("contacts", "forces")}
     for entry in STUDY["recordings"]
     if entry["contacts"]["file"] or entry["forces"]["file"]
 }
-EXCLUDED = {entry["name"]: entry["exclude"] for entry in STUDY["recordings"]}
-# Three markers cannot be placed by three others.
-FILLS = STUDY["filling"]["longest_s"] > 0 and len(STUDY["markers"]["body"]) > 3
+FILLS = configuration.fills(STUDY)
 # Levelled recordings, with their short gaps filled where that is asked for.
 READY = f"{RESULTS}/ready/{{recording}}.h5"
-# Their descents and contacts, and the keys of `touchdowns` that say what is then made of these.
+# Their descents and contacts.
 CONTACTS = f"{RESULTS}/landings/contacts/{{recording}}.csv"
-LABELLING = ("method", "ambiguous", "ambiguous_below")
 FORMATS = STUDY["figures"]["formats"]
 # Of this file, not of the Snakefile, which is another's where this workflow is a module. Relative, so
 # that a study may be run in another folder (`--directory`) and a checkout may be moved.

@@ -12,7 +12,7 @@ rule contacts:
     resources:
         **needs(mb_a_mb=40, minutes=30),
     params:
-        options={key: value for key, value in STUDY["touchdowns"].items() if key not in LABELLING},
+        options=configuration.contact_options(STUDY),
         code=code("contacts"),
     script:
         "../scripts/contacts.py"
@@ -99,11 +99,7 @@ rule quality:
     params:
         sections=STUDY["sections"],
         number=STUDY["report"]["worst_landings"],
-        noise_m=(
-            STUDY["motion_capture"]["noise_m"]
-            if SIMULATED
-            else STUDY["report"]["expected_noise_m"]
-        ),
+        noise_m=configuration.expected_noise_m(STUDY),
         code=code("quality"),
     script:
         "../scripts/quality.py"

@@ -93,6 +93,34 @@ def files_of(entry: Mapping[str, Any]) -> list[str]:
     return [] if file is None else [file] if isinstance(file, str) else list(file)
 
 
+# What follows from several keys.
+
+#: Keys of ``touchdowns`` that say what is made of contacts once they are found.
+_LABELLING = ("method", "ambiguous", "ambiguous_below")
+
+
+def contact_options(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options with which contacts are looked for."""
+    return {key: value for key, value in config["touchdowns"].items() if key not in _LABELLING}
+
+
+def fills(config: Mapping[str, Any]) -> bool:
+    """Say whether gaps are filled: three markers cannot be placed by three others."""
+    return config["filling"]["longest_s"] > 0 and len(config["markers"]["body"]) > 3
+
+
+def is_simulated(config: Mapping[str, Any]) -> bool:
+    """Say whether all recordings are simulated: their scenes are known, and can be integrated."""
+    return not any(files_of(entry) for entry in config["recordings"])
+
+
+def expected_noise_m(config: Mapping[str, Any]) -> float:
+    """Return the markers' noise that the quality is held against, m."""
+    simulated: float = config["motion_capture"]["noise_m"]
+    expected: float = config["report"]["expected_noise_m"]
+    return simulated if is_simulated(config) else expected
+
+
 # The files that a configuration names, and whether they are there.
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import fields
+from dataclasses import fields, replace
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -235,6 +235,11 @@ def write_recording(path: str | Path, recording: Recording, truth: Truth | None 
         _write_content(file, recording)
         if truth is not None:
             _write_truth(file.create_group("truth"), truth)
+
+
+def as_stored(recording: Recording) -> Recording:
+    """Return a recording as `read_recording` gives it back after `write_recording`."""
+    return replace(recording, positions=recording.positions.astype(np.float32).astype(float))
 
 
 def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Recording:

@@ -1,0 +1,444 @@
+"""A study in one process: the stages of the workflow, for a notebook or a program.
+
+Each stage takes what the workflow's file between two stages would hold, in the digits of that file,
+so that its numbers are the workflow's to the last byte.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from hopdata.blas import one_blas_thread
+from hopdata.errors import RecordingError
+from hopdata.recording import Recording, require_distinct
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from hopdata.landings.sections.select import Sections
+    from hopdata.landings.states.pairs import Pairs
+    from hopdata.maps.verdict.judge import Verdict
+
+Contents = dict[str, Any]
+Progress = Callable[[str], object]
+
+
+def read(
+    file: str | Path | Sequence[str | Path],
+    *,
+    feet: Sequence[str] = (),
+    body: Sequence[str] = (),
+    name: str | None = None,
+    **options: Any,
+) -> Recording:
+    """Read a recording of any known format.
+
+    Parameters
+    ----------
+    file : path or sequence of path
+        A file, or several in the order of time.
+    feet, body : sequence of str
+        Names of the markers to keep, by their roles.
+    name : str, optional
+        Name of the recording; that of the file if it is left out.
+    options
+        ``unit``, ``vertical_axis``, ``rate_hz``: see
+        `hopdata.recordings.importing.import_recording`.
+
+    Returns
+    -------
+    Recording
+        Positions in m, z up.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read or lacks a marker.
+    """
+    from hopdata.recordings.importing import import_recording
+
+    first = Path(file if isinstance(file, str | Path) else file[0])
+    markers = {"feet": _names("feet", feet), "body": _names("body", body)}
+    return import_recording(file, name=name or first.stem, markers=markers, **options)[0]
+
+
+def analyse(
+    source: str | Path | Mapping[str, Any] | Recording,
+    *,
+    feet: Sequence[str] = (),
+    body: Sequence[str] = (),
+    progress: Progress = lambda _stage: None,
+    **keys: Any,
+) -> Study:
+    """Analyse a recording, or the study of a configuration, as the workflow does.
+
+    Parameters
+    ----------
+    source : path, mapping or Recording
+        A configuration (YAML file or its content), a file of motion capture, or a recording.
+    feet, body : sequence of str
+        Marker names by role, for a file of motion capture.
+    progress : callable
+        Told the name of each stage as it begins, such as `print`.
+    keys
+        Sections of the configuration, such as ``touchdowns={"method": "kink"}``.
+
+    Returns
+    -------
+    Study
+        Its stages are computed when they are asked for; the verdict already is.
+
+    Raises
+    ------
+    ConfigError
+        If the configuration is wrong: one line for each mistake.
+    RecordingError, AnalysisError
+        If a recording cannot be read or analysed.
+    """
+    from hopdata.config.loading import load_config, read_yaml
+
+    given: tuple[Recording, ...] = ()
+    content: Mapping[str, Any]
+    if isinstance(source, Recording):
+        given = (source,)
+        entry, feet, body = {"name": source.name}, source.names("foot"), source.names("body")
+        content = {"study": source.name, "recordings": [entry]}
+    elif isinstance(source, Mapping):
+        content = source
+    elif Path(source).suffix.lower() in {".yaml", ".yml"}:
+        content = read_yaml(source)
+    else:
+        entry = {"name": Path(source).stem, "file": str(source)}
+        content = {"study": entry["name"], "recordings": [entry]}
+    roles = {"feet": _names("feet", feet), "body": _names("body", body)}
+    markers = {"markers": roles} if feet or body else {}
+    study = Study(load_config({**content, **markers, **keys}), given, progress)
+    _ = study.verdict
+    return study
+
+
+def _names(key: str, names: Sequence[str]) -> list[str]:
+    if isinstance(names, str):
+        raise RecordingError(f"{key}: expected a list of marker names, found the text {names!r}")
+    return list(names)
+
+
+@dataclass(frozen=True, repr=False)
+class Study:
+    """A study whose stages are computed once, when they are first asked for.
+
+    Attributes
+    ----------
+    config
+        The whole configuration, as `hopdata.config.load_config` returns it.
+    given
+        Recordings that take the place of the configuration's files.
+    progress
+        Told the name of each stage as it begins.
+    """
+
+    config: Contents
+    given: tuple[Recording, ...] = ()
+    progress: Progress = field(default=lambda _stage: None)
+
+    def __repr__(self) -> str:
+        return f"<hopdata.Study '{self.config['study']}': {self.verdict.sentence}>"
+
+    def _repr_html_(self) -> str:
+        """Show the answer and its picture, as a notebook does with the last line of a cell."""
+        from html import escape
+        from io import StringIO
+
+        picture = StringIO()
+        self.figure("verdict").savefig(picture, format="svg")
+        return f"<p>{escape(self.verdict.sentence)}</p>{picture.getvalue()}"
+
+    @cached_property
+    def imported(self) -> list[Recording]:
+        """Recordings as read: m, z up, with roles."""
+        from hopdata.recordings.plausibility import check_plausible
+
+        self.progress("reading")
+        found = [*self.given] or [
+            self._import(number, entry) for number, entry in enumerate(self.config["recordings"])
+        ]
+        for recording in found:
+            check_plausible(recording, **self.config["quality"])
+        return found
+
+    def _import(self, number: int, entry: Contents) -> Recording:
+        from hopdata.config.consistency import files_of, simulation_of
+        from hopdata.recordings.importing import import_recording
+
+        config, name = self.config, entry["name"]
+        with TemporaryDirectory() as folder:
+            files: list[str] = files_of(entry)
+            if not files:
+                from hopdata.recordings.readers.hdf5 import write_recording
+                from hopdata.synthesis import simulate_recording
+
+                files, seed = [f"{folder}/{name}.h5"], (config["seed"], number)
+                simulation = simulation_of(config, name)
+                write_recording(
+                    files[0],
+                    *simulate_recording(simulation, config["motion_capture"], seed=seed, name=name),
+                )
+            recording, _ = import_recording(
+                files, name=name, markers=config["markers"], **config["input"]
+            )
+        return recording
+
+    @cached_property
+    def recordings(self) -> list[Recording]:
+        """Recordings on a level floor, with short gaps filled where that can be done."""
+        from hopdata.config.consistency import fills
+        from hopdata.landings.filling import fill_gaps
+        from hopdata.landings.floor import fit_floor, level
+        from hopdata.recordings.readers.hdf5 import as_stored
+
+        found = []
+        for recording in self.imported:
+            self.progress(f"levelling {recording.name}")
+            ready = level(recording, fit_floor(recording, **self.config["floor"]))
+            if fills(self.config):
+                ready = fill_gaps(ready, longest_s=self.config["filling"]["longest_s"])
+            found.append(as_stored(ready))
+        require_distinct(found)
+        return found
+
+    @cached_property
+    def contacts(self) -> dict[str, pd.DataFrame]:
+        """Descents of the body, and when each foot touched in them: a table a recording."""
+        from hopdata.config.consistency import contact_options
+        from hopdata.jobs import as_stored
+        from hopdata.landings.contacts.find import find_landings
+
+        options, found = contact_options(self.config), {}
+        for recording in self.recordings:
+            self.progress(f"contacts of {recording.name}")
+            found[recording.name] = as_stored(find_landings(recording, **options))
+        return found
+
+    @cached_property
+    def sections(self) -> Sections:
+        """The two Poincare sections."""
+        from hopdata.landings.sections.select import select_sections
+
+        contacts = self.contacts
+        self.progress("sections")
+        return select_sections(self.recordings, landings=contacts, **self._section_options)
+
+    @property
+    def _section_options(self) -> Contents:
+        return {k: v for k, v in self.config["sections"].items() if k != "grid_nodes"}
+
+    @cached_property
+    def _landings(self) -> tuple[pd.DataFrame, Pairs, Contents]:
+        """Touchdowns, pairs and units: a touchdown without a state is excluded."""
+        from hopdata.jobs import as_stored, stacked
+        from hopdata.landings.filling import mark_filled
+        from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
+        from hopdata.landings.touchdowns import left_out, touchdown_table
+        from hopdata.maps.units import choose_units
+
+        config, heights, tables = self.config, self.sections, list[Any]()
+        self.progress("touchdowns")
+        places: Contents = {
+            "pre_height_m": heights.pre_height_m,
+            "post_height_m": heights.post_height_m,
+        }
+        largest_share = config["filling"]["largest_share"]
+        for recording, entry in zip(self.recordings, config["recordings"], strict=True):
+            found = touchdown_table(
+                recording, landings=self.contacts[recording.name], **places, **config["touchdowns"]
+            )
+            found = mark_filled(recording, found, largest_share=largest_share)
+            tables.append(as_stored(left_out(found, entry["exclude"])))
+        table = stacked(tables)
+        self.progress("states at the sections")
+        pairs = assemble_pairs(
+            self.recordings,
+            table,
+            **places,
+            home_marker=config["home"]["marker"],
+            ambiguous=config["touchdowns"]["ambiguous"],
+            **config["states"],
+        )
+        units = choose_units(pairs.x, pairs.y, **config["units"])
+        pairs = pairs.with_units(units.length_unit_m, units.time_unit_s)
+        return as_stored(exclude_stateless(table, pairs)), pairs, units.to_dict()
+
+    @property
+    def touchdowns(self) -> pd.DataFrame:
+        """One row a touchdown, excluded ones with their reason."""
+        return self._landings[0]
+
+    @property
+    def pairs(self) -> Pairs:
+        """States at the two sections in the home frame, with the contact instants."""
+        return self._landings[1]
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether one smooth map serves all contact orders."""
+        from hopdata.maps.verdict import judge
+
+        pairs = self.pairs
+        self.progress("verdict")
+        instants: Any = pairs.instants
+        options = {"seed": self.config["seed"], **self.config["verdict"]}
+        return judge(pairs.x, pairs.y, instants, **options)
+
+    @cached_property
+    @one_blas_thread()
+    def _of_maps(self) -> Contents:
+        from hopdata.maps.corrected.estimates import estimate_maps
+        from hopdata.maps.prediction import bootstrap_prediction
+        from hopdata.maps.subspaces.constraint import bootstrap_subspaces
+        from hopdata.maps.subspaces.distances import measure_distances
+
+        config, pairs = self.config, self.pairs
+        seed: Contents = {"seed": config["seed"]}
+        units: Contents = {"time_unit_s": pairs.time_unit_s}
+        x, y = pairs.normalised()
+        instants: Any = pairs.instants
+        lengths: Contents = {"length_unit_m": pairs.length_unit_m, **units}
+        self.progress("linear maps")
+        errors = bootstrap_prediction(
+            x, y, pairs.schedule, pairs.spread_s, **lengths, **seed, **config["prediction"]
+        )
+        estimates = estimate_maps(pairs.x, pairs.y, instants, **units)
+        self.progress("constraint subspaces")
+        spaces = bootstrap_subspaces(x, y, pairs.schedule, **seed, **config["subspaces"])
+        apart = measure_distances(spaces.bases, spaces.shape, **seed, **config["distances"])
+        return {
+            "prediction_errors": errors.errors,
+            "prediction_summary": errors.summary,
+            "distances": apart.distances,
+            "distance_summary": apart.summary,
+            "map_estimates": estimates.table(),
+        }
+
+    @cached_property
+    def _of_landings(self) -> Contents:
+        from hopdata.landings import stability
+        from hopdata.landings.contacts.velocity_minimum import example_touchdown
+        from hopdata.landings.sections.select import section_densities, section_frames
+        from hopdata.recordings.quality.inspection import recording_tables
+        from hopdata.recordings.readers.hdf5 import as_stored
+
+        recordings, sections, touchdowns = self.recordings, self.sections, self.touchdowns
+        self.progress("quality")
+        inspected = recording_tables(as_stored(one) for one in self.imported)
+        worst = stability.worst_landings(self.touchdowns, self.config["report"]["worst_landings"])
+        return {
+            "markers": inspected["markers"],
+            "gap_times": inspected["gaps"],
+            "faults": inspected["faults"],
+            "remarks": inspected["remarks"],
+            "section_densities": section_densities(
+                recordings, sections, nodes=self.config["sections"]["grid_nodes"]
+            ),
+            "section_frames": section_frames(recordings),
+            "example_touchdown": example_touchdown(recordings, touchdowns),
+            "section_stability": stability.section_stability(
+                recordings, sections, self._section_options, self.contacts
+            ),
+            "drift": stability.drift_table(recordings, touchdowns),
+            "worst_landings": worst,
+            "worst_landing_samples": stability.landing_samples(recordings, worst),
+        }
+
+    @cached_property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All tables by their names in the folder ``tables`` of the workflow's results."""
+        from hopdata.jobs import as_stored
+
+        found = {**self._of_landings, **self._of_maps}
+        return {"touchdowns": self.touchdowns} | {k: as_stored(v) for k, v in found.items()}
+
+    @cached_property
+    def quality(self) -> pd.DataFrame:
+        """Checks of the recordings and landings: value, unit, what is good and poor, and status."""
+        import pandas as pd
+
+        from hopdata.config.consistency import expected_noise_m
+        from hopdata.landings.checks import check_study
+
+        tables = self.tables
+        checks = check_study(
+            touchdowns=tables["touchdowns"],
+            markers=tables["markers"],
+            faults=tables["faults"],
+            stability=self._of_landings["section_stability"],
+            drift=self._of_landings["drift"],
+            expected_noise_m=expected_noise_m(self.config),
+            other_feet=self.config["sections"]["frames"] == "landings",
+        )
+        return pd.DataFrame([check.to_dict() for check in checks])
+
+    def figure(self, name: str) -> Figure:
+        """Draw a figure of the study.
+
+        Parameters
+        ----------
+        name : str
+            A figure of the kinds ``landings`` or ``maps`` in `hopdata.figures.catalogue`, such as
+            ``"verdict"`` or ``"fig2_4_prediction"``.
+
+        Raises
+        ------
+        ConfigError
+            If there is no figure of this name.
+        """
+        from hopdata.errors import require_choice
+        from hopdata.figures.catalogue import FIGURES
+
+        drawings = FIGURES["landings"] | FIGURES["maps"]
+        require_choice("figure", name, drawings)
+        module, _, function = drawings[name].place.partition(":")
+        draw = getattr(import_module(f"hopdata.figures.{module}"), function)
+        content = map(self._content, drawings[name].files)
+        drawn: Figure = draw(*content, **drawings[name].options)
+        return drawn
+
+    def _content(self, file: str) -> Any:
+        """Return what the workflow's file of this path would hold."""
+        name = Path(file).stem
+        if name == "touchdowns":  # without all the other stages
+            return self.touchdowns
+        if name == "verdict":
+            return self.verdict.to_dict()
+        if name == "sections":
+            return self.sections.to_dict()
+        if name == "units":
+            return self._landings[2]
+        return self.tables[name]
+
+    def save(self, folder: str | Path) -> Path:
+        """Write ``verdict.json``, ``quality.json`` and the folders ``tables`` and ``figures``.
+
+        Returns
+        -------
+        Path
+            The folder.
+        """
+        from hopdata.figures.catalogue import FIGURES
+        from hopdata.figures.style import save_figure
+        from hopdata.jobs import write_json, write_table
+
+        base = Path(folder)
+        write_json(base / "verdict.json", self.verdict.to_dict())
+        write_json(base / "quality.json", self.quality.to_dict("records"))
+        for name, table in self.tables.items():
+            write_table(base / "tables" / f"{name}.csv", table)
+        for name in FIGURES["landings"] | FIGURES["maps"]:
+            save_figure(self.figure(name), base / "figures" / name, **self.config["figures"])
+        return base
