@@ -191,7 +191,11 @@ class Study:
                     *simulate_recording(simulation, config["motion_capture"], seed=seed, name=name),
                 )
             recording, _ = import_recording(
-                files, name=name, markers=config["markers"], **config["input"]
+                files,
+                name=name,
+                markers=config["markers"],
+                exclude=entry["exclude"],
+                **config["input"],
             )
         return recording
 

@@ -65,6 +65,7 @@ EXTERNAL = {
     for entry in STUDY["recordings"]
     if entry["contacts"]["file"] or entry["forces"]["file"]
 }
+EXCLUDED = {entry["name"]: entry["exclude"] for entry in STUDY["recordings"]}
 FILLS = configuration.fills(STUDY)
 # Levelled recordings, with their short gaps filled where that is asked for.
 READY = f"{RESULTS}/ready/{{recording}}.h5"
