@@ -14,12 +14,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+from hopdata.arrays import pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording, require_distinct
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
     from hopdata.landings.sections.select import Sections
@@ -371,8 +371,6 @@ class Study:
     @cached_property
     def quality(self) -> pd.DataFrame:
         """Checks of the recordings and landings: value, unit, what is good and poor, and status."""
-        import pandas as pd
-
         from hopdata.config.consistency import expected_noise_m
         from hopdata.landings.checks import check_study
 
