@@ -13,10 +13,10 @@ import pytest
 import yaml
 from checkouts import FIGURES, ROOT, copy_checkout, edit_config, planned_rules, snakemake
 
+import hopdata
 from hopdata.commands.forecast import foretell
 from hopdata.config.loading import load_config
 from hopdata.recordings.importing import import_recording
-import hopdata
 from hopdata.recordings.readers.hdf5 import read_truth
 
 pytestmark = pytest.mark.workflow
