@@ -190,13 +190,11 @@ _COLUMNS = {
 
 def to_table(changes: FrameChanges) -> pd.DataFrame:
     """Return the hops as a table with a unit in each column's name."""
-    columns: dict[str, Any] = {}
-    for name, names in _COLUMNS.items():
-        values = getattr(changes, name)
-        columns.update(
-            zip(names, values.T, strict=True) if values.ndim > 1 else [(names[0], values)]
-        )
-    return pd.DataFrame(columns)
+    parts = [
+        pd.DataFrame(getattr(changes, name), columns=list(names))
+        for name, names in _COLUMNS.items()
+    ]
+    return pd.concat(parts, axis=1)
 
 
 def from_table(table: pd.DataFrame) -> FrameChanges:

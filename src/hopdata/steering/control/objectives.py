@@ -107,17 +107,11 @@ class Plan:
         The present pose, and those that the model predicts; m, m, rad.
     objective : float
         What was minimised, at these swings.
-    status : {"solved", "stopped early"}
-        Whether the solver says that it has finished.
-    reason : str
-        The solver's own words, if any.
     """
 
     swings_rad: FloatArray
     poses: FloatArray
     objective: float
-    status: str = "solved"
-    reason: str = ""
 
     @property
     def swing_rad(self) -> float:

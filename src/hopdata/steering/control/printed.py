@@ -47,13 +47,8 @@ class PrintedController:
         start, boom = objectives.checked_state(pose, boom_angle_rad)
         ends = [self.descended(start, boom, one) for one in self.first_swings(previous_swing_rad)]
         solved = min(ends, key=lambda end: end.fun)
-        return objectives.Plan(
-            swings_rad=solved.x,
-            poses=predicted_poses(self.model, start, boom, solved.x),
-            objective=float(solved.fun),
-            status="solved" if solved.success else "stopped early",
-            reason=str(solved.message),
-        )
+        poses = predicted_poses(self.model, start, boom, solved.x)
+        return objectives.Plan(solved.x, poses, float(solved.fun))
 
     def first_swings(self, previous_swing_rad: float | None) -> tuple[float, ...]:
         """Return the swings of all hops at which the searches begin, each once."""
