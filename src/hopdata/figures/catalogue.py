@@ -159,9 +159,8 @@ def draw(name: str, files: list[str], base: str | Path, **options: Any) -> None:
     options
         Of `hopdata.figures.style.save_figure`.
     """
-    from hopdata.figures.style import (
-        save_figure,
-    )  # and matplotlib, which a planned run does without
+    # It loads matplotlib, which a planned run does without.
+    from hopdata.figures.style import save_figure
 
     drawing = _drawing(name)
     content = [read_json(path) if path.endswith(".json") else read_table(path) for path in files]
