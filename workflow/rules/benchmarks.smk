@@ -2,7 +2,7 @@ BENCHMARKS = "results/benchmarks"
 # Each program of benchmarks/, and the tables that it writes: the one that it is told, others beside it.
 BENCHMARK_TABLES = {
     "machine": ["machine.csv"],
-    "order": ["order.csv", "theorem.csv"],
+    "order": ["order.csv", "theorem.csv", "dense.csv"],
     "integrator": ["integrator.csv"],
     "work_precision": ["work_precision.csv", "ratios.csv", "head_to_head.csv"],
     "calibration": ["calibration.csv", "calibration_table.csv", "calibration_trajectories.csv"],

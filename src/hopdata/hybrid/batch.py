@@ -16,10 +16,11 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import arguments
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.callbacks import Caught
-from hopdata.hybrid.derived import asked_backward, goes_back
+from hopdata.hybrid.derived import derive, goes_back
 from hopdata.hybrid.driver.loop import END_STATE, many_entry
 from hopdata.hybrid.layout import describe
 from hopdata.hybrid.system import System
+from hopdata.hybrid.workspace import FIRST_PATIENCE
 
 # Chunks of a job in threads, with progress shown.
 
@@ -118,6 +119,8 @@ class BatchSolution:
         States at these times; NaN after an integration has ended.
     jacobian : (B, n, n) array, optional
         Derivatives of the final by the initial states, if asked for.
+    sensitivity : (B, n, p) array, optional
+        Derivatives of the final states by the parameters, if asked for.
     culprit : (B,) array of int, optional
         Number of the guard that the status is about, -1 if there is none.
     rates : (B, 2) array, optional
@@ -136,6 +139,7 @@ class BatchSolution:
     t: FloatArray | None = None
     y: FloatArray | None = None
     jacobian: FloatArray | None = None
+    sensitivity: FloatArray | None = None
     culprit: IntArray | None = None
     rates: FloatArray | None = None
     guard_names: tuple[str, ...] = ()
@@ -200,7 +204,7 @@ def solve_batch(
     max_steps: int = 10_000_000,
     max_events: int = 10_000_000,
     method: str = "auto",
-    jacobian: bool = False,
+    jacobian: bool | str = False,
     memory: ArrayLike | None = None,
     workers: int | None = None,
     progress: bool = False,
@@ -232,8 +236,16 @@ def solve_batch(
     Exception
         Whatever the system's functions raise.
     """
-    if goes_back(t_span):
-        system, t_span, t_eval = asked_backward(system, t_span, t_eval)
+    if goes_back(t_span) or isinstance(jacobian, str):
+        asked = derive(
+            system, t_span=t_span, y0=y0, params=params, t_eval=t_eval, atol=atol,
+            jacobian=jacobian, debug=False,
+        )  # fmt: skip
+        return solve_batch(
+            **asked, mode=mode, rtol=rtol, max_step=max_step, first_step=first_step,
+            max_steps=max_steps, max_events=max_events, method=method, memory=memory,
+            workers=workers, progress=progress,
+        )  # fmt: skip
     options = arguments.check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
     if workers is not None:
         workers = arguments.check_count("workers", workers)
@@ -254,6 +266,7 @@ def solve_batch(
             work.begin(methods, times if len(times) else None, jacobian)
             work.make_params_room(numbers.shape[1] - system.n_memory)
             work.set_tolerance(atol)
+            work.desk[at.PATIENCE] = np.iinfo(np.int64).max // 2
             with Caught() as caught:
                 while done < last and not caught:
                     done = many_entry()(
@@ -266,6 +279,7 @@ def solve_batch(
             methods.steps += int(room.counts[first:last, at.STEPS].sum())
         finally:
             work.forget_samples()
+            work.desk[at.PATIENCE] = FIRST_PATIENCE
             system.idle.append(work)
         return last - first
 
@@ -294,21 +308,22 @@ def _parameters(params: ArrayLike, n_runs: int) -> FloatArray:
 
 
 def _solution(room: _Room, times: FloatArray, jacobian: bool, system: System) -> BatchSolution:
-    y = None
+    y, shown = None, system.n_shown
     if len(times):
         room.samples[np.arange(len(times)) >= room.counts[:, at.SAMPLES, None]] = np.nan
-        y = np.ascontiguousarray(np.swapaxes(room.samples, 1, 2))
+        y = np.ascontiguousarray(np.swapaxes(room.samples[..., :shown], 1, 2))
     return BatchSolution(
         status=room.status[:, 0],
         t_end=system.way * room.ends[:, 0],
-        y_end=room.ends[:, END_STATE:],
+        y_end=room.ends[:, END_STATE : END_STATE + shown],
         mode=room.modes,
         n_events=room.counts[:, at.EVENTS],
         n_steps=room.counts[:, at.STEPS],
         nfev=room.counts[:, at.NFEV],
         t=system.way * times if len(times) else None,
         y=y,
-        jacobian=room.jacobians if jacobian else None,
+        jacobian=room.jacobians[:, :shown, :shown] if jacobian else None,
+        sensitivity=room.jacobians[:, :shown, shown:] if shown < system.n_states else None,
         culprit=room.counts[:, at.CULPRIT],
         rates=room.ends[:, 1:END_STATE],
         guard_names=system.guard_names,

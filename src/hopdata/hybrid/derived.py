@@ -1,25 +1,29 @@
-"""Systems made from a system, so that the driver stays as it is: here, time that runs backward.
+"""Systems made from a system, so that the driver stays as it is.
 
-A backward system has the time s = -t. Its functions are machine code around the user's: the time
+Their functions are machine code around the user's. In a *backward* system the time is s = -t: it
 changes its sign before the call, and whatever is a rate after it. Locks, and the directions in
-which guards are crossed, are those that are met on the way.
+which guards are crossed, are those that are met on the way. In a system *with its parameters as
+states*, which rest, the derivative of the flow is by these, too. For *debugging*, all functions are
+run by Python, which checks every index.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
-from hopdata.hybrid.arguments import check_times, numbers_of
+from hopdata.hybrid import arguments
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.kernel import SIGNATURES
 from hopdata.hybrid.methods.explicit import compose
+from hopdata.hybrid.methods.tangent import FIFTH_ROOT_OF_EPS
 from hopdata.hybrid.system import System
 
 RATES = ("dy", "hdot", "jac", "a", "b")  # arguments that change their sign with that of time
+WITH_PARAMS = "params"  # the choice of the Jacobian that is by the parameters, too
 
 
 class Around(Callback):
@@ -31,14 +35,18 @@ class Around(Callback):
         That function.
     body : list of str
         Lines of the code, with the arguments of `inner`.
+    n_params : int
+        How many parameters the code names.
+    **names : object
+        What else it knows.
     """
 
-    def __init__(self, inner: Callback, body: list[str]) -> None:
+    def __init__(self, inner: Callback, body: list[str], n_params: int, **names: Any) -> None:
         self.inner, kind = inner, inner.signature
-        names = {"INNER": inner.dispatcher, "negative": np.negative}
+        names = {"INNER": inner.dispatcher, "np": np, **names}
         super().__init__(compose(kind.name, ", ".join(kind.arguments), body, names), kind)
         self.kept = inner.compiled  # else the address of a Python function stands in the code
-        self.n_params = inner.n_params
+        self.n_params = n_params
 
     @property
     def compiled(self) -> bool:
@@ -50,28 +58,36 @@ class Around(Callback):
         self.inner.check_lengths(**lengths)
 
 
+def _made(
+    system: System, key: Any, derive: Callable[[Callback], Callback | None],
+    given_too: dict[str, Any], **seen: Any,
+) -> System:  # fmt: skip
+    """Return the system of derived functions, made once; `seen` are properties that differ."""
+    if key not in system.derived:
+        given = {one.name: getattr(system, one.name) for one in fields(System)}
+        names = [name for name in (*SIGNATURES, "undo") if given[name] is not None]
+        given |= {name: derive(given[name]) for name in names} | given_too
+        system.derived[key] = System(**given)
+        vars(system.derived[key]).update({"way": system.way, "n_shown": system.n_shown, **seen})
+    return system.derived[key]
+
+
 def _backward(inner: Callback) -> Around:
-    """Return a function of the backward system."""
     kind = inner.signature
     one = "hdot[k] = -hdot[k]"  # of many guards: the others' rates may stand there
     turned = {
-        name: one if name == "hdot" and "k" in kind.arguments else f"negative({name}, {name})"
+        name: one if name == "hdot" and "k" in kind.arguments else f"np.negative({name}, {name})"
         for name in kind.arguments
         if name in RATES
     }
     call = ", ".join("-t" if name == "t" else name for name in kind.arguments)
     before = [line for name, line in turned.items() if name not in kind.fills]
-    return Around(inner, [*before, f"result = INNER({call})", *turned.values(), "return result"])
-
-
-class BackwardSystem(System):
-    """A system with the time s = -t."""
-
-    way = -1.0
+    body = [*before, f"result = INNER({call})", *turned.values(), "return result"]
+    return Around(inner, body, inner.n_params)
 
 
 def backward(system: System) -> System:
-    """Return the system with the time s = -t; made once.
+    """Return the system with the time s = -t.
 
     Raises
     ------
@@ -85,12 +101,60 @@ def backward(system: System) -> System:
             "undoes it when the same guard is crossed from the other side; or on_event itself, if "
             "it changes nothing that matters"
         )
-    if "backward" not in system.derived:
-        given = {one.name: getattr(system, one.name) for one in fields(System)}
-        given |= {"on_event": system.undo, "undo": None}
-        turned = {k: _backward(given[k]) for k in SIGNATURES if given[k] is not None}
-        system.derived["backward"] = BackwardSystem(**{**given, **turned})
-    return system.derived["backward"]
+    turned = _made(system, "backward", _backward, {}, way=-system.way)
+    if system.undo is not None and turned.undo is not None:
+        vars(turned).update(on_event=turned.undo, undo=turned.on_event)
+    return turned
+
+
+# Of a guard that depends on a parameter, which does not move: how it would change if it did.
+BY_PARAMETERS = """
+for j in range(N, len(y)):
+    if dy[j] != 0.0:
+        q, values, rates = y[j], np.empty_like(h), np.empty_like(h)
+        step = ROOT * (abs(q) if q != 0.0 else 1.0)
+        for side in range(4):
+            y[j] = q + SHIFTS[side] * step
+            INNER({call})
+            for i in {guards}:
+                hdot[i] += WEIGHTS[side] * values[i] * dy[j] / (12.0 * step)
+        y[j] = q
+"""
+KNOWN = {
+    "ROOT": FIFTH_ROOT_OF_EPS,
+    "SHIFTS": (2.0, 1.0, -1.0, -2.0),
+    "WEIGHTS": (-1.0, 8.0, -8.0, 1.0),
+}
+
+
+def with_parameters(system: System, n_params: int) -> System:
+    """Return the system whose states are the user's and the parameters, which rest."""
+    if system.n_memory > 0:
+        raise ValueError("jacobian: expected no n_memory with 'params', as it is among them")
+    system.check_params_length(n_params)
+    n = system.n_states
+
+    def around(inner: Callback) -> Around | None:
+        kind = inner.signature
+        if kind.name in ("jacobian", "affine"):
+            return None
+        taken = {"y": "y[:N]", "dy": "dy[:N]", "params": "y[N:]"}
+        call = ", ".join(taken.get(name, name) for name in kind.arguments)
+        body = [f"result = INNER({call})"]
+        if kind.name == "field":
+            body.append("dy[N:] = 0.0")
+        if "hdot" in kind.arguments:
+            guards = "range(k, k + 1)" if "k" in kind.arguments else "range(len(h))"
+            call = call.replace("hdot", "rates").replace("h, ", "values, ")
+            body += BY_PARAMETERS.format(call=call, guards=guards).strip().splitlines()
+        return Around(inner, [*body, "return result"], 0, N=n, **KNOWN)
+
+    return _made(system, (WITH_PARAMS, n_params), around, {"n_states": n + n_params}, n_shown=n)
+
+
+def in_python(system: System) -> System:
+    """Return the system whose functions are run by Python."""
+    return _made(system, "debug", lambda one: Callback(one.function, one.signature, False), {})
 
 
 def goes_back(t_span: Any) -> bool:
@@ -102,15 +166,34 @@ def goes_back(t_span: Any) -> bool:
         return False
 
 
-def asked_backward(
-    system: System, t_span: tuple[float, float], t_eval: Any
-) -> tuple[System, tuple[float, float], FloatArray | None]:
-    """Return the backward system, and time span and wanted times in its own time."""
-    start, end = (-float(one) for one in t_span)
-    if t_eval is None:
-        return backward(system), (start, end), None
-    try:
-        times = check_times(-numbers_of("t_eval", t_eval), start, end)
-    except ValueError:
-        raise ValueError(f"t_eval: expected decreasing times within {t_span}") from None
-    return backward(system), (start, end), times
+def derive(
+    system: System, *, t_span: Any, y0: Any, params: Any, t_eval: Any, atol: Any, jacobian: Any,
+    debug: Any,
+) -> dict[str, Any]:  # fmt: skip
+    """Return what is to be asked of a derived system, so that the user gets what is asked for."""
+    if arguments.check_flag("debug", debug):
+        system = in_python(system)
+    if isinstance(jacobian, str):
+        if jacobian != WITH_PARAMS:
+            raise ValueError(f"jacobian: expected True or False, or 'params', found {jacobian!r}")
+        states, given = arguments.numbers_of("y0", y0), arguments.numbers_of("params", params)
+        if states.shape[-1:] != (system.n_states,):
+            raise ValueError(f"y0: expected {system.n_states} states, found shape {states.shape}")
+        given = np.broadcast_to(given, (*states.shape[:-1], given.shape[-1]))
+        full = np.zeros(system.n_states)
+        arguments.set_tolerance(full, atol)
+        atol = np.concatenate([full, np.zeros(given.shape[-1])])
+        system = with_parameters(system, given.shape[-1])
+        y0, params, jacobian = np.concatenate([states, given], axis=-1), (), True
+    if goes_back(t_span):
+        system, whole = backward(system), t_span
+        t_span = tuple(-float(one) for one in t_span)
+        if t_eval is not None:
+            try:
+                t_eval = arguments.check_times(-arguments.numbers_of("t_eval", t_eval), *t_span)
+            except ValueError:
+                raise ValueError(f"t_eval: expected decreasing times within {whole}") from None
+    return {
+        "system": system, "t_span": t_span, "y0": y0, "params": params, "t_eval": t_eval,
+        "atol": atol, "jacobian": jacobian,
+    }  # fmt: skip

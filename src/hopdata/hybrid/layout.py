@@ -43,16 +43,16 @@ H0, RATE0, _, _, _, _, H1, RATE1, H, RATE, SIZE, BEND, CLEARANCE, RATE_ALONG = n
 GUARD_ROWS = 14
 
 # Rows of `flags`: the number of the instant at which a guard flipped last, how often it has flipped
-# then, whether its lock was left open at the start, and whether it is known to bend.
-LAST_FLIP, FLIPS, OPEN, BENT = numbers(4)
-FLAG_ROWS = 4
+# then, whether its lock was left open at the start, whether it is known to bend, and its events.
+LAST_FLIP, FLIPS, OPEN, BENT, FIRED = numbers(5)
+FLAG_ROWS = 5
 
 # Rows of `lists`: the guards that are awake, the heap of those asleep (see `sleep`), the few that
 # the step may concern (see `watch`), and those that flip now.
 AWAKE, HEAP, NEAR, DUE = numbers(4)
 LIST_ROWS = 4
 
-# Rows of `rules`: which crossings are events, and whether these end the integration.
+# Rows of `rules`: which crossings are events, and how many of these end the integration (0: none).
 DIRECTION, TERMINAL = numbers(2)
 
 # Columns of `methods`. Addresses (0: there is none); the short tangent is that for short steps.
@@ -96,20 +96,20 @@ INSTANTS, CROWD, JUMPS, MEASURED, ROUGH = numbers(5, 18)
 COUNT_SLOTS = 23
 
 
-# Slots of the desk: addresses of the callbacks and of the driver, room for steps and events,
-# address and width of each array, then what is asked for (numbers with a fraction in the memory of
-# integers; whether each step is written down). Behind it stand the initial state and the
-# parameters: a caller writes all that it asks for in one go.
-FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS = numbers(8)
-DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 8, 18, 8
+# Slots of the desk: addresses of the callbacks and of the driver, room for rows and events, steps
+# until Python may look up, address and width of each array, then what is asked for (numbers with a
+# fraction in the memory of integers; how many rows each step is written down in). Behind it stand
+# the initial state and the parameters: a caller writes all that it asks for in one go.
+FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS, PATIENCE = numbers(9)
+DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 9, 19, 8
 DESK_ASKED = DESK_ARRAYS + 2 * N_DESK_ARRAYS
 T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, DESK_ASKED)
-MAX_STEPS, MAX_EVENTS, EACH_STEP = numbers(3, DESK_ASKED + 5)
+MAX_STEPS, MAX_EVENTS, ROWS_PER_STEP = numbers(3, DESK_ASKED + 5)
 DESK_SLOTS = DESK_ASKED + N_DESK_ASKED
 DESK_PLACES = DESK_ARRAYS + 2 * numbers(N_DESK_ARRAYS)
 PARAMS, MODE, RULES, ATOL, STATE_TABLE, GUARD_TABLE, FLAG_TABLE, LIST_TABLE = DESK_PLACES[:8]
 WAKE_AT, CLOCK, COUNTS, METHOD_TABLE, TANGENT_TABLE, WANTED, SAMPLE_TABLE = DESK_PLACES[8:15]
-ROW_TABLE, LOG_TABLE, START_STATE = DESK_PLACES[15:]
+ROW_TABLE, LOG_TABLE, START_STATE, KEPT = DESK_PLACES[15:]
 
 # Columns of the log: one row holds an event, as time, guard, direction, state before and after its
 # handler, and mode; integers stand in the memory of floats.
@@ -142,11 +142,12 @@ TOO_MANY_STEPS = -4
 TOO_MANY_EVENTS = -5
 SLIDING = -6
 ZENO = -7
-RESET_IN_JACOBIAN = -8
+GRAZING_IN_JACOBIAN = -8
 AFFINE_DIFFERS = -9
 JACOBIAN_NOT_FINITE = -10
 TIE_IN_JACOBIAN = -11
 RATE_DIFFERS = -12
+RAISED = -13
 
 # Within the driver only.
 RUNNING = 2
@@ -170,15 +171,17 @@ SENTENCES = {
     "trajectory would slide along it. Event-selected systems cross their guards.",
     ZENO: "Events pile up at {at}, the last of them '{guard}': the time between them falls "
     "below what floating-point numbers resolve (a Zeno sequence, or chattering).",
-    TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the field: how much "
-    "of that belongs to which guard, and so the Jacobian of the flow, is not known.",
+    TIE_IN_JACOBIAN: "Several guards flip at {at}, and their handlers change the field or the "
+    "state: how much of that belongs to which guard, and so the Jacobian of the flow, is not "
+    "known.",
     JACOBIAN_NOT_FINITE: "The derivative of the field or the flow is NaN or infinite near {at}.",
     RATE_DIFFERS: "The rate hdot of guard '{guard}' is not that of its values h, up to {at}: "
     "correct @guards (a guard may jump and have kinks, but not everywhere).",
+    RAISED: "It was interrupted, or a function of the system raised an exception, after {at}.",
     AFFINE_DIFFERS: "The @affine function does not give the @field function's value at {at}: "
     "they must be the same field, in every mode.",
-    RESET_IN_JACOBIAN: "The handler changed the state at {at}: the Jacobian of the flow is known "
-    "only through events that leave it continuous.",
+    GRAZING_IN_JACOBIAN: "Guard '{guard}' is grazed at {at}: its rate is zero, as far as the "
+    "tolerance can tell, and the Jacobian of the flow does not exist where it is.",
 }
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import layout
@@ -123,6 +124,17 @@ class EventLog:
         return EventLog(self.records[chosen], self.n_states, self.guard_names)
 
 
+def event_log(records: FloatArray, form: Form) -> EventLog:
+    """Return a log of the driver's records, of the user's states alone and at the user's times."""
+    if form.way < 0.0 or form.shown < form.state:
+        columns = np.arange(form.event)
+        after = 3 + form.state
+        shown = [columns[: 3 + form.shown], columns[after : after + form.shown]]
+        records = records[:, np.concatenate([*shown, columns[after + form.state :]])]
+        records[:, 0] *= form.way
+    return EventLog(records, form.shown, form.guard_names)
+
+
 @dataclass(frozen=True)
 class Form:
     """What the records of all integrations of a system have in common.
@@ -137,13 +149,16 @@ class Form:
         Names of all guards of the system.
     way : float
         By which the driver's times are multiplied: -1 where time runs backward.
+    shown : int
+        How many of the states are the user's; behind them stand parameters.
     """
 
     state: int
     mode: int
     event: int
     guard_names: tuple[str, ...]
-    way: float = 1.0
+    way: float
+    shown: int
 
 
 @dataclass(frozen=True, repr=False)
@@ -163,6 +178,10 @@ class Solution:
         the trajectory, (N, 1 + n); events, as `EventLog` keeps them.
     form : Form
         How these records are made up.
+    dense : tuple, optional
+        Rows for each step, and times and states at its Chebyshev's points, for `__call__`.
+    sensitivity : (n, p) array, optional
+        Derivative of `y_end` by the parameters, if asked for.
     """
 
     status: int
@@ -170,22 +189,64 @@ class Solution:
     jacobian: FloatArray | None
     parts: tuple[bytes, bytes, bytes]
     form: Form
+    dense: tuple[int, bytes] | None = None
+    sensitivity: FloatArray | None = None
+
+    def __call__(self, t: ArrayLike, *, side: str = "right") -> FloatArray:
+        """Return the state at times within the integration, (n,) or (n, N), by dense output.
+
+        Parameters
+        ----------
+        t : float, (N,) array_like
+            Times, s.
+        side : str
+            At the instant of an event: "right" is the state after it, "left" that before it.
+
+        Raises
+        ------
+        ValueError
+            If there is no dense output, or a time is outside.
+        """
+        if self.dense is None:
+            raise ValueError("solution(t): expected solve(..., dense_output=True)")
+        if side not in ("left", "right"):
+            raise ValueError(f"side: expected 'left' or 'right', found {side!r}")
+        knots, before, after, steps = self._pieces
+        times = self.form.way * np.asarray(t, dtype=np.float64)
+        if not ((times >= knots[0]) & (times <= knots[-1])).all():
+            ends = tuple(self.form.way * knots[[0, -1]])
+            raise ValueError(f"t: expected times within {ends}, found {times * self.form.way}")
+        at_knots = before if (side == "left") == (self.form.way > 0.0) else after
+        place = np.searchsorted(knots, times.ravel())
+        states = at_knots[place]
+        inside = knots[place] != times.ravel()
+        states[inside] = _interpolated(times.ravel()[inside], place[inside] - 1, knots, steps)
+        return np.ascontiguousarray(states.T).reshape(self.form.shown, *times.shape)
+
+    @cached_property
+    def _pieces(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Times between steps, states before and after them, and (N, K + 1, n) states in steps."""
+        assert self.dense is not None
+        count, rows = self.dense
+        table = np.frombuffer(rows).reshape(-1, 1 + self.form.state)[:, : 1 + self.form.shown]
+        knots, after = table[::count, 0], table[::count, 1:]
+        log, before = self.events, after.copy()
+        instants, first = np.unique(self.form.way * log.time, return_index=True)
+        before[np.searchsorted(knots, instants)] = log.before[first]
+        inside = table[:-1, 1:].reshape(-1, count, self.form.shown)
+        return knots, before, after, np.concatenate([inside, before[1:, None]], axis=1)
 
     def __repr__(self) -> str:
         return (
             f"Solution: status {self.status}. {self.message}\n"
-            f"  {len(self.events)} events, {self.n_steps} steps, {self.nfev} evaluations\n"
+            f"  {self.n_events} events, {self.n_steps} steps, {self.nfev} evaluations\n"
             f"  t_end = {self.t_end:.9g}, y_end = {self.y_end}"
         )
 
     @cached_property
     def events(self) -> EventLog:
         """All events."""
-        records = np.frombuffer(self.parts[2]).reshape(-1, self.form.event)
-        if self.form.way < 0:
-            records = records.copy()
-            records[:, 0] *= self.form.way
-        return EventLog(records, self.form.state, self.form.guard_names)
+        return event_log(np.frombuffer(self.parts[2]).reshape(-1, self.form.event), self.form)
 
     @cached_property
     def mode(self) -> IntArray:
@@ -205,7 +266,7 @@ class Solution:
     @cached_property
     def y(self) -> FloatArray:
         """States at those times; (n, N). At the instant of an event, the state after it."""
-        return self._table[:, 1:].T.copy()
+        return self._table[:, 1 : 1 + self.form.shown].T.copy()
 
     @property
     def success(self) -> bool:
@@ -224,6 +285,11 @@ class Solution:
     def nfev(self) -> int:
         """Evaluations of the field."""
         return int(self.counts[layout.NFEV])
+
+    @property
+    def n_events(self) -> int:
+        """Events, also those that were not kept."""
+        return int(self.counts[layout.EVENTS])
 
     @property
     def n_guard_evaluations(self) -> int:
@@ -253,3 +319,19 @@ class Solution:
     def counts(self) -> IntArray:
         """The driver's counters at the end."""
         return np.frombuffer(self.parts[0], np.int64)[COUNTS:MODE]
+
+
+def _interpolated(
+    times: FloatArray, piece: IntArray, knots: FloatArray, steps: FloatArray
+) -> FloatArray:
+    """Return the states (N, n) at times inside of steps, by the barycentric formula."""
+    last = steps.shape[1] - 1
+    nodes = 0.5 - 0.5 * np.cos(np.pi * np.arange(last + 1) / last)
+    weights = np.where(np.arange(last + 1) % 2 == 0, 1.0, -1.0)
+    weights[[0, -1]] *= 0.5
+    start = knots[piece]
+    off = ((times - start) / (knots[piece + 1] - start))[:, None] - nodes
+    shares = weights / np.where(off == 0.0, 1.0, off)
+    hit = (off == 0.0).any(axis=1)
+    shares[hit] = off[hit] == 0.0
+    return np.einsum("mj,mjn->mn", shares, steps[piece]) / shares.sum(axis=1, keepdims=True)

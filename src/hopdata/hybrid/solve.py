@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
+from contextlib import suppress
+from time import monotonic
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,11 +14,12 @@ from numpy.typing import ArrayLike
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import Limits, check_flag, check_numbers, check_times, set_mode
 from hopdata.hybrid.compiled.callbacks import catch, stop_catching
-from hopdata.hybrid.derived import asked_backward, goes_back
+from hopdata.hybrid.derived import derive, goes_back
 from hopdata.hybrid.solution import Solution
 from hopdata.hybrid.system import System
-from hopdata.hybrid.workspace import Workspace
+from hopdata.hybrid.workspace import Sink, Workspace
 
+SILENT_S, EVERY_S = 5.0, 0.5  # before, and between, words on stderr, if it is a terminal
 UNFINISHED = (at.NEEDS_ROOM, at.NEEDS_METHOD, at.PAUSED)
 
 
@@ -33,8 +38,11 @@ def solve(
     max_steps: int = 10_000_000,
     max_events: int = 10_000_000,
     method: str = "auto",
-    jacobian: bool = False,
+    jacobian: bool | str = False,
     memory: ArrayLike | None = None,
+    dense_output: bool = False,
+    events: str | Sink = "all",
+    debug: bool = False,
 ) -> Solution:
     """Integrate an event-selected system from t_span[0] to t_span[1].
 
@@ -68,11 +76,20 @@ def solve(
         "dopri5" (best where events limit the steps), "dop853" (where they are sparse), "taylor"
         (affine modes, to rounding), "rosenbrock" (stiff fields), or "auto": Taylor series if the
         system has an affine form, else each of the others where it is best.
-    jacobian : bool
+    jacobian : bool or "params"
         Whether to carry the derivative of the state by the initial state along, through events by
-        saltation matrices (not with "rosenbrock", and not through resets of the state).
+        saltation matrices (not with "rosenbrock"). With "params", that by the parameters, too (not
+        with "taylor", and not with `n_memory`).
     memory : (n_memory,) array_like, optional
         Initial value of the scene's memory; by default zeros.
+    dense_output : bool
+        Whether to keep what `solution(t)` needs, with some points within each step.
+    events : str or callable
+        What to keep of events: "all", only their number ("count"), or nothing, as they are handed
+        in an `EventLog` to this function whenever some thousands have come.
+    debug : bool
+        Whether to run all functions as plain Python, which checks every index and can be stopped
+        by a debugger; many times slower, with the same results.
 
     Returns
     -------
@@ -84,7 +101,8 @@ def solve(
     ValueError
         If an argument is out of range or of the wrong shape.
     Exception
-        Whatever the system's functions raise.
+        Whatever the system's functions raise, and KeyboardInterrupt: what was reached is its
+        attribute `solution`.
     """
     if not isinstance(system, System):
         raise TypeError(f"system: expected a System, found {system!r}")
@@ -93,19 +111,27 @@ def solve(
     except IndexError:
         work = system.new_workspace()
     try:
-        usual = jacobian is False and t_eval is memory is first_step is None
+        usual = jacobian is dense_output is debug is False and events == "all"
+        usual, sink = usual and t_eval is memory is first_step is None, None
         if not usual or not work.ask_again(
             t_span, y0, params, rtol, atol, max_step, max_steps, max_events, method
         ):
             limits = rtol, max_step, first_step, max_steps, max_events
-            if goes_back(t_span):
-                turned, t_span, t_eval = asked_backward(system, t_span, t_eval)
-                return solve(
-                    turned, t_span, y0, params=params, mode=mode, rtol=rtol, atol=atol,
-                    max_step=max_step, first_step=first_step, t_eval=t_eval, max_steps=max_steps,
-                    max_events=max_events, method=method, jacobian=jacobian, memory=memory,
+            if goes_back(t_span) or debug is not False or isinstance(jacobian, str):
+                asked = derive(
+                    system, t_span=t_span, y0=y0, params=params, t_eval=t_eval, atol=atol,
+                    jacobian=jacobian, debug=debug,
                 )  # fmt: skip
-            _ask(system, work, t_span, y0, params, limits, atol, t_eval, method, jacobian, memory)
+                return solve(
+                    **asked, mode=mode, rtol=rtol, max_step=max_step, first_step=first_step,
+                    max_steps=max_steps, max_events=max_events, method=method, memory=memory,
+                    dense_output=dense_output, events=events,
+                )  # fmt: skip
+            sink = _sink(events, dense_output)
+            _ask(
+                system, work, t_span, y0, params, limits, atol, t_eval, method, jacobian, memory,
+                dense_output,
+            )  # fmt: skip
         flags = 0
         if mode is not None:
             set_mode(work.mode, system.n_guards, mode)
@@ -116,7 +142,9 @@ def solve(
         try:
             status = work.drive(work.desk_address, flags)
             if status > at.TERMINATED:
-                status = _go_on(work, flags | at.RESUMED, status)
+                status = _go_on(work, flags | at.RESUMED, status, sink)
+        except KeyboardInterrupt as interrupt:
+            caught.append(interrupt)
         finally:
             stop_catching(token)
         if work.methods.generic:
@@ -124,9 +152,11 @@ def solve(
         if caught:
             first = caught[0]
             caught.clear()
-            raise first
+            raise _with_what_was_reached(first, work)
         if status > at.TERMINATED:
             _refuse(status, work, t_span, (rtol, max_step, first_step, max_steps, max_events))
+        if sink is not None:
+            work.hand_over(sink)
         return work.solution(status)
     finally:
         system.idle.append(work)
@@ -135,30 +165,62 @@ def solve(
 def _ask(
     system: System, work: Workspace, t_span: tuple[float, float], y0: ArrayLike,
     params: ArrayLike, limits: Limits, atol: ArrayLike, t_eval: ArrayLike | None, method: str,
-    jacobian: bool, memory: ArrayLike | None,
+    jacobian: bool | str, memory: ArrayLike | None, dense_output: bool,
 ) -> None:  # fmt: skip
     """Get the workspace ready for an integration of any kind."""
     options = check_numbers(t_span, *limits)
     as_before = type(method) is str and method == work.ready_for
-    if not as_before or jacobian is not False or t_eval is not None:
+    dense = check_flag("dense_output", dense_output)
+    if not as_before or dense or jacobian is not False or t_eval is not None:
         times = None if t_eval is None else check_times(t_eval, *options[:2])
         wanted = check_flag("jacobian", jacobian)
-        work.begin(system.methods(method, wanted), times, wanted)
+        work.begin(system.methods(method, wanted), times, wanted, dense)
     work.methods.specialise()
-    work.ask(system, y0, params, memory, (*options, t_eval is None))
+    per_step = work.methods.degree if dense else int(t_eval is None)
+    work.ask(system, y0, params, memory, (*options, per_step))
     work.set_tolerance(atol)
 
 
-def _go_on(work: Workspace, flags: int, status: int) -> int:
+def _sink(events: Any, dense_output: bool) -> Sink | None:
+    """Return who takes the events; None if they are all kept."""
+    if isinstance(events, str) and events == "all":
+        return None
+    if dense_output:
+        raise ValueError(f"events: expected 'all' with dense_output, found {events!r}")
+    if events != "count" and not callable(events):
+        raise ValueError(f"events: expected 'all', 'count' or a function, found {events!r}")
+    return events if callable(events) else len
+
+
+def _with_what_was_reached(error: BaseException, work: Workspace) -> BaseException:
+    """Return an exception that has ended the integration, with what was reached."""
+    reached = work.reached()
+    with suppress(AttributeError):
+        error.solution = reached  # type: ignore[attr-defined]
+    error.add_note(f"{reached.message} What was reached is this exception's `solution`.")
+    return error
+
+
+def _go_on(work: Workspace, flags: int, status: int, sink: Sink | None) -> int:
     """Give the driver what it asks for, if anything, and call it again, until it has ended."""
-    methods = work.methods
+    methods, started = work.methods, monotonic()
+    shown = started + SILENT_S
     while status in UNFINISHED and not work.caught:
         if status == at.NEEDS_ROOM:
-            work.enlarge()
+            work.enlarge(sink)
         elif status == at.NEEDS_METHOD:
             methods.provide(int(work.counts[at.METHOD]))
         methods.specialise(int(work.counts[at.STEPS]))
+        before = monotonic()
         status = work.drive(work.desk_address, flags)
+        now = monotonic()
+        if status == at.PAUSED:
+            work.be_patient(now - before)
+        if now > shown and sys.stderr.isatty():
+            shown = now + EVERY_S
+            print(f"\r{work.progress}", end="", file=sys.stderr, flush=True)
+    if shown > started + SILENT_S:
+        print(file=sys.stderr)
     return status
 
 

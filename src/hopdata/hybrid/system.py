@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,8 +54,9 @@ class System:
     directions : tuple of int, optional
         For each guard 0, +1 or -1: both crossings, only the rising or only the falling one are
         events. The lock follows the other crossing silently. By default 0.
-    terminal : tuple of bool, optional
-        Whether an event of the guard ends the integration. By default none does.
+    terminal : tuple of bool or int, optional
+        Whether an event of the guard ends the integration, or which one does: 2 is the second. By
+        default none does.
     n_extra_modes : int
         Number of the scene's own integers in the mode.
     n_memory : int
@@ -74,12 +74,10 @@ class System:
     n_states: int = 1
     guard_names: tuple[str, ...] = ()
     directions: tuple[int, ...] | None = None
-    terminal: tuple[bool, ...] | None = None
+    terminal: tuple[int, ...] | None = None
     n_extra_modes: int = 0
     n_memory: int = 0
     undo: Callback | None = None
-
-    way: ClassVar[float] = 1.0  # of time
 
     def __post_init__(self) -> None:
         _check_callback("field", self.field)
@@ -101,6 +99,8 @@ class System:
                 raise ValueError(f"{name}: expected {self.n_guards} entries, found {len(values)}")
         if not set(self.directions or ()) <= {-1, 0, 1}:
             raise ValueError(f"directions: expected -1, 0 or +1, found {self.directions}")
+        if not all(one in (True, False) or int(one) == one > 0 for one in self.terminal or ()):
+            raise ValueError(f"terminal: expected truths or counts, found {self.terminal}")
         states, guards = self.n_states, self.n_guards
         for one in self.callbacks:
             one.check_lengths(
@@ -140,8 +140,18 @@ class System:
         return self.n_guards + self.n_extra_modes
 
     @cached_property
+    def way(self) -> float:
+        """Of time: -1 in a system that was derived to run backward."""
+        return 1.0
+
+    @cached_property
+    def n_shown(self) -> int:
+        """How many of the states are the user's."""
+        return self.n_states
+
+    @cached_property
     def rules(self) -> NDArray[np.int64]:
-        """Directions and terminal flags, (2, n_guards)."""
+        """Directions, and how many events end it, (2, n_guards)."""
         none = (0,) * self.n_guards
         return np.array([self.directions or none, self.terminal or none], dtype=np.int64)
 
@@ -211,7 +221,7 @@ class System:
         logged = self.n_extra_modes if self.guard is not None else self.n_modes
         return Workspace(
             self.addresses, self.rules, self.n_states, self.n_modes, self.n_memory,
-            self.guard_names, logged, self.way,
+            self.guard_names, logged, self.way, self.n_shown,
         )  # fmt: skip
 
     def take_workspace(self) -> Workspace:

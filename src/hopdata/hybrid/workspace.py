@@ -7,6 +7,7 @@ Python to machine code would cost as much as a field evaluation. What it returns
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from math import nan
 from typing import Any
 
@@ -20,14 +21,17 @@ from hopdata.hybrid.arguments import check_memory, check_params, check_shape, se
 from hopdata.hybrid.compiled.callbacks import Caught
 from hopdata.hybrid.driver.loop import driver_entry
 from hopdata.hybrid.methods.table import MethodTable, tangent_table
-from hopdata.hybrid.solution import Form, Solution
+from hopdata.hybrid.solution import EventLog, Form, Solution, event_log
 
 FIRST_ROWS = 256
 FIRST_EVENTS = 64
 LARGEST_CHUNK = 1 << 16
 LARGEST_KEPT = 1 << 13  # rows that a workspace keeps for the next integration
+FIRST_PATIENCE, MOST_PATIENCE = 16, 200_000  # steps until Python may look up
+PAUSE_S = 0.05  # it should do so after this time
 LARGEST_ROOM = 1 << 23  # numbers in a table of rows or events: long states get fewer rows
 
+Sink = Callable[[EventLog], object]
 PLAIN = (tuple, list)  # what is written without a look at it: others might have any shape
 OPTIONS = "5d3q"  # as `layout` numbers them
 WRITE_OPTIONS = struct.Struct(OPTIONS).pack_into
@@ -55,6 +59,8 @@ class Workspace:
         Length of the last part of the mode that the log of events keeps.
     way : float
         Of time: -1 if the system's own runs backward.
+    n_shown : int, optional
+        How many of the states are the user's, by default all.
 
     Attributes
     ----------
@@ -85,12 +91,15 @@ class Workspace:
         guard_names: tuple[str, ...],
         n_logged_modes: int,
         way: float = 1.0,
+        n_shown: int | None = None,
     ) -> None:
         n_guards = len(guard_names)
         self.desk = np.array(addresses, dtype=np.int64)
         self._n_states, self._n_params, self._n_memory = n_states, UNKNOWN, n_memory
+        self._n_modes, self._rows_per_step, self._n_shown = n_modes, 1, n_shown or n_states
         self._no_memory = (0.0,) * n_memory
         self._make_desk(0)
+        self.desk[layout.PATIENCE] = FIRST_PATIENCE
         self._make_clockwork(n_modes)
         self._make_states(layout.W1, n_states)
         self._atol, self._atol_of_all = np.zeros(n_states), 0.0
@@ -98,7 +107,7 @@ class Workspace:
         self._flags = np.zeros((layout.FLAG_ROWS, n_guards), dtype=np.int64)
         self._lists = np.zeros((layout.LIST_ROWS, n_guards), dtype=np.int64)
         self._wake_at = np.zeros(n_guards)
-        self.drive, self.caught = driver_entry(), Caught()
+        self.drive, self.caught = driver_entry(), Caught(self._remember)
         self.ready_for: object = NOTHING
         self.tangent: FloatArray | None = None
         self._spare = 2 * n_guards  # for the events of one more instant
@@ -106,7 +115,9 @@ class Workspace:
         self._make_records(FIRST_ROWS, FIRST_EVENTS)
         self._wanted, self._samples = np.empty(0), np.empty((0, n_states))
         self._kept: list[tuple[memoryview, memoryview]] = []  # chunks that are full
-        self._form = Form(n_states, n_modes, self._widths[1], guard_names, way)
+        self._form = Form(
+            n_states, n_modes, self._widths[1], guard_names, way, n_shown or n_states
+        )  # fmt: skip
         self._lay_out(layout.RULES, rules, self._atol)
         self._lay_out(layout.GUARD_TABLE, self._guards, self._flags, self._lists, self._wake_at)
         self._lay_out(layout.WANTED, self._wanted, self._samples)
@@ -125,12 +136,14 @@ class Workspace:
         """Make the table of states."""
         self._states = np.zeros((n_rows, n_states))
         self.state = self._states[layout.Y]
+        self.shown = self.state[: self._n_shown]
         self._lay_out(layout.STATE_TABLE, self._states)
 
     def _make_desk(self, n_params: int) -> None:
         """Make a desk, and behind it room for the initial state, parameters, the scene's memory."""
         n, first = self._n_states, layout.DESK_SLOTS
         block = np.zeros(first + n + n_params + self._n_memory)
+        self._before_and_after = np.zeros(2 * (self._n_modes + n_params + self._n_memory))
         desk = block[:first].view(np.int64)
         desk[: len(self.desk)] = self.desk
         self.desk, self.desk_address = desk, block.ctypes.data
@@ -139,6 +152,7 @@ class Workspace:
         self._write = struct.Struct(f"{OPTIONS}{len(block) - first}d").pack_into
         self._lay_out(layout.START_STATE, self._start)
         self._lay_out(layout.PARAMS, self._params)
+        self._lay_out(layout.KEPT, self._before_and_after)
 
     def make_params_room(self, count: int) -> None:
         """Have room for so many parameters of the caller's."""
@@ -205,11 +219,19 @@ class Workspace:
         if isinstance(atol, float):
             self._atol_of_all = float(atol)
 
-    def begin(self, methods: MethodTable, t_eval: FloatArray | None, jacobian: bool) -> None:
-        """Forget the last integration; states are wanted at `t_eval` or, if None, at each step."""
+    def begin(
+        self, methods: MethodTable, t_eval: FloatArray | None, jacobian: bool, dense: bool = False
+    ) -> None:
+        """Forget the last integration; states are wanted at `t_eval` or, if None, at each step.
+
+        And at as many points within each step as tell its polynomial, if `dense`.
+        """
         self.ready_for = NOTHING
         if methods is not self.__dict__.get("methods"):
             self._take(methods)
+        self._rows_per_step = methods.degree if dense else 1
+        if len(self._rows) <= self._rows_per_step:
+            self._make_records(FIRST_ROWS, len(self._log) - self._spare)
         if jacobian:
             self._begin_tangent(methods)
         elif self.tangent is not None:
@@ -223,7 +245,8 @@ class Workspace:
             self._wanted = np.empty(0) if t_eval is None else t_eval
             self._samples = np.empty((len(self._wanted), len(self.state)))
             self._lay_out(layout.WANTED, self._wanted, self._samples)
-        self.ready_for = NOTHING if jacobian or t_eval is not None else methods.choice
+        plain = not jacobian and not dense and t_eval is None
+        self.ready_for = methods.choice if plain else NOTHING
 
     def _begin_tangent(self, methods: MethodTable) -> None:
         """Have room for the flow's Jacobian, which begins as the identity."""
@@ -247,18 +270,49 @@ class Workspace:
         if len(self._states) < needed:
             self._make_states(needed, len(self.state))
 
-    def enlarge(self) -> None:
-        """Put aside what the driver has written, and lay out new and larger room."""
+    def enlarge(self, sink: Sink | None) -> None:
+        """Put aside what the driver has written, and lay out new and larger room.
+
+        Events are handed over, if there is somebody to take them.
+        """
         self.ready_for = NOTHING
         rows, events = int(self.counts[layout.ROWS]), int(self.counts[layout.EVENT_ROWS])
-        self._kept.append(
-            (self._row_bytes[: rows * self._row_size], self._log_bytes[: events * self._log_size])
-        )
+        self.hand_over(sink)
+        if rows > 0 or sink is None:
+            size = 0 if sink is not None else events * self._log_size
+            self._kept.append((self._row_bytes[: rows * self._row_size], self._log_bytes[:size]))
         n_rows, n_events = len(self._rows), len(self._log)
         n_rows = 2 * n_rows if rows > n_rows // 2 else n_rows
         n_events = 2 * n_events if events > n_events // 2 else n_events
         self._make_records(min(n_rows, LARGEST_CHUNK), min(n_events, LARGEST_CHUNK))
         self.counts[layout.ROWS] = self.counts[layout.EVENT_ROWS] = 0
+
+    def _remember(self) -> None:
+        """Keep what the last step has left."""
+        self._remembered = self._end_bytes.tobytes(), self.state.copy()
+
+    def reached(self) -> Solution:
+        """Return what the steps before an exception have found."""
+        self._end_bytes[:], self.state[:] = self._remembered
+        return self.solution(layout.RAISED)
+
+    def hand_over(self, sink: Sink | None) -> None:
+        """Give the events that stand in the log to who takes them."""
+        events = int(self.counts[layout.EVENT_ROWS])
+        if sink is not None and events > 0:
+            sink(event_log(self._log[:events].copy(), self._form))
+            self.counts[layout.EVENT_ROWS] = 0
+
+    @property
+    def progress(self) -> str:
+        """How far it is, in words."""
+        time, counts = self._form.way * self.clock[layout.T], self.counts
+        return f"t = {time:.6g}, {counts[layout.EVENTS]} events, {counts[layout.STEPS]} steps"
+
+    def be_patient(self, elapsed_s: float) -> None:
+        """Choose how many steps the driver may take, by the time that it took for as many."""
+        steps = int(self.desk[layout.PATIENCE]) * PAUSE_S / max(elapsed_s, 1e-9)
+        self.desk[layout.PATIENCE] = min(max(1, int(steps)), MOST_PATIENCE)
 
     def solution(self, status: int) -> Solution:
         """Return what the integration has found.
@@ -271,14 +325,23 @@ class Workspace:
         log = self._log_bytes[: n_events * self._log_size]
         solution = object.__new__(Solution)
         fields = solution.__dict__
-        fields["status"], fields["y_end"], fields["form"] = status, self.state.copy(), self._form
+        fields["status"], fields["y_end"], fields["form"] = status, self.shown.copy(), self._form
         if self.ready_for is not NOTHING:
             fields["jacobian"] = None
             fields["parts"] = end, rows.tobytes(), log.tobytes()
             return solution
-        trajectory = self._joined(0, rows) if len(self._wanted) == 0 else self._taken_samples()
-        tangent = self.tangent
-        fields["jacobian"] = None if tangent is None else tangent[: self._n_states].copy()
+        per_step, trajectory = self._rows_per_step, self._joined(0, rows)
+        if per_step > 1:
+            fields["dense"] = per_step, trajectory
+            trajectory = (
+                np.frombuffer(trajectory).reshape(-1, self._widths[0])[::per_step].tobytes()
+            )
+        if len(self._wanted) > 0:
+            trajectory = self._taken_samples()
+        tangent, shown = self.tangent, self._n_shown
+        fields["jacobian"] = None if tangent is None else tangent[:shown, :shown].copy()
+        if tangent is not None and shown < self._n_states:
+            fields["sensitivity"] = tangent[:shown, shown:].copy()
         fields["parts"] = end, trajectory, self._joined(1, log)
         return solution
 
@@ -294,7 +357,7 @@ class Workspace:
     def _make_records(self, n_rows: int, n_events: int) -> None:
         """Make and lay out room for so many rows and events, or fewer if the states are long."""
         n_rows, n_events = (
-            min(count, max(1, LARGEST_ROOM // width))
+            min(count, max(1 + self._rows_per_step, LARGEST_ROOM // width))
             for count, width in zip((n_rows, n_events), self._widths, strict=True)
         )
         self._rows = np.empty((n_rows, self._widths[0]))

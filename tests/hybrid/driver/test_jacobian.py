@@ -193,20 +193,17 @@ def test_the_impact_state_at_a_terminal_event(params):
 
 
 @pytest.mark.parametrize("terminal", [(False, False, False), (False, True, False)])
-def test_a_reset_is_refused(terminal):
-    """Also at a terminal event."""
+def test_through_a_reset_of_a_bent_system(terminal):
+    """Also at a terminal event, where it is that at this time, with what the event has done."""
     params = bent_params([0.5, 2.0, 9.0], tilts=[0.0, 1.5, 0.0])
     system = bent(3, on_event=turn_back, terminal=terminal)
-    options = {"params": params, "jacobian": True}
-    found = solve(system, (0, 3), START, **options)
-    passed = solve(bent(3), (0, 3), START, params=params).events
-    assert found.status == -8
-    assert not found.success
-    assert found.message.startswith("The handler changed the state at t = ")
-    assert found.t_end == pytest.approx(passed.of("bar1").time[0], abs=1e-9)
-    batch = solve_batch(system, (0, 3), [START] * 2, **options)
-    assert batch.status.tolist() == [-8, -8]
-    assert solve(system, (0, 3), START, params=params).success
+    found = carried(system, (0, 3), START, params=params)
+    assert found.success
+    assert (found.events.before != found.events.after).any()
+    if not any(terminal):
+        assert gap(found.jacobian, differences(system, (0, 3), START, params=params)) < 1e-8
+    batch = solve_batch(system, (0, 3), [START] * 2, params=params, jacobian=True, **TIGHT)
+    assert batch.jacobian[1].tobytes() == found.jacobian.tobytes()
 
 
 def test_a_handler_that_resets_nothing_is_no_reset():

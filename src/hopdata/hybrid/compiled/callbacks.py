@@ -34,7 +34,16 @@ class Caught(list[BaseException]):
     print, arrive through ``sys.unraisablehook``. All others are left to the hook that was there.
     """
 
-    __slots__ = ("_token",)
+    __slots__ = ("_token", "witness")
+
+    def __init__(self, witness: Callable[[], None] | None = None) -> None:
+        self.witness = witness  # called at the first exception: machine code may go on after it
+
+    def append(self, error: BaseException) -> None:
+        """Take an exception."""
+        if not self and self.witness is not None:
+            self.witness()
+        super().append(error)
 
     def __enter__(self) -> Caught:
         self._token = catch(self)
@@ -125,6 +134,7 @@ def protected(function: Function, signature: Signature) -> Function:
         except BaseException as error:
             if caught is None:
                 raise
+            error.add_note(f"in {place(function, signature)}")
             caught.append(error)
             return _give_up(signature, arguments)
 

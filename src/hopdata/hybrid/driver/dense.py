@@ -6,10 +6,17 @@ where x is the fraction of the step and r = 1 - x (as in Hairer's dense outputs)
 
 from __future__ import annotations
 
+from math import cos, pi
 from typing import NamedTuple
 
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.kernel import call_interpolant, fma, kernel, kernel_in_loop
+from hopdata.hybrid.compiled.kernel import (
+    call_interpolant,
+    fma,
+    kernel,
+    kernel_apart,
+    kernel_in_loop,
+)
 from hopdata.hybrid.compiled.memory import FloatTable, FloatVector
 from hopdata.hybrid.driver.problem import Problem
 from hopdata.hybrid.layout import Memory
@@ -88,7 +95,7 @@ class Output(NamedTuple):
     samples: FloatTable
     rows: FloatTable  # time and state of each step
     n_rows: int  # room for so many
-    every_step: bool
+    per_step: int  # rows: none, the end of the step, or points within as well
 
 
 @kernel
@@ -101,16 +108,32 @@ def put(m: Memory, source: int, table: FloatTable, row: int, first: int) -> None
 @kernel
 def write_row(m: Memory, out: Output) -> None:
     """Write the present state as the row of a new step."""
-    if out.every_step:
-        out.rows[m.counts[at.ROWS], 0] = m.clock[at.T]
-        put(m, at.Y, out.rows, m.counts[at.ROWS], 1)
-        m.counts[at.ROWS] += 1
+    if out.per_step > 0:
+        put_row(m, out, m.clock[at.T], at.Y)
+
+
+@kernel
+def put_row(m: Memory, out: Output, t: float, source: int) -> None:
+    """Write a time and a row of the states as the next row."""
+    out.rows[m.counts[at.ROWS], 0] = t
+    put(m, source, out.rows, m.counts[at.ROWS], 1)
+    m.counts[at.ROWS] += 1
+
+
+@kernel_apart
+def write_inside(p: Problem, m: Memory, out: Output, dt: float) -> None:
+    """Write rows at Chebyshev's points within the step of length `dt`: they tell its polynomial."""
+    prepare_interpolant(p, m, dt)
+    for j in range(1, out.per_step):
+        part = 0.5 - 0.5 * cos(pi * j / out.per_step) if 2 * j != out.per_step else 0.5
+        interpolate(p, m, part * dt / m.clock[at.SPAN], at.SCRATCH)
+        put_row(m, out, m.clock[at.T] + part * dt, at.SCRATCH)
 
 
 @kernel
 def rewrite_row(m: Memory, out: Output) -> None:
     """Write the state after an event over the one before it."""
-    if out.every_step and m.counts[at.ROWS] > 0:
+    if out.per_step > 0 and m.counts[at.ROWS] > 0:
         put(m, at.Y, out.rows, m.counts[at.ROWS] - 1, 1)
     last = m.counts[at.SAMPLES] - 1
     if last >= 0 and out.wanted[last] == m.clock[at.T]:

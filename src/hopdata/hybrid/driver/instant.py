@@ -8,7 +8,7 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, IntTable
-from hopdata.hybrid.driver.jacobian import saltate, saltate_handlers
+from hopdata.hybrid.driver.jacobian import carry_reset, keep, on_another, saltate, saltate_handlers
 from hopdata.hybrid.driver.problem import (
     Problem,
     eval_field,
@@ -77,8 +77,11 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
     row, n = m.counts[at.EVENT_ROWS], m.states.width
     for i in range(n):
         log.floats[row, at.LOG_STATES + i] = m.states[at.Y, i]
-    stop = p.rules[at.TERMINAL, k]
+    m.flags[at.FIRED, k] += 1
+    stop = 1 if 0 < p.rules[at.TERMINAL, k] <= m.flags[at.FIRED, k] else 0
     if p.on_event != 0:
+        if p.first_order:
+            keep(p, 0)
         t, s = m.clock[at.T], m.states
         stop |= code.call_on_event(p.on_event, t, s, at.Y, p.mode, p.params, k, direction)
     log.floats[row, at.LOG_TIME] = m.clock[at.T]
@@ -90,6 +93,8 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
     if jumped:
         m.counts[at.JUMPS] += 1
         wake_all(m)
+        if p.first_order:
+            carry_reset(p, m, log.floats, row, k, direction)
     first = at.LOG_STATES + 2 * n
     n_logged = log.floats.width - first
     for i in range(n_logged):
@@ -149,13 +154,19 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
 
     Expects the instant's state in Y, its time in the clock, and its guards in H0 and RATE0.
     """
-    resolution = time_resolution(m.clock[at.T], 0.0)
+    resolution, jumps = time_resolution(m.clock[at.T], 0.0), m.counts[at.JUMPS]
     if too_crowded(m, resolution):
         keep_culprit(m)
         return at.ZENO
+    later = False
     while True:
+        pushed = p.first_order and later and not on_another(m, resolution)
+        alone, jumped = pushed or m.counts[at.N_DUE] == 1, m.counts[at.JUMPS] > jumps
         if p.first_order:
-            saltate(p, m)
+            wrong = at.TIE_IN_JACOBIAN if jumped and not pushed else saltate(p, m, pushed)
+            if wrong != at.RUNNING:
+                keep_culprit(m)
+                return wrong
         status = flip(p, m)
         if status == at.RUNNING:
             status = fire_due(p, m, log)
@@ -163,9 +174,8 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
         if status == at.RUNNING or (ended and p.first_order):
             status = refresh(p, m)
         if p.first_order and status == at.RUNNING:
-            if m.counts[at.JUMPS] > 0:
-                return at.RESET_IN_JACOBIAN
-            if not saltate_handlers(p, m):
+            tied = not alone and m.counts[at.JUMPS] > jumps
+            if not saltate_handlers(p, m, alone) or tied:
                 return at.TIE_IN_JACOBIAN
         if ended and status == at.RUNNING:
             status = at.TERMINATED
@@ -175,6 +185,7 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
         if mark_due(p, m, at.H0, at.RATE0, resolution) == 0:
             return status
         remember_residuals(p, m, at.H0)
+        later = True
 
 
 # Locks at the start: decided by the sign of h, on the surface by its rate, and then its bend.

@@ -1,9 +1,11 @@
 """The flow's Jacobian through an instant: one saltation matrix for each guard that flips.
 
-At a crossing of h, Phi becomes Phi + (f+ - f-) (Dh Phi) / (Dh f- + dh/dt), with the field before
-and after it (Aizerman and Gantmakher 1958; Kong et al. 2024). Of guards that flip at one instant,
-each is given the field that the locks before it name; what a handler adds, by the memory for
-instance, is put to the guard that has flipped, if there is only one.
+At a crossing of h, Phi becomes DR Phi + (f+ - DR f- - dR/dt) (Dh Phi) / (Dh f- + dh/dt), with the
+field before and after it, and the handler's change of the state, R (Aizerman and Gantmakher 1958;
+Kong et al. 2024). Of guards that flip at one instant, each is given the field that the locks before
+it name; what a handler adds, by the memory for instance, is put to the guard that has flipped, if
+there is only one. Guards that a reset pushes across flip when it happens: they have no instant, and
+so no projection, of their own.
 """
 
 from __future__ import annotations
@@ -15,16 +17,19 @@ import numpy as np
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart
+from hopdata.hybrid.compiled.memory import FloatTable
 from hopdata.hybrid.driver.dense import interpolate, prepare_interpolant
-from hopdata.hybrid.driver.problem import Problem, next_due
-from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST
+from hopdata.hybrid.driver.problem import Problem, blur, next_due
+from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST, tolerance
 from hopdata.hybrid.layout import Memory
+from hopdata.hybrid.methods.tangent import ABSOLUTELY_TINY, FIFTH_ROOT_OF_EPS
 
 # The flow's Jacobian over a step: by the method's own tangent, or by that for short steps.
 
 EASY = 0.2  # of the tolerance: a step with so little error may have the short tangent
 SHORT = 300.0  # relative tolerances: (step times fastest motion)^5, up to which a step is short
 SMALL = 0.1  # error of the Jacobian, in units of the tolerance, that says nothing of the next step
+LOOK, LEAST_LOOK = 1e-6, 1e-9  # of a piece, of t_span: how far ahead a guard's rate is looked at
 
 
 @kernel
@@ -109,16 +114,19 @@ def largest_input(p: Problem, m: Memory) -> int:
 
 
 @kernel
-def add_part(p: Problem, m: Memory, i: int, part: float) -> None:
-    """Add `part` times row i of Phi to the row ALONG."""
+def add_part(p: Problem, m: Memory, i: int, part: float) -> float:
+    """Add `part` times row i of Phi to the row ALONG; return `part` times the state's tolerance."""
     phi, along = p.tangent, single(m, at.ALONG)
     for j in range(m.states.width):
         phi[along, j] += part * phi[i, j]
+    return abs(part) * tolerance(p, i, abs(m.states[at.Y, i]))
 
 
 @kernel
-def project(p: Problem, m: Memory, k: int, rate: float) -> None:
+def project(p: Problem, m: Memory, k: int, rate: float) -> float:
     """Write Dh Phi / rate of guard k into the row ALONG, for its rate Dh f- + dh/dt.
+
+    Returns the time, s, by which its instant is unknown.
 
     The rate is affine in f-: Dh comes by changing one component of it after the other, those alone
     that the guards' code may use, by the size of the largest. What belongs to the largest is what
@@ -130,7 +138,7 @@ def project(p: Problem, m: Memory, k: int, rate: float) -> None:
     for i in range(n):
         phi[moved, i] = phi[before, i]
         phi[single(m, at.ALONG), i] = 0.0
-    largest, left = largest_input(p, m), 1.0
+    largest, left, unknown = largest_input(p, m), 1.0, 0.0
     change = abs(phi[before, largest]) if largest >= 0 else 1.0
     last = largest if phi[single(m, at.STEADY), 0] != 0.0 else -1
     for i in range(n):
@@ -139,9 +147,31 @@ def project(p: Problem, m: Memory, k: int, rate: float) -> None:
             part = (rate_along(p, m, k, moved) - rate) / (phi[moved, i] - phi[before, i]) / rate
             phi[moved, i] = phi[before, i]
             left -= part * phi[before, i]
-            add_part(p, m, i, part)
+            unknown += add_part(p, m, i, part)
     if last >= 0:
-        add_part(p, m, last, left / phi[before, last])
+        unknown += add_part(p, m, last, left / phi[before, last])
+    return unknown
+
+
+@kernel_apart
+def bend_of(p: Problem, m: Memory, k: int, rate: float) -> float:
+    """Return the rate of the rate of guard k, with the field before its flip."""
+    ahead, n = LOOK * (m.clock[at.T] - m.clock[at.SEGMENT]), m.states.width
+    ahead = max(ahead, LEAST_LOOK * (p.t_end - p.t_start))
+    moved, slope = single(m, at.PHI_SHIFTED), single(m, at.PHI_SLOPE)
+    for i in range(n):
+        p.tangent[moved, i] = m.states[at.Y, i] + ahead * p.tangent[single(m, at.F_BEFORE), i]
+    t, g = m.clock[at.T] + ahead, m.guards
+    code.call_field(p.field, t, p.tangent, moved, p.mode, p.params, p.tangent, slope)
+    if p.guards != 0:
+        code.call_guards(
+            p.guards, t, p.tangent, moved, p.tangent, slope, p.mode, p.params, g, at.H, g, at.RATE
+        )
+    else:
+        code.call_guard(
+            p.guard, t, p.tangent, moved, p.tangent, slope, p.mode, p.params, k, g, at.H, g, at.RATE
+        )
+    return (g[at.RATE, k] - rate) / ahead
 
 
 @kernel
@@ -161,22 +191,45 @@ def add_jump(p: Problem, m: Memory) -> None:
                 phi[i, j] += jump * phi[along, j]
 
 
+@kernel
+def grazes(p: Problem, m: Memory, k: int, rate: float, unknown: float) -> bool:
+    """Tell whether the rate of guard k may be zero: its instant is unknown by too much for that."""
+    bend = bend_of(p, m, k, rate)
+    return not abs(bend) * unknown <= 0.5 * abs(rate)
+
+
+@kernel
+def on_another(m: Memory, resolution: float) -> bool:
+    """Tell whether a guard that is due is on its surface, and has not flipped at this instant."""
+    for a in range(m.counts[at.N_DUE]):
+        k, g = m.lists[at.DUE, a], m.guards
+        noise = blur(g[at.SIZE, k], g[at.RATE0, k], resolution)
+        new = m.flags[at.LAST_FLIP, k] != m.counts[at.INSTANTS]
+        if new and abs(g[at.H0, k]) <= noise:
+            return True
+    return False
+
+
 @kernel_apart
-def saltate(p: Problem, m: Memory) -> None:
-    """Pass all guards that are due, one after the other, by their locks alone.
+def saltate(p: Problem, m: Memory, pushed: bool) -> int:
+    """Pass all guards that are due, one after the other, by their locks alone; return a status.
 
     A single one is only projected: `saltate_handlers` adds its jump, with what handlers make of it.
+    Those that are `pushed` across are passed when the reset is.
     """
     phi, before, after = p.tangent, single(m, at.F_BEFORE), single(m, at.F_AFTER)
     for i in range(m.states.width):
         phi[before, i] = m.states[at.K1, i]
+    if pushed:
+        return at.RUNNING
     k = next_due(m, -1)
     rate = m.guards[at.RATE0, k]
     if m.counts[at.N_DUE] == 1:
-        project(p, m, k, rate)
-        return
+        grazing = grazes(p, m, k, rate, project(p, m, k, rate))
+        return at.GRAZING_IN_JACOBIAN if grazing else at.RUNNING
+    grazing = False
     while k >= 0:
-        project(p, m, k, rate)
+        grazing = grazes(p, m, k, rate, project(p, m, k, rate)) or grazing
         p.mode[k] = -p.mode[k]
         m.counts[at.NFEV] += 1
         code.call_field(p.field, m.clock[at.T], m.states, at.Y, p.mode, p.params, phi, after)
@@ -186,10 +239,83 @@ def saltate(p: Problem, m: Memory) -> None:
     for a in range(m.counts[at.N_DUE]):  # they flip in earnest afterwards
         k = m.lists[at.DUE, a]
         p.mode[k] = -p.mode[k]
+    return at.GRAZING_IN_JACOBIAN if grazing else at.RUNNING
 
 
 @kernel
-def saltate_handlers(p: Problem, m: Memory) -> bool:
+def keep(p: Problem, part: int) -> None:
+    """Keep mode and parameters as those before (0) or after (1) a handler."""
+    first, n_modes = part * (p.mode.width + p.params.width), p.mode.width
+    for i in range(n_modes):
+        p.kept[first + i] = p.mode[i]
+    for i in range(p.params.width):
+        p.kept[first + n_modes + i] = p.params[i]
+
+
+@kernel
+def bring_back(p: Problem, part: int) -> None:
+    """Bring back what was kept."""
+    first, n_modes = part * (p.mode.width + p.params.width), p.mode.width
+    for i in range(n_modes):
+        p.mode[i] = int(p.kept[first + i])
+    for i in range(p.params.width):
+        p.params[i] = p.kept[first + n_modes + i]
+
+
+@kernel
+def reset_by(p: Problem, m: Memory, log: FloatTable, row: int, j: int, k: int, way: int) -> None:
+    """Write the derivative of the reset by state j, or by time if there is none, into COLUMN.
+
+    By differences, as `methods.tangent` takes them; a time is moved by parts of the last piece.
+    """
+    phi, n, t = p.tangent, m.states.width, m.clock[at.T]
+    moved, column, before = single(m, at.PHI_SHIFTED), single(m, at.COLUMN), at.LOG_STATES
+    size = t - m.clock[at.SEGMENT] if t > m.clock[at.SEGMENT] else p.t_end - p.t_start
+    if j < n:
+        change = size * abs(phi[single(m, at.F_BEFORE), j])
+        size = max(abs(log[row, before + j]), change, p.atol[j] / p.rtol)
+    step = FIFTH_ROOT_OF_EPS * size if size > ABSOLUTELY_TINY else FIFTH_ROOT_OF_EPS
+    for i in range(n):
+        phi[column, i] = 0.0
+    for side in range(4):
+        shift, weight = (2.0, 1.0, -1.0, -2.0)[side] * step, (-1.0, 8.0, -8.0, 1.0)[side]
+        for i in range(n):
+            phi[moved, i] = log[row, before + i] + (shift if i == j else 0.0)
+        bring_back(p, 0)
+        then = t + shift if j == n else t
+        code.call_on_event(p.on_event, then, phi, moved, p.mode, p.params, k, way)
+        for i in range(n):
+            phi[column, i] += weight * (phi[moved, i] - m.states[at.Y, i]) / (12.0 * step)
+
+
+@kernel_apart
+def carry_reset(p: Problem, m: Memory, log: FloatTable, row: int, k: int, way: int) -> None:
+    """Multiply Phi and f- by the derivative of the reset that a row of the log tells of.
+
+    What it is by time is added to f-: `saltate_handlers` takes that away.
+    """
+    phi, n = p.tangent, m.states.width
+    before, after, column = single(m, at.F_BEFORE), single(m, at.F_AFTER), single(m, at.COLUMN)
+    keep(p, 1)
+    for e in range(n * n):
+        phi[n, e] = 0.0
+    for i in range(n):
+        phi[after, i] = 0.0
+    for j in range(n + 1):
+        reset_by(p, m, log, row, j, k, way)
+        for i in range(n):
+            phi[after, i] += phi[column, i] * (phi[before, j] if j < n else 1.0)
+            for c in range(n if j < n and phi[column, i] != 0.0 else 0):
+                phi[n + i, c] += phi[column, i] * phi[j, c]
+    for e in range(n * n):
+        phi[0, e] = phi[n, e]
+    for i in range(n):
+        phi[before, i] = phi[after, i]
+    bring_back(p, 1)
+
+
+@kernel
+def saltate_handlers(p: Problem, m: Memory, alone: bool) -> bool:
     """Add how the field has changed since, as part of the last guard's flip.
 
     Tells whether that is right: not if several guards have flipped, whose shares are unknown.
@@ -200,4 +326,4 @@ def saltate_handlers(p: Problem, m: Memory) -> bool:
         p.tangent[after, i] = m.states[at.K1, i]
         changed = changed or p.tangent[after, i] != p.tangent[before, i]
     add_jump(p, m)
-    return m.counts[at.N_DUE] <= 1 or not changed
+    return alone or not changed

@@ -30,7 +30,14 @@ from hopdata.hybrid.compiled.digest import driver_digest
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
 from hopdata.hybrid.driver import stepping
-from hopdata.hybrid.driver.dense import Output, rewrite_row, sample_start, sample_step, write_row
+from hopdata.hybrid.driver.dense import (
+    Output,
+    rewrite_row,
+    sample_start,
+    sample_step,
+    write_inside,
+    write_row,
+)
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import Log, fire_all, settle_locks
 from hopdata.hybrid.driver.jacobian import carry_jacobian
@@ -55,7 +62,7 @@ desk_problem = memory.reader(
     on_event=at.ON_EVENT, methods=at.METHOD_TABLE, params=at.PARAMS, mode=at.MODE, rules=at.RULES,
     rtol=at.RTOL, atol=at.ATOL, max_step=at.MAX_STEP, t_end=at.T_END, tangent=at.TANGENT_TABLE,
     first_order=at.TANGENT_TABLE, t_start=at.T_START, first_step=at.FIRST_STEP,
-    max_steps=at.MAX_STEPS, max_events=at.MAX_EVENTS, start_state=at.START_STATE,
+    max_steps=at.MAX_STEPS, max_events=at.MAX_EVENTS, start_state=at.START_STATE, kept=at.KEPT,
 )  # fmt: skip
 desk_memory = memory.reader(
     Memory,
@@ -65,12 +72,11 @@ desk_memory = memory.reader(
 desk_output = memory.reader(
     Output,
     wanted=at.WANTED, samples=at.SAMPLE_TABLE, rows=at.ROW_TABLE, n_rows=at.N_ROWS,
-    every_step=at.EACH_STEP,
+    per_step=at.ROWS_PER_STEP,
 )  # fmt: skip
 desk_log = memory.reader(Log, floats=at.LOG_TABLE, integers=at.LOG_TABLE, n_rows=at.N_LOG_ROWS)
 
 
-STEPS_PER_CALL = 200_000  # then return to Python for a moment
 EVENTS_PER_INSTANT = 2  # of each guard, at most
 
 
@@ -79,6 +85,8 @@ def move_on(p: Problem, m: Memory, out: Output, dt: float) -> None:
     """Make the end of the step the start of the next, and write it down."""
     t_new = p.t_end if dt >= p.t_end - m.clock[at.T] else m.clock[at.T] + dt
     sample_step(p, m, out, t_new, dt)
+    if out.per_step > 1:
+        write_inside(p, m, out, dt)
     carry_guards(p, m, dt)
     travel_on(p, m, dt)
     m.clock[at.T] = t_new
@@ -135,7 +143,7 @@ def clear(p: Problem, m: Memory) -> bool:
     for row in range(at.GUARD_ROWS):
         fill_row(m.guards, row, 0.0)
     for k in range(m.flags.width):
-        m.flags[at.LAST_FLIP, k], m.flags[at.BENT, k] = 0, 0
+        m.flags[at.LAST_FLIP, k], m.flags[at.BENT, k], m.flags[at.FIRED, k] = 0, 0, 0
         m.lists[at.AWAKE, k] = k
     for slot in range(at.COUNT_SLOTS):
         m.counts[slot] = 0
@@ -175,7 +183,7 @@ def start(p: Problem, m: Memory, out: Output, log: Log) -> int:
 def lacks_room(m: Memory, out: Output, log: Log) -> bool:
     """Tell whether the next step might not find room for its output."""
     events = m.counts[at.EVENT_ROWS] + EVENTS_PER_INSTANT * m.guards.width
-    return events > log.n_rows or (out.every_step and m.counts[at.ROWS] >= out.n_rows)
+    return events > log.n_rows or m.counts[at.ROWS] + out.per_step > out.n_rows
 
 
 @kernel
@@ -187,7 +195,7 @@ def run(desk: IntVector, flags: int) -> int:
         for k in range(p.mode.width if flags & at.GIVEN_MODE == 0 else 0):
             p.mode[k] = 0
         status = start(p, m, out, log) if clear(p, m) else at.BAD_START
-    pause = m.counts[at.STEPS] + STEPS_PER_CALL
+    pause = m.counts[at.STEPS] + desk[at.PATIENCE]  # then return to Python for a moment
     while status == at.RUNNING:
         if m.clock[at.T] >= p.t_end:
             return at.FINISHED
@@ -339,7 +347,7 @@ def _enter_many(
     numbers = memory.float_vector(here, len(desk))
     numbers[at.T_START], numbers[at.T_END], numbers[at.RTOL] = t_start, t_end, rtol
     numbers[at.MAX_STEP], numbers[at.FIRST_STEP] = max_step, step
-    desk[at.MAX_STEPS], desk[at.MAX_EVENTS], desk[at.EACH_STEP] = max_steps, max_events, 0
+    desk[at.MAX_STEPS], desk[at.MAX_EVENTS], desk[at.ROWS_PER_STEP] = max_steps, max_events, 0
     for b in range(first, last):
         for i in range(n_params):
             own[i] = params[b % len(params), i]

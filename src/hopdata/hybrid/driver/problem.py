@@ -36,6 +36,7 @@ class Problem(NamedTuple):
     max_steps: int
     max_events: int
     start_state: FloatVector
+    kept: FloatVector  # mode and parameters before a handler was called, and after it
 
 
 @kernel

@@ -94,6 +94,8 @@ class MethodTable:
         Steps of the integrations that have ended, counted by the caller while there are any.
     scene : Scene
         What they are made for.
+    degree : int
+        The highest of their interpolants.
     """
 
     def __init__(self, choice: str, scene: Scene, jacobian: bool) -> None:
@@ -105,6 +107,7 @@ class MethodTable:
         self.steps = 0
         self.work_rows = max(method.work_rows for method in self._methods)
         self.tangent_rows = max(method.tangent_rows for method in self._methods)
+        self.degree = layout.LARGEST_DEGREE if "taylor" in self._names else DOP853.degree
         self.rows: IntArray = np.zeros((len(self._names), layout.METHOD_SLOTS), dtype=np.int64)
         for number, method in enumerate(self._methods):
             self._describe(number, method)

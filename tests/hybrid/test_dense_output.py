@@ -1,0 +1,109 @@
+"""`solution(t)`: the state at any time, from both sides of an event, as good as the method."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hybrid_systems import ball, growth, ladder
+from test_derived import bounce_undone
+
+from hopdata.hybrid import System, field, solve
+from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+
+
+@field
+def swing_field(t, y, mode, params, dy):
+    dy[0], dy[1] = y[1], -y[0] - np.sin(y[0]) + np.cos(2.0 * t)
+
+
+SWING = System(swing_field, n_states=2)
+TIMES = np.linspace(0.0, 4.0, 3001)
+
+
+@pytest.mark.parametrize(("method", "order"), [("dopri5", 5), ("dop853", 8), ("rosenbrock", 5)])
+def test_it_has_the_order_of_the_method(method, order):
+    exact = solve(SWING, (0, 4), [1.0, 0.0], rtol=2.3e-15, atol=1e-15, t_eval=TIMES).y
+    steps, errors = 4.0 / np.array([16, 24, 32, 48]), []
+    for step in steps:
+        options = {"rtol": 0.5, "atol": 0.1, "first_step": step, "max_step": step}
+        solution = solve(SWING, (0, 4), [1.0, 0.0], method=method, dense_output=True, **options)
+        assert solution.n_steps == round(4.0 / step)
+        errors.append(np.abs(solution(TIMES) - exact).max())
+    slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert slope > order - 0.6, errors
+
+
+@pytest.mark.parametrize("method", ["auto", "dopri5", "dop853", "taylor", "rosenbrock"])
+@pytest.mark.parametrize("backward", [False, True])
+def test_it_is_the_polynomial_of_the_samples(method, backward):
+    hopper = VerticalHopper()
+    for system, t_span, y0, params in (
+        (octant(), T_SPAN, INITIAL_STATE, ()),
+        (hopper.system(), (0.0, 1.3), (1.3, 0.2), hopper.params),
+    ):
+        span = t_span[::-1] if backward else t_span
+        start = solve(system, t_span, y0, params=params).y_end if backward else y0
+        times = np.linspace(*span, 333)
+        options = {"params": params, "method": method}
+        dense = solve(system, span, start, dense_output=True, t_eval=times, **options)
+        plain = solve(system, span, start, **options)
+        assert dense(times) == pytest.approx(dense.y, rel=1e-13, abs=1e-13)
+        assert dense.y_end.tobytes() == plain.y_end.tobytes()
+        assert dense.n_steps == plain.n_steps
+        assert dense(span[1]).tolist() == dense.y_end.tolist()
+        again = solve(system, span, start, dense_output=True, **options)
+        assert again.t.tobytes() == plain.t.tobytes()
+        assert again.y.tobytes() == plain.y.tobytes()
+        assert again(times).tobytes() == dense(times).tobytes()
+        assert again(plain.t).tobytes() == plain.y.tobytes()
+
+
+@pytest.mark.parametrize("backward", [False, True])
+def test_both_sides_of_an_event(backward):
+    system, options = replace(ball(), undo=bounce_undone), {"params": (2.0, 0.0, 0.5)}
+    solution = solve(system, (0.0, 2.5), [1.0, 0.0], dense_output=True, **options)
+    if backward:
+        solution = solve(system, (2.5, 0.0), solution.y_end, dense_output=True, **options)
+    first = np.sort(np.unique(solution.events.time))[0]
+    assert first == pytest.approx(1.0, abs=1e-13)
+    assert solution(first, side="left") == pytest.approx([0.0, -2.0], abs=1e-12)
+    assert solution(first, side="right") == pytest.approx([0.0, 1.0], abs=1e-12)
+    around = first + np.array([-1e-9, 1e-9])
+    assert solution(around)[1] == pytest.approx([-2.0, 1.0], abs=1e-8)
+    times = np.array([0.2, 0.5, 1.3, 1.9, 2.2])
+    height = np.where(times < 1, 1 - times**2, (times - 1) * (2 - times))
+    height = np.where(times > 2, (times - 2) * (2.5 - times), height)
+    assert solution(times)[0] == pytest.approx(height, abs=1e-12)
+
+
+def test_only_when_asked_for_and_only_within():
+    plain = solve(ladder(1), (0, 1), [0.0, 0.0], params=(5.0, 1.0))
+    assert plain.dense is None
+    with pytest.raises(ValueError, match="dense_output=True"):
+        plain(0.5)
+    dense = solve(ladder(1), (0, 1), [0.0, 0.0], params=(5.0, 1.0), dense_output=True)
+    for wrong in (-0.1, 1.1, np.nan, [0.5, 2.0]):
+        with pytest.raises(ValueError, match="times within"):
+            dense(wrong)
+    with pytest.raises(ValueError, match="side"):
+        dense(0.5, side="above")
+    with pytest.raises(ValueError, match="dense_output: expected True or False"):
+        solve(ladder(1), (0, 1), [0.0, 0.0], params=(5.0, 1.0), dense_output="yes")
+    assert dense(0.5).shape == (2,)
+    assert dense([0.5]).shape == (2, 1)
+    assert dense([]).shape == (2, 0)
+
+
+def test_long_ones_failed_ones_and_ones_without_a_step():
+    long = solve(ball(), (0, 301), [1.0, 0.0], params=(2.0, 0.0, 1.0), dense_output=True)
+    times = np.linspace(0, 301, 1001)[:-1]
+    part = (times + 1) % 2 - 1
+    assert np.abs(long(times)[0] - (1 - part**2)).max() < 1e-9
+    failed = solve(growth(), (0, 9), [1.0, 0.0], params=(0.7, 4.0), dense_output=True)
+    assert failed.status < 0
+    assert failed(failed.t_end).tolist() == failed.y_end.tolist()
+    assert failed(1.0)[0] == pytest.approx(np.exp(0.7), rel=1e-8)
+    still = solve(ladder(1), (1, 1), [0.2, 0.0], params=(5.0, 1.0), dense_output=True)
+    assert still(1.0).tolist() == [0.2, 0.0]
