@@ -9,8 +9,8 @@ pieces of several lengths at seeded places. One row a guess and a kind of change
 - `up`: turned so that each of the six directions points up; the file says nothing of it.
 - `unit`: multiplied to be in mm, cm, m or inches; the file says which (`stated`), says nothing
   (`silent`), or says mm or m where it is another (`misstated`).
-- `rate`: stated as it is, or as half or twice of it, without a column of time. `removed`: it is not
-  stated at all; right is then that it is one of the two candidates, to a tenth.
+- `rate`: stated as it is, or as half or twice of it, with a column of time or without. `removed`:
+  it is not stated at all; right is then that it is one of the two candidates, to a tenth.
 - `feet`, `body`: which markers are chosen, by names as they are, and called `m1`, `m2` ... in
   another order. Right is a choice of markers all on feet, or all on one of pelvis, trunk and head.
 
@@ -79,6 +79,8 @@ def pieces(folder: Path, n_seeds: int) -> Iterator[Piece]:
     files = [*(ROOT / "data/sample").glob("*.h5"), *folder.rglob("*.*")]
     for path in sorted(path for path in files if path.name in KNOWN):
         raw, up = read_raw(path), KNOWN[path.name]
+        if path.name == "std_walking2_markers.trc":  # states 250 Hz, its time stamps run at 25
+            raw = replace(raw, rate_hz=25.0)
         metres = rotate_up(raw.positions * METRES_PER_UNIT[raw.unit], up or "z")
         whole = replace(raw, positions=metres, unit="m", stated_up="")
         yield from (Piece(path.name, part, bool(up)) for part in _cut(whole, n_seeds))
@@ -126,7 +128,12 @@ def judge(piece: Piece, number: int) -> Iterator[tuple[str, str, str]]:
             kind = "silent" if not said else "stated" if said == unit else "misstated"
             yield "unit", f"{kind}, {unit}", outcome(guess.value == unit, guess.is_sure)
     for change, factor in (("stated", 1.0), ("half", 0.5), ("twice", 2.0)):
-        guess = guess_rate(replace(raw, rate_hz=factor * raw.rate_hz), "m")
+        wrong = replace(raw, rate_hz=factor * raw.rate_hz)
+        if factor != 1.0:
+            guess = guess_rate(wrong, "m")
+            yield "rate", f"{change}, with time stamps", outcome(False, guess.is_sure)
+        counted = replace(wrong, time=np.arange(len(raw.time)) / wrong.rate_hz)
+        guess = guess_rate(counted, "m")
         yield "rate", change, outcome(factor == 1.0, guess.is_sure)
     guess = guess_rate(replace(raw, rate_hz=100.0), "m", is_stated=False)
     if guess.value:

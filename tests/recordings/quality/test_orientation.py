@@ -105,6 +105,13 @@ def test_the_rate_is_asked_for_with_what_free_fall_says(seed, rate_hz):
     assert asked.value == f"{rate_hz:g}"
 
 
+def test_time_stamps_speak_against_the_rate_that_is_stated():
+    sound = raw(walking(), rate_hz=100.0)
+    assert guess_rate(sound, "m").is_sure
+    found = guess_rate(replace(sound, rate_hz=250.0), "m")
+    assert (found.value, found.is_sure, found.other) == ("250", False, "100")
+
+
 def test_without_free_fall_no_rate_is_offered():
     still = np.random.default_rng(4).normal(0, 1e-4, (2000, 7, 3)) + np.arange(7)[:, None] * 0.1
     asked = guess_rate(raw(still), "m", is_stated=False)

@@ -275,6 +275,7 @@ def guess_unit_and_up(
     unit, up : Guess
         The unit ``"m"``, ``"mm"``, ``"cm"`` or ``"inch"``; the direction as ``"z"`` or ``"-y"``.
     """
+    raw = replace(raw, rate_hz=_rate_by_stamps(raw))
     units = UNITS_IN_M if unit is None else {unit: chosen("unit", unit, UNITS_IN_M)}
     fall = free_fall(raw.positions, raw.rate_hz, units=units)
     return (
@@ -308,6 +309,7 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
 # Read in a unit ten times too small it hardly moves.
 LIVELY_M_S2 = (5.0, 100.0)
 RATES_HZ = (25, 30, 50, 60, 100, 120, 150, 200, 240, 250, 300, 400, 500, 1000)
+OTHER_RATE = 0.02  # relative
 SOME_FALL = 0.005  # of the frames must be free fall at half or twice the rate that is stated, and
 CLEARLY = 3.0  # so many times the share at that one
 
@@ -335,7 +337,10 @@ def guess_rate(raw: RawRecording, unit: str, *, is_stated: bool = True) -> Guess
     is_stated : bool
         Whether the file states its rate.
     """
-    units, own = {unit: UNITS_IN_M[unit]}, raw.rate_hz
+    units, own, by_stamps = {unit: UNITS_IN_M[unit]}, raw.rate_hz, _rate_by_stamps(raw)
+    if is_stated and by_stamps != own:
+        told = f"as stated, but the time stamps run at {by_stamps:g} Hz"
+        return Guess(f"{own:g}", told, is_sure=False, other=f"{by_stamps:g}")
     hertz = (own, own / 2, 2 * own) if is_stated else RATES_HZ
     falls = {f"{r:g}": free_fall(raw.positions, r, units=units) for r in hertz}
     best, following = sorted(falls, key=lambda r: -falls[r].share)[:2]
@@ -352,6 +357,14 @@ def guess_rate(raw: RawRecording, unit: str, *, is_stated: bool = True) -> Guess
         told = f"as stated, but the markers would move at {moves:.0f} m/s²"
         return Guess(stated, told, is_sure=False, other=f"{own / 2:g}")
     return Guess(stated, "as stated, and nothing in the motion speaks against it")
+
+
+def _rate_by_stamps(raw: RawRecording) -> float:
+    """Rate of the time stamps, Hz, where it is clearly another than the one stated; else that."""
+    steps = np.diff(raw.time)
+    step = float(np.median(steps)) if len(steps) else 0.0
+    apart = step > 0 and abs(step * raw.rate_hz - 1) > OTHER_RATE
+    return float(f"{1 / step:.4g}") if apart else raw.rate_hz
 
 
 def _up(raw: RawRecording, fall: FreeFall) -> Guess:
