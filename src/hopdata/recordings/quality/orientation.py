@@ -23,6 +23,7 @@ PLAUSIBLE_EXTENT_M = (0.015, 12.0)
 HALF_WINDOW_S = 0.04
 WITHIN = 0.25  # of g: how far an acceleration may be from free fall
 LEAST_SHARE = 0.01  # of all frames of a marker, mean over markers
+UNIT_CLEARER = 2.0  # so many times the frames that are in free fall in the next best unit
 FREE_FALL_CLEARER = 4.0  # so many times the frames in free fall of the next best guess
 MOST_FRAMES = 20_000  # evaluated, evenly spaced
 
@@ -44,17 +45,25 @@ class FreeFall:
         Share of the frames in free fall, mean over the markers.
     next_share : float
         The same for the best other direction in this unit.
+    other_unit_share : float
+        The same for the best other unit, in any direction.
     """
 
     unit: str
     up: str
     share: float
     next_share: float
+    other_unit_share: float = 0.0
 
     @property
     def is_clear(self) -> bool:
         """Whether there is enough free fall, and much more than along any other direction."""
         return self.share >= LEAST_SHARE and self.share > FREE_FALL_CLEARER * self.next_share
+
+    @property
+    def tells_unit(self) -> bool:
+        """Whether it is clear, and much less would fall if the numbers were in another unit."""
+        return self.is_clear and self.share > UNIT_CLEARER * self.other_unit_share
 
 
 def accelerations(positions: FloatArray, rate_hz: float) -> FloatArray:
@@ -94,7 +103,8 @@ def free_fall(
     shares = _shares(accelerations(positions, rate_hz), units)
     unit = max(shares, key=lambda u: max(shares[u].values()))
     ranked = sorted(shares[unit].items(), key=lambda item: -item[1])
-    return FreeFall(unit, ranked[0][0], ranked[0][1], ranked[1][1])
+    others = (max(shares[u].values()) for u in shares if u != unit)
+    return FreeFall(unit, ranked[0][0], ranked[0][1], ranked[1][1], max(others, default=0.0))
 
 
 def _shares(measured: FloatArray, units: Mapping[str, float]) -> dict[str, dict[str, float]]:
@@ -285,7 +295,7 @@ def guess_unit_and_up(
 
 
 def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
-    if fall.is_clear:
+    if fall.tells_unit:
         return Guess(
             fall.unit,
             f"in {100 * fall.share:.0f} % of the frames the markers fall at 9.81 m/s², "
