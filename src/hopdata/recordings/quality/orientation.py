@@ -285,8 +285,8 @@ def guess_unit_and_up(
     unit, up : Guess
         The unit ``"m"``, ``"mm"``, ``"cm"`` or ``"inch"``; the direction as ``"z"`` or ``"-y"``.
     """
-    raw = replace(raw, rate_hz=_rate_by_stamps(raw))
     units = UNITS_IN_M if unit is None else {unit: chosen("unit", unit, UNITS_IN_M)}
+    raw = replace(raw, rate_hz=_rate_by_stamps(raw))
     fall = free_fall(raw.positions, raw.rate_hz, units=units)
     return (
         Guess(unit, "as given") if unit else _unit(raw, fall),
