@@ -14,17 +14,22 @@ method, in turn in this process. "One fit" is what scipy does, a single fit of e
 start near the truth; the other kink rows are the whole of `find_contacts`.
 
 The last rows are of a runner at 2.5 m/s (see the README for the files): the first contact of each
-foot's three markers against the force plate, `sd_ms` by the median absolute deviation; and of three
+foot's three markers against the force plate, `sd_ms` by the median absolute deviation; then of three
 runs the landings, with the share `found` of those that give a pair of states.
+
+Short recordings of three animals follow, simulated, whose feet stop at once or within 2 or 5 ms:
+`own_over_se` is the rms of the errors about their mean in the recording over the stated ones,
+`bias_ms` the rms of these means, `common_ms` what is stated for it, `bias_over_common` their ratio.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +40,12 @@ from scipy.optimize import curve_fit, least_squares
 
 from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.landings.contacts.descents import LANDED, Transitions
-from hopdata.landings.contacts.find import LONG_WINDOWS_S, find_contacts, find_landings
+from hopdata.landings.contacts.find import (
+    LONG_WINDOWS_S,
+    contacts_of,
+    find_contacts,
+    find_landings,
+)
 from hopdata.landings.contacts.kink import FlightPriors, kink_fits
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.forces import force_onsets
@@ -43,8 +53,9 @@ from hopdata.landings.schedules import order_probability
 from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.touchdowns import NO_FOOT_LANDED, touchdown_table
-from hopdata.recording import Recording
+from hopdata.recording import Recording, Truth
 from hopdata.recordings.importing import import_recording
+from hopdata.synthesis.simulate import simulate_recording
 
 # How exactly a contact instant can be known at all: the Cramer-Rao bound of the kink.
 #
@@ -403,11 +414,106 @@ def rows_of(name: str, arguments: argparse.Namespace) -> list[dict[str, Any]]:
     return rows
 
 
+# Errors over stated errors of short recordings: three animals, two rates, hard and soft contacts.
+
+ANIMALS: dict[str, dict[str, Any]] = {
+    "hopper": {},
+    "biped": {
+        "hopper": {"n_legs": 2, "stiffness_n_m": 135.0, "damping_n_s_m": 7.2, "preload_n": 33.0},
+        "operator": {"arena_m": 1e-6, "carry_s": 0.5},
+    },
+    "quadruped": {"scene": "quadruped"},
+}
+SEEN = {"rate_hz": 1000, "noise_m": 0.0, "resolution_m": 0.0}
+FLAT = {"bowl_depth_m": 0.0, "waves": 0}
+FEW, MOST_PIECES, FEW_HOPS = (2, 5, 10, 20, 40, 400), 8, 410
+SOFT_S, FEW_RATES_HZ = (0.0, 0.002, 0.005), (100, 250)
+
+
+def softened(seen: Recording, truth: Truth, time_s: float) -> Recording:
+    """Let feet sink in on: they lose their velocity within a time, and come back up in 0.2 s."""
+    positions, time = seen.positions.copy(), seen.time
+    for landing, foot in np.argwhere(np.isfinite(truth.contact_times)) if time_s else ():
+        touch, marker = truth.contact_times[landing, foot], seen.indices("foot")[foot]
+        first, last = np.searchsorted(time, [touch, touch + 0.3])
+        if first >= 3:
+            z, step = seen.positions[first - 3 : first, marker, 2], time[1] - time[0]
+            bend = (z[2] - 2 * z[1] + z[0]) / step**2
+            speed = (z[2] - z[1]) / step + bend * (touch - time[first - 1] + step / 2)
+            s = time[first:last] - touch
+            sunk = speed * time_s * (1 - np.exp(-s / time_s)) * np.clip((0.2 - s) / 0.1, 0, 1)
+            positions[first:last, marker, 2] += sunk
+    return replace(seen, positions=positions)
+
+
+def pieces(seen: Recording, truth: Truth, count: int) -> Iterator[tuple[Recording, FloatArray]]:
+    """Yield recordings of so many landings one after another, with their true contacts."""
+    whole = np.flatnonzero(np.isfinite(truth.contact_times).all(axis=1))
+    runs = [whole[k : k + count] for k in range(0, len(whole) - count + 1, count)]
+    for rows in [run for run in runs if run[-1] - run[0] == count - 1][:MOST_PIECES]:
+        contacts = truth.contact_times[rows]
+        span = truth.apex_times[rows[0]] - 0.02, contacts[-1].max() + 0.15
+        yield seen.part(slice(*np.searchsorted(seen.time, span))), contacts
+
+
+def piece_errors(piece: Recording, true: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Errors and standard errors, s, of the landings that are found, and the common error."""
+    found = contacts_of(find_landings(piece))
+    near = (np.abs(found.instant[:, None] - true) < SAME_S).all(axis=2)
+    row, landing = np.nonzero(near & (found.status == LANDED).all(axis=1)[:, None])
+    common = float(np.sqrt(np.mean(found.common**2))) if len(row) else float("nan")
+    return found.instant[row] - true[landing], found.se[row], common
+
+
+def few_rows(seeds: int) -> list[dict[str, Any]]:
+    """One row for each animal, rate, softness and number of landings."""
+    rows: dict[Any, list[Any]] = {}
+    for animal, seed in product(ANIMALS, range(seeds)):
+        simulation = {**ANIMALS[animal], "hops": FEW_HOPS}
+        seen, truth = simulate_recording(simulation, {**SEEN, "floor": FLAT}, seed=[seed, 26])
+        for soft_s, rate in product(SOFT_S, FEW_RATES_HZ):
+            step, rng = 1000 // rate, np.random.default_rng([seed, rate, int(1e4 * soft_s)])
+            one = softened(seen, truth, soft_s).part(slice(seed % step, None, step))
+            noisy = one.positions + rng.normal(0, NOISE_M, one.positions.shape)
+            one = replace(one, positions=noisy, rate_hz=float(rate))
+            for count in FEW:
+                name = f"{animal}, {rate} Hz, soft {1e3 * soft_s:g} ms"
+                found = [
+                    (*piece_errors(piece, true), true) for piece, true in pieces(one, truth, count)
+                ]
+                rows.setdefault((name, count), []).extend(found)
+    return [few_row(name, count, found) for (name, count), found in rows.items()]
+
+
+def few_row(name: str, count: int, found: list[Any]) -> dict[str, Any]:
+    """Rms of errors over stated ones: of landings about their recording's mean, and of the mean."""
+    errors, se, common = zip(*found, strict=True)
+    own, means = [], []
+    for error, stated, shared in zip(errors, se, common, strict=True):
+        if len(error):
+            mean, n = float(error.mean()), error.size
+            own.append((error - mean) / stated * np.sqrt(n / (n - 1)))
+            means.append((mean, np.hypot(shared, np.sqrt((stated**2).mean() / n)), shared))
+    mean, stated, shared = np.array(means).T
+    each = np.concatenate([one.ravel() for one in own])
+    return {
+        "condition": name,
+        "method": "kink, learned",
+        "landings": count,
+        "found": sum(len(error) for error in errors) / (count * len(found)),
+        "bias_ms": 1e3 * float(np.sqrt(np.mean(mean**2))),
+        "common_ms": 1e3 * float(np.sqrt(np.mean(shared**2))),
+        "own_over_se": float(np.sqrt(np.mean(each**2))),
+        "bias_over_common": float(np.sqrt(np.mean((mean / stated) ** 2))),
+    }
+
+
 COLUMNS = (
     *("condition", "method", "seeds", "landings", "found", "bias_ms", "sd_ms", "sd_ms_se"),
     *("bound_ms", "sd_over_bound", "covered", "covered_se", "order_right", "order_right_se"),
     *("unambiguous", "right_of_unambiguous", "right_of_unambiguous_se", "seconds", "us_per_fit"),
     *("times_faster", "missed", "invented"),
+    *("common_ms", "own_over_se", "bias_over_common"),
 )
 
 
@@ -516,7 +622,8 @@ def main() -> None:
     table = pd.DataFrame([row for name in CONDITIONS for row in rows_of(name, arguments)])
     loop = table[table["method"] == "scipy curve_fit loop, free"].set_index("condition")
     table["times_faster"] = table["condition"].map(loop["us_per_fit"]) / table["us_per_fit"]
-    table = pd.concat([table, pd.DataFrame([*runner_rows(), *used_rows()])], ignore_index=True)
+    more = [*runner_rows(), *used_rows(), *few_rows(arguments.seeds)]
+    table = pd.concat([table, pd.DataFrame(more)], ignore_index=True)
     table = table.reindex(columns=COLUMNS)
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(arguments.out, index=False, float_format="%.6g")

@@ -111,6 +111,7 @@ def test_columns(table):
         "t_post_s",
         *(f"contact_{foot}_s" for foot in feet),
         *(f"se_{foot}_s" for foot in feet),
+        *(f"common_{foot}_s" for foot in feet),
         "schedule",
         "probability",
         "class",

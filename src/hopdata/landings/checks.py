@@ -178,11 +178,22 @@ def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
         error, spread = float(errors.iloc[worst]), float(used["spread_s"].median())
         foot = str(errors.index[worst]).removeprefix("se_").removesuffix("_s")
         remark = f"{1e3 * error:.2g} ms of {1e3 * spread:.2g} ms; worst foot {foot}"
+        remark += _common(used)
         yield _check(what, error / spread if spread > 0 else np.nan, remark)
     else:
         yield _check(what, None, "no contact")
     doubtful = 100.0 * float((used["probability"] < SURE).mean()) if len(used) else np.nan
     yield _check(f"orders less sure than {SURE:g}", doubtful, "of the touchdowns used")
+
+
+def _common(used: pd.DataFrame) -> str:
+    """Say how far all contacts of a foot may be off alike, where that is beyond its error."""
+    told = []
+    for name in used.columns[used.columns.str.startswith("common_")]:
+        common, foot = float(used[name].median()), str(name).removeprefix("common_")
+        if common > float(used[f"se_{foot}"].median()):
+            told.append(f"{foot.removesuffix('_s')} by {1e3 * common:.2g} ms")
+    return f"; all contacts of a foot may be off alike: {', '.join(told)}" if told else ""
 
 
 def _sections(stability: pd.DataFrame) -> Check:

@@ -116,8 +116,9 @@ def touchdown_table(
     -------
     pandas.DataFrame
         One row for each descent through the pre section, in order of time: recording, index,
-        t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, schedule (the most
-        probable one), probability, class (the schedule or ``ambiguous``), runner_up and its
+        t_pre_s, t_post_s, contact_<foot>_s and se_<foot>_s for each foot, common_<foot>_s (how far
+        all of its instants may be off alike, not in se), schedule (the most probable one),
+        probability, class (the schedule or ``ambiguous``), runner_up and its
         runner_up_probability, spread_s, excluded, reason. Three more kinds of landings have rows,
         and are excluded: from a top below the pre section, with t_pre_s the instant of the top;
         those that end above it; and those that only the feet show, as the body is hidden, with
@@ -237,6 +238,7 @@ def _table(
     import pandas as pd
 
     feet = recording.names("foot")
+    common = contacts.common if contacts.common.size else np.full(len(feet), np.nan)
     names = schedules.schedule_names(contacts.instant)
     probability = schedules.order_probability(contacts.instant, contacts.se)
     classes = schedules.schedule_classes(names, probability, ambiguous_below=ambiguous_below)
@@ -253,6 +255,7 @@ def _table(
         "t_post_s": transitions.t_post,
         **{f"contact_{foot}_s": contacts.instant[:, i] for i, foot in enumerate(feet)},
         **{f"se_{foot}_s": contacts.se[:, i] for i, foot in enumerate(feet)},
+        **{f"common_{foot}_s": common[i] for i, foot in enumerate(feet)},
         "schedule": names,
         "probability": probability,
         "class": classes,

@@ -196,7 +196,7 @@ def alone(feet, rounded=None):
         kernel = np.hanning(15)[1:-1] / np.hanning(15)[1:-1].sum()
         heights[:, rounded] = np.convolve(heights[:, rounded], kernel, mode="same")
     near = feet.contacts + 0.004
-    fits = single_fits(
+    fits, _ = single_fits(
         FootHeights(feet.time, heights, (0.05, 0.04)), near, noise_m=NOISE_M, gravity="learned"
     )
     return fits.instant - feet.contacts, NOISE_M * fits.unit_se

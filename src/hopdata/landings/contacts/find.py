@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -40,12 +40,16 @@ class Contacts:
         trusted.
     noise_m : float
         Standard deviation of a foot's height in this recording, m.
+    common : (n,) array
+        How far all instants of a foot may be off alike, s, since its contact may be softer or
+        harder than it looks; not in `se`, and empty for the printed methods.
     """
 
     instant: FloatArray
     se: FloatArray
     status: IntArray
     noise_m: float
+    common: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 @one_blas_thread()
@@ -75,7 +79,7 @@ def find_landings(
     pandas.DataFrame
         One row for each descent, in order of time: begin_s and end_s (apex and nadir of the body),
         hidden (whether only the feet show it: then from all up to all down), and of each foot
-        contact_<foot>_s, se_<foot>_s and status_<foot>.
+        contact_<foot>_s, se_<foot>_s, status_<foot> and, the same in all rows, common_<foot>_s.
 
     Raises
     ------
@@ -118,6 +122,7 @@ def find_landings(
         **{f"contact_{foot}_s": contacts.instant[:, i] for i, foot in enumerate(feet)},
         **{f"se_{foot}_s": contacts.se[:, i] for i, foot in enumerate(feet)},
         **{f"status_{foot}": contacts.status[:, i] for i, foot in enumerate(feet)},
+        **{f"common_{foot}_s": one for foot, one in zip(feet, contacts.common, strict=True)},
     }
     return pd.DataFrame(columns)
 
@@ -133,11 +138,12 @@ def usual_down_height(recording: Recording, spans: FloatArray) -> float:
 
 def contacts_of(landings: pd.DataFrame) -> Contacts:
     """Return the contacts in a table of `find_landings`."""
-    instant, se, status = (
+    instant, se, status, common = (
         landings[[name for name in landings if str(name).startswith(kind)]].to_numpy(float)
-        for kind in ("contact_", "se_", "status_")
+        for kind in ("contact_", "se_", "status_", "common_")
     )
-    return Contacts(instant, se, status.astype(np.int64), float("nan"))
+    noise_m = float("nan")  # is in the errors already
+    return Contacts(instant, se, status.astype(np.int64), noise_m, common.max(axis=0, initial=0.0))
 
 
 def find_contacts(
@@ -209,11 +215,12 @@ def find_contacts(
         return Contacts(instant, se, status, noise_m)
     asked = (window_before_s, window_after_s)
     feet = kink_law.FootHeights(time, heights, _windows(time, asked, LONG_WINDOWS_S))
-    fits = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
+    fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
     if not kink_law.pooled_noise(fits) <= REFUTED * noise_m:
         feet = kink_law.FootHeights(time, heights, _windows(time, asked, SHORT_WINDOWS_S))
-        fits = kink_law.single_fits(feet, near, noise_m=noise_m, gravity=gravity)
-    return _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
+        fits, common = kink_law.single_fits(feet, near, noise_m=noise_m, gravity=gravity)
+    found = _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
+    return replace(found, common=common)
 
 
 METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {

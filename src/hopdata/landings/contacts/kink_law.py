@@ -157,16 +157,19 @@ GRAVITIES = {
 WEAK_CHANGE_SD, WEAK_JERK_SD = 30.0, 500.0  # m/s^2, m/s^3: pushes not yet learned
 WEAK_CREEP_SD = 0.1  # m/s
 LEARNING_STEPS = 6
+Softly = tuple[KinkFits, FloatArray]  # fits, and the common errors of the feet, s
 LEARNING_LANDINGS = 400  # evenly spaced; more would sharpen no prior that matters
 STANCE_LANDINGS = 120
 COMPLIANCES_S = (0.0, 0.002, 0.004, 0.006, 0.009, 0.013)
 # The log likelihood that a further part of the law must gain: to be beyond chance, and for each
 # fit, since what gains less there moves an instant by little of its standard error.
-TELLING_GAIN, TELLING_GAIN_PER_FIT = 20.0, 0.15
+TELLING_GAIN, STANCE_GAIN, TELLING_GAIN_PER_FIT = 20.0, 6.0, 0.15
 # A contact is not determined from this standard error on, s, or if the foot does not come down; and
 # a foot's law does not do if it leaves more than this share of its contacts so, one odd
 # one of ten or more apart.
 UNDETERMINED_S, UNDETERMINED_SHARE, ODD_ONE_OF = 0.015, 0.025, 10
+SOFTNESS_S = (0.001, 0.002, 0.003, 0.0045, 0.0065, 0.009, 0.013)
+SOFTNESS_ODDS, LEAST_WEIGHT = 3.0, 0.01  # of a soft contact, against a hard one
 SOFTER_S = (0.0, 0.003, 0.006, 0.009, 0.013)  # compliances of the laws for such a foot
 
 
@@ -218,7 +221,7 @@ class FootHeights:
         )  # fmt: skip
 
 
-def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> KinkFits:
+def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> Softly:
     """Fit each foot alone, learn the laws on some of the landings, then fit all by them.
 
     Parameters
@@ -236,10 +239,39 @@ def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: 
     alone = feet.fits(near, replace(law, pushes=False), widely=True)
     law = learned_law(feet, alone.instant, law, own=gravity == "learned")
     fits = feet.fits(alone.instant, law, widely=True)
-    return feet.fits(fits.instant, law)
+    return _with_softness(feet, feet.fits(fits.instant, law), law, alike=True)
 
 
-def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> KinkFits:
+def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) -> Softly:
+    """Add to the errors what is not known of the compliance, and return what is common of it.
+
+    Few landings cannot tell a hard contact from a soft one, which moves all instants of a foot. The
+    likelihoods of other compliances, of all feet `alike` or of each, weigh how far: what a foot's
+    landings share is its common error (n,), s; what they do not is in the standard errors.
+    """
+    some = some_landings(fits.instant, STANCE_LANDINGS)
+    near = {share * law.compliance_s for share in (0.9, 1.1)}
+    trials = [replace(law, compliance_s=time_s) for time_s in {*SOFTNESS_S, *near} - {0.0}]
+    own = _log_likelihood(feet, some, law)
+    gains = np.array([np.nansum(_log_likelihood(feet, some, one) - own, axis=0) for one in trials])
+    if alike:
+        gains[:] = gains.sum(axis=1, keepdims=True)
+    most = np.maximum(gains.max(axis=0), 0.0)
+    odds = SOFTNESS_ODDS / len(SOFTNESS_S) * np.exp(gains - most)
+    weights = odds / (odds.sum(axis=0) + np.exp(-most))
+    common, spread = np.zeros(len(most)), np.zeros(fits.instant.shape)
+    for weight, one in zip(weights, trials, strict=True):
+        if weight.max() > LEAST_WEIGHT:
+            moved = feet.fits(fits.instant, one, widely=True).instant - fits.instant
+            known = [one[np.isfinite(one)] for one in moved.T]
+            shift = np.array([np.median(each) if len(each) else 0.0 for each in known])
+            common += weight * shift**2
+            spread += weight * np.nan_to_num(moved - shift) ** 2
+    error = np.sqrt(fits.unit_se**2 + spread / law.noise_m**2)
+    return replace(fits, unit_se=error), np.sqrt(common)
+
+
+def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> Softly:
     """Fit each foot alone, by the simplest law that determines its contacts.
 
     With a free curvature (unless gravity is `known`), windows recentred: first a foot that stops at
@@ -249,7 +281,7 @@ def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity:
     """
     law = Law(weak_priors(feet.heights.shape[1], gravity), noise_m, pushes=False)
     best = _alone(feet, near, law)
-    noise = pooled_noise(best)
+    noise, spread = pooled_noise(best), np.ones(near.shape[1], dtype=bool)
     for foot in np.flatnonzero(_undetermined(best, near, noise) > UNDETERMINED_SHARE):
         own = np.where(np.arange(near.shape[1]) == foot, near, np.nan)
         laws = [replace(law, creeps=True, compliance_s=time_s) for time_s in SOFTER_S]
@@ -257,7 +289,12 @@ def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity:
         if _undetermined(found[0], own, noise)[foot] > UNDETERMINED_SHARE:
             found += [_alone(feet, own, one) for one in laws[1:]]
         best = _with_foot(best, _median_law(found, int(foot), noise), int(foot))
-    return best
+        if len(found) > 1:
+            spread[foot] = False
+    law = replace(law, noise_m=noise, creeps=True)
+    softly, common = _with_softness(feet, best, law, alike=False)
+    error = np.where(spread, softly.unit_se, best.unit_se)  # that of a median has the spread
+    return replace(best, unit_se=error), common
 
 
 def _alone(feet: FootHeights, near: FloatArray, law: Law) -> KinkFits:
@@ -316,10 +353,14 @@ def _with_foot(fits: KinkFits, other: KinkFits, foot: int) -> KinkFits:
 
 def learned_law(feet: FootHeights, instant: FloatArray, law: Law, *, own: bool) -> Law:
     """Learn from the landings with these instants (L, n), s, from weak priors on."""
-    instant = some_landings(instant, LEARNING_LANDINGS)
+    instant, weak = some_landings(instant, LEARNING_LANDINGS), law.priors
     for step in range(LEARNING_STEPS):
         if step == 2:
             law = _with_stance(feet, some_landings(instant, STANCE_LANDINGS), law)
+            if law.compliance_s > 0:  # what was learned with a hard contact holds it where it is
+                law = replace(law, priors=weak)
+        elif step > 2:
+            law = _refined(feet, some_landings(instant, STANCE_LANDINGS), law)
         fits = feet.fits(instant, law)
         last = step == LEARNING_STEPS - 1
         instant, law = fits.instant, _one_step(fits, law, own=own, sharpen=last)
@@ -368,12 +409,14 @@ def _refined(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
     """Adjust the compliance of a soft contact to the law that was learned with it."""
     if law.compliance_s == 0.0:
         return law
-    trials = [law.compliance_s * share for share in (0.7, 1.0, 1.4)]
-    totals = [
-        float(np.nansum(_log_likelihood(feet, instant, replace(law, compliance_s=trial))))
-        for trial in trials
-    ]
-    return replace(law, compliance_s=_vertex(trials, totals))
+    for shares in ((0.7, 1.0, 1.4), (0.9, 1.0, 1.1)):
+        trials = [law.compliance_s * share for share in shares]
+        totals = [
+            float(np.nansum(_log_likelihood(feet, instant, replace(law, compliance_s=trial))))
+            for trial in trials
+        ]
+        law = replace(law, compliance_s=_vertex(trials, totals))
+    return law
 
 
 def _trial(feet: FootHeights, instant: FloatArray, law: Law) -> Law:
@@ -391,7 +434,7 @@ def _log_likelihood(feet: FootHeights, instant: FloatArray, law: Law) -> FloatAr
 def _better(more: FloatArray, fewer: FloatArray) -> bool:
     """Whether a law with more parts is clearly likelier than one with fewer."""
     gain = _gain(more, fewer)
-    return float(gain.sum()) > TELLING_GAIN + TELLING_GAIN_PER_FIT * len(gain)
+    return float(gain.sum()) > STANCE_GAIN + TELLING_GAIN_PER_FIT * len(gain)
 
 
 def _gain(more: FloatArray, fewer: FloatArray) -> FloatArray:
