@@ -13,9 +13,9 @@ timed and of those whose order is not ambiguous (as probable as `touchdowns.ambi
 method, in turn in this process. "One fit" is what scipy does, a single fit of each foot from a
 start near the truth; the other kink rows are the whole of `find_contacts`.
 
-The last rows are of a runner at 2.5 m/s (see the README for the files): the first contact of each
-foot's three markers against the force plate, `sd_ms` by the median absolute deviation; then of three
-runs the landings, with the share `found` of those that give a pair of states.
+The last rows are of a runner at 2.5 m/s (see the README for the files): the first contact of
+each foot's three markers against the force plate, `sd_ms` by the median absolute deviation; then of
+three runs the landings, with the share `found` of those that give a pair of states.
 
 Short recordings of three animals follow, simulated, whose feet stop at once or within 2 or 5 ms:
 `own_over_se` is the rms of the errors about their mean in the recording over the stated ones,

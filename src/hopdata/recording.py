@@ -30,7 +30,7 @@ class Event:
     time_s: float
 
 
-ROLES = ("body", "foot", "boom", "other")
+ROLES = ("body", "foot", "part", "boom", "other")  # a part is a marker of the foot before it
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Recording:
     markers : tuple of str
         The M marker names.
     roles : tuple of str
-        One of ``"body"``, ``"foot"``, ``"boom"``, ``"other"`` for each marker.
+        One of `ROLES` for each marker.
     rate_hz : float
         Nominal frame rate, Hz.
     source : str

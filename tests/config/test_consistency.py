@@ -5,6 +5,7 @@ import copy
 import pytest
 
 from hopdata.config import load_config
+from hopdata.config.consistency import feet_of
 from hopdata.errors import ConfigError
 
 SOUND = {
@@ -29,6 +30,55 @@ def edited(block, **given):
     config = copy.deepcopy(SOUND)
     config["recordings"][0][block].update(given)
     return config
+
+
+def joined(*feet, markers=("heel", "toe", "other")):
+    config = copy.deepcopy(SOUND)
+    config["markers"]["feet"] = list(markers)
+    config["recordings"][0] = {"name": "one", "file": "one.tsv"}
+    config["feet"] = [{"name": name, "markers": list(of)} for name, of in feet]
+    return config
+
+
+def test_feet_of_several_markers_are_named_in_the_order_of_the_first():
+    config = joined(("left", ("toe", "heel")), markers=("other", "heel", "toe"))
+    assert feet_of(load_config(config, check_files=False)) == ["other", "left"]
+    config["recordings"][0]["contacts"] = {"file": "a.csv", "columns": [{"name": "left"}]}
+    load_config(config, check_files=False)
+    config["recordings"][0]["contacts"]["columns"] = [{"name": "heel"}]
+    with pytest.raises(ConfigError, match=r"expected feet of markers.feet \(other, left\)"):
+        load_config(config, check_files=False)
+
+
+@pytest.mark.parametrize(
+    ("feet", "said"),
+    [
+        ([("left", ("heel", "tow"))], r"feet\[0\].markers: .*found 'tow'; did you mean 'toe'"),
+        (
+            [("a", ("heel", "toe")), ("b", ("toe", "other"))],
+            r"feet\[1\].markers: .*'toe' in feet\[0\]",
+        ),
+        (
+            [("other", ("heel", "toe"))],
+            r"feet\[0\].name: expected a name of its own, found 'other'",
+        ),
+        ([("all", ("heel", "toe", "other"))], "expected 2 to 6 feet, found 1"),
+    ],
+)
+def test_feet_that_do_not_fit_their_markers(feet, said):
+    with pytest.raises(ConfigError, match=said):
+        load_config(joined(*feet), check_files=False)
+
+
+def test_seven_feet_and_simulated_ones_are_refused():
+    seven = [f"f{k}" for k in range(7)]
+    with pytest.raises(ConfigError, match="expected 2 to 6 feet, found 7"):
+        load_config(joined(markers=seven), check_files=False)
+    config = joined(("left", ("foot1", "foot2")), markers=("foot1", "foot2", "foot3"))
+    config["recordings"][0] = {"name": "one"}
+    config["markers"]["body"] = ["body1", "body2", "body3"]
+    with pytest.raises(ConfigError, match="feet: expected none beside the simulated recording one"):
+        load_config(config, check_files=False)
 
 
 def test_defaults_are_filled_in():

@@ -34,6 +34,7 @@ rule recording:
         **needs(mb_a_mb=60, minutes=20),
     params:
         markers=STUDY["markers"],
+        feet=STUDY["feet"],
         options=STUDY["input"],
         exclude=lambda wildcards: EXCLUDED[wildcards.recording],
         quality=STUDY["quality"],

@@ -1,6 +1,7 @@
 """Bring one recording into the form that the analysis reads: metres, z up, level, gaps filled."""
 
 from hopdata.jobs import logger, reported, write_json
+from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.filling import fill_gaps
 from hopdata.landings.floor import fit_floor, level
 from hopdata.recordings.importing import import_recording
@@ -21,6 +22,7 @@ with reported(snakemake.log[0]):
         logger.warning("%s", note)
     floor = fit_floor(recording, **params.floor)
     ready = level(recording, floor)
+    ready = join_feet(ready, params.feet)
     if params.fills:
         ready = fill_gaps(ready, longest_s=params.longest_s)
     write_recording(snakemake.output.recording, recording, truth=truth)

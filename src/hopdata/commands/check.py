@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def check(options: argparse.Namespace) -> int:
     """Check a configuration and read all its recordings."""
-    from hopdata.config.consistency import files_of, simulation_of
+    from hopdata.config.consistency import feet_of, files_of, simulation_of
     from hopdata.config.loading import load_config
     from hopdata.recording import extent, require_distinct
     from hopdata.recordings.importing import import_recording
@@ -48,7 +48,7 @@ def check(options: argparse.Namespace) -> int:
                 check_plausible(recording, **config["quality"])
             known = describe_external(
                 entry,
-                feet=config["markers"]["feet"],
+                feet=feet_of(config),
                 span_s=(float(recording.time[0]), float(recording.time[-1])),
                 rate_hz=config["input"]["rate_hz"],
                 extent_m=extent(recording.positions),

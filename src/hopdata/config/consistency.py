@@ -36,7 +36,7 @@ def external_mistakes(config: dict[str, Any]) -> Iterator[str]:
     for i, recording in enumerate(config["recordings"]):
         for block in BLOCKS:
             place = f"recordings[{i}].{block}"
-            yield from _wrong_columns(place, recording[block], config["markers"]["feet"])
+            yield from _wrong_columns(place, recording[block], feet_of(config))
         yield from _wrong_options(f"recordings[{i}]", recording)
 
 
@@ -256,6 +256,39 @@ def _repeated_markers(config: dict[str, Any]) -> Iterator[str]:
             seen.setdefault(name, role)
 
 
+MOST_FEET = 6
+
+
+def feet_of(config: Mapping[str, Any]) -> list[str]:
+    """Return the names of the feet, in order; those of the block ``feet`` have several markers."""
+    taken = {marker: foot["name"] for foot in config["feet"] for marker in foot["markers"]}
+    return list(dict.fromkeys(taken.get(one, one) for one in config["markers"]["feet"]))
+
+
+def _joined_feet(config: dict[str, Any]) -> Iterator[str]:
+    known, seen = config["markers"]["feet"], dict[str, str]()
+    others = [name for role in ("body", "boom") for name in config["markers"][role]]
+    for i, foot in enumerate(config["feet"]):
+        for name in foot["markers"]:
+            if name not in known:
+                yield _unknown(f"feet[{i}].markers", "a marker of markers.feet", name, known)
+            elif name in seen:
+                other = seen[name]
+                yield f"feet[{i}].markers: expected each marker once, found '{name}' in {other} too"
+            seen[name] = f"feet[{i}]"
+        if foot["name"] in [*known, *others, *(one["name"] for one in config["feet"][:i])]:
+            yield f"feet[{i}].name: expected a name of its own, found '{foot['name']}'"
+    count = len(feet_of(config))
+    if not 2 <= count <= MOST_FEET:
+        yield f"markers.feet: expected 2 to {MOST_FEET} feet, found {count}; feet joins markers"
+    simulated = [entry["name"] for entry in config["recordings"] if not files_of(entry)]
+    if config["feet"] and simulated:
+        yield (
+            f"feet: expected none beside the simulated recording {simulated[0]}, whose feet have "
+            "one marker each"
+        )
+
+
 def _home_marker(config: dict[str, Any]) -> Iterator[str]:
     marker, body = config["home"]["marker"], config["markers"]["body"]
     if marker is not None and marker not in body:
@@ -365,6 +398,7 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _repeated_names,
     _left_out,
     _repeated_markers,
+    _joined_feet,
     _home_marker,
     _sections_in_order,
     _enough_samples,

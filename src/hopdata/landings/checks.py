@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 GOOD, LOOK, POOR, UNKNOWN = "good", "look", "poor", "not known"
 SURE = 0.9  # probability from which an order counts as sure
+NO_KINK_S = 0.005  # standard error of a contact that hardly changes the velocity of its foot
 LONG_S = 1.0  # gap of a body marker in which whole descents go unseen
 
 
@@ -183,7 +184,20 @@ def _orders(touchdowns: pd.DataFrame) -> Iterator[Check]:
     else:
         yield _check(what, None, "no contact")
     doubtful = 100.0 * float((used["probability"] < SURE).mean()) if len(used) else np.nan
-    yield _check(f"orders less sure than {SURE:g}", doubtful, "of the touchdowns used")
+    remark = "of the touchdowns used" + _open_foot(used)
+    yield _check(f"orders less sure than {SURE:g}", doubtful, remark)
+
+
+def _open_foot(used: pd.DataFrame) -> str:
+    """Name the foot whose contact leaves most of the doubtful orders open, and say why."""
+    errors = used.loc[used["probability"] < SURE].filter(regex="^se_.*_s$")
+    if errors.empty:
+        return ""
+    worst = errors.idxmax(axis=1).value_counts()
+    error, foot = float(errors[worst.index[0]].median()), str(worst.index[0])[3:-2]
+    why = "it slows without a kink there" if error > NO_KINK_S else "feet land as close together"
+    count = f"{int(worst.iloc[0])} of {len(errors)}"
+    return f"; in {count} {foot} is least sure, to {1e3 * error:.2g} ms: {why}"
 
 
 def _common(used: pd.DataFrame) -> str:

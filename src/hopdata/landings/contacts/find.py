@@ -12,7 +12,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, chosen, require_choice
-from hopdata.landings.contacts import descents, kink_law
+from hopdata.landings.contacts import descents, joined, kink_law
 from hopdata.landings.contacts.kink import KinkFits
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
 from hopdata.recording import Recording
@@ -96,6 +96,7 @@ def find_landings(
             f"{recording.name}: expected at least 2 foot markers, found {len(feet)}"
         )
     heights, body = recording.feet[:, :, 2], recording.body_height
+    parts = joined.parts_of_feet(recording)
     longest = descents.HIDDEN_S * recording.rate_hz
     falls = np.array(descents.descents(body, longest=longest), dtype=np.int64)
     spans = time[falls.reshape(-1, 2)]
@@ -106,7 +107,7 @@ def find_landings(
     gap = np.full(len(spans), np.nan)
     contacts = find_contacts(
         time,
-        heights,
+        recording.positions[:, [marker for foot in parts for marker in foot], 2],
         descents.Transitions(spans[order, 0], spans[order, 1], gap, gap),
         down_height_m=down_m,
         lead_s=0.0,
@@ -115,6 +116,7 @@ def find_landings(
         window_after_s=window_after_s,
         maximum_misfit=maximum_misfit,
     )
+    contacts = _of_feet(contacts, [len(foot) for foot in parts])
     columns = {
         "begin_s": spans[order, 0],
         "end_s": spans[order, 1],
@@ -125,6 +127,22 @@ def find_landings(
         **{f"common_{foot}_s": one for foot, one in zip(feet, contacts.common, strict=True)},
     }
     return pd.DataFrame(columns)
+
+
+def _of_feet(contacts: Contacts, sizes: list[int]) -> Contacts:
+    """Return the contacts of feet that have so many markers each."""
+    if max(sizes) == 1:
+        return contacts
+    found, common = [], []
+    for stop, size in zip(np.cumsum(sizes), sizes, strict=True):
+        own = slice(stop - size, stop)
+        instant = contacts.instant[:, own]
+        found.append(joined.first_of(instant, contacts.se[:, own], contacts.status[:, own]))
+        earliest = np.where(np.isfinite(instant), instant, np.inf).argmin(axis=1)
+        usual = np.bincount(earliest, minlength=1).argmax()
+        common.append(contacts.common[own][usual])
+    instant, se, status = (np.stack(part, axis=1) for part in zip(*found, strict=True))
+    return replace(contacts, instant=instant, se=se, status=status, common=np.array(common))
 
 
 def usual_down_height(recording: Recording, spans: FloatArray) -> float:

@@ -1,0 +1,105 @@
+"""A foot of several markers: as low as the lowest, and down as soon as the first of them is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.landings.contacts.descents import ALREADY_DOWN, LANDED, NOT_LANDED
+from hopdata.recording import Recording
+
+
+def join_feet(recording: Recording, feet: Sequence[Mapping[str, Any]]) -> Recording:
+    """Put feet in the place of their markers.
+
+    Parameters
+    ----------
+    recording : Recording
+        Levelled, so that each marker rests at height 0.
+    feet : sequence of mapping
+        Each ``name`` and ``markers``, foot markers of the recording. Others are feet by themselves.
+
+    Returns
+    -------
+    Recording
+        With a foot at the place of the first of its markers: where the lowest of them is, NaN where
+        one is not seen. Its markers follow it, with the role ``part``.
+    """
+    order: list[tuple[str, str, list[int]]] = []  # name, role, and the markers that it is made of
+    taken = {marker: foot for foot in feet for marker in foot["markers"]}
+    for number, (marker, role) in enumerate(zip(recording.markers, recording.roles, strict=True)):
+        foot = taken.get(marker)
+        if foot is None:
+            order.append((marker, role, [number]))
+        elif marker == min(foot["markers"], key=recording.markers.index):
+            parts = [recording.markers.index(one) for one in foot["markers"]]
+            order.append((str(foot["name"]), "foot", parts))
+            order += [(recording.markers[part], "part", [part]) for part in parts]
+    rows = np.arange(len(recording.time))
+    lowest = [np.argmin(recording.positions[:, of, 2], axis=1) for _, _, of in order]
+    which = [np.asarray(of)[low] for (_, _, of), low in zip(order, lowest, strict=True)]
+    positions = np.stack([recording.positions[rows, marker] for marker in which], axis=1)
+    filled = recording.filled
+    return replace(
+        recording,
+        positions=positions,
+        markers=tuple(name for name, _, _ in order),
+        roles=tuple(role for _, role, _ in order),
+        filled=None if filled is None else filled[:, [of[0] for _, _, of in order]],
+    )
+
+
+def parts_of_feet(recording: Recording) -> list[list[int]]:
+    """Return the markers of each foot: itself, or the parts that follow it."""
+    parts: list[list[int]] = []
+    for number, role in enumerate(recording.roles):
+        if role == "foot":
+            parts.append([number])
+        elif role == "part":
+            parts[-1] = [one for one in parts[-1] if recording.roles[one] == "part"] + [number]
+    return parts
+
+
+def first_of(
+    instant: FloatArray, se: FloatArray, status: IntArray
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Contacts (L,) of a foot from those of its p markers (L, p): the first of those that land.
+
+    A marker that was down before makes the foot so; one that may have landed unseen, or fits badly,
+    leaves it open. Instant and standard error, s, are mean and deviation of the earliest of
+    independent normals, taken two by two (Clark 1961).
+    """
+    down, open_ = status == ALREADY_DOWN, ~np.isin(status, (LANDED, NOT_LANDED, ALREADY_DOWN))
+    worst = np.where(open_, status, -1).max(axis=1)
+    found = np.where((status == LANDED).any(axis=1), LANDED, NOT_LANDED)
+    found = np.where(down.any(axis=1), ALREADY_DOWN, np.where(worst >= 0, worst, found))
+    landed = status == LANDED
+    mean, sd = np.full(len(status), np.nan), np.full(len(status), np.nan)
+    for part in range(status.shape[1]):
+        later, error = (np.where(landed[:, part], x[:, part], np.nan) for x in (instant, se))
+        both = _earlier(mean, sd, later, error)
+        alone = np.isnan(mean) | np.isnan(later)
+        mean = np.where(alone, np.fmax(mean, later), both[0])
+        sd = np.where(alone, np.fmax(sd, error), both[1])
+    known = found == LANDED
+    return np.where(known, mean, np.nan), np.where(known, sd, np.nan), found
+
+
+def _earlier(
+    a: FloatArray, sd_a: FloatArray, b: FloatArray, sd_b: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Mean and deviation of the lesser of two independent normals."""
+    from scipy.special import ndtr
+
+    width = np.hypot(sd_a, sd_b)
+    x = (b - a) / width
+    first, density = ndtr(x), width * np.exp(-0.5 * x**2) / np.sqrt(2 * np.pi)
+    mean = a * first + b * (1 - first) - density
+    away_a, away_b = a - mean, b - mean  # second moments about the mean itself, to lose no digits
+    square = (away_a**2 + sd_a**2) * first + (away_b**2 + sd_b**2) * (1 - first)
+    variance = square - (away_a + away_b) * density
+    return mean, np.sqrt(np.maximum(variance, 0.0))
