@@ -203,6 +203,7 @@ class Study:
     def recordings(self) -> list[Recording]:
         """Recordings on a level floor, with short gaps filled where that can be done."""
         from hopdata.config.consistency import fills
+        from hopdata.landings.contacts.joined import join_feet
         from hopdata.landings.filling import fill_gaps
         from hopdata.landings.floor import fit_floor, level
         from hopdata.recordings.readers.hdf5 import as_stored
@@ -211,6 +212,7 @@ class Study:
         for recording in self.imported:
             self.progress(f"levelling {recording.name}")
             ready = level(recording, fit_floor(recording, **self.config["floor"]))
+            ready = join_feet(ready, self.config["feet"])
             if fills(self.config):
                 ready = fill_gaps(ready, longest_s=self.config["filling"]["longest_s"])
             found.append(as_stored(ready))

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hopdata.config.consistency import feet_of
 from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.find import find_landings
+from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.filling import TOO_MUCH_FILLED, fill_gaps, mark_filled
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.sections.select import select_sections
@@ -182,6 +184,7 @@ def _parts(recordings: Sequence[Recording], most: float) -> tuple[list[Recording
 def _ready(recording: Recording, config: Mapping[str, Any]) -> Recording:
     """Return a recording as the rule `recording` leaves it: level, its short gaps filled."""
     ready = level(recording, fit_floor(recording, **config["floor"]))
+    ready = join_feet(ready, config["feet"])
     longest_s = config["filling"]["longest_s"]
     if longest_s > 0 and len(config["markers"]["body"]) > 3:
         ready = fill_gaps(ready, longest_s=longest_s)
@@ -192,7 +195,7 @@ def told(
     forecast: Forecast, config: Mapping[str, Any], recordings: Sequence[Recording]
 ) -> list[str]:
     """Say a forecast in lines: landings and feet, what is left out, the verdict, what to change."""
-    feet = config["markers"]["feet"]
+    feet = feet_of(config)
     about = "about " if forecast.frames_share < 1 else ""
     timed = ", ".join(f"{foot} {100 * forecast.timed(foot):.0f} %" for foot in feet)
     out = [f"{count} {reason}" for reason, count in forecast.left_out().items()]
@@ -225,7 +228,7 @@ def _changes(
     forecast: Forecast, config: Mapping[str, Any], recordings: Sequence[Recording]
 ) -> list[str]:
     """Say what to change, the most costly first."""
-    feet, body = config["markers"]["feet"], config["markers"]["body"]
+    feet, body = feet_of(config), config["markers"]["body"]
     seen = {
         name: float(np.mean([fraction_seen(r)[r.markers.index(name)] for r in recordings]))
         for name in body

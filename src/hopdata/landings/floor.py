@@ -202,6 +202,12 @@ def fit_floor(
     columns = floor_surface.floor_columns(rest, scaled, first.terms)
     raised = raised_rests(rest.points[:, 2], columns, band_m=rest_band_m)
     used = (np.abs(first.residuals) <= rest_band_m) & ~raised
+    if not used.any():
+        raise AnalysisError(
+            f"{recording.name}: floor: expected feet at rest within {rest_band_m:g} m of a floor, "
+            "found them at different heights (on a box?); raise floor.rest_band_m, or set "
+            "floor.enabled to false"
+        )
     fit = regress(used)
     raised &= np.abs(fit.residuals) <= rest_band_m
     rms = robust_rms(fit.residuals[used])
