@@ -14,21 +14,21 @@ from __future__ import annotations
 
 import hashlib
 import os
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from threading import RLock
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
-from numba import config, njit
-from numba.core.compiler_lock import global_compiler_lock
-from numba.core.errors import NumbaError
-from numba.core.extending import _Intrinsic
+from numba import NumbaError, config, njit
 
 DIGITS = 16
+_LOCK = RLock()  # the setting of the folder is Numba's, and there is one for all threads
 
 
 def kept_njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -59,7 +59,7 @@ def cache_directory(function: Callable[..., Any], digest: str) -> Iterator[Path 
     Path or None
         The folder, if there is one to cache in.
     """
-    with global_compiler_lock:  # the setting is Numba's, and there is one for all threads
+    with _LOCK:
         chosen_by_user = config.CACHE_DIR  # type: ignore[attr-defined]
         base = next(filter(_can_be_written, _candidates(function, chosen_by_user)), None)
         folder = None if base is None else base / f"hopdata-{digest}"
@@ -104,12 +104,18 @@ def _candidates(function: Callable[..., Any], chosen_by_user: str) -> Iterator[P
         yield Path(chosen_by_user)
     else:
         yield source.parent / "__pycache__"
-    from numba.misc.appdirs import AppDirs
-
-    users = Path(AppDirs(appname="hopdata", appauthor=False).user_cache_dir)
+    users = _users_cache() / "hopdata"
     if users.is_absolute():  # it is not where there is no home: it would be made right here
         yield users
     yield from _temporary()
+
+
+def _users_cache() -> Path:
+    """Return where a user's programs keep what they can make again."""
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA", ""))
+    usual = "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
+    return Path(os.environ.get("XDG_CACHE_HOME", "") or usual).expanduser()
 
 
 def _temporary() -> Iterator[Path]:
@@ -157,8 +163,9 @@ def function_digest(function: Callable[..., Any]) -> str:
 
 def _parts(value: Any, seen: set[int]) -> Iterator[bytes]:
     function = getattr(value, "py_func", value)
-    if isinstance(value, _Intrinsic):  # builds code by whatever stands in its module
-        yield _source(value._defn.__code__.co_filename)
+    made_by = getattr(function, "__wrapped__", None)
+    if isinstance(made_by, FunctionType) and not isinstance(function, FunctionType):
+        yield _source(made_by.__code__.co_filename)  # an intrinsic: whatever stands in its module
     elif not isinstance(function, FunctionType):
         yield _constant_bytes(value)
     elif id(function) not in seen:

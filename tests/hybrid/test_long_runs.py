@@ -210,8 +210,10 @@ def test_a_thousand_wrong_calls_neither_crash_nor_succeed():
             solution = solve(ladder(1), **{**good, name: value})
         except (ValueError, TypeError):
             continue
-        usual = {"mode": ([], None), "t_eval": ([], None, [1.0]), "atol": ([1.0],)}
-        assert name in usual, (name, value, solution)
+        # no modes, no samples, a lock, and a component whose error does not count
+        good_after_all = ("None", "[]", "{}", "[1.0]", "[[1.0]]", "[inf, 0.0]")
+        assert name in ("mode", "t_eval", "atol"), (name, value, solution)
+        assert repr(value) in good_after_all, (name, value, solution)
 
 
 def test_times_are_those_of_the_way_when_counted_backward():

@@ -87,7 +87,7 @@ def _integers(name: str, value: ArrayLike) -> IntArray:
     given = np.asarray(value)
     if given.dtype.kind not in "iub":
         given = numbers_of(name, value)
-        if not (given == np.rint(given)).all():
+        if not (np.isfinite(given) & (given == np.rint(given))).all():
             raise ValueError(f"{name}: expected integers, found {value!r}")
     return given.astype(np.int64)
 

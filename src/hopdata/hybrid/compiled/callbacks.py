@@ -13,7 +13,6 @@ from typing import Any
 import numba
 import numpy as np
 from numba import types
-from numba.core import cgutils
 from numba.extending import intrinsic
 
 from hopdata.code_cache import compiled_in_cache, function_digest
@@ -21,6 +20,7 @@ from hopdata.hybrid.compiled import declare
 from hopdata.hybrid.compiled.declare import place, return_error
 from hopdata.hybrid.compiled.digest import with_digest
 from hopdata.hybrid.compiled.kernel import SIGNATURES, Signature
+from hopdata.hybrid.compiled.memory import lower_call_of_python
 
 # Catch what a user's function raises: machine code has no way to pass it on.
 #
@@ -104,7 +104,6 @@ current, stop_catching = _caught.get, _caught.reset
 # Python function. Numba's object mode does the same in half as much time again, and takes five
 # times longer to compile.
 
-DTYPES = {types.float64: np.dtype(np.float64), types.int64: np.dtype(np.int64)}
 # A NaN that no arithmetic makes, by which an element that was not filled is told from a NaN.
 UNFILLED = np.int64(0x7FF8_0000_0BAD_F111)
 FILLS_ALL = ("field", "guards")  # elements of their arrays, each time
@@ -183,7 +182,7 @@ def trampoline(function: Function, signature: Signature) -> Any:
     The object is written into the machine code by its address: the caller keeps it alive.
     """
     names = ", ".join(signature.arguments)
-    scope = {"lower": _lower_call(function), "returns": signature.native.return_type}
+    scope = {"lower": lower_call_of_python(function), "returns": signature.native.return_type}
     exec(
         f"def call(typing, {names}):\n    return returns({names}), lower\n"
         f"def trampoline({names}):\n    return call({names})\n",
@@ -196,56 +195,6 @@ def trampoline(function: Function, signature: Signature) -> Any:
 def compiled_trampoline(function: Function, signature: Signature) -> Any:
     """Return the trampoline's machine code, with its address."""
     return numba.cfunc(signature.native)(trampoline(function, signature))
-
-
-def _lower_call(function: Function) -> Callable[..., Any]:
-    def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        python = context.get_python_api(builder)
-        lock = python.gil_ensure()
-        pairs = zip(sign.args, values, strict=True)
-        boxed = [_boxed(context, builder, python, kind, value) for kind, value in pairs]
-        result = python.call_function_objargs(_object(context, builder, python, function), boxed)
-        native = _unboxed(context, builder, python, sign.return_type, result)
-        for item in boxed:
-            python.decref(item)
-        python.gil_release(lock)
-        return native
-
-    return lower
-
-
-def _object(context: Any, builder: Any, python: Any, value: object) -> Any:
-    return builder.inttoptr(context.get_constant(types.intp, id(value)), python.pyobj)
-
-
-def _boxed(context: Any, builder: Any, python: Any, kind: Any, value: Any) -> Any:
-    if isinstance(kind, types.Array):
-        dtype = _object(context, builder, python, DTYPES[kind.dtype])
-        return python.nrt_adapt_ndarray_to_python(kind, value, dtype)
-    if kind == types.float64:
-        return python.float_from_double(value)
-    return python.long_from_longlong(value)
-
-
-def _unboxed(context: Any, builder: Any, python: Any, kind: Any, result: Any) -> Any:
-    """Return the number in a Python result, 0 with the exception printed if there is none."""
-    native_type = context.get_value_type(kind)
-    slot = cgutils.alloca_once_value(
-        builder, native_type(None) if kind == types.none else native_type(0)
-    )
-    with builder.if_else(cgutils.is_null(builder, result), likely=False) as (failed, returned):
-        with failed:
-            name = context.insert_const_string(builder.module, "hopdata callback")
-            label = python.string_from_string(name)
-            python.err_write_unraisable(label)
-            python.decref(label)
-        with returned:
-            if kind == types.float64:
-                builder.store(python.float_as_double(result), slot)
-            elif kind == types.int64:
-                builder.store(python.long_as_longlong(result), slot)
-            python.decref(result)
-    return context.get_dummy_value() if kind == types.none else builder.load(slot)
 
 
 Function = Callable[..., Any]

@@ -1,4 +1,3 @@
-# ruff: noqa: ARG001 (Numba reads the arguments from the signatures of intrinsics)
 """How the parts of the driver, and of methods, are compiled.
 
 Division by zero gives infinity or NaN, which the driver looks for anyway, instead of an exception,
@@ -14,17 +13,21 @@ options of what is called from outside, by Python or by its address.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from llvmlite import ir
 from numba import njit, types
-from numba.core import cgutils
-from numba.extending import intrinsic
 
-from hopdata.hybrid.compiled.memory import INDEX, View, lower_row
+from hopdata.hybrid.compiled.memory import (
+    ADDRESS,
+    ROW,
+    SPAN,
+    VALUE,
+    VECTOR,
+    View,
+    caller,
+)
 
 # The user's functions: what they are called with, in Python and in machine code.
 #
@@ -100,64 +103,6 @@ SIGNATURES = {
 FLOATS, INTEGERS = View(types.float64, 1), View(types.int64, 1)
 TABLE = View(types.float64, 2)
 
-# How an argument is handed over: as it is; the row of a table, which takes two arguments, as an
-# array; a vector as an array; a view as its address; a vector as its address and width.
-VALUE, ROW, VECTOR, ADDRESS, SPAN = range(5)
-
-Plan = tuple[tuple[Any, int], ...]
-
-
-def _row(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
-    return [lower_row(context, builder, kind, *values)]
-
-
-def _address(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
-    proxy = cgutils.create_struct_proxy(kind)(context, builder, values[0])
-    return [builder.ptrtoint(proxy.data, context.get_value_type(INDEX))]
-
-
-def _span(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
-    proxy = cgutils.create_struct_proxy(kind)(context, builder, values[0])
-    return [*_address(context, builder, kind, values), proxy.width]
-
-
-def _value(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
-    return values
-
-
-LOWER = {VALUE: _value, ROW: _row, VECTOR: _row, ADDRESS: _address, SPAN: _span}
-
-
-def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
-    """Return a function for compiled code, which takes an address and what the plan says.
-
-    Parameters
-    ----------
-    native : Numba signature
-        Of the machine code at the address.
-    *plan : tuple
-        For each argument its Numba type and the way in which it is handed over.
-    """
-    kinds = [k for kind, way in plan for k in ((kind, INDEX) if way == ROW else (kind,))]
-
-    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        rest, arguments = list(values[1:]), []
-        for kind, way in plan:
-            count = 2 if way == ROW else 1
-            arguments += LOWER[way](context, builder, kind, rest[:count])
-            rest = rest[count:]
-        taken = [context.get_value_type(kind) for kind in native.args]
-        given = context.get_value_type(native.return_type)
-        target = builder.inttoptr(values[0], ir.FunctionType(given, taken).as_pointer())
-        result = builder.call(target, arguments)
-        return context.get_dummy_value() if native.return_type == types.void else result
-
-    # Numba wants an intrinsic whose arguments have names.
-    names = ", ".join(f"a{k}" for k in range(len(kinds)))
-    known = {"sign": native.return_type(INDEX, *kinds), "generate": generate}
-    return intrinsic(eval(f"lambda typing, address, {names}: (sign, generate)", known))  # type: ignore[no-any-return]
-
-
 _T = (types.float64, VALUE)
 _STATE, _GUARDS, _MODE, _PARAMS = (TABLE, ROW), (TABLE, ROW), (INTEGERS, VECTOR), (FLOATS, VECTOR)
 _NUMBER = (types.int64, VALUE)
@@ -193,27 +138,6 @@ call_interpolant = caller(INTERPOLANT_NATIVE, _T, _T, *_SPREAD, _NUMBER)
 call_tangent = caller(TANGENT_NATIVE, _T, _T, _T, *_LAID_OUT, (FLOATS, ADDRESS), (TABLE, ADDRESS))
 # call_refresh(address, s, mode, params)
 call_refresh = caller(REFRESH_NATIVE, *_LAID_OUT)
-
-
-# A product and a sum, rounded once.
-#
-# Where a compiler is free to contract them, it depends on what stands around an expression, and on
-# the processor, which of them it rounds. Said outright, it is the same everywhere.
-
-FLOAT = types.float64
-
-
-@intrinsic
-def _fma_fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
-    """Return a b + c, rounded once: one instruction, if the processor has it."""
-
-    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
-        return builder.fma(*values)
-
-    return FLOAT(FLOAT, FLOAT, FLOAT), generate
-
-
-fma: Any = _fma_fused
 
 
 ENTRY: dict[str, Any] = {"error_model": "numpy"}

@@ -5,7 +5,10 @@ calls: nearly the same code, again and again, five sixths of the time. Here a ke
 translated; an entry, which is called from outside, links whatever it reaches.
 
 Nothing of Numba is changed: these are a code library and passes of our own, which kernels and
-entries ask for by `pipeline_class`. Import fails with ImportError where Numba lacks a name of them.
+entries ask for by `pipeline_class`. Of its inside it uses `codegen` (the library), `compiler`,
+`compiler_machinery`, `typed_passes` and `lowering` (passes of our own), `registry` and `_dynfunc`
+(what stands for a kernel that is not compiled by itself). Import fails with ImportError where Numba
+lacks one of them; kernels are then compiled as Numba does it.
 """
 
 from __future__ import annotations

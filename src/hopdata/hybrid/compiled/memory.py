@@ -1,11 +1,15 @@
 # ruff: noqa: ARG001, ARG002 (signatures are prescribed by Numba)
-# ruff: noqa: ARG001 (Numba reads the arguments from the signatures of intrinsics)
 """Arrays without owners, for compiled code.
 
 Numba counts references whenever it takes an array out of a tuple or makes a row of a table; in the
 driver that would cost more than the arithmetic. A view is only an address and a width. It is made
 by the driver from an array that Python keeps alive meanwhile, and reads and writes by index:
-``view[i]`` for a vector, ``table[row, i]`` for a table, whose rows are ``view.width`` long.
+``view[i]`` for a vector, ``table[row, i]`` for a table, whose rows are ``view.width`` long. At the
+end stand the calls of machine code by its address, and of Python functions.
+
+Of Numba's inside it uses `cgutils` (structures and branches of the generated code), `datamodel`
+(how a type stands in memory), `typing.templates` (what indexing a view means) and `np.arrayobj`
+(arrays made of an address); public names do not tell how to make a type without an owner.
 """
 
 from __future__ import annotations
@@ -14,6 +18,8 @@ import operator
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol, TypeVar, get_type_hints
 
+import numpy as np
+from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.core.datamodel import models
@@ -312,3 +318,148 @@ def reader(kind: type[Tuple], **slots: int) -> Callable[[IntVector], Tuple]:
 
     made: Any = read
     return made  # type: ignore[no-any-return]
+
+
+# Calls of machine code by its address, and the way it is handed what views show.
+
+# How an argument is handed over: as it is; the row of a table, which takes two arguments, as an
+# array; a vector as an array; a view as its address; a vector as its address and width.
+VALUE, ROW, VECTOR, ADDRESS, SPAN = range(5)
+
+Plan = tuple[tuple[Any, int], ...]
+
+
+def _as_row(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
+    return [lower_row(context, builder, kind, *values)]
+
+
+def _as_address(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
+    proxy = cgutils.create_struct_proxy(kind)(context, builder, values[0])
+    return [builder.ptrtoint(proxy.data, context.get_value_type(INDEX))]
+
+
+def _as_span(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
+    proxy = cgutils.create_struct_proxy(kind)(context, builder, values[0])
+    return [*_as_address(context, builder, kind, values), proxy.width]
+
+
+def _as_value(context: Any, builder: Any, kind: Any, values: list[Any]) -> list[Any]:
+    return values
+
+
+LOWER = {VALUE: _as_value, ROW: _as_row, VECTOR: _as_row, ADDRESS: _as_address, SPAN: _as_span}
+
+
+def caller(native: Any, *plan: tuple[Any, int]) -> Callable[..., Any]:
+    """Return a function for compiled code, which takes an address and what the plan says.
+
+    Parameters
+    ----------
+    native : Numba signature
+        Of the machine code at the address.
+    *plan : tuple
+        For each argument its Numba type and the way in which it is handed over.
+    """
+    kinds = [k for kind, way in plan for k in ((kind, INDEX) if way == ROW else (kind,))]
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        rest, arguments = list(values[1:]), []
+        for kind, way in plan:
+            count = 2 if way == ROW else 1
+            arguments += LOWER[way](context, builder, kind, rest[:count])
+            rest = rest[count:]
+        taken = [context.get_value_type(kind) for kind in native.args]
+        given = context.get_value_type(native.return_type)
+        target = builder.inttoptr(values[0], ir.FunctionType(given, taken).as_pointer())
+        result = builder.call(target, arguments)
+        return context.get_dummy_value() if native.return_type == types.void else result
+
+    # Numba wants an intrinsic whose arguments have names.
+    names = ", ".join(f"a{k}" for k in range(len(kinds)))
+    known = {"sign": native.return_type(INDEX, *kinds), "generate": generate}
+    return intrinsic(eval(f"lambda typing, address, {names}: (sign, generate)", known))  # type: ignore[no-any-return]
+
+
+# A product and a sum, rounded once.
+#
+# Where a compiler is free to contract them, it depends on what stands around an expression, and on
+# the processor, which of them it rounds. Said outright, it is the same everywhere.
+
+FLOAT = types.float64
+
+
+@intrinsic
+def _fma_fused(typing: Any, a: Any, b: Any, c: Any) -> Any:
+    """Return a b + c, rounded once: one instruction, if the processor has it."""
+
+    def generate(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        return builder.fma(*values)
+
+    return FLOAT(FLOAT, FLOAT, FLOAT), generate
+
+
+fma: Any = _fma_fused
+
+
+# A call of a Python function, with the interpreter's lock: the caller keeps the function alive.
+
+DTYPES = {types.float64: np.dtype(np.float64), types.int64: np.dtype(np.int64)}
+
+
+def lower_call_of_python(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return what an intrinsic needs to call a function of Python's, printing what it raises."""
+
+    def lower(context: Any, builder: Any, sign: Any, values: Any) -> Any:
+        python = context.get_python_api(builder)
+        lock = python.gil_ensure()
+        pairs = zip(sign.args, values, strict=True)
+        boxed = [_boxed(context, builder, python, kind, value) for kind, value in pairs]
+        result = python.call_function_objargs(_object(context, builder, python, function), boxed)
+        native = _unboxed(context, builder, python, sign.return_type, result)
+        for item in boxed:
+            python.decref(item)
+        python.gil_release(lock)
+        return native
+
+    return lower
+
+
+def _object(context: Any, builder: Any, python: Any, value: object) -> Any:
+    return builder.inttoptr(context.get_constant(types.intp, id(value)), python.pyobj)
+
+
+def _boxed(context: Any, builder: Any, python: Any, kind: Any, value: Any) -> Any:
+    if isinstance(kind, types.Array):
+        dtype = _object(context, builder, python, DTYPES[kind.dtype])
+        return python.nrt_adapt_ndarray_to_python(kind, value, dtype)
+    if kind == types.float64:
+        return python.float_from_double(value)
+    return python.long_from_longlong(value)
+
+
+def _unboxed(context: Any, builder: Any, python: Any, kind: Any, result: Any) -> Any:
+    """Return the number in a Python result, 0 with the exception printed if there is none."""
+    native_type = context.get_value_type(kind)
+    slot = cgutils.alloca_once_value(
+        builder, native_type(None) if kind == types.none else native_type(0)
+    )
+    with builder.if_else(cgutils.is_null(builder, result), likely=False) as (failed, returned):
+        with failed:
+            name = context.insert_const_string(builder.module, "hopdata callback")
+            label = python.string_from_string(name)
+            python.err_write_unraisable(label)
+            python.decref(label)
+        with returned:
+            if kind == types.float64:
+                builder.store(python.float_as_double(result), slot)
+            elif kind == types.int64:
+                builder.store(python.long_as_longlong(result), slot)
+            python.decref(result)
+    return context.get_dummy_value() if kind == types.none else builder.load(slot)
+
+
+def entry_point(compiled: Any) -> Callable[..., int]:
+    """Return the only code of a dispatcher, to be called without a search for what fits."""
+    (one,) = compiled.overloads.values()
+    entry: Callable[..., int] = one.entry_point
+    return entry

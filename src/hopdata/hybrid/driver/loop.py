@@ -13,15 +13,13 @@ import time
 from collections.abc import Callable
 from functools import cache
 from math import inf
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numba import cfunc, njit, types
-from numba.core import event
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.code_cache import cache_directory, compiled_in_cache
+from hopdata.code_cache import cache_directory, compiled_in_cache, is_in_cache
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.hybrid.compiled import kernel as code
@@ -254,35 +252,20 @@ def _enter(desk: int, flags: int) -> int:
 @cache
 def compiled_run() -> Any:
     """Return the driver's machine code: from the cache, or compiled now, which stderr then says."""
-    notice, digest = _Notice(), driver_digest()
+    digest, started = driver_digest(), time.monotonic()
+    known = is_in_cache(_run, digest)
+    if not known:
+        _say("compiling the integrator, some 20 s of one core; later processes load it")
 
     def compile_it(cached: bool) -> Any:
         return cfunc(RUN_NATIVE, cache=cached, **code.ENTRY)(_run)
 
-    with event.install_listener("numba:run_pass", notice):
-        driver = compiled_in_cache(_run, digest, compile_it)
+    driver = compiled_in_cache(_run, digest, compile_it)
     with cache_directory(_run, digest) as folder:
-        notice.end(folder)
+        where = f"it is kept in {folder.parent}" if folder else NOT_KEPT
+    if not known:
+        _say(f"compiled in {time.monotonic() - started:.0f} s; {where}")
     return driver
-
-
-class _Notice(event.Listener):  # type: ignore[misc]
-    """Says on stderr that the driver is being compiled, from the compiler's first pass on."""
-
-    started_s: float | None = None
-
-    def on_start(self, _event: object) -> None:
-        if self.started_s is None:
-            self.started_s = time.monotonic()
-            _say("compiling the integrator, some 20 s of one core; later processes load it")
-
-    def on_end(self, _event: object) -> None:
-        pass
-
-    def end(self, folder: Path | None) -> None:
-        if self.started_s is not None:
-            where = f"it is kept in {folder.parent}" if folder else NOT_KEPT
-            _say(f"compiled in {time.monotonic() - self.started_s:.0f} s; {where}")
 
 
 def _say(what: str) -> None:
@@ -306,9 +289,7 @@ def compiled_entry(function: Callable[..., Any], native: Any) -> Any:
 @cache
 def driver_entry() -> Callable[..., int]:
     """Return `_enter` without the search for a signature that fits: arguments must be exact."""
-    (compiled,) = compiled_entry(_enter, RUN_NATIVE).overloads.values()
-    entry: Callable[..., int] = compiled.entry_point
-    return entry
+    return memory.entry_point(compiled_entry(_enter, RUN_NATIVE))
 
 
 # Many integrations in a row, without Python in between.
@@ -383,6 +364,4 @@ def _enter_many(
 @cache
 def many_entry() -> Callable[..., int]:
     """Return `_enter_many` without the search for a signature: arguments must be exact."""
-    (compiled,) = compiled_entry(_enter_many, MANY_NATIVE).overloads.values()
-    entry: Callable[..., int] = compiled.entry_point
-    return entry
+    return memory.entry_point(compiled_entry(_enter_many, MANY_NATIVE))

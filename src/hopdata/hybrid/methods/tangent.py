@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import fma
-from hopdata.hybrid.compiled.memory import FloatTable, row, square
+from hopdata.hybrid.compiled.memory import FloatTable, fma, row, square
 from hopdata.hybrid.layout import GAUSS_1, GAUSS_2, K1, PHI_MOTION, PHI_ROWS, SCRATCH, SLOPE, Y
 from hopdata.hybrid.methods.explicit import INDENT, Tableau, combination, compose
 

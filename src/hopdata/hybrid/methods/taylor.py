@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.hybrid.compiled.kernel import fma, kernel
-from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, row, square
+from hopdata.hybrid.compiled.kernel import kernel
+from hopdata.hybrid.compiled.memory import FloatTable, FloatVector, fma, row, square
 from hopdata.hybrid.layout import END, K1, KEND, LARGEST_DEGREE, P1, SCRATCH, SLOPE, W1, Y
 from hopdata.hybrid.methods.explicit import INDENT, compose
 

@@ -1,0 +1,62 @@
+"""What is private in Numba is used in three files at most, and each name of it is still there."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+from pathlib import Path
+
+import numba
+import pytest
+from packaging.version import Version
+
+import hopdata
+from hopdata.hybrid.compiled import kernel, linking
+from hopdata.scenes.small import INITIAL_STATE, T_SPAN, octant
+
+LIBRARY = Path(hopdata.__file__).parent
+PUBLIC = {"numba", "numba.extending", "numba.types", "numba.typed", "numba.errors"}
+MAY = {"hybrid/compiled/memory.py", "hybrid/compiled/linking.py", "hybrid/lanes/vectors.py"}
+
+
+def private_names():
+    """Return (file, module, name) of each import of what is private."""
+    for path in sorted(LIBRARY.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                modules = [(node.module, one.name) for one in node.names]
+            elif isinstance(node, ast.Import):
+                modules = [(one.name, None) for one in node.names]
+            else:
+                continue
+            for module, name in modules:
+                hidden = module not in PUBLIC or (name or "").startswith("_")
+                if hidden and module.split(".")[0] in ("numba", "llvmlite"):
+                    yield path.relative_to(LIBRARY).as_posix(), module, name
+
+
+def test_three_files_use_what_is_private():
+    assert {file for file, _, _ in private_names()} <= MAY
+
+
+@pytest.mark.parametrize(("file", "module", "name"), sorted(private_names(), key=str))
+def test_each_private_name_is_there(file, module, name):
+    found = importlib.import_module(module)
+    assert name is None or hasattr(found, name) or importlib.import_module(f"{module}.{name}")
+    part = module.removeprefix("numba.core.").removeprefix("numba.")
+    if not module.startswith("llvmlite") and file != "hybrid/lanes/vectors.py":
+        text = ast.get_docstring(ast.parse((LIBRARY / file).read_text()))
+        words = {part, name} if part in ("core", "numba") else {part}
+        assert any(f"`{word}`" in text for word in words), f"{file} does not say why it uses {part}"
+
+
+def test_kernels_are_linked_and_not_compiled_one_by_one():
+    """Of a Numba that lacks a name, the driver would take five times as long to compile."""
+    assert kernel.ENTRY["pipeline_class"] is linking.Entry
+    assert Version(numba.__version__) >= Version("0.61")
+
+
+def test_what_is_made_of_it_integrates():
+    from hopdata.hybrid import solve
+
+    assert solve(octant(), T_SPAN, INITIAL_STATE).success
