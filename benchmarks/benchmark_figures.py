@@ -483,6 +483,49 @@ def _label_sizes(axes: Axes, rows: pd.DataFrame) -> None:
     axes.set_ylabel("estimated difference")
 
 
+# Published foot-strike detectors beside ours: errors, and orders that are right.
+
+
+@style.styled
+def foot_strikes_figure(table: pd.DataFrame) -> Figure:
+    """Draw how far off each detector's instants are, and how often its order is right.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row a condition and method: ``condition``, ``method``, ``found``, ``bias_ms``,
+        ``sd_ms`` and ``order_right``; NaN where a method finds nothing.
+
+    Returns
+    -------
+    Figure
+        A panel of errors, a line from bias - sd to bias + sd for each condition, and one of orders.
+    """
+    table = table[np.isfinite(table["sd_ms"].astype(float))]
+    if not len(table):
+        return style.message_figure("No detector found anything.")
+    methods = list(dict.fromkeys(table["method"]))[::-1]
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 95.0)
+    errors, orders = figure.subplots(1, 2, sharey=True, width_ratios=(2, 1))
+    conditions = list(dict.fromkeys(table["condition"]))
+    for k, (condition, (colour, marker)) in enumerate(zip(conditions, LOOKS, strict=False)):
+        rows = table[table["condition"] == condition]
+        place = np.array([methods.index(method) for method in rows["method"]], float)
+        place += 0.3 - 0.6 * k / max(len(conditions) - 1, 1)
+        errors.errorbar(
+            rows["bias_ms"], place, xerr=rows["sd_ms"], fmt=marker, color=colour, markersize=3,
+            linewidth=1.0, label=condition,
+        )  # fmt: skip
+        orders.plot(100 * rows["order_right"], place, marker, color=colour, markersize=3)
+    errors.axvline(0.0, color=style.GREY, linewidth=0.8, zorder=0)
+    errors.set_yticks(range(len(methods)), methods)
+    errors.set_xlabel("error of an instant: bias and standard deviation (ms)")
+    orders.set_xlabel("orders right (%)")
+    orders.set_xlim(0.0, 103.0)
+    figure.legend(loc="outside upper center", ncols=2, fontsize=6)
+    return figure
+
+
 # Figures of the frame change, which a study draws too.
 
 
@@ -506,6 +549,7 @@ FIGURES: dict[str, Callable[..., Figure]] = {
     "learning_curve": models.learning_curve_figure,
     "kernel_smoothness": models.kernel_smoothness_figure,
     "verdict_power": verdict_power_figure,
+    "foot_strikes": foot_strikes_figure,
 }
 
 

@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import yaml
-from trc_files import trc_text
 
 from hopdata.config.loading import load_config
 from hopdata.recording import Recording
@@ -36,6 +35,10 @@ from hopdata.recordings.readers.hdf5 import write_recording
 from hopdata.synthesis import simulate_recording
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT / "tests" / "recordings")]
+
+from trc_files import trc_text  # noqa: E402
+
 FOLDERS = (ROOT / "data/external", *(ROOT.parent / "shared/recordings").glob("*"))
 HOPS = 400
 BODY, FEET = ["body1", "body2", "body3"], ["foot1", "foot2", "foot3"]

@@ -12,6 +12,7 @@ BENCHMARK_TABLES = {
     "first_order": ["first_order.csv"],
     "contact_instants": ["contact_instants.csv"],
     "check_forecast": ["check_forecast.csv"],
+    "foot_strikes": ["foot_strikes.csv"],
     "velocities": ["velocities.csv"],
     "maps": ["maps.csv", "maps_noise.csv", "maps_readings.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
@@ -56,7 +57,7 @@ BENCHMARK_ARGUMENTS = {
     "verdict_power": "--studies 2",
 }
 # Whose tables hold errors and no times: these run beside each other, the others one at a time.
-UNTIMED = {"guesses", "map_error", "order", "recording_faults", "velocities"}
+UNTIMED = {"foot_strikes", "guesses", "map_error", "order", "recording_faults", "velocities"}
 # Each figure, as `benchmark_figures.py` draws it, and the tables that it is drawn from.
 BENCHMARK_FIGURES = {
     "fig4_2_order": ["order.csv"],
@@ -69,6 +70,7 @@ BENCHMARK_FIGURES = {
     "learning_curve": ["frame_change_learning.csv"],
     "kernel_smoothness": ["frame_change_kernels.csv"],
     "verdict_power": ["verdict_power.csv"],
+    "foot_strikes": ["foot_strikes.csv"],
 }
 for program, tables in BENCHMARK_TABLES.items():
 

@@ -1,0 +1,290 @@
+"""Published foot-strike detectors beside the kink fit: a runner on forces, and known contacts.
+
+    python benchmarks/foot_strikes.py --out foot_strikes.csv [--seeds 5] [--landings 300]
+
+Each detector by the formula of its paper, on the same landings and in the same windows. What a
+paper leaves to the user, the low-pass filter (fourth order, no lag), is in turn each of
+`CUTOFFS_HZ`, and the one of least `sd_ms` is reported, so that no peer loses by its filter.
+
+- printed: the frame of least vertical velocity (the dissertation, Sec. 2.2.3), and a parabola
+  through it.
+- foot velocity algorithm: trough of the vertical velocity while the foot is in the lowest 35 % of
+  its rise; O'Connor et al. 2007, Gait & Posture 25:469, doi 10.1016/j.gaitpost.2006.05.016.
+- vertical acceleration peak, where the jerk is zero, between frames by a straight line; Hreljac and
+  Marshall 2000, J. Biomech. 33:783, doi 10.1016/S0021-9290(00)00014-2.
+- farthest ahead of the sacrum; Zeni et al. 2008, Gait & Posture 27:710,
+  doi 10.1016/j.gaitpost.2007.07.007. Feet that fall straight down have no such place.
+- vertical velocity from down to up; Fellin et al. 2010, J. Sci. Med. Sport 13:646,
+  doi 10.1016/j.jsams.2010.03.006.
+
+Simulated feet are those of `contact_instants.py`: medians over the seeds, and the worst seed. The
+runner's instants are the first of a foot's three markers against the onset of force; `sd_ms` is by
+the median absolute deviation, and `sd_own_ms` the same with the error of the onsets taken off,
+`sd_force_ms`, which is measured on the two halves of the force's samples.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from contact_instants import (
+    CONDITIONS,
+    FOLDERS,
+    FORCE_HZ,
+    FORCES,
+    MARKERS,
+    SECTIONS,
+    SIDES,
+    _foot,
+    make,
+    ours,
+)
+from scipy.signal import butter, sosfiltfilt
+
+from hopdata.arrays import FloatArray
+from hopdata.landings.forces import force_onsets
+from hopdata.landings.touchdowns import NO_FOOT_LANDED, touchdown_table
+from hopdata.recording import Recording
+
+CUTOFFS_HZ = (7.0, 12.0, 20.0, 35.0)
+SAME_S = 0.15  # what is farther from a contact is not of it
+LOW = 0.35  # of a foot's rise
+AROUND_S = 0.1  # frames before and after a landing that a detector sees
+EARLY_S = 0.25  # and before a runner's: a foot is farthest ahead long before it lands
+SIMULATED = ("hard, N(0, 10 ms)", "soft and creep", "three frames missing at each contact")
+#: Detector of instants, s, in windows (..., W) of heights and of places ahead of the sacrum, m.
+Detector = Callable[[FloatArray, FloatArray, FloatArray | None], FloatArray]
+
+
+def _at(values: FloatArray, frame: FloatArray) -> FloatArray:
+    return np.take_along_axis(values, frame[..., None], axis=-1)[..., 0]
+
+
+def _zero(t: FloatArray, values: FloatArray, frame: FloatArray) -> FloatArray:
+    """Where the line from a frame to the next is zero."""
+    a, b = _at(values, frame), _at(values, frame + 1)
+    first, after = _at(t, frame), _at(t, frame + 1)
+    return first + (after - first) * a / np.where(a == b, 1.0, a - b)
+
+
+def _slope(values: FloatArray, t: FloatArray) -> FloatArray:
+    return np.gradient(values, axis=-1) / (t[..., 1] - t[..., 0])[..., None]
+
+
+def foot_velocity(t: FloatArray, z: FloatArray, ahead: FloatArray | None) -> FloatArray:
+    """Trough of the vertical velocity while the foot is low."""
+    del ahead
+    low = z <= (z.min(axis=-1) + LOW * np.ptp(z, axis=-1))[..., None]
+    return _at(t, np.argmin(np.where(low, _slope(z, t), np.inf), axis=-1))
+
+
+def acceleration_peak(t: FloatArray, z: FloatArray, ahead: FloatArray | None) -> FloatArray:
+    """Greatest vertical acceleration, where the jerk is zero."""
+    del ahead
+    acceleration = _slope(_slope(z, t), t)
+    peak = np.argmax(acceleration[..., 2:-3], axis=-1) + 2
+    jerk = _slope(acceleration, t)
+    return _zero(t, jerk, np.where(_at(jerk, peak) > 0, peak, peak - 1))
+
+
+def farthest_ahead(t: FloatArray, z: FloatArray, ahead: FloatArray | None) -> FloatArray:
+    """Frame in which the foot is farthest ahead of the sacrum."""
+    return np.full(z.shape[:-1], np.nan) if ahead is None else _at(t, np.argmax(ahead, axis=-1))
+
+
+def velocity_crossing(t: FloatArray, z: FloatArray, ahead: FloatArray | None) -> FloatArray:
+    """First change of the vertical velocity from down to up after its trough."""
+    del ahead
+    velocity = _slope(z, t)
+    place = np.arange(z.shape[-1] - 1)
+    after = place >= np.argmin(velocity, axis=-1)[..., None]
+    turns = after & (velocity[..., :-1] < 0) & (velocity[..., 1:] >= 0)
+    found = _zero(t, velocity, np.argmax(turns, axis=-1))
+    return np.where(turns.any(axis=-1), found, np.nan)
+
+
+PUBLISHED: dict[str, Detector] = {
+    "foot velocity algorithm (O'Connor 2007)": foot_velocity,
+    "acceleration peak (Hreljac 2000)": acceleration_peak,
+    "ahead of the sacrum (Zeni 2008)": farthest_ahead,
+    "velocity crossing (Fellin 2010)": velocity_crossing,
+}
+OURS = {
+    "printed, whole frame": "velocity_minimum",
+    "printed, parabola": "velocity_minimum_parabola",
+    "kink (hopdata)": "kink",
+}
+
+
+def smooth(values: FloatArray, rate_hz: float, cutoff_hz: float, axis: int) -> FloatArray:
+    """Low-pass as the papers do: Butterworth, forth and back, fourth order in all."""
+    return np.asarray(
+        sosfiltfilt(butter(2, cutoff_hz, fs=rate_hz, output="sos"), values, axis=axis)
+    )
+
+
+def simulated_rows(name: str, arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """One row for each method in one condition."""
+    runs: dict[tuple[str, float], list[dict[str, float]]] = {}
+    seeds = np.random.SeedSequence([arguments.seed, 26, SIMULATED.index(name)])
+    for seed in seeds.spawn(arguments.seeds):
+        landings = make(arguments.landings, CONDITIONS[name], np.random.default_rng(seed))
+        whole = landings.filled() if CONDITIONS[name].missing_frames else landings
+        for label, method in OURS.items():
+            instant, _ = ours(landings if method == "kink" else whole, method=method)
+            runs.setdefault((label, np.nan), []).append(_scored(instant, landings.contacts))
+        count, feet = landings.contacts.shape
+        z = whole.heights.reshape(count, -1, feet).transpose(0, 2, 1)
+        t = np.broadcast_to(whole.time.reshape(count, 1, -1), z.shape)
+        rate_hz = 1.0 / (whole.time[1] - whole.time[0])
+        near = np.abs(t[:, 0] - landings.transitions.t_pre[:, None] - 0.035).argmin(axis=1)
+        frames = near[:, None] + np.arange(-round(AROUND_S * rate_hz), round(AROUND_S * rate_hz))
+        for cutoff_hz in CUTOFFS_HZ:
+            smoothed = smooth(z, rate_hz, cutoff_hz, axis=-1)
+            seen = [np.take_along_axis(x, frames[:, None, :], axis=-1) for x in (t, smoothed)]
+            for label, detect in PUBLISHED.items():
+                found = _scored(detect(seen[0], seen[1], None), landings.contacts)
+                runs.setdefault((label, cutoff_hz), []).append(found)
+    rows = []
+    for (label, cutoff_hz), results in runs.items():
+        table = pd.DataFrame(results)
+        row = {"condition": name, "method": label, "cutoff_hz": cutoff_hz}
+        row |= {
+            "seeds": arguments.seeds,
+            "landings": arguments.landings,
+            **table.median().to_dict(),
+        }
+        row |= {
+            "sd_ms_worst": table["sd_ms"].max(),
+            "order_right_worst": table["order_right"].min(),
+        }
+        rows.append(row)
+    return rows
+
+
+def _scored(instant: FloatArray, truth: FloatArray) -> dict[str, float]:
+    """Score instants (L, feet) against the true ones; those farther off than `SAME_S` are none."""
+    instant = np.where(np.abs(instant - truth) < SAME_S, instant, np.nan)
+    whole = np.isfinite(instant).all(axis=1)
+    if not whole.any():
+        return {"found": 0.0, "bias_ms": np.nan, "sd_ms": np.nan, "order_right": np.nan}
+    error_ms = 1e3 * (instant - truth)[whole]
+    order, right = (np.argsort(x[whole], axis=1) for x in (instant, truth))
+    return {
+        "found": float(whole.mean()),
+        "bias_ms": float(error_ms.mean()),
+        "sd_ms": float(error_ms.std()),
+        "order_right": float((order == right).all(axis=1).mean()),
+    }
+
+
+def runner_rows() -> list[dict[str, Any]]:
+    """One row for each foot and method; one that says so where the files are absent."""
+    folder = next((f for f in FOLDERS if (f / MARKERS).is_file() and (f / FORCES).is_file()), None)
+    if folder is None:
+        return [{"condition": "runner against force", "method": "absent: no files of the runner"}]
+    force = pd.read_csv(folder / FORCES, sep="\t")["Fy"].to_numpy(float)  # upwards in this file
+    clock = np.arange(len(force)) / FORCE_HZ
+    onsets = force_onsets(clock, force)
+    halves = [force_onsets(clock[k::2], force[k::2]) for k in (0, 1)]
+    apart = halves[0] - halves[1][np.abs(halves[0][:, None] - halves[1]).argmin(axis=1)]
+    # Of each half by the root of two; of all samples, which lie twice as dense, half of that.
+    own_ms = 1e3 * _scatter(apart[np.abs(apart) < SAME_S]) / np.sqrt(2) / 2
+    rows = []
+    for side, (turn, name) in SIDES.items():
+        recording = _foot(folder / MARKERS, side)
+        condition = {"condition": f"runner's {name} foot against force"}
+        for label, method in OURS.items():
+            table = touchdown_table(recording, **SECTIONS, method=method)
+            contacts = table[[column for column in table if column.startswith("contact_")]]
+            first = contacts.min(axis=1).to_numpy()
+            rows.append(condition | {"method": label} | _compared(first, onsets[turn::2], own_ms))
+        table = touchdown_table(recording, **SECTIONS)
+        spans = table.loc[table["reason"] != NO_FOOT_LANDED, ["t_pre_s", "t_post_s"]].dropna()
+        middle = spans.mean(axis=1).to_numpy()
+        for cutoff_hz in CUTOFFS_HZ:
+            for label, detect in PUBLISHED.items():
+                early_s = EARLY_S if detect is farthest_ahead else AROUND_S
+                seen = _runner_windows(recording, middle, cutoff_hz, early_s)
+                first = np.fmin.reduce(detect(*seen), axis=1)
+                found = _compared(first, onsets[turn::2], own_ms)
+                rows.append(condition | {"method": label, "cutoff_hz": cutoff_hz} | found)
+    return rows
+
+
+def _runner_windows(
+    recording: Recording, middle: FloatArray, cutoff_hz: float, early_s: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return times, heights and places ahead of the pelvis about the landings, (L, feet, W)."""
+    rate_hz, feet = recording.rate_hz, recording.feet
+    reach = np.arange(-round(early_s * rate_hz), round(AROUND_S * rate_hz))
+    frames = np.round(middle * rate_hz).astype(int)[:, None] + reach
+    frames = frames[(frames[:, 0] >= 0) & (frames[:, -1] < len(recording.time))]
+    axis = int(np.argmax(np.ptp(feet[:, 0, :2], axis=0)))  # along the belt
+    highest = feet[:, :, 2].max(axis=1)
+    stands = highest[1:] < np.quantile(highest, 0.2)
+    forward = -np.sign(np.median(np.diff(feet[:, 0, axis])[stands]))
+    pelvis = recording.body.mean(axis=1)[:, axis]
+    seen = np.isfinite(pelvis)
+    pelvis = np.interp(recording.time, recording.time[seen], pelvis[seen])
+    ahead = forward * (feet[:, :, axis] - pelvis[:, None])
+    z, ahead = (smooth(x, rate_hz, cutoff_hz, axis=0) for x in (feet[:, :, 2], ahead))
+    windows = [x[frames].transpose(0, 2, 1) for x in (z, ahead)]
+    t = np.broadcast_to(recording.time[frames][:, None, :], windows[0].shape)
+    return t, *windows
+
+
+def _scatter(values: FloatArray) -> float:
+    """Return the standard deviation by the median absolute deviation."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
+
+
+def _compared(first: FloatArray, onsets: FloatArray, own_ms: float) -> dict[str, float]:
+    """Compare first contacts with the onsets of force; the other leg's descents are no contacts."""
+    first = first[np.isfinite(first)]
+    away = np.abs(first[:, None] - onsets)
+    late_ms = 1e3 * (first - onsets[away.argmin(axis=1)])[away.min(axis=1) < SAME_S]
+    middle = float(np.median(late_ms)) if len(late_ms) else np.nan
+    sd_ms = _scatter(late_ms) if len(late_ms) else np.nan
+    return {
+        "landings": len(onsets),
+        "found": float((away.min(axis=0) < SAME_S).mean()) if len(first) else 0.0,
+        "bias_ms": middle,
+        "sd_ms": sd_ms,
+        "sd_force_ms": own_ms,
+        "sd_own_ms": float(np.sqrt(max(sd_ms**2 - own_ms**2, 0.0))),
+    }
+
+
+COLUMNS = (
+    *("condition", "method", "cutoff_hz", "seeds", "landings", "found", "bias_ms", "sd_ms"),
+    *("sd_ms_worst", "sd_force_ms", "sd_own_ms", "order_right", "order_right_worst"),
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
+    parser.add_argument("--seeds", type=int, default=5, help="simulated recordings (default 5)")
+    parser.add_argument("--landings", type=int, default=300, help="landings of each")
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    rows = [row for name in SIMULATED for row in simulated_rows(name, arguments)] + runner_rows()
+    table = pd.DataFrame(rows).reindex(columns=COLUMNS)
+    found = table["found"].fillna(0.0) >= 0.5 * table.groupby("condition")["found"].transform("max")
+    order = table.assign(enough=~found).sort_values(["enough", "sd_ms"], kind="stable")
+    best = order.drop_duplicates(["condition", "method"]).drop(columns="enough").sort_index()
+    places = {label: place for place, label in enumerate((*OURS, *PUBLISHED))}
+    best = best.sort_values("method", key=lambda x: x.map(places), kind="stable")
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    best.to_csv(arguments.out, index=False, float_format="%.4g")
+    print(best.round(3).to_string(index=False))
+
+
+if __name__ == "__main__":
+    main()
