@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,6 +175,11 @@ class System:
 
     @cached_property
     def _method_tables(self) -> dict[tuple[str, bool], MethodTable]:
+        return {}
+
+    @cached_property
+    def lane_codes(self) -> dict[tuple[int, bool], Any]:
+        """Machine code that integrates many at a time (see `lanes.batch`)."""
         return {}
 
     def methods(self, choice: str, jacobian: bool) -> MethodTable:

@@ -1,0 +1,216 @@
+"""The loop in lanes, made for a system: whether that can be done, and its machine code."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit, types
+from numba.core.errors import NumbaError
+
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.code_cache import DIGITS, compiled_in_cache, function_digest
+from hopdata.hybrid.compiled.declare import function_name, reason_and_advice
+from hopdata.hybrid.compiled.digest import driver_digest, with_digest
+from hopdata.hybrid.compiled.kernel import ENTRY, kernel
+from hopdata.hybrid.compiled.memory import row, view
+from hopdata.hybrid.lanes import step as code
+from hopdata.hybrid.lanes.vectors import WIDTH, aligned, part
+from hopdata.hybrid.methods.explicit import compose
+from hopdata.hybrid.system import System
+
+MOST_GUARDS = 62  # their numbers are bits
+MOST_READ = 12  # integers of the mode: with more, lanes would seldom agree
+AIMS = 7
+BRANCH = "it branches on the state or the time: choose between values by np.where, min or max"
+_F, _I = types.float64, types.int64
+_INTS, _FLOATS = types.int64[:, ::1], types.float64[:, ::1]
+NATIVE = _I(
+    _I, _I, _FLOATS, _FLOATS, _INTS, _INTS, _FLOATS, _INTS, _INTS, types.float64[:, :, ::1],
+    types.float64[::1], types.float64[::1], _I, _INTS, _FLOATS, _INTS, _INTS,
+    _F, _F, _F, _F, _F, _I, _I,
+)  # fmt: skip
+# The parts of the loop that a system goes into, each after those that it calls.
+PARTS = (
+    code.group, code.take_systems, code.settle, code.close, code.fire, code.refresh,
+    code.first_step, code.look, code.land, code.sample, code.sample_again, code.give_up, code.leave,
+)  # fmt: skip
+STATE_ROWS = {"y": 1, "k": code.SLOPES, "inner": 1, "end": 1, "moved": 1, "work": 1, "other": 1,
+              "dense": 7}  # fmt: skip
+
+
+def reason_against(system: System, method: str, jacobian: bool) -> str:
+    """Return why lanes cannot integrate a system, as far as that is known without compiling."""
+    if jacobian:
+        return "the Jacobian of the flow is carried by the driver only"
+    if method not in ("auto", "dop853"):
+        return f"their method is 'dop853', asked is {method!r}"
+    if method == "auto" and system.affine is not None:
+        return "the modes are affine, and 'auto' takes Taylor's method for them"
+    if system.n_guards > MOST_GUARDS:
+        return f"there are {system.n_guards} guards, and lanes keep {MOST_GUARDS}"
+    if len(read_modes(system)) > MOST_READ:
+        return f"they look at {len(read_modes(system))} integers of the mode: few lanes would agree"
+    for one in (system.field, system.guards, system.guard, system.on_event):
+        if one is not None and not (one.address and one.compiled):
+            return f"{one.signature.name} {function_name(one.function)!r} runs as plain Python"
+    return ""
+
+
+def lane_runner(
+    system: System, method: str, jacobian: bool, arrays: tuple[Any, ...], options: tuple[Any, ...]
+) -> tuple[Callable[[int, int], int] | None, str]:
+    """Return a function that integrates rows in lanes, or None and the reason.
+
+    Parameters
+    ----------
+    system, method, jacobian
+        As in `solve_batch`.
+    arrays : tuple of array
+        Initial states, parameters and modes; room for status, ends, modes, counts and samples; the
+        wanted times and absolute tolerances.
+    options : tuple
+        Start, end, relative tolerance, largest and first step, most steps and events.
+    """
+    reason = reason_against(system, method, jacobian)
+    if reason:
+        return None, reason
+    params = arrays[1]
+    key = params.shape[1], len(params) > 1 or system.n_memory > 0
+    if key not in system.lane_codes:
+        system.lane_codes[key] = LaneCode(system, *key)
+    code = system.lane_codes[key]
+    if code.run is None:
+        return None, code.reason
+    handler = 0 if system.on_event is None else system.on_event.address
+
+    def run(first: int, last: int) -> int:
+        code.run(first, last, *arrays, handler, system.rules, *code.room(), *options)
+        return last - first
+
+    return run, ""
+
+
+class LaneCode:
+    """The machine code for a system.
+
+    Parameters
+    ----------
+    system : System
+        What is integrated.
+    n_params : int
+        Length of its parameters, with the memory.
+    in_lanes : bool
+        Whether each system has its own.
+
+    Attributes
+    ----------
+    reason : str
+        Why there is none; empty if there is.
+    """
+
+    def __init__(self, system: System, n_params: int, in_lanes: bool) -> None:
+        self.reason, self.run, self._rows, self._n_modes = "", None, 0, system.n_modes
+        names = self._names(system, n_params, in_lanes)
+        function = with_digest(code.run, **names)
+        digest = hashlib.sha256((function_digest(function) + _sources()).encode()).hexdigest()
+
+        def compile_it(cached: bool) -> Any:
+            return njit(NATIVE, cache=cached, nogil=True, **ENTRY)(function)
+
+        try:
+            self.run = compiled_in_cache(code.run, digest[:DIGITS], compile_it)
+        except NumbaError as error:
+            self.reason = _sentence(error)
+
+    def _names(self, system: System, n_params: int, in_lanes: bool) -> dict[str, Any]:
+        """Return what the loop knows of the system, by name."""
+        n, n_guards = system.n_states, system.n_guards
+        names: dict[str, Any] = {
+            "N": n, "N_GUARDS": n_guards, "N_PARAMS": n_params, "PARAMS_IN_LANES": in_lanes,
+            "state": part(n), "READ": np.array(read_modes(system), dtype=np.int64),
+        }  # fmt: skip
+        first, items = 0, []
+        for name, count in STATE_ROWS.items():
+            names[f"part_{name}"] = part(count * n)
+            items.append(f"part_{name}(table, {first})")
+            first += count * n
+        names["part_aim"] = part(AIMS)
+        items.append(f"part_aim(table, {first})")
+        first += AIMS
+        names["guard_rows"] = part(n_guards)
+        for name in code.Room._fields[len(STATE_ROWS) + 1 : -4]:
+            items.append(f"guard_rows(table, {first})")
+            names["FIRST_LOCK"] = first if name == "lock" else names.get("FIRST_LOCK", 0)
+            first += n_guards
+        names["FIRST_PARAM"], names["part_params"] = first, part(n_params)
+        items.append(f"part_params(table, {first})" if in_lanes else "row(view(params), 0)")
+        self._rows = first + (n_params if in_lanes else 0)
+        made = ", ".join([*items, "view(table)", "view(modes)", "view(book)"])
+        known = {**names, "Room": code.Room, "row": row, "view": view}
+        body = [f"return Room({made})"]
+        names["room"] = _kernel(compose("room", "table, params, modes, book", body, known))
+        read = len(names["READ"]) > 0
+        field = code.field_of_groups if read else code.field_of_one
+        guards = code.guards_of_groups if read else code.guards_of_one
+        names["FIELD"] = _kernel(field, CALL=system.field.dispatcher)
+        names["GUARDS"] = _kernel(guards, CALL=_guards_of(system))
+        known = {**vars(code), **names}
+        for name, arguments, lines in (
+            ("take_step", "t, h, rtol, atol, r", code.step_code()),
+            ("prepare", "t, h, r", code.dense_code()),
+        ):
+            names[name] = _kernel(compose(name, arguments, lines, known))
+        for function in PARTS:
+            names[function.__name__] = _kernel(function, **names)
+        return names
+
+    def room(self) -> tuple[FloatArray, IntArray, IntArray]:
+        """Return room for one thread: rows, modes and whole numbers of the lanes."""
+        table = np.asarray(aligned(self._rows).reshape(self._rows, WIDTH))
+        modes = np.zeros((WIDTH, self._n_modes), dtype=np.int64)
+        return table, modes, np.zeros((code.BOOK_ROWS, WIDTH), dtype=np.int64)
+
+
+def _kernel(function: Any, **names: Any) -> Any:
+    return kernel(with_digest(function, **names))
+
+
+def _guards_of(system: System) -> Any:
+    if system.guards is not None:
+        return system.guards.dispatcher
+    if system.guard is not None:
+        return _kernel(code.guards_one_by_one, CALL=system.guard.dispatcher)
+    return _kernel(code.no_guards)
+
+
+def read_modes(system: System) -> tuple[int, ...]:
+    """Return the places of the mode that field and guards look at."""
+    found: set[int] = set()
+    for one in (system.field, system.guards, system.guard):
+        if one is not None:
+            found |= set(one.elements_of("mode", system.n_modes))
+    return tuple(sorted(found))
+
+
+@cache
+def _sources() -> str:
+    """Return a digest of what the loop is made of."""
+    digest = hashlib.sha256(driver_digest().encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return f"{digest.hexdigest()} {WIDTH}"
+
+
+def _sentence(error: NumbaError) -> str:
+    """Say in a line what Numba cannot do in lanes."""
+    reason, _ = reason_and_advice(error)
+    if "bool(Mask" in str(error):
+        line = re.search(r"\(line (\d+)\)", reason)
+        reason = BRANCH + (f" {line[0]}" if line else "")
+    return reason

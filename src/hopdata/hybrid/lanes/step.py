@@ -1,0 +1,759 @@
+"""The loop over systems in lanes: step, judge the guards, land on the first flip, let it happen.
+
+Each lane has its own time, step and mode; one that ends takes the next system. All is done to all
+lanes and kept where a mask says so: what becomes of a lane does not depend on the others. The field
+is called once for each group of lanes whose modes are the same to it.
+
+Guards are judged by value and rate at both ends of a step and at a stage inside, whose state is of
+the fifth order: these show by how much a cubic errs. Where they do not tell what a guard does, the
+step is halved. A flip is looked for on the polynomial through all of them, the step is taken again
+to there, and its end moved by the little that is left. A system for which that does not work
+(guards that graze or slide, steps that vanish, infinite fields) is given up: the driver does it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+
+from hopdata.arrays import FloatArray, IntArray
+from hopdata.hybrid import layout as at
+from hopdata.hybrid.compiled.kernel import (
+    MODE,
+    ON_EVENT,
+    STATE,
+    VALUE,
+    caller,
+    kernel,
+)
+from hopdata.hybrid.compiled.memory import row
+from hopdata.hybrid.driver.loop import END_STATE
+from hopdata.hybrid.driver.windows import (
+    AFFINE,
+    FINE,
+    FLOOR,
+    GOLDEN,
+    LONGEST,
+    LONGEST_IF_SURE,
+    MASK,
+    MOVES,
+    OWN,
+    PER_MASK,
+)
+from hopdata.hybrid.lanes.vectors import (
+    ALL,
+    WIDTH,
+    absolute,
+    bits,
+    fma,
+    lane,
+    largest,
+    least,
+    mask_of,
+    rough_power,
+    spread,
+    square_root,  # noqa: F401 (in the code of a step)
+    where,
+    with_lane,
+)
+from hopdata.hybrid.methods.explicit import DOP853
+
+# What the loop knows of a system; `lanes.batch` puts it in.
+
+N = N_GUARDS = N_PARAMS = FIRST_PARAM = FIRST_LOCK = 0
+PARAMS_IN_LANES, READ = False, np.zeros(0, dtype=np.int64)  # places of the mode that are read
+FIELD: Any = None
+GUARDS = CALL = state = room = take_step = prepare = FIELD
+
+# A step of DOP853, written out with its coefficients.
+
+INSIDE = 9  # the stage by which the guards are known inside a step ...
+PLACE = DOP853.nodes[INSIDE - 1]  # ... and where it is
+STAGES, FURTHER = len(DOP853.weights), len(DOP853.dense_nodes)
+SLOPES = STAGES + 1 + FURTHER  # those of the stages, of the end, and of the interpolant's stages
+TINY = 1e-300  # never divide by a tolerance of zero
+STABLE = (0.1 * DOP853.stiff_tenths) ** 2
+
+
+def _sum(weights: Sequence[float], start: str = "") -> str:
+    """Return a weighted sum of slopes at component i, as code, each term fused."""
+    code = start
+    for j, weight in enumerate(weights):
+        if weight != 0.0:
+            slope = f"k[{j} * N + i]"
+            code = f"fma({weight!r}, {slope}, {code})" if code else f"{weight!r} * {slope}"
+    return code
+
+
+def _stage(node: float, weights: Sequence[float], target: int, state: str) -> list[str]:
+    return [
+        "for i in range(N):",
+        f"    {state}[i] = fma(h, {_sum(weights)}, r.y[i])",
+        f"FIELD(fma({node!r}, h, t), {state}, r, state(k, {target} * N))",
+    ]
+
+
+def step_code() -> list[str]:
+    """Return the body of ``step(t, h, rtol, atol, r)``: error, and how near it is to stability."""
+    code = ["k = r.k"]
+    for j, (node, weights) in enumerate(zip(DOP853.nodes, DOP853.stages, strict=True), start=1):
+        code += _stage(node, weights, j, "r.inner" if j == INSIDE else "r.work")
+    return [
+        *code,
+        "e0 = e1 = moved = turned = spread(0.0)",
+        "for i in range(N):",
+        f"    r.end[i] = fma(h, {_sum(DOP853.weights)}, r.y[i])",
+        "    size = largest(absolute(r.y[i]), absolute(r.end[i]))",
+        "    per = 1.0 / largest(fma(rtol, size, atol[i]), TINY)",
+        f"    a, b = ({_sum(DOP853.errors[0])}) * per, ({_sum(DOP853.errors[1])}) * per",
+        "    e0, e1 = fma(a, a, e0), fma(b, b, e1)",
+        f"FIELD(t + h, r.end, r, state(k, {STAGES} * N))",
+        "for i in range(N):",
+        f"    a, b = r.end[i] - r.work[i], k[{STAGES} * N + i] - k[{STAGES - 1} * N + i]",
+        "    moved, turned = fma(a, a, moved), fma(b, b, turned)",
+        "error = h * e0 / square_root(fma(0.01, e1, e0) * N + TINY)",
+        f"return error, h * h * turned > {STABLE!r} * moved",
+    ]
+
+
+def dense_code() -> list[str]:
+    """Return the body of ``prepare(t, h, r)``: the rows of the interpolant, behind the slopes."""
+    code, count = ["k, p = r.k, r.dense"], 3 + len(DOP853.dense)
+    stages = zip(DOP853.dense_nodes, DOP853.dense_stages, strict=True)
+    for j, (node, weights) in enumerate(stages, start=STAGES + 1):
+        code += _stage(node, weights, j, "r.work")
+    return [
+        *code,
+        "for i in range(N):",
+        f"    rise, first, last = r.end[i] - r.y[i], h * k[i], h * k[{STAGES} * N + i]",
+        f"    j = {count} * i",
+        "    p[j], p[j + 1] = rise, first - rise",
+        "    p[j + 2] = rise - last - p[j + 1]",
+        *(f"    p[j + {3 + q}] = h * ({_sum(row)})" for q, row in enumerate(DOP853.dense)),
+    ]
+
+
+@kernel
+def interpolate(theta: Any, r: Any) -> None:
+    """Put the states at `theta` of the steps into `work`."""
+    count, rest = len(r.dense) // len(r.y), 1.0 - theta
+    for i in range(len(r.y)):
+        value = r.dense[count * i + count - 1]
+        for q in range(count - 2, -1, -1):
+            value = fma(rest if q % 2 == 0 else theta, value, r.dense[count * i + q])
+        r.work[i] = fma(theta, value, r.y[i])
+
+
+# Rows of `book`: the system, events, samples written, guards that flip now as bits, and those whose
+# locks are open; the guard that has ended it, and how. Of each group of lanes with the same modes
+# the first one, and all of them as bits; how many groups there are.
+INDEX, EVENTS, SAMPLES, DUE, OPEN, CULPRIT, STATUS, LEAD, MEMBERS, N_GROUPS = range(10)
+BOOK_ROWS = 10
+
+# The room of the lanes: rows of a table, each as wide as there are lanes.
+
+
+class Room(NamedTuple):
+    """Rows for states, slopes and guards, as `Rows`; the modes of the lanes, and their groups."""
+
+    y: Any
+    k: Any  # slopes of the stages, of the end, and of the interpolant's stages
+    inner: Any  # the state inside the step
+    end: Any
+    moved: Any  # the end, moved to the flip
+    work: Any
+    other: Any
+    dense: Any
+    aim: Any  # margins and slopes of the guard that is thought to flip first, and where
+    h0: Any  # guards at the start, ...
+    rate0: Any
+    h: Any  # ... inside, ...
+    rate: Any
+    h1: Any  # ... and at the end of the step
+    rate1: Any
+    along: Any  # rates along one way, at the start, at the end and inside
+    along1: Any
+    size: Any  # largest value lately, the scale of rounding
+    leaving: Any  # 1 where a guard is at its surface, on its new side
+    lock: Any
+    inside: Any
+    other_h: Any
+    other_rate: Any
+    params: Any
+    table: Any  # all rows, by lane
+    modes: Any  # a row for each lane
+    book: Any  # whole numbers of each lane
+
+
+def field_of_one(t: Any, y: Any, r: Any, dy: Any) -> None:
+    """Evaluate a field that does not look at the mode."""
+    CALL(t, y, row(r.modes, 0), r.params, dy)
+
+
+def field_of_groups(t: Any, y: Any, r: Any, dy: Any) -> None:
+    """Evaluate the field for each group of lanes."""
+    CALL(t, y, row(r.modes, r.book[LEAD, 0]), r.params, dy)
+    for group in range(1, r.book[N_GROUPS, 0]):
+        CALL(t, y, row(r.modes, r.book[LEAD, group]), r.params, r.other)
+        mine = mask_of(r.book[MEMBERS, group])
+        for i in range(len(dy)):
+            dy[i] = where(mine, r.other[i], dy[i])
+
+
+def guards_of_one(t: Any, y: Any, dy: Any, r: Any, h: Any, rate: Any) -> None:
+    """Evaluate guards that do not look at the mode."""
+    CALL(t, y, dy, row(r.modes, 0), r.params, h, rate)
+
+
+def guards_of_groups(t: Any, y: Any, dy: Any, r: Any, h: Any, rate: Any) -> None:
+    """Evaluate the guards for each group of lanes."""
+    CALL(t, y, dy, row(r.modes, r.book[LEAD, 0]), r.params, h, rate)
+    for group in range(1, r.book[N_GROUPS, 0]):
+        CALL(t, y, dy, row(r.modes, r.book[LEAD, group]), r.params, r.other_h, r.other_rate)
+        mine = mask_of(r.book[MEMBERS, group])
+        for g in range(len(h)):
+            h[g] = where(mine, r.other_h[g], h[g])
+            rate[g] = where(mine, r.other_rate[g], rate[g])
+
+
+def guards_one_by_one(t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any) -> None:
+    """Evaluate guards that are declared one by one."""
+    for g in range(len(h)):
+        CALL(t, y, dy, mode, params, g, h, rate)
+
+
+def no_guards(t: Any, y: Any, dy: Any, mode: Any, params: Any, h: Any, rate: Any) -> None:
+    """Evaluate the guards of a system that has none."""
+
+
+@kernel
+def mark(lanes: int, g: int, r: Any) -> int:
+    """Note that a guard flips now in these lanes, which are returned."""
+    for j in range(WIDTH if lanes != 0 else 0):
+        r.book[DUE, j] |= 1 << g if lanes >> j & 1 else 0
+    return lanes
+
+
+def group(r: Any) -> None:
+    """Put the lanes into groups within which the modes that are read are the same."""
+    left, count = ALL, 0
+    for first in range(WIDTH):
+        if left >> first & 1:
+            same = 0
+            for j in range(first, WIDTH):
+                alike = True
+                for i in READ:
+                    alike = alike and r.modes[j, i] == r.modes[first, i]
+                same |= (1 << j) & left if alike else 0
+            r.book[LEAD, count], r.book[MEMBERS, count] = first, same
+            left, count = left & ~same, count + 1
+    r.book[N_GROUPS, 0] = count
+
+
+# What the guards do in a step.
+
+EPS = 2.0**-52
+ROUNDING = 4 * EPS  # of time, and of a guard, relative to its largest value lately
+ITERATIONS, ROOT_TOLERANCE = 40, 1e-6  # part of a step: Newton's next one is beyond all digits
+NEAR = 1e-5  # of the step: its end is moved to a flip that is not farther
+FIRST, REST = PLACE / 3.0, (1.0 - PLACE) / 3.0
+PER_PLACE, PER_REST = 1.0 / PLACE, 1.0 / (1.0 - PLACE)
+
+
+@kernel
+def resolution_of(t: Any, h: Any) -> Any:
+    """Return the interval below which two instants are one."""
+    return ROUNDING * largest(absolute(t), absolute(t + h))
+
+
+@kernel
+def rises(low: Any, high: Any, slack: Any) -> Any:
+    """Tell where the second of two margins may be above zero and the first below."""
+    return ((low <= slack) & (high > slack)) | ((low <= -slack) & (high > -slack))
+
+
+@kernel
+def judge(t: Any, h: Any, run_s: float, r: Any) -> tuple[Any, Any, Any, Any]:
+    """Judge all guards in the steps.
+
+    Returns where that cannot be done, where one is past its surface, where one is at its surface
+    at the end, and how far the end is from there, in steps. Margins are positive on the side that
+    the lock names. Each half of the step has a cubic, which lies between its Bezier points: they
+    show that a guard stays clear, or that it falls through zero once.
+    """
+    unclear, far, touching, soonest = mask_of(0), mask_of(0), mask_of(0), spread(inf)
+    r.aim[6] = 1.0
+    resolution = resolution_of(t, h)
+    for g in range(len(r.h0)):
+        lock, left = r.lock[g], r.leaving[g] > 0.5
+        per_step = lock * h
+        m0, d0 = where(left, 0.0, lock * r.h0[g]), per_step * r.rate0[g]
+        mc, dc = lock * r.h[g], per_step * r.rate[g]
+        m1, d1 = lock * r.h1[g], per_step * r.rate1[g]
+        rise = m1 - m0
+        bend, twist = 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
+        error = absolute(mc - (m0 + PLACE * (d0 + PLACE * (bend + PLACE * twist))))
+        slope = d0 + PLACE * (2.0 * bend + 3.0 * PLACE * twist)
+        error = error + 0.25 * absolute(dc - slope)
+        slack, size = 0.25 * error, largest(absolute(m0), absolute(m1))
+        noise = ROUNDING * largest(size, r.size[g]) + resolution * absolute(r.rate1[g])
+        p1, p2, q1, q2 = m0 + FIRST * d0, mc - FIRST * dc, mc + REST * dc, m1 - REST * d1
+        clear = least(least(p1, p2), least(mc, least(q1, q2))) > slack
+        again = rises(p1, p2, slack) | rises(p2, mc, slack)
+        again = again | rises(mc, q1, slack) | rises(q1, q2, slack) | (left & ~(p1 > slack))
+        near = largest(-NEAR * d1, noise)
+        touches = (d1 < 0.0) & (absolute(m1) <= near)
+        past = (m1 <= 0.0) & ~touches
+        told = (clear & ~past) | ((past | touches) & ~again)
+        along = absolute(r.along[g])
+        straight = absolute(r.inside[g] - r.along[g]) <= AFFINE * along
+        straight = straight & (absolute(r.along1[g] - r.along[g]) <= AFFINE * along) & (along > 0.0)
+        change = largest(largest(m0, mc), m1) - least(least(m0, mc), m1)
+        rough = error > OWN * change + FLOOR * (absolute(m0) + absolute(m1)) + noise
+        rough = rough & (h > FINE * LONGEST * run_s)
+        slow = (h > LONGEST * run_s) & (error > MOVES * change)
+        unclear = unclear | ~told | (~straight & (rough | slow | (h > LONGEST_IF_SURE * run_s)))
+        far, touching = far | past, touching | touches
+        soonest = where(touches, least(soonest, -m1 / d1), soonest)
+        if bits(past) != 0:
+            early = mc <= 0.0
+            place = root_of_half(where(early, m0, mc), where(early, m0 - mc, mc - m1),
+                                 where(early, d0, dc), where(early, dc, d1),
+                                 where(early, PLACE, 1.0 - PLACE))  # fmt: skip
+            place = where(early, place, PLACE + place)
+            sooner = past & (place < r.aim[6])
+            for i, value in enumerate((m0, d0, mc, dc, m1, d1, place)):
+                r.aim[i] = where(sooner, value, r.aim[i])
+    return unclear, far, touching, soonest
+
+
+@kernel
+def root_of_half(high: Any, fall: Any, d0: Any, d1: Any, length: Any) -> Any:
+    """Return about where in half a step a margin falls through zero, from the start of the half.
+
+    By the cubic through places and slopes of the inverse function, or the chord.
+    """
+    u, a, b = high / fall, -fall / (length * d0), -fall / (length * d1)
+    x = u * fma(u, fma(u, a + b - 2.0, 3.0 - 2.0 * a - b), a)
+    return length * where((x > 0.0) & (x < 1.0), x, u)
+
+
+@kernel
+def root(go: Any, r: Any) -> Any:
+    """Return where the first guard falls through zero, as a part of the step.
+
+    By Newton's method, within bounds, on the polynomial through values and rates at three places.
+    """
+    m0, d0, mc, dc, m1, d1 = r.aim[0], r.aim[1], r.aim[2], r.aim[3], r.aim[4], r.aim[5]
+    left, right = (mc - m0) * PER_PLACE, (m1 - mc) * PER_REST
+    a, b = (left - d0) * PER_PLACE, (dc - left) * PER_PLACE
+    c, d = (right - dc) * PER_REST, (d1 - right) * PER_REST
+    e, f, k = (b - a) * PER_PLACE, c - b, (d - c) * PER_REST
+    p, q = f - e, k - f
+    x, low, high = r.aim[6], spread(0.0), spread(1.0)
+    for _ in range(ITERATIONS):
+        u, w = x - PLACE, x - 1.0
+        value, slope = fma(w, q - p, p), q - p
+        slope, value = fma(u, slope, value), fma(u, value, e)
+        slope, value = fma(u, slope, value), fma(u, value, a)
+        slope, value = fma(x, slope, value), fma(x, value, d0)
+        slope, value = fma(x, slope, value), fma(x, value, m0)
+        low, high = where(value > 0.0, x, low), where(value > 0.0, high, x)
+        new = x - value / slope
+        new = where((new > low) & (new < high), new, 0.5 * (low + high))
+        far = absolute(new - x) > ROOT_TOLERANCE
+        x, go = where(go, new, x), go & far
+        if bits(go) == 0:
+            break
+    return x
+
+
+@kernel
+def wanted_rates(r: Any) -> None:
+    """Put rates of the states along one way into `work` (see `driver.windows`)."""
+    for i in range(len(r.y)):
+        r.work[i] = ((i + 1) * GOLDEN & MASK) * PER_MASK - 0.43
+
+
+# The slope at the end of a step, by those at its start, inside and at its end.
+BY_START, BY_INSIDE = (1.0 - PLACE) / PLACE, -1.0 / (PLACE * (1.0 - PLACE))
+BY_END = (2.0 - PLACE) / (1.0 - PLACE)
+
+GIVEN_UP = -100  # for the driver
+HUGE, TINY_ERROR = 1e30, 1e-12
+ALMOST_THERE = 1.01  # stretch the last step by this much rather than leave a sliver
+MOST_ROUNDS = 4
+MOST_TRIES = 60  # for one step
+STIFF_STEPS = 15.0  # too near to the limit of stability, more than those that are not
+SAFETY, SHRINK_MOST, GROW_MOST, ORDER = 0.8, 0.2, 6.0, DOP853.order
+
+call_on_event = caller(
+    ON_EVENT.native, (types.float64, VALUE), (STATE, VALUE), (MODE, VALUE), (STATE, VALUE),
+    (types.int64, VALUE), (types.int64, VALUE),
+)  # fmt: skip
+
+
+def take_systems(
+    want: int, first: int, last: int, y0: FloatArray, params: FloatArray, modes: IntArray,
+    times: FloatArray, samples: FloatArray, t_start: float, r: Any,
+) -> tuple[int, int]:  # fmt: skip
+    """Give the lanes of these bits the next systems; return those that got one, and the next."""
+    started = 0
+    for j in range(WIDTH):
+        if want >> j & 1 == 0 or first == last:
+            continue
+        for i in range(N):
+            r.table[i, j] = y0[first, i]
+        for i in range(N_PARAMS if PARAMS_IN_LANES else 0):
+            r.table[FIRST_PARAM + i, j] = params[first % len(params), i]
+        for i in range(r.modes.width):
+            r.modes[j, i] = modes[first % len(modes), i]
+        r.book[INDEX, j], r.book[CULPRIT, j], r.book[STATUS, j] = first, -1, at.FINISHED
+        r.book[EVENTS, j], r.book[SAMPLES, j], r.book[DUE, j], r.book[OPEN, j] = 0, 0, 0, 0
+        if len(times) > 0 and times[0] == t_start:
+            for i in range(N):
+                samples[first, 0, i] = y0[first, i]
+            r.book[SAMPLES, j] = 1
+        first += 1
+        started |= 1 << j
+    return started, first
+
+
+def settle(started: int, t: Any, r: Any) -> int:
+    """Decide open locks by the side on which the guards are; return the lanes where one is on it.
+
+    Such a lock stays open: the guard's rate decides.
+    """
+    for i in range(N):
+        r.work[i] = 0.0
+    for j in range(WIDTH):
+        for g in range(N_GUARDS if started >> j & 1 else 0):
+            r.book[OPEN, j] |= 1 << g if r.modes[j, g] == 0 else 0
+            r.modes[j, g] = -1 if r.modes[j, g] == 0 else r.modes[j, g]
+    group(r)
+    GUARDS(t, r.y, r.work, r, r.h, r.rate)
+    mine, open_ones = mask_of(started), 0
+    for g in range(N_GUARDS):
+        r.size[g] = where(mine, absolute(r.h[g]), r.size[g])
+        above, level = bits(r.h[g] > 0.0), bits(r.h[g] == 0.0)
+        for j in range(WIDTH):
+            if started >> j & 1:
+                if r.book[OPEN, j] >> g & 1 and above >> j & 1:
+                    r.modes[j, g] = 1
+                if level >> j & 1 == 0:
+                    r.book[OPEN, j] &= ~(1 << g)
+                r.table[FIRST_LOCK + g, j] = r.modes[j, g]
+                open_ones |= 1 << j if r.book[OPEN, j] != 0 else 0
+    return open_ones
+
+
+def close(open_ones: int, r: Any) -> int:
+    """Decide the locks that are still open in these lanes by rates; return where one changed."""
+    changed = 0
+    for g in range(N_GUARDS):
+        rising = bits(r.rate0[g] > 0.0)
+        for j in range(WIDTH):
+            if open_ones >> j & 1 and r.book[OPEN, j] >> g & 1 and rising >> j & 1:
+                r.modes[j, g] = r.table[FIRST_LOCK + g, j] = 1
+                changed |= 1 << j
+    return changed
+
+
+def fire(
+    lanes: int, t: Any, handler: int, rules: IntArray, own: FloatArray, own_params: FloatArray,
+    most_events: int, r: Any,
+) -> int:  # fmt: skip
+    """Let the guards flip that are due in these lanes, and tell the handler.
+
+    Returns the lanes that end by that.
+    """
+    over = 0
+    for j in range(WIDTH):
+        if lanes >> j & 1 == 0:
+            continue
+        due, now = r.book[DUE, j], lane(t, j)
+        r.book[DUE, j] = 0
+        for i in range(N):
+            own[i] = r.table[i, j]
+        for i in range(N_PARAMS if PARAMS_IN_LANES else 0):
+            own_params[i] = r.table[FIRST_PARAM + i, j]
+        for g in range(N_GUARDS):
+            if due >> g & 1:
+                r.modes[j, g] = -r.modes[j, g]
+        for g in range(N_GUARDS):
+            direction = r.modes[j, g]
+            wanted = rules[at.DIRECTION, g]
+            if due >> g & 1 == 0 or (wanted != 0 and wanted != direction):
+                continue
+            stop, mode = rules[at.TERMINAL, g], row(r.modes, j)
+            if handler != 0:
+                stop |= call_on_event(handler, now, own, mode, own_params, g, direction)
+            r.book[EVENTS, j] += 1
+            if stop != 0 or over >> j & 1 == 0:
+                r.book[CULPRIT, j] = g
+            if stop != 0:
+                r.book[STATUS, j] = at.TERMINATED
+                over |= 1 << j
+        for g in range(N_GUARDS):
+            r.table[FIRST_LOCK + g, j] = r.modes[j, g]
+        for i in range(N if handler != 0 else 0):
+            r.table[i, j] = own[i]
+        for i in range(N_PARAMS if PARAMS_IN_LANES and handler != 0 else 0):
+            r.table[FIRST_PARAM + i, j] = own_params[i]
+        if r.book[EVENTS, j] >= most_events and over >> j & 1 == 0:
+            r.book[STATUS, j] = GIVEN_UP
+            over |= 1 << j
+    return over
+
+
+def refresh(fresh: int, t: Any, r: Any) -> int:
+    """Evaluate field and guards anew in these lanes; return those in which guards are due."""
+    group(r)
+    slope, mine = state(r.k, STAGES * N), mask_of(fresh)
+    FIELD(t, r.y, r, slope)
+    for i in range(N):
+        r.k[i] = where(mine, slope[i], r.k[i])
+    GUARDS(t, r.y, slope, r, r.h, r.rate)
+    resolution, flipping = resolution_of(t, spread(0.0)), 0
+    for g in range(N_GUARDS):
+        r.h0[g], r.rate0[g] = where(mine, r.h[g], r.h0[g]), where(mine, r.rate[g], r.rate0[g])
+        margin, rate = r.lock[g] * r.h0[g], r.lock[g] * r.rate0[g]
+        noise = ROUNDING * r.size[g] + resolution * absolute(rate)
+        left = margin <= noise
+        r.leaving[g] = where(mine, where(left, 1.0, 0.0), r.leaving[g])
+        due = bits((margin < -noise) | (left & (rate < 0.0))) & fresh
+        flipping |= mark(due, g, r)
+    return flipping
+
+
+def first_step(t: Any, longest: Any, rtol: float, atol: FloatArray, r: Any) -> Any:
+    """Return a first step by two slopes (Hairer, Norsett, Wanner, section II.4)."""
+    slope = state(r.k, STAGES * N)
+    size = steep = bent = spread(0.0)
+    for i in range(N):
+        per = 1.0 / largest(fma(rtol, absolute(r.y[i]), atol[i]), TINY)
+        size, steep = largest(absolute(r.y[i]) * per, size), largest(absolute(r.k[i]) * per, steep)
+    trial = where((size > 0.0) & (steep > 0.0), 0.01 * size / steep, 1e-3 * longest)
+    trial = least(trial, longest)
+    for i in range(N):
+        r.work[i] = fma(trial, r.k[i], r.y[i])
+    FIELD(t + trial, r.work, r, slope)
+    for i in range(N):
+        per = 1.0 / (trial * largest(fma(rtol, absolute(r.y[i]), atol[i]), TINY))
+        bent = largest(absolute(slope[i] - r.k[i]) * per, bent)
+    steepest = largest(largest(steep, bent), TINY)
+    return least(least(100.0 * trial, rough_power(0.01 / steepest, 1.0 / ORDER)), longest)
+
+
+def look(t: Any, h: Any, r: Any) -> None:
+    """Evaluate the guards inside and at the end of the steps, and their rates along one way."""
+    GUARDS(fma(PLACE, h, t), r.inner, state(r.k, INSIDE * N), r, r.h, r.rate)
+    GUARDS(t + h, r.end, state(r.k, STAGES * N), r, r.h1, r.rate1)
+    wanted_rates(r)
+    GUARDS(t, r.y, r.work, r, r.other_h, r.along)
+    GUARDS(fma(PLACE, h, t), r.inner, r.work, r, r.other_h, r.inside)
+    GUARDS(t + h, r.end, r.work, r, r.other_h, r.along1)
+
+
+def land(landing: int, t: Any, h: Any, soonest: Any, r: Any) -> tuple[Any, int]:
+    """Move the ends of these steps to their surfaces; return how far, and where guards are due."""
+    mine, slope = mask_of(landing), state(r.k, STAGES * N)
+    shift = where(mine, soonest * h, 0.0)
+    for i in range(N):
+        bend = BY_START * r.k[i] + BY_INSIDE * r.k[INSIDE * N + i] + BY_END * slope[i]
+        half = 0.5 * where(mine, soonest, 0.0) * bend
+        r.moved[i] = fma(shift, slope[i] + half, r.end[i])
+    resolution = resolution_of(t, h)
+    GUARDS(t + h + shift, r.moved, slope, r, r.h, r.rate)
+    more = spread(inf)
+    for g in range(N_GUARDS):
+        margin, rate = r.lock[g] * r.h[g], r.lock[g] * r.rate[g]
+        close = (rate < 0.0) & (absolute(margin) <= NEAR * h * absolute(rate))
+        more = where(close, least(more, -margin / rate), more)
+    more = where(mine & (more < inf), more, 0.0)
+    for i in range(N):
+        r.moved[i] = fma(more, slope[i], r.moved[i])
+    shift, flipping = shift + more, 0
+    GUARDS(t + h + shift, r.moved, slope, r, r.h, r.rate)
+    for g in range(N_GUARDS):
+        size = largest(absolute(r.h0[g]), absolute(r.h1[g]))
+        r.size[g] = where(mine, largest(size, where(r.leaving[g] > 0.5, r.size[g], 0.0)), r.size[g])
+        margin, rate = r.lock[g] * r.h[g], r.lock[g] * r.rate[g]
+        noise = ROUNDING * r.size[g] + resolution * absolute(rate)
+        due = bits((margin < -noise) | ((margin <= noise) & (rate < 0.0))) & landing
+        flipping |= mark(due, g, r)
+        r.h1[g], r.rate1[g] = where(mine, r.h[g], r.h1[g]), where(mine, r.rate[g], r.rate1[g])
+    return shift, flipping
+
+
+def sample(
+    lanes: int, t: Any, h: Any, t_new: Any, times: FloatArray, samples: FloatArray, r: Any
+) -> None:
+    """Write the states at the wanted times in the steps of these lanes."""
+    ready = False
+    while True:
+        now, pending = t_new, 0
+        for j in range(WIDTH):
+            next_one = r.book[SAMPLES, j]
+            if lanes >> j & 1 and next_one < len(times) and times[next_one] <= lane(t_new, j):
+                now, pending = with_lane(now, j, times[next_one]), pending | 1 << j
+        if pending == 0:
+            return
+        if not ready:
+            prepare(t, h, r)
+            ready = True
+        interpolate((now - t) / h, r)
+        at_end = now == t_new
+        for i in range(N):
+            r.work[i] = where(at_end, r.moved[i], r.work[i])
+        for j in range(WIDTH):
+            if pending >> j & 1:
+                for i in range(N):
+                    samples[r.book[INDEX, j], r.book[SAMPLES, j], i] = lane(r.work[i], j)
+                r.book[SAMPLES, j] += 1
+
+
+def sample_again(lanes: int, t: Any, times: FloatArray, samples: FloatArray, r: Any) -> None:
+    """Write the states after an event over those before it, at a time that was wanted."""
+    for j in range(WIDTH):
+        last = r.book[SAMPLES, j] - 1
+        if lanes >> j & 1 and last >= 0 and times[last] == lane(t, j):
+            for i in range(N):
+                samples[r.book[INDEX, j], last, i] = r.table[i, j]
+
+
+def give_up(lanes: int, r: Any) -> int:
+    """Leave these lanes' systems to the driver; return the lanes."""
+    for j in range(WIDTH if lanes != 0 else 0):
+        if lanes >> j & 1:
+            r.book[STATUS, j] = GIVEN_UP
+    return lanes
+
+
+def leave(
+    lanes: int, t: Any, tried: Any, taken: Any, status: IntArray, ends: FloatArray,
+    end_modes: IntArray, counts: IntArray, r: Any,
+) -> None:  # fmt: skip
+    """Write down how these lanes have ended."""
+    for j in range(WIDTH):
+        if lanes >> j & 1 == 0:
+            continue
+        b = r.book[INDEX, j]
+        status[b, 0], ends[b, 0], ends[b, 1], ends[b, 2] = r.book[STATUS, j], lane(t, j), 0.0, 0.0
+        for i in range(N):
+            ends[b, END_STATE + i] = r.table[i, j]
+        for i in range(r.modes.width):
+            end_modes[b, i] = r.modes[j, i]
+        for i in range(counts.shape[1]):
+            counts[b, i] = 0
+        steps, tries = int(lane(taken, j)), int(lane(tried, j))
+        counts[b, at.NFEV] = STAGES * tries + r.book[EVENTS, j] + 2
+        counts[b, at.STEPS], counts[b, at.REJECTED] = steps, tries - steps
+        counts[b, at.EVENTS], counts[b, at.SAMPLES] = r.book[EVENTS, j], r.book[SAMPLES, j]
+        counts[b, at.CULPRIT] = r.book[CULPRIT, j]
+
+
+def run(
+    first: int, last: int, y0: FloatArray, params: FloatArray, modes: IntArray, status: IntArray,
+    ends: FloatArray, end_modes: IntArray, counts: IntArray, samples: FloatArray,
+    times: FloatArray, atol: FloatArray, handler: int, rules: IntArray, table: FloatArray,
+    lane_modes: IntArray, book: IntArray, t_start: float, t_end: float, rtol: float,
+    max_step: float, step: float, max_steps: int, max_events: int,
+) -> int:  # fmt: skip
+    """Integrate from the rows `first` to `last` of y0 as `driver.loop` does; arguments as there.
+
+    `atol` (n,) are tolerances, `handler` is the address of the event handler, `rules` are those of
+    the layout; `table` (rows, WIDTH), `lane_modes` (WIDTH, m) and `book` are room for the lanes.
+    The status of a system that is given up is GIVEN_UP.
+    """
+    r = room(table, params, lane_modes, book)
+    own, own_params = np.empty(N), params[0].copy()
+    t, run_s = spread(t_start), t_end - t_start
+    h_next = resume = tries = stiff = tried = taken = spread(0.0)
+    active, fresh, over, rejected, aimed, want = 0, 0, 0, 0, 0, ALL
+    while True:
+        begun = open_ones = 0
+        if want != 0:
+            begun, first = take_systems(
+                want, first, last, y0, params, modes, times, samples, t_start, r
+            )
+            active, over, new = (active & ~want) | begun, over & ~want, mask_of(begun)
+            if active == 0:
+                return last
+            t, tries, stiff = where(new, t_start, t), where(new, 0.0, tries), where(new, 0.0, stiff)
+            resume, tried = where(new, 0.0, resume), where(new, 0.0, tried)
+            taken = where(new, 0.0, taken)
+            open_ones = settle(begun, t, r)
+            fresh, rejected, aimed = fresh | begun, rejected & ~begun, aimed & ~begun
+        rounds = 0
+        while fresh != 0:
+            due = refresh(fresh, t, r) & ~over
+            fresh = close(open_ones, r) if open_ones != 0 else 0
+            due, open_ones, rounds = due & ~fresh, 0, rounds + 1
+            if due != 0:
+                over |= fire(due, t, handler, rules, own, own_params, max_events, r)
+                sample_again(due, t, times, samples, r)
+                if rounds > MOST_ROUNDS:
+                    over |= give_up(due & ~over, r)
+                fresh = (fresh | due) & ~over
+        if begun != 0:
+            guess = first_step(t, spread(min(run_s, max_step)), rtol, atol, r)
+            h_next = where(mask_of(begun), step if step > 0.0 else guess, h_next)
+        want = (bits(t >= t_end) & active) | over
+        if want != 0:
+            leave(want, t, tried, taken, status, ends, end_modes, counts, r)
+            continue
+        left = t_end - t
+        h = least(h_next, max_step)
+        whole = h * where(mask_of(aimed), 1.0, ALMOST_THERE) >= left
+        h = where(whole, left, h)
+        error, hard = take_step(t, h, rtol, atol, r)
+        error = where(error < HUGE, error, HUGE)
+        look(t, h, r)
+        live = mask_of(active)
+        fine = (error <= 1.0) & live
+        unclear, far, touching, soonest = judge(t, h, run_s, r)
+        crossed, accepted = fine & ~unclear & far, fine & ~unclear & ~far
+        aimed, landing = bits(crossed), bits(accepted & touching)
+        factor = SAFETY * rough_power(error + TINY_ERROR, -1.0 / ORDER)
+        factor = largest(SHRINK_MOST, least(where(mask_of(rejected), 1.0, GROW_MOST), factor))
+        h_next = h * where(fine & unclear, 0.5, factor)
+        if aimed != 0:
+            h_next = where(crossed, h * root(crossed, r), h_next)
+            resume = where(crossed, largest(resume, h), resume)
+        rejected = active & ~bits(accepted) & ~aimed
+        shift = spread(0.0)
+        if landing != 0:
+            shift, fresh = land(landing, t, h, soonest, r)
+            h_next = where(mask_of(landing), largest(h_next, resume), h_next)
+            resume = where(mask_of(landing), 0.0, resume)
+        else:
+            for i in range(N):
+                r.moved[i] = r.end[i]
+        t_new = where(whole & (shift == 0.0), t_end, t + h + shift)
+        if len(times) > 0:
+            sample(bits(accepted), t, h, t_new, times, samples, r)
+        stiff = where(accepted, largest(stiff + where(hard, 1.0, -0.1), 0.0), stiff)
+        tries, tried = where(accepted, 0.0, tries + 1.0), tried + 1.0
+        t, taken = where(accepted, t_new, t), where(accepted, taken + 1.0, taken)
+        slope = state(r.k, STAGES * N)
+        for i in range(N):
+            r.y[i], r.k[i] = where(accepted, r.moved[i], r.y[i]), where(accepted, slope[i], r.k[i])
+        for g in range(N_GUARDS):
+            r.h0[g] = where(accepted, r.h1[g], r.h0[g])
+            r.rate0[g] = where(accepted, r.rate1[g], r.rate0[g])
+            r.leaving[g] = where(accepted, 0.0, r.leaving[g])
+        if fresh != 0:
+            over |= fire(fresh, t, handler, rules, own, own_params, max_events, r)
+            sample_again(fresh, t, times, samples, r)
+        lost = (tries > MOST_TRIES) | (stiff > STIFF_STEPS) | ~(h > ROUNDING * absolute(t))
+        lost = lost | ((taken >= float(max_steps)) & (t < t_end))
+        over |= give_up(bits(lost & live) & ~over, r)
+        want = ((bits(t >= t_end) & active & ~fresh) | over) & active
+        if want != 0:
+            leave(want, t, tried, taken, status, ends, end_modes, counts, r)
+            fresh &= ~want

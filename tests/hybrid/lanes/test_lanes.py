@@ -1,0 +1,193 @@
+"""Systems in lanes: as good as the driver's, no event lost, bytes that depend on no neighbour."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bent_systems import bent, bent_params
+from hybrid_systems import ball, relay, sliding
+
+from hopdata.hybrid import System, field, guards, solve_batch
+from hopdata.hybrid.arguments import SMALLEST_RTOL
+
+SPAN, COUNT = (0.0, 6.0), 200
+OPTIONS = {"method": "dop853", "workers": 1}
+
+
+@cache
+def swings():
+    """Starts and parameters of pendulums among three guards, of which two bend."""
+    rng = np.random.default_rng(11)
+    params = [
+        bent_params(
+            rng.uniform(-1.0, 1.0, 3), drive=rng.uniform(0.0, 0.4), tilts=rng.uniform(-0.1, 0.1, 3),
+            sways=[0.0, 0.1, 0.2], gains=rng.uniform(-0.5, 0.5, 3),
+        )
+        for _ in range(2 * COUNT)
+    ]  # fmt: skip
+    y0, params = rng.uniform(-2.0, 2.0, (2 * COUNT, 2)), np.array(params)
+    chosen = solve_batch(bent(3), SPAN, y0, params=params, **OPTIONS).status == 0  # none slides
+    return y0[chosen][:COUNT], params[chosen][:COUNT]
+
+
+def swung(rows=slice(None), **options):
+    y0, params = swings()
+    return solve_batch(bent(3), SPAN, y0[rows], params=params[rows], **(OPTIONS | options))
+
+
+@cache
+def in_lanes():
+    return swung(lanes=True)
+
+
+def assert_same(found, wanted, rows):
+    """All that is known of each system has the same bytes."""
+    for name in ("y_end", "t_end", "mode", "n_events", "n_steps", "nfev", "status"):
+        assert getattr(found, name).tobytes() == getattr(wanted, name)[rows].tobytes(), name
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-9, 1e-12])
+def test_as_good_as_the_driver(rtol):
+    tolerance = {"rtol": rtol, "atol": 1e-3 * rtol}
+    best = swung(rtol=SMALLEST_RTOL, atol=1e-15, lanes=False)
+    plain, here = swung(lanes=False, **tolerance), swung(lanes=True, **tolerance)
+    assert here.success
+    assert here.lanes_reason == ""
+    assert here.lanes.mean() > 0.97
+    assert not plain.lanes.any()
+    assert here.n_events.tolist() == best.n_events.tolist()
+    assert here.mode.tolist() == best.mode.tolist()
+    assert best.n_events.max() == 8
+    off, plainly_off = (np.abs(one.y_end - best.y_end).max(axis=1) for one in (here, plain))
+    assert off.max() < 3 * plainly_off.max()
+    assert np.median(off) < 3 * np.median(plainly_off)
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_bytes_depend_on_no_neighbour(workers):
+    order = np.random.default_rng(3).permutation(COUNT)
+    assert_same(swung(order, workers=workers, lanes=True), in_lanes(), order)
+    assert_same(swung(slice(7, 8), lanes=True), in_lanes(), slice(7, 8))
+
+
+def test_wanted_times():
+    times = np.linspace(*SPAN, 50)
+    here = swung(t_eval=times, lanes=True)
+    assert_same(here, in_lanes(), slice(None))
+    best = swung(t_eval=times, rtol=1e-13, atol=1e-15, lanes=False)
+    assert here.y.shape == best.y.shape
+    plain = swung(t_eval=times, lanes=False)
+    assert np.abs(here.y - best.y).max() < 3 * np.abs(plain.y - best.y).max()
+    assert here.y[:, :, 0].tolist() == swings()[0].tolist()
+    assert here.y[:, :, -1].tolist() == here.y_end.tolist()
+
+
+NARROW = """
+import llvmlite.binding as llvm
+features, llvm.get_host_cpu_features = llvm.get_host_cpu_features, dict
+from hopdata.hybrid.lanes.vectors import WIDTH
+llvm.get_host_cpu_features = features
+from test_lanes import in_lanes
+print(WIDTH, in_lanes().y_end.tobytes().hex())
+"""
+
+
+def test_bytes_do_not_depend_on_the_width():
+    paths = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    done = subprocess.run(
+        [sys.executable, "-c", NARROW], env=environment, capture_output=True, text=True, check=True
+    )
+    width, data = done.stdout.split()
+    assert width == "4"
+    assert bytes.fromhex(data) == in_lanes().y_end.tobytes()
+
+
+def test_resets_and_terminal_events():
+    """A ball bounces from the floor: its handler turns the speed; the lock flips back at once."""
+    y0 = np.column_stack([np.linspace(0.5, 3.0, 40), np.zeros(40)])
+    for options in ({}, {"terminal": (True,)}):
+        system = ball(**options)
+        asked = {"params": [9.81, 0.0, 0.7], "rtol": 1e-10}
+        here = solve_batch(system, (0.0, 1.5), y0, lanes=True, **OPTIONS, **asked)
+        plain = solve_batch(system, (0.0, 1.5), y0, lanes=False, **OPTIONS, **asked)
+        assert here.lanes.all()
+        assert here.status.tolist() == plain.status.tolist()
+        assert here.mode.tolist() == plain.mode.tolist()
+        assert here.n_events.tolist() == plain.n_events.tolist()
+        assert here.n_events.max() == (1 if options else 10)
+        assert here.culprit.tolist() == plain.culprit.tolist()
+        assert np.allclose(here.y_end, plain.y_end, rtol=0, atol=1e-11)
+        assert np.allclose(here.t_end, plain.t_end, rtol=0, atol=1e-12)
+
+
+def test_what_lanes_give_up_the_driver_does():
+    """Sliding, guards on their surface for ever, and a limit of steps end as they always do."""
+    y0 = np.linspace(-1.0, 1.0, 21)[:, None]
+    here = solve_batch(sliding(), (0.0, 2.0), y0, params=[1.0, 1.0], lanes=True, **OPTIONS)
+    plain = solve_batch(sliding(), (0.0, 2.0), y0, params=[1.0, 1.0], lanes=False, **OPTIONS)
+    assert set(plain.status) == {-6}
+    assert not here.lanes.any()
+    assert_same(here, plain, slice(None))
+    few = swung(lanes=True, max_steps=25)
+    assert {0, -4} == set(few.status.tolist())
+    assert not few.lanes[few.status == -4].any()
+
+
+@field
+def branching(t, y, mode, params, dy):
+    dy[0] = 1.0 if y[0] > 0.0 else 2.0
+
+
+@field
+def arrays_inside(t, y, mode, params, dy):
+    room = np.zeros(1)
+    room[0] = y[0]
+    dy[0] = room[0]
+
+
+@field(compiled=False)
+def plain_python(t, y, mode, params, dy):
+    dy[0] = 1.0
+
+
+@guards
+def far_away(t, y, dy, mode, params, h, hdot):
+    h[:], hdot[:] = 1.0, 0.0
+
+
+@pytest.mark.parametrize(
+    ("system", "options", "said"),
+    [
+        (System(branching), {}, "branches on the state or the time"),
+        (System(arrays_inside), {}, "setitem"),
+        (System(plain_python), {}, "runs as plain Python"),
+        (System(branching, far_away, guard_names=tuple(map(str, range(63)))), {}, "63 guards"),
+        (System(branching), {"jacobian": True}, "Jacobian"),
+        (System(branching), {"method": "dopri5"}, "'dopri5'"),
+    ],
+)
+def test_why_there_are_no_lanes(system, options, said):
+    y0 = np.linspace(0.5, 1.0, 3)[:, None]
+    batch = solve_batch(system, (0.0, 1.0), y0, lanes=True, workers=1, **options)
+    assert batch.success
+    assert said in batch.lanes_reason
+    assert not batch.lanes.any()
+    plain = solve_batch(system, (0.0, 1.0), y0, workers=1, **options)
+    assert plain.y_end.tobytes() == batch.y_end.tobytes()
+    assert plain.lanes_reason == "they were not asked for"
+
+
+def test_a_handler_that_pushes_another_guard_across():
+    y0 = np.column_stack([np.linspace(-0.5, 0.9, 15), np.zeros(15)])
+    here = solve_batch(relay(), (0.0, 2.0), y0, lanes=True, **OPTIONS)
+    plain = solve_batch(relay(), (0.0, 2.0), y0, lanes=False, **OPTIONS)
+    assert here.n_events.tolist() == plain.n_events.tolist()
+    assert here.mode.tolist() == plain.mode.tolist()
+    assert np.allclose(here.y_end, plain.y_end, rtol=0, atol=1e-9)
