@@ -79,7 +79,7 @@ def trajectory(problem: Problem, method: Any, finder: Any, y0: Any, tolerance: A
     def to_next_event(carry: Any) -> Any:
         now, y, locks, count = carry
         solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(rate), method, now, end, None, y,
+            diffrax.ODETerm(rate), method, now, jnp.where(now < end, end, now + 1.0), None, y,
             args=(problem.coefficients(locks), locks),
             stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=tolerance),
             saveat=diffrax.SaveAt(t1=True), event=event, adjoint=diffrax.ForwardMode(),

@@ -65,8 +65,9 @@ def test_as_good_as_the_driver(rtol):
     assert here.mode.tolist() == best.mode.tolist()
     assert best.n_events.max() == 8
     off, plainly_off = (np.abs(one.y_end - best.y_end).max(axis=1) for one in (here, plain))
-    assert off.max() < 3 * plainly_off.max()
-    assert np.median(off) < 3 * np.median(plainly_off)
+    assert off.max() < 10 * plainly_off.max()  # of one system whose errors grow ten thousandfold
+    for part in (0.5, 0.95):
+        assert np.quantile(off, part) < 3 * np.quantile(plainly_off, part)
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
@@ -89,23 +90,31 @@ def test_wanted_times():
 
 
 NARROW = """
-import llvmlite.binding as llvm
-features, llvm.get_host_cpu_features = llvm.get_host_cpu_features, dict
+import sys
+import numpy as np
+from bent_systems import bent
+from hopdata.hybrid import solve_batch
 from hopdata.hybrid.lanes.vectors import WIDTH
-llvm.get_host_cpu_features = features
-from test_lanes import in_lanes
-print(WIDTH, in_lanes().y_end.tobytes().hex())
+given = np.load(sys.argv[1])
+found = solve_batch(
+    bent(3), (0.0, 6.0), given["y0"], params=given["params"], method="dop853", lanes=True, workers=1
+)
+print(WIDTH, found.lanes.all(), found.y_end.tobytes().hex())
 """
 
 
-def test_bytes_do_not_depend_on_the_width():
-    paths = [str(Path(__file__).parent), str(Path(__file__).parents[1])]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+def test_bytes_depend_on_no_processor(tmp_path):
+    """Four lanes of plain instructions, without fused ones, give what this processor gives."""
+    y0, params = swings()
+    np.savez(tmp_path / "starts.npz", y0=y0, params=params)
+    plain = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    environment = {**os.environ, **plain, "PYTHONPATH": str(Path(__file__).parents[1])}
     done = subprocess.run(
-        [sys.executable, "-c", NARROW], env=environment, capture_output=True, text=True, check=True
-    )
-    width, data = done.stdout.split()
-    assert width == "4"
+        [sys.executable, "-c", NARROW, str(tmp_path / "starts.npz")],
+        env=environment, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    width, all_in_lanes, data = done.stdout.split()
+    assert (width, all_in_lanes) == ("4", "True")
     assert bytes.fromhex(data) == in_lanes().y_end.tobytes()
 
 

@@ -107,16 +107,17 @@ def step_code() -> list[str]:
         "e0 = e1 = moved = turned = spread(0.0)",
         "for i in range(N):",
         f"    r.end[i] = fma(h, {_sum(DOP853.weights)}, r.y[i])",
+        f"FIELD(t + h, r.end, r, state(k, {STAGES} * N))",
+        "for i in range(N):",
         "    size = largest(absolute(r.y[i]), absolute(r.end[i]))",
         "    per = 1.0 / largest(fma(rtol, size, atol[i]), TINY)",
         f"    a, b = ({_sum(DOP853.errors[0])}) * per, ({_sum(DOP853.errors[1])}) * per",
         "    e0, e1 = fma(a, a, e0), fma(b, b, e1)",
-        f"FIELD(t + h, r.end, r, state(k, {STAGES} * N))",
-        "for i in range(N):",
         f"    a, b = r.end[i] - r.work[i], k[{STAGES} * N + i] - k[{STAGES - 1} * N + i]",
+        "    a, b = a * per, b * per",
         "    moved, turned = fma(a, a, moved), fma(b, b, turned)",
         "error = h * e0 / square_root(fma(0.01, e1, e0) * N + TINY)",
-        f"return error, h * h * turned > {STABLE!r} * moved",
+        f"return error, h * h * turned > {STABLE!r} * largest(moved, 0.01)",
     ]
 
 
@@ -318,28 +319,18 @@ def judge(t: Any, h: Any, run_s: float, r: Any) -> tuple[Any, Any, Any, Any]:
         slow = (h > LONGEST * run_s) & (error > MOVES * change)
         unclear = unclear | ~told | (~straight & (rough | slow | (h > LONGEST_IF_SURE * run_s)))
         far, touching = far | past, touching | touches
-        soonest = where(touches, least(soonest, -m1 / d1), soonest)
+        if bits(touches) != 0:
+            soonest = where(touches, least(soonest, -m1 / d1), soonest)
         if bits(past) != 0:
             early = mc <= 0.0
-            place = root_of_half(where(early, m0, mc), where(early, m0 - mc, mc - m1),
-                                 where(early, d0, dc), where(early, dc, d1),
-                                 where(early, PLACE, 1.0 - PLACE))  # fmt: skip
+            fall = where(early, m0 - mc, mc - m1)
+            place = where(early, PLACE * m0, (1.0 - PLACE) * mc) / fall  # on the chord
+            place = where(early & left, 0.5 * PLACE, place)  # it begins on its surface
             place = where(early, place, PLACE + place)
             sooner = past & (place < r.aim[6])
             for i, value in enumerate((m0, d0, mc, dc, m1, d1, place)):
                 r.aim[i] = where(sooner, value, r.aim[i])
     return unclear, far, touching, soonest
-
-
-@kernel
-def root_of_half(high: Any, fall: Any, d0: Any, d1: Any, length: Any) -> Any:
-    """Return about where in half a step a margin falls through zero, from the start of the half.
-
-    By the cubic through places and slopes of the inverse function, or the chord.
-    """
-    u, a, b = high / fall, -fall / (length * d0), -fall / (length * d1)
-    x = u * fma(u, fma(u, a + b - 2.0, 3.0 - 2.0 * a - b), a)
-    return length * where((x > 0.0) & (x < 1.0), x, u)
 
 
 @kernel

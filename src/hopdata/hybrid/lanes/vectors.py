@@ -17,13 +17,12 @@ import math
 import operator
 import re
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import config, njit, types
 from numba.core import cgutils
 from numba.core.datamodel import models
 from numba.core.imputils import lower_cast
@@ -34,16 +33,17 @@ from numba.extending import intrinsic, lower_builtin, overload, overload_attribu
 Function = Callable[..., Any]
 
 
-@cache
-def _features() -> frozenset[str]:
+def _features() -> str:
+    """Return the names of what the processor has for which Numba compiles."""
+    chosen = config.CPU_FEATURES  # type: ignore[attr-defined]
     try:
-        return frozenset(name for name, there in llvm.get_host_cpu_features().items() if there)
-    except RuntimeError:  # LLVM cannot tell on this processor
-        return frozenset()
+        return llvm.get_host_cpu_features().flatten() if chosen is None else str(chosen)
+    except RuntimeError:  # LLVM cannot tell
+        return ""
 
 
 # Two vectors of the processor: while one waits for its result, the other is worked on.
-WIDTH = 16 if "avx512f" in _features() else 8 if "avx" in _features() else 4
+WIDTH = 16 if "+avx512f" in _features() else 8 if "+avx" in _features() else 4
 ALL = (1 << WIDTH) - 1
 ALIGNMENT = 64
 DOUBLE, LONG = ir.DoubleType(), ir.IntType(64)
