@@ -5,6 +5,7 @@ BENCHMARK_TABLES = {
     "order": ["order.csv", "theorem.csv", "dense.csv"],
     "integrator": ["integrator.csv"],
     "work_precision": ["work_precision.csv", "ratios.csv", "head_to_head.csv"],
+    "batches": ["batches.csv"],
     "calibration": ["calibration.csv", "calibration_table.csv", "calibration_trajectories.csv"],
     "plate": ["plate.csv", "plate_marginal.csv", "plate_scaling.csv"],
     "stress": ["stress.csv"],

@@ -260,7 +260,7 @@ def solve_batch(
         return solve_batch(
             **asked, mode=mode, rtol=rtol, max_step=max_step, first_step=first_step,
             max_steps=max_steps, max_events=max_events, method=method, memory=memory,
-            workers=workers, progress=progress,
+            workers=workers, progress=progress, lanes=lanes,
         )  # fmt: skip
     options = arguments.check_numbers(t_span, rtol, max_step, first_step, max_steps, max_events)
     if workers is not None:

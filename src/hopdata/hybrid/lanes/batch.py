@@ -15,6 +15,7 @@ from numba.core.errors import NumbaError
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.code_cache import DIGITS, compiled_in_cache, function_digest
+from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.declare import function_name, reason_and_advice
 from hopdata.hybrid.compiled.digest import driver_digest, with_digest
 from hopdata.hybrid.compiled.kernel import ENTRY, kernel
@@ -52,6 +53,8 @@ def reason_against(system: System, method: str, jacobian: bool) -> str:
         return f"their method is 'dop853', asked is {method!r}"
     if method == "auto" and system.affine is not None:
         return "the modes are affine, and 'auto' takes Taylor's method for them"
+    if system.rules[at.TERMINAL].max(initial=0) > 1:
+        return "a later event than a guard's first ends the integration"
     if system.n_guards > MOST_GUARDS:
         return f"there are {system.n_guards} guards, and lanes keep {MOST_GUARDS}"
     if len(read_modes(system)) > MOST_READ:

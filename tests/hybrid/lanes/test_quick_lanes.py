@@ -1,0 +1,88 @@
+"""Guards that bend, or move more quickly than the state, in lanes: no contact is missed.
+
+The smooth families of the stress suite, against its exact events; guards that branch on the state
+have no lanes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import stress_quick as quick
+from numba import njit
+
+from hopdata.hybrid import System, guards, solve_batch
+
+SMOOTH = [name for name in quick.FAMILIES if name not in ("abs", "max", "table")]
+MEMBERS = 6  # of each family at each tolerance
+
+
+@njit(error_model="numpy")
+def height(q, t, u, v, du, dv, after):
+    """What `stress_quick.height` does for the smooth kinds."""
+    kind, a, b, c, d = int(q[0]), q[1], q[2], q[3], q[4]
+    if kind == quick.SINE:
+        return np.sin(b * u + c) - d, b * np.cos(b * u + c) * du
+    if kind == quick.BUMP:
+        x = (u - c) / b
+        bump = a * np.exp(-0.5 * x * x)
+        return bump - d, -bump * x / b * du
+    if kind == quick.PRODUCT:
+        return (u - a) * (v - b) * c, ((v - b) * du + (u - a) * dv) * c
+    if kind == quick.POWER:
+        return b * (u - a) ** int(c), b * c * (u - a) ** int(c - 1) * du
+    if kind == quick.SURFACE or (kind == quick.AFTER and after > 0):
+        return u - a - b * np.sin(c * t + d), du - b * c * np.cos(c * t + d)
+    return u - a, du
+
+
+@guards
+def smooth_guards(t, y, dy, mode, params, h, hdot):
+    for k in range(2):
+        first = quick.FIXED + k * quick.WIDTH
+        h[k], hdot[k] = height(
+            params[first : first + quick.WIDTH], t, y[0] + y[2], y[1], dy[0] + dy[2], dy[1], mode[2]
+        )
+
+
+SYSTEM = replace(quick.quick(), guards=smooth_guards, jacobian=None)
+TABLE = System(
+    quick.fall_field, quick.table_guard, quick.bounce, n_states=2, guard_names=("table",)
+)
+
+
+def judge(case, system):
+    """Tell whether the integration in lanes ends where it should, after as many events."""
+    found = solve_batch(
+        system, case.t_span, [case.y0], method="dop853", lanes=True, workers=1, **case.options
+    )
+    assert not found.lanes_reason, found.lanes_reason
+    (answer,) = case.answers
+    near = np.abs(found.y_end[0] - answer.y_end) <= answer.state_tolerance
+    assert found.success, case
+    assert found.n_events[0] == len(answer.events), case
+    assert near.all(), case
+    return found.lanes[0]
+
+
+@pytest.mark.parametrize("family", SMOOTH)
+def test_no_contact_of_a_family_is_missed(family):
+    here = []
+    for number, rtol in enumerate(quick.RTOLS):
+        rng = np.random.default_rng([number, *map(ord, family)])
+        for _ in range(MEMBERS):
+            here.append(judge(quick.quick_member(family, rng, rtol), SYSTEM))
+    flat = family in ("x^3", "x^5")  # which stand still on their surface
+    assert np.mean(here) > (0.1 if flat else 0.8)
+
+
+@pytest.mark.parametrize("rtol", quick.RTOLS)
+def test_no_contact_with_a_shaking_table_is_missed(rtol):
+    rng = np.random.default_rng(3)
+    here = []
+    for _ in range(3 * MEMBERS):
+        case = quick.table_member(rng, rtol)
+        here.append(judge(case, TABLE))
+    assert np.mean(here) > 0.8
