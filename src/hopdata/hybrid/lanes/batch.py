@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit, types
-from numba.core.errors import NumbaError
+from numba import NumbaError, njit, types
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.code_cache import DIGITS, compiled_in_cache, function_digest
