@@ -129,16 +129,20 @@ class FrameChangeProcess:
     @cached_property
     def inverse_factors(self) -> FloatArray:
         """Inverse Cholesky factors of the three covariances, (3, m, m)."""
+        from scipy.linalg import solve_triangular
+
         covariances = self.variance[:, None, None] * self._correlations(self.inputs)
-        covariances += self.noise[:, None, None] * np.eye(len(self.inputs))
+        unit = np.eye(len(self.inputs))
+        covariances += self.noise[:, None, None] * unit
         with one_blas_thread():
             try:
-                return np.asarray(np.linalg.inv(np.linalg.cholesky(covariances)))
+                factors = np.linalg.cholesky(covariances)
             except np.linalg.LinAlgError as error:
                 raise AnalysisError(
                     "Gaussian process: expected a positive definite covariance, found one that is "
                     "not; the noise is too small for hops that are so much alike"
                 ) from error
+            return np.array([solve_triangular(one, unit, lower=True) for one in factors])
 
     @property
     def _whitened(self) -> FloatArray:
