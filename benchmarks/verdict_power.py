@@ -1,18 +1,20 @@
 """Size, power, coverage and the promised detectable difference of the verdict, over whole studies.
 
     python benchmarks/verdict_power.py --out verdict_power.csv [--studies 40] [--only kappa]
+        [--simulated]
 
 Landings that are C1, of two systems, in many ways of being seen; and three kinds of control. A
 study draws the apexes of its landings from a long gait, with kicks and preloads of its own; its
-landings are integrated, seen frame by frame with noise, and judged, all of them and the first
-1,000. Its seeds are its own: those on which choices of the verdict were made are none of them.
+landings are integrated, seen frame by frame with noise, and judged: all of them, and each thousand
+and each 500 for itself. Its seeds are its own; docs/verdict.md says what was chosen on which.
 
 What is simulated, and what is judged, is kept beside the table in ``verdict_studies/`` (0.7 MB a
 study) and not done again; to judge the same studies anew remove its JSON files. One row a kind and
-number of landings; beside it ``verdict_studies.csv``, one row a study. `found_share` is the share
-of studies with a difference, with its 95 % interval (Wilson); `interval_covers` and `bound_covers`
-are those whose interval or one-sided bound holds the true difference, and `detectable` is the
-median size that they say is found in 80 %.
+number of landings; beside it ``verdict_studies.csv``, one row a verdict. `found_share` is the share
+with a difference, with its 95 % interval (Wilson); `interval_covers` and `bound_covers` are those
+whose interval or one-sided bound holds the true difference, and `detectable` is the median size
+that they say is found in 80 %. ``verdict_promise.csv`` says in what share it is found: by a probit
+fit to the studies of each control, for the exact difference and for that which the fit shows.
 """
 
 from __future__ import annotations
@@ -30,7 +32,10 @@ from typing import Any
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
+import statsmodels.api as sm
 from scipy.signal import butter, sosfiltfilt
+from scipy.stats import norm
+from statsmodels.genmod.families.links import Probit
 from statsmodels.stats.proportion import proportion_confint
 from true_tracks import Apexes, apexes_of, joined, see_landings, true_states
 
@@ -52,11 +57,10 @@ from hopdata.synthesis.landings import (
 )
 from hopdata.synthesis.trial import Kicks, MarkerOptions, run_trial
 
-FIRST_SEED = 1000
+FIRST_SEED = 2000
 GAIT_HOPS, TRIALS = 12_000, 4
 INSTANT_NOISE_S = 0.0006
-LEVEL = 0.05
-FEW = 1000
+FEW, FEWEST = 1000, 500
 
 HOPPER_SECTIONS = SectionHeights(0.502, 0.2774, np.array(MarkerOptions().body_m))
 FOUR_MARKERS = [[0.2, 0.03, 0.05], [-0.05, 0.12, 0.075], [-0.2, -0.07, 0.055], [0.06, -0.1, 0.09]]
@@ -145,7 +149,7 @@ def kinds() -> dict[str, Kind]:
         "C1 two feet": Kind(scene=TWO),
         "C1 six feet": Kind(scene=SIX),
     }
-    controls = {f"kappa {k:g}": Control(coupling=k) for k in (0.05, 0.1, 0.2, 0.4)}
+    controls = {f"kappa {k:g}": Control(coupling=k) for k in (0.1, 0.2, 0.4)}
     controls |= {f"eps {e:g}": Control(impulse=e) for e in (0.1, 0.2, 0.3)}
     controls |= {f"tau {1e3 * t:g} ms": Control(delay_s=t) for t in (0.005, 0.01)}
     coupled = {
@@ -156,7 +160,9 @@ def kinds() -> dict[str, Kind]:
         f"{name} feet kappa 0.1": Kind(scene=scene, control=Control(coupling=0.1))
         for name, scene in (("two", TWO), ("six", SIX))
     }
-    return same | {name: Kind(control=control) for name, control in controls.items()} | coupled
+    weakest = {"kappa 0.05": Kind(control=Control(coupling=0.05), hops=2860)}
+    controlled = {name: Kind(control=control) for name, control in controls.items()}
+    return same | weakest | controlled | coupled
 
 
 def gait(kind: Kind, folder: Path) -> np.ndarray:
@@ -229,9 +235,14 @@ def true_size(kind: Kind, before: np.ndarray, root: np.ndarray, instants: np.nda
     return relative_size(marker_motions(kind.sections.points_m) @ exact.maps @ root, weights)
 
 
+def study_file(name: str, seed: int, folder: Path) -> Path:
+    """Return where a simulated study is kept."""
+    return folder / f"{name.replace(' ', '_')}_{seed}.npz"
+
+
 def simulate(name: str, seed: int, folder: Path) -> Path:
     """Return the file of one study, which is simulated if there is none yet."""
-    file = folder / f"{name.replace(' ', '_')}_{seed}.npz"
+    file = study_file(name, seed, folder)
     if not file.exists():
         kind, rng = kinds()[name], np.random.default_rng([seed, *name.encode()])
         study = observed(kind, gait(kind, folder), rng)
@@ -240,24 +251,35 @@ def simulate(name: str, seed: int, folder: Path) -> Path:
     return file
 
 
-def one_study(name: str, seed: int, folder: Path) -> Path:
-    """Return the file of the verdicts on a study: on all its landings, and the first thousand."""
-    source = simulate(name, seed, folder)
+def one_study(name: str, seed: int, folder: Path, simulated: bool) -> Path | None:
+    """Return the file of the verdicts on a study; None if only those simulated are wanted."""
+    source = study_file(name, seed, folder) if simulated else simulate(name, seed, folder)
+    if not source.exists():
+        return None
     file = source.with_suffix(".json")
     if file.exists():
         return file
-    kind, study = kinds()[name], np.load(source)
-    rows = []
-    for asked in (FEW, kind.hops):
-        parts = (study[part][:asked] for part in ("before", "after", "instants"))
-        answer = judge(*parts, seed=seed, flips=999)
-        row: dict[str, Any] = {"condition": name, "strength": kind.strength, "seed": seed}
-        row |= {"asked": asked, "landings": answer.n_landings, "conclusion": answer.conclusion}
-        row["true_effect"] = float(study["true_effect"])
-        rows.append(row | (asdict(answer.effect) if answer.effect else {}))
+    study, hops = np.load(source), kinds()[name].hops
+    seen = len(study["before"])
+    parts = [(n, first) for n in (FEWEST, FEW) for first in range(0, seen - n + 1, n)]
+    rows = [
+        judged(name, study, seed, first, asked)
+        for asked, first in [*parts, *((n, 0) for n in sorted({2100, hops}))]
+    ]
     with whole_file(file) as part:
         part.write_text(json.dumps(rows))
     return file
+
+
+def judged(name: str, study: Any, seed: int, first: int, asked: int) -> dict[str, Any]:
+    """Return the verdict on some landings of a study as one row."""
+    names = ("before", "after", "instants")
+    parts = (study[part][first : first + asked] for part in names)
+    answer = judge(*parts, seed=seed + first, flips=999)
+    row: dict[str, Any] = {"condition": name, "strength": kinds()[name].strength, "seed": seed}
+    row |= {"asked": asked, "landings": answer.n_landings, "conclusion": answer.conclusion}
+    row["true_effect"] = float(study["true_effect"])
+    return row | (asdict(answer.effect) if answer.effect else {})
 
 
 def summary(table: pd.DataFrame) -> pd.DataFrame:
@@ -294,29 +316,56 @@ def summary(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def promise(table: pd.DataFrame) -> pd.DataFrame:
+    """One row a control and number of landings: the share found at the size that is promised.
+
+    Of the differences by exact Jacobians, and by what the fit shows of them with most landings.
+    """
+    medians = table.groupby(["condition", "asked"])["detectable"].transform("median")
+    most = table[table["asked"] == table.groupby("condition")["asked"].transform("max")]
+    shown = table["condition"].map(most.groupby("condition")["estimate"].mean())
+    control = table["condition"].str.extract("^(kappa|eps|tau)", expand=False)
+    rows = []
+    for (name, asked), part in table.groupby([control, "asked"], sort=False):
+        row = {"control": name, "asked": asked, "studies": len(part)}
+        found = (part["low"] > 0).to_numpy(float)
+        for what, size in (("exact", table["true_effect"]), ("shown", shown)):
+            ratio = np.log(size / medians)[part.index].to_numpy()
+            terms = np.column_stack([np.ones(len(ratio)), ratio])
+            fit = sm.GLM(found, terms, sm.families.Binomial(Probit())).fit()
+            row[f"found_{what}"] = float(fit.predict([[1.0, 0.0]])[0])
+            row[f"needed_{what}"] = float(np.exp((norm.ppf(0.8) - fit.params[0]) / fit.params[1]))
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
 def main() -> None:
-    """Do what studies are missing, and write both tables."""
+    """Do what studies are missing, and write the tables."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
     parser.add_argument("--studies", type=int, default=40, help="studies of each kind")
     parser.add_argument("--only", default="", help="kinds whose name holds this text")
+    parser.add_argument("--simulated", action="store_true", help="judge what is simulated, no more")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
     args = parser.parse_args()
     folder = args.out.parent / "verdict_studies"
     folder.mkdir(parents=True, exist_ok=True)
     names = [name for name in kinds() if args.only in name]
     seeds = range(FIRST_SEED, FIRST_SEED + args.studies)
-    tasks = [(name, seed, folder) for seed, name in product(seeds, names)]
+    tasks = [(name, seed, folder, args.simulated) for seed, name in product(seeds, names)]
     with ProcessPoolExecutor(args.workers) as pool:
-        files = list(pool.map(one_study, *zip(*tasks, strict=True)))
-    table = pd.DataFrame([row for file in files for row in json.loads(file.read_text())])
+        files = [file for file in pool.map(one_study, *zip(*tasks, strict=True)) if file]
+        rows = [row for file in files for row in json.loads(file.read_text())]
+    table = pd.DataFrame(rows)
     order = {name: number for number, name in enumerate(names)}
     table = table.sort_values(
-        ["condition", "asked"], key=lambda c: c.map(lambda v: order.get(v, v))
+        ["condition", "asked"], key=lambda c: c.map(lambda v: order.get(v, v)), ignore_index=True
     )
-    table.to_csv(args.out.with_name("verdict_studies.csv"), index=False, float_format="%.6g")
+    beside = args.out.with_name
+    table.to_csv(beside("verdict_studies.csv"), index=False, float_format="%.6g")
+    promise(table).to_csv(beside("verdict_promise.csv"), index=False, float_format="%.4g")
     summary(table).to_csv(args.out, index=False, float_format="%.6g")
     print(summary(table).to_string(index=False))
 

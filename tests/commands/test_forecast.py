@@ -51,7 +51,7 @@ def test_few_landings_are_counted_and_more_are_asked_for(check):
     assert landings.endswith("toe1 100 %, toe2 100 %, toe3 100 %")
     assert verdict.startswith("out of reach: contact orders with 20 touchdowns or more")
     more, vary = starting(lines, "change")
-    assert more.startswith("record more: about 180 landings")
+    assert more.startswith("record more: about 150 landings")
     assert vary.startswith("vary how the body lands")
 
 

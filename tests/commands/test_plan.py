@@ -29,7 +29,7 @@ def test_the_number_falls_with_the_square_of_the_difference(tmp_path, capsys):
     assert rows["10"] == "4,000"
     assert rows["20"] == "1,000"
     assert rows["8"] == "6,200"  # two digits of 6,250
-    assert rows["50"] == "180", "second-order terms take as many"
+    assert rows["50"] == "160", "second-order terms take as many"
 
 
 def test_the_curve_is_drawn_through_the_pilot(tmp_path):

@@ -17,7 +17,7 @@ BENCHMARK_TABLES = {
     "velocities": ["velocities.csv"],
     "maps": ["maps.csv", "maps_noise.csv", "maps_readings.csv"],
     "map_error": ["map_error.csv", "map_error_spread.csv"],
-    "verdict_power": ["verdict_power.csv", "verdict_studies.csv"],
+    "verdict_power": ["verdict_power.csv", "verdict_promise.csv", "verdict_studies.csv"],
     "study_cost": ["study_cost.csv", "study_cost_stages.csv"],
     "animals": ["animals.csv"],
     "recording_faults": ["recording_faults.csv", "floor_faults.csv", "filling.csv"],

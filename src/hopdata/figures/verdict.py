@@ -119,7 +119,7 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     if low > 0:
         found = 100.0 * effect["estimate"]
         axes.plot(found, 1.0, "|", color="white", markersize=7, markeredgewidth=2)
-    words = f"{sure} interval" if low > 0 else f"not excluded, at {sure} confidence"
+    words = f"{sure} interval" if low > 0 else f"could still hide here, at {sure} confidence"
     _write(axes, words, (low, 1.0), 7, colour, top)
     axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
     _write(axes, f"smaller than {margin:g} %\ncounts as none", (margin, 1.7), -3, style.INK, top)
@@ -192,8 +192,10 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
     for row, text in enumerate(words):
         level = levels[row] if conclusion == "different" else float(np.mean(levels))
         axes.text(6.2, level, text, va="center", color="white", fontweight="bold", bbox=box)
+    what = "map: from the state before a landing to the state after it"
+    axes.text(0.0, grounds[-1] - 1.6, what, va="top", color=style.INK, fontsize=7)
     axes.set_xlim(-0.3, 9.2)
-    axes.set_ylim(grounds[-1] - 1.4, 2.2)
+    axes.set_ylim(grounds[-1] - 2.2, 2.2)
     axes.set_axis_off()
 
 

@@ -10,8 +10,8 @@ inputs,
 both as rms motions of the markers. In the kinks b it is a quadratic form, e^2 = b'Fb. All that is
 said follows from the one statistic T = b'Fb and its distribution under b = e u, u the direction
 found: each landing's contribution to the error of b is as likely to have the other sign, so random
-signs draw that error whatever the scatter of the landings (Hemerik, Goeman and Finos 2020); smooth
-terms that are not fitted enter as normal draws of their variance.
+signs draw that error whatever the scatter of the landings (Hemerik, Goeman and Finos 2020); what
+smooth terms beyond those fitted may have left in enters as normal draws of its size.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from hopdata.maps.verdict.inputs import (
     SectionLandings,
     contact_orders,
 )
-from hopdata.maps.verdict.model import KinkFit, symmetric_root, window_share
+from hopdata.maps.verdict.model import FARTHER, WINDOW, KinkFit, symmetric_root
 
 _AT_ONCE = 4000  # sign patterns in memory
 _BISECTIONS = 50
@@ -184,7 +184,7 @@ class _Draws:
 
     `null` and `full` (draws, m) are signed sums of the contributions without any kinks, and with
     those found; between them they are mixed in proportion to the size that is assumed. `missed`
-    (draws, m) is what smooth terms that are not fitted add.
+    (draws, m) is what smooth terms beyond those fitted add.
     """
 
     null: FloatArray
@@ -217,10 +217,9 @@ def effect_size(
     difference. For `high` and the bound a statistic below that median counts as the median: an
     estimate smaller than noise alone gives is luck, not knowledge.
 
-    Smooth terms that are not fitted shift the kinks by the same amount in every study of a system,
-    and as a rule along the difference itself. So their standard deviation, all of it taken along
-    the difference, is added to the upper ends and to what is detectable, and `low` brought down by
-    it, but not to zero.
+    Smooth terms beyond those fitted shift the kinks by the same amount in every study of a system,
+    and may do so along the difference itself. So what is granted for them, all of it taken along
+    the difference, is added to the upper ends, and `low` brought down by it, but not to zero.
 
     Parameters
     ----------
@@ -237,7 +236,8 @@ def effect_size(
     found = root @ fit.coefficients.ravel()
     statistic = float(found @ found)
     size = float(np.sqrt(statistic))
-    draws = _draws(fit, root, flips, generator)
+    granted = FARTHER * root @ fit.change.ravel()
+    draws = _draws(fit, root, granted, flips, generator)
     null = np.sum((draws.null + draws.missed) ** 2, axis=1)
     typical = max(statistic, float(np.median(np.sum(draws.null**2, axis=1))))
     level = round(1.0 - confidence, 12)  # 0.05, not a little more
@@ -251,17 +251,17 @@ def effect_size(
 
         return _crossing(excess)
 
-    shift = float(np.sqrt(np.trace(root @ fit.curvature @ root.T)))
+    shift = float(np.linalg.norm(granted))
     floor = below(float(np.median(null)), level / 2.0)
     low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
-    noise = float(np.trace(root @ fit.covariance @ root.T))
+    noise = float(np.sum((fit.scores @ root.T) ** 2))
     p_value = (1 + int(np.sum(null >= statistic))) / (1 + flips)
     return EffectSize(
         estimate=float(np.sqrt(max(0.0, statistic - noise))),
         low=low**2 / (low + shift) if p_value < level and low > 0.0 else 0.0,
         high=below(typical, level / 2.0, 0.0) + shift,
         upper_bound=below(typical, level, 0.0) + shift,
-        detectable=_detectable(null, draws, level, power, generator) + shift,
+        detectable=_detectable(null, draws, level, power),
         p_value=p_value,
     )
 
@@ -271,7 +271,7 @@ def landings_needed(landings: int, detectable: float, difference: float, feet: i
 
     Errors fall with the root of the number of landings; but it takes so many as second-order terms.
     """
-    least = LANDINGS_PER_TERM * number_of_free_terms(8, feet, 2) / window_share(feet)
+    least = LANDINGS_PER_TERM * number_of_free_terms(8, feet, 2) / WINDOW
     return int(np.ceil(max(least, landings * (detectable / difference) ** 2)))
 
 
@@ -285,29 +285,26 @@ def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:
     return np.asarray(axes * np.sign(axes @ root @ fit.coefficients.ravel())[:, None])
 
 
-def _draws(fit: KinkFit, root: FloatArray, count: int, generator: np.random.Generator) -> _Draws:
+def _draws(
+    fit: KinkFit, root: FloatArray, granted: FloatArray, count: int, generator: np.random.Generator
+) -> _Draws:
     both = np.hstack([fit.null_scores @ root.T, fit.scores @ root.T])
     sums = np.empty((count, both.shape[1]))
     for first in range(0, count, _AT_ONCE):
         some = sums[first : first + _AT_ONCE]
         some[:] = (2.0 * generator.integers(0, 2, size=(len(some), len(both))) - 1.0) @ both
-    normal = generator.standard_normal((count, len(root)))
-    missed = normal @ symmetric_root(root @ fit.curvature @ root.T)
     null, full = np.split(sums, 2, axis=1)
-    return _Draws(null, full, missed)
+    return _Draws(null, full, generator.standard_normal((count, 1)) * granted)
 
 
-def _detectable(
-    null: FloatArray, draws: _Draws, level: float, power: float, generator: np.random.Generator
-) -> float:
-    """Return the size at which the test finds kinks in random directions with this power."""
+def _detectable(null: FloatArray, draws: _Draws, level: float, power: float) -> float:
+    """Return the size at which the test finds kinks along the largest error with this power."""
     threshold = float(np.quantile(null, 1.0 - level))
-    directions = generator.standard_normal(draws.null.shape)
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    errors = draws.null + draws.missed
+    along, across = errors[:, -1], np.sum(errors[:, :-1] ** 2, axis=1)
 
     def too_small(size: float) -> float:
-        statistic = np.sum((draws.null + draws.missed + size * directions) ** 2, axis=1)
-        return float(np.mean(statistic <= threshold)) - (1.0 - power)
+        return float(np.mean((along + size) ** 2 + across <= threshold)) - (1.0 - power)
 
     return _crossing(too_small)
 
