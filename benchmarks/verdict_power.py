@@ -6,7 +6,7 @@
 Landings that are C1, of two systems, in many ways of being seen; and three kinds of control. A
 study draws the apexes of its landings from a long gait, with kicks and preloads of its own; its
 landings are integrated, seen frame by frame with noise, and judged: all of them, and each thousand
-and each 500 for itself. Its seeds are its own; docs/verdict.md says what was chosen on which.
+for itself. Its seeds are its own; docs/verdict.md says what was chosen on which.
 
 What is simulated, and what is judged, is kept beside the table in ``verdict_studies/`` (0.7 MB a
 study) and not done again; to judge the same studies anew remove its JSON files. One row a kind and
@@ -60,7 +60,7 @@ from hopdata.synthesis.trial import Kicks, MarkerOptions, run_trial
 FIRST_SEED = 2000
 GAIT_HOPS, TRIALS = 12_000, 4
 INSTANT_NOISE_S = 0.0006
-FEW, FEWEST = 1000, 500
+FEW = 1000
 
 HOPPER_SECTIONS = SectionHeights(0.502, 0.2774, np.array(MarkerOptions().body_m))
 FOUR_MARKERS = [[0.2, 0.03, 0.05], [-0.05, 0.12, 0.075], [-0.2, -0.07, 0.055], [0.06, -0.1, 0.09]]
@@ -261,7 +261,7 @@ def one_study(name: str, seed: int, folder: Path, simulated: bool) -> Path | Non
         return file
     study, hops = np.load(source), kinds()[name].hops
     seen = len(study["before"])
-    parts = [(n, first) for n in (FEWEST, FEW) for first in range(0, seen - n + 1, n)]
+    parts = [(FEW, first) for first in range(0, seen - FEW + 1, FEW)]
     rows = [
         judged(name, study, seed, first, asked)
         for asked, first in [*parts, *((n, 0) for n in sorted({2100, hops}))]
