@@ -125,13 +125,17 @@ def test_a_slope_and_a_shift_of_everything_are_taken_off(bent, fitted):
     )
 
 
-def test_a_floor_that_slopes_by_degrees_is_told(bent, fitted):
+@pytest.mark.parametrize("degrees", [2.0, 10.0])
+def test_a_floor_that_slopes_by_degrees_is_told_and_fitted(bent, fitted, degrees):
     def sloping(x, y):
-        return np.tan(np.deg2rad(2.0)) * (0.6 * x + 0.8 * y)
+        return np.tan(np.deg2rad(degrees)) * (0.6 * x + 0.8 * y)
 
-    floor = fit_floor(on_floor(bent, sloping, np.zeros(3)))
-    assert "the floor slopes by 2.0 degrees; turn the file" in floor.note
+    tilted = on_floor(bent, sloping, np.zeros(3))
+    floor = fit_floor(tilted)
+    assert f"the floor slopes by {degrees:.1f} degrees; turn the file" in floor.note
     assert "slopes" not in fitted.note
+    flat, same = level(tilted, floor).feet, level(bent, fitted).feet
+    assert np.quantile(np.abs(flat - same)[..., 2], 0.99) < 1e-3
 
 
 def test_without_noise_the_floor_is_exact():

@@ -55,8 +55,7 @@ def _notes(
     slope = np.rad2deg(np.arctan(np.hypot(plane[1], plane[2])))
     if found > 0 and slope >= NOTED_SLOPE_DEG:
         notes.append(
-            f"the floor slopes by {slope:.1f} degrees; turn the file's axes upright, or raise "
-            "floor.rest_band_m if feet at rest are left out"
+            f"the floor slopes by {slope:.1f} degrees; turn the file's axes upright if it is level"
         )
     return "; ".join(notes)
 
@@ -185,7 +184,7 @@ def fit_floor(
     if not enabled:
         return _zero_floor(recording, rest, degree)
     _require_rest(recording, rest, rest_speed_m_s)
-    rest = rest.take(np.abs(rest.above_mode) <= 3 * rest_band_m)
+    rest = rest.take(_near_floor(rest, 3 * rest_band_m))
     n_steps = rest.n_steps
     rest = floor_surface.thinned(rest, max_points)
     centre, scale = _centre_and_scale(rest.points[:, :2])
@@ -259,6 +258,20 @@ def _centre_and_scale(places: FloatArray) -> tuple[FloatArray, float]:
     """Middle of the ground stepped on, (2,), and half of its longer side, m."""
     low, high = np.quantile(places, [0.005, 0.995], axis=0)
     return 0.5 * (low + high), max(0.5 * float(np.max(high - low)), 1e-3)
+
+
+def _near_floor(rest: floor_surface.RestPoints, reach_m: float) -> BoolArray:
+    """Find the rests within reach of a level floor, or of a plane where the floor slopes, (P,)."""
+    heights, feet = rest.points[:, 2], len(rest.start_m)
+    columns = np.hstack([np.eye(feet)[rest.foot], rest.points[:, :2]])
+    plane, near = np.append(rest.start_m, [0.0, 0.0]), np.abs(rest.above_mode) <= reach_m
+    for _ in range(_ROUNDS):
+        found = np.linalg.lstsq(columns[near], heights[near])[0]
+        if np.hypot(found[-2], found[-1]) < np.tan(np.deg2rad(NOTED_SLOPE_DEG)):
+            break
+        plane = found
+        near = np.abs(heights - columns @ plane) <= reach_m
+    return np.asarray(near)
 
 
 def _require_rest(recording: Recording, rest: floor_surface.RestPoints, speed_m_s: float) -> None:
