@@ -228,8 +228,8 @@ def public_study(name: str) -> dict[str, Any] | None:
     if not found:
         return None
     study: dict[str, Any] = {"recordings": [{"name": "one", "file": str(found[0])}]}
-    if file.endswith(".txt"):
-        study["input"] = {"rate_hz": 150.0}
+    if others and not file.endswith(".tsv"):
+        study["input"] = {"vertical_axis": "y", "rate_hz": 150.0}
     if others:
         study["sections"] = {"frames": "landings"}
     return {**study, "markers": markers}
