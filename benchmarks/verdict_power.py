@@ -327,6 +327,8 @@ def promise(table: pd.DataFrame) -> pd.DataFrame:
     control = table["condition"].str.extract("^(kappa|eps|tau)", expand=False)
     rows = []
     for (name, asked), part in table.groupby([control, "asked"], sort=False):
+        if part["condition"].nunique() < 2:
+            continue  # of one strength the share rises with nothing
         row = {"control": name, "asked": asked, "studies": len(part)}
         found = (part["low"] > 0).to_numpy(float)
         for what, size in (("exact", table["true_effect"]), ("shown", shown)):
