@@ -81,10 +81,6 @@ def frozen():
 
 
 MISTAKES = {
-    "cut short.tsv": (
-        tsv("\r\n".join(LINES[:30])),
-        ["line 1: NO_OF_FRAMES", "expected 40", "found 18 rows", "cut short"],
-    ),
     "decimal comma.tsv": (
         tsv_row(5, 6, "12,5"),
         ["line 18, column 7", "a number", "'12,5'", "point"],
@@ -124,11 +120,7 @@ MISTAKES = {
     "a text document.txt": (tsv("To whom it may concern\n"), ["line 1", "header key", "'To whom"]),
     "inches.trc": (
         tsv(trc_text(standing(), NAMES, unit="inch")),
-        ["line 3: Units", "mm or m", "'inch'"],
-    ),
-    "key misspelt.trc": (
-        tsv(trc_text(standing(), NAMES).replace("DataRate", "DataRat", 1)),
-        ["line 2", "'DataRat'", "did you mean 'DataRate'"],
+        ["scale", "15.3 m", "set input.unit: mm"],
     ),
     "a column lost.trc": (
         tsv(trc_text(standing(), NAMES).replace("\tX3\tY3", "\tX3")),
@@ -144,9 +136,9 @@ MISTAKES = {
     ),
     "labels renamed.c3d": (
         c3d(renamed(b"LABELS", b"LABELZ")),
-        ["POINT:LABELS", "5 marker names", "did you mean 'LABELZ'"],
+        ["markers.body", "unnamed 1", "found 'hip left'"],
     ),
-    "unit.c3d": (c3d(renamed(b"mm", b"cm")), ["POINT:UNITS", "mm or m", "'cm'"]),
+    "unit.c3d": (c3d(renamed(b"mm", b"kg")), ["POINT:UNITS", "mm", "'kg'"]),
     "a picture.c3d": (tsv(b"\xff\xd8\xff\xe0" * 200), ["byte 1", "0x50", "0x50 in a header"]),
     "other frames.mat": (mat(Frames=41.0), ["trial.Frames", "expected 41", "found 40"]),
     "no trajectories.mat": (
@@ -190,6 +182,27 @@ def test_a_mistake_in_a_file_is_told_with_place_expected_and_found(tmp_path, mis
     assert "\n" not in message
     for part in ("expected", "found", *parts):
         assert part in message
+
+
+TOLD = {
+    "cut short.tsv": (
+        tsv("\r\n".join(LINES[:30])),
+        ["line 1: NO_OF_FRAMES", "expected 40", "found 18 rows", "cut short"],
+    ),
+    "key misspelt.trc": (
+        tsv(trc_text(standing(), NAMES).replace("DataRate", "DataRat", 1)),
+        ["line 2", "'DataRat'", "did you mean 'DataRate'"],
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", TOLD)
+def test_a_count_or_a_key_that_does_not_hold_is_told_beside_what_is_there(tmp_path, mistake):
+    make, parts = TOLD[mistake]
+    make(tmp_path / mistake)
+    (remark,) = checked(tmp_path / mistake).remarks
+    for part in (str(tmp_path / mistake), "expected", "found", *parts):
+        assert part in remark
 
 
 def test_the_files_are_sound_but_for_the_mistake(tmp_path):

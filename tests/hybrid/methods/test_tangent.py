@@ -165,9 +165,9 @@ def odd_jacobian(t, y, mode, params, jac):
 
 def test_an_exception_of_the_derivative_is_raised():
     system = bent(3, jacobian=odd_jacobian)
-    with pytest.raises(ValueError, match=r"^no derivative with a drive$"):
+    with pytest.raises(ValueError, match=r"^no derivative with a drive(\n|$)"):
         solve(system, (0, 1), [0.0, 1.2], params=FAR, jacobian=True)
-    with pytest.raises(ValueError, match=r"^no derivative with a drive$"):
+    with pytest.raises(ValueError, match=r"^no derivative with a drive(\n|$)"):
         solve_batch(system, (0, 1), [[0.0, 1.2]] * 3, params=FAR, jacobian=True)
     assert solve(system, (0, 1), [0.0, 1.2], params=FAR).success
 
