@@ -15,11 +15,12 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures both-sides test benchmarks lint format docs sample lock clean help
+.PHONY: figures both-sides test test-cluster benchmarks lint format docs sample lock clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
 	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
+	@echo "make test-cluster the sample through a SLURM of one node, two jobs killed (as root, with slurm-wlm)"
 	@echo "make both-sides the study of the dissertation's size: C1, not C1, half the spread, and all side by side"
 	@echo "make benchmarks error and run time beside other libraries, into results/benchmarks"
 	@echo "make lint       ruff, mypy, snakefmt and snakemake --lint"
@@ -40,6 +41,9 @@ endif
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(CORES) --dist loadfile --no-loadscope-reorder $(PYTEST_ARGS)
+
+test-cluster: $(VENV)/.dev
+	VENV=$(VENV) tests/cluster.sh
 
 both-sides: $(VENV)/.run
 	$(BIN)/snakemake --cores $(CORES) --configfile config/thesis.yaml

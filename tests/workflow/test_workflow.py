@@ -2,12 +2,14 @@
 
 import json
 import os
+import re
 import shlex
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
@@ -16,6 +18,7 @@ from checkouts import FIGURES, ROOT, copy_checkout, edit_config, planned_rules, 
 import hopdata
 from hopdata.commands.forecast import foretell
 from hopdata.config.loading import load_config
+from hopdata.figures.catalogue import FIGURES as CATALOGUE
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.readers.hdf5 import read_truth
 
@@ -333,6 +336,28 @@ def test_as_a_module_of_another_workflow_on_a_machine_that_is_not_here(tmp_path)
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
     assert (tmp_path / "results/sample/recordings/hopper.h5").is_file()
+
+
+def test_a_job_asks_for_twice_as_much_at_a_retry(tmp_path):
+    """Also jobs whose inputs are not there yet, as in a group that is sent as one."""
+    folder = copy_checkout(tmp_path)
+
+    def asked(attempt):
+        run = snakemake(folder, "-n", "--attempt", str(attempt))
+        found = re.findall(r"runtime=(\d+), mem_mb=(\d+),", run.stdout + run.stderr)
+        return np.array(found, dtype=int)
+
+    first = asked(1)
+    assert first.shape == (13, 2)
+    np.testing.assert_array_equal(asked(3), 4 * first)
+
+
+def test_the_profile_groups_rules_that_there_are():
+    profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text())
+    rules = "".join(path.read_text() for path in (ROOT / "workflow/rules").glob("*.smk"))
+    names = set(re.findall(r"^rule (\w+):", rules, re.MULTILINE))
+    names |= {f"figures_{kind}" for kind in CATALOGUE}
+    assert {entry.split("=")[0] for entry in profile["groups"]} <= names
 
 
 def test_after_a_kill_the_next_run_says_how_to_unlock_and_leaves_nothing(sample):

@@ -97,10 +97,20 @@ def code(script, *modules):
 
 
 def needs(*, minutes, mb_a_mb=0):
-    """Memory and time that a job asks a cluster for, by the size of its inputs."""
+    """Memory, by the size of the inputs, and time that a job asks a cluster for; twice at a retry."""
+
+    def memory(wildcards, input, attempt):
+        if all(map(os.path.exists, input)):
+            size_mb = input.size_mb
+        else:  # Jobs before it in its group write them: by the recordings that all come from.
+            names = [wildcards.recording] if "recording" in wildcards.keys() else RECORDINGS
+            files = [file for name in names for file in SOURCES[name] if os.path.exists(file)]
+            size_mb = sum(map(os.path.getsize, files)) / 1e6
+        return (800 + int(mb_a_mb * size_mb)) * 2 ** (attempt - 1)
+
     return {
-        "mem_mb": lambda wildcards, input: 800 + int(mb_a_mb * input.size_mb),
-        "runtime": minutes,
+        "mem_mb": memory,
+        "runtime": lambda wildcards, attempt: minutes * 2 ** (attempt - 1),
     }
 
 

@@ -1,0 +1,59 @@
+#!/usr/bin/env bash
+# The sample through a SLURM of one node on this machine, by profiles/slurm. A job dies by kill -9, and one
+# that holds a group is cancelled: the results are a local run's to the bytes. As root, where no SLURM is set
+# up: its configuration must lie in /etc/slurm, and is taken away again.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+bin=$(realpath "${VENV:-.venv}")/bin conf=/etc/slurm/slurm.conf
+say() { echo "test-cluster: $*" >&2; }
+stop() { say "$@"; exit 1; }
+type slurmctld slurmd munged sbatch >/dev/null || stop "install slurm-wlm and munge"
+"$bin/python" -c "import snakemake_executor_plugin_slurm" || stop "install it from PyPI"
+[ "$(id -u)" = 0 ] || stop "only root can start SLURM"
+[ ! -e $conf ] || stop "$conf: this machine has a SLURM already"
+work=$(mktemp -d) started=()
+trap 'scancel --me || true; kill "${started[@]}" || true; rm -f $conf' EXIT
+mkdir -p /etc/slurm "$work"/{state,spool,profile} && install -d -o munge /run/munge
+cat >$conf <<END
+ClusterName=test
+SlurmctldHost=$(hostname -s)
+SlurmUser=root
+StateSaveLocation=$work/state
+SlurmdSpoolDir=$work/spool
+ProctrackType=proctrack/linuxproc
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core_Memory
+SlurmdParameters=config_overrides
+JobAcctGatherType=jobacct_gather/linux
+JobAcctGatherFrequency=2
+JobAcctGatherParams=OverMemoryKill
+AccountingStorageType=accounting_storage/none
+NodeName=$(hostname -s) CPUs=4 RealMemory=16000
+PartitionName=short Nodes=ALL
+END
+runuser -u munge -- munged --foreground >"$work/munged.log" 2>&1 & started+=($!)
+slurmctld -D >"$work/slurmctld.log" 2>&1 & started+=($!)
+slurmd -D >"$work/slurmd.log" 2>&1 & started+=($!)
+until [ "$(sinfo -h -o %T 2>/dev/null)" = idle ]; do sleep 1; done
+
+# The two values, and what a SLURM without accounts wants.
+sed 's/PARTITION/short/; s/ACCOUNT/lab/; s/^# slurm-status/slurm-status/' profiles/slurm/config.yaml \
+  >"$work/profile/config.yaml"
+run() { # folder, options
+  mkdir "$work/$1" && ln -s "$PWD/data" "$work/$1/data"
+  "$bin/snakemake" --directory "$work/$1" "${@:2}" >"$work/$1.log" 2>&1 || { cat "$work/$1.log"; false; }
+}
+run local --cores 2
+run cluster --profile "$work/profile" --slurm-init-seconds-before-status-checks 3 & study=$!
+at_work() { # stage
+  until pgrep -f "$work/cluster/.snakemake/scripts/.*\.$1\.py"; do kill -0 $study || exit 1; sleep 0.2; done
+}
+kill -9 $(at_work verdict) && say "killed the verdict"
+at_work quality >/dev/null
+scancel "$(squeue -h -o "%i %k" | sed -n 's/ rule_page.*//p')" && say "cancelled the group of the page"
+wait $study
+[ "$(grep -c "Trying to restart" "$work/cluster.log")" = 2 ] || stop "$work/cluster.log: expected 2 retries"
+# All but times, and where it ran.
+diff -rq -x logs -x benchmarks -x report.html -x provenance.json "$work"/{local,cluster}/results/sample
+rm -r "$work"/{local,cluster}
+say "$(grep -c "submitted with SLURM" "$work/cluster.log") submissions, the bytes of a local run"
