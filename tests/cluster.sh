@@ -35,13 +35,13 @@ runuser -u munge -- munged --foreground >"$work/munged.log" 2>&1 & started+=($!)
 slurmctld -D >"$work/slurmctld.log" 2>&1 & started+=($!)
 slurmd -D >"$work/slurmd.log" 2>&1 & started+=($!)
 until [ "$(sinfo -h -o %T 2>/dev/null)" = idle ]; do sleep 1; done
-
 # The two values, and what a SLURM without accounts wants.
 sed 's/PARTITION/short/; s/ACCOUNT/lab/; s/^# slurm-status/slurm-status/' profiles/slurm/config.yaml \
   >"$work/profile/config.yaml"
 run() { # folder, options
   mkdir "$work/$1" && ln -s "$PWD/data" "$work/$1/data"
-  "$bin/snakemake" --directory "$work/$1" "${@:2}" >"$work/$1.log" 2>&1 || { cat "$work/$1.log"; false; }
+  "$bin/snakemake" --configfile config/config.yaml --directory "$work/$1" "${@:2}" >"$work/$1.log" 2>&1 ||
+    stop "$work/$1.log: expected a study that ends, found: $(tail -n 3 "$work/$1.log")"
 }
 run local --cores 2
 run cluster --profile "$work/profile" --slurm-init-seconds-before-status-checks 3 & study=$!
