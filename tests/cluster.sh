@@ -12,7 +12,7 @@ type slurmctld slurmd munged sbatch >/dev/null || stop "install slurm-wlm and mu
 [ "$(id -u)" = 0 ] || stop "only root can start SLURM"
 [ ! -e $conf ] || stop "$conf: this machine has a SLURM already"
 work=$(mktemp -d) started=()
-trap 'scancel --me || true; kill "${started[@]}" || true; rm -f $conf' EXIT
+trap 'scancel --me || true; pkill -KILL -f "$work/" || true; kill "${started[@]}" || true; rm -f $conf' EXIT
 mkdir -p /etc/slurm "$work"/{state,spool,profile} && install -d -o munge /run/munge
 cat >$conf <<END
 ClusterName=test
