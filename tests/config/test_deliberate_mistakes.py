@@ -248,7 +248,7 @@ REPLACED = {
     ),
     "feet without brackets": (
         ("[heel, toe]", "heel, toe"),
-        "7: markers.feet: expected a list of 2 to 6 names, found 'heel, toe'; write [heel, toe]",
+        "7: markers.feet: expected a list of 2 to 18 names, found 'heel, toe'; write [heel, toe]",
     ),
     "a role misspelt": (
         ("feet:", "foot:"),

@@ -224,7 +224,7 @@ MISTAKES = {
         "input: {unit: cm}\nhome:",
         ["input.unit", "'mm'", "found 'cm'; export in mm or m"],
     ),
-    "one foot": ("[heel, toe]", "[heel]", ["markers.feet: expected a list of 2 to 6 names"]),
+    "one foot": ("[heel, toe]", "[heel]", ["markers.feet: expected a list of 2 to 18 names"]),
     "two body markers": ("b1, b2, b3", "b1, b2", ["markers.body", "at least 3", "found 2 (b1"]),
     "marker in two roles": (
         "heel, toe",
