@@ -114,7 +114,7 @@ lock:
 	$(LOCK) pyproject.toml --extra test --extra lint -c requirements.lock -o requirements-dev.lock
 	$(LOCK) pyproject.toml --extra bench -c requirements-dev.lock -o requirements-bench.lock
 # What builds hopdata, and connection-pool of Snakemake, which is published as source only.
-	printf 'flit-core>=3.11,<5\nsetuptools\n' | $(LOCK) - -o requirements-build.lock
+	printf 'hatchling>=1.27,<2\nsetuptools\n' | $(LOCK) - -c requirements-dev.lock -o requirements-build.lock
 
 clean:
 	rm -rf $(VENV) results .snakemake .pytest_cache .mypy_cache .ruff_cache

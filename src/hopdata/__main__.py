@@ -31,7 +31,7 @@ from a file to a report:
   hopdata inspect monday.tsv                what is in it, and what looks wrong
   hopdata init monday.tsv                   write config/monday.yaml, roles guessed
   hopdata check config/monday.yaml          does it all fit?
-  snakemake --cores 2 --configfile config/monday.yaml
+  hopdata run config/monday.yaml            results/monday/report.html
 
 """
     + EXIT_CODES
@@ -53,7 +53,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         problem; 130 when interrupted. A wrong command line ends in argparse's SystemExit with
         code 2.
     """
-    options = _parser().parse_args(arguments)
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    # What follows "--" is Snakemake's; to argparse it would be more arguments of our own.
+    own = given.index("--") if given[:1] == ["run"] and "--" in given else len(given)
+    options = _parser().parse_args(given[:own], argparse.Namespace(passed_on=given[own + 1 :]))
     try:
         module, _, name = options.run.partition(":")
         code: int = getattr(import_module(module), name)(options)
@@ -122,6 +125,13 @@ def _check_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("config", metavar="CONFIG", help="such as config/config.yaml")
 
 
+def _run_options(command: argparse.ArgumentParser) -> None:
+    command.usage = "%(prog)s [-h] [--cores N] [CONFIG] [-- SNAKEMAKE OPTIONS]"
+    what = "such as config/monday.yaml; else that of the bundled sample"
+    command.add_argument("config", nargs="?", type=Path, metavar="CONFIG", help=what)
+    command.add_argument("--cores", default="2", metavar="N", help="or all; %(default)s")
+
+
 def _plan_options(command: argparse.ArgumentParser) -> None:
     what = "verdict.json of a pilot, or a configuration, which is first run as far as that"
     command.add_argument("pilot", type=Path, metavar="PILOT", help=what)
@@ -181,6 +191,16 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
         "and a line on each mistake, if anything is wrong. Nothing is written.",
         "  hopdata check config/config.yaml\n",
         _check_options,
+    ),
+    "run": (
+        "hopdata.commands.run:run",
+        "run a study, from its recordings to its report",
+        "Run the workflow of this installation on a study, or on the bundled sample. Results go\n"
+        "to results/ in the current folder. In a clone, `snakemake` does the same.",
+        "  hopdata run                                  the bundled sample\n"
+        "  hopdata run config/monday.yaml --cores 4\n"
+        "  hopdata run config/monday.yaml -- --dry-run  Snakemake's own options\n",
+        _run_options,
     ),
     "plan": (
         "hopdata.commands.plan:plan",

@@ -94,7 +94,8 @@ def _module_files(name: str) -> tuple[Path, ...]:
 
 @cache
 def _sources() -> frozenset[Path]:
-    return frozenset(PACKAGE.rglob("*.py"))
+    """All modules; an installed package also holds the workflow, whose scripts are none."""
+    return frozenset(PACKAGE.rglob("*.py")) - frozenset(PACKAGE.glob("_workflow/**/*.py"))
 
 
 def provenance(
@@ -127,7 +128,7 @@ def provenance(
 def package_digest() -> str:
     """Digest of all sources of the package: what a version number does not tell apart."""
     digest = hashlib.sha256()
-    for source in sorted(PACKAGE.rglob("*.py")):
+    for source in sorted(_sources()):
         digest.update(str(source.relative_to(PACKAGE)).encode())
         digest.update(source.read_bytes())
     return digest.hexdigest()

@@ -12,7 +12,7 @@ def ended(arguments, capsys):
 
 
 @pytest.mark.parametrize(
-    "command", [[], ["inspect"], ["init"], ["check"], ["plan"], ["config-docs"]]
+    "command", [[], ["inspect"], ["init"], ["check"], ["run"], ["plan"], ["config-docs"]]
 )
 def test_help_has_examples_and_exit_codes(command, capsys):
     code, out, _ = ended([*command, "--help"], capsys)
@@ -26,7 +26,7 @@ def test_help_has_examples_and_exit_codes(command, capsys):
     [
         (
             ["insepct", "x"],
-            ["expected one of inspect, init, check, plan", "did you mean 'inspect'?"],
+            ["expected one of inspect, init, check, run, plan", "did you mean 'inspect'?"],
         ),
         (["inspect"], ["the following arguments are required: FILE"]),
         (["inspect", "x.tsv", "--unit", "cm"], ["expected one of mm, m", "found 'cm'"]),

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
+from hopdata.commands.run import run_workflow
 from hopdata.commands.terminal import OK
 from hopdata.errors import ConfigError
 
@@ -48,11 +47,8 @@ def _verdict_of(config: Path) -> Path:
     from hopdata.config.loading import load_config
 
     verdict = Path("results") / load_config(config)["study"] / "verdict.json"
-    command = ["snakemake", "--cores", "2", "--quiet", "all", "--configfile", str(config)]
-    if not Path("Snakefile").exists():
-        raise ConfigError("hopdata plan: a configuration is run where the Snakefile is; go there")
     print(f"{config}: as far as {verdict}", flush=True)
-    if subprocess.run([sys.executable, "-m", *command, "--", str(verdict)], check=False).returncode:
+    if run_workflow(config, "--cores", "2", "--quiet", "all", "--", str(verdict)):
         raise ConfigError(f"{config}: the study does not run to its verdict; see above")
     return verdict
 
