@@ -1,5 +1,6 @@
 """A study in one process; that its bytes are the workflow's is tested in `workflow`."""
 
+import json
 import re
 import subprocess
 import sys
@@ -38,6 +39,13 @@ def test_what_a_notebook_looks_at(study):
     assert set(study.quality["status"]) <= {"good", "look", "poor", "unknown"}
     assert study.figure("fig2_3_schedule").axes
     assert study.tables["drift"].columns[0]
+
+
+def test_all_is_saved_where_no_noise_is_expected(study, tmp_path):
+    study[0].save(tmp_path)
+    checks = json.loads((tmp_path / "quality.json").read_text())
+    assert any(check["value"] is None for check in checks)
+    assert (tmp_path / "figures" / "verdict.svg").is_file()
 
 
 def test_a_file_with_its_roles_gives_the_recording_s_numbers(study, sample_path):

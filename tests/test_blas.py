@@ -20,6 +20,7 @@ SCRIPTS = sorted((Path(__file__).parents[1] / "workflow" / "scripts").glob("*.py
 ROOMS = ("landings", "maps", "recordings", "steering", "synthesis")
 # Files, tables, and options: no linear algebra worth a thread.
 TABLES = {
+    "join_feet",
     *("read_recording", "write_recording", "read_truth", "read_pairs", "write_pairs"),
     *("read_bases", "write_subspaces", "save_process", "load_process", "load_geometry"),
     *("from_table", "to_table", "true_map_of", "true_map_table", "training_table", "filled_table"),

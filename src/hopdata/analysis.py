@@ -370,9 +370,13 @@ class Study:
         found = {**self._of_landings, **self._of_maps}
         return {"touchdowns": self.touchdowns} | {k: as_stored(v) for k, v in found.items()}
 
-    @cached_property
+    @property
     def quality(self) -> pd.DataFrame:
         """Checks of the recordings and landings: value, unit, what is good and poor, and status."""
+        return pd.DataFrame(self._checks)
+
+    @cached_property
+    def _checks(self) -> list[Contents]:
         from hopdata.config.consistency import expected_noise_m
         from hopdata.landings.checks import check_study
 
@@ -383,10 +387,12 @@ class Study:
             faults=tables["faults"],
             stability=self._of_landings["section_stability"],
             drift=self._of_landings["drift"],
-            expected_noise_m=expected_noise_m(self.config),
+            expected_noise_m=self.config["report"]["expected_noise_m"]
+            if self.given
+            else expected_noise_m(self.config),
             other_feet=self.config["sections"]["frames"] == "landings",
         )
-        return pd.DataFrame([check.to_dict() for check in checks])
+        return [check.to_dict() for check in checks]
 
     def figure(self, name: str) -> Figure:
         """Draw a figure of the study.
@@ -440,7 +446,7 @@ class Study:
 
         base = Path(folder)
         write_json(base / "verdict.json", self.verdict.to_dict())
-        write_json(base / "quality.json", self.quality.to_dict("records"))
+        write_json(base / "quality.json", self._checks)
         for name, table in self.tables.items():
             write_table(base / "tables" / f"{name}.csv", table)
         for name in FIGURES["landings"] | FIGURES["maps"]:

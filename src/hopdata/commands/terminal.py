@@ -202,7 +202,7 @@ def _gaps(inspection: Inspection) -> list[str]:
     lines = [f"  gaps (a column is {column:.3g} s; {SEEN} seen, {PARTLY} partly, {UNSEEN} unseen)"]
     for gaps in inspection.gaps:
         longest = f"{counted(gaps.longest, 'frame')} ({gaps.longest / inspection.rate_hz:.3g} s)"
-        share = f"{100 * gaps.share:.2g} % unseen"
+        share = f"{float(f'{100 * gaps.share:.2g}'):g} % unseen"
         numbers = f"{counted(gaps.count, 'gap')}, longest {longest}, {share}"
         numbers = numbers if gaps.count else "no gap"
         lines.append(f"  {gaps.marker:{width}} {_bar(gaps, n_columns)} {numbers}")

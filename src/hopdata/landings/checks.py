@@ -220,7 +220,9 @@ def _sections(stability: pd.DataFrame) -> Check:
     if largest.notna().sum() == 0 or not pre > post:
         return _check(what, None, "no variant gives sections")
     worst = others.iloc[int(np.nanargmax(largest.to_numpy(float)))]
-    remark = f"{1e3 * float(largest.max()):.2g} mm with {worst['variant']}"
+    variant = str(worst["variant"])
+    how = variant if variant.startswith("without ") else f"with {variant}"
+    remark = f"{1e3 * float(largest.max()):.2g} mm {how}"
     remark += f"; {failed} variant{'s' if failed > 1 else ''} without any" if failed else ""
     return _check(what, 100.0 * float(largest.max()) / (pre - post), remark)
 
