@@ -116,7 +116,7 @@ for figure_name, tables in BENCHMARK_FIGURES.items():
             python=sys.executable,
             program=f"{PROGRAMS}/benchmark_figures.py",
             figure=figure_name,
-            base=f"{BENCHMARKS}/figures/{figure_name}",
+            base=lambda wildcards, output: os.path.splitext(output[0])[0],
             dpi=STUDY["figures"]["dpi"],
             formats=FORMATS,
             code=lambda wildcards: code_digest(PROGRAMS / "benchmark_figures.py"),
