@@ -384,3 +384,9 @@ def test_tables_without_rows_or_optional_columns():
         {"kind": [], "median": []})))  # fmt: skip
     assert facts["split"] is None
     assert set(facts["distances"].values()) == {None}
+
+
+def test_a_section_that_was_moved_is_said_in_its_caption():
+    for decided, moved in (("data", False), ("contacts", True)):
+        sections = {"decided": {"pre_height_m": decided, "post_height_m": "data"}}
+        assert study_facts(ReportInputs(study="x", sections=sections))["moved"] is moved

@@ -33,8 +33,8 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         in which a foot of the study lands; ``n_not_landed``, the others; ``n_used`` of the
         landings and ``n_excluded``, the rest of them; ``n_schedules`` of those used;
         texts with units (``pre, post, travel, min_threshold, max_threshold, length_unit,
-        time_unit, units, spread``), ``landings_only`` (sections made
-        from the body's descents alone), ``medians`` of the fitted models (normalised) and
+        time_unit, units, spread``), ``moved`` (a section, so as to hold the landings),
+        ``landings_only`` (sections made from the body's descents alone), ``medians`` of the fitted models (normalised) and
         ``distances`` (rad) by name, ``fitted`` and ``not_fitted`` as text, ``split``,
         ``labels_right`` by method (%), and ``study``.
     """
@@ -84,6 +84,7 @@ def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:
         "travel": _shown(travel, 1e3, "mm"),
         "min_threshold": _tenths_of_mm(sections.get("min_foot_threshold_m")),
         "landings_only": sections.get("frames") == "landings",
+        "moved": "contacts" in (sections.get("decided") or {}).values(),
         "max_threshold": _tenths_of_mm(sections.get("max_foot_threshold_m")),
     }
 

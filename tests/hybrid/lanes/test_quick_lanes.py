@@ -74,8 +74,9 @@ def test_no_contact_of_a_family_is_missed(family):
         rng = np.random.default_rng([number, *map(ord, family)])
         for _ in range(MEMBERS):
             here.append(judge(quick.quick_member(family, rng, rtol), SYSTEM))
-    hard = family in ("x^3", "x^5", "sine of the state, turning")  # many are left to the driver
-    assert np.mean(here) > (0.1 if hard else 0.8)
+    # Surfaces on which a guard stands still, or turns, are often left to the driver.
+    least = {"x^3": 0.1, "x^5": 0.1, "sine of the state, turning": 0.7}
+    assert np.mean(here) > least.get(family, 0.8)
 
 
 @pytest.mark.parametrize("rtol", quick.RTOLS)
