@@ -34,8 +34,8 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         landings and ``n_excluded``, the rest of them; ``n_schedules`` of those used;
         texts with units (``pre, post, travel, min_threshold, max_threshold, length_unit,
         time_unit, units, spread``), ``moved`` (a section, so as to hold the landings),
-        ``landings_only`` (sections made from the body's descents alone), ``medians`` of the fitted models (normalised) and
-        ``distances`` (rad) by name, ``fitted`` and ``not_fitted`` as text, ``split``,
+        ``landings_only`` (sections made from the body's descents alone), ``medians`` of the
+        fitted models (normalised) and ``distances`` (rad) by name, ``fitted`` and ``not_fitted`` as text, ``split``,
         ``labels_right`` by method (%), and ``study``.
     """
     return {
