@@ -35,8 +35,8 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         texts with units (``pre, post, travel, min_threshold, max_threshold, length_unit,
         time_unit, units, spread``), ``moved`` (a section, so as to hold the landings),
         ``landings_only`` (sections made from the body's descents alone), ``medians`` of the
-        fitted models (normalised) and ``distances`` (rad) by name, ``fitted`` and ``not_fitted`` as text, ``split``,
-        ``labels_right`` by method (%), and ``study``.
+        fitted models (normalised) and ``distances`` (rad) by name, ``fitted`` and
+        ``not_fitted`` as text, ``split``, ``labels_right`` by method (%), and ``study``.
     """
     return {
         "study": inputs.study,
