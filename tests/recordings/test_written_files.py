@@ -115,7 +115,6 @@ MISTAKES = {
         tsv(qtm_text(frequency="50")),
         ["time stamps", "0.02 s", "(50 Hz)", "0.01 s (100 Hz)"],
     ),
-    "UTF-16.tsv": (tsv(qtm_text().encode("utf-16")), ["tab-separated text", "UTF-16"]),
     "a marker that froze.tsv": (tsv(qtm_text(frozen())), ["'toe'", "to move", "40 frames"]),
     "a text document.txt": (tsv("To whom it may concern\n"), ["line 1", "header key", "'To whom"]),
     "inches.trc": (

@@ -18,7 +18,7 @@ from hopdata.recording import Event
 from hopdata.recordings import raw
 from hopdata.recordings.readers import qtm_header
 from hopdata.recordings.readers.mat import read_mat
-from hopdata.recordings.readers.text import Rows, blank_unseen, require_counters
+from hopdata.recordings.readers.text import Rows, blank_unseen
 
 TYPE_NAMES = {1: "Measured", 2: "Gap-filled", 3: "Virtual", 4: "Edited"}
 
@@ -65,8 +65,7 @@ def read_qtm_mat(
         )
     positions: FloatArray = np.array(np.moveaxis(data[:, :3], 2, 0), np.float64, order="C")
     _check_counts(export, labelled, positions, place)
-    unseen = np.isnan(positions).any(axis=2) | ~np.any(positions, axis=2)
-    positions[unseen] = np.nan
+    blank_unseen(positions)
     rate = raw.resolve_rate(
         f"{place}.FrameRate", stated=_number(export, "FrameRate", place), given=rate_hz
     )
@@ -226,13 +225,10 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
     types, untold = qtm_header.trajectory_types(header, len(markers))
     n_columns = len(counters) + 3 * len(markers)
     width = n_columns + qtm_header.n_empty_columns(header, names)
-    rows = Rows(header.path, header.n_lines, header.offset, width)
-    table = rows.numbers()
-    wrong += untold + _frame_count(header, len(table))
-    require_counters(rows, table[:, : len(counters)], counters)
-    positions = table[:, len(counters) : n_columns].reshape(len(table), len(markers), 3)
-    blank_unseen(positions)
-    time, rate, remarks = _time_and_rate(header, table, counters, rate_hz)
+    rows = Rows(header.path, header.n_lines, header.offset, width, header.mark)
+    counted, positions = rows.markers(counters, range(len(counters), n_columns))
+    wrong += untold + _frame_count(header, len(positions))
+    time, rate, remarks = _time_and_rate(header, counted, counters, rate_hz)
     return raw.RawRecording(
         markers,
         time,

@@ -11,6 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from itertools import islice
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,9 @@ from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
 from hopdata.recordings.readers.text import (
     TEXT_TABLE_MISSING,
+    decoded,
     is_number,
+    mark_between,
     pointed,
     readable,
     split_line,
@@ -56,6 +59,7 @@ class QtmHeader:
     n_lines: int = 0
     offset: int = 0
     remarks: tuple[str, ...] = ()
+    mark: str = "\t"
 
     def place(self, key: str) -> str:
         """File and line of `key`, for messages."""
@@ -91,8 +95,10 @@ def read_header(path: Path) -> QtmHeader:
     """
     header = QtmHeader(path)
     with readable(path) as file:
+        header.mark = mark_between([decoded(line) for line in islice(file, 5)])
+        file.seek(0)
         for line in file:
-            fields = split_line(path, line)
+            fields = split_line(path, line, header.mark)
             if _starts_the_numbers(header, fields):
                 header.first_row = fields
                 return header
@@ -112,7 +118,7 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     if first is None or is_number(pointed(first)):
         return first is not None or len(fields) > 1
     is_key = _KEY.fullmatch(fields[0]) and fields[0] not in TEXT_TABLE_MISSING
-    if is_key or _is_column_row(fields):
+    if is_key or is_column_row(fields):
         return False
     raise RecordingError(
         f"{header.path}, line {header.n_lines + 1}: expected a header key or numbers, "
@@ -129,7 +135,7 @@ def _no_tabs(line: str) -> str:
 def _take(header: QtmHeader, fields: list[str]) -> None:
     """Put one line that is not numbers into the header."""
     key = fields[0]
-    if _is_column_row(fields):
+    if is_column_row(fields):
         counters = {name.lower(): name for name in COUNTERS}
         header.columns = [counters.get(name.lower(), name) for name in trimmed(fields)]
     elif key == "EVENT":
@@ -164,7 +170,21 @@ def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
     return event, number
 
 
-def _is_column_row(fields: list[str]) -> bool:
+def columns_of(fields: list[str]) -> tuple[list[str], list[str] | None]:
+    """Counters and names of markers of a row of columns; None if the others are no coordinates."""
+    names = {name.lower(): name for name in COUNTERS}
+    counters = [names[f.lower()] for f in fields[: len(COUNTERS)] if f.lower() in names]
+    return counters, coordinate_stems(trimmed(fields)[len(counters) :])
+
+
+def is_known(fields: list[str]) -> bool:
+    """Tell whether a first row is one of QTM's exports: a key, names of columns or numbers."""
+    first = fields[0]
+    return first in KEYS or is_column_row(fields) or is_number(pointed(first))
+
+
+def is_column_row(fields: list[str]) -> bool:
+    """Tell whether a row names counters or coordinates."""
     return fields[0].title() in COUNTERS or coordinate_stems(fields[:3]) is not None
 
 
