@@ -267,8 +267,8 @@ def _times(table: ColumnTable, options: Mapping[str, Any], n_samples: int) -> Fl
     if name is None:
         if rate is None:
             raise RecordingError(
-                f"{table.rows.path}: forces.rate_hz: expected the samples' rate or forces.time_column, "
-                "found neither"
+                f"{table.rows.path}: forces.rate_hz: expected the samples' rate or "
+                "forces.time_column, found neither"
             )
         return np.arange(n_samples) / float(rate)
     time = table.numbers(name)

@@ -109,8 +109,9 @@ def read_export(
         return read_qtm_tsv(path, rate_hz=rate_hz)
     else:
         raise RecordingError(
-            f"{path}, line 1: expected an export of Motive (Format Version), Vicon Nexus (a section "
-            f"Trajectories), DeepLabCut (scorer) or Anipose, or a table (columns <name>_x, _y, _z), "
+            f"{path}, line 1: expected an export of Motive (Format Version), Vicon Nexus (a "
+            "section Trajectories), DeepLabCut (scorer) or Anipose, or a table (columns <name>_x, "
+            f"_y, _z), "
             f"found '{','.join(first)[:40]}'"
         )
     (numbers,) = sheet.below(at).numbers(places)

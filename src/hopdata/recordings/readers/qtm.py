@@ -20,8 +20,6 @@ from hopdata.recordings.readers import qtm_header
 from hopdata.recordings.readers.mat import read_mat
 from hopdata.recordings.readers.text import Rows, blank_unseen
 
-TYPE_NAMES = {1: "Measured", 2: "Gap-filled", 3: "Virtual", 4: "Edited"}
-
 
 def read_qtm_mat(
     path: str | Path,
@@ -79,7 +77,6 @@ def read_qtm_mat(
         rate,
         unit="mm",
         events=_events(export, place),
-        trajectory_types=_types(labelled, len(labels)),
         started=qtm_header.moment(export.get("Timestamp")),
         remarks=remarks,
     )
@@ -170,18 +167,6 @@ def _events(export: dict[str, Any], place: str) -> tuple[Event, ...]:
     return tuple(events)
 
 
-def _types(labelled: dict[str, Any], n_markers: int) -> tuple[str, ...]:
-    """How each marker came about: what most of its seen frames are; none if it is not said."""
-    types = labelled.get("TrajectoryTypes", labelled.get("Type"))
-    if isinstance(types, list) and len(types) == n_markers:
-        return tuple(str(kind) for kind in types) if all(isinstance(t, str) for t in types) else ()
-    if not isinstance(types, np.ndarray) or types.ndim != 2 or len(types) != n_markers:
-        return ()
-    counts = [[int(np.sum(row == code)) for code in TYPE_NAMES] for row in types]
-    names = list(TYPE_NAMES.values())
-    return tuple("Mixed" if sum(n > 0 for n in c) > 1 else names[int(np.argmax(c))] for c in counts)
-
-
 def _kind(value: Any) -> str:
     if isinstance(value, np.ndarray):
         return f"an array of {' x '.join(map(str, value.shape))} {value.dtype}"
@@ -219,15 +204,12 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
     """
     header = qtm_header.read_header(Path(path))
     _check_kind(header)
-    place, names, wrong = qtm_header.marker_names(header)
+    place, names, counters, wrong = qtm_header.layout(header)
     markers, renamed = raw.distinct_names(place, names, may_lack=True)
-    counters = qtm_header.counter_columns(header, names)
-    types, untold = qtm_header.trajectory_types(header, len(markers))
-    n_columns = len(counters) + 3 * len(markers)
-    width = n_columns + qtm_header.n_empty_columns(header, names)
+    n_columns, width = len(counters) + 3 * len(names), len(header.first_row)
     rows = Rows(header.path, header.n_lines, header.offset, width, header.mark)
     counted, positions = rows.markers(counters, range(len(counters), n_columns))
-    wrong += untold + _frame_count(header, len(positions))
+    wrong += _frame_count(header, len(positions))
     time, rate, remarks = _time_and_rate(header, counted, counters, rate_hz)
     return raw.RawRecording(
         markers,
@@ -237,7 +219,6 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
         unit=raw.USUAL_UNIT,
         unit_is_stated=not KEYS_OF_EXPORTS.isdisjoint(header.values),
         events=tuple(header.events),
-        trajectory_types=types,
         started=qtm_header.moment((header.values.get("TIME_STAMP") or [""])[0]),
         remarks=header.remarks + renamed + wrong + remarks + _event_remarks(header, rate),
     )

@@ -6,7 +6,7 @@ import codecs
 import csv
 import io
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice, product
 from pathlib import Path
@@ -96,10 +96,8 @@ def fields_of(line: str, mark: str = "\t") -> list[str]:
         return line.split() or [""]
     fields = line.rstrip("\r\n").split(mark)
     if '"' in line:
-        try:
+        with suppress(csv.Error):  # a field of more than 131,072 characters
             fields = next(csv.reader([line], delimiter=mark, skipinitialspace=True), [""])
-        except csv.Error:  # a field of more than 131,072 characters
-            pass
     return [field.strip().strip('"').strip() for field in fields] or [""]
 
 
@@ -312,8 +310,8 @@ class Rows:
         cause = "other text"
         try:
             frame = pd.read_csv(
-                io.BytesIO(block), sep=self.mark, header=None, usecols=wanted, quoting=csv.QUOTE_NONE,
-                na_values=list(TEXT_TABLE_MISSING), keep_default_na=False,
+                io.BytesIO(block), sep=self.mark, header=None, usecols=wanted,
+                quoting=csv.QUOTE_NONE, na_values=list(TEXT_TABLE_MISSING), keep_default_na=False,
                 skipinitialspace=True, skip_blank_lines=False, low_memory=False, encoding="latin-1",
             )  # fmt: skip
             is_text = min(block) >= ord("\t") and len(frame) == len(rows)
