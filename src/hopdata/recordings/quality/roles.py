@@ -270,7 +270,7 @@ def _faults_by_marker(faults: Faults) -> Counter[str]:
     named = [name for swap in faults.swaps for name in swap.markers]
     for faulty in (faults.spikes, faults.jumps, faults.frozen):
         named += [fault.marker for fault in faulty]
-    return Counter([*named, *faults.never_seen])
+    return Counter(named)
 
 
 def _wrong(faults: int, unseen: float) -> str:
