@@ -358,7 +358,7 @@ def test_a_session_with_other_names_is_told_what_to_do(tmp_path):
 
 def test_markers_in_another_order_and_some_of_them_are_the_same_numbers(tmp_path):
     whole = read_raw(write(tmp_path, qtm_text()))
-    chosen = {"body": [NAMES[4], NAMES[0], NAMES[2]], "feet": [NAMES[3]]}
+    chosen = {"body": [NAMES[4], NAMES[0], NAMES[2]], "feet": [NAMES[3], NAMES[1]]}
     found = imported(tmp_path / "trial.tsv", chosen)
-    order = [4, 0, 2, 3]
+    order = [4, 0, 2, 3, 1]
     np.testing.assert_array_equal(found.positions, whole.positions[:, order] * 1e-3)
