@@ -216,7 +216,7 @@ def find_contacts(
     find = chosen("touchdowns.method", method, METHODS)
     require_choice("touchdowns.gravity", gravity, kink_law.GRAVITIES)
     noise_m = descents.height_noise(heights)
-    near, status = descents.approaches(
+    near, earliest, status = descents.approaches(
         time,
         heights,
         transitions,
@@ -232,13 +232,15 @@ def find_contacts(
         status = np.where(landed & np.isnan(instant), descents.MISSING, status)
         return Contacts(instant, se, status, noise_m)
     asked = (window_before_s, window_after_s)
-    feet = kink_law.FootHeights(time, heights, _windows(time, asked, LONG_WINDOWS_S))
+    feet = kink_law.FootHeights(time, heights, _windows(time, asked, LONG_WINDOWS_S), earliest)
     fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
     if not kink_law.pooled_noise(fits) <= REFUTED * noise_m:
-        feet = kink_law.FootHeights(time, heights, _windows(time, asked, SHORT_WINDOWS_S))
+        feet = replace(feet, windows_s=_windows(time, asked, SHORT_WINDOWS_S))
         fits, common = kink_law.single_fits(feet, near, noise_m=noise_m, gravity=gravity)
     found = _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
-    return replace(found, common=common)
+    # From the earliest instant on the foot only comes to stand, and that takes no longer.
+    longest = np.where(np.isfinite(earliest), 2 * kink_law.UNDETERMINED_S, np.inf)
+    return replace(found, se=np.minimum(found.se, longest), common=common)
 
 
 METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {
