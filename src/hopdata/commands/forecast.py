@@ -10,10 +10,11 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from hopdata.arrays import pd
 from hopdata.config.consistency import feet_of
 from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.find import find_landings
@@ -32,9 +33,6 @@ from hopdata.landings.touchdowns import (
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import landings_needed
 from hopdata.recording import Recording, fraction_seen
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MOST_FRAMES = 120_000  # looked at; of longer studies the middle of each recording
 LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
@@ -132,8 +130,6 @@ def foretell(config: Mapping[str, Any], recordings: Sequence[Recording]) -> Fore
     AnalysisError
         If the study stops before it has touchdowns.
     """
-    import pandas as pd
-
     numbered = any(e.get("landings") for r in config["recordings"] for e in r["exclude"])
     parts, share = _parts(recordings, math.inf if numbered else MOST_FRAMES)
     ready = [_ready(part, config) for part in parts]

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.recording import Recording
 from hopdata.recordings.quality.stretches import runs, seen
 from hopdata.rigid import kabsch
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # The gaps of every marker, and what was filled of them.
 
@@ -37,8 +33,6 @@ def filled_table(recordings: Iterable[Recording]) -> pd.DataFrame:
         missing, filled, left. Gaps are those of the cameras, filled or not; the last three count
         frames, and missing = filled + left.
     """
-    import pandas as pd
-
     columns = ("recording", "marker", "role", "frames", "gaps", "longest_s")
     rows = []
     for recording in recordings:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.arrays import BoolArray, FloatArray, IntArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
 from hopdata.recordings.external import ContactTimes
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Which contact of one list is which of another: one to one, within a window.
 
@@ -135,8 +132,6 @@ def compare_contacts(
     AnalysisError
         If times do not overlap, or no contact of the one is near any of the other.
     """
-    import pandas as pd
-
     _check_overlap(recording, external)
     found = _found(touchdowns, external.column.feet)
     inside = _within(external.instant, recording.time[0], recording.time[-1], -window_s)
@@ -180,8 +175,6 @@ def compare_contacts(
 
 def _found(touchdowns: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
     """First contact of these feet in each touchdown that has one: with its foot and index."""
-    import pandas as pd
-
     instants = touchdowns[[f"contact_{foot}_s" for foot in feet]].to_numpy(dtype=np.float64)
     errors = touchdowns[[f"se_{foot}_s" for foot in feet]].to_numpy(dtype=np.float64)
     rows = np.flatnonzero(~np.isnan(instants).all(axis=1))
@@ -287,8 +280,6 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
         deviation), sd_s, largest_s (largest distance from the bias), scatter_over_se (robust sd of
         the distances from the bias in their standard errors: 1 if those are right).
     """
-    import pandas as pd
-
     keys = ["source", "column", "feet"]
     groups = list(table.groupby(["recording", *keys], sort=False))
     for key, group in table.groupby(keys, sort=False):

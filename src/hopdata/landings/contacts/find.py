@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import FloatArray, IntArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts import descents, joined, kink_law
 from hopdata.landings.contacts.kink import KinkFits
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
 from hopdata.recording import Recording
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight law holds
 SHORT_WINDOWS_S = (0.04, 0.027)  # where it does not
@@ -88,8 +84,6 @@ def find_landings(
     ConfigError
         If `gravity` is unknown.
     """
-    import pandas as pd
-
     feet, time = recording.names("foot"), recording.time
     if len(feet) < 2:
         raise AnalysisError(

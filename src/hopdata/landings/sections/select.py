@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts.find import find_landings
@@ -28,9 +28,6 @@ from hopdata.landings.sections.modes import (
     normal_bandwidth,
 )
 from hopdata.recording import Recording
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FRAMES = {"all": False, "landings": True}  # whether those of landings alone count
 LEAST_KNEE_M = 3e-4  # above the mode: no floor is known better, even without noise
@@ -322,8 +319,6 @@ def section_densities(
         frames that the sections are made from. A condition that fewer than two frames meet, or
         that leaves but one height, has no curve.
     """
-    import pandas as pd
-
     heights = [heights_of(recording) for recording in recordings]
     curves = _foot_curves(heights, sections, nodes) | _body_curves(heights, sections, nodes)
     tables = [
@@ -348,8 +343,6 @@ def section_frames(recordings: Sequence[Recording], max_rows: int = 20000) -> pd
     DataFrame
         Columns min_foot_m, max_foot_m and body_m, of frames in which all of them are seen.
     """
-    import pandas as pd
-
     heights = [heights_of(recording) for recording in recordings]
     columns = {
         f"{name}_m": np.concatenate([getattr(h, name)[h.seen] for h in heights])

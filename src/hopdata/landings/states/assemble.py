@@ -5,11 +5,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, did_you_mean, require_choice
 from hopdata.landings.contacts.descents import longest_gap_s
@@ -19,9 +19,6 @@ from hopdata.landings.states.fits import section_states
 from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
 from hopdata.landings.states.tracks import turned
 from hopdata.recording import Recording
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # The home frame: it moves the plane so that where and which way a landing was does not matter.
 
