@@ -52,17 +52,8 @@ def force_onsets(
     -------
     (S,) array
         Onsets, s.
-
-    Raises
-    ------
-    ValueError
-        If the two arrays differ in length, or the thresholds are out of order.
     """
     t, f = np.asarray(time, float), np.asarray(force, float)
-    if t.shape != f.shape:
-        raise ValueError(f"force: expected {t.shape} samples as in time, found {f.shape}")
-    if not least_n < sure_n:
-        raise ValueError(f"thresholds: expected least_n below sure_n, found {least_n}, {sure_n}")
     last = _last_unloaded(t, f, least_n, sure_n)
     share = (least_n - f[last]) / (f[last + 1] - f[last])
     return t[last] + share * (t[last + 1] - t[last])

@@ -257,7 +257,6 @@ def _check_overlap(recording: Recording, external: ContactTimes) -> None:
 # How well found contacts agree with external ones: counts, bias, scatter, for each column.
 
 CONFIDENCE = 0.95
-MAD_TO_SD = 1.482602218505602  # of a normal
 ALL = "all"
 
 
@@ -304,21 +303,19 @@ def median_interval(values: FloatArray, *, confidence: float = CONFIDENCE) -> tu
     low, high : float
         NaN where n is too small for this confidence.
     """
-    from scipy.stats import binom
+    from scipy.stats import quantile_test
 
-    n = len(values)
-    below = int(binom.ppf((1 - confidence) / 2, n, 0.5)) if n else 0
-    if below < 1:
+    if len(values) < 2:
         return float("nan"), float("nan")
-    ordered = np.sort(values)
-    return float(ordered[below - 1]), float(ordered[n - below])
+    low, high = quantile_test(values).confidence_interval(confidence)
+    return float(low), float(high)
 
 
 def robust_sd(values: FloatArray) -> float:
     """Estimate the sd from the median absolute deviation; NaN for fewer than two values."""
-    if len(values) < 2:
-        return float("nan")
-    return float(MAD_TO_SD * np.median(np.abs(values - np.median(values))))
+    from scipy.stats import median_abs_deviation
+
+    return float(median_abs_deviation(values, scale="normal")) if len(values) > 1 else float("nan")
 
 
 def _measures(group: pd.DataFrame) -> dict[str, Any]:

@@ -145,8 +145,8 @@ def select_sections(
     AnalysisError
         The feet never leave the ground together or never stand on it together, no descent is
         a landing, or the pre section is not above the post section.
-    ValueError
-        An option is out of its range.
+    ConfigError
+        If `frames` is unknown.
 
     Notes
     -----
@@ -163,7 +163,7 @@ def select_sections(
     (a runner's sole gives after its contact): it moves to the nearest height that holds almost all
     landings, by their contacts (see `hopdata.landings.sections.held`).
     """
-    _check_options(recordings, frames, tail_fraction, threshold_sigmas)
+    require_choice("sections.frames", frames, FRAMES)
     heights = [heights_of(recording) for recording in recordings]
     feet = [np.concatenate([getattr(h, f) for h in heights]) for f in ("min_foot", "max_foot")]
     feet.append(np.concatenate([r.feet[:, :, 2].ravel() for r in recordings]))
@@ -274,19 +274,6 @@ def _require_order(pre_m: float, post_m: float) -> None:
             f"and {post_m:.4f} m; set sections.pre_height_m and sections.post_height_m, or "
             "sections.frames to landings if the body also stands on feet that are not followed"
         )
-
-
-def _check_options(
-    recordings: Sequence[Recording], frames: str, tail_fraction: float, threshold_sigmas: float
-) -> None:
-    """Raise an error for an option that is out of its range."""
-    if not recordings:
-        raise ValueError("recordings: expected at least one, found none")
-    require_choice("sections.frames", frames, FRAMES)
-    if not 0 <= tail_fraction <= 0.1:
-        raise ValueError(f"tail_fraction: expected 0 to 0.1, found {tail_fraction}")
-    if not threshold_sigmas > 0:
-        raise ValueError(f"threshold_sigmas: expected more than 0, found {threshold_sigmas}")
 
 
 # Tables behind the figure of the sections: densities of heights, and a sample of frames.
