@@ -118,7 +118,7 @@ def track_means(
 
     means = np.full((len(t_pre), *tracks.shape[1:]), np.nan)
     longest_gap = longest_gap_s(time) * (1 + 1e-9)
-    for b, seen in enumerate(np.isfinite(tracks).all(axis=2).T):
+    for b, seen in enumerate(np.asarray(np.isfinite(tracks).all(axis=2)).T):
         t = time[seen]
         if len(t) < 2:
             continue
