@@ -148,11 +148,12 @@ def _random_tree(grid: ControlGrid, rng: np.random.Generator, root: int) -> IntA
     return step
 
 
-# Streams of chance of a steering study: first number of the key under the study's seed.
+# Streams of chance under the seed of an excitation: first number of the key.
 
 START = 0  # then the experiment's place and the number of the start
-FLOOR = 1
-BOOTSTRAP = 2
-EXCITATION = 10
-TRIAL = 11
-TRAINING = 12  # then the number of the set of hops
+FLOOR, EXCITATION, TRIAL, TRAINING = 1, 10, 11, 12
+
+
+def child(seed: np.random.SeedSequence, *key: int) -> np.random.SeedSequence:
+    """Return the stream of a seed that this key names, the same at every call."""
+    return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *key))

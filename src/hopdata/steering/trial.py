@@ -14,7 +14,13 @@ from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.recording import Recording
 from hopdata.rigid import relative
 from hopdata.steering import robot as plant
-from hopdata.steering.excitation import EXCITATION, TRIAL, ControlGrid, eulerian_excitation
+from hopdata.steering.excitation import (
+    EXCITATION,
+    TRIAL,
+    ControlGrid,
+    child,
+    eulerian_excitation,
+)
 from hopdata.synthesis.camera import draw_floor, fixed_markers, track_markers
 from hopdata.synthesis.simulate import MotionCapture, observed
 from hopdata.synthesis.trial import Operator, Trial, run_trial
@@ -228,7 +234,7 @@ NAME = "excitation"
 
 @one_blas_thread()
 def simulate_excitation(
-    steering: Mapping[str, Any], motion_capture: Mapping[str, Any], *, seed: int
+    steering: Mapping[str, Any], motion_capture: Mapping[str, Any], *, seed: np.random.SeedSequence
 ) -> SteeredTrial:
     """Let the simulated robot execute an excitation, seen by motion capture.
 
@@ -236,14 +242,15 @@ def simulate_excitation(
     ----------
     steering, motion_capture : mapping
         These blocks of the configuration.
-    seed : int
-        The study's.
+    seed : SeedSequence
+        Of all its chance.
     """
     camera = plant.camera_of(motion_capture)
     robot = plant.robot_of(steering["robot"], camera)
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(EXCITATION,)))
+    rng = np.random.default_rng(child(seed, EXCITATION))
     swings = eulerian_excitation(ControlGrid(**steering["excitation"]), rng).swings
-    return record_trial(robot, swings, seed=(seed, TRIAL), camera=camera, name=NAME)
+    chance = child(seed, TRIAL).generate_state(4).tolist()
+    return record_trial(robot, swings, seed=chance, camera=camera, name=NAME)
 
 
 # The true frame changes as a table, and back.

@@ -4,8 +4,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from frame_change_models import change_and_gradient, correlation_slope, regressor_of
 from steered_hops import LIMIT, chained_hops, smooth_change
-from steering_setting import change_and_gradient, correlation_slope, regressor_of
 
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.steering.models.process import (
