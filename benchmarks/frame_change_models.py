@@ -454,7 +454,7 @@ def kernel_table(hops: FrameChanges, draws: int, seed: int) -> pd.DataFrame:
         scores = smoothness_scores(data, draws=draws, seed=seed, train=TRAIN)
         parts.append(scores.assign(data=name))
     by = ["data", "reading", "smoothness", "component", "unit"]
-    return with_intervals(pd.concat(parts), by, [*SCORES, "log_likelihood"])
+    return with_intervals(pd.concat(parts), by, SCORES)
 
 
 def sklearn_change(regressors: list[Any], process: FrameChangeProcess, points: FloatArray) -> Any:

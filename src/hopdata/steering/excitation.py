@@ -77,19 +77,6 @@ class Excitation:
         """Swing in the flight after each stance but the last, (n,), rad."""
         return np.asarray(self.steps * self.grid.step_rad, dtype=float)
 
-    def angles(self, first_rad: float = 0.0) -> FloatArray:
-        """Boom angle commanded for each stance, (n + 1,), rad.
-
-        They are not wrapped: consecutive angles differ by the swing, also past the back.
-
-        Parameters
-        ----------
-        first_rad : float
-            Boom angle of index 0.
-        """
-        travel = np.concatenate([[0.0], np.cumsum(self.swings)])
-        return first_rad + self.start * self.grid.step_rad + travel
-
 
 def eulerian_excitation(
     grid: ControlGrid, rng: np.random.Generator, *, start: int = 0

@@ -105,9 +105,9 @@ def fly_hop(
     system = scene.system(variant)
     first = system.guard_names.index("foot1")
     mode = flight_mode(system, state[8])
-    if first:  # a board before the feet, which it may be beyond already
-        along, front = np.array(variant.direction), variant.front_m
-        mode[0] = 1 if state[:2] @ along > front else -1
+    if first and variant is not None:  # a board before the feet, which it may be beyond already
+        _, x, y, front = variant.numbers
+        mode[0] = 1 if x * state[0] + y * state[1] > front else -1
     solution = solve(
         system,
         (0.0, limit_s),

@@ -238,9 +238,7 @@ def smoothness_scores(
     Returns
     -------
     DataFrame
-        Columns of `learning_scores` without ``hops, model``, with ``reading``, ``smoothness`` and
-        ``log_likelihood``, the log marginal likelihood of the training hops in the units in which
-        they are modelled: compare it within a reading and a component.
+        Columns of `learning_scores` without ``hops, model``, with ``reading`` and ``smoothness``.
     """
     hops = changes.used()
     rows = []
@@ -249,10 +247,9 @@ def smoothness_scores(
         for reading, options in readings.items():
             for smoothness in SMOOTHNESSES:
                 setup = replace(options, smoothness=smoothness)
-                process, score = tested(hops, chosen, rest, setup, seed + draw)
+                _, score = tested(hops, chosen, rest, setup, seed + draw)
                 labels = {"reading": reading, "smoothness": smoothness, "draw": draw}
-                scored = pd.DataFrame({**labels, **score})
-                rows.append(scored.assign(log_likelihood=process.log_marginal_likelihood))
+                rows.append(pd.DataFrame({**labels, **score}))
     return pd.concat(rows, ignore_index=True)
 
 
@@ -338,7 +335,7 @@ class LearningTables:
         ``model, hops, component, unit`` and of ``r2, rmse, coverage`` the mean, its standard error
         (``_se``) and the 5 and 95 % quantiles over the sets (``_q05``, ``_q95``).
     kernels : DataFrame
-        The same by ``data, reading, smoothness, component, unit``, with ``log_likelihood``.
+        The same by ``data, reading, smoothness, component, unit``.
     """
 
     curve: pd.DataFrame
@@ -379,5 +376,5 @@ def learning_tables(
     by = ["data", "reading", "smoothness", "component", "unit"]
     return LearningTables(
         with_intervals(curve, ["model", "hops", "component", "unit"], SCORES),
-        with_intervals(kernels.assign(data="hopper"), by, [*SCORES, "log_likelihood"]),
+        with_intervals(kernels.assign(data="hopper"), by, SCORES),
     )
