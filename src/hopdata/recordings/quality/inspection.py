@@ -16,7 +16,6 @@ from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality import rigid
 from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_rate, guess_unit_and_up
-from hopdata.recordings.quality.spikes import Spike, find_jumps, find_spikes, surprises
 from hopdata.recordings.quality.stretches import (
     Frozen,
     MarkerGaps,
@@ -25,7 +24,15 @@ from hopdata.recordings.quality.stretches import (
     frozen_markers,
     marker_gaps,
 )
-from hopdata.recordings.quality.swaps import Swap, explained_frames, find_swaps
+from hopdata.recordings.quality.swaps import (
+    Spike,
+    Swap,
+    explained_frames,
+    find_jumps,
+    find_spikes,
+    find_swaps,
+    surprises,
+)
 from hopdata.recordings.raw import RawRecording, is_pause, rotate_up
 
 Progress = Callable[[str], None]
