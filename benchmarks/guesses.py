@@ -11,9 +11,10 @@ pieces of several lengths at seeded places. One row a guess and a kind of change
   (`silent`), or says mm or m where it is another (`misstated`).
 - `rate`: stated as it is, or as half or twice of it, with a column of time or without. `removed`:
   it is not stated at all; right is then that it is one of the two candidates, to a tenth.
-- `feet`, `body`: which markers are chosen, by names as they are, and called `m1`, `m2` ... in
-  another order. Right is a choice of markers all on feet, or all on one of pelvis, trunk and head.
+- `roles`: which markers are feet and body, by names as they are, and called `m1`, `m2` ... in another
+  order. Right is a choice of markers all on feet, or all on one of pelvis, trunk and head.
 
+A stated rate is sure only where free fall shows it: `right_unsure` is its price.
 What is not sure is asked for by name of the key, with two candidates; `asked` are questions without
 any. `wrong_sure` is the share that matters: at most 3 % are to be.
 """
@@ -74,7 +75,7 @@ class Piece:
     up: bool
 
 
-def pieces(folder: Path, n_seeds: int) -> Iterator[Piece]:
+def pieces(folder: Path, seed: int, n_seeds: int) -> Iterator[Piece]:
     """Cut all recordings."""
     files = [*(ROOT / "data/sample").glob("*.h5"), *folder.rglob("*.*")]
     for path in sorted(path for path in files if path.name in KNOWN):
@@ -83,15 +84,15 @@ def pieces(folder: Path, n_seeds: int) -> Iterator[Piece]:
             raw = replace(raw, rate_hz=25.0)
         metres = rotate_up(raw.positions * METRES_PER_UNIT[raw.unit], up or "z")
         whole = replace(raw, positions=metres, unit="m", stated_up="")
-        yield from (Piece(path.name, part, bool(up)) for part in _cut(whole, n_seeds))
-    for seed in range(n_seeds):
-        time, positions = hopping(seed)
+        yield from (Piece(path.name, part, bool(up)) for part in _cut(whole, seed, n_seeds))
+    for k in range(n_seeds):
+        time, positions = hopping(seed % 100_000 + k)
         raw = RawRecording(MARKERS, time, positions, 100.0, "m")
-        yield from (Piece("made-up hopper", part, True) for part in _cut(raw, 1))
+        yield from (Piece("made-up hopper", part, True) for part in _cut(raw, seed, 1))
 
 
-def _cut(raw: RawRecording, n_seeds: int) -> Iterator[RawRecording]:
-    rng = np.random.default_rng(np.random.SeedSequence([SEED, len(raw.time)]))
+def _cut(raw: RawRecording, seed: int, n_seeds: int) -> Iterator[RawRecording]:
+    rng = np.random.default_rng(np.random.SeedSequence([seed, len(raw.time)]))
     for length in LENGTHS_S:
         n = round(length * raw.rate_hz)
         if n >= len(raw.time):
@@ -111,42 +112,44 @@ def outcome(right: bool, sure: bool) -> str:
     return f"{'right' if right else 'wrong'}_{'sure' if sure else 'unsure'}"
 
 
-def judge(piece: Piece, number: int) -> Iterator[tuple[str, str, str]]:
-    """Yield guess, change and outcome."""
-    raw = piece.raw
-    if piece.up:
-        for up in DIRECTIONS:
-            turn = replace(raw, positions=turned(raw.positions, up))
-            _, guess = guess_unit_and_up(turn)
-            yield "up", up, outcome(guess.value == up, guess.is_sure)
+def _up(piece: Piece, _rng: np.random.Generator) -> Iterator[tuple[str, str]]:
+    for up in DIRECTIONS if piece.up else ():
+        _, guess = guess_unit_and_up(replace(piece.raw, positions=turned(piece.raw.positions, up)))
+        yield up, outcome(guess.value == up, guess.is_sure)
+
+
+def _unit(piece: Piece, _rng: np.random.Generator) -> Iterator[tuple[str, str]]:
     for unit, metres in UNITS_IN_M.items():
-        scaled = replace(raw, positions=raw.positions / metres)
+        scaled = replace(piece.raw, positions=piece.raw.positions / metres)
         for said in ("", "mm", "m"):
             guess, _ = guess_unit_and_up(
                 replace(scaled, unit=said or "mm", unit_is_stated=bool(said))
             )
             kind = "silent" if not said else "stated" if said == unit else "misstated"
-            yield "unit", f"{kind}, {unit}", outcome(guess.value == unit, guess.is_sure)
+            yield f"{kind}, {unit}", outcome(guess.value == unit, guess.is_sure)
+
+
+def _rate(piece: Piece, _rng: np.random.Generator) -> Iterator[tuple[str, str]]:
+    raw = piece.raw
     for change, factor in (("stated", 1.0), ("half", 0.5), ("twice", 2.0)):
         wrong = replace(raw, rate_hz=factor * raw.rate_hz)
         if factor != 1.0:
             guess = guess_rate(wrong, "m")
-            yield "rate", f"{change}, with time stamps", outcome(False, guess.is_sure)
+            yield f"{change}, with time stamps", outcome(False, guess.is_sure)
         counted = replace(wrong, time=np.arange(len(raw.time)) / wrong.rate_hz)
         guess = guess_rate(counted, "m")
-        yield "rate", change, outcome(factor == 1.0, guess.is_sure)
+        yield change, outcome(factor == 1.0, guess.is_sure)
     guess = guess_rate(replace(raw, rate_hz=100.0), "m", is_stated=False)
     if guess.value:
         candidates = [float(guess.value), float(guess.other)]
         right = any(abs(rate / raw.rate_hz - 1) <= 0.1 for rate in candidates)
-        yield "rate", "removed", outcome(right, sure=False)
+        yield "removed", outcome(right, sure=False)
     else:
-        yield "rate", "removed", "asked"
-    yield from _roles(piece, number)
+        yield "removed", "asked"
 
 
-def _roles(piece: Piece, number: int) -> Iterator[tuple[str, str, str]]:
-    raw, rng = piece.raw, np.random.default_rng(np.random.SeedSequence([SEED, number]))
+def _roles(piece: Piece, rng: np.random.Generator) -> Iterator[tuple[str, str]]:
+    raw = piece.raw
     order = rng.permutation(len(raw.markers))
     plain = tuple(f"m{k + 1}" for k in range(len(order)))
     for change, names, places in (
@@ -158,9 +161,12 @@ def _roles(piece: Piece, number: int) -> Iterator[tuple[str, str, str]]:
         found = guess_roles(inspect_recording(asked, unit="m", up="z"))
         feet, body = ([own[name] for name in chosen] for chosen in (found.feet, found.body))
         right = bool(feet) and all(FEET.search(name) for name in feet)
-        yield "feet", change, outcome(right, "feet" not in found.unsure) if feet else "asked"
+        yield f"feet, {change}", outcome(right, "feet" not in found.unsure) if feet else "asked"
         right = any(all(part.search(name) for name in body) for part in BODIES)
-        yield "body", change, outcome(right, "body" not in found.unsure) if body else "asked"
+        yield f"body, {change}", outcome(right, "body" not in found.unsure) if body else "asked"
+
+
+GUESSES = {"up": _up, "unit": _unit, "rate": _rate, "roles": _roles}
 
 
 def main() -> None:
@@ -168,14 +174,18 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="CSV file to write")
     parser.add_argument("--recordings", type=Path, default=ROOT.parent / "shared/recordings")
     parser.add_argument("--seeds", type=int, default=5, help="pieces of each length")
+    parser.add_argument("--seed", type=int, default=SEED, help="of the pieces and the hoppers")
+    parser.add_argument("--only", choices=GUESSES, nargs="*", default=list(GUESSES))
     parser.add_argument("--verbose", action="store_true", help="name what is wrong and sure")
     options = parser.parse_args()
     rows = []
-    for number, piece in enumerate(pieces(options.recordings, options.seeds)):
-        for guess, change, what in judge(piece, number):
-            rows.append((piece.file, guess, change, what))
-            if options.verbose and what.startswith("wrong_sure"):
-                print(piece.file, f"{len(piece.raw.time)} frames:", guess, change)
+    for number, piece in enumerate(pieces(options.recordings, options.seed, options.seeds)):
+        for guess in options.only:
+            rng = np.random.default_rng(np.random.SeedSequence([options.seed, number]))
+            for change, what in GUESSES[guess](piece, rng):
+                rows.append((piece.file, guess, change, what))
+                if options.verbose and what.startswith("wrong_sure"):
+                    print(piece.file, f"{len(piece.raw.time)} frames:", guess, change)
     table = pd.DataFrame(rows, columns=["file", "guess", "change", "outcome"])
     counts = pd.crosstab([table["guess"], table["change"]], table["outcome"])
     names = ["right_sure", "right_unsure", "wrong_unsure", "asked", "wrong_sure"]

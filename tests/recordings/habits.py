@@ -263,6 +263,10 @@ def _of_single_formats():
         yield text("table", f"'{axis}' before the axis", bare(POSITIONS, NAMES, axis=axis))
         if axis:
             yield text("plain CSV", f"'{axis}' before the axis", plain(POSITIONS, NAMES, axis=axis))
+    for unit, factor in {"mm": 1.0, "m": 1e-3, "cm": 0.1}.items():
+        names, *rest = bare(POSITIONS * factor, NAMES).splitlines()
+        units = "\t".join(["s", *[unit] * 3 * len(NAMES)])
+        yield text("table", f"a row of units, {unit}", "\n".join([names, units, *rest, ""]))
     trc = trc_text(POSITIONS, NAMES)
     rows = trc.split("\n")
     axes = rows[4]

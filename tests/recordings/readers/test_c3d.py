@@ -384,3 +384,17 @@ def test_parameters_of_many_channels_go_on_in_further_ones(tmp_path):
     found = read_analogs(path)
     assert found.names == ("Fx", "Fz", "EMG")
     np.testing.assert_allclose(found.values, FORCE, atol=1e-3)
+
+
+def test_residuals_that_are_all_below_0_are_not_believed(tmp_path):
+    positions = np.random.default_rng(3).uniform(100, 900, (20, 2, 3)).round(2)
+    path = tmp_path / "trial.c3d"
+    write_c3d(path, RawRecording(("a", "b"), np.arange(20) / 100, positions, 100.0, "mm"))
+    data = bytearray(path.read_bytes())
+    start = 512 * (int.from_bytes(data[16:18], "little") - 1)
+    numbers = np.frombuffer(data, "<f4", 20 * 2 * 4, start).reshape(-1, 4)
+    numbers[:, 3] = -1.0
+    path.write_bytes(data)
+    found = read_raw(path)
+    np.testing.assert_allclose(found.positions, positions, atol=1e-3)
+    assert "all residuals are below 0" in found.remarks[0]

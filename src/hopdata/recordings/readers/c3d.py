@@ -71,7 +71,12 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
     unit, factor = raw.USUAL_UNIT, 1.0
     if stated_unit:
         unit, factor = raw.metric(parameters.place("POINT", "UNITS"), stated_unit)
-    positions = _positions(header, _numbers(path, header, parameters, n_frames), kept)
+    numbers = _numbers(path, header, parameters, n_frames)
+    if _all_invalid(numbers, header):
+        remarks += (
+            f"{path}: all residuals are below 0, as of points unseen; they are not believed",
+        )
+    positions = _positions(header, numbers, kept)
     positions *= factor
     rate = raw.resolve_rate(f"{path}: header", stated=frame_rate(header, parameters), given=rate_hz)
     time = (first_frame(header, parameters) - 1 + np.arange(n_frames)) / rate
@@ -172,12 +177,19 @@ def _positions(header: C3dHeader, numbers: NDArray[Any], kept: list[int] | slice
     points = numbers[:, : 4 * header.n_points].reshape(len(numbers), header.n_points, 4)[:, kept]
     with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
         positions = points[:, :, :3].astype(np.float64)
-        unseen = ~(points[:, :, 3] >= 0) | ~np.any(positions, axis=2)
+        unseen = ~np.any(positions, axis=2)
+        if not _all_invalid(numbers, header):
+            unseen |= ~(points[:, :, 3] >= 0)
     if header.scale > 0:
         positions *= header.scale
     unseen |= np.isnan(positions).any(axis=2)
     positions[unseen] = np.nan
     return positions
+
+
+def _all_invalid(numbers: NDArray[Any], header: C3dHeader) -> bool:
+    """Tell whether all points are marked as invalid: some programs write no other residual."""
+    return bool((numbers[:, 3 : 4 * header.n_points : 4] < 0).all())
 
 
 def _events(parameters: Parameters) -> tuple[tuple[Event, ...], tuple[str, ...]]:

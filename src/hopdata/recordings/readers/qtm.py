@@ -208,7 +208,11 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
     markers, renamed = raw.distinct_names(place, names, may_lack=True)
     n_columns, width = len(counters) + 3 * len(names), len(header.first_row)
     rows = Rows(header.path, header.n_lines, header.offset, width, header.mark)
-    counted, positions = rows.markers(counters, range(len(counters), n_columns))
+    unit, factor = (
+        raw.metric(str(header.path), header.unit) if header.unit else (raw.USUAL_UNIT, 1.0)
+    )
+    columns = range(len(counters), n_columns)
+    counted, positions = rows.markers(counters, columns, factor=factor)
     key = "NO_OF_FRAMES"
     wrong += raw.frame_count(header.place(key), key, header.number(key), len(positions))
     time, rate, remarks = _time_and_rate(header, counted, counters, rate_hz)
@@ -217,8 +221,8 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
         time,
         positions,
         rate,
-        unit=raw.USUAL_UNIT,
-        unit_is_stated=not KEYS_OF_EXPORTS.isdisjoint(header.values),
+        unit=unit,
+        unit_is_stated=bool(header.unit) or not KEYS_OF_EXPORTS.isdisjoint(header.values),
         events=tuple(header.events),
         started=qtm_header.moment((header.values.get("TIME_STAMP") or [""])[0]),
         remarks=header.remarks + renamed + wrong + remarks + _event_remarks(header, rate),

@@ -34,6 +34,7 @@ KEYS = (
     *("EVENT", "MARKER_NAMES", "TRAJECTORY_TYPES"),
 )
 _DECISIVE = {"NO_OF_FRAMES", "NO_OF_MARKERS", "FREQUENCY", "DATA_INCLUDED", "MARKER_NAMES"}
+_SECONDS, _LENGTHS = {"s", "sec", "#"}, {"mm", "cm", "m", "in"}
 COUNTERS = ("Frame", "Time")  # columns that may stand before the coordinates
 
 _KEY = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
@@ -58,6 +59,7 @@ class QtmHeader:
     n_lines: int = 0
     offset: int = 0
     remarks: tuple[str, ...] = ()
+    unit: str = ""
     mark: str = "\t"
 
     def place(self, key: str) -> str:
@@ -116,6 +118,8 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     first = next((f for f in fields if f not in TEXT_TABLE_MISSING), None)
     if first is None or is_number(pointed(first)):
         return first is not None or len(fields) > 1
+    if header.columns and _units(fields):
+        return False
     is_key = _KEY.fullmatch(fields[0]) and fields[0] not in TEXT_TABLE_MISSING
     if is_key or is_column_row(fields):
         return False
@@ -131,10 +135,18 @@ def _no_tabs(line: str) -> str:
     return "; separate the fields by tabs" if key != line and key.upper() in KEYS else ""
 
 
+def _units(fields: list[str]) -> set[str]:
+    """Units of a row below the names of columns: one of length, and perhaps seconds; else none."""
+    found = {field.strip("[]()").lower() for field in fields} - {"", "-"}
+    return found if found <= _SECONDS | _LENGTHS and len(found & _LENGTHS) == 1 else set()
+
+
 def _take(header: QtmHeader, fields: list[str]) -> None:
     """Put one line that is not numbers into the header."""
     key = fields[0]
-    if is_column_row(fields):
+    if header.columns and _units(fields):
+        header.unit = (_units(fields) - _SECONDS).pop()
+    elif is_column_row(fields):
         counters = {name.lower(): name for name in COUNTERS}
         header.columns = [counters.get(name.lower(), name) for name in trimmed(fields)]
     elif key == "EVENT":
