@@ -11,8 +11,8 @@ pieces of several lengths at seeded places. One row a guess and a kind of change
   (`silent`), or says mm or m where it is another (`misstated`).
 - `rate`: stated as it is, or as half or twice of it, with a column of time or without. `removed`:
   it is not stated at all; right is then that it is one of the two candidates, to a tenth.
-- `roles`: which markers are feet and body, by names as they are, and called `m1`, `m2` ... in another
-  order. Right is a choice of markers all on feet, or all on one of pelvis, trunk and head.
+- `roles`: which markers are feet and body, by names as they are, and called `m1`, `m2` ... in
+  another order. Right is a choice of markers all on feet, or all on one of pelvis, trunk and head.
 
 A stated rate is sure only where free fall shows it: `right_unsure` is its price.
 What is not sure is asked for by name of the key, with two candidates; `asked` are questions without

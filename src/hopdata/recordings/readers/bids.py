@@ -77,7 +77,7 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
         unit, factor = raw.metric(f"{channels}: units", stated)
     told = _told(path, "motion")
     stamped = [kinds.index("LATENCY")] if "LATENCY" in kinds else []
-    _, numbers, stamps = _rows(path, len(kinds)).numbers([], at.ravel(), stamped)
+    _, numbers, stamps = _rows(path, len(kinds)).numbers([], at.ravel().tolist(), stamped)
     missing = told.get("MissingValues")
     if missing is not None and is_number(str(missing)):
         numbers[numbers == float(missing)] = np.nan
@@ -85,7 +85,8 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
     positions = numbers.reshape(len(numbers), -1, 3)
     blank_unseen(positions)
     rate = raw.resolve_rate(f"{path}: SamplingFrequency", stated=_rate(path, told), given=rate_hz)
-    number, late = np.arange(1.0, len(numbers) + 1), ()
+    number = np.arange(1.0, len(numbers) + 1)
+    late: tuple[str, ...] = ()
     time = (number - 1) / rate
     if stamped:
         if np.isnan(stamps).any():

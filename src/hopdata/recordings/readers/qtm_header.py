@@ -251,7 +251,8 @@ def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...
         raise RecordingError(
             f"{header.path}: expected MARKER_NAMES or a column row, found neither{hint}"
         )
-    stated, remarks = header.number("NO_OF_MARKERS"), ()
+    stated = header.number("NO_OF_MARKERS")
+    remarks: tuple[str, ...] = ()
     if stated not in (None, len(names)):
         told = f"{place}: expected {stated:g} marker names (NO_OF_MARKERS), found {len(names)}"
         if width in (3 * stated, 3 * stated + 2) and len(names) < stated:  # the last have no name
