@@ -230,7 +230,8 @@ def _recording(
     if stated is None and len(counters) > 1:
         stated = raw.rate_of(stamps, number)
     rate = raw.resolve_rate(str(path), stated=stated, given=given)
-    time, late = (number - 1.0) / rate, ()
+    time = (number - 1.0) / rate
+    late: tuple[str, ...] = ()
     if len(counters) > 1:
         time, late = raw.settle(str(path), stamps, number, rate)
     markers, renamed = raw.distinct_names(str(path), names, may_lack=True)
