@@ -116,7 +116,7 @@ def vertical_speed(time: FloatArray, height: FloatArray, *, lag: int) -> FloatAr
 
 Terms = tuple[tuple[int, int], ...]
 
-_CHUNK = 65536  # places whose rim is worked out together
+CHUNK = 8192  # frames whose floor is worked out together
 
 
 @dataclass(frozen=True)
@@ -173,12 +173,8 @@ class FloorModel:
         centre until it stands on the rim, so that the polynomial never extrapolates.
         """
         place = np.stack(np.broadcast_arrays(x, y), axis=-1).astype(np.float64)
-        flat = place.reshape(-1, 2)
-        heights = [
-            design(self._scaled(flat[i : i + _CHUNK]), self.terms) @ self.coefficients_m
-            for i in range(0, len(flat), _CHUNK)
-        ]
-        return (np.concatenate(heights) if heights else np.empty(0)).reshape(place.shape[:-1])
+        heights = design(self._scaled(place.reshape(-1, 2)), self.terms) @ self.coefficients_m
+        return np.asarray(heights).reshape(place.shape[:-1])
 
     def _scaled(self, place: FloatArray) -> FloatArray:
         """Scaled coordinates of places (P, 2), those beyond the rim moved onto it."""
