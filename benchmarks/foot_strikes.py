@@ -9,7 +9,8 @@ paper leaves to the user, the low-pass filter (fourth order, no lag), is in turn
 - printed: the frame of least vertical velocity (the dissertation, Sec. 2.2.3), and a parabola
   through it.
 - foot velocity algorithm: trough of the vertical velocity, of the runner's point between heel and
-  metatarsals, while it is in the lowest 35 % of its rise; O'Connor et al. 2007, Gait & Posture 25:469, doi 10.1016/j.gaitpost.2006.05.016.
+  metatarsals, while it is in the lowest 35 % of its rise; O'Connor et al. 2007, Gait & Posture
+  25:469, doi 10.1016/j.gaitpost.2006.05.016.
 - vertical acceleration peak, where the jerk is zero, between frames by a straight line; Hreljac and
   Marshall 2000, J. Biomech. 33:783, doi 10.1016/S0021-9290(00)00014-2.
 - farthest ahead of the sacrum; Zeni et al. 2008, Gait & Posture 27:710,

@@ -17,6 +17,7 @@ from hopdata.recording import Recording
 # Frames in which a foot is at rest: hardly moving up or down, and low.
 
 _LEAST_FRAMES = 20
+_SHORT_FRAMES = 1000  # of a jump or two: a foot that rests in too few of them may be less still
 _PAUSE_S = 0.1
 
 
@@ -77,15 +78,21 @@ def rest_points(
     Returns
     -------
     RestPoints
-        All frames that are slow; those high up are left to the caller, who has the floor.
+        All frames that are slow; those high up are left to the caller, who has the floor. In a
+        recording of a jump or two, where these are too few, a foot may be up to four times as fast.
     """
     lag = max(1, round(0.5 * window_s * recording.rate_hz))
     n_feet = recording.feet.shape[1]
     frames, start = [], np.full(n_feet, np.nan)
     for foot in range(n_feet):
         height = recording.feet[:, foot, 2]
-        slow = np.abs(vertical_speed(recording.time, height, lag=lag)) < speed_m_s
-        frames.append(np.flatnonzero(slow & np.isfinite(recording.feet[:, foot]).all(axis=1)))
+        speed = np.abs(vertical_speed(recording.time, height, lag=lag))
+        speed = np.where(np.isfinite(recording.feet[:, foot]).all(axis=1), speed, np.nan)
+        for more in (1.0, 2.0, 4.0) if len(speed) <= _SHORT_FRAMES else (1.0,):
+            slow = np.flatnonzero(speed < more * speed_m_s)
+            if len(slow) >= _LEAST_FRAMES:
+                break
+        frames.append(slow)
         if len(frames[foot]) >= _LEAST_FRAMES:
             start[foot] = ground_mode(height[frames[foot]]).height_m
     foot_of = np.repeat(np.arange(n_feet), [len(f) for f in frames])
