@@ -58,7 +58,7 @@ from hopdata.synthesis.landings import (
 )
 from hopdata.synthesis.trial import Kicks, MarkerOptions, run_trial
 
-FIRST_SEED = 2000
+FIRST_SEED = 4000
 GAIT_HOPS, TRIALS = 12_000, 4
 INSTANT_NOISE_S = 0.0006
 FEW = 1000
