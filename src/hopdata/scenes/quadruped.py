@@ -171,10 +171,7 @@ class Quadruped(Scene):
         3.6, "Damping of a leg along the vertical.", "N s/m", minimum=0
     )
     side_stiffness_n_m: float = parameter(
-        60.0,
-        "Stiffness of a leg against moving aside from where its foot touched.",
-        "N/m",
-        minimum=0,
+        60.0, "Stiffness of a leg against moving aside from its foothold.", "N/m", minimum=0
     )
     side_damping_n_s_m: float = parameter(
         10.0, "Damping of a leg against moving aside.", "N s/m", minimum=0
