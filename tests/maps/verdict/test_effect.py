@@ -5,39 +5,32 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from hopdata.maps.verdict.effect import (
-    FARTHER,
-    contrasts,
-    effect_size,
-    extrapolated,
-    landings_needed,
-    relative_size,
-)
-from hopdata.maps.verdict.model import KinkFit, Kinks
+from hopdata.maps.verdict.effect import contrasts, effect_size, landings_needed, relative_size
+from hopdata.maps.verdict.model import KinkFit
 
 KINKS, OUTPUTS, LANDINGS = 2, 4, 150
 WEIGHTS = np.linspace(0.5, 2.0, KINKS * OUTPUTS)  # errors of the kinks, which are not alike
 
 
-def fit(size, seed, curvature=0.0, largest=False, moving=0.0):
+def fit(size, seed, curvature=0.0, largest=False):
     """Kinks of this size, of random direction or along the `largest` error, seen with
     an error that the landings' contributions make up.
 
     Smooth terms shift them by `curvature` one way in one half of the studies and back in the other,
-    beyond what is taken off for their change from all landings to the window, which is as much.
-    That change has `moving` times the error of the kinks.
+    and from the window to all landings by as much.
     """
     rng = np.random.default_rng(seed)
     scores = WEIGHTS * rng.standard_normal((LANDINGS, len(WEIGHTS))) / np.sqrt(LANDINGS)
     direction = np.eye(len(WEIGHTS))[-1] if largest else rng.standard_normal(len(WEIGHTS))
     shift = curvature * (-1) ** seed * np.eye(len(WEIGHTS))[-1]
-    error = scores.sum(axis=0) + (1.0 + FARTHER) * shift
+    error = scores.sum(axis=0) + shift
     found = size * direction / np.linalg.norm(direction) + error
-    change = -shift.reshape(KINKS, OUTPUTS)
     return KinkFit(
-        near=Kinks(found.reshape(KINKS, OUTPUTS), scores, scores),
-        change=Kinks(change, moving * scores, moving * scores),
+        coefficients=found.reshape(KINKS, OUTPUTS),
         linear=np.zeros((8, OUTPUTS)),
+        scores=scores,
+        null_scores=scores,
+        change=-shift.reshape(KINKS, OUTPUTS),
         seen=np.eye(KINKS),
         rows=np.arange(LANDINGS),
     )
@@ -56,24 +49,6 @@ def sizes(size, curvature=0.0, count=150, largest=False):
 
 def share(holds):
     return np.mean(list(holds))
-
-
-def test_of_a_change_that_is_sure_three_quarters_are_added_and_granted():
-    one = fit(0.0, 1, curvature=3.0)
-    kinks, granted = extrapolated(one, np.eye(len(WEIGHTS)))
-    change = one.change.coefficients
-    np.testing.assert_allclose(kinks.coefficients, one.near.coefficients + FARTHER * change)
-    np.testing.assert_allclose(granted, FARTHER * change.ravel())
-
-
-def test_of_a_change_within_its_error_less_is_added():
-    one = fit(0.0, 1, curvature=0.1, moving=1.0)
-    kinks, granted = extrapolated(one, np.eye(len(WEIGHTS)))
-    added = np.linalg.norm(kinks.coefficients - one.near.coefficients)
-    assert added < 0.1 * FARTHER * np.linalg.norm(one.change.coefficients)
-    assert np.linalg.norm(granted) > 0.9 * FARTHER * np.linalg.norm(one.change.coefficients)
-    scores = one.near.scores + added / np.linalg.norm(one.change.coefficients) * one.change.scores
-    np.testing.assert_allclose(kinks.scores, scores)
 
 
 @pytest.mark.parametrize("curvature", [0.0, 3.0])

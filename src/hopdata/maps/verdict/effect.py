@@ -36,11 +36,7 @@ from hopdata.maps.verdict.inputs import (
     SectionLandings,
     contact_orders,
 )
-from hopdata.maps.verdict.model import WINDOW, KinkFit, Kinks, symmetric_root
-
-#: How much farther than the landings show kinks are taken in units of their change, if that is
-#: known exactly, and what is granted for what remains.
-FARTHER = 0.75
+from hopdata.maps.verdict.model import FARTHER, WINDOW, KinkFit, symmetric_root
 
 _AT_ONCE = 4000  # sign patterns in memory
 _BISECTIONS = 50
@@ -155,7 +151,7 @@ def squared_size(
     spread = symmetric_root(np.cov(t, rowvar=False))
     changes = np.einsum("aK,caf,fg->cKg", fit.seen, differences, spread)
     form = np.einsum("cKg,cLg->KL", changes, changes) / len(changes)
-    outcome = landings.inputs @ fit.linear + t @ mean.T @ fit.seen @ fit.near.coefficients
+    outcome = landings.inputs @ fit.linear + t @ mean.T @ fit.seen @ fit.coefficients
     power = np.var(outcome, axis=0, ddof=1)
     weights = np.empty_like(power)
     for block in (slice(POSITIONS), slice(POSITIONS, None)):
@@ -236,13 +232,12 @@ def effect_size(
     flips
         Number of random sign patterns.
     """
-    kinks, granted = extrapolated(fit, root)
-    axes = _axes(kinks, root)
-    root, granted = axes @ root, axes @ granted
-    found = root @ kinks.coefficients.ravel()
+    root = _axes(fit, root) @ root
+    found = root @ fit.coefficients.ravel()
     statistic = float(found @ found)
     size = float(np.sqrt(statistic))
-    draws = _draws(kinks, root, granted, flips, generator)
+    granted = FARTHER * root @ fit.change.ravel()
+    draws = _draws(fit, root, granted, flips, generator)
     null = np.sum((draws.null + draws.missed) ** 2, axis=1)
     typical = max(statistic, float(np.median(np.sum(draws.null**2, axis=1))))
     level = round(1.0 - confidence, 12)  # 0.05, not a little more
@@ -259,7 +254,7 @@ def effect_size(
     shift = float(np.linalg.norm(granted))
     floor = below(float(np.median(null)), level / 2.0)
     low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
-    noise = float(np.sum((kinks.scores @ root.T) ** 2))
+    noise = float(np.sum((fit.scores @ root.T) ** 2))
     p_value = (1 + int(np.sum(null >= statistic))) / (1 + flips)
     return EffectSize(
         estimate=float(np.sqrt(max(0.0, statistic - noise))),
@@ -280,40 +275,20 @@ def landings_needed(landings: int, detectable: float, difference: float, feet: i
     return int(np.ceil(max(least, landings * (detectable / difference) ** 2)))
 
 
-def extrapolated(fit: KinkFit, root: FloatArray) -> tuple[Kinks, FloatArray]:
-    """Return the kinks to be expected at a simultaneous contact, and what is granted for the rest.
-
-    They go on as they changed from all landings to those of the window, by something between
-    nothing and one and a half times that: three quarters are added, and three quarters granted. Of
-    a change as small as its own error less is added, in the share c = s^2 / (s^2 + E^2 / 2) of its
-    size s and error E; what is granted then is its error and its share, 1 - c + c^2.
-
-    Returns
-    -------
-    tuple
-        Kinks, and the standard error that is granted, (m,) in the axes of `root`.
-    """
-    change = root @ fit.change.coefficients.ravel()
-    size, error = float(change @ change), float(np.sum((fit.change.scores @ root.T) ** 2))
-    share = size / (size + 0.5 * error) if size else 0.0
-    granted = FARTHER * np.sqrt(1.0 - share + share**2) * change
-    return fit.near.moved(FARTHER * share, fit.change), granted
-
-
-def _axes(kinks: Kinks, root: FloatArray) -> FloatArray:
+def _axes(fit: KinkFit, root: FloatArray) -> FloatArray:
     """Return the principal axes of the error of the size, turned to the side of what was found.
 
     In them the same random numbers give the same draws, whatever axes the data came in.
     """
-    scores = kinks.null_scores @ root.T
+    scores = fit.null_scores @ root.T
     axes = np.linalg.eigh(scores.T @ scores)[1].T
-    return np.asarray(axes * np.sign(axes @ root @ kinks.coefficients.ravel())[:, None])
+    return np.asarray(axes * np.sign(axes @ root @ fit.coefficients.ravel())[:, None])
 
 
 def _draws(
-    kinks: Kinks, root: FloatArray, granted: FloatArray, count: int, generator: np.random.Generator
+    fit: KinkFit, root: FloatArray, granted: FloatArray, count: int, generator: np.random.Generator
 ) -> _Draws:
-    both = np.hstack([kinks.null_scores @ root.T, kinks.scores @ root.T])
+    both = np.hstack([fit.null_scores @ root.T, fit.scores @ root.T])
     sums = np.empty((count, both.shape[1]))
     for first in range(0, count, _AT_ONCE):
         some = sums[first : first + _AT_ONCE]

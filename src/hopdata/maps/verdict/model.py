@@ -6,13 +6,13 @@ monomials of the inputs up to the third order, by least squares.
 
 What a C1 map has besides looks like a kink, the less the nearer the feet come down together. How
 much is learned from the landings: the kinks of those nearest to a simultaneous contact, less those
-of all, show which way and how far they go (`KinkFit.change`).
+of all, show which way and how far they go. They are taken three quarters of that farther, and as
+much is granted as a standard error in its direction (`KinkFit.change`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,9 @@ from hopdata.maps.verdict.inputs import SectionLandings
 
 #: Share of the landings, those of least contact spread, whose kinks are compared with those of all.
 WINDOW = 0.85
+#: How much farther the kinks are taken than from all landings to these, in units of that change,
+#: and what is granted for what remains.
+FARTHER = 0.75
 
 _FLAT = 1e-9
 #: Kinks of which less than this share is left beside the smooth terms are not seen by the data.
@@ -32,48 +35,32 @@ _LEAST_KINK = 1e-3
 _LEAST_OF_PAIRS = 0.25
 
 
-class Kinks(NamedTuple):
-    """Kinks with their errors; K kinks, q outputs, N landings.
+@dataclass(frozen=True)
+class KinkFit:
+    """Kinks of a study; K kinks, q outputs, N landings.
 
     Attributes
     ----------
     coefficients
-        (K, q) of the combinations `KinkFit.seen` of the kinks.
+        (K, q) of the combinations `seen` of the kinks.
+    linear
+        (p, q) derivative of the outputs by the inputs, but for the kinks.
     scores, null_scores
         (N, K q) contributions of the landings to the error of the coefficients, row by row: with
         the kinks that were found taken off the outputs, and with none.
-    """
-
-    coefficients: FloatArray
-    scores: FloatArray
-    null_scores: FloatArray
-
-    def moved(self, step: float, change: Kinks) -> Kinks:
-        """Return these kinks farther by so many times a change."""
-        return Kinks(*(one + step * other for one, other in zip(self, change, strict=True)))
-
-
-@dataclass(frozen=True)
-class KinkFit:
-    """Kinks of a study.
-
-    Attributes
-    ----------
-    near
-        Kinks of the landings of the window.
     change
-        How far they go from all landings to those of the window.
-    linear
-        (p, q) derivative of the outputs by the inputs, but for the kinks.
+        (K, q) how far the kinks go from all landings to those of the window.
     seen
         (all kinks, K) orthonormal combinations of the kinks that the data tell from smooth terms.
     rows
         (n,) numbers of the landings in the window.
     """
 
-    near: Kinks
-    change: Kinks
+    coefficients: FloatArray
     linear: FloatArray
+    scores: FloatArray
+    null_scores: FloatArray
+    change: FloatArray
     seen: FloatArray
     rows: NDArray[np.int64]
 
@@ -97,8 +84,19 @@ def fit_kinks(landings: SectionLandings) -> KinkFit:
     if not seen.size:
         raise AnalysisError("no two feet exchange their order among these touchdowns")
     near = window.fit(seen)
-    change = near.moved(-1.0, _Smooth(landings, np.arange(len(x)), degree).fit(seen))
-    return KinkFit(near, change, window.linear(seen @ near.coefficients), seen, rows)
+    whole = _Smooth(landings, np.arange(len(x)), degree).fit(seen)
+    coefficients, scores, null_scores = (
+        one + FARTHER * (one - other) for one, other in zip(near, whole, strict=True)
+    )
+    return KinkFit(
+        coefficients,
+        window.linear(seen @ coefficients),
+        scores,
+        null_scores,
+        near[0] - whole[0],
+        seen,
+        rows,
+    )
 
 
 class _Smooth:
@@ -132,15 +130,15 @@ class _Smooth:
             limit = max(limit, _LEAST_OF_PAIRS * values[0])
         return np.asarray(right[values > limit].T)
 
-    def fit(self, seen: FloatArray) -> Kinks:
-        """Return the kinks in these combinations, with scores of all landings."""
+    def fit(self, seen: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return kinks (K, q), and the scores and null scores (N, K q) of all landings."""
         bends = self._without(self.kinks) @ seen
         influence = np.asarray(np.linalg.solve(bends.T @ bends, bends.T), float)
         found = influence @ self.rest
         slack = 1.0 - np.sum(self.basis**2, axis=1)
         own = slack - np.einsum("nk,kn->n", bends, influence)
         with_kinks = self._scores(influence, self.rest - bends @ found, own)
-        return Kinks(found, with_kinks, self._scores(influence, self.rest, slack))
+        return found, with_kinks, self._scores(influence, self.rest, slack)
 
     def _scores(self, influence: FloatArray, errors: FloatArray, slack: FloatArray) -> FloatArray:
         errors = errors / np.sqrt(np.maximum(slack, 0.1))[:, None]
