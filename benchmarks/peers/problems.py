@@ -12,14 +12,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import exact as octant_scene
 import numpy as np
-from exact import hopper_end, octant_end, plate_end
+from exact import hopper_end, octant, octant_end, plate_end
 from plate_scene import Plate
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import System
-from hopdata.scenes import small as octant_scene
-from hopdata.scenes.small import VerticalHopper, octant
+from hopdata.scenes.small import VerticalHopper
 
 # What every peer offers: named solvers that take a tolerance and give something to run.
 
