@@ -35,8 +35,9 @@ def swings():
         for _ in range(2 * COUNT)
     ]  # fmt: skip
     y0, params = rng.uniform(-2.0, 2.0, (2 * COUNT, 2)), np.array(params)
-    slides = solve_batch(bent(3), SPAN, y0, params=params, **OPTIONS).status == SLIDING
-    return y0[~slides][:COUNT], params[~slides][:COUNT], y0[slides], params[slides]
+    status = solve_batch(bent(3), SPAN, y0, params=params, **OPTIONS).status
+    ends, slides = status == 0, status == SLIDING
+    return y0[ends][:COUNT], params[ends][:COUNT], y0[slides], params[slides]
 
 
 def swung(rows=slice(None), **options):
