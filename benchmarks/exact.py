@@ -203,7 +203,7 @@ def hopper_end(hopper: VerticalHopper, drop_m: float, until_s: float) -> FloatAr
 
 
 def plate_end() -> FloatArray:
-    """Return the end of the plate's first bounce (`peers.problems`), which has no closed form.
+    """Return the end of the plate's first bounce (`peers`), which has no closed form.
 
     From heyoka in extended precision at 1e-18; it changes by 1e-19 at 1e-17, and is met within
     2e-15 by heyoka and 1e-13 by SciPy's DOP853 in doubles: the benchmark's own rows show it again.
