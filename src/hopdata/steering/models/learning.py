@@ -300,8 +300,9 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
     left_out = f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
     if len(hops) < training_hops + LEFT_TO_TEST:
         raise AnalysisError(
-            f"steering.model.training_hops: expected at most {max(0, len(hops) - LEFT_TO_TEST)}, two fewer "
-            f"than the {len(hops)} hops that can be used, found {training_hops} {left_out}"
+            "steering.model.training_hops: expected at most "
+            f"{max(0, len(hops) - LEFT_TO_TEST)}, two fewer than the {len(hops)} hops that can be "
+            f"used, found {training_hops} {left_out}"
         )
     return hops
 
