@@ -22,7 +22,7 @@ from hopdata.steering.control.objectives import (
 )
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import PrintedController
-from hopdata.steering.excitation import FLOOR, START, child
+from hopdata.steering.excitation import START, child
 from hopdata.steering.models.tabulated import FrameChangeMap, TabulatedMap, tabulated
 from hopdata.steering.robot import Board
 
@@ -184,11 +184,6 @@ def draw_starts(
         pose = np.array([x, y, heading] if manoeuvre == ORIGIN else [0.0, 0.0, heading])
         starts.append(Start(k, pose, stream))
     return starts
-
-
-def floor_stream(seed: np.random.SeedSequence) -> np.random.Generator:
-    """Return the stream from which the floor of all experiments is drawn."""
-    return np.random.default_rng(child(seed, FLOOR))
 
 
 # Who steers.
