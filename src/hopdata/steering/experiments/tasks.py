@@ -191,7 +191,7 @@ def draw_starts(
 Policy: TypeAlias = Callable[[Start], Controller]
 
 PRINTED, PLANNER, RANDOM, NONE = CONTROLLERS = ("printed", "planner", "random", "none")
-CEILING = "ceiling"  # the planner that knows the true map; its hops are taken for the fewest
+CEILING = "ceiling"  # the planner that knows the true map, whose hops are the measure
 
 
 @dataclass(frozen=True)
