@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike
+from octant_scene import INITIAL_STATE, T_SPAN
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper
+from hopdata.scenes.small import VerticalHopper
 
 # The undamped hopper in closed form, at all times.
 

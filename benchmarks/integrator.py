@@ -39,6 +39,7 @@ import pandas as pd
 from exact import hopper_end, octant_end, restarted
 from numba import njit
 from numpy.typing import NDArray
+from octant_scene import INITIAL_STATE, T_SPAN, octant
 from plate_scene import Plate
 
 from hopdata.arrays import FloatArray, IntArray
@@ -51,7 +52,7 @@ from hopdata.hybrid.methods.method import Scene, explicit_method
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_event, hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+from hopdata.scenes.small import VerticalHopper
 from hopdata.synthesis.hops import level_state
 
 # What a method costs by itself: its steps in one loop, without events, step control or a driver.

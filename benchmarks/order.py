@@ -37,6 +37,7 @@ import pandas as pd
 from exact import octant_end, restarted
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
+from octant_scene import INITIAL_STATE, T_SPAN, octant
 from scipy.integrate import RK45
 
 from hopdata.arrays import FloatArray
@@ -44,7 +45,6 @@ from hopdata.hybrid import System, field, solve
 from hopdata.hybrid.printed import PrintedOptions, Stepping, integrate, region_of
 from hopdata.hybrid.printed.classical import Slope
 from hopdata.hybrid.printed.contacts import coefficients, hermite, heun3_step, illinois
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, octant
 
 # Order of a method from errors at many step sizes: a line through the straight part, and its end.
 #

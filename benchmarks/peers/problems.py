@@ -13,13 +13,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import octant_scene
 from exact import hopper_end, octant_end, plate_end
+from octant_scene import octant
 from plate_scene import Plate
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import System
-from hopdata.scenes import small as octant_scene
-from hopdata.scenes.small import VerticalHopper, octant
+from hopdata.scenes.small import VerticalHopper
 
 # What every peer offers: named solvers that take a tolerance and give something to run.
 

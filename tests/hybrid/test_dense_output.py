@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hybrid_systems import ball, growth, ladder
+from octant_scene import INITIAL_STATE, T_SPAN, octant
 from test_derived import bounce_undone
 
 from hopdata.hybrid import System, field, solve
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+from hopdata.scenes.small import VerticalHopper
 
 
 @field

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hybrid_systems import ball, fall_field, floor_guard, ladder, relay
+from octant_scene import INITIAL_STATE, T_SPAN, octant
 
 from hopdata.hybrid import System, field, guard, guards, on_event, rate_bound, solve, solve_batch
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+from hopdata.scenes.small import VerticalHopper
 
 RTOLS = (1e-4, 1e-7, 1e-10)
 

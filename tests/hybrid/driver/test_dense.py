@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from bent_systems import affine_landing, bent, bent_params, landing
 from hybrid_systems import ball, growth
+from octant_scene import INITIAL_STATE, T_SPAN, octant
 
 from hopdata.hybrid import solve
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, octant
 
 
 def error_between_mesh_points(step, *, where):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hybrid_systems import ball, ladder, relay, sliding, throw
+from octant_scene import octant, octant_guards
 
 from hopdata.hybrid import System, field
 from hopdata.hybrid.first_order import check_event_selected
@@ -13,7 +14,6 @@ from hopdata.hybrid.first_order.selection import (
     Finding,
     draw_around,
 )
-from hopdata.scenes.small import octant, octant_guards
 
 FREE = [-1, -1, -1]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hybrid_systems import ball, ladder, sliding
+from octant_scene import octant
 
 from hopdata.hybrid import System, field, guards
 from hopdata.hybrid.first_order import check_c1
@@ -21,7 +22,7 @@ from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
-from hopdata.scenes.small import VerticalHopper, octant
+from hopdata.scenes.small import VerticalHopper
 
 HOPPER = HopperParameters()
 FEET = ("foot1", "foot2", "foot3")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hybrid_systems import ball, ladder, throw
+from octant_scene import octant
 
 from hopdata.hybrid.printed import PrintedOptions, region_of
-from hopdata.scenes.small import octant
 
 
 def test_locks_are_signs():

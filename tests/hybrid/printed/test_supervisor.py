@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hybrid_systems import ladder, throw
+from octant_scene import INITIAL_STATE, T_SPAN, octant
 from scipy.integrate import DOP853, LSODA, RK45, Radau
 
 from hopdata.hybrid.printed import (
@@ -17,7 +18,7 @@ from hopdata.hybrid.printed import (
 )
 from hopdata.hybrid.printed.contacts import FINDERS
 from hopdata.hybrid.printed.supervisor import heading
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+from hopdata.scenes.small import VerticalHopper
 
 PHASES = (np.arange(8) + 0.5) / 8
 
