@@ -43,7 +43,7 @@ def test_all_figures_and_the_report_are_there(sample):
     assert page.count("<figure") >= len(FIGURES)
     record = json.loads((results / "provenance.json").read_text())
     assert record["study"] == "sample"
-    assert len(record["stage_seconds"]) == 12
+    assert len(record["stage_seconds"]) == 11
     assert not any("simulate" in stage for stage in record["stage_seconds"])
 
 
@@ -102,7 +102,7 @@ def test_an_edited_library_module_runs_the_stages_that_use_it(sample):
     shutil.rmtree(library)
     library.symlink_to(ROOT / "src")
     assert {"pairs", "linear_maps", "distances", "report"} <= planned
-    assert not {"recording", "contacts", "sections"} & planned
+    assert not {"recording", "contacts"} & planned
 
 
 def test_one_core_gives_the_same_tables(sample, tmp_path):
@@ -348,7 +348,7 @@ def test_a_job_asks_for_twice_as_much_at_a_retry(tmp_path):
         return np.array(found, dtype=int)
 
     first = asked(1)
-    assert first.shape == (13, 2)
+    assert first.shape == (12, 2)
     np.testing.assert_array_equal(asked(3), 4 * first)
 
 
