@@ -15,7 +15,7 @@ rule report:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/ready/{{recording}}.json"),
         filled=[rules.quality.output.filled] if FILLS else [],
-        sections=rules.sections.output.sections,
+        sections=rules.pairs.output.sections,
         touchdowns=rules.pairs.output.touchdowns,
         units=rules.pairs.output.units,
         prediction=rules.linear_maps.output.summary,
