@@ -291,6 +291,11 @@ class Study:
         """States at the two sections in the home frame, with the contact instants."""
         return self._landings[1]
 
+    @property
+    def units(self) -> Contents:
+        """Units of length and time by which the states are divided."""
+        return self._landings[2]
+
     @cached_property
     def verdict(self) -> Verdict:
         """Whether one smooth map serves all contact orders."""
@@ -429,7 +434,7 @@ class Study:
         if name == "sections":
             return self.sections.to_dict()
         if name == "units":
-            return self._landings[2]
+            return self.units
         return self.tables[name]
 
     def save(self, folder: str | Path) -> Path:
