@@ -60,7 +60,7 @@ def read_group(config: str | Path) -> dict[str, Any]:
     from hopdata.config.loading import load_config, read_yaml
     from hopdata.maps.draws import named_generator
 
-    content = dict(read_yaml(config))
+    content = {"figures": {"formats": ["svg"]}, **read_yaml(config)}  # all that a page shows
     if "recordings" in content:
         raise ConfigError(f"{config}: expected samples or recordings, found both")
     file = Path(str(content.pop("samples")))
@@ -166,7 +166,6 @@ def run_member(member: Mapping[str, Any], folder: Path, captions: Path) -> None:
 
 
 def _page(study: Study, folder: Path, captions: Path) -> str:
-    from hopdata.landings.floor import fit_floor
     from hopdata.provenance import provenance
     from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
     from hopdata.report.page import build_report
@@ -177,10 +176,7 @@ def _page(study: Study, folder: Path, captions: Path) -> str:
             study=study.config["study"],
             figures=read_figures(sorted(folder.glob("figures/*.*")), sorted(captions.glob("*.md"))),
             recordings=[describe_recording(one) for one in study.imported],
-            floors={
-                one.name: fit_floor(one, **study.config["floor"]).to_dict()
-                for one in study.imported
-            },
+            floors={name: floor.to_dict() for name, floor in study.floors.items()},
             sections=study.sections.to_dict(),
             units=study.units,
             provenance=provenance(
