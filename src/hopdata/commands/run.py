@@ -69,8 +69,8 @@ def _run_again(options: argparse.Namespace) -> int:
         raise ConfigError(f"{place}: expected the provenance.json of a study") from None
     if version != __version__:
         raise ConfigError(
-            f"{place}: expected results of hopdata {__version__}, found those of {version}; to make "
-            f"them again: pip install hopdata=={version}"
+            f"{place}: expected results of hopdata {__version__}, found those of {version}; to "
+            f"make them again: pip install hopdata=={version}"
         )
     again = f"{config['study'][:94]}_again"
     copy = Path("results", again, "config.yaml")
