@@ -82,7 +82,7 @@ def _all(inspection: Inspection) -> Iterator[Suspect]:
         yield suspect("spike", (spike.marker,), spike.start, text)
     for jump in faults.jumps:
         text = f"{jump.marker} jumps by {_mm(jump.size)}"
-        yield suspect("jump", (jump.marker,), jump.frame, text)
+        yield suspect("jump", (jump.marker,), jump.start, text)
     for frozen in faults.frozen:
         text = f"{frozen.marker} repeats one position in {frozen.stop - frozen.start} frames"
         yield suspect("frozen", (frozen.marker,), frozen.start, text)
