@@ -57,6 +57,7 @@ def _run_again(options: argparse.Namespace) -> int:
     import yaml
 
     from hopdata import __version__
+    from hopdata.provenance import package_digest
 
     place = options.provenance
     try:
@@ -72,6 +73,8 @@ def _run_again(options: argparse.Namespace) -> int:
             f"{place}: expected results of hopdata {__version__}, found those of {version}; to "
             f"make them again: pip install hopdata=={version}"
         )
+    if record.get("code_sha256") != package_digest():
+        print(f"note: {place}: made by other code of version {version}", file=sys.stderr)
     again = f"{config['study'][:94]}_again"
     copy = Path("results", again, "config.yaml")
     copy.parent.mkdir(parents=True, exist_ok=True)
