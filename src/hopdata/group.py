@@ -170,7 +170,8 @@ def _page(study: Study, folder: Path, captions: Path) -> str:
     from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
     from hopdata.report.page import build_report
 
-    tables = study.tables
+    tables: Any = study.tables
+    checks: Any = study.quality.to_dict("records")
     return build_report(
         ReportInputs(
             study=study.config["study"],
@@ -184,10 +185,12 @@ def _page(study: Study, folder: Path, captions: Path) -> str:
             ),
             truth={},
             verdict=study.verdict.to_dict(),
-            quality=study.quality.to_dict("records"),
+            quality=checks,
             prediction=tables["prediction_summary"],
             distances=tables["distance_summary"],
-            **{name: tables[name] for name in ("touchdowns", "faults", "remarks")},
+            touchdowns=tables["touchdowns"],
+            faults=tables["faults"],
+            remarks=tables["remarks"],
         )
     )
 

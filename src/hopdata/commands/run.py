@@ -119,7 +119,8 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
                 said.append(line)
                 if found := _DONE.match(line):
                     progress(
-                        f"{study}: " + _how_far(*map(int, found.groups()), time.monotonic() - start)
+                        f"{study}: "
+                        + _how_far(int(found[1]), int(found[2]), time.monotonic() - start)
                     )
             code = snakemake.wait()
         except KeyboardInterrupt:  # Snakemake got it too: it ends its jobs and unlocks the folder

@@ -145,8 +145,9 @@ def judge_group(
     of_means = subjects["variance"] / parts.size()
     found = combine(subjects["squared"].to_numpy(float), of_means.to_numpy(float))
     # With an error of its own: a mean of squares, none of which is known well.
-    allowed = subjects["granted_squared"]
-    granted = float(np.sqrt(max(0.0, allowed.mean() + allowed.sem())))
+    allowed = subjects["granted_squared"].to_numpy(float)
+    least_known = allowed.mean() + allowed.std(ddof=1) / np.sqrt(len(allowed))
+    granted = float(np.sqrt(max(0.0, least_known)))
     generator = named_generator(seed, "group")
     chance = found.error * generator.standard_t(found.n - 1, _DRAWS)
     left = (granted * generator.standard_normal(_DRAWS)) ** 2
