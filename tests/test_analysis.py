@@ -37,7 +37,7 @@ def test_what_a_notebook_looks_at(study):
     used = study.touchdowns[~study.touchdowns["excluded"]]
     assert len(used) == len(study.pairs) > 150
     assert set(study.quality["status"]) <= {"good", "look", "poor", "not known"}
-    assert study.figure("fig2_3_schedule").axes
+    assert study.figures.schedule().axes
     assert study.tables["drift"].columns[0]
 
 

@@ -8,8 +8,10 @@ from typing import Any
 
 from hopdata import __version__
 from hopdata.arrays import pd
+from hopdata.recording import Recording
 from hopdata.report import formatting as show
 from hopdata.report.inputs import Picture, rendered
+from hopdata.report.scene import small_plot
 from hopdata.report.tables import excluded
 
 
@@ -138,6 +140,13 @@ STATUS = {
     status: f"{sign}{show.NO_BREAK_SPACE}{status}"
     for status, sign in {"good": "●", "look": "◐", "poor": "○", "not known": "–"}.items()
 }
+WORSE = ("good", "not known", "look", "poor")
+# The lights of the first screen: how the names of the checks begin that each stands for.
+LIGHTS = {
+    "Recordings": ("frames seen", "swaps", "noise"),
+    "Landings": ("touchdowns", "error of a contact", "orders"),
+    "Stability": ("sections move", "drift"),
+}
 MOST_FAULTS = 30
 MOST_EXCLUDED = 500
 
@@ -208,15 +217,35 @@ def remarks_table(remarks: pd.DataFrame | None) -> show.Table | None:
     )  # fmt: skip
 
 
-def excluded_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
-    """One row a descent that is not used, with its reason."""
+def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
+    """Return name, worst status and remark of each of `LIGHTS` that has checks."""
+    shown = []
+    for name, words in LIGHTS.items():
+        own = [check for check in checks or () if str(check["what"]).startswith(words)]
+        if own:
+            worst = max(own, key=lambda check: WORSE.index(str(check["status"])))
+            shown.append((name, str(worst["status"]), f"{worst['what']}: {worst['remark']}"))
+    return shown
+
+
+def excluded_table(
+    touchdowns: pd.DataFrame | None, levelled: Sequence[Recording] = ()
+) -> show.Table | None:
+    """One row a descent that is not used, with its reason and the heights of its feet."""
+    from markupsafe import Markup
+
+    by_name = {recording.name: recording for recording in levelled}
     out = None if touchdowns is None else touchdowns[excluded(touchdowns)]
-    columns = {
+    columns: show.Columns = {
         "recording": show.text("recording"),
         "reason": show.text("reason"),
         "descent": show.counted("index"),
         "time (s)": show.decimals("t_pre_s", 2),
     }
+    if by_name:
+        columns["feet, and when they touched"] = lambda row: Markup(
+            small_plot(by_name.get(str(row["recording"])), row)
+        )
     return show.table_of(
         "Every descent that is not used", show.records(out, MOST_EXCLUDED), columns,
         text_columns=2, note=show.more(out, MOST_EXCLUDED, "touchdowns"),
