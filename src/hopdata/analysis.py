@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from hopdata.arrays import pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, RecordingError, did_you_mean
-from hopdata.recording import Recording, Truth, require_distinct
+from hopdata.recording import Recording, Truth, marker_names, require_distinct
 
 if TYPE_CHECKING:
     from hopdata.landings.sections.select import Sections
@@ -193,7 +193,10 @@ def synthesize(
     from hopdata.synthesis import simulate_recording
 
     keys["simulation"] = {"scene": scene, **keys.get("simulation", {})}
-    content = {"study": name, "recordings": [{"name": name}], "seed": seed, **keys}
+    # All markers are made, whichever of them a study would follow.
+    markers = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"]}
+    content = {"study": name, "recordings": [{"name": name}], "markers": markers, "seed": seed}
+    content.update(keys)
     return _simulated(load_config(content), 0, simulate_recording)
 
 
@@ -241,9 +244,7 @@ def plan(
 
 
 def _names(key: str, names: Sequence[str]) -> list[str]:
-    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
-        raise RecordingError(f"{key}: expected a list of marker names, found {names!r}")
-    return list(names)
+    return list(marker_names(key, names))
 
 
 @dataclass(frozen=True, repr=False)

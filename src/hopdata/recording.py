@@ -159,7 +159,7 @@ class Recording(Shown):
         """
         stamps, places = _numbers("time", time), _numbers("positions", positions)
         known, of_foot, of_body = (
-            _words(*named) for named in (("markers", markers), ("feet", feet), ("body", body))
+            marker_names(*named) for named in (("markers", markers), ("feet", feet), ("body", body))
         )
         wanted = (*stamps.shape, len(known), 3)
         if stamps.ndim != 1 or len(stamps) < 2 or not (np.diff(stamps) > 0).all():
@@ -220,12 +220,15 @@ def _numbers(key: str, values: ArrayLike) -> FloatArray:
     try:
         return np.asarray(values, float)
     except (TypeError, ValueError) as error:
-        raise RecordingError(f"{key}: expected an array of numbers, found {error}") from None
+        found = str(error).partition(". ")[0]
+        raise RecordingError(f"{key}: expected an array of numbers, found {found}") from None
 
 
-def _words(key: str, names: Iterable[str]) -> tuple[str, ...]:
-    found = (names,) if isinstance(names, str) else tuple(names)
-    if isinstance(names, str) or not all(isinstance(name, str) for name in found):
+def marker_names(key: str, names: Iterable[str]) -> tuple[str, ...]:
+    """Return a list of names as a tuple; refuse all else with the key."""
+    listed = isinstance(names, Iterable) and not isinstance(names, str)
+    found = tuple(names) if listed else ()
+    if not listed or not all(isinstance(name, str) for name in found):
         raise RecordingError(f"{key}: expected a list of marker names, found {names!r}")
     if len(set(found)) < len(found):
         raise RecordingError(f"{key}: expected each name once, found {', '.join(found)}")

@@ -35,6 +35,34 @@ def inspect(options: argparse.Namespace) -> int:
     return terminal.PROBLEM if inspection.n_problems else terminal.OK
 
 
+def view(options: argparse.Namespace) -> int:
+    """Write the 3-D page of a file, roles guessed as `init` does, and open it in a browser."""
+    import tempfile
+    import webbrowser
+    from pathlib import Path
+
+    from hopdata.recording import Recording
+    from hopdata.recordings.quality.roles import guess_roles
+    from hopdata.report.inputs import rendered
+    from hopdata.report.scene import recording_scene
+
+    inspection = inspected(options)
+    roles = guess_roles(inspection)
+    of = {"feet": roles.feet, "body": roles.body}
+    shown = Recording.from_arrays(
+        inspection.time, inspection.positions, inspection.markers, **of, name=options.file.name
+    )
+    page = rendered(
+        "view.html.j2", title=options.file.name, told=shown.told(), scene=recording_scene(shown)
+    )
+    out = options.out or Path(tempfile.gettempdir(), f"{options.file.name}.html")
+    terminal.write_text(out, page)
+    print(out)
+    if not options.no_browser:
+        webbrowser.open(out.resolve().as_uri())
+    return terminal.OK
+
+
 def inspected(options: argparse.Namespace) -> Inspection:
     """Read and measure the file of ``file``, ``unit``, ``vertical_axis``, ``rate`` ...."""
     from hopdata.recordings.quality.inspection import inspect_recording

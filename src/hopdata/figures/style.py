@@ -134,7 +134,7 @@ class Journal:
 
 STYLES = {
     "nature": Journal(89.0, 183.0),
-    "ieee": Journal(88.9, 181.9, text=8 / 7),
+    "ieee": Journal(88.9, 181.9, text=7.5 / 7),
     "poster": Journal(212.5, 437.5, text=2.5, line=2.5),
 }
 OWN = Journal()
@@ -187,7 +187,7 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Any]:
             with nullcontext() if own else style_context():
                 figure = draw(*args, **kwargs)
                 _write_powers(figure)
-                _thicken(figure, 1.0 if is_inner else journal.line)
+                _thicken(figure, 1.0 if style is None else journal.line)
         finally:
             _JOURNAL.reset(before[0])
             _PLACE.reset(before[1])
@@ -239,7 +239,7 @@ def _thicken(figure: Any, factor: float) -> None:
         return
     for artist in figure.findobj(lambda one: isinstance(one, Line2D | Patch | Collection)):
         artist.set_linewidth(factor * np.asarray(artist.get_linewidth()))
-        if isinstance(artist, Line2D):
+        if isinstance(artist, Line2D) and artist.get_marker() not in range(4):  # ticks
             artist.set_markersize(factor * artist.get_markersize())
 
 

@@ -169,6 +169,8 @@ def check_upright(recording: Recording) -> None:
     else:
         up = opposite(FILE_AXES[recording.vertical_axis][best])
         hint = f"; set input.vertical_axis: {up}, or are markers.body and markers.feet exchanged?"
+    if not recording.source:
+        hint = "; the last axis of positions is x, y, z with z up: exchange what is not so"
     raise RecordingError(
         f"{recording.place}: vertical axis {recording.vertical_axis}: "
         f"expected the body above the feet, found the body's mean at {found} from the feet{hint}"

@@ -286,10 +286,8 @@ def rendered(template: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    style, fold, turn = (
-        (TEMPLATES / name).read_text(encoding="utf-8")
-        for name in ("report.css", "fold.js", "scene.js")
-    )
+    names = ("report.css", "fold.js", "scene.js")
+    style, fold, turn = ((TEMPLATES / name).read_text(encoding="utf-8") for name in names)
     scripts = {"fold": fold + turn if content.get("scene") else fold}
     return environment.get_template(template).render(**content, **scripts, style=style)
 

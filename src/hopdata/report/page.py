@@ -182,7 +182,7 @@ WORDS = {
     for name, place, table, file, means in (
         ("Difference of the maps", "difference", "verdict", "verdict.json",
          "Size of the jump of the map's derivative where all feet touch at once, in per cent of "
-         "the map, with its interval. None if the landing is C1."),
+         "the map, with its interval; zero if the landing is C1."),
         ("Quality of the data", "quality", "quality", "quality.json",
          "Checks of recordings and landings, each against a limit for good and one for poor."),
         ("Recordings", "recordings", "recordings", "tables/markers.csv",

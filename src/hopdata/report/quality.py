@@ -224,7 +224,8 @@ def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
         own = [check for check in checks or () if str(check["what"]).startswith(words)]
         if own:
             worst = max(own, key=lambda check: WORSE.index(str(check["status"])))
-            shown.append((name, str(worst["status"]), f"{worst['what']}: {worst['remark']}"))
+            told, status = f"{worst['what']}: {worst['remark']}", str(worst["status"])
+            shown.append((name, status, f"all {len(own)} checks" if status == "good" else told))
     return shown
 
 

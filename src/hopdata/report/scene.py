@@ -15,7 +15,8 @@ from hopdata.recording import Recording
 
 BEFORE_S, AFTER_S = 0.15, 0.25  # around a landing
 MOST_ORDERS = 6
-MOST_FRAMES = 3000  # of a whole recording, of which no more is seen in a minute
+STRETCHES, MOST_FRAMES, MOST_PLACES = 5, 2000, 40_000  # of a whole recording; frames times markers
+FASTEST_HZ = 120.0
 UNSEEN = -32768
 FINEST_M = 1e-4
 Row = Mapping[Any, Any]
@@ -48,9 +49,16 @@ def landings_scene(recordings: Sequence[Recording], touchdowns: pd.DataFrame | N
 
 
 def recording_scene(recording: Recording) -> str:
-    """Return a whole recording (m, z up), of which frames are left out if there are many."""
-    some = recording.part(slice(None, None, -(-len(recording.time) // MOST_FRAMES)))
-    return _scene([_part(some, recording.name, float(some.time[0]))], 1.0)
+    """Return a recording (m, z up), of a long one stretches from its beginning to its end."""
+    some = recording.part(slice(None, None, max(1, round(recording.rate_hz / FASTEST_HZ))))
+    frames, seen = len(some.time), min(MOST_FRAMES, MOST_PLACES // len(some.markers))
+    number = min(STRETCHES, -(-frames // seen))
+    starts = np.linspace(0, max(frames - seen, 0), number).astype(int)
+    stretches = [some.part(slice(start, start + seen)) for start in starts]
+    titles = [f"{part.time[0]:.1f} to {part.time[-1]:.1f} s" for part in stretches]
+    return _scene(
+        [_part(part, title, 0.0) for part, title in zip(stretches, titles, strict=True)], 1.0
+    )
 
 
 def _scene(parts: list[dict[str, Any]], speed: float) -> str:
@@ -83,7 +91,7 @@ def _packed(values: FloatArray, kind: str) -> str:
 
 
 def _span(row: Row, before_s: float, after_s: float) -> tuple[float, float]:
-    """Return where to look at a landing: from its pre section to its post section, if it has one."""
+    """Return where to look at a landing, s: from its pre section to its post section."""
     start, stop = float(row["t_pre_s"]), float(row["t_post_s"])
     return start - before_s, (stop if np.isfinite(stop) else start + after_s) + before_s
 

@@ -94,7 +94,7 @@ for (const root of document.querySelectorAll(".scene")) {
         pen.arc(x, y, 10, 0, 7);
         pen.stroke();
       }
-      if (number >= 0 || all.length < 12) {
+      if (number >= 0 || !feet.length) {
         pen.fillStyle = ink;
         const down = rank >= 0 && contacts[number] <= now ? `${rank + 1}. ` : "";
         pen.fillText(down + markers[marker], x + 12, y + 4);
