@@ -33,11 +33,10 @@ import numpy as np
 import pandas as pd
 from machine import quartiles
 from numpy.typing import ArrayLike
-from steering_setting import change_and_gradient, random_excitation, regressor_of
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.rigid import wrapped
-from hopdata.steering.excitation import ControlGrid
+from hopdata.steering.excitation import ControlGrid, Excitation
 from hopdata.steering.experiments.outcomes import SAME_STANCE_S
 from hopdata.steering.frame_changes import USED, FrameChanges, frame_changes, joined
 from hopdata.steering.models.learning import (
@@ -51,7 +50,12 @@ from hopdata.steering.models.learning import (
     training_table,
     with_intervals,
 )
-from hopdata.steering.models.process import FrameChangeProcess, embedded
+from hopdata.steering.models.process import (
+    FrameChangeProcess,
+    embedded,
+    embedded_scales,
+    input_rows,
+)
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated
 from hopdata.steering.models.training import (
     PRINTED,
@@ -91,6 +95,101 @@ STEP = 1.5e-8  # of forward differences, SciPy's default
 
 
 # Frame changes as printed, and against those that truly happened.
+
+
+# Derivatives of models in closed form, excitation at random as printed, scikit-learn's regressor.
+
+
+def change_and_gradient(model: Any, *inputs: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Frame changes (n, 3) of hops with these inputs, and derivatives (n, 3, d) by the inputs."""
+    if isinstance(model, FrameChangeProcess):
+        points = model._points(inputs)
+        return model.mean_at(points), mean_slopes(model, points)
+    if isinstance(model, TabulatedMap):
+        angles, swings = input_rows(inputs, 2)
+        points = np.stack([swings, angles % (2 * np.pi)], axis=-1)
+        slopes = [model._spline(points, nu=nu) for nu in ((0, 1), (1, 0))]
+        return model.change(*inputs), np.stack(slopes, axis=-1)
+    return model.change_and_gradient(*inputs)
+
+
+def correlation_slope(squared: FloatArray, smoothness: float) -> FloatArray:
+    """Return the derivative of the kernel by the squared distance.
+
+    At distance zero the kernel of smoothness 1/2 has a kink, and its derivative is given as 0.
+    """
+    if smoothness == np.inf:
+        return np.asarray(-0.5 * np.exp(-0.5 * squared))
+    r = np.sqrt(2 * smoothness * squared)
+    with np.errstate(divide="ignore"):
+        factor = {
+            0.5: np.where(r > 0, -0.5 / r, 0.0), 1.5: -1.5, 2.5: -(5.0 / 6.0) * (1.0 + r)
+        }[smoothness]  # fmt: skip
+    return np.asarray(factor * np.exp(-r))
+
+
+def mean_slopes(process: FrameChangeProcess, points: FloatArray) -> FloatArray:
+    """Return the derivatives (n, 3, d) of a process's means at points (n, d)."""
+    apart = points[:, None] - process.inputs  # (n, m, d)
+    square, slope = apart**2, 2 * apart
+    if process.periodic:
+        square[..., 0] = 2 * (1 - np.cos(apart[..., 0]))
+        slope[..., 0] = 2 * np.sin(apart[..., 0])
+    inverse = 1 / process.length_scales**2
+    kernel = correlation_slope(np.einsum("nmd,jd->jnm", square, inverse), process.smoothness)
+    return np.einsum("jm,jnm,nmd,jd->njd", process.weights, kernel, slope, inverse, optimize=True)
+
+
+def random_excitation(
+    grid: ControlGrid, rng: np.random.Generator, *, start: int = 0, limit: int | None = None
+) -> Excitation:
+    """Draw moves at random until all are made (Algorithm 1).
+
+    The next angle is drawn with the weight ``1 / n_steps + its number of moves still to make``,
+    among those to which a move is still wanted, or among all in reach if there are none. Put right
+    are what the print leaves out or mistakes: the size of its matrix, the draw itself, the copy of
+    the matrix, and the last angle, without which the last move would not be commanded.
+
+    Parameters
+    ----------
+    grid : ControlGrid
+    rng : numpy Generator
+    start : int
+        Index of the first boom angle.
+    limit : int, optional
+        Stop after so many hops; `Excitation.coverage` then tells what is missing.
+    """
+    wanted = np.full((grid.n_angles, len(grid.steps)), grid.repeats)
+    made: list[int] = []
+    k, left = start % grid.n_angles, wanted.sum()
+    while left > 0 and (limit is None or len(made) < limit):
+        choices = np.flatnonzero(wanted[k]) if wanted[k].any() else np.arange(len(grid.steps))
+        ends = (k + grid.steps[choices]) % grid.n_angles
+        weights = wanted[ends].sum(axis=1) + 1.0 / grid.n_steps
+        move = rng.choice(choices, p=weights / weights.sum())
+        if wanted[k, move] > 0:
+            wanted[k, move] -= 1
+            left -= 1
+        made.append(int(grid.steps[move]))
+        k = int((k + grid.steps[move]) % grid.n_angles)
+    return Excitation(grid, start % grid.n_angles, np.array(made, dtype=int))
+
+
+def regressor_of(process: FrameChangeProcess, component: int) -> Any:
+    """Return scikit-learn's regressor of one component with the hyper-parameters of a process.
+
+    It predicts the output as modelled, for embedded inputs: a peer to compare with.
+    """
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
+
+    j = component
+    lengths = embedded_scales(process.length_scales[j], process.periodic)
+    matern = Matern(lengths, nu=process.smoothness)
+    kernel = ConstantKernel(process.variance[j]) * matern + WhiteKernel(process.noise[j])
+    target = (process.outputs[:, j] - process.offset[j]) / process.unit[j]
+    regressor = GaussianProcessRegressor(kernel, alpha=0.0, optimizer=None)
+    return regressor.fit(embedded(process.inputs, process.periodic), target)
 
 
 def frame_changes_at_frames(
@@ -355,7 +454,7 @@ def kernel_table(hops: FrameChanges, draws: int, seed: int) -> pd.DataFrame:
         scores = smoothness_scores(data, draws=draws, seed=seed, train=TRAIN)
         parts.append(scores.assign(data=name))
     by = ["data", "reading", "smoothness", "component", "unit"]
-    return with_intervals(pd.concat(parts), by, [*SCORES, "log_likelihood"])
+    return with_intervals(pd.concat(parts), by, SCORES)
 
 
 def sklearn_change(regressors: list[Any], process: FrameChangeProcess, points: FloatArray) -> Any:

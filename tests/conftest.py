@@ -38,6 +38,12 @@ def external_recording():
 
 
 @pytest.fixture(scope="session")
+def quick_runner():
+    """Markers of another runner, who lands on the heel."""
+    return external("RBDS032runT35markers.txt")
+
+
+@pytest.fixture(scope="session")
 def external_forces():
     """Forces of the same run."""
     return external(EXTERNAL_FORCES)

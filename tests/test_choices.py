@@ -37,7 +37,6 @@ from hopdata.recordings.quality import orientation as free_fall
 from hopdata.recordings.quality import orientation as length_unit
 from hopdata.scenes import SCENES
 from hopdata.steering.experiments import tasks
-from hopdata.steering.experiments import tasks as starts
 from hopdata.steering.models import training as models
 
 answer = import_module("hopdata.maps.verdict.judge")  # the package shows a function of that name
@@ -119,16 +118,7 @@ ASKED = {
     "model.kernel": (models.KERNELS, lambda name: models.process_of({"kernel": name})),
     "experiment": (
         tasks.EXPERIMENTS,
-        lambda name: starts.draw_starts(name, "any", 1, distance_m=1.0, seed=0),
-    ),
-    "heading": (
-        tasks.HEADINGS,
-        lambda name: starts.draw_starts("turn", name, 1, distance_m=1.0, seed=0),
-    ),
-    "goal": (tasks.MANOEUVRES, lambda name: tasks.goal_of(name, np.zeros(3))),
-    "board": (
-        tasks.MANOEUVRES,
-        lambda name: tasks.board_for(name, np.zeros(3), drag_n=1.0, ahead_m=1.0),
+        lambda name: tasks.draw_starts(name, 1, distance_m=1.0, seed=np.random.SeedSequence(0)),
     ),
     "history": (models.HISTORIES, lambda name: models.process_inputs(ANY, name)),
     "conclusion": (answer.CONCLUSIONS, lambda name: answer.sentence(name, ANY, "", 0.95, 0.1)),
@@ -158,6 +148,7 @@ CONFIGURED = {
     "states.gravity": states.GRAVITIES,
     "figures.formats": FORMATS,
     "steering.model.kernel": models.KERNELS,
+    "steering.experiments.controllers": tasks.CONTROLLERS,
     "simulation.scene": SCENES,
 }
 

@@ -134,10 +134,16 @@ def _check_options(command: argparse.ArgumentParser) -> None:
 
 
 def _run_options(command: argparse.ArgumentParser) -> None:
-    command.usage = "%(prog)s [-h] [--cores N] [CONFIG] [-- SNAKEMAKE OPTIONS]"
+    command.usage = (
+        "%(prog)s [-h] [--cores N] [--dry-run] [--force] [CONFIG] [-- SNAKEMAKE OPTIONS]"
+    )
     what = "such as config/monday.yaml; else that of the bundled sample"
     command.add_argument("config", nargs="?", type=Path, metavar="CONFIG", help=what)
     command.add_argument("--cores", default="2", metavar="N", help="or all; %(default)s")
+    command.add_argument("--dry-run", action="store_true", help="only say what would be done")
+    command.add_argument(
+        "--force", action="store_true", help="do all anew, also what is up to date"
+    )
 
 
 def _plan_options(command: argparse.ArgumentParser) -> None:
@@ -212,11 +218,13 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
     "run": (
         "hopdata.commands.run:run",
         "run a study, from its recordings to its report",
-        "Run the workflow of this installation on a study, or on the bundled sample. Results go\n"
-        "to results/ in the current folder. In a clone, `snakemake` does the same.",
+        "Run the workflow of this installation on a study, a group of them (a configuration with\n"
+        "samples), or the bundled sample. Results go to results/ in the current folder, what\n"
+        "Snakemake says to results/STUDY/logs/run.log. In a clone, `snakemake` does the same.",
         "  hopdata run                                  the bundled sample\n"
         "  hopdata run config/monday.yaml --cores 4\n"
-        "  hopdata run config/monday.yaml -- --dry-run  Snakemake's own options\n",
+        "  hopdata run config/group.yaml --dry-run\n"
+        "  hopdata run config/monday.yaml -- --keep-going   Snakemake's own options\n",
         _run_options,
     ),
     "plan": (

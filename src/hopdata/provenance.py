@@ -41,9 +41,10 @@ def code_digest(script: str | Path) -> str:
     Imports are read from the text, those inside functions as well, so nothing is executed. A rule
     that carries this digest as a parameter runs again when its library code changes.
     """
-    sources = {Path(script).resolve(), *_closure(_imports(Path(script).resolve()))}
+    script = Path(script).resolve()
     digest = hashlib.sha256()
-    for source in sorted(sources):
+    # The script first: where it would stand among the modules depends on where the library is.
+    for source in (script, *sorted(_closure(_imports(script)))):
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
         for asset in _assets(source):

@@ -194,7 +194,7 @@ def test_a_source_that_fails_is_reported():
     server = LoopbackServer(source(), LABELS, speed=FAST).start()
     with socket.create_connection(("127.0.0.1", server.port)) as client:
         client.sendall(text(COMMAND, "streamframes allframes 3d"))
-        wait_until(lambda: not server._thread.alive)
+        wait_until(lambda: not server._thread._thread.is_alive())
     with pytest.raises(LiveError, match="fell over"):
         server.close()
 

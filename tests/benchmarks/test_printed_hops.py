@@ -5,12 +5,12 @@ import pytest
 from frame_change_models import (
     frame_change_errors,
     frame_changes_at_frames,
+    random_excitation,
     stance_boom_angles,
     true_pairs,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from steering_setting import random_excitation
 from test_excitation import GRIDS, counts, generator
 
 from hopdata.steering.excitation import ControlGrid

@@ -4,7 +4,7 @@ from control_models import table
 from live_loop import WayPointFollower, WayPoints
 
 from hopdata.steering.control.objectives import PlanningError, ToPoint, errors_left
-from hopdata.steering.control.planner import PlannerOptions, PointGrid, planner
+from hopdata.steering.control.planner import PointGrid, planner
 from hopdata.steering.control.printed import predicted_poses
 
 MODEL = table()
@@ -13,7 +13,7 @@ MODEL = table()
 @pytest.fixture(scope="module")
 def to_point():
     grid = PointGrid(distances=24, bearings=24, boom_angles=16, swings=9)
-    return planner(MODEL, ToPoint(), options=PlannerOptions(point_grid=grid))
+    return planner(MODEL, ToPoint(), grid=grid)
 
 
 def test_way_points_are_visited_in_order(to_point):

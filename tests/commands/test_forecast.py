@@ -3,6 +3,7 @@
 That the numbers are those of the study: `benchmarks/check_forecast.py`, `tests/workflow`.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -48,6 +49,7 @@ def test_few_landings_are_counted_and_more_are_asked_for(check):
     used, of, found = landings.split()[:3]
     assert of == "of"
     assert 28 <= int(used) <= int(found) <= 34
+    assert re.search(r"will be used, \d+ % of their orders unsure; contacts timed: ", landings)
     assert landings.endswith("toe1 100 %, toe2 100 %, toe3 100 %")
     assert verdict.startswith("out of reach: contact orders with 20 touchdowns or more")
     more, vary = starting(lines, "change")
@@ -62,6 +64,7 @@ def test_a_foot_that_is_hidden_where_it_lands_is_named(check):
     _, lines, _ = check(positions)
     used, _, found = starting(lines, "landings")[0].split()[:3]
     assert int(used) < 0.8 * int(found)
+    assert "frames missing at the contact of toe2" in starting(lines, "left out")[0]
     assert any(x.startswith("toe2 is hidden where it lands") for x in starting(lines, "change"))
     assert not any("toe1" in x or "toe3" in x for x in starting(lines, "change"))
 

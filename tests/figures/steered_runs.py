@@ -48,44 +48,25 @@ def film(frames=12):
     return pd.DataFrame(rows, columns=["time_s", "marker", "x_m", "y_m", "z_m"])
 
 
-def runs(starts=10):
-    rows = []
+RATES = {"printed": 0.1, "planner": 0.95, "random": 0.0, "none": 0.0, "ceiling": 1.0}
+EXPERIMENTS = ("origin", "turn", "origin_board", "turn_board")
+
+
+def runs(starts=10, seeds=3):
     rng = np.random.default_rng(np.random.SeedSequence(2))
-    for experiment, start, controller, rate in CONDITIONS:
-        for k in range(starts):
-            success = rng.random() < rate
-            hops = int(rng.integers(20, 40)) if success else -1
-            rows.append((experiment, start, controller, k, success, hops))
-    return pd.DataFrame(rows, columns=["experiment", "start", "controller", "run", "success",
-                                       "hops"])  # fmt: skip
-
-
-CONDITIONS = [
-    ("origin", "facing", "printed", 0.9),
-    *(
-        (experiment, "any", controller, rate)
-        for experiment in ("origin", "turn", "origin_board", "turn_board")
-        for controller, rate in (("printed", 0.0), ("planner", 0.9), ("ceiling", 1.0))
-    ),
-]
+    rows = []
+    for experiment in EXPERIMENTS:
+        for controller, rate in RATES.items():
+            for k in range(starts * seeds):
+                success = rng.random() < rate
+                hops = int(rng.integers(20, 40)) if success else -1
+                rows.append((1 + k % seeds, experiment, controller, k // seeds, success, hops))
+    columns = ["seed", "experiment", "controller", "run", "success", "hops"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def outcomes(table):
-    rows = []
-    for key, group in table.groupby(["experiment", "start", "controller"], sort=False):
-        share = group["success"].mean()
-        hops = group.loc[group["success"], "hops"]
-        rows.append(
-            {
-                "experiment": key[0], "start": key[1], "controller": key[2], "runs": len(group),
-                "succeeded": int(group["success"].sum()), "rate": share,
-                "rate_low": max(0, share - 0.3), "rate_high": min(1, share + 0.2),
-                "hops": hops.median(), "hops_low": hops.median() - 3,
-                "hops_high": hops.median() + 4, "late": 0, "left": 0, "fell": 0, "stances": 300,
-                "blind": 0, "paired_starts": 8, "hops_ratio": 1.1, "ratio_low": 0.9,
-                "ratio_high": 1.2,
-                "asked_rate": 0.9 if key[2] == "planner" and key[0] == "origin" else np.nan,
-                "asked_ratio": np.nan, "met": "",
-            }
-        )  # fmt: skip
-    return pd.DataFrame(rows)
+    return table[["experiment", "controller"]].drop_duplicates()
+
+
+HORIZONS = pd.DataFrame({"horizon": [1, 3, 6], "runs": 10, "succeeded": [0, 1, 9]})

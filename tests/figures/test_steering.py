@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from overlaps import text_faults
-from steered_runs import curves, film, outcomes, runs
+from steered_runs import HORIZONS, curves, film, outcomes, runs
 
 from hopdata.errors import AnalysisError
 from hopdata.figures.steering import save_film, steering_outcomes_figure, steering_run_figure
@@ -57,23 +57,23 @@ def test_no_run_is_said():
     assert steering_run_figure(curves().iloc[:0]).axes == []
 
 
-def test_outcomes_are_drawn_without_overlap_and_counted():
+def test_outcomes_are_drawn_without_overlap_a_stroke_for_each_seed():
     made = runs()
-    figure = steering_outcomes_figure(outcomes(made), made)
+    figure = steering_outcomes_figure(outcomes(made), made, HORIZONS)
     assert text_faults(figure) == []
-    rates, hops = figure.axes
-    shown = [text.get_text() for text in rates.texts if "/" in text.get_text()]
-    assert len(shown) == 13
-    assert shown[0] == f"{made['success'][:10].sum()}/10"
-    assert rates.get_yticklabels()[0].get_text() == "to the origin,\nfacing it"
-    asked = [line for line in rates.lines if line.get_marker() == "|" and len(line.get_xdata())]
-    assert any(line.get_xdata()[0] == 90.0 for line in asked)
-    assert hops.get_xlim()[1] > made["hops"].max()
+    rates, hops, ahead = figure.axes
+    strokes = [line for line in rates.lines if line.get_marker() == "|"]
+    assert [len(line.get_xdata()) for line in strokes] == [3] * 20
+    planner = made[(made["experiment"] == "origin") & (made["controller"] == "planner")]
+    shares = 100 * planner.groupby("seed")["success"].mean()
+    assert any(np.array_equal(line.get_xdata(), shares) for line in strokes)
+    assert hops.get_xlim()[1] > made["hops"].median()
+    np.testing.assert_allclose(ahead.lines[0].get_ydata(), [0, 10, 90])
 
 
 def test_outcomes_without_any_success_have_no_hops():
     made = runs().assign(success=False, hops=-1)
-    figure = steering_outcomes_figure(outcomes(made), made)
+    figure = steering_outcomes_figure(outcomes(made), made, HORIZONS)
     assert text_faults(figure) == []
 
 

@@ -7,7 +7,6 @@ from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
 from hopdata.landings.filling import (
     TOO_MUCH_FILLED,
-    align,
     fill_gaps,
     filled_table,
     learn_shape,
@@ -19,6 +18,7 @@ from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.readers.hdf5 import read_recording, write_recording
+from hopdata.rigid import rigid_fit
 
 HEIGHTS = {"pre_height_m": PRE_HEIGHT_M, "post_height_m": POST_HEIGHT_M}
 
@@ -157,31 +157,12 @@ def tumbling(n=400, noise_m=NOISE_M, points=POINTS, seed=0):
     return true + noise_m * rng.standard_normal(true.shape), true
 
 
-def test_aligns_exactly_and_never_mirrors():
-    rng = np.random.default_rng(1)
-    rotation = rotations(rng, 50)
-    place = rng.standard_normal((50, 3))
-    frames = np.einsum("nij,bj->nbi", rotation, POINTS) + place[:, None]
-    found, at = align(POINTS, frames)
-    np.testing.assert_allclose(found, rotation, atol=1e-12)
-    np.testing.assert_allclose(at, place, atol=1e-12)
-    mirrored, _ = align(POINTS, frames * [1, 1, -1])
-    np.testing.assert_allclose(np.linalg.det(mirrored), 1.0)
-
-
-def test_three_points_in_a_plane_are_aligned_as_well():
-    rng = np.random.default_rng(2)
-    rotation = rotations(rng, 50)
-    frames = np.einsum("nij,bj->nbi", rotation, POINTS[:3])
-    np.testing.assert_allclose(align(POINTS[:3], frames)[0], rotation, atol=1e-12)
-
-
 def test_learns_the_shape_and_the_noise():
     body, _ = tumbling(2000)
     shape = learn_shape(body)
-    _, at = align(shape.points, POINTS[None])
-    rotation = align(shape.points, POINTS[None])[0][0]
-    np.testing.assert_allclose(shape.points @ rotation.T + at, POINTS, atol=5 * NOISE_M / 40)
+    fit = rigid_fit(POINTS[None], shape.points)
+    laid = shape.points @ fit.rotation[0].T + fit.centre
+    np.testing.assert_allclose(laid, POINTS, atol=5 * NOISE_M / 40)
     assert shape.misfit_m == pytest.approx(NOISE_M, rel=0.1)
 
 

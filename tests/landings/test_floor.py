@@ -243,12 +243,6 @@ def test_names_the_foot_that_is_never_at_rest(bent):
         fit_floor(replace(bent, positions=positions))
 
 
-@pytest.mark.parametrize("options", [{"degree": -1}, {"degree": 9}])
-def test_options_out_of_range(bent, options):
-    with pytest.raises(ValueError, match=f"{next(iter(options))}: expected"):
-        fit_floor(bent, **options)
-
-
 def test_level_wants_the_same_feet(bent, fitted):
     with pytest.raises(ValueError, match="feet: expected"):
         level(bent, replace(fitted, feet=("a", "b", "c")))

@@ -267,10 +267,3 @@ def test_a_stance_under_way_and_one_too_weak_have_none():
     assert len(force_onsets(TIME, stances_force_onsets([-0.1, 2.0]))) == 1
     assert len(force_onsets(TIME, stances_force_onsets([2.0], peak=300.0))) == 0
     assert len(force_onsets(TIME, np.full(len(TIME), np.nan))) == 0
-
-
-def test_what_cannot_be_is_said():
-    with pytest.raises(ValueError, match="3000"):
-        force_onsets(TIME, np.zeros(5))
-    with pytest.raises(ValueError, match="least_n below sure_n"):
-        force_onsets(TIME, np.zeros(3000), least_n=500.0)

@@ -19,13 +19,16 @@ from hopdata.landings.contacts.descents import (
 )
 from hopdata.landings.contacts.find import Contacts, find_landings
 from hopdata.landings.contacts.velocity_minimum import example_touchdown
+from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.forces import force_onsets
+from hopdata.landings.schedules import order_probability, schedule_names
 from hopdata.landings.touchdowns import (
     exclusion_reasons,
     left_out,
     touchdown_table,
 )
 from hopdata.recording import Recording
+from hopdata.recordings.importing import import_recording
 
 SECTIONS = {"pre_height_m": PRE_HEIGHT_M, "post_height_m": POST_HEIGHT_M}
 
@@ -326,6 +329,29 @@ def test_a_runner_against_the_force_plate(external_recording, external_forces, s
     assert abs(middle) < 5
     assert 1.4826 * np.median(np.abs(late_ms - middle)) < 1.5
     assert np.abs(late_ms - middle).max() < 10
+
+
+@pytest.mark.parametrize("side", ["L", "R"])
+def test_a_quick_runner_s_foot_is_down_where_it_stands(quick_runner, side):
+    """Not where the marker of the forefoot slows in mid-fall, 28 to 47 mm above."""
+    markers = {
+        "body": ["R.ASIS", "L.ASIS", "R.PSIS"],
+        "feet": [f"{side}.{name}" for name in ("Heel.Bottom", "MT1", "MT5")],
+    }
+    seen, _ = import_recording([quick_runner], name="run", markers=markers, vertical_axis="y")
+    seen = level(seen, fit_floor(seen))
+    landings = find_landings(seen)
+    landed = landings[landings[f"status_{side}.MT1"] == LANDED]
+    assert len(landed) == 39
+    forefoot = seen.feet[:, 1, 2]
+    for instant in landed[f"contact_{side}.MT1_s"]:
+        later = forefoot[(seen.time > instant) & (seen.time < instant + 0.1)]
+        assert np.interp(instant, seen.time, forefoot) - later.min() < 0.025
+    columns = [[f"{kind}_{foot}_s" for foot in markers["feet"]] for kind in ("contact", "se")]
+    instant, se = (landed[names].to_numpy() for names in columns)
+    sure = order_probability(instant, se) > 0.9
+    assert sure.sum() >= 20
+    assert {name for name, s in zip(schedule_names(instant), sure, strict=True) if s} == {"1>3>2"}
 
 
 def test_a_recording_without_a_descent_has_a_table_without_rows(scene, table):

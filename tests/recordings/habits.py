@@ -215,8 +215,26 @@ def _of_texts():
                     continue  # keypoints are columns of one table, whose names differ
                 data = write(POSITIONS, names).encode(code)
                 yield Variant(kind, f"names {habit}, {code}", suffix, data, None, names, hz)
-        if mark == ",":
-            yield Variant(kind, "UTF-16", suffix, text.encode("utf-16"), given_hz=hz)
+        for habit, data in {
+            "UTF-16": text.encode("utf-16"),
+            "UTF-16, the other order": b"\xfe\xff" + text.encode("utf-16-be"),
+            "lines end in CR": text.replace("\r\n", "\n").replace("\n", "\r").encode(),
+        }.items():
+            yield Variant(kind, habit, suffix, data, given_hz=hz)
+        if mark == "," or kind in ("QTM", "table"):
+            other = text.replace("\r\n", "\n")
+            for habit, to in {"tabs": "\t", "semicolons": ";", "commas": ","}.items():
+                for end in (".csv", ".txt"):
+                    changed = (
+                        other.replace("2021-01-01, 12", '"2021-01-01, 12') if to == "," else other
+                    )
+                    yield Variant(
+                        kind,
+                        f"{habit} in {end}",
+                        end,
+                        changed.replace(mark, to).encode(),
+                        given_hz=hz,
+                    )
 
 
 def _of_single_formats():

@@ -115,7 +115,6 @@ MISTAKES = {
         tsv(qtm_text(frequency="50")),
         ["time stamps", "0.02 s", "(50 Hz)", "0.01 s (100 Hz)"],
     ),
-    "UTF-16.tsv": (tsv(qtm_text().encode("utf-16")), ["tab-separated text", "UTF-16"]),
     "a marker that froze.tsv": (tsv(qtm_text(frozen())), ["'toe'", "to move", "40 frames"]),
     "a text document.txt": (tsv("To whom it may concern\n"), ["line 1", "header key", "'To whom"]),
     "inches.trc": (
@@ -151,7 +150,7 @@ MISTAKES = {
     ),
     "markers lost.h5": (
         hdf5(lambda file: file.attrs.__delitem__("markers")),
-        ["attribute 'markers'", "a value", "none"],
+        ["attribute 'markers'", "a list of texts", "none"],
     ),
     "frames that differ.h5": (
         hdf5(lambda file: (file.__delitem__("time"), file.__setitem__("time", np.arange(39.0)))),
@@ -276,14 +275,13 @@ def plain(**changes):
 
 
 @pytest.mark.parametrize("write", [write_qtm_tsv, write_c3d])
-def test_trajectory_types_and_metres(tmp_path, write):
-    raw = plain(unit="m", trajectory_types=("Measured", "Virtual"))
+def test_metres(tmp_path, write):
+    raw = plain(unit="m")
     path = tmp_path / {"write_c3d": "a.c3d"}.get(write.__name__, "a.tsv")
     write(path, raw)
     again = read_raw(path)
     metres = again.positions * {"mm": 1e-3, "m": 1.0}[again.unit]
     np.testing.assert_allclose(metres, raw.positions, rtol=1e-7)
-    assert again.trajectory_types in ((), raw.trajectory_types)
 
 
 @pytest.mark.parametrize(

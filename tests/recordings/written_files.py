@@ -284,7 +284,6 @@ def write_qtm_tsv(path: str | Path, raw: RawRecording, *, missing: str = "") -> 
 def _texts(raw: RawRecording) -> list[tuple[str, str]]:
     return [
         *(("marker name", name) for name in raw.markers),
-        *(("trajectory type", kind) for kind in raw.trajectory_types),
         *(("event label", event.label) for event in raw.events),
     ]
 
@@ -310,7 +309,6 @@ def _header_qtm_tsv_writing(raw: RawRecording) -> list[str]:
             for event in raw.events
         ),
         ("MARKER_NAMES", *raw.markers),
-        *([("TRAJECTORY_TYPES", *raw.trajectory_types)] if raw.trajectory_types else []),
         ("Frame", "Time", *(f"{name} {axis}" for name in raw.markers for axis in "XYZ")),
     ]
     return ["\t".join(row) for row in rows]

@@ -38,26 +38,27 @@ def figures() -> list[ReportFigure]:
 
 def outcomes() -> pd.DataFrame:
     common = {
-        "runs": 30, "late": 1, "left": 1, "fell": 0, "stances": 1200, "blind": 3, "start": "any",
+        "experiment": "origin", "seeds": 10, "runs": 300, "worst_seed": 4, "fell": 0, "touched": 0,
+        "blind": 3,
     }  # fmt: skip
-    nothing = dict.fromkeys(("hops", "hops_low", "hops_high", "hops_ratio", "ratio_low",
-                             "ratio_high", "asked_rate", "asked_ratio"), np.nan)  # fmt: skip
     return pd.DataFrame(
         [
             {
-                **common, "experiment": "origin", "controller": "planner", "succeeded": 28,
-                "rate": 28 / 30, "rate_low": 0.779, "rate_high": 0.992, "hops": 34.0,
-                "hops_low": 30.0, "hops_high": 37.0, "paired_starts": 27, "hops_ratio": 1.05,
-                "ratio_low": 0.98, "ratio_high": 1.11, "asked_rate": 0.9, "asked_ratio": 1.3,
+                **common, "controller": "planner", "worst": 28 / 30, "median": 29.5 / 30,
+                "hops": 34.0, "ratio": 1.05, "worst_ratio": 1.12, "last_error": 0.09, "late": 7,
                 "met": "yes",
             },
             {
-                **common, **nothing, "experiment": "origin", "controller": "printed",
-                "succeeded": 0, "rate": 0.0, "rate_low": 0.0, "rate_high": 0.116,
-                "paired_starts": 0, "met": "",
+                **common, "controller": "printed", "worst": 0.0, "median": 2 / 30, "hops": np.nan,
+                "ratio": np.nan, "worst_ratio": np.nan, "last_error": np.nan, "late": 290,
+                "met": "",
             },
         ]
     )  # fmt: skip
+
+
+def horizons() -> pd.DataFrame:
+    return pd.DataFrame({"horizon": [3, 10], "runs": 10, "succeeded": [1, 9], "hops": [12, 27.5]})
 
 
 def counts() -> list[dict[str, object]]:
@@ -75,7 +76,7 @@ def counts() -> list[dict[str, object]]:
 def scores() -> pd.DataFrame:
     return pd.DataFrame(
         {
-            "set": 1, "component": ["dx", "dy", "dtheta"], "unit": ["mm", "mm", "deg"],
+            "seed": 1, "component": ["dx", "dy", "dtheta"], "unit": ["mm", "mm", "deg"],
             "r2": [0.35, 0.46, 0.91], "rmse": [21.0, 17.5, 1.8], "coverage": [0.95, 0.94, 0.96],
             "training_hops": 100, "test_hops": 217,
         }
@@ -87,6 +88,7 @@ def full_steering(study: str = "steered") -> SteeringInputs:
         study=study,
         figures=figures(),
         outcomes=outcomes(),
+        horizons=horizons(),
         counts=counts(),
         scores=scores(),
         truth={"heading_rms": {"value": 2.4, "unit": "mrad", "what": "heading, rms error"}},

@@ -62,18 +62,36 @@ def test_a_board_holds_the_hopper_back_and_is_left_where_it_was_pushed():
     free = pushing = released(STILL, np.zeros(3), 1.0)
     for _ in range(6):
         free = steer_hop(STILL, free, 0.0, rng=rng()).end
-        hop = steer_hop(STILL, pushing, 0.0, rng=rng(), variant=board.met(pushing))
+        hop = steer_hop(STILL, pushing, 0.0, rng=rng(), variant=board.drag)
         board, pushing = board.pushed(hop), hop.end
     assert 0.05 < pushing.state[0] < free.state[0] - 0.05
-    assert board.place_m == pytest.approx(hop.stance.pose[0] + board.reach_m)
+    assert hop.stance.touched
+    assert board.place_m == pytest.approx(hop.hop.event_state[-1, 0] + board.reach_m)
 
 
-def test_a_board_ahead_or_behind_the_back_is_not_met():
-    apex = released(STILL, np.zeros(3))
-    assert Board(direction=(1.0, 0.0), place_m=0.5).met(apex) is None
+def test_the_touch_is_an_event_while_the_hopper_stands_and_none_short_of_the_board():
+    apex = released(STILL, np.zeros(3), 1.0)
+    free = steer_hop(STILL, apex, 0.0, rng=rng())
+    down, up = free.hop.event_time[0], free.hop.event_time[-1]
+    between = free.hop.event_state[:, 0].min(), free.hop.event_state[:, 0].max()
+
+    def touch(centre_m):
+        board = Board(direction=(1.0, 0.0), place_m=centre_m + 0.38)
+        return steer_hop(STILL, apex, 0.0, rng=rng(), variant=board.drag)
+
+    assert touch(between[0] - 0.5).hop.touched_s == pytest.approx(down)
+    half_way = touch(sum(between) / 2).hop.touched_s
+    assert down < half_way < up
+    far = touch(between[1] + 0.05)
+    assert np.isnan(far.hop.touched_s)
+    assert not far.stance.touched
+    np.testing.assert_allclose(far.stance.pose, free.stance.pose, atol=1e-6)
+
+
+def test_a_board_behind_the_back_does_not_hold_the_hopper():
     away = fly(STILL, released(STILL, np.zeros(3), 1.0), [0.0])[0]
     board = Board(direction=(-1.0, 0.0), place_m=-1.0)
-    held = steer_hop(STILL, away.end, 0.0, rng=rng(), variant=board.met(away.end))
+    held = steer_hop(STILL, away.end, 0.0, rng=rng(), variant=board.drag)
     free = steer_hop(STILL, away.end, 0.0, rng=rng())
     np.testing.assert_allclose(held.stance.pose, free.stance.pose, atol=1e-6)
 

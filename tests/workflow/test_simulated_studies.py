@@ -164,8 +164,14 @@ def steered(checkout):
         config["study"] = "steered"
         config["steering"] = {
             "excitation": {"repeats": 1},
-            "model": {"training_hops": 60, "sets": 2, "draws": 2},
-            "experiments": {"starts": 2, "hops": 8, "stay_hops": 2, "turn_hops": 6},
+            "model": {"training_hops": 60, "draws": 2},
+            "experiments": {
+                "seeds": 2,
+                "starts": 1,
+                "hops": 6,
+                "turn_hops": 5,
+                "horizons": [3],
+            },
         }
 
     own = "config/steered.yaml"  # others write to the place of edited configs, too
@@ -178,11 +184,11 @@ def steered(checkout):
 def test_a_steering_study_runs_to_a_page(steered):
     results = steered[0] / "results" / "steered" / "steering"
     outcomes = pd.read_csv(results / "tables" / "outcomes.csv")
-    assert len(outcomes) == 14
+    assert len(outcomes) == 20
     assert (outcomes["runs"] == 2).all()
-    assert set(outcomes["controller"]) == {"printed", "planner", "ceiling"}
+    assert set(outcomes["controller"]) == {"printed", "planner", "random", "none", "ceiling"}
     trajectories = pd.read_csv(results / "tables" / "trajectories.csv")
-    assert trajectories.groupby(["experiment", "start", "controller", "run"]).ngroups == 28
+    assert trajectories.groupby(["seed", "experiment", "controller", "run"]).ngroups == 40
     truth = json.loads((results / "truth.json").read_text())
     assert truth["missed_pairs"]["value"] == truth["invented_pairs"]["value"] == 0
     assert truth["heading_rms"]["value"] < 3, "mrad"
@@ -200,10 +206,10 @@ def test_a_steering_study_runs_to_a_page(steered):
 def test_a_key_of_the_experiments_leaves_the_model_alone(steered):
     folder, edited = steered
     config = (folder / edited).read_text()
-    (folder / "config" / "drag.yaml").write_text(config.replace("starts: 2", "starts: 3"))
+    (folder / "config" / "drag.yaml").write_text(config.replace("starts: 1", "starts: 3"))
     planned = planned_rules(folder, "steering", "--configfile", "config/drag.yaml")
-    assert {"steering_experiment", "steering_outcomes", "steering_report"} <= planned
-    assert not {"steering_excite", "steering_observe", "steering_model"} & planned
+    assert {"steering_experiments", "steering_outcomes", "steering_report"} <= planned
+    assert "steering_learn" not in planned
 
 
 def test_the_study_s_page_waits_for_the_steering_if_it_shall_show_it(steered):
@@ -218,14 +224,14 @@ def test_the_study_s_page_waits_for_the_steering_if_it_shall_show_it(steered):
         )
     )
     both = planned_rules(folder, "--configfile", "config/both.yaml")
-    assert {"report", "steering_experiment", "figures_steering_model"} <= both
+    assert {"report", "steering_experiments", "figures_steering_model"} <= both
     assert "steering_report" not in both
 
 
 def test_a_recorded_boom_takes_the_place_of_the_simulated_trial(steered):
     """The excitation as a user's own recording: a model and a page, but no experiments."""
     folder, _ = steered
-    recorded = folder / "results" / "steered" / "steering" / "recordings" / "excitation.h5"
+    recorded = folder / "results" / "steered" / "steering" / "seeds" / "1" / "excitation.h5"
     shutil.copy(recorded, folder / "data" / "mine.h5")
 
     def use(config):
@@ -240,10 +246,10 @@ def test_a_recorded_boom_takes_the_place_of_the_simulated_trial(steered):
     assert run.returncode == 0, run.stdout + run.stderr
     results = folder / "results" / "mine" / "steering"
     assert "no simulation of it to steer" in (results / "report.html").read_text()
-    hops = pd.read_csv(results / "tables" / "frame_changes.csv")
+    hops = pd.read_csv(results / "seeds" / "1" / "frame_changes.csv")
     assert (hops["recording"] == "monday").all()
     assert not (results / "tables" / "outcomes.csv").exists()
-    assert (results / "geometry.json").exists()
+    assert (results / "seeds" / "1" / "geometry.json").exists()
 
 
 def test_a_boom_that_does_not_move_is_told_in_words(steered):

@@ -32,12 +32,6 @@ BENCHMARK_TABLES = {
         "frame_change_map.csv",
         "frame_change_points.csv",
     ],
-    "steering_control": [
-        "steering_control.csv",
-        "steering_replanning.csv",
-        "steering_turns.csv",
-        "steering_legs.csv",
-    ],
     "pose": ["pose.csv", "pose_stances.csv", "pose_live.csv", "pose_time.csv"],
     "live_loop": ["live_loop.csv"],
 }
@@ -52,7 +46,6 @@ BENCHMARK_ARGUMENTS = {
     "maps": "--bootstraps 300 --pairs 5000",
     "pose": "--hops 125 --frames 12000",
     "recording_faults": "--recordings 10",
-    "steering_control": "--starts 10 --plans 400 --slow-plans 80",
     "stress": "--hops 20000 --systems 300",
     "study_cost": "--base 0.1",
     "verdict_power": "--studies 2",

@@ -2,60 +2,53 @@
 # simulated; experiments are made with the simulated robot alone.
 STEERED = STUDY["steering"]["recordings"]
 STEERING_TABLES = f"{STEERING}/tables"
-EXPERIMENTS = ["origin", "turn", "origin_board", "turn_board"]
-FILMED = "origin"
+# Of each seed: what was learned, and the experiments on free ground and with a board. Of a recorded
+# robot there is one, and nothing but what was learned.
+OF_SEED = f"{STEERING}/seeds/{{seed}}"
+SEEDS = [1] if STEERED else range(1, STUDY["steering"]["experiments"]["seeds"] + 1)
+GROUNDS = ["free", "board"]
 MODEL_FIGURES, RUN_FIGURES = map(list, (CATALOGUE["steering_model"], CATALOGUE["steering_runs"]))
 
 
 wildcard_constraints:
-    experiment="|".join(EXPERIMENTS),
+    seed="[0-9]+",
+    ground="|".join(GROUNDS),
 
 
-rule steering_excite:
-    """The simulated robot executes an excitation, seen by motion capture; with its truth."""
-    output:
-        recording=f"{STEERING}/recordings/excitation.h5",
-        stances=f"{STEERING_TABLES}/true_stances.csv",
-        motion=f"{STEERING_TABLES}/true_motion.csv",
-    log:
-        f"{STEERING}/logs/steering_excite.log",
-    benchmark:
-        f"{STEERING}/benchmarks/steering_excite.tsv"
-    resources:
-        **needs(minutes=20),
-    params:
-        steering={key: STUDY["steering"][key] for key in ("excitation", "robot")},
-        motion_capture=STUDY["motion_capture"],
-        seed=STUDY["seed"],
-        code=code("steering_excite"),
-    script:
-        "../scripts/steering_excite.py"
-
-
-rule steering_observe:
-    """Pose, boom angle and stances, and the frame change of each hop."""
+rule steering_learn:
+    """Frame changes of an excitation, simulated if none was recorded, and a process that knows them."""
     input:
-        recordings=(
-            expand(f"{RESULTS}/recordings/{{recording}}.h5", recording=STEERED)
-            or [rules.steering_excite.output.recording]
-        ),
+        expand(f"{RESULTS}/recordings/{{recording}}.h5", recording=STEERED),
     output:
-        changes=f"{STEERING_TABLES}/frame_changes.csv",
-        stances=f"{STEERING_TABLES}/stances.csv",
-        motion=f"{STEERING_TABLES}/motion.csv",
-        counts=f"{STEERING_TABLES}/observed.json",
-        geometry=f"{STEERING}/geometry.json",
+        model=f"{OF_SEED}/model.npz",
+        geometry=f"{OF_SEED}/geometry.json",
+        changes=f"{OF_SEED}/frame_changes.csv",
+        stances=f"{OF_SEED}/stances.csv",
+        motion=f"{OF_SEED}/motion.csv",
+        counts=f"{OF_SEED}/observed.json",
+        scores=f"{OF_SEED}/model_scores.csv",
+        **(
+            {}
+            if STEERED
+            else {
+                "recording": f"{OF_SEED}/excitation.h5",
+                "true_stances": f"{OF_SEED}/true_stances.csv",
+                "true_motion": f"{OF_SEED}/true_motion.csv",
+            }
+        ),
     log:
-        f"{STEERING}/logs/steering_observe.log",
+        f"{STEERING}/logs/steering_learn_{{seed}}.log",
     benchmark:
-        f"{STEERING}/benchmarks/steering_observe.tsv"
+        f"{STEERING}/benchmarks/steering_learn_{{seed}}.tsv"
     resources:
         **needs(mb_a_mb=60, minutes=20),
     params:
-        swing_limit_rad=STUDY["steering"]["robot"]["swing_limit_rad"],
-        code=code("steering_observe"),
+        steering={key: STUDY["steering"][key] for key in ("excitation", "robot", "model")},
+        motion_capture=STUDY["motion_capture"],
+        seed=STUDY["seed"],
+        code=code("steering_learn"),
     script:
-        "../scripts/steering_observe.py"
+        "../scripts/steering_learn.py"
 
 
 rule steering_true_map:
@@ -76,69 +69,73 @@ rule steering_true_map:
         "../scripts/steering_true_map.py"
 
 
-rule steering_model:
-    """Gaussian processes of the frame change, learned from some of the hops."""
+rule steering_experiments:
+    """The experiments on one kind of ground: all controllers from all starts."""
     input:
-        changes=rules.steering_observe.output.changes,
-    output:
-        models=[
-            f"{STEERING}/models/set{k + 1}.npz" for k in range(STUDY["steering"]["model"]["sets"])
-        ],
-        scores=f"{STEERING_TABLES}/model_scores.csv",
-        map=f"{STEERING_TABLES}/model_map.csv",
-        training=f"{STEERING_TABLES}/training_hops.csv",
-    log:
-        f"{STEERING}/logs/steering_model.log",
-    benchmark:
-        f"{STEERING}/benchmarks/steering_model.tsv"
-    resources:
-        **needs(minutes=20),
-    params:
-        model=STUDY["steering"]["model"],
-        swing_limit_rad=STUDY["steering"]["robot"]["swing_limit_rad"],
-        seed=STUDY["seed"],
-        code=code("steering_model"),
-    script:
-        "../scripts/steering_model.py"
-
-
-rule steering_experiment:
-    """One experiment: all controllers from all starts."""
-    input:
-        models=rules.steering_model.output.models,
+        model=rules.steering_learn.output.model,
         true_map=rules.steering_true_map.output.table,
-        geometry=rules.steering_observe.output.geometry,
+        geometry=rules.steering_learn.output.geometry,
     output:
-        runs=f"{STEERING}/experiments/{{experiment}}/runs.csv",
-        stances=f"{STEERING}/experiments/{{experiment}}/stances.csv",
-        example=f"{STEERING}/experiments/{{experiment}}/example.csv",
-        film=f"{STEERING}/experiments/{{experiment}}/film.csv",
+        runs=f"{OF_SEED}/{{ground}}/runs.csv",
+        stances=f"{OF_SEED}/{{ground}}/stances.csv",
+        example=f"{OF_SEED}/{{ground}}/example.csv",
+        film=f"{OF_SEED}/{{ground}}/film.csv",
     log:
-        f"{STEERING}/logs/steering_experiment_{{experiment}}.log",
+        f"{STEERING}/logs/steering_experiments_{{seed}}_{{ground}}.log",
     benchmark:
-        f"{STEERING}/benchmarks/steering_experiment_{{experiment}}.tsv"
+        f"{STEERING}/benchmarks/steering_experiments_{{seed}}_{{ground}}.tsv"
     resources:
         **needs(minutes=60),
     params:
         steering={key: STUDY["steering"][key] for key in ("robot", "control", "experiments")},
         motion_capture=STUDY["motion_capture"],
         seed=STUDY["seed"],
-        code=code("steering_experiment"),
+        code=code("steering_experiments"),
     script:
-        "../scripts/steering_experiment.py"
+        "../scripts/steering_experiments.py"
+
+
+def of_first(rule_output):
+    """The file of the first seed, whose runs and model are shown."""
+    return expand(rule_output, seed=1, allow_missing=True)[0]
+
+
+rule steering_horizons:
+    """What its horizon alone does to the printed controller."""
+    input:
+        model=of_first(rules.steering_learn.output.model),
+        true_map=rules.steering_true_map.output.table,
+        geometry=of_first(rules.steering_learn.output.geometry),
+    output:
+        table=f"{STEERING_TABLES}/horizons.csv",
+    log:
+        f"{STEERING}/logs/steering_horizons.log",
+    benchmark:
+        f"{STEERING}/benchmarks/steering_horizons.tsv"
+    resources:
+        **needs(minutes=60),
+    params:
+        steering={key: STUDY["steering"][key] for key in ("robot", "control", "experiments")},
+        motion_capture=STUDY["motion_capture"],
+        seed=STUDY["seed"],
+        code=code("steering_horizons"),
+    script:
+        "../scripts/steering_horizons.py"
 
 
 rule steering_outcomes:
-    """Success rates and hops to the goal, with intervals; all trajectories."""
+    """What came of all runs over the seeds; all trajectories."""
     input:
-        runs=expand(rules.steering_experiment.output.runs, experiment=EXPERIMENTS),
-        stances=expand(rules.steering_experiment.output.stances, experiment=EXPERIMENTS),
-        examples=expand(rules.steering_experiment.output.example, experiment=EXPERIMENTS),
+        runs=expand(rules.steering_experiments.output.runs, seed=SEEDS, ground=GROUNDS),
+        stances=expand(rules.steering_experiments.output.stances, seed=SEEDS, ground=GROUNDS),
+        examples=expand(rules.steering_experiments.output.example, seed=1, ground=GROUNDS),
+        scores=expand(rules.steering_learn.output.scores, seed=SEEDS),
     output:
         outcomes=f"{STEERING_TABLES}/outcomes.csv",
         runs=f"{STEERING_TABLES}/runs.csv",
         trajectories=f"{STEERING_TABLES}/trajectories.csv",
         examples=f"{STEERING_TABLES}/examples.csv",
+        scores=f"{STEERING_TABLES}/model_scores.csv",
     log:
         f"{STEERING}/logs/steering_outcomes.log",
     benchmark:
@@ -146,8 +143,6 @@ rule steering_outcomes:
     resources:
         **needs(minutes=10),
     params:
-        seed=STUDY["seed"],
-        confidence=STUDY["steering"]["experiments"]["confidence"],
         code=code("steering_outcomes"),
     script:
         "../scripts/steering_outcomes.py"
@@ -156,11 +151,11 @@ rule steering_outcomes:
 rule steering_score:
     """Pose, boom angle, stances and model against the truth of the simulation."""
     input:
-        motion=rules.steering_observe.output.motion,
-        stances=rules.steering_observe.output.stances,
-        true_motion=rules.steering_excite.output.motion,
-        true_stances=rules.steering_excite.output.stances,
-        model=rules.steering_model.output.models[0],
+        motion=of_first(rules.steering_learn.output.motion),
+        stances=of_first(rules.steering_learn.output.stances),
+        true_motion=of_first(f"{OF_SEED}/true_motion.csv"),
+        true_stances=of_first(f"{OF_SEED}/true_stances.csv"),
+        model=of_first(rules.steering_learn.output.model),
         true_map=rules.steering_true_map.output.table,
     output:
         truth=f"{STEERING}/truth.json",
@@ -177,10 +172,13 @@ rule steering_score:
 
 
 rule steering_learning:
-    """How many hops it takes to learn the frame change, and whether the kernel matters."""
+    """The map that was learned, how many hops it takes, and whether the kernel matters."""
     input:
-        changes=rules.steering_observe.output.changes,
+        changes=of_first(rules.steering_learn.output.changes),
+        model=of_first(rules.steering_learn.output.model),
     output:
+        map=f"{STEERING_TABLES}/model_map.csv",
+        training=f"{STEERING_TABLES}/training_hops.csv",
         curve=f"{STEERING_TABLES}/learning_curve.csv",
         kernels=f"{STEERING_TABLES}/kernels.csv",
     log:
@@ -191,6 +189,7 @@ rule steering_learning:
         **needs(minutes=20),
     params:
         model=STUDY["steering"]["model"],
+        swing_limit_rad=STUDY["steering"]["robot"]["swing_limit_rad"],
         seed=STUDY["seed"],
         code=code("steering_learning"),
     script:
@@ -222,8 +221,8 @@ for kind in ("steering_model", "steering_runs"):
 rule steering_film:
     """A typical run to the origin as an animated GIF."""
     input:
-        film=f"{STEERING}/experiments/{FILMED}/film.csv",
-        example=f"{STEERING}/experiments/{FILMED}/example.csv",
+        film=of_first(rules.steering_experiments.output.film).format(ground="free"),
+        example=of_first(rules.steering_experiments.output.example).format(ground="free"),
     output:
         film=f"{STEERING}/figures/steering_film.gif",
     log:
@@ -251,14 +250,19 @@ STEERING_PAGE = {
             *([] if STEERED else [*RUN_FIGURES, "steering_film"]),
         ],
     ),
-    "recordings": list(rules.steering_observe.input.recordings),
-    "counts": rules.steering_observe.output.counts,
-    "scores": rules.steering_model.output.scores,
+    "recordings": list(rules.steering_learn.input) or [of_first(f"{OF_SEED}/excitation.h5")],
+    "counts": of_first(rules.steering_learn.output.counts),
+    "scores": (
+        of_first(rules.steering_learn.output.scores)
+        if STEERED
+        else rules.steering_outcomes.output.scores
+    ),
     **(
         {}
         if STEERED
         else {
             "outcomes": rules.steering_outcomes.output.outcomes,
+            "horizons": rules.steering_horizons.output.table,
             "truth": rules.steering_score.output.truth,
         }
     ),

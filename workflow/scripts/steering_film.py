@@ -4,8 +4,6 @@ from hopdata.figures.steering import save_film
 from hopdata.jobs import read_table, reported
 
 with reported(snakemake.log[0]):
-    save_film(
-        snakemake.output.film,
-        read_table(snakemake.input.film),
-        read_table(snakemake.input.example),
-    )
+    film, example = (read_table(path) for path in (snakemake.input.film, snakemake.input.example))
+    chosen = [table[table["experiment"] == "origin"] for table in (film, example)]
+    save_film(snakemake.output.film, *chosen)

@@ -1,15 +1,19 @@
-"""How many hops it takes to learn the frame change, and whether the kernel matters."""
+"""The map that was learned, how many hops it takes to learn it, and whether the kernel matters."""
 
 from hopdata.jobs import read_table, reported, write_table
 from hopdata.steering.frame_changes import from_table
-from hopdata.steering.models.learning import learning_tables
+from hopdata.steering.models.learning import learning_tables, map_table, training_table
+from hopdata.steering.models.process import load_process
 
 with reported(snakemake.log[0]):
+    process, output = load_process(snakemake.input.model), snakemake.output
+    write_table(output.map, map_table(process, snakemake.params.swing_limit_rad))
+    write_table(output.training, training_table(process))
     tables = learning_tables(
         from_table(read_table(snakemake.input.changes)),
         training_hops=snakemake.params.model["training_hops"],
         draws=snakemake.params.model["draws"],
         seed=snakemake.params.seed,
     )
-    write_table(snakemake.output.curve, tables.curve)
-    write_table(snakemake.output.kernels, tables.kernels)
+    write_table(output.curve, tables.curve)
+    write_table(output.kernels, tables.kernels)

@@ -1,14 +1,13 @@
-"""Gather the experiments: outcomes with intervals, all trajectories, the typical runs."""
+"""Gather the experiments of all seeds: outcomes, trajectories, the typical runs of the first."""
 
 from hopdata.jobs import read_tables, reported, write_table
 from hopdata.steering.experiments.outcomes import outcome_table
 
 with reported(snakemake.log[0]):
-    runs = read_tables(snakemake.input.runs)
-    write_table(
-        snakemake.output.outcomes,
-        outcome_table(runs, seed=snakemake.params.seed, confidence=snakemake.params.confidence),
-    )
-    write_table(snakemake.output.runs, runs)
-    write_table(snakemake.output.trajectories, read_tables(snakemake.input.stances))
-    write_table(snakemake.output.examples, read_tables(snakemake.input.examples))
+    source, output = snakemake.input, snakemake.output
+    runs = read_tables(source.runs)
+    write_table(output.runs, runs)
+    write_table(output.outcomes, outcome_table(runs))
+    write_table(output.trajectories, read_tables(source.stances))
+    write_table(output.examples, read_tables(source.examples))
+    write_table(output.scores, read_tables(source.scores))

@@ -10,16 +10,18 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from hopdata.arrays import pd
 from hopdata.config.consistency import feet_of
 from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.filling import TOO_MUCH_FILLED, fill_gaps, mark_filled
 from hopdata.landings.floor import fit_floor, level
+from hopdata.landings.schedules import AMBIGUOUS
 from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.assemble import STATELESS, assemble_pairs, exclude_stateless
 from hopdata.landings.touchdowns import (
@@ -33,9 +35,7 @@ from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import landings_needed
 from hopdata.recording import Recording, fraction_seen
 
-if TYPE_CHECKING:
-    import pandas as pd
-
+FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
 MOST_FRAMES = 120_000  # looked at; of longer studies the middle of each recording
 LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
 #: The bound of a study without a difference is some 0.75 to 1 of what it detects.
@@ -107,6 +107,12 @@ class Forecast:
         landed = self.touchdowns[self.touchdowns["reason"] != NO_FOOT_LANDED]
         return float(landed[f"contact_{foot}_s"].notna().mean())
 
+    @property
+    def unsure(self) -> float:
+        """Share of the landings used whose order is less probable than the study asks for."""
+        used = self.touchdowns[~self.touchdowns["excluded"]]
+        return float((used["class"] == AMBIGUOUS).mean()) if len(used) else 0.0
+
     def left_out(self) -> dict[str, int]:
         """Return how many landings each reason costs, the most costly first."""
         out = self.touchdowns.loc[self.touchdowns["excluded"], "reason"]
@@ -132,8 +138,6 @@ def foretell(config: Mapping[str, Any], recordings: Sequence[Recording]) -> Fore
     AnalysisError
         If the study stops before it has touchdowns.
     """
-    import pandas as pd
-
     numbered = any(e.get("landings") for r in config["recordings"] for e in r["exclude"])
     parts, share = _parts(recordings, math.inf if numbered else MOST_FRAMES)
     ready = [_ready(part, config) for part in parts]
@@ -198,11 +202,14 @@ def told(
     feet = feet_of(config)
     about = "about " if forecast.frames_share < 1 else ""
     timed = ", ".join(f"{foot} {100 * forecast.timed(foot):.0f} %" for foot in feet)
-    out = [f"{count} {reason}" for reason, count in forecast.left_out().items()]
+    out = [
+        f"{count} {re.sub(FOOT, lambda number: feet[int(number[1]) - 1], reason)}"
+        for reason, count in forecast.left_out().items()
+    ]
     lines = [
         "forecast",
-        f"  landings  {about}{forecast.used} of {forecast.landings} will be used; contacts timed: "
-        f"{timed}",
+        f"  landings  {about}{forecast.used} of {forecast.landings} will be used, "
+        f"{100 * forecast.unsure:.0f} % of their orders unsure; contacts timed: {timed}",
         *([f"  left out  {'; '.join(out)}"] if out else []),
         f"  verdict   {_reach(forecast, config)}",
     ]
@@ -235,7 +242,7 @@ def _changes(
     }
     changes = []
     for reason, count in forecast.left_out().items():
-        number = re.search(r"foot (\d+)", reason)
+        number = re.search(FOOT, reason)
         foot = feet[int(number[1]) - 1] if number else ""
         texts = [text for key, text in CHANGES.items() if key in reason]
         if texts and count >= LEAST_SHARE * forecast.landings:

@@ -46,9 +46,10 @@ def _verdict_of(config: Path) -> Path:
     """Run a study, which may be simulated, as far as its verdict, and return where that is."""
     from hopdata.config.loading import load_config
 
-    verdict = Path("results") / load_config(config)["study"] / "verdict.json"
+    study = load_config(config)["study"]
+    verdict = Path("results") / study / "verdict.json"
     print(f"{config}: as far as {verdict}", flush=True)
-    if run_workflow(config, "--cores", "2", "--quiet", "all", "--", str(verdict)):
+    if run_workflow(config, study, "--cores", "2", "--", str(verdict)):
         raise ConfigError(f"{config}: the study does not run to its verdict; see above")
     return verdict
 

@@ -5,53 +5,106 @@ from __future__ import annotations
 import argparse
 import filecmp
 import json
+import re
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
-from hopdata.commands.terminal import OK, PROBLEM
+from hopdata.commands.terminal import OK, PROBLEM, progress_line
 from hopdata.errors import ConfigError
 
 # In a checkout this link leads to its own Snakefile; in a wheel the file is beside the others.
 SNAKEFILE = (Path(__file__).parents[1] / "_workflow" / "Snakefile").resolve()
+GROUP = SNAKEFILE.parent / "workflow" / "group.smk"
 SAMPLE, SAMPLE_CONFIG = Path("data/sample/hopper.h5"), Path("config/config.yaml")
+_DONE = re.compile(r"(\d+) of (\d+) steps \(\S+\) done")
+_LAST_LINES = 12
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run a study in the current folder, and say what came out and where it is to be read."""
-    from hopdata.config.loading import load_config
+    """Run a study or a group in the current folder, and say what came out and where it stands."""
+    from hopdata.config.loading import load_config, read_yaml
 
     config = options.config
     if config is None:
         _bring_sample()
         config = SNAKEFILE.parent / SAMPLE_CONFIG
-    results = Path("results") / load_config(config)["study"]
-    if run_workflow(config, "--cores", options.cores, *options.passed_on):
+    if isinstance(content := read_yaml(config), dict) and "samples" in content:
+        from hopdata.group import read_group
+
+        study, snakefile = read_group(config)["study"], GROUP
+        answer, page = Path("results", study, "group.json"), Path("results", study, "group.html")
+    else:
+        study, snakefile = load_config(config)["study"], SNAKEFILE
+        answer, page = (Path("results", study, name) for name in ("verdict.json", "report.html"))
+    chosen = {"--dry-run": options.dry_run, "--forceall": options.force}
+    passed = [*(flag for flag, is_set in chosen.items() if is_set), *options.passed_on]
+    if run_workflow(config, study, "--cores", options.cores, *passed, snakefile=snakefile):
         return PROBLEM
-    verdict, page = results / "verdict.json", results / "report.html"
-    is_dry = {"-n", "--dry-run", "--dryrun"} & set(options.passed_on)
-    if page.exists() and verdict.exists() and not is_dry:
-        print(json.loads(verdict.read_text(encoding="utf-8"))["sentence"])
+    is_dry = {"-n", "--dry-run", "--dryrun"} & set(passed)
+    if page.exists() and answer.exists() and not is_dry:
+        print(json.loads(answer.read_text(encoding="utf-8"))["sentence"])
         print(page)
     return OK
 
 
-def run_workflow(config: Path, *options: str) -> int:
-    """Run Snakemake on a configuration, and return its exit code."""
-    if not SNAKEFILE.exists():
+def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAKEFILE) -> int:
+    """Run Snakemake on a configuration, show how far it is, and return its exit code.
+
+    What it says on stderr goes to ``results/<study>/logs/run.log``, which is named if it fails.
+    """
+    if not snakefile.exists():
         raise ConfigError(
-            f"{SNAKEFILE}: expected the workflow, found no file; install hopdata anew"
+            f"{snakefile}: expected the workflow, found no file; install hopdata anew"
         )
+    log = Path("results", study, "logs", "run.log")
     # In this order: any number of files may follow --configfile, and a target would be one.
-    places = ["--configfile", str(config), "--snakefile", str(SNAKEFILE)]
+    places = ["--configfile", str(config), "--snakefile", str(snakefile), "--nocolor"]
     command = [sys.executable, "-m", "snakemake", *places, *options]
-    with subprocess.Popen(command) as snakemake:
+    said = []
+    with (
+        subprocess.Popen(
+            command, stderr=subprocess.PIPE, encoding="utf-8", errors="replace"
+        ) as snakemake,
+        progress_line(everywhere=True) as progress,
+    ):
+        start = time.monotonic()
         try:
-            return snakemake.wait()
+            for line in snakemake.stderr or ():
+                said.append(line)
+                if found := _DONE.match(line):
+                    progress(
+                        f"{study}: " + _how_far(*map(int, found.groups()), time.monotonic() - start)
+                    )
+            code = snakemake.wait()
         except KeyboardInterrupt:  # Snakemake got it too: it ends its jobs and unlocks the folder
             snakemake.wait()
             raise
+    if not {"-n", "--dry-run", "--dryrun"} & set(options):
+        _keep(log, said)
+    if code:
+        own = list(dict.fromkeys(line for line in said if line.startswith("hopdata:")))
+        print("".join(own or said[-_LAST_LINES:]), end="", file=sys.stderr)
+        print(f"hopdata: {log}: all that Snakemake said" * log.exists(), file=sys.stderr)
+    return code
+
+
+def _how_far(done: int, number: int, seconds: float) -> str:
+    """Say how many jobs are done, and how long the others take if they are like these."""
+    left = seconds * (number - done) / done
+    words = f"{left:.0f} s" if left < 100 else f"{left / 60:.0f} min"
+    return f"{done} of {number} jobs done" + (f", about {words} left" if left else "")
+
+
+def _keep(log: Path, said: list[str]) -> None:
+    """Write the log; a folder that cannot be written is Snakemake's to complain of."""
+    try:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        log.write_text("".join(said), encoding="utf-8")
+    except OSError:
+        pass
 
 
 def _bring_sample() -> None:

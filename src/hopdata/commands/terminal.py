@@ -82,7 +82,7 @@ def _all(inspection: Inspection) -> Iterator[Suspect]:
         yield suspect("spike", (spike.marker,), spike.start, text)
     for jump in faults.jumps:
         text = f"{jump.marker} jumps by {_mm(jump.size)}"
-        yield suspect("jump", (jump.marker,), jump.frame, text)
+        yield suspect("jump", (jump.marker,), jump.start, text)
     for frozen in faults.frozen:
         text = f"{frozen.marker} repeats one position in {frozen.stop - frozen.start} frames"
         yield suspect("frozen", (frozen.marker,), frozen.start, text)
@@ -235,22 +235,27 @@ def _wrapped(key: str, text: str) -> list[str]:
     return textwrap.wrap(text, WIDTH, initial_indent=f"  {key:8} ", subsequent_indent=" " * 11)
 
 
-# Progress on stderr: one line that is replaced, only where a person looks.
+# Progress on stderr: one line that is replaced where a person looks; elsewhere lines, or nothing.
 
 CLEAR_LINE = "\r\033[K"
 
 
 @contextmanager
-def progress_line() -> Iterator[Callable[[str], None]]:
-    """Yield what shows the step at hand, in words; an empty line is left behind."""
+def progress_line(*, everywhere: bool = False) -> Iterator[Callable[[str], None]]:
+    """Yield what shows the step at hand, in words; an empty line is left behind.
+
+    With `everywhere` each step is a plain line where stderr is no terminal.
+    """
     shown = sys.stderr.isatty()
 
     def show(text: str) -> None:
         if shown:
             print(f"{CLEAR_LINE}{text}", end="", file=sys.stderr, flush=True)
+        elif everywhere and text:
+            print(text, file=sys.stderr, flush=True)
 
     try:
-        yield lambda step: show(f"{step} ...")
+        yield lambda step: show(step + " ..." * shown)
     finally:
         show("")
 

@@ -106,7 +106,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         "fig3_8_origin_board": _run("origin_board"),
         "fig3_9_turn_board": _run("turn_board"),
         "steering_outcomes": Drawing(
-            "steering:steering_outcomes_figure", _table("outcomes", "runs")
+            "steering:steering_outcomes_figure", _table("outcomes", "runs", "horizons")
         ),
     },
     "sides": {

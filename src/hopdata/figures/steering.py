@@ -148,26 +148,28 @@ def _move(moving: dict[str, Any], time: float, markers: Any, stances: pd.DataFra
         moving["board_line"].set_data(ends[:, 0], ends[:, 1])
 
 
-# Success rates and hops to the goal of all controllers, side by side, with intervals.
+# Success rates and hops to the goal of all controllers, over the seeds.
 
 LOOKS = {
+    "none": ("boom at rest", style.GREY, "v"),
+    "random": ("random swings", style.ORANGE, "^"),
     "printed": ("printed controller", style.VERMILION, "s"),
     "planner": ("planner", style.BLUE, "o"),
-    "ceiling": ("policy that knows the true map", style.GREEN, "D"),
+    "ceiling": ("planner that knows the true map", style.GREEN, "D"),
 }
 TASKS = {
-    ("origin", "facing"): "to the origin,\nfacing it",
-    ("origin", "any"): "to the origin,\nany heading",
-    ("origin_board", "facing"): "facing it,\nboard in the way",
-    ("origin_board", "any"): "any heading,\nboard in the way",
-    ("turn", "any"): "half turn",
-    ("turn_board", "any"): "half turn,\nboard in the way",
+    "origin": "to the origin",
+    "origin_board": "to the origin,\nboard in the way",
+    "turn": "half turn",
+    "turn_board": "half turn,\nboard in the way",
 }
-APART = 0.22  # between controllers of one task
+APART = 0.17  # between controllers of one task
 
 
 @style.styled
-def steering_outcomes_figure(outcomes: pd.DataFrame, runs: pd.DataFrame) -> Figure:
+def steering_outcomes_figure(
+    outcomes: pd.DataFrame, runs: pd.DataFrame, horizons: pd.DataFrame
+) -> Figure:
     """Draw the outcomes.
 
     Parameters
@@ -175,75 +177,60 @@ def steering_outcomes_figure(outcomes: pd.DataFrame, runs: pd.DataFrame) -> Figu
     outcomes : DataFrame
         As from `hopdata.steering.experiments.outcomes.outcome_table`.
     runs : DataFrame
-        One row a run: ``experiment, start, controller, success, hops``.
+        One row a run: ``experiment, controller, seed, success, hops``.
+    horizons : DataFrame
+        ``horizon, runs, succeeded`` of the printed controller.
 
     Returns
     -------
     Figure
-        (a) Share of the runs that succeeded, with intervals, and the target; (b) hops of those
-        runs, each a dot, and their median with its interval.
+        (a) Share of the runs of each seed that succeeded, from the worst seed to the best, and the
+        median, filled; (b) hops of those runs, median and from 5 to 95 %; (c) share by horizon.
     """
     if outcomes.empty:
         return style.message_figure("No run was made.")
-    keys = list(zip(outcomes["experiment"], outcomes["start"], strict=True))
-    tasks = [task for task in TASKS if task in keys]
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 22.0 + 14.0 * len(tasks))
-    rates, hops = figure.subplots(1, 2, sharey=True)
-    for row, task in enumerate(tasks):
-        chosen = outcomes[[key == task for key in keys]]
-        offsets = APART * (np.arange(len(chosen)) - (len(chosen) - 1) / 2)
-        for offset, entry in zip(offsets, chosen.to_dict("records"), strict=True):
-            _draw_rate(rates, entry, row + offset)
-            _draw_hops(hops, entry, runs, row + offset)
-    _finish(rates, hops, tasks)
-    for name in outcomes["controller"].unique():
-        label, colour, mark = LOOKS[name]
-        rates.plot([], [], mark, color=colour, ms=4, label=label)
-    if outcomes["asked_rate"].notna().any():
-        rates.plot([], [], "|", color=style.INK, ms=8, mew=1.4, label="target")
-    figure.legend(*rates.get_legend_handles_labels(), loc="outside upper center", ncols=4)
-    style.letters((rates, hops))
-    return figure
-
-
-def _draw_rate(axes: Axes, entry: dict[Any, Any], place: float) -> None:
-    _, colour, mark = LOOKS[entry["controller"]]
-    rate, low, high = (100 * entry[key] for key in ("rate", "rate_low", "rate_high"))
-    look: Any = {"fmt": mark, "color": colour, "ms": 4, "capsize": 2, "elinewidth": 0.9}
-    axes.errorbar(rate, place, xerr=style.interval(rate, low, high), **look)
-    beside: Any = {"xycoords": axes.get_yaxis_transform(), "ha": "left", "va": "center"}
-    count = f"{entry['succeeded']}/{entry['runs']}"
-    style.note(axes, count, (1, place), (3, 0), color=style.INK, **beside)
-    if np.isfinite(entry["asked_rate"]):
-        axes.plot(100 * entry["asked_rate"], place, "|", color=style.INK, ms=8, mew=1.4, zorder=4)
-
-
-def _draw_hops(axes: Axes, entry: dict[Any, Any], runs: pd.DataFrame, place: float) -> None:
-    _, colour, mark = LOOKS[entry["controller"]]
-    task = ["experiment", "start", "controller"]
-    own = (runs[task] == [entry[key] for key in task]).all(axis=1) & runs["success"].astype(bool)
-    dots: Any = {"color": colour, "ms": 3.5, "mew": 0, "alpha": 0.35}
-    axes.plot(runs.loc[own, "hops"], np.full(own.sum(), place), ".", **dots)
-    if not own.any():
-        return
-    middle, low, high = (entry[key] for key in ("hops", "hops_low", "hops_high"))
-    axes.errorbar(
-        middle, place, xerr=style.interval(middle, low, high), fmt=mark, color=colour, mec="white",
-        mew=0.4, ms=4.5, capsize=2, elinewidth=0.9,
-    )  # fmt: skip
-
-
-def _finish(rates: Axes, hops: Axes, tasks: list[tuple[str, str]]) -> None:
+    tasks = [task for task in TASKS if task in set(outcomes["experiment"])]
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 24.0 + 17.0 * len(tasks))
+    rates, hops, ahead = figure.subplots(1, 3, width_ratios=(1.2, 1.2, 0.8))
+    hops.sharey(rates)
+    for name, (label, colour, mark) in LOOKS.items():
+        place = APART * (list(LOOKS).index(name) - (len(LOOKS) - 1) / 2)
+        for row, task in enumerate(tasks):
+            own = runs[(runs["experiment"] == task) & (runs["controller"] == name)]
+            shares = 100 * own.groupby("seed")["success"].mean()
+            if shares.empty:
+                continue
+            look: Any = {"color": colour, "mec": "white", "mew": 0.4, "ms": 4.5}
+            rates.plot([shares.min(), shares.max()], [row + place] * 2, color=colour, lw=0.9)
+            rates.plot(shares, np.full(len(shares), row + place), "|", color=colour, ms=4)
+            rates.plot(shares.median(), row + place, mark, **look)
+            arrived = own.loc[own["success"], "hops"]
+            if len(arrived):
+                hops.plot(arrived.quantile([0.05, 0.95]), [row + place] * 2, color=colour, lw=0.9)
+                hops.plot(arrived.median(), row + place, mark, **look)
+        if name in set(runs["controller"]):
+            rates.plot([], [], mark, color=colour, ms=4, label=label)
     rates.set_yticks(range(len(tasks)), [TASKS[task] for task in tasks])
     rates.set_ylim(len(tasks) - 0.5, -0.5)
     rates.set_xlim(-3, 103)
+    rates.axvline(90, color=style.INK, linewidth=0.6, linestyle=(0, (4, 2)), label="asked")
     rates.set_xlabel("runs that succeeded (%)")
     hops.set_xlabel("hops to the goal")
-    hops.set_xlim(0, 1.05 * hops.dataLim.x1 if np.isfinite(hops.dataLim.x1) else 1)
+    hops.set_xlim(left=0)
+    hops.tick_params(labelleft=False)
     for axes in (rates, hops):
         axes.tick_params(axis="y", length=0)
         for between in range(1, len(tasks)):
             axes.axhline(between - 0.5, color=style.GREY, linewidth=0.3)
+    _, colour, mark = LOOKS["printed"]
+    shares = 100 * horizons["succeeded"] / horizons["runs"]
+    ahead.plot(horizons["horizon"], shares, mark + "-", color=colour, ms=4)
+    ahead.set_ylim(-3, 103)
+    ahead.set_xlabel("horizon (hops)")
+    ahead.set_ylabel("to the origin (%)")
+    figure.legend(*rates.get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    style.letters((rates, hops, ahead))
+    return figure
 
 
 # Figs. 3.5, 3.6, 3.8 and 3.9: one run in the arena and over time, beside what the model says.

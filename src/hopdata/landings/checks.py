@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from hopdata.arrays import pd
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 GOOD, LOOK, POOR, UNKNOWN = "good", "look", "poor", "not known"
 SURE = 0.9  # probability from which an order counts as sure

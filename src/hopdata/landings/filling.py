@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.recording import Recording
 from hopdata.recordings.quality.stretches import runs, seen
-from hopdata.rigid import kabsch
-
-if TYPE_CHECKING:
-    import pandas as pd
+from hopdata.rigid import rigid_fit
 
 # The gaps of every marker, and what was filled of them.
 
@@ -37,8 +32,6 @@ def filled_table(recordings: Iterable[Recording]) -> pd.DataFrame:
         missing, filled, left. Gaps are those of the cameras, filled or not; the last three count
         frames, and missing = filled + left.
     """
-    import pandas as pd
-
     columns = ("recording", "marker", "role", "frames", "gaps", "longest_s")
     rows = []
     for recording in recordings:
@@ -102,21 +95,11 @@ def learn_shape(body: FloatArray) -> BodyShape | None:
     frames = whole[:: -(-len(whole) // SAMPLE_FRAMES)]
     points = frames[0] - frames[0].mean(axis=0)
     for _ in range(ALIGNMENTS):
-        rotation, place = align(points, frames)
-        inside = np.einsum("nji,nbj->nbi", rotation, frames - place[:, None])
-        points = np.median(inside, axis=0)
+        fit = rigid_fit(frames, points)
+        inside = np.einsum("nji,nbj->nbi", fit.rotation, frames - fit.centre[:, None])
+        points = np.nanmedian(inside, axis=0)
         points -= points.mean(axis=0)
-    return BodyShape(points, float(np.median(_misfits(points, frames))))
-
-
-def align(points: FloatArray, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Rotations (N, 3, 3) and places (N, 3) that bring `points` (m, 3) nearest to frames (N, m, 3).
-
-    Least squares (Kabsch 1976); a frame is about rotation @ point + place.
-    """
-    middle, centre = points.mean(axis=0), frames.mean(axis=1)
-    rotation = kabsch(frames - centre[:, None], points - middle)
-    return rotation, centre - rotation @ middle
+    return BodyShape(points, float(np.nanmedian(rigid_fit(frames, points).residual_m)))
 
 
 def rigid_places(body: FloatArray, wanted: BoolArray, shape: BodyShape) -> FloatArray:
@@ -137,17 +120,15 @@ def rigid_places(body: FloatArray, wanted: BoolArray, shape: BodyShape) -> Float
         m; NaN where not wanted, where fewer than three others are seen or they lie too near a line
         to tell the place, and where they do not fit the shape.
     """
-    places = np.full(body.shape, np.nan)
-    seen = np.asarray(np.isfinite(body).all(axis=2))
-    for frames, present in _patterns(seen, np.asarray(wanted.any(axis=1))):
-        points = shape.points[present]
-        rotation, at = align(points, body[frames][:, present])
-        fits = _misfits(points, body[frames][:, present]) <= LARGEST_MISFIT * shape.misfit_m
-        for marker in np.flatnonzero(~present):
-            if noise_gain(points, shape.points[marker]) > LARGEST_GAIN:
-                continue
-            use = fits & wanted[frames, marker]
-            places[frames[use], marker] = rotation[use] @ shape.points[marker] + at[use]
+    places, frames = np.full(body.shape, np.nan), np.flatnonzero(wanted.any(axis=1))
+    fit = rigid_fit(body[frames], shape.points)
+    patterns, which = np.unique(seen(body[frames]), axis=0, return_inverse=True)
+    gains = [[noise_gain(shape.points[p], target) for target in shape.points] for p in patterns]
+    told = np.array(gains).reshape(patterns.shape) <= LARGEST_GAIN
+    use = wanted[frames] & told[which.reshape(-1)]
+    use &= (fit.residual_m <= LARGEST_MISFIT * shape.misfit_m)[:, None]
+    there = np.einsum("nij,bj->nbi", fit.rotation, shape.points) + fit.centre[:, None]
+    places[frames] = np.where(use[..., None], there, np.nan)
     return places
 
 
@@ -155,8 +136,10 @@ def noise_gain(points: FloatArray, target: FloatArray) -> float:
     """Return the worst standard deviation of a placed marker, per unit of the others' noise.
 
     From the six small motions that `points` (m, 3) fix, carried to `target` (3,); infinite if the
-    points lie on a line.
+    points lie on a line or are fewer than three.
     """
+    if len(points) < LEAST_SEEN:
+        return float("inf")
     design = np.concatenate([_motions(point) for point in points])
     scale = np.repeat([1.0, max(float(np.abs(points).max()), 1e-9)], 3)
     _, values, right = np.linalg.svd(design / scale, full_matrices=False)
@@ -169,22 +152,6 @@ def _motions(point: FloatArray) -> FloatArray:
     """Displacement of a point by small shifts and turns of the body, (3, 6)."""
     x, y, z = point
     return np.hstack([np.eye(3), [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]])
-
-
-def _misfits(points: FloatArray, frames: FloatArray) -> FloatArray:
-    """Rms of what is left after alignment, per degree of freedom, (N,), m."""
-    rotation, place = align(points, frames)
-    left = frames - np.einsum("nij,mj->nmi", rotation, points) - place[:, None]
-    result: FloatArray = np.sqrt((left**2).sum(axis=(1, 2)) / (3 * len(points) - 6))
-    return result
-
-
-def _patterns(seen: BoolArray, frames: BoolArray) -> Iterator[tuple[NDArray[np.int64], BoolArray]]:
-    """Frames that show the same markers, at least three of them, with which these are."""
-    chosen = np.flatnonzero(frames & (seen.sum(axis=1) >= LEAST_SEEN))
-    patterns, which = np.unique(seen[chosen], axis=0, return_inverse=True)
-    for k, present in enumerate(patterns):
-        yield chosen[which.reshape(-1) == k], present
 
 
 REACH_S = max(WINDOWS_S)  # about the sections: frames that states may be fitted to

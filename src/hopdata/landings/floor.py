@@ -169,8 +169,6 @@ def fit_floor(
     ------
     AnalysisError
         A foot is never at rest.
-    ValueError
-        An option is out of its range.
 
     Notes
     -----
@@ -178,8 +176,6 @@ def fit_floor(
     above the floor are left out (`hopdata.landings.floor`), then robust regression by iteratively
     reweighted least squares (`hopdata.landings.floor_surface.robust_regression`).
     """
-    if not 0 <= degree <= 8:
-        raise ValueError(f"degree: expected 0 to 8, found {degree}")
     rest = floor_surface.rest_points(recording, speed_m_s=rest_speed_m_s, window_s=rest_window_s)
     if not enabled:
         return _zero_floor(recording, rest, degree)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.arrays import BoolArray, FloatArray, IntArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.landings.overlay import MATCHED, compare_contacts, summarise_overlay
 from hopdata.recording import Recording
@@ -20,9 +20,6 @@ from hopdata.recordings.external import (
     read_contact_times,
     read_force_signals,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # When a force plate says that a foot came down.
 
@@ -55,17 +52,8 @@ def force_onsets(
     -------
     (S,) array
         Onsets, s.
-
-    Raises
-    ------
-    ValueError
-        If the two arrays differ in length, or the thresholds are out of order.
     """
     t, f = np.asarray(time, float), np.asarray(force, float)
-    if t.shape != f.shape:
-        raise ValueError(f"force: expected {t.shape} samples as in time, found {f.shape}")
-    if not least_n < sure_n:
-        raise ValueError(f"thresholds: expected least_n below sure_n, found {least_n}, {sure_n}")
     last = _last_unloaded(t, f, least_n, sure_n)
     share = (least_n - f[last]) / (f[last + 1] - f[last])
     return t[last] + share * (t[last + 1] - t[last])
@@ -180,8 +168,6 @@ def example_landing(
         is the matched one whose difference is the median, with all columns that know of it. Empty
         if there is none.
     """
-    import pandas as pd
-
     matched = overlay[(overlay["status"] == MATCHED) & ~overlay["excluded"].astype(bool)]
     if matched.empty:
         return pd.DataFrame(columns=list(EXAMPLE_COLUMNS))
@@ -292,8 +278,6 @@ def overlay_external_truth(
     rate_hz : float, optional
         ``input.rate_hz``.
     """
-    import pandas as pd
-
     contacts, thresholds, examples = [], [], []
     for recording in recordings:
         blocks, feet = configured[recording.name], recording.names("foot")

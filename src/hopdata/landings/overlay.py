@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, IntArray
+from hopdata.arrays import BoolArray, FloatArray, IntArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
 from hopdata.recordings.external import ContactTimes
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Which contact of one list is which of another: one to one, within a window.
 
@@ -135,8 +132,6 @@ def compare_contacts(
     AnalysisError
         If times do not overlap, or no contact of the one is near any of the other.
     """
-    import pandas as pd
-
     _check_overlap(recording, external)
     found = _found(touchdowns, external.column.feet)
     inside = _within(external.instant, recording.time[0], recording.time[-1], -window_s)
@@ -180,8 +175,6 @@ def compare_contacts(
 
 def _found(touchdowns: pd.DataFrame, feet: Sequence[str]) -> pd.DataFrame:
     """First contact of these feet in each touchdown that has one: with its foot and index."""
-    import pandas as pd
-
     instants = touchdowns[[f"contact_{foot}_s" for foot in feet]].to_numpy(dtype=np.float64)
     errors = touchdowns[[f"se_{foot}_s" for foot in feet]].to_numpy(dtype=np.float64)
     rows = np.flatnonzero(~np.isnan(instants).all(axis=1))
@@ -264,7 +257,6 @@ def _check_overlap(recording: Recording, external: ContactTimes) -> None:
 # How well found contacts agree with external ones: counts, bias, scatter, for each column.
 
 CONFIDENCE = 0.95
-MAD_TO_SD = 1.482602218505602  # of a normal
 ALL = "all"
 
 
@@ -287,8 +279,6 @@ def summarise_overlay(table: pd.DataFrame) -> pd.DataFrame:
         deviation), sd_s, largest_s (largest distance from the bias), scatter_over_se (robust sd of
         the distances from the bias in their standard errors: 1 if those are right).
     """
-    import pandas as pd
-
     keys = ["source", "column", "feet"]
     groups = list(table.groupby(["recording", *keys], sort=False))
     for key, group in table.groupby(keys, sort=False):
@@ -313,21 +303,19 @@ def median_interval(values: FloatArray, *, confidence: float = CONFIDENCE) -> tu
     low, high : float
         NaN where n is too small for this confidence.
     """
-    from scipy.stats import binom
+    from scipy.stats import quantile_test
 
-    n = len(values)
-    below = int(binom.ppf((1 - confidence) / 2, n, 0.5)) if n else 0
-    if below < 1:
+    if len(values) < 2:
         return float("nan"), float("nan")
-    ordered = np.sort(values)
-    return float(ordered[below - 1]), float(ordered[n - below])
+    low, high = quantile_test(values).confidence_interval(confidence)
+    return float(low), float(high)
 
 
 def robust_sd(values: FloatArray) -> float:
     """Estimate the sd from the median absolute deviation; NaN for fewer than two values."""
-    if len(values) < 2:
-        return float("nan")
-    return float(MAD_TO_SD * np.median(np.abs(values - np.median(values))))
+    from scipy.stats import median_abs_deviation
+
+    return float(median_abs_deviation(values, scale="normal")) if len(values) > 1 else float("nan")
 
 
 def _measures(group: pd.DataFrame) -> dict[str, Any]:

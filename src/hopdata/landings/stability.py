@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.sections.frames import heights_of
 from hopdata.landings.sections.select import Sections, select_sections
 from hopdata.recording import Recording
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # How far what should stay the same differs between recordings, or within a single one.
 
@@ -54,8 +51,6 @@ def drift_table(recordings: Sequence[Recording], touchdowns: pd.DataFrame) -> pd
         and ``deviation`` of the part's median in spreads. Parts with fewer than five touchdowns
         are left out, and there are no rows where fewer than two parts remain.
     """
-    import pandas as pd
-
     values = pd.concat([_values(one, touchdowns) for one in recordings], ignore_index=True)
     if len(recordings) == 1:
         values["part"] = _quarters(values["t_pre_s"].to_numpy(float))
@@ -66,8 +61,6 @@ def drift_table(recordings: Sequence[Recording], touchdowns: pd.DataFrame) -> pd
 
 def _values(recording: Recording, touchdowns: pd.DataFrame) -> pd.DataFrame:
     """Return each quantity at each used touchdown of one recording."""
-    import pandas as pd
-
     own = touchdowns["recording"].astype(str) == recording.name
     used = touchdowns[own & ~touchdowns["excluded"].astype(bool)]
     pre, post = used["t_pre_s"].to_numpy(float), used["t_post_s"].to_numpy(float)
@@ -155,8 +148,6 @@ def section_stability(
         the ground mode of the lowest foot, ``pre_height_m``, ``post_height_m``, and in ``note`` why
         a variant has none. Heights that the configuration sets stay as they are.
     """
-    import pandas as pd
-
     landings = landings or {one.name: find_landings(one) for one in recordings}
     rows = [_row("chosen", "all data", sections)]
     for kind, variant, part, changed in _variants(recordings, sections):
@@ -252,8 +243,6 @@ def worst_landings(touchdowns: pd.DataFrame, number: int = 12) -> pd.DataFrame:
         one in the middle of the study; the others are used ones, in turn that with the largest
         standard error of a contact and that with the least probable order.
     """
-    import pandas as pd
-
     out = touchdowns["excluded"].astype(bool)
     excluded, used = touchdowns[out], touchdowns[~out]
     picked: dict[int, str] = {}
@@ -289,8 +278,6 @@ def landing_samples(recordings: Sequence[Recording], landings: pd.DataFrame) -> 
         ``landing, foot, time_s`` (from the pre section), ``height_m``; a row for each frame, NaN
         where a foot was not seen.
     """
-    import pandas as pd
-
     by_name = {recording.name: recording for recording in recordings}
     parts = []
     for row in landings.to_dict("records"):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings import schedules
@@ -21,9 +21,6 @@ from hopdata.landings.contacts.find import (
     usual_down_height,
 )
 from hopdata.recording import Recording
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # Why a touchdown is left out: what was not seen of the body, or of a foot.
 
@@ -235,8 +232,6 @@ def _table(
     ambiguous_below: float,
     ambiguous: str,
 ) -> pd.DataFrame:
-    import pandas as pd
-
     feet = recording.names("foot")
     common = contacts.common if contacts.common.size else np.full(len(feet), np.nan)
     names = schedules.schedule_names(contacts.instant)

@@ -267,12 +267,12 @@ def _times(table: ColumnTable, options: Mapping[str, Any], n_samples: int) -> Fl
     if name is None:
         if rate is None:
             raise RecordingError(
-                f"{table.path}: forces.rate_hz: expected the samples' rate or forces.time_column, "
-                "found neither"
+                f"{table.rows.path}: forces.rate_hz: expected the samples' rate or "
+                "forces.time_column, found neither"
             )
         return np.arange(n_samples) / float(rate)
     time = table.numbers(name)
-    _check_times(f"{table.path}, column '{name}'", time, rate, n_lines=table.n_lines)
+    _check_times(f"{table.rows.path}, column '{name}'", time, rate, n_lines=table.rows.n_lines)
     return time
 
 

@@ -60,9 +60,6 @@ def join(paths: Sequence[Path], raws: Sequence[RawRecording]) -> RawRecording:
             for raw, s in zip(raws, shifts, strict=True)
             for event in raw.events
         ),
-        trajectory_types=first.trajectory_types
-        if all(raw.trajectory_types == first.trajectory_types for raw in raws)
-        else (),
         unit_is_stated=all(raw.unit_is_stated for raw in raws),
         remarks=sum((raw.remarks for raw in raws), ()) + remarks,
     )
@@ -272,7 +269,6 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
         markers=tuple(chosen),
         positions=raw.positions[:, order],
         roles=(),
-        trajectory_types=tuple(raw.trajectory_types[i] for i in order if raw.trajectory_types),
     )
 
 

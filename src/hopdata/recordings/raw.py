@@ -60,8 +60,6 @@ class RawRecording:
         Role of each marker, if the format says so.
     events : tuple of Event
         Events marked in the file, on the same clock as `time`.
-    trajectory_types : tuple of str
-        How each marker came about (such as ``"Measured"``), if the format says so.
     stated_up : str
         Axis that the file itself says points up; empty if it says nothing.
     started : datetime, optional
@@ -80,7 +78,6 @@ class RawRecording:
     vertical_axis: str = "z"
     roles: tuple[str, ...] = ()
     events: tuple[Event, ...] = ()
-    trajectory_types: tuple[str, ...] = ()
     stated_up: str = ""
     started: datetime | None = None
     unit_is_stated: bool = True

@@ -104,8 +104,8 @@ class SteeringInputs:
     study : str
     figures : sequence of ReportFigure
         In the order in which they are shown; an animation is a figure of media type ``image/gif``.
-    outcomes : DataFrame, optional
-        ``outcomes.csv``.
+    outcomes, horizons : DataFrame, optional
+        ``outcomes.csv``, ``horizons.csv``.
     counts : sequence of mappings, optional
         ``observed.json``: by recording the frames, stances and hops, and what was left out.
     scores : DataFrame, optional
@@ -121,6 +121,7 @@ class SteeringInputs:
     study: str
     figures: Sequence[ReportFigure] = ()
     outcomes: pd.DataFrame | None = None
+    horizons: pd.DataFrame | None = None
     counts: Sequence[Mapping[str, Any]] | None = None
     scores: pd.DataFrame | None = None
     truth: Mapping[str, Mapping[str, Any]] | None = None

@@ -21,64 +21,63 @@ from hopdata.report.inputs import (
 
 # Tables of the steering study: outcomes, what was observed, how well the model predicts.
 
-CONTROLLERS = {"printed": "printed", "planner": "planner", "ceiling": "knows the true map"}
+CONTROLLERS = {
+    "printed": "printed", "planner": "planner", "random": "random swings", "none": "boom at rest",
+    "ceiling": "knows the true map",
+}  # fmt: skip
 EXPERIMENTS = {
     "origin": "origin, free",
     "turn": "half turn, free",
     "origin_board": "origin, board in the way",
     "turn_board": "half turn, board in the way",
 }
-STARTS = {"facing": "facing the origin", "any": "any heading"}
 
 
 def outcomes_table(outcomes: pd.DataFrame | None) -> show.Table | None:
-    """One row for each experiment, start and controller."""
+    """One row for each experiment and controller."""
     columns: show.Columns = {
         "experiment": lambda row: EXPERIMENTS.get(str(row["experiment"]), str(row["experiment"])),
-        "start": lambda row: STARTS.get(str(row["start"]), str(row["start"])),
         "controller": lambda row: CONTROLLERS.get(str(row["controller"]), str(row["controller"])),
-        "succeeded": _succeeded,
-        "share (%)": _ranged("rate", "rate_low", "rate_high", 0, 100),
-        "hops": _ranged("hops", "hops_low", "hops_high", 1),
-        "hops of those that knew": _ranged("hops_ratio", "ratio_low", "ratio_high", 2),
+        "worst seed": _of_seed("worst"),
+        "median seed": _of_seed("median"),
+        "hops": show.decimals("hops", 1),
+        "times the fewest": show.decimals("ratio", 2),
+        "worst seed's": show.decimals("worst_ratio", 2),
         "not in time": show.counted("late"),
-        "left again": show.counted("left"),
         "fell": show.counted("fell"),
-        "target": _asked,
+        "touched the board": show.counted("touched"),
         "met": show.text("met"),
     }
     note = (
-        "Brackets: intervals (Clopper-Pearson; of the median by order statistics; of ratios by a "
-        "paired bootstrap). Hops: median over the runs that succeeded, and as a multiple of the "
-        "hops of the policy that knows the true map, from the same starts."
+        "All runs are simulated. Of each seed (an excitation, a model, starts and chance of its "
+        "own) the runs that succeeded; with a board only runs that touched it can. Hops: median "
+        "over the runs that succeeded; the fewest are those of the planner that knows the true "
+        "map. Asked of the planner: 27 of 30 in the worst seed, at most 1.3 times the fewest hops."
     )
     rows = show.records(outcomes)
-    return show.table_of("Outcomes of the experiments", rows, columns, text_columns=3, note=note)
+    return show.table_of("Outcomes of the experiments", rows, columns, text_columns=2, note=note)
 
 
-def _succeeded(row: Mapping[Any, Any]) -> str:
-    return f"{show.count(row['succeeded'])} of {show.count(row['runs'])}"
-
-
-def _ranged(key: str, low: str, high: str, digits: int, factor: float = 1.0) -> show.Cell:
-    """Return what shows a number times a factor with its interval, if this is known."""
+def _of_seed(name: str) -> show.Cell:
+    """Return what shows a share of the runs of a seed as a count."""
 
     def cell(row: show.Row) -> str:
-        shown, first, last = (
-            show.fixed(show.scaled(row[name], factor), digits) for name in (key, low, high)
-        )
-        return shown if show.MISSING in (shown, first, last) else f"{shown} ({first} to {last})"
+        starts = row["runs"] / row["seeds"]
+        return f"{show.significant(row[name] * starts, 3)} of {show.count(round(starts))}"
 
     return cell
 
 
-def _asked(row: Mapping[Any, Any]) -> str:
-    if show.is_missing(row["asked_rate"]):
-        return show.MISSING
-    asked = f"{show.significant(show.scaled(row['asked_rate'], 100), 3)} %"
-    if show.is_missing(row["asked_ratio"]):
-        return asked
-    return f"{asked}, {show.significant(row['asked_ratio'], 2)} times the hops"
+def horizons_table(horizons: pd.DataFrame | None) -> show.Table | None:
+    """One row a horizon of the printed controller."""
+    columns: show.Columns = {
+        "horizon (hops)": show.counted("horizon"),
+        "succeeded": lambda row: f"{show.count(row['succeeded'])} of {show.count(row['runs'])}",
+        "hops": show.decimals("hops", 1),
+    }
+    note = "From the same starts, with the same chance: nothing is changed but the horizon."
+    title = "The printed controller to the origin, by its horizon"
+    return show.table_of(title, show.records(horizons), columns, note=note)
 
 
 def observed_table(counts: Sequence[Mapping[str, Any]] | None) -> show.Table | None:
@@ -116,7 +115,7 @@ def model_table(scores: pd.DataFrame | None) -> show.Table | None:
     """One row a set and component: how well the hops that were not learned from are predicted."""
     columns: show.Columns = {
         "frame change": show.text("component"),
-        "set": show.counted("set"),
+        "seed": show.counted("seed"),
         "R2": show.decimals("r2", 3),
         "rms error": lambda row: f"{show.fixed(row['rmse'], 2)} {row['unit']}",
         "within 95 % (%)": show.decimals("coverage", 1, 100),
@@ -125,7 +124,7 @@ def model_table(scores: pd.DataFrame | None) -> show.Table | None:
     }
     note = (
         "On the hops that were not learned from; chance at each hop is part of the error. Each "
-        "random set of hops gives a model; the starts of experiments take turns with them."
+        "seed has an excitation and a model of its own."
     )
     title = "How well the model predicts a hop"
     return show.table_of(title, show.records(scores), columns, note=note)
@@ -140,8 +139,6 @@ EXPERIMENT_FIGURES = (
     "fig3_9_turn_board",
     "steering_film",
 )
-# Controllers whose runs are drawn: those that a study may recommend.
-DRAWN = {"planner": "the planner"}
 
 
 @dataclass(frozen=True)
@@ -172,6 +169,7 @@ def steering_content(inputs: SteeringInputs) -> SteeringContent:
         pictures=pictures,
         tables={
             "outcomes": outcomes_table(inputs.outcomes),
+            "horizons": horizons_table(inputs.horizons),
             "observed": observed_table(inputs.counts),
             "left_out": left_out_table(inputs.counts),
             "model": model_table(inputs.scores),
@@ -209,7 +207,7 @@ def read_steering(
     study : str
     files : mapping
         Paths: ``figures`` and ``captions`` (several), ``counts``, ``scores``, and of a simulated
-        robot ``outcomes``, ``truth``.
+        robot ``outcomes``, ``horizons``, ``truth``.
     provenance : mapping, optional
     """
     notes = []
@@ -221,7 +219,7 @@ def read_steering(
     return SteeringInputs(
         study=study,
         figures=read_figures(files["figures"], files["captions"]),
-        outcomes=read_table(files["outcomes"]) if files.get("outcomes") else None,
+        **{name: read_table(files[name]) for name in ("outcomes", "horizons") if files.get(name)},
         counts=read_json(files["counts"]),
         scores=read_table(files["scores"]),
         truth=read_json(files["truth"]) if files.get("truth") else None,
@@ -248,44 +246,29 @@ def steering_facts(inputs: SteeringInputs) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``starts`` (runs of each experiment and controller), ``share`` and ``hops``: mappings from
-        "experiment start controller" to text, "not known" where there is none; ``training_hops``;
-        ``shown`` and ``controller``: the controller whose runs are drawn, as in the tables and as
-        in a sentence.
+        ``starts`` (runs of each experiment, controller and seed) and ``seeds``; ``share``: from
+        "experiment controller" to text; ``training_hops``.
     """
-    rows = [] if inputs.outcomes is None else inputs.outcomes.to_dict("records")
-    share: dict[str, str] = {}
-    for row in rows:
-        key = f"{row['experiment']} {row['start']} {row['controller']}"
-        share[key] = _succeeded(row)
-    shown = next((row["controller"] for row in rows if row["controller"] in DRAWN), "")
+    rows = show.records(inputs.outcomes)
     hops = None if inputs.scores is None else inputs.scores["training_hops"].iloc[0]
     return {
-        "starts": show.count(rows[0]["runs"]) if rows else show.MISSING,
-        "share": share,
+        "starts": show.count(rows[0]["runs"] / rows[0]["seeds"]) if rows else show.MISSING,
+        "seeds": show.count(rows[0]["seeds"]) if rows else show.MISSING,
+        "share": {
+            f"{row['experiment']} {row['controller']}": _of_seed("median")(row) for row in rows
+        },
         "training_hops": show.count(hops),
-        "shown": shown,
-        "controller": DRAWN.get(shown, "the recommended controller"),
     }
 
 
 def _highlights(inputs: SteeringInputs) -> list[tuple[str, str, str]]:
     """Name, value and remark of each key number."""
     cards = []
-    rows = [] if inputs.outcomes is None else inputs.outcomes.to_dict("records")
-    for row in rows:
-        if show.is_missing(row["asked_rate"]):
-            continue
-        name = f"{EXPERIMENTS[row['experiment']]}, {CONTROLLERS[row['controller']]}"
-        low, high = (show.fixed(100 * row[key], 0) for key in ("rate_low", "rate_high"))
-        hops = "" if show.is_missing(row["hops"]) else f"; median {show.fixed(row['hops'], 1)} hops"
-        cards.append(
-            (
-                name[0].upper() + name[1:],
-                _succeeded(row),
-                f"{STARTS[row['start']]}; {low} to {high} %{hops}",
-            )
-        )
+    for row in show.records(inputs.outcomes):
+        if row["controller"] == "planner":
+            name, hops = EXPERIMENTS[row["experiment"]], show.fixed(row["hops"], 0)
+            remark = f"planner, worst of {row['seeds']} seeds; median {hops} hops; simulated"
+            cards.append((name[0].upper() + name[1:], _of_seed("worst")(row), remark))
     used = sum(entry["used"] for entry in inputs.counts or ())
     pairs = sum(entry["pairs"] for entry in inputs.counts or ())
     cards.append(

@@ -129,12 +129,12 @@ def control_system(n_legs: int = 3) -> System:
 # its share of the force, so that forces stay additive over the legs.
 
 # They follow the legs' numbers at the end of the parameters.
-DRAG, DIRECTION_X, DIRECTION_Y = -3, -2, -1
+DRAG, DIRECTION_X, DIRECTION_Y, FRONT = -4, -3, -2, -1
 
 
 @dataclass(frozen=True, kw_only=True)
 class HopperDrag:
-    """A board that is being pushed.
+    """A board that is pushed by who stands beyond it: the hopper's first guard, ``board``.
 
     Parameters
     ----------
@@ -142,10 +142,13 @@ class HopperDrag:
         Force of its friction, N, when all legs are in contact.
     direction : (x, y)
         Unit vector, world frame: the way into the board.
+    front_m : float
+        How far along it the chassis' centre of mass is when it touches the board, m.
     """
 
     drag_n: float
     direction: tuple[float, float]
+    front_m: float
 
     def __post_init__(self) -> None:
         if not self.drag_n >= 0:
@@ -153,20 +156,20 @@ class HopperDrag:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Force and direction."""
-        return self.drag_n, *self.direction
+        """Force, direction and place."""
+        return self.drag_n, *self.direction, self.front_m
 
 
 @field
 def drag_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: FloatArray) -> None:
-    """Fill `dy` with the rate of the state, held back by the board."""
+    """Fill `dy` with the rate of the state, held back by the board if it is touched."""
     rot = rotation_entries(y[3], y[4], y[5])
-    force, torque = total_wrench(y, mode, rot, p)
+    force, torque = total_wrench(y, mode[1:], rot, p)
     n, standing = int(p[hp.N_LEGS]), 0
     for leg in range(n):
-        standing += mode[leg] > 0
+        standing += mode[1 + leg] > 0
     ux, uy = p[DIRECTION_X], p[DIRECTION_Y]
-    into = max(y[6] * ux + y[7] * uy, 0.0)
+    into = max(y[6] * ux + y[7] * uy, 0.0) if mode[0] > 0 else 0.0
     drag = -p[DRAG] * standing / n * into / math.sqrt(into * into + p[hp.SLIP_VELOCITY] ** 2)
     fx, fy = drag * ux, drag * uy
     held = (
@@ -177,10 +180,39 @@ def drag_field(t: float, y: FloatArray, mode: IntArray, p: FloatArray, dy: Float
     fill_rates(t, y, rot, (held, torque), p, dy)
 
 
+@guards
+def drag_guards(
+    t: float,
+    y: FloatArray,
+    dy: FloatArray,
+    mode: IntArray,
+    p: FloatArray,
+    h: FloatArray,
+    hdot: FloatArray,
+) -> None:
+    """Fill `h` and `hdot` with the way beyond the board, then as the hopper does."""
+    h[0] = y[0] * p[DIRECTION_X] + y[1] * p[DIRECTION_Y] - p[FRONT]
+    hdot[0] = dy[0] * p[DIRECTION_X] + dy[1] * p[DIRECTION_Y]
+    _guards(t, y, dy, mode[1:], p, h[1:], hdot[1:])
+
+
+@on_event
+def drag_event(
+    t: float, y: FloatArray, mode: IntArray, p: FloatArray, guard: int, direction: int
+) -> int:
+    """Do as the hopper does; the board is no business of its legs."""
+    return 0 if guard == 0 else int(_event(t, y, mode[1:], p, guard - 1, direction))
+
+
 @cache
 def drag_system(n_legs: int = 3) -> System:
-    """Return the hopper with a board as a hybrid system; otherwise as `hopper_system`."""
-    return replace(hopper_system(n_legs), field=drag_field)
+    """Return the hopper with a board as a hybrid system: as `hopper_system`, a guard before it."""
+    plain = hopper_system(n_legs)
+    return replace(
+        plain, field=drag_field, guards=drag_guards, on_event=drag_event,
+        guard_names=("board", *plain.guard_names), directions=(0, *(plain.directions or ())),
+        terminal=(False, *(plain.terminal or ())),
+    )  # fmt: skip
 
 
 def system_of(n_legs: int, variant: Variant | None) -> System:

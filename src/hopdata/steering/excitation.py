@@ -77,19 +77,6 @@ class Excitation:
         """Swing in the flight after each stance but the last, (n,), rad."""
         return np.asarray(self.steps * self.grid.step_rad, dtype=float)
 
-    def angles(self, first_rad: float = 0.0) -> FloatArray:
-        """Boom angle commanded for each stance, (n + 1,), rad.
-
-        They are not wrapped: consecutive angles differ by the swing, also past the back.
-
-        Parameters
-        ----------
-        first_rad : float
-            Boom angle of index 0.
-        """
-        travel = np.concatenate([[0.0], np.cumsum(self.swings)])
-        return first_rad + self.start * self.grid.step_rad + travel
-
 
 def eulerian_excitation(
     grid: ControlGrid, rng: np.random.Generator, *, start: int = 0
@@ -148,11 +135,12 @@ def _random_tree(grid: ControlGrid, rng: np.random.Generator, root: int) -> IntA
     return step
 
 
-# Streams of chance of a steering study: first number of the key under the study's seed.
+# Streams of chance under the seed of an excitation: first number of the key.
 
 START = 0  # then the experiment's place and the number of the start
-FLOOR = 1
-BOOTSTRAP = 2
-EXCITATION = 10
-TRIAL = 11
-TRAINING = 12  # then the number of the set of hops
+FLOOR, EXCITATION, TRIAL, TRAINING = 1, 10, 11, 12
+
+
+def child(seed: np.random.SeedSequence, *key: int) -> np.random.SeedSequence:
+    """Return the stream of a seed that this key names, the same at every call."""
+    return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *key))

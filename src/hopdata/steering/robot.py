@@ -23,7 +23,7 @@ from hopdata.synthesis.hops import Hop, fly_hop, level_state
 from hopdata.synthesis.simulate import MotionCapture
 from hopdata.synthesis.trial import Kicks, MarkerOptions, from_mapping, kicked
 
-STANCE_SEARCH_S = 0.002  # step at which the lowest point is sought, before a parabola through it
+STANCE_SEARCH_S = 0.01  # step at which the lowest point is sought, before a parabola through it
 
 
 def _light_boom() -> HopperParameters:
@@ -108,13 +108,15 @@ class Stance:
     """A stance as it truly was.
 
     `time_s` of the lowest point, s; `pose` (3,): mean of the body markers on the floor, m, and yaw,
-    rad, not wrapped; `boom_angle_rad`; whether the hop `fell`, whose pose then means nothing.
+    rad, not wrapped; `boom_angle_rad`; whether the hop `fell`, whose pose then means nothing, and
+    whether a board was `touched` in it.
     """
 
     time_s: float
     pose: FloatArray
     boom_angle_rad: float
     fell: bool
+    touched: bool
 
 
 @dataclass(frozen=True)
@@ -215,15 +217,16 @@ def _stance(
     """Stance of a hop: the vertex of the parabola through the lowest three heights."""
     body = fixed_markers(hop.states, np.array(robot.markers.body_m))
     height = body[..., 2].mean(axis=1)
-    k = int(np.clip(np.argmin(height), 1, max(1, len(times) - 2)))
+    k, touched = int(np.clip(np.argmin(height), 1, max(1, len(times) - 2))), hop.touched_s < np.inf
     if hop.fell or len(times) < 3:
-        return Stance(start_s + hop.end_time_s, np.full(3, np.nan), boom_angle_rad, fell=True)
+        nowhere = np.full(3, np.nan)
+        return Stance(start_s + hop.end_time_s, nowhere, boom_angle_rad, fell=True, touched=touched)
     near = slice(k - 1, k + 2)
     bend, slope, _ = np.polyfit(times[near] - times[k], height[near], 2)
     lowest = times[k] - slope / (2 * bend)
     poses = marker_poses(robot, hop.states[near])
     pose = np.array([np.interp(lowest, times[near], column) for column in poses.T])
-    return Stance(start_s + float(lowest), pose, boom_angle_rad, fell=False)
+    return Stance(start_s + float(lowest), pose, boom_angle_rad, fell=False, touched=touched)
 
 
 def _markers(robot: SteeredHopper, hop: Hop, shown: NDArray[np.bool_]) -> FloatArray:
@@ -235,14 +238,12 @@ def _markers(robot: SteeredHopper, hop: Hop, shown: NDArray[np.bool_]) -> FloatA
 
 # A board in the hopper's way that it pushes along (dissertation, Sec. 3.5, Fig. 3.7).
 
-LANDING_S = 0.2  # from the apex to the first contact
-
 
 @dataclass(frozen=True, kw_only=True)
 class Board:
     """A board across the floor, pushed along its normal and left where it was pushed to.
 
-    It is met while the hopper stands beyond it: in flight the hopper is above it.
+    It is touched while the hopper stands beyond it: in flight the hopper is above it.
 
     Parameters
     ----------
@@ -265,18 +266,17 @@ class Board:
         if not np.isclose(np.hypot(*self.direction), 1.0):
             raise ConfigError(f"obstacle.direction: expected a unit vector, found {self.direction}")
 
-    def met(self, apex: Apex) -> HopperDrag | None:
-        """Drag on the hop that begins at this apex: none if it comes down short of the board."""
-        coming = apex.state[:2] + LANDING_S * apex.state[6:8]
-        if float(coming @ self.direction) + self.reach_m < self.place_m:
-            return None
-        return HopperDrag(drag_n=self.drag_n, direction=self.direction)
+    @property
+    def drag(self) -> HopperDrag:
+        """What the hopper meets."""
+        front = self.place_m - self.reach_m
+        return HopperDrag(drag_n=self.drag_n, direction=self.direction, front_m=front)
 
     def pushed(self, hop: SteeredHop) -> Board:
-        """Return the board as the hop left it."""
-        if hop.stance.fell:
+        """Return the board as the hop left it: where the hopper was when it lifted off."""
+        if not np.isfinite(hop.hop.touched_s):
             return self
-        front = float(hop.stance.pose[:2] @ self.direction) + self.reach_m
+        front = float((hop.hop.event_state[:, :2] @ self.direction).max()) + self.reach_m
         return replace(self, place_m=max(self.place_m, front))
 
 
@@ -293,7 +293,7 @@ def steer_past(
 
     For the other parameters see `steer_hop`.
     """
-    met = None if board is None else board.met(apex)
+    met = None if board is None else board.drag
     hop = steer_hop(robot, apex, swing_rad, rng=rng, frame_times_s=frame_times_s, variant=met)
     return hop, None if board is None else board.pushed(hop)
 

@@ -14,7 +14,13 @@ from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.recording import Recording
 from hopdata.rigid import relative
 from hopdata.steering import robot as plant
-from hopdata.steering.excitation import EXCITATION, TRIAL, ControlGrid, eulerian_excitation
+from hopdata.steering.excitation import (
+    EXCITATION,
+    TRIAL,
+    ControlGrid,
+    child,
+    eulerian_excitation,
+)
 from hopdata.synthesis.camera import draw_floor, fixed_markers, track_markers
 from hopdata.synthesis.simulate import MotionCapture, observed
 from hopdata.synthesis.trial import Operator, Trial, run_trial
@@ -72,7 +78,9 @@ def record_trial(
     """
     camera = camera or MotionCapture()
     operator = Operator(release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s)
-    swings = np.clip(_numbers(swings_rad), -robot.swing_limit_rad, robot.swing_limit_rad)
+    swings = np.clip(list(swings_rad), -robot.swing_limit_rad, robot.swing_limit_rad)
+    if swings.ndim != 1 or not len(swings) or not np.isfinite(swings).all():
+        raise ConfigError(f"swings_rad: expected one finite number or more, found {swings}"[:120])
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     kicks_rng, floor_rng, noise_rng, gaps_rng = streams
     trial = run_trial(
@@ -94,20 +102,6 @@ def record_trial(
     tilt = np.arccos(np.cos(trial.states[:, 4]) * np.cos(trial.states[:, 5]))
     motion = motion.assign(boom_angle_rad=_boom_angles(robot, trial), tilt_rad=tilt)
     return SteeredTrial(recording, true_stances(robot, trial, motion), motion)
-
-
-def _numbers(swings_rad: Iterable[float]) -> FloatArray:
-    swings = list(swings_rad) if isinstance(swings_rad, Iterable) else swings_rad
-    try:
-        numbers = np.array(swings, dtype=float)
-    except (TypeError, ValueError):
-        numbers = np.array([np.nan])
-    if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
-        shown = str(swings)[:60]
-        raise ConfigError(
-            f"swings_rad: expected a list of one finite number or more, found {shown}"
-        )
-    return numbers
 
 
 def true_stances(robot: plant.SteeredHopper, trial: Trial, motion: pd.DataFrame) -> pd.DataFrame:
@@ -228,7 +222,7 @@ NAME = "excitation"
 
 @one_blas_thread()
 def simulate_excitation(
-    steering: Mapping[str, Any], motion_capture: Mapping[str, Any], *, seed: int
+    steering: Mapping[str, Any], motion_capture: Mapping[str, Any], *, seed: np.random.SeedSequence
 ) -> SteeredTrial:
     """Let the simulated robot execute an excitation, seen by motion capture.
 
@@ -236,14 +230,15 @@ def simulate_excitation(
     ----------
     steering, motion_capture : mapping
         These blocks of the configuration.
-    seed : int
-        The study's.
+    seed : SeedSequence
+        Of all its chance.
     """
     camera = plant.camera_of(motion_capture)
     robot = plant.robot_of(steering["robot"], camera)
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(EXCITATION,)))
+    rng = np.random.default_rng(child(seed, EXCITATION))
     swings = eulerian_excitation(ControlGrid(**steering["excitation"]), rng).swings
-    return record_trial(robot, swings, seed=(seed, TRIAL), camera=camera, name=NAME)
+    chance = child(seed, TRIAL).generate_state(4).tolist()
+    return record_trial(robot, swings, seed=chance, camera=camera, name=NAME)
 
 
 # The true frame changes as a table, and back.

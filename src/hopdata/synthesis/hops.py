@@ -29,6 +29,7 @@ class Hop:
     `event_time` (E,), `event_leg` (E,), `event_down` (E,) True for a touchdown and False for a
     lift-off, `event_state` (E, 12). `states` (K, 12) are those at the frame times asked for, up to
     the end, and `boom` (K, 3) the places of the boom then, body frame, m; (K, 0) without one.
+    `touched_s` is when a standing hopper first touched a board in its way, NaN if never.
     """
 
     start_state: FloatArray
@@ -42,6 +43,7 @@ class Hop:
     event_leg: IntArray
     event_down: BoolArray
     event_state: FloatArray
+    touched_s: float = np.nan
 
     @property
     def fell(self) -> bool:
@@ -101,18 +103,24 @@ def fly_hop(
     preloads = np.full(n, scene.preload_n) if preloads_n is None else preloads_n
     frames = np.empty(0) if frame_times_s is None else frame_times_s
     system = scene.system(variant)
+    first = system.guard_names.index("foot1")
+    mode = flight_mode(system, state[8])
+    if first and variant is not None:  # a board before the feet, which it may be beyond already
+        _, x, y, front = variant.numbers
+        mode[0] = 1 if x * state[0] + y * state[1] > front else -1
     solution = solve(
         system,
         (0.0, limit_s),
         padded(state, system),
         params=scene.vector(preloads, variant),
-        mode=flight_mode(system, state[8]).tolist(),
+        mode=mode.tolist(),
         rtol=RTOL,
         atol=ATOL,
         t_eval=frames[frames < limit_s],
     )
     events = solution.events
-    contact = events.guard < n
+    guard = events.guard - first
+    contact = (guard >= 0) & (guard < n)
     return Hop(
         start_state=state,
         preloads_n=preloads,
@@ -120,12 +128,21 @@ def fly_hop(
         boom=scene.boom_places(solution.t),
         end_time_s=solution.t_end,
         end_state=solution.y_end[:N_STATES],
-        ending=_ending(solution, n),
+        ending=_ending(solution, first + n),
         event_time=events.time[contact],
-        event_leg=events.guard[contact],
+        event_leg=guard[contact],
         event_down=events.direction[contact] > 0,
         event_state=events.after[contact, :N_STATES],
+        touched_s=_first_touch(events, contact, beyond=mode[0] > 0) if first else np.nan,
     )
+
+
+def _first_touch(events: Any, contact: BoolArray, *, beyond: bool) -> float:
+    """Return when a leg first stood while the hopper was beyond the board; NaN if never."""
+    standing = np.cumsum(np.where(contact, events.direction, 0))
+    past = int(beyond) + np.cumsum(np.where(events.guard == 0, events.direction, 0))
+    touched = (standing > 0) & (past > 0)
+    return float(events.time[touched.argmax()]) if touched.any() else np.nan
 
 
 def padded(states: FloatArray, system: System) -> FloatArray:
@@ -134,13 +151,13 @@ def padded(states: FloatArray, system: System) -> FloatArray:
     return np.concatenate([states, memory], axis=-1)
 
 
-def _ending(solution: Solution, n_legs: int) -> str:
+def _ending(solution: Solution, apex: int) -> str:
     if solution.status in (SLIDING, ZENO):
         return "stuck"
     if not solution.success:
         raise AnalysisError(f"hop: the integration failed: {solution.message}")
     if solution.status == TERMINATED:
-        return "apex" if solution.events.guard[-1] == n_legs else "tipped over"
+        return "apex" if solution.events.guard[-1] == apex else "tipped over"
     return "no apex in time"
 
 

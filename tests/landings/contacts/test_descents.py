@@ -44,9 +44,20 @@ def find(landings, heights):
 
 
 def test_rough_instants_are_within_a_frame(landings):
-    near, status = find(landings, landings[2])
+    near, _, status = find(landings, landings[2])
     assert (status == LANDED).all()
     assert np.abs(near - landings[0].contact_times).max() < 0.01
+
+
+def test_a_foot_touches_later_than_it_is_too_high(landings):
+    """Higher above where it stands than skin and softness let it sink: never at a contact."""
+    scene, transitions, heights = landings
+    _, earliest, _ = find(landings, heights)
+    ahead = scene.contact_times - earliest
+    assert ahead.min() > 0.0
+    assert np.quantile(ahead, 0.9) < 0.02
+    raised = heights + 0.015 * (transitions.t_pre[0] < scene.recording.time)[:, None]
+    np.testing.assert_allclose(find(landings, raised)[1][1:], earliest[1:], atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +71,7 @@ def test_rough_instants_are_within_a_frame(landings):
 def test_feet_that_do_not_land(landings, foot, expected):
     heights = landings[2].copy()
     heights[:, 1] = foot(heights[:, 1])
-    near, status = find(landings, heights)
+    near, _, status = find(landings, heights)
     assert (status[:, 1] == expected).all()
     assert np.isnan(near[:, 1]).all()
     assert (status[:, [0, 2]] == LANDED).all()
@@ -72,7 +83,7 @@ def test_a_foot_that_is_hidden_is_not_said_to_be_up_or_down(landings, side):
     z = heights[:, 1]
     hidden = (z < 0.04) if side == "low" else (z > 0.004)  # near its contact, or all of its descent
     heights[hidden, 1] = np.nan
-    _, status = find(landings, heights)
+    *_, status = find(landings, heights)
     assert (status[:, 1] == MISSING).mean() > 0.9
     assert not np.isin(status[:, 1], [ALREADY_DOWN, NOT_LANDED]).any()
     assert (status[:, [0, 2]] == LANDED).all()
@@ -84,7 +95,7 @@ def test_lost_frames_do_not_bring_a_foot_down(landings, share):
     rng = np.random.default_rng(3)
     heights[:, 1] += 0.3
     heights[rng.random(len(heights)) < share, 1] = np.nan
-    assert (find(landings, heights)[1][:, 1] == NOT_LANDED).mean() > 0.99
+    assert (find(landings, heights)[2][:, 1] == NOT_LANDED).mean() > 0.99
 
 
 def test_a_foot_that_hovers_and_is_hidden_then_may_have_landed(landings):
@@ -94,7 +105,7 @@ def test_a_foot_that_hovers_and_is_hidden_then_may_have_landed(landings):
     for t_pre, t_post in zip(transitions.t_pre, transitions.t_post, strict=True):
         time = scene.recording.time
         heights[(time > t_pre) & (time < t_post + 0.1), 1] = np.nan
-    assert (find(landings, heights)[1][:, 1] == MISSING).mean() > 0.9
+    assert (find(landings, heights)[2][:, 1] == MISSING).mean() > 0.9
 
 
 @pytest.mark.parametrize("noise_m", [2e-4, 6e-4])

@@ -234,3 +234,21 @@ def test_errors_from_few_landings_are_as_large_as_stated(landings):
         landed = contacts.status == LANDED
         squares.append(((contacts.instant - scene.contact_times) / contacts.se)[landed] ** 2)
     assert 0.8 < np.sqrt(np.mean(np.concatenate(squares))) < 1.25
+
+
+def test_a_kink_that_is_too_high_is_no_contact():
+    """Its foot touches later, nobody knows when; a bound ahead of the kink changes nothing."""
+    feet = falls(60, seed=4)
+
+    def fitted(later_s):
+        earliest = np.full(feet.contacts.shape, -np.inf)
+        earliest[:, 1] = feet.contacts[:, 1] + later_s
+        heights = FootHeights(feet.time, feet.heights, (0.05, 0.04), earliest)
+        return single_fits(heights, feet.contacts, noise_m=NOISE_M, gravity="learned")[0]
+
+    free, below, above = (fitted(later_s) for later_s in (-np.inf, -0.005, 0.005))
+    np.testing.assert_allclose(below.instant, free.instant, atol=5e-5, rtol=0)
+    np.testing.assert_array_equal(above.instant[:, [0, 2]], free.instant[:, [0, 2]])
+    assert (above.instant[:, 1] >= feet.contacts[:, 1] + 0.005 - 1e-12).all()
+    assert (NOISE_M * above.unit_se[:, 1] > 0.01).mean() > 0.9
+    assert (NOISE_M * free.unit_se[:, 1] < 0.002).mean() > 0.9

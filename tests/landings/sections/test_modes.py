@@ -87,8 +87,6 @@ def test_values_that_are_not_finite_are_left_out(heights):
     samples = np.concatenate([[np.nan], heights, [np.inf, -np.inf]])
     expected = kde(heights, bandwidth=2.46e-3, grid=grid)
     assert np.array_equal(kde(samples, bandwidth=2.46e-3, grid=grid), expected)
-    with pytest.raises(ValueError, match="at least one finite value"):
-        kde([np.nan, np.inf], bandwidth=2.46e-3, grid=grid)
 
 
 def test_agrees_with_scipy(heights):
@@ -138,21 +136,9 @@ def test_values_that_are_not_finite_are_ignored(heights):
     assert finite(with_gaps).size == heights.size
 
 
-@pytest.mark.parametrize(
-    ("samples", "bandwidth", "grid", "message"),
-    [
-        ([np.nan], 0.1, [0, 1], "at least one finite value"),
-        ([0.0], 0.0, [0, 1], "positive"),
-        ([0.0], np.nan, [0, 1], "positive"),
-        ([0.0], 0.1, [0, 1, 3], "equally spaced"),
-        ([0.0], 0.1, [1, 0], "equally spaced"),
-        ([0.0], 0.1, [1], "at least 2 nodes"),
-        ([0.0], 1e-9, [0, 1], "too small for a grid"),
-    ],
-)
-def test_says_what_is_wrong(samples, bandwidth, grid, message):
-    with pytest.raises(ValueError, match=message):
-        kde(samples, bandwidth=bandwidth, grid=grid)
+def test_says_that_a_bandwidth_is_too_small():
+    with pytest.raises(ValueError, match="too small for a grid"):
+        kde([0.0], bandwidth=1e-9, grid=[0, 1])
 
 
 def test_normal_bandwidth_of_a_normal_sample():
@@ -164,5 +150,3 @@ def test_normal_bandwidth_is_not_widened_by_a_few_far_away():
     values = np.random.default_rng(2).normal(0.0, 1.0, 1000)
     far = np.concatenate([values, np.full(10, 1e3)])
     assert normal_bandwidth(far) == pytest.approx(normal_bandwidth(values), rel=0.05)
-    with pytest.raises(ValueError, match="at least 2"):
-        normal_bandwidth([1.0])

@@ -138,7 +138,7 @@ def test_a_jump_is_no_spike():
     positions[900:, MARKERS.index("hip3")] += [0.04, 0.0, 0.03]
     found = faults(positions)
     (jump,) = found.jumps
-    assert (jump.marker, jump.frame) == ("hip3", 900)
+    assert (jump.marker, jump.start) == ("hip3", 900)
     assert jump.size == pytest.approx(0.05, rel=0.3)
     assert found.count == 1
 

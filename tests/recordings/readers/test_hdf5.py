@@ -172,7 +172,7 @@ def test_a_truth_that_is_not_whole_is_refused(tmp_path, recording, truth):
         ("@markers", h5py.Empty("f"), "attribute 'markers': expected a list of texts"),
         ("@roles", ["body"] * 4 + ["wing"], "roles: expected any of body, foot.*found 'wing'"),
         ("@rate_hz", "fast", "attribute 'rate_hz': expected a number, found fast"),
-        ("@rate_hz", None, "attribute 'rate_hz': expected a value, found none"),
+        ("@rate_hz", None, "attribute 'rate_hz': expected a number, found none"),
         ("@vertical_axis", "q", "vertical_axis: expected any of x, y, z, -x, -y, -z, found 'q'"),
         ("@name", 3, "attribute 'name': expected text, found 3"),
         ("truth/complete", "abc", "dataset 'complete': expected an array of numbers"),

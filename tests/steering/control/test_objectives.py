@@ -38,9 +38,9 @@ def test_heading_errors_go_the_short_way():
         (lambda: ToPoint(point_m=("1 m", 0)), "point_m: expected two finite numbers"),
         (lambda: ToHeading(heading_rad=np.inf), "heading_rad: expected a finite number"),
         (lambda: ToHeading(heading_rad="north"), "heading_rad: expected a finite number"),
-        (lambda: Horizon(hops=0), "hops: expected 1 to 6, found 0"),
-        (lambda: Horizon(hops=2.5), "hops: expected 1 to 6, found 2.5"),
-        (lambda: Horizon(hops="2"), "hops: expected 1 to 6, found 2"),
+        (lambda: Horizon(hops=0), "hops: expected 1 to 16, found 0"),
+        (lambda: Horizon(hops=2.5), "hops: expected 1 to 16, found 2.5"),
+        (lambda: Horizon(hops="2"), "hops: expected 1 to 16, found 2"),
         (lambda: Horizon(swing_limit_rad=4.0), "swing_limit_rad: expected more than 0"),
     ],
 )

@@ -19,28 +19,25 @@ from hopdata.steering.control.planner import (
     DISCOUNT,
     TOLERANCE,
     HeadingGrid,
-    PlannerOptions,
     PointGrid,
     planner,
 )
 from hopdata.steering.control.printed import predicted_poses
 
 TABLE = table()
-COARSE = PlannerOptions(
-    point_grid=PointGrid(distances=24, bearings=24, boom_angles=16, swings=9),
-    heading_grid=HeadingGrid(heading_errors=72, boom_angles=24, swings=9),
-)
+COARSE = PointGrid(distances=24, bearings=24, boom_angles=16, swings=9)
+COARSE_TURN = HeadingGrid(heading_errors=72, boom_angles=24, swings=9)
 START = np.array([-0.9, 0.4, 2.6])
 
 
 @pytest.fixture(scope="module")
 def to_point():
-    return planner(TABLE, ToPoint(), options=COARSE)
+    return planner(TABLE, ToPoint(), grid=COARSE)
 
 
 @pytest.fixture(scope="module")
 def to_heading():
-    return planner(TABLE, ToHeading(heading_rad=3.0), options=COARSE)
+    return planner(TABLE, ToHeading(heading_rad=3.0), grid=COARSE_TURN)
 
 
 def flown(controller, pose, boom, hops):
@@ -56,7 +53,7 @@ def flown(controller, pose, boom, hops):
 
 def test_the_cost_to_go_satisfies_bellman_s_equation(to_point):
     """At nodes, against poses composed in the world."""
-    cost, grid = to_point.cost_to_go, COARSE.point_grid
+    cost, grid = to_point.cost_to_go, COARSE
     distances = grid.distances_m
     swings = np.linspace(-LIMIT, LIMIT, grid.swings)
     rng = np.random.default_rng(np.random.SeedSequence(1))
@@ -77,7 +74,7 @@ def test_the_cost_to_go_satisfies_bellman_s_equation(to_point):
 
 def test_the_cost_rises_with_the_distance_of_a_goal_ahead(to_point):
     """From half a metre on; nearer by, the hopper is best off with the goal still ahead of it."""
-    grid = COARSE.point_grid
+    grid = COARSE
     ahead = to_point.cost_to_go.values[:, grid.bearings // 2].min(axis=-1)
     far = grid.distances_m > 0.5
     assert far.sum() > 5
@@ -127,7 +124,7 @@ def test_the_plan_predicts_where_it_leads(to_point):
 
 def test_an_objective_of_the_other_kind_gets_a_cost_to_go_of_its_own(to_heading):
     other = to_heading.towards(ToPoint())
-    assert other.cost_to_go.values.shape == (24, 24, 16)
+    assert other.cost_to_go.values.shape == (40, 48, 32)
 
 
 def test_a_state_that_is_none_is_refused(to_point):

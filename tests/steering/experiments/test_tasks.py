@@ -7,53 +7,47 @@ from hopdata.steering.experiments.tasks import (
     ARRIVED,
     FELL,
     LATE,
-    LEFT,
+    UNTOUCHED,
     Task,
     board_for,
     decided,
     draw_starts,
     goal_of,
     judged,
-    tasks_of,
+    policies,
+    task_of,
 )
+from hopdata.steering.models.tabulated import TabulatedMap
 
-STAY = Task(manoeuvre="origin", near=0.15, hops=10, stay=0.25, stay_hops=3)
 TOUCH = Task(manoeuvre="origin", near=0.2, hops=4)
 
 
-def way(*errors):
-    return np.array(errors, dtype=float)
-
-
-def test_to_arrive_and_to_stay_is_a_success():
-    outcome = judged(STAY, way(1, 0.5, 0.15, 0.2, 0.25, 0.1, 9))
+def test_the_first_arrival_counts():
+    outcome = judged(TOUCH, [1, 0.5, 0.2, 0.1])
     assert (outcome.success, outcome.hops, outcome.reason) == (True, 2, ARRIVED)
 
 
-def test_to_leave_after_the_first_arrival_is_none_even_if_it_comes_back():
-    outcome = judged(STAY, way(1, 0.1, 0.1, 0.26, 0.1, 0.1, 0.1, 0.1))
-    assert (outcome.success, outcome.hops, outcome.reason) == (False, 1, LEFT)
-
-
 def test_the_last_hop_counts_and_the_next_does_not():
-    assert judged(TOUCH, way(1, 1, 1, 1, 0.2)).hops == 4
-    assert judged(TOUCH, way(1, 1, 1, 1, 1, 0.1)).reason == LATE
+    assert judged(TOUCH, [1, 1, 1, 1, 0.2]).hops == 4
+    assert judged(TOUCH, [1, 1, 1, 1, 1, 0.1]).reason == LATE
 
 
-def test_a_fall_is_told_before_and_after_the_arrival():
-    assert judged(STAY, way(1, 0.5), fell=True).reason == FELL
-    assert judged(STAY, way(1, 0.1, 0.1), fell=True).reason == FELL
-    assert not judged(STAY, way(1, 0.1, 0.1), fell=True).success
+def test_a_fall_is_told():
+    assert judged(TOUCH, [1, 0.5], fell=True).reason == FELL
 
 
-@pytest.mark.parametrize("task", [STAY, TOUCH])
-def test_a_run_is_over_when_nothing_can_change_its_outcome(task):
+def test_who_never_touched_the_board_was_not_impeded_and_does_not_count():
+    outcome = judged(TOUCH, [1, 0.1], touched=False)
+    assert (outcome.success, outcome.hops, outcome.reason) == (False, 1, UNTOUCHED)
+
+
+def test_a_run_is_over_when_nothing_can_change_its_outcome():
     rng = np.random.default_rng(np.random.SeedSequence(3))
     for _ in range(200):
-        errors = rng.uniform(0, 0.6, task.most_hops + 3)
-        ends = next(n for n in range(1, len(errors) + 1) if decided(task, errors[:n]))
-        assert ends <= task.most_hops + 1
-        assert judged(task, errors[:ends]) == judged(task, errors)
+        errors = rng.uniform(0, 0.6, TOUCH.hops + 3).tolist()
+        ends = next(n for n in range(1, len(errors) + 1) if decided(TOUCH, errors[:n]))
+        assert ends <= TOUCH.hops + 1
+        assert judged(TOUCH, errors[:ends]) == judged(TOUCH, errors)
 
 
 def test_errors_are_distances_or_what_is_left_of_half_a_turn():
@@ -84,18 +78,14 @@ def test_the_board_stands_across_the_way_and_is_met_after_the_distance_asked_for
 
 
 def test_the_default_tasks_are_those_of_the_experiments():
-    config = load_config("config/config.yaml", check_files=False)
-    tasks = tasks_of(config["steering"]["experiments"])
-    facing, origin, turn = (
-        tasks[key] for key in (("origin", "facing"), ("origin", "any"), ("turn", "any"))
-    )
-    assert (facing.near, facing.hops, facing.stay_hops) == (0.2, 16, 0)
-    assert (origin.near, origin.stay, origin.stay_hops) == (0.15, 0.25, 10)
+    options = load_config("config/config.yaml", check_files=False)["steering"]["experiments"]
+    origin, turn = task_of(options, "origin"), task_of(options, "turn")
+    assert (origin.near, origin.hops) == (0.11, 50)
     assert (turn.hops, turn.near) == (25, pytest.approx(np.radians(15)))
 
 
-def starts(experiment="origin", heading="any", number=30, seed=7):
-    return draw_starts(experiment, heading, number, distance_m=1.0, seed=seed)
+def starts(experiment="origin", number=30, seed=7):
+    return draw_starts(experiment, number, distance_m=1.0, seed=np.random.SeedSequence(seed))
 
 
 def test_starts_lie_at_the_distance_in_all_directions():
@@ -103,12 +93,6 @@ def test_starts_lie_at_the_distance_in_all_directions():
     np.testing.assert_allclose(np.hypot(poses[:, 0], poses[:, 1]), 1.0)
     assert len(np.unique(np.floor(np.arctan2(poses[:, 1], poses[:, 0]) / (np.pi / 2)))) == 4
     assert len(np.unique(np.floor(poses[:, 2] / (np.pi / 2)))) == 4
-
-
-def test_to_face_the_origin_is_to_look_at_it():
-    for start in starts(heading="facing"):
-        x, y, heading = start.pose
-        np.testing.assert_allclose([x + np.cos(heading), y + np.sin(heading)], 0, atol=1e-12)
 
 
 def test_turns_begin_at_the_origin():
@@ -129,4 +113,21 @@ def test_the_chance_of_a_start_is_the_same_every_time_and_apart_by_stream():
     start = starts(number=1)[0]
     first = [stream.random() for stream in start.streams()]
     assert first == [stream.random() for stream in start.streams()]
-    assert len(set(first)) == 3
+    assert len(set(first)) == 4
+
+
+LIMIT = 1.0
+TRUTH = np.full((8, 5, 3), 0.05)
+
+
+def test_random_swings_and_none_heed_nothing_and_are_the_same_again():
+    names = ["random", "none"]
+    options = {"horizon": 3, "planner_horizon": 2}
+    model = TabulatedMap(TRUTH, LIMIT)
+    made = policies(names, options, "turn", model=model, truth=TRUTH, swing_limit_rad=LIMIT)
+    start = starts("turn", 1)[0]
+    random, again = (made["random"](start) for _ in range(2))
+    swings = [random.plan(start.pose, 3.0).swing_rad for _ in range(50)]
+    assert swings == [again.plan(start.pose, 1.0).swing_rad for _ in range(50)]
+    assert 0.8 < np.ptp(swings) / (2 * LIMIT) <= 1.0
+    assert made["none"](start).plan(start.pose, 3.0).swing_rad == 0.0

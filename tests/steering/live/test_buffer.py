@@ -82,11 +82,11 @@ def test_it_runs_until_it_is_stopped():
     thread.start()
     thread.call(called.set)
     assert called.wait(LONG_S)
-    assert thread.alive
+    assert thread._thread.is_alive()
     thread.stop()
     thread.stop()
     thread.call(called.set)  # ignored
-    assert not thread.alive
+    assert not thread._thread.is_alive()
     assert thread.failure is None
     assert our_threads() == []
 
@@ -97,7 +97,7 @@ def test_a_failure_is_kept():
 
     thread = LoopThread("hopdata-test", fails)
     thread.start()
-    wait_until(lambda: not thread.alive)
+    wait_until(lambda: not thread._thread.is_alive())
     assert str(thread.failure) == "broken"
     thread.stop()
 

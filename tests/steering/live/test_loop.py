@@ -11,10 +11,11 @@ from loopback import LONG_S, our_threads, wait_until
 
 from hopdata.steering.live.buffer import FrameBuffer, LoopCounts, StatusLog
 from hopdata.steering.live.loop import ControlLoop, Decision, write_logs
-from hopdata.steering.live.safety import Limits
+from hopdata.steering.live.safety import Limits, Rest
+from hopdata.steering.observation.tracking import MISFIT, SEEN
 
 PERIOD_S = 0.01
-LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S)  # a loaded machine may pause
+LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, fence_m=1e3)  # a loaded machine may pause
 
 
 class Tracker:
@@ -26,7 +27,11 @@ class Tracker:
         pose = np.array([markers[0, 0], markers[0, 1], 0.5])
         if np.isnan(markers[0, 0]):
             pose[:] = np.nan
-        return SimpleNamespace(pose=pose, height_m=markers[0, 2], boom_angle_rad=markers[1, 0])
+        return SimpleNamespace(
+            pose=pose, height_m=markers[0, 2], boom_angle_rad=markers[1, 0],
+            status=MISFIT if markers[2, 1] > 0 else SEEN,
+            rotation=np.diag([1.0, 1.0, np.cos(markers[2, 2])]),
+        )  # fmt: skip
 
 
 class Detector:
@@ -68,10 +73,15 @@ class Bench:
         self.observers += 1
         return Tracker(), Detector()
 
-    def frame(self, *, stance=False, x=1.0, boom=3.0, age_s=0.0, epoch=0, mixed_up=False):
+    def frame(
+        self, *, stance=False, x=1.0, boom=3.0, age_s=0.0, epoch=0, mixed_up=False, misfit=False,
+        tilt=0.0,
+    ):  # fmt: skip
         self.time_s += PERIOD_S
         now = time.monotonic()
-        markers = np.array([[x, 2.0, 0.0 if stance else 0.3], [boom, 0, 0], [mixed_up, 0, 0]])
+        markers = np.array(
+            [[x, 2.0, 0.0 if stance else 0.3], [boom, 0, 0], [mixed_up, misfit, tilt]]
+        )
         self.buffer.write(
             markers,
             epoch=epoch,
@@ -152,7 +162,7 @@ def test_nothing_is_planned_with_what_is_stale(stale, name):
         bench.frame(stance=True, **stale)
         (decision,) = bench.decided()
     assert bench.controller.asked == []
-    assert bench.boom.swings == [0.0]
+    assert set(bench.boom.swings) == {0.0}
     assert decision.outcome == "held"
     assert decision.reason.startswith(f"stale {name}: 6")
     assert math.isnan(decision.planning_s)
@@ -179,7 +189,7 @@ def test_a_plan_that_comes_too_late_is_not_sent():
     with Bench(slow, limits=Limits(LONG_S, command_s=0.25)) as bench:
         bench.frame(stance=True)
         (decision,) = bench.decided()
-    assert bench.boom.swings == [0.0]
+    assert bench.boom.swings == [0.0]  # while it was still planned
     assert "too late" in decision.reason
 
 
@@ -332,12 +342,15 @@ PLANNED = Decision(
 )
 
 
+REST = Rest(seen_s=1.0, sent_s=1.01, cause="no frame")
+
+
 def test_the_logs_can_be_read_back(tmp_path):
     held = Decision(**(vars(PLANNED) | {"outcome": "held", "reason": 'failed: "a, b"'}))
     log = StatusLog()
     log.report("connecting")
     log.report("lost", "the server has hung up")
-    write_logs(tmp_path, [PLANNED, held], log.history(), loop=LoopCounts(frames=7))
+    write_logs(tmp_path, [PLANNED, held], log.history(), [REST], loop=LoopCounts(frames=7))
     table = pd.read_csv(tmp_path / "decisions.csv", keep_default_na=False)
     assert list(table.columns[:6]) == ["stance_s", "told_s", "epoch", "x_m", "y_m", "heading_rad"]
     assert list(table.columns[-2:]) == ["since_stance_s", "reason"]
@@ -351,5 +364,125 @@ def test_the_logs_can_be_read_back(tmp_path):
     counts = pd.read_csv(tmp_path / "counts.csv")
     assert counts.iloc[0].tolist() == ["loop", "frames", 7]
     assert sorted(p.name for p in tmp_path.iterdir()) == [
-        "counts.csv", "decisions.csv", "stream_states.csv"
+        "counts.csv", "decisions.csv", "rests.csv", "stream_states.csv"
     ]  # fmt: skip
+
+
+# Each cause in the loop: the boom is told to rest, it is said, and how long it took is printed.
+
+
+def rested(bench, cause_s, words, *, over=False):
+    """Wait for the rest, and report its time after the cause."""
+    wait_until(lambda: bench.loop.watch.rests)
+    rest = bench.loop.watch.rests[-1]
+    print(f"{words}: at rest {1e3 * (rest.sent_s - cause_s):.1f} ms after its cause")
+    assert words in rest.cause
+    assert bench.boom.swings[-1] == 0.0
+    assert cause_s - 0.01 < rest.seen_s <= rest.sent_s
+    assert bench.stop.is_set() == over
+
+
+def hopping(**options):
+    """A bench that has swung once, so that there is something to bring to rest."""
+    stop = threading.Event()
+    bench = Bench(stop=stop, **options)
+    bench.stop = stop
+    return bench
+
+
+def swung(bench):
+    bench.frame(stance=True)
+    bench.decided()
+    assert bench.boom.swings == [0.25]
+
+
+ALERT = replace(LENIENT, pose_age_s=0.1)
+FAULTS = {
+    "left the arena": ({"x": 2e3}, 1, True),
+    "tips over: leans by 60 degrees": ({"tilt": np.pi / 3}, 1, True),
+    "do not fit together": ({"misfit": True}, 3, False),
+    "could not be understood": ({"mixed_up": True}, 1, False),
+}
+
+
+@pytest.mark.parametrize("words", FAULTS)
+def test_what_a_frame_shows_brings_the_boom_to_rest(words, caplog):
+    what, frames, over = FAULTS[words]
+    with hopping() as bench:
+        swung(bench)
+        cause_s = time.monotonic()
+        for _ in range(frames):
+            bench.frame(**what)
+        rested(bench, cause_s, words, over=over)
+        bench.frame(stance=True)
+        last = bench.decided(2)[-1]
+    assert words in caplog.text
+    assert (last.outcome == "held") == over  # it goes on with sound frames, if it is not over
+
+
+def test_frames_that_no_longer_come_or_come_again_bring_it_to_rest_until_they_do():
+    with hopping(limits=ALERT) as bench:
+        swung(bench)
+        rested(bench, bench.buffer.newest().captured_s + ALERT.pose_age_s, "no frame for 0.1")
+        bench.frame(stance=True)
+        assert bench.decided(2)[-1].outcome == "planned"
+
+
+def test_frames_that_are_held_up_on_their_way_bring_it_to_rest():
+    with hopping(limits=ALERT) as bench:
+        swung(bench)
+        bench.frame(age_s=0.5)
+        rested(bench, time.monotonic(), "no frame for 0.5")
+
+
+def test_a_plan_that_never_comes_brings_it_to_rest():
+    given_up = threading.Event()
+    stuck = Controller(lambda *_: given_up.wait(LONG_S))
+    with hopping(controller=stuck, limits=replace(LENIENT, command_s=0.1)) as bench:
+        bench.frame(stance=True)
+        rested(bench, bench.buffer.newest().captured_s - 0.02 + 0.1, "planned too late")
+        given_up.set()
+    assert set(bench.boom.swings) == {0.0}
+
+
+def test_the_operator_s_key_brings_it_to_rest_for_good():
+    with hopping() as bench:
+        swung(bench)
+        cause_s = time.monotonic()
+        bench.loop.rest("the operator's key")
+        rested(bench, cause_s, "the operator's key", over=True)
+        bench.frame(stance=True)
+        assert bench.decided(2)[-1].reason == "the operator's key"
+    assert bench.boom.swings[1:] == [0.0]
+
+
+def test_an_exception_in_the_loop_s_thread_brings_it_to_rest_for_good(monkeypatch):
+    with hopping() as bench:
+        swung(bench)
+        monkeypatch.setattr(bench.loop, "_decide", None)
+        cause_s = time.monotonic()
+        bench.frame(stance=True)
+        rested(bench, cause_s, "the control loop failed", over=True)
+
+
+def test_a_lost_stream_brings_it_to_rest():
+    lost = []
+    with hopping(fault=lambda: lost[0] if lost else "") as bench:
+        swung(bench)
+        cause_s = time.monotonic()
+        lost.append("the stream is lost: the server has hung up")
+        rested(bench, cause_s, "the server has hung up")
+
+
+def test_a_boom_that_fails_to_rest_is_told_again():
+    class Deaf(Boom):
+        def swing(self, rad):
+            super().swing(rad)
+            if self.swings.count(0.0) in (1, 2):
+                raise OSError("not connected")
+
+    with hopping(boom=Deaf()) as bench:
+        swung(bench)
+        bench.loop.rest("the operator's key")
+        rested(bench, 0.0, "the operator's key", over=True)
+    assert bench.boom.swings == [0.25, 0.0, 0.0, 0.0]

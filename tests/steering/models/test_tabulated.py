@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from frame_change_models import tabulation_errors
+from frame_change_models import change_and_gradient, tabulation_errors
 from steered_hops import LIMIT, chained_hops, smooth_change
-from steering_setting import change_and_gradient
 
 from hopdata.errors import AnalysisError
 from hopdata.steering.models.tabulated import (

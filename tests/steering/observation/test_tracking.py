@@ -83,7 +83,6 @@ def test_two_markers_lean_on_a_recent_frame_only(hopper, geometry, monkeypatch):
     error = [wrapped(f.pose[2] - hopper.yaw[k + 1]) for k, f in enumerate(found[:5])]
     assert np.abs(error).max() < 0.015
     assert np.isnan(found[-1].pose).all()
-    assert tracker.counts == {SEEN: 1, LEANED: 5, MISFIT: 0, UNSEEN: 4}
 
 
 def test_exchanged_markers_are_a_misfit_and_give_no_pose(hopper, geometry):

@@ -248,6 +248,9 @@ LANDED, ALREADY_DOWN, NOT_LANDED, MISSING, POOR_FIT = range(5)
 NEAR_FLOOR = 0.15  # of the descent: where a foot counts as nearly down
 ON_ITS_WAY = 0.4  # of the descent: from here on its mean speed is taken
 LEAST_FRAMES = 5
+#: A foot comes to stand at its lowest frames but three; it touches no higher above than its skin
+#: gives, m, and its fastest fall in a time that no contact is softer than, s.
+RESTING_FRAME, SKIN_M, SOFTEST_S = 3, 0.004, 0.01
 GAP = 1.5  # frames: what is longer hides something
 LEAST_NOISE_M = 5e-5  # no cameras do better; what has no noise is not exactly like the model
 
@@ -280,7 +283,7 @@ def approaches(
     down_height_m: float,
     lead_s: float,
     trail_s: float,
-) -> tuple[FloatArray, IntArray]:
+) -> tuple[FloatArray, FloatArray, IntArray]:
     """Find roughly when each foot came down in each complete transition.
 
     Parameters
@@ -302,11 +305,15 @@ def approaches(
     -------
     near : (L, n) array
         Rough instants, s; NaN where the foot did not come down from above.
+    earliest : (L, n) array
+        When the foot was for the last time higher above where it then comes to stand than skin and
+        a soft contact let it sink, s: it touched later.
     status : (L, n) int array
         `LANDED`, `ALREADY_DOWN`, `NOT_LANDED` or, where gaps may hide which of them, `MISSING`.
     """
     shape = (len(transitions), heights.shape[1])
-    near, status = np.full(shape, np.nan), np.full(shape, NOT_LANDED, dtype=np.int64)
+    near, earliest = np.full(shape, np.nan), np.full(shape, np.nan)
+    status = np.full(shape, NOT_LANDED, dtype=np.int64)
     rows = np.flatnonzero(transitions.complete)
     if len(rows):
         start = np.searchsorted(time, transitions.t_pre[rows] - lead_s)
@@ -318,10 +325,10 @@ def approaches(
             z = np.where(inside, heights[frames, foot], np.nan)
             ends = transitions.t_pre[rows], transitions.t_post[rows]
             longest = GAP * _frame(time, heights[:, foot])
-            near[rows, foot], status[rows, foot] = _descents(
+            near[rows, foot], earliest[rows, foot], status[rows, foot] = _descents(
                 time[frames], z, ends, longest, noise_m, down_height_m
             )
-    return near, status
+    return near, earliest, status
 
 
 def _frame(time: FloatArray, heights: FloatArray) -> float:
@@ -337,8 +344,8 @@ def _descents(
     longest: float,
     noise_m: float,
     down_height_m: float,
-) -> tuple[FloatArray, IntArray]:
-    """Rough instants (R,) at which a foot came down within each window (R, W), and its status.
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Rough and earliest instants (R,) at which a foot came down in each window (R, W), and status.
 
     What is not seen cannot tell against a foot: that it was down before the pre section or not down
     by the post section (`ends`, each (R,)) is said only if no gap can hide the contrary. Frames
@@ -374,7 +381,30 @@ def _descents(
     in_gap = gap > longest  # its far end says nothing
     in_gap &= (last > 0) & (fall > 0)
     near = np.where(in_gap, early, near)
-    return np.where(status == LANDED, near, np.nan), status
+    landed = status == LANDED
+    earliest = np.where(landed, _last_above(t, z, falling, low_first, longest), np.nan)
+    return np.where(landed, np.maximum(near, earliest), np.nan), earliest, status
+
+
+def _last_above(
+    t: FloatArray, z: FloatArray, falling: BoolArray, seen: FloatArray, longest: float
+) -> FloatArray:
+    """Instants (R,) until which a foot is too high for its contact; -inf where it never is.
+
+    It comes to stand where no more than three frames (`seen`, inf where none) are lower.
+    """
+    rows, last_place = np.arange(len(z)), z.shape[1] - 1
+    rest = np.sort(seen, axis=1)[:, min(RESTING_FRAME, last_place)]
+    step, rise = np.diff(t, axis=1), np.diff(z, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        down = np.where((step <= longest) & falling[:, 1:], -rise / step, 0.0)
+        limit = rest + SKIN_M + SOFTEST_S * np.nan_to_num(down).max(axis=1, initial=0.0)
+        place = _last(falling & (z > limit[:, None]))
+        after = np.minimum(place + 1, last_place)
+        ahead = t[rows, after] - t[rows, place]
+        share = (z[rows, place] - limit) / (z[rows, place] - z[rows, after])
+        at = t[rows, place] + np.where(ahead <= longest, share * ahead, 0.0)
+    return np.where(place < 0, -np.inf, at)
 
 
 def _may_hide_landing(

@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import FloatArray, IntArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts import descents, joined, kink_law
 from hopdata.landings.contacts.kink import KinkFits
 from hopdata.landings.contacts.velocity_minimum import velocity_minima
 from hopdata.recording import Recording
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 LONG_WINDOWS_S = (0.08, 0.05)  # before and after the contact, where the flight law holds
 SHORT_WINDOWS_S = (0.04, 0.027)  # where it does not
@@ -88,8 +84,6 @@ def find_landings(
     ConfigError
         If `gravity` is unknown.
     """
-    import pandas as pd
-
     feet, time = recording.names("foot"), recording.time
     if len(feet) < 2:
         raise AnalysisError(
@@ -216,7 +210,7 @@ def find_contacts(
     find = chosen("touchdowns.method", method, METHODS)
     require_choice("touchdowns.gravity", gravity, kink_law.GRAVITIES)
     noise_m = descents.height_noise(heights)
-    near, status = descents.approaches(
+    near, earliest, status = descents.approaches(
         time,
         heights,
         transitions,
@@ -232,13 +226,15 @@ def find_contacts(
         status = np.where(landed & np.isnan(instant), descents.MISSING, status)
         return Contacts(instant, se, status, noise_m)
     asked = (window_before_s, window_after_s)
-    feet = kink_law.FootHeights(time, heights, _windows(time, asked, LONG_WINDOWS_S))
+    feet = kink_law.FootHeights(time, heights, _windows(time, asked, LONG_WINDOWS_S), earliest)
     fits, common = kink_law.joint_fits(feet, near, noise_m=noise_m, gravity=gravity)
     if not kink_law.pooled_noise(fits) <= REFUTED * noise_m:
-        feet = kink_law.FootHeights(time, heights, _windows(time, asked, SHORT_WINDOWS_S))
+        feet = replace(feet, windows_s=_windows(time, asked, SHORT_WINDOWS_S))
         fits, common = kink_law.single_fits(feet, near, noise_m=noise_m, gravity=gravity)
     found = _judged(fits, status, kink_law.pooled_noise(fits), maximum_misfit)
-    return replace(found, common=common)
+    # From the earliest instant on the foot only comes to stand, and that takes no longer.
+    longest = np.where(np.isfinite(earliest), 2 * kink_law.UNDETERMINED_S, np.inf)
+    return replace(found, se=np.minimum(found.se, longest), common=common)
 
 
 METHODS: dict[str, Callable[..., tuple[FloatArray, FloatArray]] | None] = {

@@ -86,6 +86,7 @@ def kink_fits(
     noise_m: float,
     windows_s: tuple[float, float],
     search_s: float,
+    earliest: FloatArray | None = None,
     earlier: FloatArray | None = None,
     compliance_s: float = 0.0,
     creeps: bool = False,
@@ -108,6 +109,8 @@ def kink_fits(
         Frames used, from `near` minus the one to `near` plus the other, s.
     search_s : float
         Half width of the search about `near`, s.
+    earliest : (L, n) array, optional
+        Instants before which no contact is sought, s.
     earlier : (L, n) array, optional
         Contact instants of all feet, s. Those before a foot's own contact change its acceleration.
         Without it no foot acts on another.
@@ -130,6 +133,9 @@ def kink_fits(
     contact, columns = _other_contacts(earlier, wanted, n)
     contact = (contact - centre[:, None]) / before_s
     reach = search_s / before_s
+    bounds = np.full(len(wanted), -np.inf)
+    if earliest is not None:
+        bounds = np.minimum((earliest.ravel()[wanted] - centre) / before_s, 0.9 * reach)
     frame_s = float(np.median(np.diff(time)))
     units = _column_units(n, before_s)
     foot = np.arange(len(wanted))[:, None], columns
@@ -138,8 +144,8 @@ def kink_fits(
     fit_all(
         (times - centre[:, None]) / before_s,
         z,
-        np.full(len(wanted), -reach),
-        np.full(len(wanted), reach),
+        bounds,
+        reach,
         max(int(np.ceil(2 * search_s / step_s)), 2),
         (contact < reach).sum(axis=1),
         contact,

@@ -130,9 +130,10 @@ def _vertex(left, value_left, x, value, right, value_right, close):  # type: ign
 
 @kept_njit()
 def _search(  # type: ignore[no-untyped-def]
-    low, high, steps, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row, grid
-):
-    """Grid, then parabolas about its best node; (NaN, inf) if none fits.
+    bound, low, high, steps, n, t, z, m, others, soft, size, mean, weight, noise2, gram, right, row,
+    grid,
+):  # fmt: skip
+    """Grid, then parabolas about its best node, all from the bound on; (NaN, inf) if none fits.
 
     Leaves the fit at the instant that it returns in gram and right.
     """
@@ -142,7 +143,9 @@ def _search(  # type: ignore[no-untyped-def]
     x, end_low, end_high, value_low, value_high = 0.0, 0.0, 0.0, np.inf, np.inf
     for k in range(steps + REFINEMENTS + 2):
         if k <= steps:
-            tau = low + k * width
+            tau, grid[k] = low + k * width, np.inf
+            if tau < bound:
+                continue
         elif k == steps + REFINEMENTS + 1 or (k > steps + 1 and end_high - end_low < 4 * close):
             if tau == x:
                 return tau, best
@@ -152,7 +155,7 @@ def _search(  # type: ignore[no-untyped-def]
                 if node < 0:
                     return np.nan, np.inf
                 x = low + node * width
-                end_low, end_high = max(x - width, low), min(x + width, high)
+                end_low, end_high = max(x - width, low, bound), min(x + width, high)
                 value_low = grid[node - 1] if node > 0 else np.inf
                 value_high = grid[node + 1] if node < steps else np.inf
             tau = _vertex(end_low, value_low, x, best, end_high, value_high, close)
@@ -223,7 +226,7 @@ def _summary(  # type: ignore[no-untyped-def]
 
 @kept_njit()
 def fit_all(  # type: ignore[no-untyped-def]
-    times, heights, low, high, steps, contacts, others, soft, creeps, mean, weight, noise2, out
+    times, heights, bounds, reach, steps, contacts, others, soft, creeps, mean, weight, noise2, out
 ):
     """Fit P problems of at most W frames, with F coefficients each.
 
@@ -231,8 +234,10 @@ def fit_all(  # type: ignore[no-untyped-def]
     ----------
     times, heights : (P, W) array
         Frames; NaN heights are skipped.
-    low, high : (P,) array
-        Where to search for the instant.
+    bounds : (P,) array
+        Instants before which none is sought.
+    reach : float
+        Half width of the search.
     steps : int
         Steps of the grid.
     contacts : (P,) int array
@@ -272,7 +277,7 @@ def fit_all(  # type: ignore[no-untyped-def]
             last = full - 3 if a == flight else a
             priors[a], weights[a] = mean[p, last], weight[p, last]
         tau, value = _search(
-            low[p], high[p], steps, n, t, z, m, other, soft, size, priors, weights, noise2,
+            bounds[p], -reach, reach, steps, n, t, z, m, other, soft, size, priors, weights, noise2,
             gram, right, row, grid,
         )  # fmt: skip
         if isnan(tau):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -168,6 +168,7 @@ TELLING_GAIN, STANCE_GAIN, TELLING_GAIN_PER_FIT = 20.0, 6.0, 0.15
 # a foot's law does not do if it leaves more than this share of its contacts so, one odd
 # one of ten or more apart.
 UNDETERMINED_S, UNDETERMINED_SHARE, ODD_ONE_OF = 0.015, 0.025, 10
+AT_BOUND_S = 1e-3  # so near to the earliest instant it is the bound that was found
 SOFTNESS_S = (0.001, 0.002, 0.003, 0.0045, 0.0065, 0.009, 0.013)
 SOFTNESS_ODDS, LEAST_WEIGHT = 3.0, 0.01  # of a soft contact, against a hard one
 SOFTER_S = (0.0, 0.003, 0.006, 0.009, 0.013)  # compliances of the laws for such a foot
@@ -200,11 +201,16 @@ class Law:
 
 @dataclass(frozen=True)
 class FootHeights:
-    """What is fitted: times (N,), s, heights (N, n), m, and the windows about a contact, s."""
+    """What is fitted: times (N,), s, heights (N, n), m, and the windows about a contact, s.
+
+    `earliest` (L, n), s: before it a foot is too high for its contact. A fit that ends there has
+    found no kink, and its error is made that of a contact that is not determined.
+    """
 
     time: FloatArray
     heights: FloatArray
     windows_s: tuple[float, float]
+    earliest: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     def search_s(self) -> tuple[float, float]:
         """Half widths of the first and of the later searches for an instant, s."""
@@ -213,12 +219,21 @@ class FootHeights:
 
     def fits(self, near: FloatArray, law: Law, *, widely: bool = False) -> KinkFits:
         """Fit each foot about its rough or its last instant (L, n), s, which asks for less."""
-        return kink_fits(
+        search_s = self.search_s()[0 if widely else 1]
+        earliest = np.full(near.shape, -np.inf)
+        for foot, bounds in enumerate(np.sort(self.earliest, axis=0).T):
+            bounds = np.insert(bounds, 0, -np.inf)
+            last = np.searchsorted(bounds, near[:, foot] + search_s) - 1
+            earliest[:, foot] = bounds[last]
+        fits = kink_fits(
             self.time, self.heights, near, priors=law.priors, noise_m=law.noise_m,
-            windows_s=self.windows_s, search_s=self.search_s()[0 if widely else 1],
+            windows_s=self.windows_s, search_s=search_s, earliest=earliest,
             earlier=near if law.pushes else None, compliance_s=law.compliance_s,
             creeps=law.creeps,
         )  # fmt: skip
+        at_bound = fits.instant < earliest + AT_BOUND_S
+        unknown = UNDETERMINED_S / law.noise_m
+        return replace(fits, unit_se=np.where(at_bound, unknown, fits.unit_se))
 
 
 def joint_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> Softly:

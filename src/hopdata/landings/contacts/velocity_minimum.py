@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.descents import Transitions
 from hopdata.recording import Recording
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FILTER_S = 0.07  # seven frames at the dissertation's 100 Hz
 LEAST_FILTER_FRAMES = 5
@@ -148,8 +144,6 @@ def example_touchdown(recordings: Sequence[Recording], table: pd.DataFrame) -> p
     AnalysisError
         If no touchdown is used.
     """
-    import pandas as pd
-
     used = table[~table["excluded"].astype(bool)]
     if used.empty:
         raise AnalysisError("touchdowns: expected at least one usable one to show, found none")

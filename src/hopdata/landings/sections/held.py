@@ -8,17 +8,12 @@ within its threshold long before or after its contact.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED
 from hopdata.landings.contacts.find import contacts_of
 from hopdata.recording import Recording
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 #: Landings that a section may lose for each frame that it may have on its wrong side, both as
 #: shares; and the share that the height may lose to which it gives way if it loses more.

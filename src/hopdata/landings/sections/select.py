@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, Shown
+from hopdata.arrays import BoolArray, FloatArray, Shown, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts.find import find_landings
@@ -28,9 +28,6 @@ from hopdata.landings.sections.modes import (
     normal_bandwidth,
 )
 from hopdata.recording import Recording
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FRAMES = {"all": False, "landings": True}  # whether those of landings alone count
 LEAST_KNEE_M = 3e-4  # above the mode: no floor is known better, even without noise
@@ -155,8 +152,8 @@ def select_sections(
     AnalysisError
         The feet never leave the ground together or never stand on it together, no descent is
         a landing, or the pre section is not above the post section.
-    ValueError
-        An option is out of its range.
+    ConfigError
+        If `frames` is unknown.
 
     Notes
     -----
@@ -173,7 +170,7 @@ def select_sections(
     (a runner's sole gives after its contact): it moves to the nearest height that holds almost all
     landings, by their contacts (see `hopdata.landings.sections.held`).
     """
-    _check_options(recordings, frames, tail_fraction, threshold_sigmas)
+    require_choice("sections.frames", frames, FRAMES)
     heights = [heights_of(recording) for recording in recordings]
     feet = [np.concatenate([getattr(h, f) for h in heights]) for f in ("min_foot", "max_foot")]
     feet.append(np.concatenate([r.feet[:, :, 2].ravel() for r in recordings]))
@@ -286,19 +283,6 @@ def _require_order(pre_m: float, post_m: float) -> None:
         )
 
 
-def _check_options(
-    recordings: Sequence[Recording], frames: str, tail_fraction: float, threshold_sigmas: float
-) -> None:
-    """Raise an error for an option that is out of its range."""
-    if not recordings:
-        raise ValueError("recordings: expected at least one, found none")
-    require_choice("sections.frames", frames, FRAMES)
-    if not 0 <= tail_fraction <= 0.1:
-        raise ValueError(f"tail_fraction: expected 0 to 0.1, found {tail_fraction}")
-    if not threshold_sigmas > 0:
-        raise ValueError(f"threshold_sigmas: expected more than 0, found {threshold_sigmas}")
-
-
 # Tables behind the figure of the sections: densities of heights, and a sample of frames.
 
 _FOOT_BANDWIDTH = 0.5  # in deviations of the ground mode: widens it by 12 %
@@ -329,8 +313,6 @@ def section_densities(
         frames that the sections are made from. A condition that fewer than two frames meet, or
         that leaves but one height, has no curve.
     """
-    import pandas as pd
-
     heights = [heights_of(recording) for recording in recordings]
     curves = _foot_curves(heights, sections, nodes) | _body_curves(heights, sections, nodes)
     tables = [
@@ -355,8 +337,6 @@ def section_frames(recordings: Sequence[Recording], max_rows: int = 20000) -> pd
     DataFrame
         Columns min_foot_m, max_foot_m and body_m, of frames in which all of them are seen.
     """
-    import pandas as pd
-
     heights = [heights_of(recording) for recording in recordings]
     columns = {
         f"{name}_m": np.concatenate([getattr(h, name)[h.seen] for h in heights])

@@ -5,23 +5,20 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, ConfigError, did_you_mean, require_choice
-from hopdata.landings.contacts.descents import longest_gap_s
+from hopdata.landings.contacts.descents import longest_gap_s, longest_gaps
 from hopdata.landings.schedules import AMBIGUOUS, TREATMENTS
 from hopdata.landings.states.coefficients import SectionStates
 from hopdata.landings.states.fits import section_states
 from hopdata.landings.states.pairs import DESCRIPTIONS, Pairs
 from hopdata.landings.states.tracks import turned
 from hopdata.recording import Recording
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 # The home frame: it moves the plane so that where and which way a landing was does not matter.
 
@@ -117,29 +114,19 @@ def track_means(
 
     Short gaps are bridged by a straight line; NaN where one is longer than `longest_gap_s`.
     """
-    seen = np.asarray(np.isfinite(tracks).all(axis=2))
+    from scipy.interpolate import make_interp_spline
+
     means = np.full((len(t_pre), *tracks.shape[1:]), np.nan)
-    longest_gap = longest_gap_s(time)
-    for b in range(tracks.shape[1]):
-        t, values = time[seen[:, b]], tracks[seen[:, b], b]
+    longest_gap = longest_gap_s(time) * (1 + 1e-9)
+    for b, seen in enumerate(np.asarray(np.isfinite(tracks).all(axis=2)).T):
+        t = time[seen]
         if len(t) < 2:
             continue
-        before = np.searchsorted(t, t_pre, side="right")
-        after = np.searchsorted(t, t_post)
-        for row, (i, j) in enumerate(zip(before, after, strict=True)):
-            piece = slice(max(i - 1, 0), j + 1)
-            if np.diff(t[piece]).max(initial=0.0) > longest_gap * (1 + 1e-9):
-                continue
-            means[row, b] = _mean_of_chords(t[piece], values[piece], t_pre[row], t_post[row])
+        whole = make_interp_spline(t, tracks[seen, b], k=1).antiderivative()
+        share = (whole(t_post) - whole(t_pre)) / (t_post - t_pre)[:, None]
+        gap = longest_gaps(t, np.column_stack([t_pre, t_post]))
+        means[:, b] = np.where(gap[:, None] <= longest_gap, share, np.nan)
     return means
-
-
-def _mean_of_chords(t: FloatArray, values: FloatArray, begin: float, end: float) -> FloatArray:
-    """Average of the polygon through `values` (n, k) at `t` (n,) over [begin, end]."""
-    nodes = np.concatenate([[begin], t[(t > begin) & (t < end)], [end]])
-    middle = np.column_stack([np.interp(nodes, t, column) for column in values.T])
-    chords = 0.5 * (middle[1:] + middle[:-1]) * np.diff(nodes)[:, None]
-    return chords.sum(axis=0) / (end - begin)
 
 
 logger = logging.getLogger(__name__)

@@ -57,13 +57,6 @@ class Pairs(Shown):
     instants: FloatArray | None = None
     instants_se: FloatArray | None = None
 
-    def __post_init__(self) -> None:
-        shape = (len(self.schedule), 6 * len(self.body_markers))
-        for name in ("x", "y", "x_se", "y_se"):
-            states = getattr(self, name)
-            if states is not None and states.shape != shape:
-                raise ValueError(f"{name}: expected {shape}, found {states.shape}")
-
     def told(self) -> str:
         """Return numbers of landings, orders and coordinates."""
         orders = len(set(self.schedule))
@@ -78,15 +71,7 @@ class Pairs(Shown):
         return len(self.schedule)
 
     def with_units(self, length_m: float, time_s: float) -> Pairs:
-        """Return the same pairs with the units that `normalised` divides by, m and s.
-
-        Raises
-        ------
-        ValueError
-            If a unit is not positive.
-        """
-        if not (length_m > 0 and time_s > 0):
-            raise ValueError(f"units: expected positive, found {length_m} m and {time_s} s")
+        """Return the same pairs with the units that `normalised` divides by, m and s, > 0."""
         return replace(self, length_unit_m=length_m, time_unit_s=time_s)
 
     def normalised(self) -> tuple[FloatArray, FloatArray]:

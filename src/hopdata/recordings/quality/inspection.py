@@ -16,7 +16,7 @@ from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality import rigid
 from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_rate, guess_unit_and_up
-from hopdata.recordings.quality.spikes import Jump, Spike, find_jumps, find_spikes, surprises
+from hopdata.recordings.quality.spikes import Spike, find_jumps, find_spikes, surprises
 from hopdata.recordings.quality.stretches import (
     Frozen,
     MarkerGaps,
@@ -40,7 +40,7 @@ class Faults:
 
     swaps: tuple[Swap, ...]
     spikes: tuple[Spike, ...]
-    jumps: tuple[Jump, ...]
+    jumps: tuple[Spike, ...]
     frozen: tuple[Frozen, ...]
     never_seen: tuple[str, ...]
 
@@ -291,7 +291,7 @@ def _faults(found: Inspection) -> Iterator[tuple[str, str, int, int, str]]:
     for spike in faults.spikes:
         yield "spike", spike.marker, spike.start, spike.stop, f"{1e3 * spike.size:.1f} mm"
     for jump in faults.jumps:
-        yield "jump", jump.marker, jump.frame, jump.frame + 1, f"{1e3 * jump.size:.1f} mm"
+        yield "jump", jump.marker, jump.start, jump.stop, f"{1e3 * jump.size:.1f} mm"
     for frozen in faults.frozen:
         yield "frozen", frozen.marker, frozen.start, frozen.stop, ""
     for marker in faults.never_seen:

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
-from hopdata.recordings.quality.stretches import runs
+from hopdata.recordings.quality.stretches import quantiles, runs
 
 SAMPLE_FRAMES = 4000
 SAMPLE_NUMBERS, LEAST_SAMPLED = 10_000_000, 500  # of many markers fewer frames, but so many
@@ -70,31 +70,11 @@ def pair_distances(positions: FloatArray) -> PairDistances:
     np.fill_diagonal(spread, 0.0)
     for i in range(1, n):
         apart = np.linalg.norm(tracks[:i] - tracks[i], axis=2)
-        low, middle, high = _quantiles(apart, (0.2, 0.5, 0.8))
+        low, middle, high = quantiles(apart.T, [0.2, 0.5, 0.8])
+        few = np.isfinite(apart).sum(axis=1) < LEAST_FRAMES
         median[i, :i] = median[:i, i] = middle
-        spread[i, :i] = spread[:i, i] = (high - low) / FIFTHS_TO_SD
+        spread[i, :i] = spread[:i, i] = np.where(few, np.nan, (high - low) / FIFTHS_TO_SD)
     return PairDistances(median, spread)
-
-
-def _quantiles(values: FloatArray, levels: tuple[float, ...]) -> list[FloatArray]:
-    """Quantiles of what is finite in each row of (K, N) values, as NumPy interpolates them, (K,).
-
-    NaN without any; the outer ones also with fewer than `LEAST_FRAMES`.
-    """
-    values = np.sort(np.where(np.isfinite(values), values, np.nan), axis=1)
-    count = np.isfinite(values).sum(axis=1)
-    row = np.arange(len(values))
-    found = []
-    for level in levels:
-        place = np.maximum(count - 1, 0) * level
-        below = place.astype(np.int64)
-        low, high = values[row, below], values[row, np.minimum(below + 1, np.maximum(count - 1, 0))]
-        share = place - below
-        inside = np.where(
-            share < 0.5, low + (high - low) * share, high - (high - low) * (1 - share)
-        )
-        found.append(np.where(count < (1 if level == 0.5 else LEAST_FRAMES), np.nan, inside))
-    return found
 
 
 def frame_noise(positions: FloatArray) -> FloatArray:

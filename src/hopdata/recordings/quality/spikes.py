@@ -201,7 +201,7 @@ def _limit(off: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class Spike:
-    """A marker that is elsewhere for up to three frames.
+    """A marker that is elsewhere for up to three frames, or (a jump) from a frame on.
 
     Parameters
     ----------
@@ -216,25 +216,6 @@ class Spike:
     marker: str
     start: int
     stop: int
-    size: float
-
-
-@dataclass(frozen=True)
-class Jump:
-    """A marker that moves to another place between two frames, and no other takes its own.
-
-    Parameters
-    ----------
-    marker : str
-        Its name.
-    frame : int
-        First frame at the new place, from 0.
-    size : float
-        Length of the jump, m.
-    """
-
-    marker: str
-    frame: int
     size: float
 
 
@@ -261,14 +242,14 @@ def find_spikes(
 
 def find_jumps(
     missed: Surprises, markers: tuple[str, ...], *, explained: NDArray[np.bool_]
-) -> tuple[Jump, ...]:
+) -> tuple[Spike, ...]:
     """List the jumps that are neither spikes nor explained by a swap; see `find_spikes`."""
     near_spike = missed.is_spike
     for _ in range(LONGEST_SPIKE):
         near_spike[1:] |= near_spike[:-1].copy()
         near_spike[:-1] |= near_spike[1:].copy()
     return tuple(
-        Jump(markers[e.marker], e.start, e.size)
+        Spike(markers[e.marker], e.start, e.stop, e.size)
         for e in missed.steps
         if not (explained[e.start, e.marker] or near_spike[e.start, e.marker])
     )

@@ -163,7 +163,7 @@ ONE_M = 1e-5  # no camera system is so exact: heights whose difference varies by
 
 def lowest(heights: FloatArray) -> FloatArray:
     """Lowest height of each marker but for 1 % of the frames, (M,); NaN if never seen."""
-    return _quantiles(heights, [0.01])[0]
+    return quantiles(heights, [0.01])[0]
 
 
 def high_feet(heights: FloatArray, names: Sequence[str], *, above_m: float) -> list[str]:
@@ -189,7 +189,7 @@ def feet_as_one(heights: FloatArray, names: Sequence[str]) -> list[str]:
     up = heights > lowest(heights) + BAND_M
     for i, j in combinations(range(len(names)), 2):
         apart = heights[up[:, i] | up[:, j], i] - heights[up[:, i] | up[:, j], j]
-        low, middle, high = _quantiles(apart[:, None], [0.1, 0.5, 0.9])[:, 0]
+        low, middle, high = quantiles(apart[:, None], [0.1, 0.5, 0.9])[:, 0]
         if high - low < ONE_M:
             where = f"{1e3 * abs(middle):.1f} mm apart" if abs(middle) > ONE_M else "the same"
             remarks.append(f"the heights of feet '{names[i]}' and '{names[j]}' are always {where}")
@@ -247,7 +247,7 @@ def flattest_direction(positions: FloatArray) -> tuple[str, float, float]:
     positions = positions[:: max(1, -(-len(positions) // MOST_FRAMES))]
     for axis, name in enumerate("xyz"):
         for sign in (1, -1):
-            low, tenth, high = _quantiles(sign * positions[:, :, axis], [0.01, 0.1, 0.99])
+            low, tenth, high = quantiles(sign * positions[:, :, axis], [0.01, 0.1, 0.99])
             floor, top = np.nanmin(low, initial=np.inf), np.nanmax(high, initial=-np.inf)
             comes = low - floor < ON_THE_FLOOR * (top - floor)
             comes &= _times_down(sign * positions[:, :, axis], low, high) >= LEAST_TIMES_DOWN
@@ -270,7 +270,7 @@ def _times_down(values: FloatArray, low: FloatArray, high: FloatArray) -> IntArr
     return counts
 
 
-def _quantiles(values: FloatArray, levels: list[float]) -> FloatArray:
+def quantiles(values: FloatArray, levels: list[float]) -> FloatArray:
     """Quantiles of each column of (N, M) values, (len(levels), M); NaN for an empty column."""
     result = np.full((len(levels), values.shape[1]), np.nan)
     for m in range(values.shape[1]):

@@ -76,21 +76,22 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
     if stated not in _MISSING:
         unit, factor = raw.metric(f"{channels}: units", stated)
     told = _told(path, "motion")
-    numbers = _rows(path, len(kinds)).numbers()
+    stamped = [kinds.index("LATENCY")] if "LATENCY" in kinds else []
+    _, numbers, stamps = _rows(path, len(kinds)).numbers([], at.ravel(), stamped)
     missing = told.get("MissingValues")
     if missing is not None and is_number(str(missing)):
         numbers[numbers == float(missing)] = np.nan
-    positions = factor * numbers[:, at]
+    numbers *= factor
+    positions = numbers.reshape(len(numbers), -1, 3)
     blank_unseen(positions)
     rate = raw.resolve_rate(f"{path}: SamplingFrequency", stated=_rate(path, told), given=rate_hz)
-    time = np.arange(len(numbers)) / rate
-    late: tuple[str, ...] = ()
-    if "LATENCY" in kinds:
-        stamps = numbers[:, kinds.index("LATENCY")]
-        if not np.isfinite(stamps).all():
-            row = int(np.argmin(np.isfinite(stamps)))
+    number, late = np.arange(1.0, len(numbers) + 1), ()
+    time = (number - 1) / rate
+    if stamped:
+        if np.isnan(stamps).any():
+            row = int(np.argmax(np.isnan(stamps)))
             raise RecordingError(f"{path}, line {row + 1}: LATENCY: expected a time, found none")
-        time, late = raw.settle(str(path), stamps, np.arange(1.0, len(numbers) + 1), rate)
+        time, late = raw.settle(str(path), stamps[:, 0].copy(), number, rate)
     lacking = len(places) - len(points)
     flat = f"{channels}: {lacking} points without three coordinates are left out"
     markers, renamed = raw.distinct_names(str(channels), list(points), may_lack=True)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.errors import RecordingError, did_you_mean
+from hopdata.errors import RecordingError
 from hopdata.recording import Event
 from hopdata.recordings.readers.text import decoded
 
@@ -122,10 +122,6 @@ class Parameters:
                     f"{self.place(group, key)}: expected {told[0]}, found {told[1]}"
                 )
             yield named[key]
-
-    def near(self, group: str, name: str) -> str:
-        """Hint at a parameter of a similar name."""
-        return did_you_mean(name, self.groups.get(group, {}))
 
 
 def read_parameters(path: Path, section: bytes, offset: int) -> Parameters:

@@ -1,28 +1,28 @@
-"""Comma-separated exports: OptiTrack Motive, Vicon Nexus, keypoints from video, plain tables.
+"""Text exports of many programs: Motive, Vicon Nexus, keypoints from video, Qualisys and tables.
 
-The suffix says nothing, so the first lines decide: Motive begins with its format version, Nexus has
-a section of trajectories, DeepLabCut three rows from its scorer on, Anipose and plain tables name
-columns of coordinates. All leave cells empty where a marker was not seen. What stands between the
-cells may be a semicolon or a tab as well; then a comma is one of decimals.
+The suffix says little, so the first lines decide: Motive begins with its format version, Nexus with
+the name of a section, DeepLabCut with three rows from its scorer on, Anipose names columns of
+coordinates; the rest is for the reader of QTM's exports and of plain tables. What stands between
+the cells may be a comma, a semicolon or a tab; then a comma is one of decimals.
 """
 
 from __future__ import annotations
 
-import csv
+import codecs
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from io import StringIO
+from functools import cached_property
+from itertools import islice
 from pathlib import Path
 
-import numpy as np
-
-from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError
 from hopdata.recordings import raw
 from hopdata.recordings.readers import qtm_header, text
 from hopdata.recordings.readers.keypoints import AXES, Columns, keypoints
+from hopdata.recordings.readers.qtm import read_qtm_tsv
 
 _KINDS = {"Marker", "Rigid Body", "Rigid Body Marker", "Bone", "Bone Marker"}
+_TRAJECTORIES = "trajectories"
 _SECTIONS = ("Devices", "Model Outputs", "Joints", "Segments", "Events")  # of Nexus, not read
 _MOST_HEADER_LINES = 40
 
@@ -31,30 +31,45 @@ Row = list[str]
 
 @dataclass(frozen=True)
 class _Sheet:
-    """Lines of a file, with commas between the cells, and the rate that the user gave, Hz."""
+    """The first lines of a table, of which `n_above` lines of `offset` bytes are above."""
 
     path: Path
-    lines: list[str]
-    rate_hz: float | None
+    lines: list[bytes]
+    mark: str
+    n_above: int = 0
+    offset: int = 0
 
-    def rows(self, first: int = 0, stop: int = _MOST_HEADER_LINES) -> list[Row]:
-        """Cells of some lines."""
-        return [_cells(line) for line in self.lines[first:stop]]
+    @cached_property
+    def rows(self) -> list[Row]:
+        """Cells of these lines."""
+        return [text.fields_of(text.decoded(line), self.mark) for line in self.lines]
 
     def line(self, index: int) -> str:
         """Place of a line, from 0, for messages."""
-        return f"{self.path}, line {index + 1}"
+        return f"{self.path}, line {self.n_above + index + 1}"
+
+    def below(self, index: int, *, is_section: bool = False) -> text.Rows:
+        """Rows below a line, as wide as the first of them."""
+        offset = self.offset + sum(map(len, self.lines[: index + 1]))
+        if index + 1 >= len(self.rows):
+            raise RecordingError(
+                f"{self.path}: expected rows of numbers after the header, found none"
+            )
+        width = len(self.rows[index + 1])
+        return text.Rows(
+            self.path, self.n_above + index + 1, offset, width, self.mark, is_section=is_section
+        )
 
 
-def read_csv(
+def read_export(
     path: str | Path, *, rate_hz: float | None = None, least_score: float
 ) -> raw.RawRecording:
-    """Read the markers of a comma-separated export.
+    """Read the markers of a text that a program exported.
 
     Parameters
     ----------
     path : path
-        The ``.csv`` file.
+        The file.
     rate_hz : float, optional
         Frame rate; must be the file's, if it states one. Keypoints from video state none.
     least_score : float
@@ -67,40 +82,47 @@ def read_csv(
     """
     path = Path(path)
     with text.readable(path) as file:
-        content = text.decoded(file.read())
-    if "\0" in content:
-        raise RecordingError(f"{path}: expected comma-separated text, found binary data")
-    sheet = _Sheet(path, _by_commas(content.splitlines()), rate_hz)
-    rows = sheet.rows()
+        lines = list(islice(file, _MOST_HEADER_LINES))
+    if any(b"\0" in line for line in lines):
+        raise RecordingError(f"{path}: expected text, found binary data")
+    mark = text.mark_between([text.decoded(line) for line in lines[:5]])
+    sheet = _Sheet(path, lines, mark)
+    rows = sheet.rows
     first = next(iter(rows), [""])
     if first[0] == "Format Version":
-        return _motive(sheet, rows)
-    if any(line.lower().startswith("trajectories") for line in sheet.lines):
-        return _nexus(sheet)
+        return _motive(sheet, rate_hz)
+    if first[0].lower() in (_TRAJECTORIES, *map(str.lower, _SECTIONS)):
+        return _nexus(sheet, rate_hz)
     if first[0] == "scorer":
-        return _deeplabcut(sheet, rows, least_score)
-    if len(rows) > 1 and rows[1][:3] == list(AXES):  # JARVIS: names above, coordinates below
-        columns: Columns = [("", _at(first, k), axis) for k, axis in enumerate(rows[1])]
-        numbers = _numbers(sheet, 2, list(range(len(columns))))
-        return keypoints(path, columns, numbers, rate_hz, least_score)
-    counters = tuple(cell.lower() for cell in first[:2] if cell.lower() in ("frame", "time"))
-    if names := qtm_header.coordinate_stems(text.trimmed(first)[len(counters) :]):
-        places = [len(counters) + 3 * k for k in range(len(names))]
-        return _recording(sheet, 0, places, names, None, counters=counters)
-    if sum(name.endswith(("_x", "_y", "_z")) for name in first) >= 3:
-        numbers = _numbers(sheet, 1, list(range(len(first))))
-        return keypoints(path, [(c,) for c in first], numbers, rate_hz, least_score)
-    raise RecordingError(
-        f"{path}, line 1: expected an export of Motive (Format Version), Vicon Nexus (a section "
-        f"Trajectories), DeepLabCut (scorer) or Anipose, or a table (columns <name>_x, _y, _z), "
-        f"found '{','.join(first)[:40]}'"
-    )
+        at = _row_that(sheet, "coords", lambda row: row[0] == "coords")
+        places = [k for k in range(1, len(rows[at])) if rows[at][k]]
+        columns: Columns = [tuple(_at(row, k) for row in rows[: at + 1]) for k in places]
+    elif len(rows) > 1 and rows[1][:3] == list(AXES):  # JARVIS: names above, coordinates below
+        at, places = 1, list(range(len(rows[1])))
+        columns = [("", _at(first, k), axis) for k, axis in enumerate(rows[1])]
+    elif (
+        qtm_header.columns_of(first)[1] is None
+        and sum(name.endswith(("_x", "_y", "_z")) for name in first) >= 3
+    ):
+        at, places, columns = 0, list(range(len(first))), [(c,) for c in first]
+    elif path.suffix.lower() != ".csv" or qtm_header.is_known(first):
+        return read_qtm_tsv(path, rate_hz=rate_hz)
+    else:
+        raise RecordingError(
+            f"{path}, line 1: expected an export of Motive (Format Version), Vicon Nexus (a "
+            "section Trajectories), DeepLabCut (scorer) or Anipose, or a table (columns <name>_x, "
+            f"_y, _z), "
+            f"found '{','.join(first)[:40]}'"
+        )
+    (numbers,) = sheet.below(at).numbers(places)
+    return keypoints(path, columns, numbers, rate_hz, least_score)
 
 
-def _motive(sheet: _Sheet, rows: list[Row]) -> raw.RawRecording:
+def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     """Read markers; those solved from a rigid body or skeleton only if there are no others."""
-    path, keys = sheet.path, dict(zip(rows[0][::2], rows[0][1::2], strict=False))
-    axes_at = _row_that(path, rows, "Frame, Time (Seconds), X, Y, Z", lambda row: row[0] == "Frame")
+    path, rows = sheet.path, sheet.rows
+    keys = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
+    axes_at = _row_that(sheet, "Frame, Time (Seconds), X, Y, Z", lambda row: row[0] == "Frame")
     kinds = next((row for row in rows[1:axes_at] if _KINDS & {*row}), [])
     if not kinds:
         raise RecordingError(f"{path}: expected a row of Marker or Rigid Body, found none")
@@ -126,178 +148,107 @@ def _motive(sheet: _Sheet, rows: list[Row]) -> raw.RawRecording:
         raise RecordingError(
             f"{path}: expected positions of markers, found none; export them from Motive as well"
         )
-    place, unit = sheet.line(0), keys.get("Length Units", "")
+    place = sheet.line(0)
     rate = _stated(place, keys, "Export Frame Rate", "Capture Frame Rate")
     found = _recording(
-        sheet, axes_at, places, [_at(names, p) for p in places], rate,
-        unit=unit, unit_place=f"{place}: Length Units", remarks=remarks, counters=("frame", "time"),
+        sheet, axes_at, axes_at, places, [_at(names, p) for p in places], (rate, rate_hz),
+        unit=(f"{place}: Length Units", keys.get("Length Units", "")), remarks=remarks,
+        counters=("frame", "time"),
     )  # fmt: skip
     return replace(found, started=qtm_header.moment(keys.get("Capture Start Time")))
 
 
-def _nexus(sheet: _Sheet) -> raw.RawRecording:
+def _nexus(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
     """Read the section of trajectories; devices and the outputs of models stand in others."""
-    lines = sheet.lines
-    at = next(i for i, line in enumerate(lines) if line.lower().startswith("trajectories"))
-    head = sheet.rows(at, at + 5)
+    path, others, n_above, offset = sheet.path, [], 0, 0
+    with text.readable(path) as file:
+        for line in file:
+            begin = line.removeprefix(codecs.BOM_UTF8)[:20].strip(b'"').decode("latin-1")
+            if begin.lower().startswith(_TRAJECTORIES):
+                break
+            others += [name for name in _SECTIONS if begin.startswith(name)]
+            n_above, offset = n_above + 1, offset + len(line)
+        else:
+            raise RecordingError(
+                f"{path}: expected a section Trajectories, found {', '.join(others)}; export the "
+                "trajectories as well"
+            )
+        sheet = _Sheet(path, [line, *islice(file, 6)], sheet.mark, n_above, offset)
+        others += [name for line in file for name in _SECTIONS if line.startswith(name.encode())]
+    head = sheet.rows
     if len(head) < 5 or head[3][0] not in ("Frame", "Field #"):
         found = ",".join(head[3][:2]) if len(head) > 3 else "the end of the file"
-        raise RecordingError(f"{sheet.line(at + 3)}: expected Frame,Sub Frame, found {found}")
+        raise RecordingError(f"{sheet.line(3)}: expected Frame,Sub Frame, found {found}")
     starts = [place for place, axis in enumerate(head[3]) if axis == "X"]
     names = [_at(head[2], place) for place in starts]
     subjects = {name.split(":")[0] for name in names if ":" in name}
     if len(subjects) == 1:  # of several animals the names tell whose a marker is
         names = [name.split(":", 1)[-1] for name in names]
     has_units = not text.is_number(head[4][0])
-    first = at + 4 + has_units
-    end = next((i for i in range(first, len(lines)) if not lines[i].strip(" ,")), len(lines))
-    others = [name for name in _SECTIONS if any(line.startswith(name) for line in lines)]
-    remarks = (f"{sheet.path}: section {', '.join(others)} not read",) if others else ()
     return _recording(
-        replace(sheet, lines=lines[:end]), first - 1, starts, names,
-        _stated(sheet.line(at + 1), {"rate": head[1][0]}, "rate"),
-        unit=_at(head[4], starts[0]) if has_units and starts else "",
-        unit_place=sheet.line(at + 4), remarks=remarks, axes_at=at + 3,
+        sheet, 3, 3 + has_units, starts, names,
+        (_stated(sheet.line(1), {"rate": head[1][0]}, "rate"), rate_hz),
+        unit=(sheet.line(4), _at(head[4], starts[0]) if has_units and starts else ""),
+        remarks=(f"{path}: section {', '.join(others)} not read",) * bool(others),
     )  # fmt: skip
-
-
-def _deeplabcut(sheet: _Sheet, rows: list[Row], least_score: float) -> raw.RawRecording:
-    at = _row_that(sheet.path, rows, "coords", lambda row: row[0] == "coords")
-    places = [k for k in range(1, len(rows[at])) if rows[at][k]]
-    columns = [tuple(_at(row, k) for row in rows[: at + 1]) for k in places]
-    numbers = _numbers(sheet, at + 1, places)
-    return keypoints(sheet.path, columns, numbers, sheet.rate_hz, least_score)
 
 
 def _recording(
     sheet: _Sheet,
+    axes_at: int,
     last_header: int,
     starts: list[int],
     names: list[str],
-    stated_hz: float | None,
+    rates_hz: tuple[float | None, float | None],
     *,
-    unit: str = "",
-    unit_place: str = "",
-    remarks: tuple[str, ...] = (),
+    unit: tuple[str, str],
+    remarks: tuple[str, ...],
     counters: tuple[str, ...] = ("frame",),
-    axes_at: int | None = None,
 ) -> raw.RawRecording:
     """Read the blocks of three columns that begin at `starts` in the rows below a header.
 
-    The columns before them are `counters`: the frame's number and its time, or one of the two.
+    The first columns are `counters`, the frame's number and perhaps its time; rates are the one
+    that is stated and the one that is given, a unit has its place for a message.
     """
-    path, axes_at = sheet.path, last_header if axes_at is None else axes_at
+    path = sheet.path
     kept, left_out = raw.labelled(str(path), names)
     starts, names = [starts[i] for i in kept], [names[i] for i in kept]
     if not starts:
         raise RecordingError(f"{sheet.line(last_header)}: expected markers, found none")
-    axes = _cells(sheet.lines[axes_at])
     for place, name in zip(starts, names, strict=True):
-        if [axis[-1:].lower() for axis in axes[place : place + 3]] != list(AXES):
+        axes = sheet.rows[axes_at][place : place + 3]
+        if [axis[-1:].lower() for axis in axes] != list(AXES):
             raise RecordingError(
-                f"{sheet.line(axes_at)}: expected X, Y, Z of '{name}', found "
-                f"{', '.join(axes[place : place + 3])}"
+                f"{sheet.line(axes_at)}: expected X, Y, Z of '{name}', found {', '.join(axes)}"
             )
+    of_unit, factor = raw.metric(*unit) if unit[1] else (raw.USUAL_UNIT, 1.0)
     columns = [place + k for place in starts for k in range(3)]
-    n = len(counters)
-    table = _numbers(sheet, last_header + 1, [*range(n), *columns])
-    bad = np.argwhere(np.isnan(table[:, :n]))
-    if len(bad):
-        raise RecordingError(
-            f"{sheet.line(last_header + 1 + bad[0, 0])}: expected a frame's number and time, "
-            "found an empty cell"
-        )
-    of_unit, factor = raw.metric(unit_place, unit) if unit else (raw.USUAL_UNIT, 1.0)
-    positions = factor * table[:, n:].reshape(len(table), len(starts), 3)
-    text.blank_unseen(positions)
-    counted = dict(zip(counters, table[:, :n].T.copy(), strict=True))
-    number = counted.get("frame", np.arange(1.0, len(table) + 1))
-    stamps = counted.get("time")
-    late: tuple[str, ...] = ()
-    if stated_hz is None and stamps is not None:
-        stated_hz = raw.rate_of(stamps, number)
-    rate = raw.resolve_rate(str(path), stated=stated_hz, given=sheet.rate_hz)
-    time = (number - 1.0) / rate
-    if stamps is not None:
+    rows = sheet.below(last_header, is_section=True)
+    counted, positions = rows.markers(counters, columns, factor=factor)
+    number, stamps = counted[:, 0].copy(), counted[:, -1].copy()
+    stated, given = rates_hz
+    if stated is None and len(counters) > 1:
+        stated = raw.rate_of(stamps, number)
+    rate = raw.resolve_rate(str(path), stated=stated, given=given)
+    time, late = (number - 1.0) / rate, ()
+    if len(counters) > 1:
         time, late = raw.settle(str(path), stamps, number, rate)
     markers, renamed = raw.distinct_names(str(path), names, may_lack=True)
     return raw.RawRecording(
-        markers, time, positions, rate, unit=of_unit, unit_is_stated=bool(unit),
+        markers, time, positions, rate, unit=of_unit, unit_is_stated=bool(unit[1]),
         remarks=remarks + left_out + renamed + late,
     )  # fmt: skip
-
-
-def _numbers(sheet: _Sheet, first: int, columns: list[int]) -> FloatArray:
-    """Read columns of numbers, (N, C), NaN where a cell is empty, of the rows from a line on."""
-    import pandas as pd
-
-    path, body = sheet.path, [line.replace('"', "") for line in sheet.lines[first:]]
-    while body and not body[-1].strip(" ,"):
-        body.pop()
-    if not body:
-        raise RecordingError(f"{path}: expected rows of numbers after the header, found none")
-    width = body[0].count(",") + 1
-    uneven = next((i for i, line in enumerate(body) if line.count(",") + 1 != width), None)
-    if uneven is not None:
-        end = "; the file ends here, was it cut short?" if uneven == len(body) - 1 else ""
-        raise RecordingError(
-            f"{sheet.line(first + uneven)}: expected {width} columns, found "
-            f"{body[uneven].count(',') + 1}{end}"
-        )
-    if max(columns) >= width:
-        raise RecordingError(
-            f"{sheet.line(first)}: expected {max(columns) + 1} columns, found {width}"
-        )
-    wanted = list(dict.fromkeys(columns))
-    try:
-        table = pd.read_csv(
-            StringIO("\n".join(body)), header=None, usecols=wanted, dtype=np.float64,
-            na_values=list(text.TEXT_TABLE_MISSING), keep_default_na=False, skipinitialspace=True,
-            skip_blank_lines=False, quoting=csv.QUOTE_NONE,
-        )[columns].to_numpy()  # fmt: skip
-    except (ValueError, OverflowError):  # pandas' own errors are ValueErrors
-        table = np.full((1, 1), np.inf)
-    if np.isinf(table).any():
-        raise _bad_cell(sheet, body, first, columns)
-    return np.asarray(table)
-
-
-def _bad_cell(sheet: _Sheet, body: list[str], first: int, columns: list[int]) -> RecordingError:
-    for row, line in enumerate(body):
-        cells = line.split(",")
-        for column in columns:
-            cell = cells[column].strip()
-            if cell not in text.TEXT_TABLE_MISSING and (fault := text.no_number(cell)):
-                return RecordingError(f"{sheet.line(first + row)}, column {column + 1}: {fault}")
-    return RecordingError(f"{sheet.path}: expected rows of numbers, found other text")
-
-
-def _by_commas(lines: list[str]) -> list[str]:
-    """Separate cells by commas, and decimals by points, whatever mark the program took."""
-    header = next((line for line in lines[:5] if sum(map(line.count, ",;\t")) > 1), "")
-    mark = max(",;\t", key=header.count)
-    if mark == ",":
-        return lines
-    return [line.replace(",", ".").replace(mark, ",") for line in lines]
-
-
-def _cells(line: str) -> Row:
-    try:
-        cells = next(csv.reader([line], skipinitialspace=True), [""])
-    except csv.Error:  # a field of more than 131,072 characters
-        cells = line.split(",")
-    return [cell.strip() for cell in cells] or [""]
 
 
 def _at(row: Row, place: int) -> str:
     return row[place] if place < len(row) else ""
 
 
-def _row_that(path: Path, rows: list[Row], what: str, is_it: Callable[[Row], bool]) -> int:
-    found = next((i for i, row in enumerate(rows) if is_it(row)), None)
+def _row_that(sheet: _Sheet, what: str, is_it: Callable[[Row], bool]) -> int:
+    found = next((i for i, row in enumerate(sheet.rows) if is_it(row)), None)
     if found is None:
         raise RecordingError(
-            f"{path}: expected a row {what} among the first {_MOST_HEADER_LINES}, found none"
+            f"{sheet.path}: expected a row {what} among the first {_MOST_HEADER_LINES}, found none"
         )
     return found
 
@@ -305,7 +256,7 @@ def _row_that(path: Path, rows: list[Row], what: str, is_it: Callable[[Row], boo
 def _stated(place: str, keys: dict[str, str], *names: str) -> float | None:
     """Return the first of some keys as a number; None if the file has none of them."""
     for name in names:
-        if value := keys.get(name, ""):
+        if value := text.pointed(keys.get(name, "")):
             if not text.is_number(value):
                 raise RecordingError(f"{place}: {name}: expected a number, found '{value[:40]}'")
             return float(value)

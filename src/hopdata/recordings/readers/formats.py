@@ -50,19 +50,13 @@ def _hdf5(path: Path, rate_hz: float | None, *, most_mb: float, least_score: flo
 LEAST_SCORE = 0.6  # as the default of input.least_score in the schema
 
 
-def _tsv(path: Path, rate_hz: float | None, **_: float) -> RawRecording:
+def _text(path: Path, rate_hz: float | None, *, least_score: float, **_: float) -> RawRecording:
     from hopdata.recordings.readers.bids import ENDS, read_bids
-    from hopdata.recordings.readers.qtm import read_qtm_tsv
+    from hopdata.recordings.readers.csv_exports import read_export
 
     if path.name.endswith(ENDS):
         return read_bids(path, rate_hz=rate_hz)
-    return read_qtm_tsv(path, rate_hz=rate_hz)
-
-
-def _csv(path: Path, rate_hz: float | None, *, least_score: float, **_: float) -> RawRecording:
-    from hopdata.recordings.readers.csv_exports import read_csv
-
-    return read_csv(path, rate_hz=rate_hz, least_score=least_score)
+    return read_export(path, rate_hz=rate_hz, least_score=least_score)
 
 
 def _qtm_mat(path: Path, rate_hz: float | None, *, most_mb: float, **_: float) -> RawRecording:
@@ -84,9 +78,9 @@ def _trc(path: Path, rate_hz: float | None, **_: float) -> RawRecording:
 
 
 _READERS: dict[str, Callable[..., RawRecording]] = {
-    ".tsv": _tsv,
-    ".txt": _tsv,
-    ".csv": _csv,
+    ".tsv": _text,
+    ".txt": _text,
+    ".csv": _text,
     ".mat": _qtm_mat,
     ".c3d": _c3d,
     ".trc": _trc,

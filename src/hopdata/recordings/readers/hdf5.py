@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from math import prod
@@ -136,45 +136,32 @@ def numbers(group: h5py.Group, name: str) -> NDArray[Any]:
         return array if array.dtype == np.bool_ else array.astype(float)
 
 
-def number(group: h5py.Group, name: str) -> float:
-    """Read an attribute that is one number.
+_KINDS: dict[str, Callable[[Any], bool]] = {
+    "a number": lambda value: isinstance(value, int | float),
+    "text": lambda value: isinstance(value, str),
+    "a list of texts": lambda value: (
+        isinstance(value, list) and all(isinstance(v, str) for v in value)
+    ),
+}
+
+
+def attribute(group: h5py.Group, name: str, kind: str) -> Any:
+    """Read an attribute: ``"a number"``, ``"text"`` or ``"a list of texts"``.
 
     Raises
     ------
     ValueError
         If there is no such attribute, or it is something else.
     """
-    found = np.asarray(_attribute(group, name))
-    _require(found.dtype.kind in _NUMBERS and found.size == 1, name, "a number", found)
-    return float(found.item())
-
-
-def text(group: h5py.Group, name: str) -> str:
-    """Read an attribute that is text.
-
-    Raises
-    ------
-    ValueError
-        If there is no such attribute, or it is something else.
-    """
-    found = _attribute(group, name)
-    _require(isinstance(found, str), name, "text", found)
-    return str(found)
-
-
-def texts(group: h5py.Group, name: str) -> tuple[str, ...]:
-    """Read an attribute that is a list of texts.
-
-    Raises
-    ------
-    ValueError
-        If there is no such attribute, or it is something else.
-    """
-    found = _attribute(group, name)
-    entries = found.tolist() if isinstance(found, np.ndarray) else None
-    are_texts = isinstance(entries, list) and all(isinstance(entry, str) for entry in entries)
-    _require(are_texts, name, "a list of texts", found)
-    return tuple(entries or ())
+    found = checked_attribute(group, name)
+    value = found.tolist() if isinstance(found, np.ndarray | np.generic) else found
+    if kind == "a number" and isinstance(value, list) and len(value) == 1:
+        value = value[0]
+    if not _KINDS[kind](value):
+        raise ValueError(
+            f"attribute '{name}': expected {kind}, found {'none' if found is None else found}"
+        )
+    return value
 
 
 def stored_texts(group: h5py.Group, name: str) -> tuple[str, ...]:
@@ -194,17 +181,6 @@ def stored_texts(group: h5py.Group, name: str) -> tuple[str, ...]:
     if entries.ndim != 1:
         raise ValueError(f"dataset '{name}': expected a list of texts, found {entries.shape}")
     return tuple(entry.decode("utf-8", "replace") for entry in entries)
-
-
-def _attribute(group: h5py.Group, name: str) -> Any:
-    found = checked_attribute(group, name)
-    _require(found is not None, name, "a value", "none")
-    return found
-
-
-def _require(holds: bool, name: str, expected: str, found: Any) -> None:
-    if not holds:
-        raise ValueError(f"attribute '{name}': expected {expected}, found {found}")
 
 
 CHUNK_FRAMES = 16384
@@ -261,10 +237,10 @@ def read_recording(path: str | Path, *, most_unpacked_mb: float = np.inf) -> Rec
         recording = Recording(
             time=numbers(file, "time"),
             positions=numbers(file, "positions"),
-            markers=texts(file, "markers"),
-            roles=texts(file, "roles"),
-            rate_hz=number(file, "rate_hz"),
-            **{key: text(file, key) for key in _TEXT_ATTRIBUTES},
+            markers=tuple(attribute(file, "markers", "a list of texts")),
+            roles=tuple(attribute(file, "roles", "a list of texts")),
+            rate_hz=float(attribute(file, "rate_hz", "a number")),
+            **{key: attribute(file, key, "text") for key in _TEXT_ATTRIBUTES},
             events=_read_events(file),
             remarks=stored_texts(file, "remarks") if "remarks" in file else (),
             filled=numbers(file, "filled").astype(bool) if "filled" in file else None,
@@ -291,8 +267,8 @@ def read_truth(path: str | Path) -> Truth | None:
         group = file["truth"]
         truth = Truth(
             **{key: numbers(group, key) for key in _TRUTH_DATASETS},
-            noise_m=number(group, "noise_m"),
-            parameters_json=text(group, "parameters_json"),
+            noise_m=float(attribute(group, "noise_m", "a number")),
+            parameters_json=attribute(group, "parameters_json", "text"),
         )
         check_sizes(truth)
         return truth

@@ -124,7 +124,7 @@ def _rows_of(table: h5py.Dataset) -> list[tuple[Columns, FloatArray]]:
 def _blocks_of(group: h5py.Group) -> list[tuple[Columns, FloatArray]]:
     """Blocks of ``block<k>_values``, with the levels of their names, or the names themselves."""
     blocks = []
-    for k in range(int(hdf5.number(group, "nblocks"))):
+    for k in range(int(hdf5.attribute(group, "nblocks", "a number"))):
         at = f"block{k}_items"
         values = _numbers(hdf5.whole_array(group[f"block{k}_values"]))
         if at in group:
@@ -132,7 +132,7 @@ def _blocks_of(group: h5py.Group) -> list[tuple[Columns, FloatArray]]:
         else:
             levels = [
                 [name[0] for name in _named(hdf5.whole_array(group[f"{at}_level{i}"]).tolist())]
-                for i in range(int(hdf5.number(group, f"{at}_nlevels")))
+                for i in range(int(hdf5.attribute(group, f"{at}_nlevels", "a number")))
             ]
             codes = [hdf5.whole_array(group[f"{at}_label{i}"]) for i in range(len(levels))]
             named = [

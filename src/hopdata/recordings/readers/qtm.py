@@ -18,9 +18,7 @@ from hopdata.recording import Event
 from hopdata.recordings import raw
 from hopdata.recordings.readers import qtm_header
 from hopdata.recordings.readers.mat import read_mat
-from hopdata.recordings.readers.text import Rows, blank_unseen, require_counters
-
-TYPE_NAMES = {1: "Measured", 2: "Gap-filled", 3: "Virtual", 4: "Edited"}
+from hopdata.recordings.readers.text import Rows, blank_unseen
 
 
 def read_qtm_mat(
@@ -65,8 +63,7 @@ def read_qtm_mat(
         )
     positions: FloatArray = np.array(np.moveaxis(data[:, :3], 2, 0), np.float64, order="C")
     _check_counts(export, labelled, positions, place)
-    unseen = np.isnan(positions).any(axis=2) | ~np.any(positions, axis=2)
-    positions[unseen] = np.nan
+    blank_unseen(positions)
     rate = raw.resolve_rate(
         f"{place}.FrameRate", stated=_number(export, "FrameRate", place), given=rate_hz
     )
@@ -80,7 +77,6 @@ def read_qtm_mat(
         rate,
         unit="mm",
         events=_events(export, place),
-        trajectory_types=_types(labelled, len(labels)),
         started=qtm_header.moment(export.get("Timestamp")),
         remarks=remarks,
     )
@@ -171,18 +167,6 @@ def _events(export: dict[str, Any], place: str) -> tuple[Event, ...]:
     return tuple(events)
 
 
-def _types(labelled: dict[str, Any], n_markers: int) -> tuple[str, ...]:
-    """How each marker came about: what most of its seen frames are; none if it is not said."""
-    types = labelled.get("TrajectoryTypes", labelled.get("Type"))
-    if isinstance(types, list) and len(types) == n_markers:
-        return tuple(str(kind) for kind in types) if all(isinstance(t, str) for t in types) else ()
-    if not isinstance(types, np.ndarray) or types.ndim != 2 or len(types) != n_markers:
-        return ()
-    counts = [[int(np.sum(row == code)) for code in TYPE_NAMES] for row in types]
-    names = list(TYPE_NAMES.values())
-    return tuple("Mixed" if sum(n > 0 for n in c) > 1 else names[int(np.argmax(c))] for c in counts)
-
-
 def _kind(value: Any) -> str:
     if isinstance(value, np.ndarray):
         return f"an array of {' x '.join(map(str, value.shape))} {value.dtype}"
@@ -220,19 +204,13 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
     """
     header = qtm_header.read_header(Path(path))
     _check_kind(header)
-    place, names, wrong = qtm_header.marker_names(header)
+    place, names, counters, wrong = qtm_header.layout(header)
     markers, renamed = raw.distinct_names(place, names, may_lack=True)
-    counters = qtm_header.counter_columns(header, names)
-    types, untold = qtm_header.trajectory_types(header, len(markers))
-    n_columns = len(counters) + 3 * len(markers)
-    width = n_columns + qtm_header.n_empty_columns(header, names)
-    rows = Rows(header.path, header.n_lines, header.offset, width)
-    table = rows.numbers()
-    wrong += untold + _frame_count(header, len(table))
-    require_counters(rows, table[:, : len(counters)], counters)
-    positions = table[:, len(counters) : n_columns].reshape(len(table), len(markers), 3)
-    blank_unseen(positions)
-    time, rate, remarks = _time_and_rate(header, table, counters, rate_hz)
+    n_columns, width = len(counters) + 3 * len(names), len(header.first_row)
+    rows = Rows(header.path, header.n_lines, header.offset, width, header.mark)
+    counted, positions = rows.markers(counters, range(len(counters), n_columns))
+    wrong += _frame_count(header, len(positions))
+    time, rate, remarks = _time_and_rate(header, counted, counters, rate_hz)
     return raw.RawRecording(
         markers,
         time,
@@ -241,7 +219,6 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
         unit=raw.USUAL_UNIT,
         unit_is_stated=not KEYS_OF_EXPORTS.isdisjoint(header.values),
         events=tuple(header.events),
-        trajectory_types=types,
         started=qtm_header.moment((header.values.get("TIME_STAMP") or [""])[0]),
         remarks=header.remarks + renamed + wrong + remarks + _event_remarks(header, rate),
     )

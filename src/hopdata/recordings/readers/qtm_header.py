@@ -8,9 +8,9 @@ column row (``Frame  Time  <name> X ...``) stands only where the exporter was to
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from itertools import islice
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,9 @@ from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
 from hopdata.recordings.readers.text import (
     TEXT_TABLE_MISSING,
+    decoded,
     is_number,
+    mark_between,
     pointed,
     readable,
     split_line,
@@ -56,6 +58,7 @@ class QtmHeader:
     n_lines: int = 0
     offset: int = 0
     remarks: tuple[str, ...] = ()
+    mark: str = "\t"
 
     def place(self, key: str) -> str:
         """File and line of `key`, for messages."""
@@ -91,8 +94,10 @@ def read_header(path: Path) -> QtmHeader:
     """
     header = QtmHeader(path)
     with readable(path) as file:
+        header.mark = mark_between([decoded(line) for line in islice(file, 5)])
+        file.seek(0)
         for line in file:
-            fields = split_line(path, line)
+            fields = split_line(path, line, header.mark)
             if _starts_the_numbers(header, fields):
                 header.first_row = fields
                 return header
@@ -112,7 +117,7 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     if first is None or is_number(pointed(first)):
         return first is not None or len(fields) > 1
     is_key = _KEY.fullmatch(fields[0]) and fields[0] not in TEXT_TABLE_MISSING
-    if is_key or _is_column_row(fields):
+    if is_key or is_column_row(fields):
         return False
     raise RecordingError(
         f"{header.path}, line {header.n_lines + 1}: expected a header key or numbers, "
@@ -129,7 +134,7 @@ def _no_tabs(line: str) -> str:
 def _take(header: QtmHeader, fields: list[str]) -> None:
     """Put one line that is not numbers into the header."""
     key = fields[0]
-    if _is_column_row(fields):
+    if is_column_row(fields):
         counters = {name.lower(): name for name in COUNTERS}
         header.columns = [counters.get(name.lower(), name) for name in trimmed(fields)]
     elif key == "EVENT":
@@ -164,7 +169,21 @@ def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
     return event, number
 
 
-def _is_column_row(fields: list[str]) -> bool:
+def columns_of(fields: list[str]) -> tuple[list[str], list[str] | None]:
+    """Counters and names of markers of a row of columns; None if the others are no coordinates."""
+    names = {name.lower(): name for name in COUNTERS}
+    counters = [names[f.lower()] for f in fields[: len(COUNTERS)] if f.lower() in names]
+    return counters, coordinate_stems(trimmed(fields)[len(counters) :])
+
+
+def is_known(fields: list[str]) -> bool:
+    """Tell whether a first row is one of QTM's exports: a key, names of columns or numbers."""
+    first = fields[0]
+    return first in KEYS or is_column_row(fields) or is_number(pointed(first))
+
+
+def is_column_row(fields: list[str]) -> bool:
+    """Tell whether a row names counters or coordinates."""
     return fields[0].title() in COUNTERS or coordinate_stems(fields[:3]) is not None
 
 
@@ -187,122 +206,60 @@ def coordinate_stems(columns: list[str]) -> list[str] | None:
     return [(stem[:-1] if separated else stem).strip() for stem in stems]
 
 
-# Which column of a QTM export holds what: marker names, and the columns before and after them.
+# Which column of a QTM export holds what.
 
 
-def marker_names(header: QtmHeader) -> tuple[str, list[str], tuple[str, ...]]:
-    """Place and marker names of ``MARKER_NAMES``, or else of the column row, and remarks.
+def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...]]:
+    """Place of the marker names, the names, the counters before the coordinates, and remarks.
 
-    A file of nothing but numbers has ``marker1``, ``marker2`` and so on.
+    Names are those of ``MARKER_NAMES``, or of the column row; a file of nothing but numbers has
+    ``marker1``, ``marker2`` and so on.
 
     Raises
     ------
     RecordingError
-        If there are none, or neither their number nor ``NO_OF_MARKERS`` fits the columns.
+        If there are none, or they do not fit the columns or one another.
     """
+    here, width = f"{header.path}, line {header.n_lines}", len(header.first_row)
+    counters, stems = columns_of(header.columns) if header.columns else ([], None)
+    if header.columns and stems is None:
+        rest = header.columns[len(counters) :]
+        odd = next((i for i in range(0, len(rest), 3) if not coordinate_stems(rest[i : i + 3])), 0)
+        raise RecordingError(
+            f"{here}, column {1 + len(counters) + odd}: expected the columns X, Y, Z of a marker, "
+            f"found {', '.join(repr(c) for c in rest[odd : odd + 3]) or 'none'}"
+        )
+    place, names = here, stems or []
     if "MARKER_NAMES" in header.values:
         place, names = header.place("MARKER_NAMES"), trimmed(header.values["MARKER_NAMES"])
-    elif header.columns:
-        place = f"{header.path}, line {header.n_lines}"
-        names = _names_of_columns(header, place)
-    elif not header.values:
+    elif not (header.columns or header.values):
         place, names = f"{header.path}, line 1", _numbered_names(header)
-    else:
-        names = []
     if not names:
         hint = did_you_mean("MARKER_NAMES", set(header.values) - set(KEYS))
         raise RecordingError(
             f"{header.path}: expected MARKER_NAMES or a column row, found neither{hint}"
         )
-    stated, width = header.number("NO_OF_MARKERS"), len(header.first_row)
-    if stated is None or stated == len(names):
-        return place, names, ()
-    told = f"{place}: expected {stated:g} marker names (NO_OF_MARKERS), found {len(names)}"
-    if width in (3 * stated, 3 * stated + 2) and len(names) < stated:  # the last have no name
-        names += [""] * int(stated - len(names))
-    elif width not in (3 * len(names), 3 * len(names) + 2):
-        raise RecordingError(told)
-    return place, names, (f"{told}; the columns are those of {len(names)} markers",)
-
-
-def trajectory_types(header: QtmHeader, n_markers: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Entries of ``TRAJECTORY_TYPES``, one a marker; else none, and a remark if there is a row."""
-    types = trimmed(header.values.get("TRAJECTORY_TYPES", []))
-    if types and len(types) != n_markers:
-        return (), (
-            f"{header.place('TRAJECTORY_TYPES')}: TRAJECTORY_TYPES: expected {n_markers} entries, "
-            f"one a marker, found {len(types)}; none is read",
-        )
-    return tuple(types), ()
-
-
-def counter_columns(header: QtmHeader, markers: Sequence[str]) -> list[str]:
-    """Names of the columns before the coordinates: of ``Frame`` and ``Time`` those present.
-
-    Parameters
-    ----------
-    header : QtmHeader
-        The parsed header.
-    markers : sequence of str
-        The M marker names, as in the file.
-
-    Raises
-    ------
-    RecordingError
-        If the column row contradicts the marker names, or the columns do not come out even.
-    """
-    coordinates = [f"{name} {axis}" for name in markers for axis in "XYZ"]
-    if header.columns:
-        counters = _counters(header)
-        if coordinate_stems(header.columns[len(counters) :]) != list(markers):
-            _raise_for_columns(header, counters + coordinates)
-        return counters
-    n_columns = len(header.first_row)
-    n_counters = n_columns - len(coordinates) - n_empty_columns(header, markers)
-    if n_counters not in (0, len(COUNTERS)):
-        raise RecordingError(
-            f"{header.path}, line {header.n_lines + 1}: expected {len(coordinates)} columns "
-            f"(X, Y, Z of {len(markers)} markers), or two more for Frame and Time, "
-            f"found {n_columns}"
-        )
-    return list(COUNTERS[:n_counters])
-
-
-def n_empty_columns(header: QtmHeader, markers: Sequence[str]) -> int:
-    """Empty columns (0 or 1) after the coordinates, from a tab at each row's end."""
-    n_columns = len(header.first_row)
-    if header.first_row[-1]:
-        return 0
-    if header.columns:
-        return int(n_columns == len(header.columns) + 1)
-    return (n_columns - 3 * len(markers)) % 2
-
-
-def _counters(header: QtmHeader) -> list[str]:
-    """Columns of the column row before the coordinates, in the file's order."""
-    return [c for c in header.columns[: len(COUNTERS)] if c in COUNTERS]
-
-
-def _names_of_columns(header: QtmHeader, place: str) -> list[str]:
-    """Marker names from the column row.
-
-    Raises
-    ------
-    RecordingError
-        If its columns do not come in threes.
-    """
-    columns = header.columns[len(_counters(header)) :]
-    stems = coordinate_stems(columns)
+    stated, remarks = header.number("NO_OF_MARKERS"), ()
+    if stated not in (None, len(names)):
+        told = f"{place}: expected {stated:g} marker names (NO_OF_MARKERS), found {len(names)}"
+        if width in (3 * stated, 3 * stated + 2) and len(names) < stated:  # the last have no name
+            names += [""] * int(stated - len(names))
+        elif width not in (3 * len(names), 3 * len(names) + 2):
+            raise RecordingError(told)
+        remarks = (f"{told}; the columns are those of {len(names)} markers",)
+    for stem, name in zip(stems or (), names, strict=False):
+        if stem != name:
+            raise RecordingError(f"{here}: columns: expected '{name} X', found '{stem} X'")
+    spare = width - 3 * len(names) - len(counters)
     if stems is None:
-        start = 1 + len(_counters(header))
-        odd = next(
-            (i for i in range(0, len(columns), 3) if not coordinate_stems(columns[i : i + 3])), 0
-        )
+        counters = [*COUNTERS] if spare >= len(COUNTERS) else []
+        spare -= len(counters)
+    if (stems and len(stems) != len(names)) or spare < 0 or any(header.first_row[width - spare :]):
         raise RecordingError(
-            f"{place}, column {start + odd}: expected the columns X, Y, Z of a marker, "
-            f"found {', '.join(repr(c) for c in columns[odd : odd + 3]) or 'none'}"
+            f"{header.path}, line {header.n_lines + 1}: expected {3 * len(names)} columns (X, Y, Z "
+            f"of {len(names)} markers), or two more for Frame and Time, found {width}"
         )
-    return stems
+    return place, names, counters, remarks
 
 
 def _numbered_names(header: QtmHeader) -> list[str]:
@@ -314,16 +271,6 @@ def _numbered_names(header: QtmHeader) -> list[str]:
             "last is empty can be read in two ways, found none; export with the column row"
         )
     return [f"marker{i + 1}" for i in range(n_columns // 3)]
-
-
-def _raise_for_columns(header: QtmHeader, expected: list[str]) -> None:
-    place = f"{header.path}, line {header.n_lines}"
-    for i, (want, have) in enumerate(zip(expected, header.columns, strict=False)):
-        if want != have:
-            raise RecordingError(f"{place}: column {i + 1}: expected '{want}', found '{have}'")
-    raise RecordingError(
-        f"{place}: expected {len(expected)} columns, found {len(header.columns)} in the column row"
-    )
 
 
 # The date and time that QTM writes into its exports.

@@ -1,167 +1,37 @@
-"""Tab-separated rows of numbers below a header, as motion-capture programs export them."""
+"""Text tables: lines of fields, rows of numbers below a header, and columns by name."""
 
 from __future__ import annotations
 
 import codecs
 import csv
-import warnings
+import io
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from csv import QUOTE_NONE
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from itertools import product
+from itertools import islice, product
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError, did_you_mean
-from hopdata.recordings.raw import largest
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 BLOCK = 1 << 20  # bytes
 ROWS = 20_000  # read at a time
+MARKS = "\t;,"  # what may stand between fields, the likelier first
 # Programs print what is missing as nothing, in words, or as their C library prints a NaN.
 _NAN = ["".join(letters) for letters in product("nN", "aA", "nN")]
 TEXT_TABLE_MISSING = (
     *("", "NULL", "Null", "null", "n/a", "N/A", *_NAN, *(f"-{nan}" for nan in _NAN)),
     *("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),
 )
-
-
-@dataclass(frozen=True)
-class Rows:
-    """Where the rows of numbers stand: from byte `offset` of a file, after `n_lines` lines.
-
-    Each has `width` fields.
-    """
-
-    path: Path
-    n_lines: int
-    offset: int
-    width: int
-
-    def numbers(self) -> FloatArray:
-        """Read the rows, (N, width), NaN where a field is missing; decimals as in the first row.
-
-        pandas pads short rows in silence but refuses long ones. So if no row is too long and the
-        number of tabs is right in total, every row is right.
-
-        Raises
-        ------
-        RecordingError
-            Naming the line and column of the first field that is no finite number, or the first
-            row that is too short or too long.
-        """
-        n_tabs, is_text = self._survey()
-        n_empty, n_idle = self._empty_lines_at_the_end()
-        n_tabs -= n_idle
-        table = np.empty((n_tabs // max(self.width - 1, 1) + n_empty, self.width))
-        n = 0
-        for frame in self._frames():
-            if any(kind.kind not in "iuf" for kind in frame.dtypes):
-                raise self._bad_row("text between the numbers")
-            if frame.shape[1] != self.width or n + len(frame) > len(table):
-                raise self._bad_row(f"rows of {frame.shape[1]} fields")
-            table[n : n + len(frame)] = frame
-            n += len(frame)
-        n -= n_empty
-        if not is_text or n_tabs != n * (self.width - 1) or np.isinf(largest(table[:n])):
-            raise self._bad_row(f"{n} rows with {n_tabs} tabs")
-        return table[:n]
-
-    def _frames(self) -> Iterator[pd.DataFrame]:
-        """Read by pandas, which finds the kind of each column faster than it obeys a given one."""
-        import pandas as pd
-
-        with self.path.open("rb") as file:
-            file.seek(self.offset)
-            decimal = "," if b"," in file.readline() else "."
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", pd.errors.DtypeWarning)  # text is refused anyway
-            try:
-                yield from pd.read_csv(
-                    self.path, sep="\t", header=None, skiprows=self.n_lines, quoting=QUOTE_NONE,
-                    na_values=list(TEXT_TABLE_MISSING), keep_default_na=False,
-                    skipinitialspace=True, chunksize=ROWS, decimal=decimal,
-                )  # fmt: skip
-            except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
-                raise self._bad_row(str(error)) from None
-
-    def _empty_lines_at_the_end(self) -> tuple[int, int]:
-        """Count the last lines that hold tabs and nothing else, and are no row, and their tabs."""
-        with self.path.open("rb") as file:
-            file.seek(max(self.offset, self.path.stat().st_size - BLOCK))
-            lines = file.read().splitlines()
-        empty = []
-        while lines and not lines[-1].strip() and lines[-1].count(b"\t") != self.width - 1:
-            empty.append(lines.pop().count(b"\t"))
-        return sum(map(bool, empty)), sum(empty)
-
-    def line(self, row: int) -> str:
-        """File and line of a row, for messages; rows count from 0."""
-        return f"{self.path}, line {self.n_lines + 1 + row}"
-
-    def _survey(self) -> tuple[int, bool]:
-        """Count the tabs, and tell whether there are no control characters."""
-        n_tabs, is_text = 0, True
-        with self.path.open("rb") as file:
-            file.seek(self.offset)
-            while block := file.read(BLOCK):
-                codes = np.frombuffer(block, dtype=np.uint8)
-                n_tabs += int(np.count_nonzero(codes == ord("\t")))
-                is_text &= bool(codes.min() >= ord("\t"))
-        return n_tabs, is_text
-
-    def _bad_row(self, cause: str) -> RecordingError:
-        """Find the first row that is not `width` numbers, and say so."""
-        with self.path.open("rb") as file:
-            file.seek(self.offset)
-            number = self.n_lines
-            for line in file:
-                number += 1
-                fields = line.decode("latin-1").rstrip("\r\n").split("\t")
-                if fields != [""] and (fault := _fault(fields, self.width)):
-                    cut = "" if file.read(1) else "; the file ends here, was it cut short?"
-                    return RecordingError(f"{self.path}, line {number}{fault}{cut}")
-        return RecordingError(
-            f"{self.path}: expected rows of {self.width} numbers, found {one_line(cause)}"
-        )
-
-
-def require_counters(rows: Rows, values: FloatArray, names: list[str]) -> None:
-    """Require that the columns (N, C) before the coordinates have a number in each row.
-
-    Raises
-    ------
-    RecordingError
-        Naming line and column.
-    """
-    bad = np.argwhere(np.isnan(values))
-    if len(bad):
-        row, column = bad[0]
-        raise RecordingError(
-            f"{rows.line(row)}: {names[column]}: expected a number, found a missing value"
-        )
-
-
-def blank_unseen(positions: FloatArray) -> None:
-    """Set markers (in place) to NaN in the frames in which the file says they were not seen.
-
-    Those are frames in which a coordinate is missing, or all three are 0.
-    """
-    x, y, z = (positions[:, :, axis] for axis in range(3))
-    unseen = (x == 0) & (y == 0) & (z == 0)
-    unseen |= np.isnan(x + y + z)
-    positions[unseen] = np.nan
+HELD = "\x1f"  # in place of a mark that belongs to its field
 
 
 @contextmanager
 def readable(path: Path) -> Iterator[BinaryIO]:
-    """Open a file to read its bytes.
+    """Open a file to read its bytes; a text in UTF-16, or with CR for line ends, as UTF-8 with LF.
 
     Raises
     ------
@@ -170,6 +40,13 @@ def readable(path: Path) -> Iterator[BinaryIO]:
     """
     try:
         with path.open("rb") as file:
+            begin = file.read(BLOCK)
+            is_wide = begin.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+            if is_wide or (b"\r" in begin and not {*b"\n\0"} & {*begin}):
+                lines = decoded(begin + file.read()).splitlines(keepends=False)
+                yield io.BytesIO("\n".join(lines).encode())
+                return
+            file.seek(0)
             yield file
     except OSError as error:
         raise RecordingError(
@@ -203,26 +80,29 @@ def decoded(data: bytes) -> str:
         return data.decode("latin-1")
 
 
-def only_place(place: str, name: str, names: Sequence[str]) -> int:
-    """Find the number, from 0, of a column or channel.
+def mark_between(lines: Sequence[str]) -> str:
+    """Return what separates the fields: a tab if half of the first lines have one."""
+    if 2 * sum("\t" in line for line in lines) >= sum(bool(line.strip()) for line in lines):
+        return "\t"
+    return max(";,", key="".join(lines).count)
 
-    Raises
-    ------
-    RecordingError
-        If none has this name, or several have; it begins with `place`.
+
+def fields_of(line: str, mark: str = "\t") -> list[str]:
+    """Fields of a line without the blanks about them; a mark between quotes belongs to its field.
+
+    The mark may be a blank, which stands for any number of them.
     """
-    n_found = names.count(name)
-    if n_found == 1:
-        return names.index(name)
-    found = f"found {n_found} of that name" if n_found else f"found no '{name}'"
-    raise RecordingError(
-        f"{place}: expected '{name}' once among {listed(names)}, "
-        f"{found}{'' if n_found else did_you_mean(name, names)}"
-    )
+    if mark == " ":
+        return line.split() or [""]
+    fields = line.rstrip("\r\n").split(mark)
+    if '"' in line:
+        with suppress(csv.Error):  # a field of more than 131,072 characters
+            fields = next(csv.reader([line], delimiter=mark, skipinitialspace=True), [""])
+    return [field.strip().strip('"').strip() for field in fields] or [""]
 
 
-def split_line(path: Path, line: bytes) -> list[str]:
-    """Fields of one line; older exports are not in UTF-8.
+def split_line(path: Path, line: bytes, mark: str = "\t") -> list[str]:
+    """Fields of a line of bytes.
 
     Raises
     ------
@@ -230,8 +110,8 @@ def split_line(path: Path, line: bytes) -> list[str]:
         If the line holds binary data.
     """
     if b"\0" in line:
-        raise RecordingError(f"{path}: expected tab-separated text, found binary data or UTF-16")
-    return [field.strip() for field in decoded(line).split("\t")]
+        raise RecordingError(f"{path}: expected text, found binary data")
+    return fields_of(decoded(line), mark)
 
 
 def trimmed(fields: list[str]) -> list[str]:
@@ -253,34 +133,218 @@ def pointed(text: str) -> str:
     return text.replace(",", ".") if text.count(",") == 1 and "." not in text else text
 
 
-def one_line(text: str) -> str:
-    """Without the line ends that other libraries put into their messages."""
-    return " ".join(text.split())
-
-
-def _fault(fields: list[str], width: int) -> str:
-    """Say what is wrong with a row, as the end of a message; empty if nothing is."""
-    if len(fields) != width:
-        return f": expected {width} columns, found {len(fields)}"
-    for k, text in enumerate(fields):
-        if text.strip(" ") not in TEXT_TABLE_MISSING and (fault := no_number(text)):
-            return f", column {k + 1}: {fault}"
-    return ""
-
-
 def no_number(text: str) -> str:
     """Say that a field is no finite number; empty if it is one."""
     if is_number(text) and np.isfinite(float(text)):
         return ""
     comma = "; write decimals with a point" if "," in text else ""
-    return f"expected a number, found '{text[:40]}'{comma}"
+    return f"expected a number, found {text[:40]!r}{comma}"
+
+
+def one_line(text: str) -> str:
+    """Without the line ends that other libraries put into their messages."""
+    return " ".join(text.split())
+
+
+# Rows of numbers, of a file that may be larger than memory allows to hold twice.
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Where rows of fields stand: from byte `offset` of a text, after `n_lines` lines.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    n_lines, offset : int
+        Lines and bytes before the rows.
+    width : int
+        Fields of each row.
+    mark : str
+        What stands between the fields: one of `MARKS`, or blanks.
+    may_be_short : bool
+        Whether what a row lacks at its end is missing, rather than a fault.
+    is_section : bool
+        Whether an empty line ends the rows.
+    """
+
+    path: Path
+    n_lines: int
+    offset: int
+    width: int
+    mark: str = "\t"
+    may_be_short: bool = False
+    is_section: bool = False
+
+    def line(self, row: int) -> str:
+        """File and line of a row, for messages; rows count from 0."""
+        return f"{self.path}, line {self.n_lines + 1 + row}"
+
+    def numbers(self, *columns: Sequence[int]) -> tuple[FloatArray, ...]:
+        """Read an array (N, C) for each list of columns, NaN where a field is missing.
+
+        Decimals are as in the first row. Rows at the end in which all of the first list is missing
+        are none.
+
+        Raises
+        ------
+        RecordingError
+            Naming line and column of the first field that is no finite number, or the first row
+            that is too short or too long.
+        """
+        if (most := 1 + max(map(max, filter(len, columns)))) > self.width:
+            raise RecordingError(f"{self.line(0)}: expected {most} columns, found {self.width}")
+        with readable(self.path) as file:
+            n_lines = self._count(file)
+            tables = tuple(np.empty((n_lines, len(of))) for of in columns)
+            n, has_commas = 0, False
+            for number, rows, is_last in self._blocks(file):
+                has_commas = b"," in rows[0] and self.mark != "," if n == 0 else has_commas
+                if has_commas:
+                    rows = [row.replace(b",", b".") for row in rows]
+                values = self._values(number, rows, columns, is_last)
+                for table, part in zip(tables, values, strict=True):
+                    table[n : n + len(rows)] = part
+                n += len(rows)
+        while n and len(columns[0]) and np.isnan(tables[0][n - 1]).all():
+            n -= 1
+        if not n and not self.may_be_short:
+            raise RecordingError(
+                f"{self.path}: expected rows of numbers after the header, found none"
+            )
+        return tuple(table[:n] for table in tables)
+
+    def markers(
+        self, counters: Sequence[str], coordinates: Sequence[int], *, factor: float = 1.0
+    ) -> tuple[FloatArray, FloatArray]:
+        """Read what the first columns count, (N, C), and positions (N, M, 3), NaN where unseen.
+
+        A marker was not seen in frames in which a coordinate is missing, or all three are 0.
+
+        Raises
+        ------
+        RecordingError
+            As `numbers`, or if a counter is missing.
+        """
+        counted, flat = self.numbers(range(len(counters)), coordinates)
+        bad = np.argwhere(np.isnan(counted))
+        if len(bad):
+            row, column = bad[0]
+            raise RecordingError(
+                f"{self.line(row)}: {counters[column]}: expected a number, found a missing value"
+            )
+        flat *= factor
+        positions = flat.reshape(len(flat), -1, 3)
+        blank_unseen(positions)
+        return counted, positions
+
+    def texts(self, column: int) -> list[str]:
+        """Read a column as it stands."""
+        with readable(self.path) as file:
+            rows = [row for _, block, _ in self._blocks(file) for row in block]
+        fields = (fields_of(decoded(row), self.mark)[column] for row in rows)
+        return [field.replace(HELD, self.mark) for field in fields]
+
+    def _count(self, file: BinaryIO) -> int:
+        """Most rows that there can be, by the lines and by the bytes that fields take at least."""
+        file.seek(self.offset)
+        n_lines = n_bytes = 0
+        while block := file.read(BLOCK):
+            n_lines, n_bytes = n_lines + block.count(b"\n"), n_bytes + len(block)
+        least = 1 if self.may_be_short else self.width
+        return min(n_lines, n_bytes // least) + 1
+
+    def _blocks(self, file: BinaryIO) -> Iterator[tuple[int, list[bytes], bool]]:
+        """Yield number of the first line, rows of `width` fields, and whether the file ends here.
+
+        Empty lines are no rows, but where rows may be short those before another row are.
+        """
+        file.seek(self.offset)
+        mark, number, idle, ended = self.mark.encode(), self.n_lines + 1, 0, False
+        while not ended and (lines := list(islice(file, ROWS))):
+            if self.is_section:
+                ends = (k for k, line in enumerate(lines) if not line.strip(b" ,;\t\r\n"))
+                if (end := next(ends, None)) is not None:
+                    lines, ended = lines[:end], True
+            n_lines, is_last = len(lines), ended or len(lines) < ROWS
+            if idle and (lines := [b"\n"] * idle + lines):
+                number, idle = number - idle, 0
+            while lines and self.may_be_short and not lines[-1].strip():
+                lines.pop()
+                idle += 1
+            n_marks = self.width - 1
+            if any(line.count(mark) != n_marks or b'"' in line for line in lines):
+                lines = [
+                    row
+                    for k, line in enumerate(lines)
+                    if (row := self._fitted(line, f"{self.path}, line {number + k}",
+                                            is_last and k == len(lines) - 1))
+                ]  # fmt: skip
+            if lines:
+                yield number, lines, is_last
+            number += n_lines
+
+    def _fitted(self, line: bytes, place: str, is_last: bool) -> bytes:
+        """Return a row with the right number of marks; nothing for an empty line."""
+        mark = self.mark.encode()
+        is_row = line.count(mark) == self.width - 1 or self.may_be_short
+        if not (is_row or line.strip(mark + b" \t\r\n")):
+            return b""
+        fields = [f.replace(self.mark, HELD) for f in fields_of(line.decode("latin-1"), self.mark)]
+        if len(fields) > self.width or (len(fields) < self.width and not self.may_be_short):
+            cut = "; the file ends here, was it cut short?" if is_last else ""
+            raise RecordingError(
+                f"{place}: expected {self.width} columns, found {len(fields)}{cut}"
+            )
+        fields += [""] * (self.width - len(fields))
+        return (self.mark.join(fields) + "\n").encode("latin-1")
+
+    def _values(
+        self, number: int, rows: list[bytes], columns: Sequence[Sequence[int]], is_last: bool
+    ) -> list[FloatArray]:
+        """Read by pandas, which finds the kind of each column faster than it obeys a given one."""
+        import pandas as pd
+
+        block, wanted = b"".join(rows), sorted({c for of in columns for c in of})
+        cause = "other text"
+        try:
+            frame = pd.read_csv(
+                io.BytesIO(block), sep=self.mark, header=None, usecols=wanted,
+                quoting=csv.QUOTE_NONE, na_values=list(TEXT_TABLE_MISSING), keep_default_na=False,
+                skipinitialspace=True, skip_blank_lines=False, low_memory=False, encoding="latin-1",
+            )  # fmt: skip
+            is_text = min(block) >= ord("\t") and len(frame) == len(rows)
+            if is_text and all(kind.kind in "iuf" for kind in frame.dtypes):
+                found = [frame[list(of)].to_numpy(np.float64) for of in columns]
+                if not any(np.isinf(part).any() for part in found):
+                    return found
+        except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
+            cause = one_line(str(error))
+        for k, row in enumerate(rows):
+            fields = fields_of(decoded(row), self.mark)
+            for c in wanted:
+                if fields[c] not in TEXT_TABLE_MISSING and (fault := no_number(fields[c])):
+                    cut = "; the file ends here, was it cut short?" * (is_last and row is rows[-1])
+                    raise RecordingError(
+                        f"{self.path}, line {number + k}, column {c + 1}: {fault}{cut}"
+                    )
+        raise RecordingError(f"{self.path}: expected rows of {self.width} numbers, found {cause}")
+
+
+def blank_unseen(positions: FloatArray) -> None:
+    """Set markers (in place) to NaN in the frames in which the file says they were not seen.
+
+    Those are frames in which a coordinate is missing, or all three are 0.
+    """
+    for track in np.moveaxis(positions, 1, 0):
+        x, y, z = track.T
+        track[((x == 0) & (y == 0) & (z == 0)) | np.isnan(x + y + z)] = np.nan
 
 
 # Named columns of a text table, as other devices and programs export them.
 
-DELIMITERS = "\t;,"
 STORAGE = (".mot", ".sto")  # OpenSim's files, whose columns may be separated by blanks
-MISSING = ("", "NaN", "nan", "NULL", "null")
 MOST_LISTED = 12
 
 
@@ -290,25 +354,16 @@ class ColumnTable:
 
     Parameters
     ----------
-    path : Path
-        The file.
     names : tuple of str
         Column names, in the file's order.
-    delimiter : str
-        What stands between the cells: a tab, a semicolon, a comma or, in OpenSim's files, blanks.
-    n_lines : int
-        Lines up to the names, with theirs.
-    decimal : str
-        A point or a comma.
+    rows : Rows
+        What stands below them.
     clock : str, optional
         The column that is time, in s, if the format says so.
     """
 
-    path: Path
     names: tuple[str, ...]
-    delimiter: str
-    n_lines: int = 1
-    decimal: str = "."
+    rows: Rows
     clock: str | None = None
 
     def numbers(self, name: str) -> FloatArray:
@@ -319,35 +374,17 @@ class ColumnTable:
         RecordingError
             If there is no such column, or a cell is neither empty nor a finite number.
         """
-        import pandas as pd
-
-        place = self.place_of(name)
-        try:
-            values: FloatArray = pd.read_csv(
-                self.path, sep=r"\s+" if self.delimiter == " " else self.delimiter, header=None,
-                skiprows=self.n_lines, usecols=[place], dtype=np.float64, na_values=list(MISSING),
-                keep_default_na=False, skip_blank_lines=False, encoding="utf-8-sig",
-                decimal=self.decimal,
-            ).to_numpy()[:, 0]  # fmt: skip
-        except (ValueError, OverflowError):  # pandas' own errors are ValueErrors
-            return self._numbers_one_by_one(name)
-        if np.isinf(values).any():
-            return self._numbers_one_by_one(name)
-        return values[: len(values) - _empty_lines_at_the_end(self.path)]
+        return self.rows.numbers([], [self.place_of(name)])[1][:, 0]
 
     def texts(self, name: str) -> list[str]:
-        """Read a column as text, without the blanks about its cells; short rows have empty ones.
+        """Read a column as text; short rows have empty cells.
 
         Raises
         ------
         RecordingError
             If there is no such column.
         """
-        place = self.place_of(name)
-        rows = [_cells(line, self.delimiter) for line in _lines(self.path)[self.n_lines :]]
-        while rows and rows[-1] == [""]:
-            rows.pop()
-        return [_plain(row[place]) if place < len(row) else "" for row in rows]
+        return self.rows.texts(self.place_of(name))
 
     def place_of(self, name: str) -> int:
         """Find the number of a column, from 0.
@@ -357,16 +394,7 @@ class ColumnTable:
         RecordingError
             If no column has this name, or several have.
         """
-        return only_place(f"{self.path}, line {self.n_lines}: column", name, self.names)
-
-    def _numbers_one_by_one(self, name: str) -> FloatArray:
-        """Slowly, with the place of what is no number, and with blanks and quotes about it."""
-        cells = [cell.replace(self.decimal, ".") for cell in self.texts(name)]
-        for row, cell in enumerate(cells):
-            if cell not in MISSING and (fault := no_number(cell)):
-                place = f"{self.path}, line {self.n_lines + row + 1}, column '{name}'"
-                raise RecordingError(f"{place}: {fault}")
-        return np.array([np.nan if cell in MISSING else float(cell) for cell in cells])
+        return only_place(f"{self.rows.line(-1)}: column", name, self.names)
 
 
 def open_table(path: str | Path) -> ColumnTable:
@@ -379,52 +407,48 @@ def open_table(path: str | Path) -> ColumnTable:
     """
     path = Path(path)
     require_file(path)
-    lines, n_above = _lines(path), 0
-    is_storage = path.suffix.lower() in STORAGE
-    if is_storage:
-        header = [line.strip().lower() for line in lines]
-        if "endheader" not in header:
-            raise RecordingError(f"{path}: expected a line endheader, found none")
-        n_above = header.index("endheader") + 1
-    first, second = [*lines[n_above : n_above + 2], "", ""][:2]
-    marks = DELIMITERS + " " * is_storage
-    delimiter = next((mark for mark in marks if mark in first.strip()), "\t")
-    decimal = "," if delimiter != "," and "," in second else "."
-    names = tuple(_plain(cell) for cell in _cells(first, delimiter))
-    if not any(name and not is_number(name) for name in names):
+    is_storage, above = path.suffix.lower() in STORAGE, b""
+    with readable(path) as file:
+        while is_storage and not above.lower().rstrip().endswith(b"endheader"):
+            if not (line := file.readline()):
+                raise RecordingError(f"{path}: expected a line endheader, found none")
+            above += line
+        first, second = file.readline(), file.readline()
+    marks = MARKS + " " * is_storage
+    names = decoded(first)
+    mark = next((mark for mark in marks if mark in names.strip()), "\t")
+    fields = split_line(path, first, mark)
+    n_lines = above.count(b"\n") + 1
+    if not any(name and not is_number(name) for name in fields):
         raise RecordingError(
-            f"{path}, line {n_above + 1}: expected names of columns, found '{first[:40]}'; "
+            f"{path}, line {n_lines}: expected names of columns, found '{names.strip()[:40]}'; "
             "write a row of names above the numbers"
         )
-    clock = next((name for name in names if is_storage and name.lower() == "time"), None)
-    return ColumnTable(path, names, delimiter, n_above + 1, decimal, clock)
+    width = max(len(fields), len(fields_of(decoded(second), mark)))
+    rows = Rows(path, n_lines, len(above) + len(first), width, mark, may_be_short=True)
+    clock = next((name for name in fields if is_storage and name.lower() == "time"), None)
+    return ColumnTable(tuple(fields), rows, clock)
+
+
+def only_place(place: str, name: str, names: Sequence[str]) -> int:
+    """Find the number, from 0, of a column or channel.
+
+    Raises
+    ------
+    RecordingError
+        If none has this name, or several have; it begins with `place`.
+    """
+    n_found = names.count(name)
+    if n_found == 1:
+        return names.index(name)
+    found = f"found {n_found} of that name" if n_found else f"found no '{name}'"
+    raise RecordingError(
+        f"{place}: expected '{name}' once among {listed(names)}, "
+        f"{found}{'' if n_found else did_you_mean(name, names)}"
+    )
 
 
 def listed(names: Sequence[str]) -> str:
     """List names for a message, the first dozen of many."""
     more = f", ... {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
     return ", ".join(names[:MOST_LISTED]) + more
-
-
-def _lines(path: Path) -> list[str]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise RecordingError(f"{path}: expected a text table in UTF-8, found other bytes") from None
-    return text.splitlines()
-
-
-def _cells(line: str, delimiter: str) -> list[str]:
-    """Split a line; a delimiter between quotes belongs to its cell."""
-    if delimiter == " ":
-        return line.split() or [""]
-    return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), None) or [""]
-
-
-def _empty_lines_at_the_end(path: Path) -> int:
-    content = path.read_bytes()
-    return max(len(content[len(content.rstrip(b"\r\n")) :].splitlines()) - 1, 0)
-
-
-def _plain(cell: str) -> str:
-    return cell.strip().strip('"').strip()

@@ -13,11 +13,9 @@ from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings import raw
 from hopdata.recordings.readers.text import (
     Rows,
-    blank_unseen,
     is_number,
     pointed,
     readable,
-    require_counters,
     split_line,
     trimmed,
 )
@@ -76,16 +74,14 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
     unit, factor = raw.USUAL_UNIT, 1.0
     if stated_unit:
         unit, factor = raw.metric(f"{place}: Units", stated_unit)
-    table = header.rows.numbers()
-    require_counters(header.rows, table[:, :2], COUNTERS)
+    columns = range(2, 2 + 3 * len(header.markers))
+    counted, positions = header.rows.markers(COUNTERS, columns, factor=factor)
+    number, stamps = counted.T.copy()
     stated = header.number("DataRate")
     if stated is None:
-        stated = raw.rate_of(table[:, 1], table[:, 0])
+        stated = raw.rate_of(stamps, number)
     rate = raw.resolve_rate(f"{place}: DataRate", stated=stated, given=rate_hz)
-    n_columns = 2 + 3 * len(header.markers)
-    positions = factor * table[:, 2:n_columns].reshape(len(table), len(header.markers), 3)
-    blank_unseen(positions)
-    time, remarks = raw.settle(str(path), table[:, 1].copy(), table[:, 0].copy(), rate)
+    time, remarks = raw.settle(str(path), stamps, number, rate)
     return raw.RawRecording(
         header.markers,
         time,
@@ -93,7 +89,7 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
         rate,
         unit=unit,
         unit_is_stated=bool(stated_unit),
-        remarks=header.remarks + _frame_count(header, len(table)) + remarks,
+        remarks=header.remarks + _frame_count(header, len(time)) + remarks,
     )
 
 

@@ -54,8 +54,8 @@ class Horizon:
     swing_limit_rad: float = 3 * np.pi / 8
 
     def __post_init__(self) -> None:
-        if self.hops not in range(1, 7):
-            raise ConfigError(f"hops: expected 1 to 6, found {self.hops}")
+        if self.hops not in range(1, 17):
+            raise ConfigError(f"hops: expected 1 to 16, found {self.hops}")
         if not (_is_finite(self.swing_limit_rad) and 0 < self.swing_limit_rad <= np.pi):
             raise ConfigError(
                 f"swing_limit_rad: expected more than 0, at most pi, found {self.swing_limit_rad}"

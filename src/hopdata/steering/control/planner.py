@@ -14,7 +14,7 @@ arrive early and to stay.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -147,14 +147,6 @@ class HeadingGrid(_Grid):
 Grid: TypeAlias = PointGrid | HeadingGrid
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlannerOptions:
-    """On which grids the cost-to-go is computed."""
-
-    point_grid: PointGrid = field(default_factory=PointGrid)
-    heading_grid: HeadingGrid = field(default_factory=HeadingGrid)
-
-
 @dataclass(frozen=True)
 class CostToGo:
     """Cost-to-go on a grid.
@@ -165,13 +157,10 @@ class CostToGo:
         By distance, bearing and boom angle, or by heading error and boom angle. Bearings and errors
         are spaced evenly from -pi on, boom angles from 0 on.
     grid : PointGrid or HeadingGrid
-    sweeps : int
-        Improvements of the policy that it took.
     """
 
     values: FloatArray
     grid: Grid
-    sweeps: int
 
     @cached_property
     def _closed(self) -> FloatArray:
@@ -219,12 +208,12 @@ def cost_to_go(model: TabulatedMap, grid: Grid) -> CostToGo:
     booms = np.broadcast_to(_boom_places(boom + swing, grid.boom_angles), now.shape)
     places = np.stack([*grid.places(left), booms])
     values = np.zeros(now.shape[:-1])
-    for sweep in range(1, MOST_SWEEPS + 1):
+    for _ in range(MOST_SWEEPS):
         costs = now + DISCOUNT * _between(_closed(values), places)
         best = costs.argmin(axis=-1)[..., None]
         before, values = values, np.take_along_axis(costs, best, axis=-1)[..., 0]
         if np.abs(values - before).max() < TOLERANCE:
-            return CostToGo(values, grid, sweep)
+            return CostToGo(values, grid)
         stage = np.take_along_axis(now, best, axis=-1)[..., 0]
         chosen = np.take_along_axis(places, best[None], axis=-1)[..., 0]
         for _ in range(SWEEPS_BETWEEN):
@@ -243,7 +232,6 @@ class Planner:
     model : TabulatedMap
     objective : ToPoint or ToHeading
     horizon : Horizon
-    options : PlannerOptions
     cost_to_go : CostToGo
         Of the kind of the objective; the same for all points, and for all headings.
     """
@@ -251,14 +239,13 @@ class Planner:
     model: TabulatedMap
     objective: objectives.Objective
     horizon: objectives.Horizon
-    options: PlannerOptions
     cost_to_go: CostToGo
 
     def towards(self, objective: objectives.Objective) -> Planner:
         """Return a planner with another objective; of the other kind, it is computed anew."""
         if isinstance(objective, type(self.objective)):
             return replace(self, objective=objective)
-        return planner(self.model, objective, horizon=self.horizon, options=self.options)
+        return planner(self.model, objective, horizon=self.horizon)
 
     def plan(
         self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
@@ -302,16 +289,14 @@ def planner(
     objective: objectives.Objective | None = None,
     *,
     horizon: objectives.Horizon | None = None,
-    options: PlannerOptions | None = None,
+    grid: Grid | None = None,
 ) -> Planner:
     """Compute the cost-to-go, which takes a few seconds, and return the planner that uses it."""
     objective, horizon = objective or objectives.ToPoint(), horizon or objectives.Horizon(hops=2)
-    options = options or PlannerOptions()
     if horizon.hops not in SWINGS_TRIED:
         raise ConfigError(f"hops: expected one of {sorted(SWINGS_TRIED)}, found {horizon.hops}")
     limit = horizon.swing_limit_rad
     if not (isinstance(model, TabulatedMap) and model.swing_limit_rad == limit):
         model = tabulated(model, limit)
-    turns = isinstance(objective, objectives.ToHeading)
-    grid = options.heading_grid if turns else options.point_grid
-    return Planner(model, objective, horizon, options, cost_to_go(model, grid))
+    usual = HeadingGrid if isinstance(objective, objectives.ToHeading) else PointGrid
+    return Planner(model, objective, horizon, cost_to_go(model, grid or usual()))

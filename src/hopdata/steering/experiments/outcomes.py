@@ -1,192 +1,66 @@
-"""The outcomes of all runs in a table: success rates and hops to the goal, with intervals."""
+"""The outcomes of all runs in a table, and what was observed and learned against the truth."""
 
 from __future__ import annotations
 
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.rigid import wrapped
-from hopdata.steering.excitation import BOOTSTRAP
 from hopdata.steering.experiments import tasks
 from hopdata.steering.models.tabulated import FrameChangeMap
 from hopdata.steering.trial import TrueFrameChanges
 
-# Intervals for few runs: of a rate, of a median, of a ratio of medians.
+# What is asked of the planner in its worst seed: the share of runs that succeed, and the most hops,
+# in those of the policy that knows the true map.
+ASKED_RATE, ASKED_RATIO = 27 / 30, 1.3
+
+GROUP = ["experiment", "controller"]
+WAYS = {"late": tasks.LATE, "fell": tasks.FELL, "untouched": tasks.UNTOUCHED}
 
 
-def rate_interval(successes: int, runs: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the interval of a rate after Clopper and Pearson (1934), never too narrow.
-
-    Parameters
-    ----------
-    successes, runs : int
-    confidence : float
-        Of the two-sided interval.
-    """
-    from scipy.special import betaincinv
-
-    tail = (1 - confidence) / 2
-    failures = runs - successes
-    low = 0.0 if successes == 0 else float(betaincinv(successes, failures + 1, tail))
-    high = 1.0 if failures == 0 else float(betaincinv(successes + 1, failures, 1 - tail))
-    return low, high
-
-
-def median_interval(values: ArrayLike, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the interval of a median by order statistics, whatever the distribution.
-
-    Parameters
-    ----------
-    values : (n,) array
-    confidence : float
-        At least this; NaN if `values` are too few for it.
-    """
-    from scipy.special import bdtr
-
-    ordered = np.sort(np.asarray(values, dtype=float))
-    n = len(ordered)
-    outside = bdtr(np.arange(max(n, 1)), max(n, 1), 0.5)  # P(at most r of n are below the median)
-    far = np.flatnonzero(outside <= (1 - confidence) / 2)
-    if n == 0 or not len(far):
-        return float("nan"), float("nan")
-    r = int(far[-1])
-    return float(ordered[r]), float(ordered[n - 1 - r])
-
-
-def ratio_interval(
-    values: ArrayLike,
-    others: ArrayLike,
-    *,
-    rng: np.random.Generator,
-    confidence: float = 0.95,
-    draws: int = 2000,
-) -> tuple[float, float, float]:
-    """Return the ratio of two medians over paired runs, with its bootstrap interval.
-
-    Parameters
-    ----------
-    values, others : (n,) arrays
-        Pairs: both of one start.
-    rng : numpy Generator
-        Source of the draws of pairs.
-    confidence : float
-    draws : int
-
-    Returns
-    -------
-    ratio, low, high : float
-        NaN without pairs; the interval, too, if they are so few that the medians have none.
-    """
-    pairs = np.column_stack([np.asarray(values, dtype=float), np.asarray(others, dtype=float)])
-    if not len(pairs):
-        return float("nan"), float("nan"), float("nan")
-    drawn = np.median(pairs[rng.integers(0, len(pairs), (draws, len(pairs)))], axis=1)
-    tail = (1 - confidence) / 2
-    low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [tail, 1 - tail])
-    medians = np.median(pairs, axis=0)
-    if np.isnan(median_interval(pairs[:, 0], confidence)[0]):  # a few draws would look certain
-        low = high = np.nan
-    return float(medians[0] / medians[1]), float(low), float(high)
-
-
-# What is asked of whom: the least share of runs that succeed.
-ASKED = {
-    ("origin", tasks.FACING, tasks.PRINTED): 24 / 30,
-    ("turn", tasks.ANY, tasks.PRINTED): 1.0,
-    ("origin", tasks.ANY, tasks.PLANNER): 27 / 30,
-    ("origin_board", tasks.ANY, tasks.PLANNER): 24 / 30,
-}
-# The most hops, in those of the policy that knows the true map.
-ASKED_RATIO = {
-    ("origin", tasks.ANY, tasks.PLANNER): 1.3,
-    ("origin_board", tasks.ANY, tasks.PLANNER): 1.3,
-}
-
-GROUP = ["experiment", "start", "controller"]
-
-
-def outcome_table(runs: pd.DataFrame, *, seed: int, confidence: float = 0.95) -> pd.DataFrame:
-    """Sum up runs, one row for each experiment, start and controller.
+def outcome_table(runs: pd.DataFrame) -> pd.DataFrame:
+    """Sum up runs over the seeds, one row for each experiment and controller.
 
     Parameters
     ----------
     runs : DataFrame
-        One row a run, as from `hopdata.steering.experiments.study.run_experiment`.
-    seed : int
-        Of the bootstrap of ratios.
-    confidence : float
-        Of all intervals.
+        One row a run, with its ``seed``; see `hopdata.steering.experiments.study`.
 
     Returns
     -------
     DataFrame
-        ``experiment, start, controller, runs, succeeded, rate`` and its interval
-        ``rate_low, rate_high``; ``hops`` (median over the runs that succeeded) with
-        ``hops_low, hops_high``; ``late, left, fell`` (runs that failed so); ``stances, blind``
-        (stances planned at, and those at which nothing was known); ``paired_starts, hops_ratio,
-        ratio_low, ratio_high`` (hops over those of the policy that knows the map, over starts from
-        which both succeeded); ``asked_rate, asked_ratio`` (NaN where nothing is asked) and ``met``
-        (whether all that is asked holds; empty where nothing is).
+        ``experiment, controller, seeds, runs`` (all); of the runs that succeeded the least and the
+        median share of a seed (``worst, median``) and the seed with the least (``worst_seed``);
+        ``hops`` (median over the runs that succeeded); ``ratio, worst_ratio``: hops over those of
+        the policy that knows the map, from the starts from which both succeed (medians), median and
+        largest over the seeds; ``last_error`` (median of the runs that succeeded, m or rad);
+        ``late, fell, untouched`` (runs that failed so); ``touched`` (runs that touched the
+        board); ``blind`` (stances at which nothing was known); ``met``: whether the worst seed
+        does what is asked of the planner, empty for the others.
     """
     rows = []
-    for key, group in runs.groupby(GROUP, sort=False):
-        best = runs[
-            (runs["experiment"] == key[0]) & (runs["start"] == key[1])
-            & (runs["controller"] == tasks.CEILING)
-        ]  # fmt: skip
-        rows.append(_row(key, group, best, seed, confidence))
+    for (experiment, controller), group in runs.groupby(GROUP, sort=False):
+        of_all = runs[runs["experiment"] == experiment]
+        best = of_all[(of_all["controller"] == tasks.CEILING) & of_all["success"]]
+        good, rates = group[group["success"]], group.groupby("seed")["success"].mean()
+        pairs = good.merge(best, on=["seed", "run"], suffixes=("", "_best")).groupby("seed")
+        ratios = pairs["hops"].median() / pairs["hops_best"].median()
+        row: dict[str, Any] = {
+            "experiment": experiment, "controller": controller, "seeds": len(rates),
+            "runs": len(group), "worst": rates.min(), "median": rates.median(),
+            "worst_seed": rates.idxmin(), "hops": good["hops"].median(),
+            "ratio": ratios.median(), "worst_ratio": ratios.max(),
+            "last_error": good["last_error"].median(),
+            **{name: int((group["reason"] == reason).sum()) for name, reason in WAYS.items()},
+            "touched": int((group["touched"] > 0).sum()), "blind": int(group["blind"].sum()),
+        }  # fmt: skip
+        met = row["worst"] >= ASKED_RATE - 1e-9 and row["worst_ratio"] <= ASKED_RATIO
+        asked = controller == tasks.PLANNER
+        rows.append(row | {"met": ("yes" if met else "no") if asked else ""})
     return pd.DataFrame(rows)
-
-
-def _row(
-    key: Any, group: pd.DataFrame, best: pd.DataFrame, seed: int, confidence: float
-) -> dict[str, Any]:
-    succeeded = group["success"].astype(bool)
-    hops = group.loc[succeeded, "hops"].to_numpy(dtype=float)
-    rate_low, rate_high = rate_interval(int(succeeded.sum()), len(group), confidence)
-    hops_low, hops_high = median_interval(hops, confidence)
-    reasons = group["reason"].value_counts()
-    ways = {"late": tasks.LATE, "left": tasks.LEFT, "fell": tasks.FELL}
-    row = {
-        **dict(zip(GROUP, key, strict=True)),
-        "runs": len(group),
-        "succeeded": int(succeeded.sum()),
-        "rate": float(succeeded.mean()),
-        "rate_low": rate_low,
-        "rate_high": rate_high,
-        "hops": float(np.median(hops)) if len(hops) else float("nan"),
-        "hops_low": hops_low,
-        "hops_high": hops_high,
-        **{name: int(reasons.get(reason, 0)) for name, reason in ways.items()},
-        "stances": int(group["stances"].sum()),
-        "blind": int(group["blind"].sum()),
-    }
-    row |= _ratio(group[succeeded], best[best["success"].astype(bool)], seed, confidence)
-    asked = {"asked_rate": ASKED.get(key, np.nan), "asked_ratio": ASKED_RATIO.get(key, np.nan)}
-    return row | asked | {"met": _met(row, asked)}
-
-
-def _ratio(group: pd.DataFrame, best: pd.DataFrame, seed: int, confidence: float) -> dict[str, Any]:
-    pairs = group.merge(best, on="run", suffixes=("", "_best"))
-    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(BOOTSTRAP,)))
-    ratio, low, high = ratio_interval(
-        pairs["hops"], pairs["hops_best"], rng=rng, confidence=confidence
-    )
-    return {
-        "paired_starts": len(pairs), "hops_ratio": ratio, "ratio_low": low, "ratio_high": high
-    }  # fmt: skip
-
-
-def _met(row: dict[str, Any], asked: dict[str, float]) -> str:
-    if np.isnan(asked["asked_rate"]):
-        return ""
-    often = row["rate"] >= asked["asked_rate"] - 1e-9
-    soon = np.isnan(asked["asked_ratio"]) or row["hops_ratio"] <= asked["asked_ratio"]
-    return "yes" if often and soon else "no"
 
 
 # What was observed and learned against what the simulator knows.

@@ -130,30 +130,24 @@ class WatchedHopper:
     def _watched(self, hop: SteeredHop) -> Observation | None:
         """Return the frame with a pose that was nearest to the stance."""
         past: list[_Frame] = []
-        found = None
-        for now, markers in zip(hop.frame_time_s.tolist(), self._seen(hop), strict=True):
+        found, all_seen = None, self._seen(hop)
+        # Where all body markers are seen their mean is the height, whatever the attitude.
+        means = all_seen[:, self._body].mean(axis=1)
+        heights = np.where(np.isfinite(means).all(axis=1), means[:, 2], np.nan).tolist()
+        for now, markers, height in zip(hop.frame_time_s.tolist(), all_seen, heights, strict=True):
+            told = None
             if self._frames is not None:
                 self._frames.append((now, markers))
-            height, told = self._height(now, markers, past)
+            if np.isnan(height):
+                if past and past[-1][2] is None:  # to lean on
+                    self._tracker.feed(*past[-1][:2])
+                told = self._tracker.feed(now, markers)
+                height = told.height_m
             past.append((now, markers, told))
             stance = self._detector.feed(now, height)
             if stance is not None:
                 found = self._nearest(past, stance.time_s)
         return found
-
-    def _height(
-        self, now: float, markers: FloatArray, past: list[_Frame]
-    ) -> tuple[float, Observation | None]:
-        """Height of the body, m; what the tracker said, if it had to be asked.
-
-        Where all body markers are seen their mean is the height, whatever the attitude.
-        """
-        if np.isfinite(markers[self._body]).all():
-            return float(markers[self._body, 2].mean()), None
-        if past and past[-1][2] is None:  # to lean on
-            self._tracker.feed(*past[-1][:2])
-        told = self._tracker.feed(now, markers)
-        return told.height_m, told
 
     def _nearest(self, past: list[_Frame], time_s: float) -> Observation | None:
         """Return the nearest frame with a pose, if one is near."""
@@ -182,9 +176,18 @@ class WatchedHopper:
 # Columns of the stances of a run: poses as they truly were, as they were seen (NaN where not), and
 # as the controller's model foretold them from the stance before (NaN for the first). The boom angle
 # is as seen, or by the swing that was commanded; the swing is that of the hop after; the board's
-# place is along its direction, NaN without one.
+# place is along its direction, NaN without one; whether it was touched is of the hop before.
 MEASURED, PREDICTED = ([f"{kind}_{name}" for name in POSE] for kind in ("measured", "predicted"))
-COLUMNS = ["time_s", *POSE, *MEASURED, "boom_angle_rad", "swing_rad", *PREDICTED, "board_m"]
+COLUMNS = [
+    "time_s",
+    *POSE,
+    *MEASURED,
+    "boom_angle_rad",
+    "swing_rad",
+    *PREDICTED,
+    "board_m",
+    "touched",
+]
 
 
 @dataclass(frozen=True)
@@ -197,12 +200,15 @@ class Run:
         One row a stance: `COLUMNS`; times are since the release.
     blind : int
         Stances at which nothing was planned, since no pose was known: the boom held still.
+    last_error : float
+        Error at the last stance, m or rad.
     outcome : Outcome
         Judged by the true poses.
     """
 
     stances: pd.DataFrame
     blind: int
+    last_error: float
     outcome: Outcome
 
 
@@ -233,9 +239,9 @@ def run_task(
     frames : list, optional
         Takes time, s, and markers (M, 3), m, of each frame as the cameras saw it.
     """
-    kicks, noise, gaps = start.streams()
+    kicks, noise, gaps, _ = start.streams()
     hopper = WatchedHopper(
-        robot, sight, start.pose, most_hops=task.most_hops + 2, kicks=kicks, noise=noise,
+        robot, sight, start.pose, most_hops=task.hops + 2, kicks=kicks, noise=noise,
         gaps=gaps, board=board, frames=frames,
     )  # fmt: skip
     goal, unknown = goal_of(task.manoeuvre, start.pose), np.full(3, np.nan)
@@ -253,13 +259,17 @@ def run_task(
         swing, blind = (0.0, blind + 1) if plan is None else (plan.swing_rad, blind)
         place = np.nan if hopper.board is None else hopper.board.place_m
         measured = unknown if seen is None else seen.pose
-        rows.append([stance.time_s, *stance.pose, *measured, boom, swing, *foretold, place])
+        rows.append(
+            [stance.time_s, *stance.pose, *measured, boom, swing, *foretold, place, stance.touched]
+        )
         foretold = unknown if plan is None else plan.poses[1]
         errors.append(float(errors_left(goal, stance.pose)))
         if decided(task, errors):
             break
-    outcome = judged(task, errors, fell=stance.fell)
-    return Run(pd.DataFrame(rows, columns=COLUMNS, dtype=float), blind, outcome)
+    made = pd.DataFrame(rows, columns=COLUMNS, dtype=float)
+    touched = board is None or bool(made["touched"].any())
+    outcome = judged(task, errors, fell=stance.fell, touched=touched)
+    return Run(made, blind, errors[-1] if errors else np.nan, outcome)
 
 
 def _plan(

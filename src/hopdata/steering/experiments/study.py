@@ -1,9 +1,11 @@
-"""One experiment: all controllers from all starts, and a typical run to look at."""
+"""The experiments: all controllers from all starts, and typical runs to look at."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -11,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import pd
 from hopdata.blas import one_blas_thread
-from hopdata.errors import chosen
 from hopdata.rigid import composed, inverse
 from hopdata.steering.control.objectives import Controller, errors_left
 from hopdata.steering.experiments import tasks
@@ -63,30 +64,33 @@ def simulated(controller: Controller, task: tasks.Task, start: ArrayLike, run: R
 SHOWN = tasks.PLANNER  # whose run of median hops is the example
 FILM_HZ = 10.0
 
-Shown: TypeAlias = tuple[tasks.Policy, tasks.Start, Run]
+Shown: TypeAlias = tuple[tasks.Start, Run]
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class ExperimentTables:
-    """Runs and stances of an experiment, and one typical run with what the model says of it.
+    """Runs and stances of experiments, and a typical run of each with what the model says of it.
 
     Parameters
     ----------
     runs : DataFrame
-        One row a run: ``experiment, start, controller, run, model`` (number of the learned
-        model), ``success, hops`` (-1 if it never arrived), ``reason, stances, blind``.
+        One row a run: ``experiment, controller, run, success, hops`` (-1 if it never arrived),
+        ``reason, stances, blind, touched`` (stances in which the board was touched),
+        ``last_error`` (m or rad).
     stances : DataFrame
         One row a stance: the run, ``stance, time_s``, the true pose, the measured pose (columns
         ``measured_...``), ``boom_angle_rad, swing_rad``, the pose foretold from the stance before
-        (``predicted_...``) and ``board_m``.
-    film : DataFrame
-        The markers of that run at `FILM_HZ`: ``time_s`` (0 at the first stance), ``marker, x_m,
-        y_m, z_m``.
+        (``predicted_...``), ``board_m`` and ``touched``.
     example : DataFrame
         Three curves of one run: ``curve`` is "measured", "response" (foretold from each measured
         stance) or "pure" (controller and model alone); ``stance, time_s`` and the pose, a turn's in
         the frame of its start; ``near`` (when the goal counts as reached, m or rad) and of the
         board ``board_x, board_y`` (direction), ``board_first_m`` and ``board_m`` (where it was).
+    film : DataFrame
+        The markers of that run at `FILM_HZ`: ``experiment, time_s`` (0 at the first stance),
+        ``marker, x_m, y_m, z_m``.
     """
 
     runs: pd.DataFrame
@@ -107,105 +111,141 @@ class Setting:
     @property
     def manoeuvre(self) -> str:
         """What is asked: to come to the origin, or to turn."""
-        return chosen("experiment", self.experiment, tasks.EXPERIMENTS)[0]
+        return tasks.EXPERIMENTS[self.experiment][0]
 
-    def task(self, heading: str = tasks.ANY) -> tasks.Task:
-        """Return what a run from this kind of start must do."""
-        return tasks.tasks_of(self.options)[self.manoeuvre, heading]
+    @property
+    def task(self) -> tasks.Task:
+        """What a run must do."""
+        return tasks.task_of(self.options, self.manoeuvre)
 
     def board(self, start: tasks.Start) -> Board | None:
         """Return the board in the way of a run, if there is one."""
-        if tasks.EXPERIMENTS[self.experiment][1] != tasks.BOARD:
+        manoeuvre, impeded = tasks.EXPERIMENTS[self.experiment]
+        if not impeded:
             return None
-        drag_n, ahead_m = self.options["drag_n"], self.options["board_ahead_m"]
-        return tasks.board_for(self.manoeuvre, start.pose, drag_n=drag_n, ahead_m=ahead_m)
+        ahead_m = self.options["board_ahead_m" if manoeuvre == tasks.ORIGIN else "turn_ahead_m"]
+        return tasks.board_for(
+            manoeuvre, start.pose, drag_n=self.options["drag_n"], ahead_m=ahead_m
+        )
 
-    def controller(self, policy: tasks.Policy, start: tasks.Start) -> Controller:
-        """Return the controller of a run."""
-        return policy(tasks.goal_of(self.manoeuvre, start.pose))
-
-    def run(
-        self, policy: tasks.Policy, start: tasks.Start, heading: str, frames: Frames | None = None
-    ) -> Run:
+    def run(self, policy: tasks.Policy, start: tasks.Start, frames: Frames | None = None) -> Run:
         """Let a controller steer from a start; `frames` takes what the cameras see."""
-        controller, task = self.controller(policy, start), self.task(heading)
-        board = self.board(start)
-        return run_task(self.robot, self.sight, controller, task, start, board=board, frames=frames)
+        return run_task(
+            self.robot, self.sight, policy(start), self.task, start, board=self.board(start),
+            frames=frames,
+        )  # fmt: skip
 
 
 @one_blas_thread()
-def experiment_of(
-    experiment: str,
+def experiments_of(
+    names: Sequence[str],
+    controllers: Sequence[str],
     steering: Mapping[str, Any],
     motion_capture: Mapping[str, Any],
     *,
-    models: Sequence[FrameChangeMap],
+    model: FrameChangeMap,
     truth: TrueFrameChanges,
     geometry: HopperGeometry,
-    seed: int,
+    seed: np.random.SeedSequence,
 ) -> ExperimentTables:
-    """Run an experiment on the simulated robot.
+    """Run experiments on the simulated robot.
 
     Parameters
     ----------
-    experiment : str
-        A name of `EXPERIMENTS`.
+    names : sequence of str
+        Of `EXPERIMENTS`.
+    controllers : sequence of str
+        Who steers.
     steering, motion_capture : mapping
         These blocks of the configuration.
-    models : sequence of FrameChangeMap
-        What was learned, from one set of hops each; the starts take turns with them.
+    model : FrameChangeMap
+        What was learned.
     truth : TrueFrameChanges
         For the policy that knows it.
     geometry : HopperGeometry
         From the calibration.
-    seed : int
-        The study's.
+    seed : SeedSequence
+        Of the excitation that was learned from.
     """
     camera, options = camera_of(motion_capture), steering["experiments"]
     robot = robot_of(steering["robot"], camera)
     sight = Sight(camera, geometry, draw_floor(camera.floor, tasks.floor_stream(seed)))
-    setting = Setting(experiment, options, robot, sight)
-    policies = tasks.policies(
-        steering["control"],
-        setting.manoeuvre,
-        models=models,
-        truth=truth,
-        swing_limit_rad=robot.swing_limit_rad,
-    )
-    runs, stances, shown = [], [], []
-    for (heading, name), makers in policies.items():
-        for start in tasks.draw_starts(
-            experiment, heading, options["starts"], distance_m=options["distance_m"], seed=seed
-        ):
-            model = start.number % len(makers)
-            run = setting.run(makers[model], start, heading)
-            key = {
-                "experiment": experiment, "start": heading, "controller": name, "run": start.number
-            }  # fmt: skip
-            summary = {"stances": len(run.stances), "blind": run.blind}
-            runs.append(key | {"model": model + 1} | vars(run.outcome) | summary)
+    parts = []
+    for name in names:
+        setting = Setting(name, options, robot, sight)
+        starts = tasks.draw_starts(
+            name, options["starts"], distance_m=options["distance_m"], seed=seed
+        )
+        policies = tasks.policies(
+            controllers, steering["control"], setting.manoeuvre, model=model,
+            truth=truth.average(), swing_limit_rad=robot.swing_limit_rad,
+        )  # fmt: skip
+        parts.append(_tables(setting, policies, starts))
+    tables = (chain.from_iterable(pieces) for pieces in zip(*parts, strict=True))
+    return ExperimentTables(*(pd.concat(pieces, ignore_index=True) for pieces in tables))
+
+
+FEW = 10  # starts from which horizons are compared
+
+
+def horizons_of(
+    steering: Mapping[str, Any], motion_capture: Mapping[str, Any], **learned: Any
+) -> pd.DataFrame:
+    """Let the printed controller go to the origin with other horizons, everything else the same.
+
+    For the other parameters see `experiments_of`.
+
+    Returns
+    -------
+    DataFrame
+        ``horizon, runs, succeeded`` and ``hops``, the median over the runs that succeeded.
+    """
+    few = dict(steering["experiments"], starts=min(FEW, steering["experiments"]["starts"]))
+    rows = []
+    for hops in steering["experiments"]["horizons"]:
+        control = dict(steering["control"], horizon=hops)
+        asked = {**steering, "control": control, "experiments": few}
+        runs = experiments_of(
+            [tasks.ORIGIN], [tasks.PRINTED], asked, motion_capture, **learned
+        ).runs
+        good = runs[runs["success"]]
+        rows.append((hops, len(runs), len(good), good["hops"].median()))
+    return pd.DataFrame(rows, columns=["horizon", "runs", "succeeded", "hops"])
+
+
+def _tables(
+    setting: Setting, policies: Mapping[str, tasks.Policy], starts: Sequence[tasks.Start]
+) -> tuple[list[pd.DataFrame], ...]:
+    """Return the four tables of an experiment, each in pieces."""
+    runs, stances, example, film = [], [], [pd.DataFrame()], [pd.DataFrame()]
+    for name, policy in policies.items():
+        made = [setting.run(policy, start) for start in starts]
+        good = sum(run.outcome.success for run in made)
+        logger.info("%s, %s: %d of %d", setting.experiment, name, good, len(made))
+        for start, run in zip(starts, made, strict=True):
+            key = {"experiment": setting.experiment, "controller": name, "run": start.number}
+            touched = int(run.stances["touched"].sum())
+            summary = {"stances": len(run.stances), "blind": run.blind, "touched": touched}
+            row = key | vars(run.outcome) | summary | {"last_error": run.last_error}
+            runs.append(pd.DataFrame([row]))
             stances.append(pd.DataFrame({**key, "stance": run.stances.index, **run.stances}))
-            if (heading, name) == (tasks.ANY, SHOWN):
-                shown.append((makers[model], start, run))
-    policy, start, run = typical(shown)
-    return ExperimentTables(
-        pd.DataFrame(runs),
-        pd.concat(stances, ignore_index=True),
-        _example(setting, policy, start, run),
-        _film(setting, policy, start, run.stances["time_s"].iloc[0]),
-    )
+        if name == SHOWN:
+            start, run = typical(list(zip(starts, made, strict=True)))
+            example.append(_example(setting, policy, start, run))
+            film.append(_film(setting, policy, start, run.stances["time_s"].iloc[0]))
+    return runs, stances, example, film
 
 
 def typical(runs: list[Shown]) -> Shown:
     """Return the run of median hops among those that succeeded; the first if none did."""
-    good = sorted((one for one in runs if one[2].outcome.success), key=lambda s: s[2].outcome.hops)
+    good = sorted((one for one in runs if one[1].outcome.success), key=lambda s: s[1].outcome.hops)
     return good[(len(good) - 1) // 2] if good else runs[0]
 
 
 def _example(setting: Setting, policy: tasks.Policy, start: tasks.Start, run: Run) -> pd.DataFrame:
     """Return the three curves of a run; a turn is given in the frame of its start."""
-    task, board = setting.task(), setting.board(start)
-    alone = simulated(setting.controller(policy, start), task, start.pose, run)
+    task, board = setting.task, setting.board(start)
+    alone = simulated(policy(start), task, start.pose, run)
     table = pd.concat([_curves(run), alone], ignore_index=True)
     into = (np.nan, np.nan) if board is None else board.direction
     if setting.manoeuvre == tasks.TURN:  # from the origin; the board stands across its heading
@@ -227,14 +267,14 @@ def _film(
 ) -> pd.DataFrame:
     """Make a run again, which the same chance makes the same, and keep some of its frames."""
     frames: Frames = []
-    setting.run(policy, start, tasks.ANY, frames)
+    setting.run(policy, start, frames)
     kept = frames[:: max(1, round(setting.sight.camera.rate_hz / FILM_HZ))]
     places = np.array([markers for _, markers in kept])
     names = [f"body{i + 1}" for i in range(places.shape[1] - 1)] + ["boom"]
     table = pd.DataFrame(places.reshape(-1, 3), columns=["x_m", "y_m", "z_m"])
     table.insert(0, "marker", np.tile(names, len(kept)))
     table.insert(0, "time_s", np.repeat([time for time, _ in kept], len(names)) - first_s)
-    return table
+    return table.assign(experiment=setting.experiment)
 
 
 def _curves(run: Run) -> pd.DataFrame:

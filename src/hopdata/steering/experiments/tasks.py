@@ -1,4 +1,4 @@
-"""The experiments: what is asked, from where, and when it counts as done (dissertation, 3.5)."""
+"""The experiments: what is asked, from where, and who steers (dissertation, Sec. 3.5)."""
 
 from __future__ import annotations
 
@@ -10,35 +10,31 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import chosen, require_choice
+from hopdata.errors import chosen
 from hopdata.rigid import wrapped
-from hopdata.steering.control.objectives import Controller, Horizon, Objective, ToHeading, ToPoint
+from hopdata.steering.control.objectives import (
+    Controller,
+    Horizon,
+    Objective,
+    Plan,
+    ToHeading,
+    ToPoint,
+)
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import PrintedController
-from hopdata.steering.excitation import FLOOR, START
-from hopdata.steering.models.tabulated import FrameChangeMap, TabulatedMap
+from hopdata.steering.excitation import FLOOR, START, child
+from hopdata.steering.models.tabulated import FrameChangeMap, TabulatedMap, tabulated
 from hopdata.steering.robot import Board
-from hopdata.steering.trial import TrueFrameChanges
 
 ORIGIN, TURN = "origin", "turn"
-FREE, BOARD = "free", "board"
-FACING, ANY = HEADINGS = ("facing", "any")
 
-# Name of each experiment: its manoeuvre and its way, and the figure of the dissertation.
-EXPERIMENTS: Mapping[str, tuple[str, str]] = {
-    "origin": (ORIGIN, FREE),
-    "turn": (TURN, FREE),
-    "origin_board": (ORIGIN, BOARD),
-    "turn_board": (TURN, BOARD),
+# Name of each experiment: its manoeuvre, and whether a board stands in the way.
+EXPERIMENTS: Mapping[str, tuple[str, bool]] = {
+    "origin": (ORIGIN, False),
+    "turn": (TURN, False),
+    "origin_board": (ORIGIN, True),
+    "turn_board": (TURN, True),
 }
-
-
-MANOEUVRES = {ORIGIN: True, TURN: False}  # whether it leads to the origin
-
-
-def to_origin(manoeuvre: str) -> bool:
-    """Tell whether a manoeuvre, one of `MANOEUVRES`, leads to the origin; the other turns."""
-    return chosen("manoeuvre", manoeuvre, MANOEUVRES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,23 +48,13 @@ class Task:
     near : float
         Distance from the origin, m, or error of the heading, rad, at which it has arrived.
     hops : int
-        Hops in which it must.
-    stay : float
-        Distance within which it must stay after that, m.
-    stay_hops : int
-        For how many hops.
+        Hops in which it must. With the arrival the run ends: the hopper, which goes forward in each
+        hop, cannot stay.
     """
 
     manoeuvre: str
     near: float
     hops: int
-    stay: float = np.inf
-    stay_hops: int = 0
-
-    @property
-    def most_hops(self) -> int:
-        """Hops after which a run ends, whatever it does."""
-        return self.hops + self.stay_hops
 
 
 @dataclass(frozen=True)
@@ -81,33 +67,21 @@ class Outcome:
 
 
 ARRIVED = "arrived"
-LEFT = "arrived, but left again"
 LATE = "not in time"
 FELL = "fell"
+UNTOUCHED = "arrived, but never touched the board"
 
 
-def tasks_of(experiments: Mapping[str, Any]) -> dict[tuple[str, str], Task]:
-    """Return the tasks by manoeuvre and start, from the config's ``steering.experiments``.
-
-    The printed controller starts facing the origin, and need not stay.
-    """
-    origin = Task(
-        manoeuvre=ORIGIN,
-        near=experiments["arrived_m"],
-        hops=experiments["hops"],
-        stay=experiments["stay_m"],
-        stay_hops=experiments["stay_hops"],
-    )
-    facing = Task(
-        manoeuvre=ORIGIN, near=experiments["printed_arrived_m"], hops=experiments["printed_hops"]
-    )
-    turn = Task(manoeuvre=TURN, near=experiments["turned_rad"], hops=experiments["turn_hops"])
-    return {(ORIGIN, ANY): origin, (ORIGIN, FACING): facing, (TURN, ANY): turn}
+def task_of(experiments: Mapping[str, Any], manoeuvre: str) -> Task:
+    """Return the task of a manoeuvre, from the config's ``steering.experiments``."""
+    if manoeuvre == TURN:
+        return Task(manoeuvre=TURN, near=experiments["turned_rad"], hops=experiments["turn_hops"])
+    return Task(manoeuvre=ORIGIN, near=experiments["arrived_m"], hops=experiments["hops"])
 
 
 def goal_of(manoeuvre: str, start: ArrayLike) -> Objective:
     """Return what a controller is told: the origin, or the heading opposite to the first."""
-    if to_origin(manoeuvre):
+    if manoeuvre == ORIGIN:
         return ToPoint(point_m=(0.0, 0.0))
     return ToHeading(heading_rad=float(wrapped(float(np.asarray(start)[2]) + np.pi)))
 
@@ -116,6 +90,9 @@ def board_for(
     manoeuvre: str, start: ArrayLike, *, drag_n: float, ahead_m: float, reach_m: float = 0.38
 ) -> Board:
     """Return the board in the way: across the line to the origin, or across the first heading.
+
+    It is as long as the floor. So whoever comes to the origin has pushed it, and so has whoever
+    turns round, if it is no farther than the hopper must go forward for that.
 
     Parameters
     ----------
@@ -131,7 +108,7 @@ def board_for(
     """
     pose = np.asarray(start, dtype=float)
     way = np.array([np.cos(pose[2]), np.sin(pose[2])])
-    if to_origin(manoeuvre):
+    if manoeuvre == ORIGIN:
         way = -pose[:2] / np.hypot(pose[0], pose[1])
     place = float(pose[:2] @ way) + ahead_m + reach_m
     return Board(
@@ -139,7 +116,7 @@ def board_for(
     )
 
 
-def judged(task: Task, errors: ArrayLike, *, fell: bool = False) -> Outcome:
+def judged(task: Task, errors: ArrayLike, *, fell: bool = False, touched: bool = True) -> Outcome:
     """Judge a run.
 
     Parameters
@@ -149,84 +126,18 @@ def judged(task: Task, errors: ArrayLike, *, fell: bool = False) -> Outcome:
         Errors at its stances, that at the first landing first: the k-th is k hops later.
     fell : bool
         Whether the run ended in a fall.
+    touched : bool
+        Whether the board was touched, if there is one: a run that it did not impede does not count.
     """
-    left = np.asarray(errors, dtype=float)
-    near = np.flatnonzero(left[: task.hops + 1] <= task.near)
+    near = np.flatnonzero(np.asarray(errors, dtype=float)[: task.hops + 1] <= task.near)
     if not len(near):
         return Outcome(False, -1, FELL if fell else LATE)
-    arrived = int(near[0])
-    after = left[arrived + 1 : arrived + 1 + task.stay_hops]
-    if np.any(after > task.stay):
-        return Outcome(False, arrived, LEFT)
-    if len(after) < task.stay_hops:
-        return Outcome(False, arrived, FELL)
-    return Outcome(True, arrived, ARRIVED)
+    return Outcome(touched, int(near[0]), ARRIVED if touched else UNTOUCHED)
 
 
-def decided(task: Task, errors: ArrayLike) -> bool:
+def decided(task: Task, errors: Sequence[float]) -> bool:
     """Whether more hops cannot change how the run is judged."""
-    left = np.asarray(errors, dtype=float)
-    near = np.flatnonzero(left[: task.hops + 1] <= task.near)
-    if not len(near):
-        return len(left) > task.hops
-    return len(left) > near[0] + task.stay_hops
-
-
-# Who steers: the printed controller, the one that is recommended, and one that knows the truth.
-
-Policy: TypeAlias = Callable[[Objective], Controller]
-
-PRINTED, PLANNER, CEILING = "printed", "planner", "ceiling"
-
-
-def policies(
-    options: Mapping[str, Any],
-    manoeuvre: str,
-    *,
-    models: Sequence[FrameChangeMap],
-    truth: TrueFrameChanges,
-    swing_limit_rad: float,
-) -> dict[tuple[str, str], list[Policy]]:
-    """Return what makes a controller for a goal, by start and name of the controller.
-
-    There is one for each model, with which the starts take turns.
-
-    Parameters
-    ----------
-    options : mapping
-        The config's ``steering.control``.
-    manoeuvre : {"origin", "turn"}
-    models : sequence of FrameChangeMap
-        What was learned, from one set of hops each.
-    truth : TrueFrameChanges
-        What the ceiling knows: the true frame change, averaged over the swing before.
-    swing_limit_rad : float
-    """
-    horizon = Horizon(hops=options["horizon"], swing_limit_rad=swing_limit_rad)
-    true_map = TabulatedMap(truth.average(), swing_limit_rad)
-
-    printed = [_printed(model, horizon) for model in models]
-    starts = {(FACING, PRINTED): printed} if to_origin(manoeuvre) else {}
-    return starts | {
-        (ANY, PRINTED): printed,
-        (ANY, PLANNER): [_recommended(options, manoeuvre, model, horizon) for model in models],
-        (ANY, CEILING): [_recommended(options, manoeuvre, true_map, horizon)],
-    }
-
-
-def _printed(model: FrameChangeMap, horizon: Horizon) -> Policy:
-    return PrintedController(model=model, horizon=horizon).towards
-
-
-def _recommended(
-    options: Mapping[str, Any], manoeuvre: str, model: FrameChangeMap, horizon: Horizon
-) -> Policy:
-    """Return what makes the recommended controller; what takes long is computed here, once."""
-    return planner(
-        model,
-        ToPoint() if to_origin(manoeuvre) else ToHeading(),
-        horizon=replace(horizon, hops=options["planner_horizon"]),
-    ).towards
+    return errors[-1] <= task.near or len(errors) > task.hops
 
 
 # Random starts: poses at which the operator lets the hopper go, and the chance of each run.
@@ -243,49 +154,103 @@ class Start:
     pose: FloatArray
     seed: np.random.SeedSequence
 
-    def streams(self) -> tuple[np.random.Generator, np.random.Generator, np.random.Generator]:
-        """Return generators of kicks, noise and gaps, new ones at every call."""
-        fresh = np.random.SeedSequence(self.seed.entropy, spawn_key=self.seed.spawn_key)
-        kicks, noise, gaps = (np.random.default_rng(one) for one in fresh.spawn(3))
-        return kicks, noise, gaps
+    def streams(self) -> list[np.random.Generator]:
+        """Return generators of kicks, noise, gaps and random swings, new ones at every call."""
+        return [np.random.default_rng(one) for one in child(self.seed).spawn(4)]
 
 
 def draw_starts(
-    experiment: str, heading: str, number: int, *, distance_m: float, seed: int
+    experiment: str, number: int, *, distance_m: float, seed: np.random.SeedSequence
 ) -> list[Start]:
-    """Draw the starts of an experiment.
+    """Draw the starts of an experiment, with any heading.
 
     Parameters
     ----------
     experiment : str
         A name of `EXPERIMENTS`. To the origin they lie at `distance_m` in any direction, turns
         begin at the origin.
-    heading : {"facing", "any"}
-        Whether the hopper faces the origin at first.
     number : int
         How many; the first ones are the same whatever the number.
     distance_m : float
-    seed : int
-        The study's.
+    seed : SeedSequence
+        Of the excitation that was learned from.
     """
-    require_choice("heading", heading, HEADINGS)
     manoeuvre, _ = chosen("experiment", experiment, EXPERIMENTS)
-    place = list(EXPERIMENTS).index(experiment)
-    starts = []
+    place, starts = list(EXPERIMENTS).index(experiment), []
     for k in range(number):
-        stream = np.random.SeedSequence(seed, spawn_key=(START, place, k))
-        bearing, turn = np.random.default_rng(stream).uniform(-np.pi, np.pi, 2)
+        stream = child(seed, START, place, k)
+        bearing, heading = np.random.default_rng(stream).uniform(-np.pi, np.pi, 2)
         x, y = distance_m * np.array([np.cos(bearing), np.sin(bearing)])
-        if not to_origin(manoeuvre):
-            pose = np.array([0.0, 0.0, turn])
-        elif heading == FACING:
-            pose = np.array([x, y, np.arctan2(-y, -x)])
-        else:
-            pose = np.array([x, y, turn])
+        pose = np.array([x, y, heading] if manoeuvre == ORIGIN else [0.0, 0.0, heading])
         starts.append(Start(k, pose, stream))
     return starts
 
 
-def floor_stream(seed: int) -> np.random.Generator:
+def floor_stream(seed: np.random.SeedSequence) -> np.random.Generator:
     """Return the stream from which the floor of all experiments is drawn."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(FLOOR,)))
+    return np.random.default_rng(child(seed, FLOOR))
+
+
+# Who steers.
+
+Policy: TypeAlias = Callable[[Start], Controller]
+
+PRINTED, PLANNER, RANDOM, NONE = CONTROLLERS = ("printed", "planner", "random", "none")
+CEILING = "ceiling"  # the planner that knows the true map; its hops are taken for the fewest
+
+
+@dataclass(frozen=True)
+class Unheeding:
+    """Swings at random up to a limit, or none if it is 0, whatever is seen."""
+
+    limit_rad: float
+    rng: np.random.Generator
+
+    def plan(self, pose: ArrayLike, _boom: float, _swung: float | None = None, /) -> Plan:
+        """Return the swing; where it leads is not known."""
+        swing = self.rng.uniform(-self.limit_rad, self.limit_rad, 1)
+        return Plan(swing, np.array([pose, [np.nan] * 3], dtype=float), np.nan)
+
+
+def policies(
+    names: Sequence[str],
+    options: Mapping[str, Any],
+    manoeuvre: str,
+    *,
+    model: FrameChangeMap,
+    truth: FloatArray,
+    swing_limit_rad: float,
+) -> dict[str, Policy]:
+    """Return what makes a controller for a start, by name; what takes long is computed here.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of `CONTROLLERS`, and `CEILING`.
+    options : mapping
+        The config's ``steering.control``.
+    manoeuvre : {"origin", "turn"}
+    model : FrameChangeMap
+        What was learned.
+    truth : (A, S, 3) array
+        What the ceiling knows: the true frame change, averaged over the swing before.
+    swing_limit_rad : float
+    """
+    horizon = Horizon(hops=options["horizon"], swing_limit_rad=swing_limit_rad)
+    learned = tabulated(model, swing_limit_rad)
+
+    def steered(controller: PrintedController | Any) -> Policy:
+        return lambda start: controller.towards(goal_of(manoeuvre, start.pose))
+
+    def planned(known: TabulatedMap) -> Policy:
+        ahead = replace(horizon, hops=options["planner_horizon"])
+        return steered(planner(known, goal_of(manoeuvre, np.zeros(3)), horizon=ahead))
+
+    makers: Mapping[str, Callable[[], Policy]] = {
+        PRINTED: lambda: steered(PrintedController(model=learned, horizon=horizon)),
+        PLANNER: lambda: planned(learned),
+        RANDOM: lambda: lambda start: Unheeding(swing_limit_rad, start.streams()[3]),
+        NONE: lambda: lambda start: Unheeding(0.0, start.streams()[3]),
+        CEILING: lambda: planned(TabulatedMap(truth, swing_limit_rad)),
+    }
+    return {name: chosen("controller", name, makers)() for name in names}

@@ -177,11 +177,6 @@ class LoopThread:
         self._task: asyncio.Task[Any] | None = None
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
-    @property
-    def alive(self) -> bool:
-        """Whether the thread runs."""
-        return self._thread.is_alive()
-
     def start(self) -> None:
         """Start the thread, and return when its loop runs."""
         self._thread.start()

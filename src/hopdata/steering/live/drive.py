@@ -16,7 +16,7 @@ from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import LoopCounts, Status, StreamCounts
 from hopdata.steering.live.loop import ControlLoop, Decision, write_logs
 from hopdata.steering.live.packets import PORT
-from hopdata.steering.live.safety import Boom, Limits
+from hopdata.steering.live.safety import Boom, Limits, Rest
 from hopdata.steering.live.stream import MarkerStream, Patience
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.live_stances import StanceDetector
@@ -27,10 +27,11 @@ SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # those of them that the system has
 
 @dataclass(frozen=True)
 class Drive:
-    """What happened: the decisions, the states of the stream, and what was counted."""
+    """What happened: decisions, states of the stream, rests of the boom, and what was counted."""
 
     decisions: tuple[Decision, ...]
     states: tuple[Status, ...]
+    rests: tuple[Rest, ...]
     stream: StreamCounts
     loop: LoopCounts
 
@@ -82,7 +83,7 @@ def drive(
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
     folder : path, optional
-        Where `decisions.csv`, `stream_states.csv` and `counts.csv` are written.
+        Where `decisions.csv`, `stream_states.csv`, `rests.csv` and `counts.csv` are written.
 
     Raises
     ------
@@ -103,6 +104,13 @@ def drive(
         Path(folder).mkdir(parents=True, exist_ok=True)  # complains now rather than after the drive
     names = (*geometry.body_names, str(geometry.boom_name))
     stream = MarkerStream(names, host=host, port=port, rate_hz=rate_hz, patience=patience)
+
+    def fault() -> str:
+        """Say whether the stream has been lost after its first frame."""
+        status = stream.states.status
+        gone = stream.counts.frames and status.state in ("lost", "failed", "closed")
+        return f"the stream is {status.state}: {status.message}" if gone else ""
+
     loop = ControlLoop(
         stream.buffer,
         lambda: (HopperTracker(geometry, names), StanceDetector.of(geometry, rate_hz=rate_hz)),
@@ -110,12 +118,19 @@ def drive(
         boom,
         limits=limits,
         on_decision=on_decision,
+        fault=fault,
+        stop=stop,
     )
     with _Signals() as signals:
         try:
             with stream, loop, signals.heeded():
-                stream.wait_until_streaming(first_frame_s)
-                stop.wait(seconds)
+                try:
+                    stream.wait_until_streaming(first_frame_s)
+                    stop.wait(seconds)
+                finally:
+                    loop.rest(
+                        f"told to end by {signals.first.name}" if signals.first else "the end"
+                    )
         finally:
             with suppress(Exception):  # the robot may be gone
                 boom.swing(0.0)
@@ -124,8 +139,9 @@ def drive(
             if folder is not None:
                 states = stream.states.history()
                 counts = {"stream": stream.counts, "loop": loop.counts}
-                write_logs(Path(folder), loop.decisions(), states, **counts)
-    return Drive(loop.decisions(), stream.states.history(), stream.counts, loop.counts)
+                write_logs(Path(folder), loop.decisions(), states, loop.watch.rests, **counts)
+    rests = tuple(loop.watch.rests)
+    return Drive(loop.decisions(), stream.states.history(), rests, stream.counts, loop.counts)
 
 
 class _Signals:

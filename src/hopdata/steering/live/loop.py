@@ -22,9 +22,9 @@ from hopdata.jobs import guarded, whole_file
 from hopdata.rigid import wrapped
 from hopdata.steering.control.objectives import Controller
 from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Status, joined
-from hopdata.steering.live.safety import Boom, Limits
+from hopdata.steering.live.safety import Boom, Limits, Rest, Watch
 from hopdata.steering.observation.live_stances import Stance, StanceDetector
-from hopdata.steering.observation.tracking import HopperTracker
+from hopdata.steering.observation.tracking import MISFIT, HopperTracker, Observation
 
 # What was decided at each stance, and why; and the table of it.
 
@@ -81,12 +81,17 @@ class Decision:
 
 
 def write_logs(
-    folder: Path, decisions: Iterable[Decision], states: Iterable[Status], **counts: object
+    folder: Path,
+    decisions: Iterable[Decision],
+    states: Iterable[Status],
+    rests: Iterable[Rest],
+    **counts: object,
 ) -> None:
-    """Write `decisions.csv`, `stream_states.csv` and `counts.csv` into a folder.
+    """Write `decisions.csv`, `stream_states.csv`, `rests.csv` and `counts.csv` into a folder.
 
     They have one row a stance, with the columns of `Decision`; one a change of the stream's state,
-    with its time on the monotonic clock; and one a count of each part that counts.
+    with its time on the monotonic clock; one a rest of the boom; and one a count of each part that
+    counts.
     """
     names = [field.name for field in fields(Decision)]
     place = names.index("pose")
@@ -97,6 +102,8 @@ def write_logs(
     _write(folder / "decisions.csv", columns, rows)
     changes = [[status.at_s, status.state, status.message] for status in states]
     _write(folder / "stream_states.csv", ["at_s", "state", "message"], changes)
+    rows = [list(vars(rest).values()) for rest in rests]
+    _write(folder / "rests.csv", ["seen_s", "sent_s", "cause"], rows)
     counted = [[part, *item] for part, one in counts.items() for item in vars(one).items()]
     _write(folder / "counts.csv", ["part", "count", "value"], counted)
 
@@ -110,6 +117,7 @@ def _write(path: Path, columns: Iterable[str], rows: Iterable[Iterable[object]])
 
 LOOK_UP_S = 0.5
 SAME_CLOCK_S = 0.5
+MISFITS = 3  # frames in a row whose markers do not fit together: some are exchanged
 
 
 class ControlLoop:
@@ -128,6 +136,10 @@ class ControlLoop:
     limits : Limits
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
+    fault : callable, optional
+        Returns what else is a cause to rest, or an empty string.
+    stop : threading.Event, optional
+        Set when the drive is over: the hopper has left the arena or tips over, or the loop failed.
     """
 
     def __init__(
@@ -139,11 +151,17 @@ class ControlLoop:
         *,
         limits: Limits | None = None,
         on_decision: Callable[[Decision], None] | None = None,
+        fault: Callable[[], str] = lambda: "",
+        stop: threading.Event | None = None,
     ) -> None:
         self.limits, self.counts = limits or Limits(), LoopCounts()
         self.last_failure = ""
+        self.watch = Watch(boom, self._cause)
+        self._fault, self._told_to_stop = fault, stop or threading.Event()
+        self._over = self._failing = ""  # why the drive is over; why the last frame is no use
+        self._misfits, self._due_s = 0, math.inf  # when a plan is too late, on our clock
         self._buffer, self._observers = buffer, observers
-        self._controller, self._boom, self._on_decision = controller, boom, on_decision
+        self._controller, self._on_decision = controller, on_decision
         self._decisions: list[Decision] = []
         self._last: Frame | None = None
         self._pose, self._boom_angle = _Newest(), _Newest()
@@ -156,6 +174,7 @@ class ControlLoop:
         self._tracker, self._detector = self._observers()
         self._seen = self._buffer.written
         self._thread.start()
+        self.watch.start()
         return self
 
     def close(self) -> None:
@@ -168,8 +187,31 @@ class ControlLoop:
         """
         self._stop.set()
         self._buffer.wake()
-        if self._thread.ident is not None:
-            joined(self._thread)
+        try:
+            if self._thread.ident is not None:
+                joined(self._thread)
+        finally:
+            self.watch.close()
+
+    def rest(self, cause: str) -> None:
+        """Bring the boom to rest for good, at once."""
+        self._over = self._over or cause
+        self.watch.look()
+        self._told_to_stop.set()
+
+    def _cause(self) -> str:
+        """Return why the boom must rest now, or an empty string."""
+        newest, now, limit = self._buffer.newest(), time.monotonic(), self.limits.pose_age_s
+        silent_s = -math.inf if newest is None else now - newest.captured_s
+        if self._over or self._failing:
+            return self._over or self._failing
+        if self._misfits >= MISFITS:
+            return "the markers do not fit together: exchanged?"
+        if silent_s > limit:
+            return f"no frame for {silent_s:.3f} s, beyond {limit:g} s"
+        if now > self._due_s:
+            return f"planned too late: nothing {self.limits.command_s:g} s after the stance"
+        return self._fault()
 
     def __enter__(self) -> Self:
         return self.start()
@@ -182,6 +224,12 @@ class ControlLoop:
         return tuple(self._decisions)
 
     def _run(self) -> None:
+        try:
+            self._work()
+        except BaseException as error:
+            self.rest(f"the control loop failed: {error!r}")
+
+    def _work(self) -> None:
         while not self._stop.is_set():
             if not self._buffer.wait(self._seen, LOOK_UP_S, unless=self._stop.is_set):
                 continue
@@ -202,17 +250,32 @@ class ControlLoop:
                 self._tracker, self._detector = self._observers()
             self._last = frame
             seen = self._tracker.feed(frame.time_s, frame.markers)
+            self._heed(seen)
             if np.isfinite(seen.pose).all():
                 self._pose = _Newest(tuple(seen.pose.tolist()), frame.captured_s)
             if math.isfinite(seen.boom_angle_rad):
                 self._boom_angle = _Newest((seen.boom_angle_rad,), frame.captured_s)
-            return self._detector.feed(frame.time_s, seen.height_m)
+            stance = self._detector.feed(frame.time_s, seen.height_m)
+            self._failing = ""
+            return stance
         except Exception as error:
             self.counts.failed += 1
             self.last_failure = repr(error)
+            self._failing = f"a frame could not be understood: {error!r}"
             return None
 
+    def _heed(self, seen: Observation) -> None:
+        """See whether the hopper has left the arena or tips over, and whether markers fit."""
+        self._misfits = self._misfits + 1 if seen.status == MISFIT else 0
+        away, limits = math.hypot(*seen.pose[:2]), self.limits
+        if away > limits.fence_m:
+            self.rest(f"left the arena: {away:.2f} m from the origin, beyond {limits.fence_m:g} m")
+        if seen.rotation[2, 2] < math.cos(limits.tilt_rad):
+            tilt = math.degrees(math.acos(max(-1.0, seen.rotation[2, 2])))
+            self.rest(f"tips over: leans by {tilt:.0f} degrees")
+
     def _decide(self, stance: Stance, frame: Frame, *, overtaken: bool) -> None:
+        self.watch.look()  # what was a cause may be none any more
         pose, boom = self._pose, self._boom_angle
         stance_s = frame.captured_s - (frame.time_s - stance.time_s)  # on our own clock
         asked_s, planned_s = time.monotonic(), math.nan
@@ -251,6 +314,8 @@ class ControlLoop:
         """Say why there is to be no planning, if so."""
         if overtaken:
             return "overtaken", math.nan, "another stance has been seen in the meantime"
+        if self.watch.cause:
+            return "held", 0.0, self.watch.cause
         if stance_age_s > self.limits.command_s:
             return "held", 0.0, f"the stance was told too late, {stance_age_s:.3f} s after it"
         for name, age in (("pose", pose_age_s), ("boom angle", boom_age_s)):
@@ -272,11 +337,14 @@ class ControlLoop:
     def _plan(
         self, pose: _Newest, boom: _Newest, swung: float | None, stance_s: float
     ) -> tuple[Outcome, float, str]:
+        self._due_s = stance_s + self.limits.command_s
         try:
             plan = self._controller.plan(np.array(pose.values), boom.values[0], swung)
             swing = float(plan.swing_rad)
         except Exception as error:
             return "held", 0.0, f"the controller failed: {error!r}"
+        finally:
+            self._due_s = math.inf
         late, limit = time.monotonic() - stance_s, self.limits.swing_rad
         if self._stop.is_set():
             return "held", 0.0, "the drive ended while it was planned"
@@ -290,10 +358,9 @@ class ControlLoop:
 
     def _send(self, command: float) -> str:
         try:
-            self._boom.swing(command)
+            return self.watch.swing(command)
         except Exception as error:
             return f"the boom failed: {error!r}"
-        return ""
 
     def _log(self, decision: Decision) -> None:
         self._decisions.append(decision)

@@ -1,10 +1,13 @@
-"""What moves the boom: an interface for the robot's own, and one line of text over UDP for ours."""
+"""What moves the boom, what the loop will not go beyond, and the watch that brings it to rest."""
 
 from __future__ import annotations
 
+import logging
 import math
 import socket
+import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, Self
 
@@ -21,7 +24,10 @@ class Boom(Protocol):
     """Whatever swings the boom in the next flight."""
 
     def swing(self, rad: float) -> None:
-        """Change the boom angle by so much, rad, in the next flight; 0 keeps it where it is."""
+        """Change the boom angle by so much, rad, in the next flight; 0 keeps it where it is.
+
+        It takes the place of a swing that was sent before and has not begun.
+        """
 
 
 class UdpBoom:
@@ -140,7 +146,8 @@ class Limits:
     Parameters
     ----------
     pose_age_s : float
-        A pose or boom angle older than this is not planned with.
+        A pose or boom angle older than this is not planned with, and with no frame for so long the
+        boom is brought to rest.
     command_s : float
         A plan that is made later than this after its stance is not sent: the flight that it was
         meant for has begun.
@@ -149,6 +156,10 @@ class Limits:
     hop_s : float
         Two stances farther apart than this are not of two hops in a row; the swing between them
         is not known then.
+    fence_m : float
+        The drive is over when the hopper is farther from the world's origin.
+    tilt_rad : float
+        The drive is over when the hopper leans by more; it leans by a tenth of it as it hops.
 
     Raises
     ------
@@ -161,10 +172,95 @@ class Limits:
     command_s: float = 0.2
     swing_rad: float = 3 * np.pi / 8
     hop_s: float = 1.0
+    fence_m: float = 3.0
+    tilt_rad: float = np.pi / 4
 
     def __post_init__(self) -> None:
-        for name in ("pose_age_s", "command_s", "hop_s"):
+        for name in ("pose_age_s", "command_s", "hop_s", "fence_m", "tilt_rad"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name}: expected more than 0, found {getattr(self, name)}")
         if not 0 <= self.swing_rad <= np.pi:
             raise ConfigError(f"swing_rad: expected 0 to pi, found {self.swing_rad}")
+
+
+# Bringing the boom to rest.
+
+LOOK_S = 0.01
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The boom was told to rest: when the cause was seen, when it was sent, monotonic s; why."""
+
+    seen_s: float
+    sent_s: float
+    cause: str
+
+
+class Watch:
+    """Stands before the boom, and brings it to rest when there is a cause.
+
+    A thread of its own asks every `LOOK_S` for a cause, so that neither a silent stream nor a
+    controller that does not return holds it up. While there is one, no swing gets through. A boom
+    that fails is told again at every look.
+
+    Parameters
+    ----------
+    boom : Boom
+    ask : callable
+        Returns why the boom must rest, or an empty string.
+
+    Attributes
+    ----------
+    cause : str
+        Why it rests now; empty if it does not.
+    rests : list of Rest
+    """
+
+    def __init__(self, boom: Boom, ask: Callable[[], str]) -> None:
+        self.cause, self.rests = "", list[Rest]()
+        self._boom, self._ask, self._lock = boom, ask, threading.Lock()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="hopdata-watch", daemon=True)
+
+    def swing(self, rad: float) -> str:
+        """Send a swing, and return an empty string, or why it was not sent."""
+        with self._lock:
+            if not self.cause:
+                self._boom.swing(rad)
+            return self.cause
+
+    def look(self) -> None:
+        """Ask, and tell the boom to rest if there is a cause that was not there before."""
+        try:
+            cause = self._ask()
+        except Exception as error:
+            cause = f"the watch failed: {error!r}"
+        seen_s = time.monotonic()
+        with self._lock:
+            new, self.cause = bool(cause) and not self.cause, cause
+            if not new:
+                return
+            try:
+                self._boom.swing(0.0)
+            except Exception as error:
+                self.cause = ""  # so that it is told again
+                logger.error("the boom failed to rest: %r", error)
+                return
+            self.rests.append(Rest(seen_s, time.monotonic(), cause))
+        logger.warning("the boom rests: %s", cause)
+
+    def start(self) -> None:
+        """Start to look."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Look no more."""
+        self._stop.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def _run(self) -> None:
+        while not self._stop.wait(LOOK_S):
+            self.look()

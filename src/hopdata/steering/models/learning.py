@@ -11,7 +11,7 @@ import numpy as np
 from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
-from hopdata.steering.excitation import TRAINING
+from hopdata.steering.excitation import TRAINING, child
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models import training
 from hopdata.steering.models.process import SMOOTHNESSES, TURN, FrameChangeProcess
@@ -238,9 +238,7 @@ def smoothness_scores(
     Returns
     -------
     DataFrame
-        Columns of `learning_scores` without ``hops, model``, with ``reading``, ``smoothness`` and
-        ``log_likelihood``, the log marginal likelihood of the training hops in the units in which
-        they are modelled: compare it within a reading and a component.
+        Columns of `learning_scores` without ``hops, model``, with ``reading`` and ``smoothness``.
     """
     hops = changes.used()
     rows = []
@@ -249,10 +247,9 @@ def smoothness_scores(
         for reading, options in readings.items():
             for smoothness in SMOOTHNESSES:
                 setup = replace(options, smoothness=smoothness)
-                process, score = tested(hops, chosen, rest, setup, seed + draw)
+                _, score = tested(hops, chosen, rest, setup, seed + draw)
                 labels = {"reading": reading, "smoothness": smoothness, "draw": draw}
-                scored = pd.DataFrame({**labels, **score})
-                rows.append(scored.assign(log_likelihood=process.log_marginal_likelihood))
+                rows.append(pd.DataFrame({**labels, **score}))
     return pd.concat(rows, ignore_index=True)
 
 
@@ -263,24 +260,22 @@ LEFT_TO_TEST = 2  # hops: the fewest that have a variance
 
 @one_blas_thread()
 def learn(
-    changes: FrameChanges, options: Mapping[str, Any], *, seed: int
-) -> tuple[list[FrameChangeProcess], pd.DataFrame]:
-    """Learn from as many random sets of as many hops as the block ``steering.model`` says.
+    changes: FrameChanges, options: Mapping[str, Any], *, seed: np.random.SeedSequence
+) -> tuple[FrameChangeProcess, pd.DataFrame]:
+    """Learn from as many random hops as the block ``steering.model`` says.
 
     Parameters
     ----------
     changes : FrameChanges
     options : mapping
-    seed : int
-        The study's.
+    seed : SeedSequence
 
     Returns
     -------
-    processes : list of FrameChangeProcess
-        One a set.
+    process : FrameChangeProcess
     scores : DataFrame
-        On the hops that were not learned from: ``set`` (from 1), ``component, unit, r2, rmse,
-        coverage, training_hops, test_hops``.
+        On the hops that were not learned from: ``component, unit, r2, rmse, coverage,
+        training_hops, test_hops``.
 
     Raises
     ------
@@ -288,15 +283,9 @@ def learn(
         If there are too few hops.
     """
     hops, wanted = hops_to_learn_from(changes, options["training_hops"]), options["training_hops"]
-    setup, processes, rows = training.process_of(options), [], []
-    for k in range(options["sets"]):
-        rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(TRAINING, k)))
-        train, rest = random_split(len(hops), wanted, rng)
-        process, score = tested(hops, train, rest, setup, seed)
-        processes.append(process)
-        rows.append(pd.DataFrame({"set": k + 1, **score}))
-    sizes = {"training_hops": wanted, "test_hops": len(hops) - wanted}
-    return processes, pd.concat(rows, ignore_index=True).assign(**sizes)
+    train, rest = random_split(len(hops), wanted, np.random.default_rng(child(seed, TRAINING)))
+    process, score = tested(hops, train, rest, training.process_of(options), 0)
+    return process, score.assign(training_hops=wanted, test_hops=len(hops) - wanted)
 
 
 def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChanges:
@@ -346,7 +335,7 @@ class LearningTables:
         ``model, hops, component, unit`` and of ``r2, rmse, coverage`` the mean, its standard error
         (``_se``) and the 5 and 95 % quantiles over the sets (``_q05``, ``_q95``).
     kernels : DataFrame
-        The same by ``data, reading, smoothness, component, unit``, with ``log_likelihood``.
+        The same by ``data, reading, smoothness, component, unit``.
     """
 
     curve: pd.DataFrame
@@ -387,5 +376,5 @@ def learning_tables(
     by = ["data", "reading", "smoothness", "component", "unit"]
     return LearningTables(
         with_intervals(curve, ["model", "hops", "component", "unit"], SCORES),
-        with_intervals(kernels.assign(data="hopper"), by, [*SCORES, "log_likelihood"]),
+        with_intervals(kernels.assign(data="hopper"), by, SCORES),
     )

@@ -144,24 +144,13 @@ class FrameChangeProcess:
                 ) from error
             return np.array([solve_triangular(one, unit, lower=True) for one in factors])
 
-    @property
-    def _whitened(self) -> FloatArray:
-        """Modelled outputs by the inverse factors, (3, m)."""
-        targets = ((self.outputs - self.offset) / self.unit).T
-        return np.asarray(np.einsum("jab,jb->ja", self.inverse_factors, targets))
-
     @cached_property
     def weights(self) -> FloatArray:
         """Weight of each training point in the mean, (3, m), in units of the output."""
-        solved = np.einsum("jab,ja->jb", self.inverse_factors, self._whitened)
+        targets = ((self.outputs - self.offset) / self.unit).T
+        whitened = np.einsum("jab,jb->ja", self.inverse_factors, targets)
+        solved = np.einsum("jab,ja->jb", self.inverse_factors, whitened)
         return np.asarray(solved * (self.variance * self.unit)[:, None])
-
-    @cached_property
-    def log_marginal_likelihood(self) -> FloatArray:
-        """Log marginal likelihood of the training outputs, (3,), as modelled."""
-        half_logdet = -np.log(np.einsum("jaa->ja", self.inverse_factors)).sum(axis=1)
-        constant = len(self.inputs) / 2 * np.log(2 * np.pi)
-        return np.asarray(-(self._whitened**2).sum(axis=1) / 2 - half_logdet - constant)
 
     def change(self, *inputs: ArrayLike) -> FloatArray:
         """Return the expected frame changes (n, 3) of hops with these inputs, (n,) each."""

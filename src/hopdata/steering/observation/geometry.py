@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -102,21 +102,8 @@ class HopperGeometry:
 
     def save(self, path: str | Path) -> None:
         """Write it as JSON, whole or not at all."""
-        content: dict[str, Any] = {
-            "format": FORMAT,
-            "body_names": list(self.body_names),
-            "body_m": self.body_m.tolist(),
-            "noise_m": self.noise_m,
-            "stance_below_m": self.stance_below_m,
-            "flight_above_m": self.flight_above_m,
-        }
-        if self.circle is not None:
-            content["boom_name"] = self.boom_name
-            content["circle"] = {
-                "centre_m": self.circle.centre_m.tolist(),
-                "normal": self.circle.normal.tolist(),
-                "radius_m": self.circle.radius_m,
-            }
+        circle = None if self.circle is None else _plain(self.circle)
+        content = {"format": FORMAT, **_plain(self), "circle": circle}
         write_json(path, content)
 
 
@@ -137,27 +124,26 @@ def load_geometry(path: str | Path) -> HopperGeometry:
         raise RecordingError(f"{path}: expected a {FORMAT} as JSON, found: {error}") from None
 
 
+def _plain(one: HopperGeometry | BoomCircle) -> dict[str, Any]:
+    """Return the fields, arrays as lists."""
+    values = ((field.name, getattr(one, field.name)) for field in fields(one))
+    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values}
+
+
 def _from_json(content: dict[str, Any]) -> HopperGeometry:
-    body, circle = np.array(content["body_m"], dtype=float), content.get("circle")
+    given = {field.name: content.get(field.name) for field in fields(HopperGeometry)}
+    body, circle = np.array(content["body_m"], dtype=float), given["circle"]
     names = tuple(map(str, content["body_names"]))
     if body.shape != (len(names), 3) or len(names) < 3:
         raise ValueError(f"body_m of shape {body.shape} for {len(names)} body markers")
-    return HopperGeometry(
-        names,
-        body,
-        noise_m=float(content["noise_m"]),
-        stance_below_m=float(content["stance_below_m"]),
-        flight_above_m=float(content["flight_above_m"]),
-        boom_name=None if circle is None else str(content["boom_name"]),
-        circle=None if circle is None else _circle(circle),
-    )
-
-
-def _circle(content: dict[str, Any]) -> BoomCircle:
-    centre, normal = (np.array(content[key], dtype=float) for key in ("centre_m", "normal"))
-    if centre.shape != (3,) or normal.shape != (3,):
-        raise ValueError("a circle whose centre and normal are not three numbers each")
-    return BoomCircle(centre, normal, float(content["radius_m"]))
+    for name in ("noise_m", "stance_below_m", "flight_above_m"):
+        given[name] = float(content[name])
+    if circle is not None:
+        centre, normal = (np.array(circle[key], dtype=float) for key in ("centre_m", "normal"))
+        if centre.shape != (3,) or normal.shape != (3,):
+            raise ValueError("a circle whose centre and normal are not three numbers each")
+        circle = BoomCircle(centre, normal, float(circle["radius_m"]))
+    return HopperGeometry(**given | {"body_names": names, "body_m": body, "circle": circle})
 
 
 def _place(name: str, markers: Sequence[str]) -> int:

@@ -168,15 +168,22 @@ class StanceDetector:
 
     def _parabola(self, time_s: float) -> tuple[float, float, float]:
         """Speed, m/s, and acceleration, m/s^2, at the last frame, and the error of the speed."""
-        frames = np.array(self._frames)
-        if len(frames) < 2:
+        n, b, c, d, e, p, q, r = (0.0,) * 8  # sums of s^0 to s^4, and of the heights by s^0 to s^2
+        for when, z in self._frames:  # a few numbers, for which arrays take eight times as long
+            s = when - time_s
+            ss = s * s
+            n, b, c, d, e = n + 1, b + s, c + ss, d + s * ss, e + ss * ss
+            p, q, r = p + z, q + s * z, r + ss * z
+        if n < 2:
             return 0.0, 0.0, np.inf
-        s = frames[:, 0] - time_s
-        powers = np.stack([np.ones_like(s), s, s * s][: min(len(s), 3)])
-        inverse = np.linalg.inv(powers @ powers.T)
-        found = inverse @ (powers @ frames[:, 1])
-        bend = 2 * float(found[2]) if len(found) > 2 else np.nan
-        return float(found[1]), bend, self.noise_m * float(np.sqrt(inverse[1, 1]))
+        if n < 3:
+            whole = n * c - b * b
+            return (n * q - b * p) / whole, np.nan, self.noise_m * np.sqrt(n / whole)
+        f, g, h = c * e - d * d, c * d - b * e, b * d - c * c  # cofactors of the first row
+        whole = n * f + b * g + c * h
+        slope = (g * p + (n * e - c * c) * q + (b * c - n * d) * r) / whole
+        bend = 2 * (h * p + (b * c - n * d) * q + (n * c - b * b) * r) / whole
+        return slope, bend, self.noise_m * np.sqrt((n * e - c * c) / whole)
 
     def _told(self, time_s: float, slope: float, bend: float) -> Stance | None:
         """Return the stance that is behind a rise, if it was low, bent enough and not long ago."""

@@ -52,9 +52,13 @@ class StanceStates:
 
 def observe_stances(recording: Recording, geometry: HopperGeometry) -> StanceStates:
     """Find the stances of a recording and their states; the defaults of all steps."""
+    return stance_states(*_seen(recording, geometry))
+
+
+def _seen(recording: Recording, geometry: HopperGeometry) -> tuple[HopperMotion, Stances]:
     motion = hopper_motion(recording, geometry)
     band = (geometry.stance_below_m, geometry.flight_above_m)
-    return stance_states(motion, find_stances(motion.time, motion.height, band))
+    return motion, find_stances(motion.time, motion.height, band)
 
 
 def stance_states(motion: HopperMotion, stances: Stances) -> StanceStates:
@@ -156,9 +160,7 @@ def _observed(recording: Recording, swing_limit_rad: float) -> Observed:
         geometry = calibrate(recording)
     except AnalysisError as error:
         raise AnalysisError(f"{recording.name}: {error}") from None
-    motion = hopper_motion(recording, geometry)
-    band = (geometry.stance_below_m, geometry.flight_above_m)
-    stances = find_stances(motion.time, motion.height, band)
+    motion, stances = _seen(recording, geometry)
     states = stance_states(motion, stances)
     changes = frame_changes(
         states.time_s,

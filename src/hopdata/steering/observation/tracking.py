@@ -113,16 +113,10 @@ class HopperTracker:
     ------
     AnalysisError
         If a marker of the geometry is not in the stream.
-
-    Attributes
-    ----------
-    counts : dict of str to int
-        How many frames had each status.
     """
 
     def __init__(self, geometry: HopperGeometry, markers: Sequence[str]) -> None:
         self.geometry = geometry
-        self.counts = dict.fromkeys(STATUSES, 0)
         self._body = geometry.body_places(markers)
         self._boom = geometry.boom_place(markers)
         self._seen_s, self._rotation = -np.inf, np.full((3, 3), np.nan)
@@ -133,7 +127,6 @@ class HopperTracker:
         earlier = self._rotation if 0 <= time_s - self._seen_s <= HOLD_S else None
         boom = None if self._boom is None else markers[self._boom]
         found = observe_frame(self.geometry, markers[self._body], boom, earlier)
-        self.counts[found.status] += 1
         if not found.known:
             return found
         if found.status == SEEN:

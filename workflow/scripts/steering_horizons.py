@@ -1,20 +1,20 @@
-"""Run one experiment for all controllers from all starts."""
+"""Let the printed controller go to the origin with other horizons."""
+
+import numpy as np
 
 from hopdata.jobs import read_table, reported, write_table
+from hopdata.steering.experiments.study import horizons_of
 from hopdata.steering.models.process import load_process
 from hopdata.steering.observation.geometry import load_geometry
-from hopdata.steering.experiments.study import experiment_of
 from hopdata.steering.trial import true_map_of
 
 with reported(snakemake.log[0]):
-    tables = experiment_of(
-        snakemake.wildcards.experiment,
+    table = horizons_of(
         snakemake.params.steering,
         snakemake.params.motion_capture,
-        models=[load_process(path) for path in snakemake.input.models],
+        model=load_process(snakemake.input.model),
         truth=true_map_of(read_table(snakemake.input.true_map)),
         geometry=load_geometry(snakemake.input.geometry),
-        seed=snakemake.params.seed,
+        seed=np.random.SeedSequence(snakemake.params.seed, spawn_key=(1,)),
     )
-    for name in ("runs", "stances", "example", "film"):
-        write_table(getattr(snakemake.output, name), getattr(tables, name))
+    write_table(snakemake.output.table, table)

@@ -1,0 +1,28 @@
+"""Run the experiments with free ground, or those with a board, for all controllers and starts."""
+
+import numpy as np
+
+from hopdata.jobs import read_table, reported, write_table
+from hopdata.steering.experiments.study import experiments_of
+from hopdata.steering.experiments.tasks import CEILING, EXPERIMENTS
+from hopdata.steering.models.process import load_process
+from hopdata.steering.observation.geometry import load_geometry
+from hopdata.steering.trial import true_map_of
+
+with reported(snakemake.log[0]):
+    number, steering = int(snakemake.wildcards.seed), snakemake.params.steering
+    board = snakemake.wildcards.ground == "board"
+    tables = experiments_of(
+        [name for name, (_, impeded) in EXPERIMENTS.items() if impeded == board],
+        [*steering["experiments"]["controllers"], CEILING],
+        steering,
+        snakemake.params.motion_capture,
+        model=load_process(snakemake.input.model),
+        truth=true_map_of(read_table(snakemake.input.true_map)),
+        geometry=load_geometry(snakemake.input.geometry),
+        seed=np.random.SeedSequence(snakemake.params.seed, spawn_key=(number,)),
+    )
+    for name in ("runs", "stances", "example", "film"):
+        table = getattr(tables, name)
+        table.insert(0, "seed", number)
+        write_table(getattr(snakemake.output, name), table)

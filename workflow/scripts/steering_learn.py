@@ -1,0 +1,31 @@
+"""Observe an excitation, simulated if none was recorded, and learn the frame change from it."""
+
+import numpy as np
+
+from hopdata.jobs import reported, write_json, write_table
+from hopdata.recordings.readers.hdf5 import read_recording, write_recording
+from hopdata.steering.frame_changes import to_table
+from hopdata.steering.models.learning import learn
+from hopdata.steering.models.process import save_process
+from hopdata.steering.observation.observe import observe_recordings
+from hopdata.steering.trial import simulate_excitation
+
+with reported(snakemake.log[0]):
+    steering, output = snakemake.params.steering, snakemake.output
+    seed = np.random.SeedSequence(snakemake.params.seed, spawn_key=(int(snakemake.wildcards.seed),))
+    recordings = [read_recording(path) for path in snakemake.input]
+    if not recordings:
+        trial = simulate_excitation(steering, snakemake.params.motion_capture, seed=seed)
+        recordings = [trial.recording]
+        write_recording(output.recording, trial.recording)
+        write_table(output.true_stances, trial.stances)
+        write_table(output.true_motion, trial.motion)
+    observed = observe_recordings(recordings, swing_limit_rad=steering["robot"]["swing_limit_rad"])
+    process, scores = learn(observed.changes, steering["model"], seed=seed)
+    save_process(output.model, process)
+    observed.geometry.save(output.geometry)
+    write_table(output.changes, to_table(observed.changes))
+    write_table(output.stances, observed.stances)
+    write_table(output.motion, observed.motion)
+    write_json(output.counts, observed.counts)
+    write_table(output.scores, scores.assign(seed=int(snakemake.wildcards.seed)))
