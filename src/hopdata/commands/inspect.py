@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hopdata import __version__
 from hopdata.commands import terminal
 from hopdata.errors import RecordingError
 from hopdata.report.formatting import Table
-from hopdata.report.inputs import ReportFigure, picture_of
-from hopdata.report.quality import build_inspection_page
+from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +43,6 @@ def view(options: argparse.Namespace) -> int:
 
     from hopdata.recording import Recording
     from hopdata.recordings.quality.roles import guess_roles
-    from hopdata.report.inputs import rendered
     from hopdata.report.scene import recording_scene
 
     inspection = inspected(options)
@@ -104,7 +103,9 @@ def inspection_html(inspection: Inspection, file: str) -> str:
     ]
     image, ends = _timeline(inspection, found)
     figure = ReportFigure("seen", image, "image/svg+xml", CAPTION)
-    return build_inspection_page(
+    return rendered(
+        "inspection.html.j2",
+        version=__version__,
         title=file,
         answer=terminal.answer(inspection),
         highlights=_highlights(inspection),

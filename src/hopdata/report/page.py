@@ -176,34 +176,6 @@ def _shown(value: Any, factor: float, unit: str) -> str | None:
     )
 
 
-# What each number on top means, the section that shows it in full, and the file that holds it.
-WORDS = {
-    name: {"place": place, "table": table, "file": file, "means": means}
-    for name, place, table, file, means in (
-        ("Difference of the maps", "difference", "verdict", "verdict.json",
-         "Size of the jump of the map's derivative where all feet touch at once, in per cent of "
-         "the map, with its interval; zero if the landing is C1."),
-        ("Quality of the data", "quality", "quality", "quality.json",
-         "Checks of recordings and landings, each against a limit for good and one for poor."),
-        ("Recordings", "recordings", "recordings", "tables/markers.csv",
-         "Trials of motion capture in this study."),
-        ("Touchdowns used", "touchdowns", "excluded", "tables/touchdowns.csv",
-         "Landings whose contacts and states were all found, and which nothing excludes."),
-        ("Contact orders seen", "orders", "touchdowns", "tables/touchdowns.csv",
-         "Different orders in which the feet came down: the mode schedules."),
-        ("Travel through the touchdown", "travel", "sections", "landings/sections.json",
-         "Descent of the body from the section before the landing to the one after it."),
-        ("Units of length and time", "units", "sections", "tables/units.json",
-         "What lengths and times are divided by before maps are fitted."),
-        ("Affine model over mean", "affine", "prediction", "tables/prediction_summary.csv",
-         "Squared error of an affine prediction over that of the mean; below 1, the state before "
-         "a landing says something about the state after it."),
-        ("One model over one per order", "one", "prediction", "tables/prediction_summary.csv",
-         "Squared error of one affine model for all orders over that of one for each."),
-        ("Orders right", "right", "truth", "truth.json",
-         "Share of the touchdowns whose order is the simulator's."),
-    )
-}  # fmt: skip
 GAPS = "recording_gaps"
 # The figures that have a section of their own; any other stands at the end.
 PLACES = {
@@ -248,7 +220,6 @@ def build_report(inputs: ReportInputs) -> str:
         study=inputs.study,
         facts=facts,
         highlights=_highlights(facts, inputs),
-        words=WORDS,
         lights=quality.lights(inputs.quality),
         scene=landings_scene(inputs.levelled, inputs.touchdowns),
         pictures=_pictures(shown, facts),

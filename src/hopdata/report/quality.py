@@ -6,59 +6,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hopdata import __version__
 from hopdata.arrays import pd
 from hopdata.recording import Recording
 from hopdata.report import formatting as show
-from hopdata.report.inputs import Picture, rendered
 from hopdata.report.scene import small_plot
 from hopdata.report.tables import excluded
-
-
-def build_inspection_page(
-    *,
-    title: str,
-    answer: str,
-    highlights: Sequence[tuple[str, str, str]],
-    notes: Sequence[str],
-    pictures: Sequence[Picture],
-    tables: Sequence[show.Table],
-    markers: Sequence[str] = (),
-    span: tuple[float, ...] = (),
-) -> str:
-    """Write the page on one recording, a complete HTML document that needs no other file.
-
-    Parameters
-    ----------
-    title : str
-        Name of the file.
-    answer : str
-        One sentence: what was found.
-    highlights : sequence of (name, value, remark)
-        Facts on top.
-    notes : sequence of str
-        What the reader should look at.
-    pictures : sequence of Picture
-    tables : sequence of Table
-    markers : sequence of str
-        Names to choose from in lines that leave something out.
-    span : tuple of float
-        Left and right end of the time axis in shares of the first picture's width, and the times
-        there, s: of it a reader can choose spans that are to be left out.
-    """
-    return rendered(
-        "inspection.html.j2",
-        title=title,
-        answer=answer,
-        highlights=highlights,
-        notes=notes,
-        pictures=pictures,
-        tables=tables,
-        markers=markers,
-        span=span,
-        version=__version__,
-    )
-
 
 # Tables of the contacts that are known from elsewhere.
 
