@@ -47,8 +47,8 @@ class Shown:
 
     def _repr_html_(self) -> str:
         columns = self.rows()
-        table = pd.DataFrame(columns).to_html(index=False, float_format="%.4g") if columns else ""
-        return f"<p>{escape(repr(self))}</p>{table}"
+        table = pd.DataFrame(columns).to_html(index=False, float_format="{:.4g}".format)
+        return f"<p>{escape(repr(self))}</p>{table if columns else ''}"
 
 
 GRAVITY_M_S2 = 9.80665  # the standard acceleration of free fall (3rd CGPM, 1901)

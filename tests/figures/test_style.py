@@ -208,7 +208,7 @@ def whole_figures():
     yield lambda **o: prediction_figure(prediction_summary(), units(), **o)
     yield lambda **o: schedule_figure(example(touchdown()), touchdown(), **o)
     yield lambda **o: sections_figure(frames(), densities(frames(), sections()), sections(), **o)
-    yield lambda **o: distances_figure(distances(), distance_summary(), **o)
+    yield lambda **o: distances_figure(distances(), distance_summary(distances()), **o)
 
 
 @pytest.mark.parametrize("name", STYLES)

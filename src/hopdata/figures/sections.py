@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
-from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
@@ -127,7 +126,6 @@ def _draw_foot_density(axes: Axes, side: _Side, densities: pd.DataFrame) -> None
         axes.text(0.5, 0.5, "no density", ha="center", transform=axes.transAxes)
         return
     axes.semilogx(density, height, color=style.INK, linewidth=0.7)
-    axes.xaxis.set_major_locator(ticker.LogLocator(numticks=4))
     axes.set_xlim(density.max() / 10**DECADES_SHOWN, density.max() * 2)
     axes.minorticks_off()
 

@@ -187,7 +187,8 @@ def styled(draw: Callable[..., Figure]) -> Callable[..., Any]:
             with nullcontext() if own else style_context():
                 figure = draw(*args, **kwargs)
                 _write_powers(figure)
-                _thicken(figure, 1.0 if style is None else journal.line)
+                if style is not None:
+                    _fit_lines(figure, journal)
         finally:
             _JOURNAL.reset(before[0])
             _PLACE.reset(before[1])
@@ -233,10 +234,13 @@ class _Place:
         return self.drawn.text(x, y, words, transform=self.drawn.transAxes, **look)
 
 
-def _thicken(figure: Any, factor: float) -> None:
-    """Multiply the widths of lines and the sizes of markers."""
-    if factor == 1.0:
+def _fit_lines(figure: Any, journal: Journal) -> None:
+    """Fit lines and markers to the text, and tell locators how large the numbers at ticks are."""
+    for axes in figure.axes:
+        axes.tick_params(labelsize=matplotlib.rcParams["xtick.labelsize"])
+    if journal.line == 1.0:
         return
+    factor = journal.line
     for artist in figure.findobj(lambda one: isinstance(one, Line2D | Patch | Collection)):
         artist.set_linewidth(factor * np.asarray(artist.get_linewidth()))
         if isinstance(artist, Line2D) and artist.get_marker() not in range(4):  # ticks
@@ -280,8 +284,8 @@ def paper_figure(width_mm: float, height_mm: float) -> Figure:
     if place is not None:
         return place  # type: ignore[no-any-return]
     column = {SINGLE_COLUMN_MM: journal.single_mm, DOUBLE_COLUMN_MM: journal.double_mm}
-    size = (column.get(width_mm, width_mm * journal.text), height_mm * journal.text)
-    return _Shown(figsize=tuple(mm / MM_PER_INCH for mm in size))
+    width = column.get(width_mm, width_mm * journal.text) / MM_PER_INCH
+    return _Shown(figsize=(width, height_mm * journal.text / MM_PER_INCH))
 
 
 class _Shown(Figure):

@@ -189,7 +189,7 @@ def excluded_table(
 
     by_name = {recording.name: recording for recording in levelled}
     out = None if touchdowns is None else touchdowns[excluded(touchdowns)]
-    columns: show.Columns = {
+    columns: dict[str, show.Cell] = {
         "recording": show.text("recording"),
         "reason": show.text("reason"),
         "descent": show.counted("index"),
