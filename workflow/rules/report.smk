@@ -13,6 +13,7 @@ rule report:
         figures=FIGURES,
         captions=expand(f"{CAPTIONS}/{{name}}.md", name=FIGURE_NAMES),
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
+        levelled=each_recording(f"{RESULTS}/ready/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/ready/{{recording}}.json"),
         filled=[rules.quality.output.filled] if FILLS else [],
         sections=rules.pairs.output.sections,
