@@ -102,7 +102,7 @@ def fields_of(line: str, mark: str = "\t") -> list[str]:
 
 
 def split_line(path: Path, line: bytes, mark: str = "\t") -> list[str]:
-    """Fields of a line of bytes.
+    """Fields of a line of bytes; between tabs a quote is a letter like any other.
 
     Raises
     ------
@@ -111,6 +111,8 @@ def split_line(path: Path, line: bytes, mark: str = "\t") -> list[str]:
     """
     if b"\0" in line:
         raise RecordingError(f"{path}: expected text, found binary data")
+    if mark == "\t":
+        return [field.strip() for field in decoded(line).split(mark)]
     return fields_of(decoded(line), mark)
 
 
@@ -417,7 +419,7 @@ def open_table(path: str | Path) -> ColumnTable:
     marks = MARKS + " " * is_storage
     names = decoded(first)
     mark = next((mark for mark in marks if mark in names.strip()), "\t")
-    fields = split_line(path, first, mark)
+    fields = fields_of(names, mark)
     n_lines = above.count(b"\n") + 1
     if not any(name and not is_number(name) for name in fields):
         raise RecordingError(
