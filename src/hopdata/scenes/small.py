@@ -8,7 +8,6 @@ is the contact length, in both directions: one two-way guard.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -53,6 +52,12 @@ def hopper_affine(mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArr
     if mode[0] < 0:
         a[1, 0], a[1, 1] = -stiffness, -damping
         b[1] += stiffness * rest_length
+
+
+SYSTEM = System(
+    field=hopper_field, guards=hopper_guards, affine=hopper_affine, n_states=2,
+    guard_names=("contact",),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -100,7 +105,7 @@ class VerticalHopper:
 
     def system(self) -> System:
         """Return the hybrid system: its guard ``contact`` falls at touchdown, rises at lift-off."""
-        return _system()
+        return SYSTEM
 
     def energy(self, y: ArrayLike) -> NDArray[np.float64]:
         """Return the mechanical energy of states (2, ...), J; the floor is at height 0."""
@@ -109,11 +114,3 @@ class VerticalHopper:
         spring = 0.5 * self.stiffness_n_m * (self.rest_length_m - length) ** 2
         fall = self.mass_kg * self.gravity_m_s2 * height
         return 0.5 * self.mass_kg * velocity**2 + fall + spring
-
-
-@cache
-def _system() -> System:
-    return System(
-        field=hopper_field, guards=hopper_guards, affine=hopper_affine, n_states=2,
-        guard_names=("contact",),
-    )  # fmt: skip
