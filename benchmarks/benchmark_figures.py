@@ -244,7 +244,11 @@ SCENE_NAMES = {
     "octant": "three affine modes (table 4.3)",
     "vertical_hopper": "hopper in one dimension",
     "plate": "plate on 35 springs",
+    "rocking_block": "rocking block (Housner)",
+    "neuron": "neuron (McKean)",
+    "chua": "Chua's circuit",
 }
+MOST_ACROSS = 3  # panels
 
 
 @style.styled
@@ -270,8 +274,10 @@ def work_precision_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
     scenes = list(dict.fromkeys(done["scene"]))
     if not scenes:
         return style.message_figure("No work-precision results: no solver finished.")
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 88.0)
-    panels = figure.subplots(1, len(scenes), sharex=True, sharey=True, squeeze=False)[0]
+    rows, across = -(-len(scenes) // MOST_ACROSS), min(len(scenes), MOST_ACROSS)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 26.0 + 62.0 * rows)
+    grid = figure.subplots(rows, across, sharex=True, sharey=True, squeeze=False)
+    panels = grid.ravel()[: len(scenes)]
     strong = chosen[chosen["best_of_way"]]
     for number, (axes, scene) in enumerate(zip(panels, scenes, strict=True)):
         best = strong[strong["scene"] == scene]
@@ -280,11 +286,13 @@ def work_precision_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
         axes.axvline(float(chosen["error"].iloc[0]), color=style.INK, linewidth=0.6, linestyle=":")
         axes.set_title(SCENE_NAMES.get(scene, scene), loc="left")
         style.letter(axes, "abcdefgh"[number])
-    for axes in panels:
+    for axes in grid.ravel():
         axes.set(xscale="log", yscale="log")
         axes.grid()
+    for axes in grid[-1]:
         axes.set_xlabel("largest error of the final state\n(SI units; table 4.3 has none)")
-    panels[0].set_ylabel("time of a trajectory (µs)")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("time of a trajectory (µs)")
     _add_legend(figure, list(dict.fromkeys(done["way"])))
     return figure
 

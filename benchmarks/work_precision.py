@@ -1,4 +1,4 @@
-"""Error and time of the integrator beside its peers on three scenes, at all tolerances.
+"""Error and time of the integrator beside its peers on six scenes, at all tolerances.
 
     python benchmarks/work_precision.py --out work_precision.csv
 

@@ -1,4 +1,5 @@
-"""Peers of the integrator, and the three scenes, written once for every peer.
+# ruff: noqa: ARG001 (the integrator prescribes the signatures of field and guards)
+"""Peers of the integrator, and its scenes, written once for every peer.
 
 A module offers ``solvers(problem) -> list[Solver]``, empty for a scene that it does not have. Ours
 is here: one call of `solve` from Python, and its share of a batch.
@@ -12,6 +13,7 @@ sums.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -23,7 +25,9 @@ from exact import INITIAL_STATE, T_SPAN, hopper_end, octant, octant_end, plate_e
 from plate_scene import Plate
 
 from hopdata.arrays import FloatArray
-from hopdata.hybrid import System, solve, solve_batch
+from hopdata.hybrid import System, guards, solve, solve_batch
+from hopdata.hybrid import field as _field
+from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.scenes.small import VerticalHopper
 
 # What every peer offers: named solvers that take a tolerance and give something to run.
@@ -237,9 +241,96 @@ def plate_problem() -> Problem:
     )  # fmt: skip
 
 
+# Three systems that are not ours: piecewise smooth, each with the lock of a guard in its field.
+
+TILT = 0.25  # of a rocking block, rad: from its edge to its centre of mass
+LOW, HIGH, CURRENT, SLOW = 0.125, 0.625, 0.5, 0.1  # where McKean's neuron bends; its drive and rate
+INNER, OUTER, ALPHA, BETA = -8 / 7, -5 / 7, 15.6, 28.0  # slopes and numbers of Chua's circuit
+
+
+@_field
+def block_field(t, y, mode, params, dy):
+    dy[0], dy[1] = y[1], -math.sin(TILT * mode[0] - y[0])
+
+
+@_field
+def neuron_field(t, y, mode, params, dy):
+    low, high = mode[0] > 0, mode[1] > 0
+    slope, offset = 2.0 * low - 2.0 * high - 1.0, (1.0 + 2.0 * LOW) * high - 2.0 * LOW * low
+    dy[0], dy[1] = slope * y[0] + offset - y[1] + CURRENT, SLOW * y[0]
+
+
+@_field
+def chua_field(t, y, mode, params, dy):
+    low, high = 1.0 * (mode[0] > 0), 1.0 * (mode[1] > 0)
+    diode = (OUTER + (INNER - OUTER) * (low - high)) * y[0] + (INNER - OUTER) * (low + high - 1.0)
+    dy[0] = ALPHA * (y[1] - y[0] - diode)
+    dy[1], dy[2] = y[0] - y[1] + y[2], -BETA * y[1]
+
+
+@guards
+def zero_guard(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = y[0], dy[0]
+
+
+@guards
+def two_guards(t, y, dy, mode, params, h, hdot):
+    for k in range(2):
+        h[k], hdot[k] = y[0] - params[k], dy[0]
+
+
+def others() -> list[Problem]:
+    """Return Housner's rocking block (without loss), McKean's neuron and Chua's circuit.
+
+    Their ends are our own at the tightest tolerance: no solver's error is told below 1e-12.
+    """
+
+    def block_slope(m: Any) -> Formula:
+        return lambda y, c: (y[1], -m.sin(c[0] - y[0]))
+
+    def neuron_slope(_: Any) -> Formula:
+        return lambda y, c: (c[0] * y[0] + c[1] - y[1] + CURRENT, SLOW * y[0])
+
+    def chua_slope(_: Any) -> Formula:
+        return lambda y, c: (
+            ALPHA * (y[1] - y[0] - c[0] * y[0] - c[1]), y[0] - y[1] + y[2], -BETA * y[1],
+        )  # fmt: skip
+
+    def neuron_coefficients(locks: Any) -> Any:
+        low, high = (locks[0] + 1) / 2, (locks[1] + 1) / 2
+        return 2.0 * low - 2.0 * high - 1.0, (1.0 + 2.0 * LOW) * high - 2.0 * LOW * low
+
+    def chua_coefficients(locks: Any) -> Any:
+        low, high = (locks[0] + 1) / 2, (locks[1] + 1) / 2
+        return OUTER + (INNER - OUTER) * (low - high), (INNER - OUTER) * (low + high - 1.0)
+
+    return [
+        _problem("rocking_block", 12.0, (0.15, 0.0), (0.0,), block_slope,
+                 lambda locks: (TILT * locks[0],), block_field, zero_guard),
+        _problem("neuron", 60.0, (0.0, 0.0), (LOW, HIGH), neuron_slope, neuron_coefficients,
+                 neuron_field, two_guards),
+        _problem("chua", 5.0, (0.7, 0.0, 0.0), (-1.0, 1.0), chua_slope, chua_coefficients,
+                 chua_field, two_guards),
+    ]  # fmt: skip
+
+
+def _problem(
+    name: str, end: float, y0: tuple[float, ...], places: tuple[float, ...],
+    slope: Callable[[Any], Formula], coefficients: Formula, rates: Any, surfaces: Any,
+) -> Problem:  # fmt: skip
+    at = np.array(places)
+    names = tuple(f"guard{k}" for k in range(len(places)))
+    system = System(rates, surfaces, n_states=len(y0), guard_names=names)
+    tight = {"params": places, "rtol": SMALLEST_RTOL, "atol": 1e-15, "method": "dop853"}
+    return Problem(
+        name, (0.0, end), y0, len(places), slope, lambda _: lambda y, k: y[0] - at[k],
+        coefficients, system, places, solve(system, (0.0, end), y0, **tight).y_end,
+    )  # fmt: skip
+
+
 def problems() -> list[Problem]:
-    """Return the three scenes."""
-    return [octant_problem(), hopper_problem(), plate_problem()]
+    """Return all scenes."""
+    return [octant_problem(), hopper_problem(), plate_problem(), *others()]
 
 
 MODULES = {

@@ -22,14 +22,7 @@ from numba import types
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import layout as at
-from hopdata.hybrid.compiled.kernel import (
-    MODE,
-    ON_EVENT,
-    STATE,
-    VALUE,
-    caller,
-    kernel,
-)
+from hopdata.hybrid.compiled.kernel import MODE, ON_EVENT, STATE, VALUE, caller, kernel
 from hopdata.hybrid.compiled.memory import row
 from hopdata.hybrid.driver.loop import END_STATE
 from hopdata.hybrid.driver.windows import (
@@ -753,9 +746,8 @@ def run(
             sample_again(fresh, t, times, samples, r)
         nowhere = (mask_of(landing) | (h < SHORTEST * run_s)) & ~mask_of(fresh)
         idle = where(accepted, where(nowhere, idle + 1.0, 0.0), idle)
-        lost = (tries > MOST_TRIES) | (stiff > STIFF_STEPS) | (idle > MOST_IDLE)
-        lost = lost | ~(h > ROUNDING * absolute(t))
-        lost = lost | ((taken >= float(max_steps)) & (t < t_end))
+        lost = (tries > MOST_TRIES) | (stiff > STIFF_STEPS) | ~(h > ROUNDING * absolute(t))
+        lost = lost | (idle > MOST_IDLE) | ((taken >= float(max_steps)) & (t < t_end))
         over |= give_up(bits(lost & live) & ~over, r)
         want = ((bits(t >= t_end) & active & ~fresh) | over) & active
         if want != 0:
