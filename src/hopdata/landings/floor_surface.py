@@ -325,8 +325,8 @@ def robust_regression(columns: FloatArray, values: FloatArray) -> FloatArray:
     """Regress values (n,) on columns (n, k) so that outliers count for little, (k,).
 
     M-estimates of Tukey's biweight (c = 4.685) by iterated weights, until the coefficients stand
-    still; the scale is the median of the absolute residuals. What statsmodels' `RLM` finds, which
-    takes longer to load than all else in a short recording.
+    still; the scale is the median of the absolute residuals. statsmodels' `RLM` finds the same, and
+    takes longer to load than the rest of the job runs.
     """
     found = np.linalg.lstsq(columns, values, rcond=None)[0]
     for _ in range(100):
