@@ -288,7 +288,12 @@ class ControlLoop:
             outcome, command, reason = self._plan(pose, boom, swung, stance_s)
             planned_s = time.monotonic() - asked_s
         if outcome != "overtaken":
-            reason = self._send(command) or reason
+            try:
+                refused = self.watch.swing(command)
+            except Exception as error:
+                refused, reason = "", f"the boom failed: {error!r}"
+            if refused:
+                outcome, command, reason = "held", 0.0, refused
         sent_s = time.monotonic()
         self._log(
             Decision(
@@ -355,12 +360,6 @@ class ControlLoop:
         if abs(swing) > limit:
             return "cut", math.copysign(limit, swing), f"{swing:.3f} rad cut to {limit:.3f} rad"
         return "planned", swing, ""
-
-    def _send(self, command: float) -> str:
-        try:
-            return self.watch.swing(command)
-        except Exception as error:
-            return f"the boom failed: {error!r}"
 
     def _log(self, decision: Decision) -> None:
         self._decisions.append(decision)
