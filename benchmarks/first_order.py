@@ -18,9 +18,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from exact import INITIAL_STATE, T_SPAN, octant
 from machine import in_turn
 from numpy.typing import NDArray
-from octant_scene import INITIAL_STATE, T_SPAN, octant
 from plate_scene import Plate
 
 from hopdata.hybrid import Solution, System, solve

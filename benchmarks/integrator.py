@@ -36,10 +36,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from exact import hopper_end, octant_end, restarted
+from exact import INITIAL_STATE, T_SPAN, hopper_end, octant, octant_end, restarted
 from numba import njit
 from numpy.typing import NDArray
-from octant_scene import INITIAL_STATE, T_SPAN, octant
 from plate_scene import Plate
 
 from hopdata.arrays import FloatArray, IntArray

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exact import INITIAL_STATE, T_SPAN, octant
 from hybrid_systems import ball, growth, ladder
-from octant_scene import INITIAL_STATE, T_SPAN, octant
 from test_derived import bounce_undone
 
 from hopdata.hybrid import System, field, solve

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numba
 import pytest
-from octant_scene import INITIAL_STATE, T_SPAN, octant
+from exact import INITIAL_STATE, T_SPAN, octant
 from packaging.version import Version
 
 import hopdata

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bent_systems import affine_landing, bent, bent_params, landing
+from exact import INITIAL_STATE, T_SPAN, octant
 from hybrid_systems import ball, growth
-from octant_scene import INITIAL_STATE, T_SPAN, octant
 
 from hopdata.hybrid import solve
 

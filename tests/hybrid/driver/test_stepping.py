@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bent_systems import affine_landing, bent, bent_params, landing
-from octant_scene import INITIAL_STATE, T_SPAN, octant
+from exact import INITIAL_STATE, T_SPAN, octant
 from stiff_problems import damped_contact
 
 from hopdata.hybrid import solve, solve_batch

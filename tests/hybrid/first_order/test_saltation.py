@@ -6,8 +6,8 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from exact import octant
 from hybrid_systems import ball, ladder, sliding
-from octant_scene import octant
 from scipy.integrate import solve_ivp
 
 from hopdata.hybrid import System, field, guards, on_event, solve

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from exact import octant, octant_guards
 from hybrid_systems import ball, ladder, relay, sliding, throw
-from octant_scene import octant, octant_guards
 
 from hopdata.hybrid import System, field
 from hopdata.hybrid.first_order import check_event_selected

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from exact import octant
 from hybrid_systems import ball, ladder, sliding
-from octant_scene import octant
 
 from hopdata.hybrid import System, field, guards
 from hopdata.hybrid.first_order import check_c1

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bent_systems import bent, bent_jacobian, bent_params, landing
+from exact import INITIAL_STATE, T_SPAN, octant
 from hybrid_systems import balance, growth
 from jacobian_checks import carried, differences, gap
-from octant_scene import INITIAL_STATE, T_SPAN, octant
 from plate_scene import Plate
 from scipy.integrate import solve_ivp
 

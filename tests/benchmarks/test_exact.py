@@ -5,7 +5,7 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
-from octant_scene import INITIAL_STATE, T_SPAN, octant
+from exact import INITIAL_STATE, T_SPAN, octant
 
 from hopdata.hybrid import solve
 
