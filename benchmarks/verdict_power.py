@@ -6,7 +6,8 @@
 Landings that are C1, of two systems, in many ways of being seen; and three kinds of control. A
 study draws the apexes of its landings from a long gait, with kicks and preloads of its own; its
 landings are integrated, seen frame by frame with noise, and judged: all of them, and each thousand
-for itself. Its seeds are its own; docs/verdict.md says what was chosen on which.
+for itself. Kinds that are only seen in another way share the landings of a seed, so that they are
+not independent of one another. docs/verdict.md says what was chosen on which seeds.
 
 What is simulated, and what is judged, is kept beside the table in ``verdict_studies/`` (0.7 MB a
 study) and not done again; to judge the same studies anew remove its JSON files. One row a kind and

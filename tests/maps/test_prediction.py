@@ -237,7 +237,7 @@ def test_many_thin_classes_are_counted_together():
     assert notes == [
         {
             "what": "affine models of 9 schedules",
-            "reason": "15 to 21 touchdowns each, 163 in all, left to fit: an affine "
+            "reason": "15 to 21 touchdowns each, 161 in all, left to fit: an affine "
             "map of these inputs needs 26",
         }
     ]

@@ -200,16 +200,18 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
 
 
 def _draw_landing(axes: Axes, ranks: Sequence[int], ground: float) -> None:
-    """Draw a body above the ground on legs; the foot of rank 0 touches first."""
+    """Draw a body above the ground on numbered legs; the foot of rank 0 touches first."""
     hip, body = ground + HIP, [0.1, WIDTH - 0.1]
     axes.plot([0.0, WIDTH], [ground, ground], color=style.INK, linewidth=1.0)
-    axes.plot(body, [hip, hip], color=style.GREY, linewidth=6, solid_capstyle="round")
+    axes.plot(body, [hip, hip], color=style.INK, linewidth=7, solid_capstyle="round")
     for number, rank in enumerate(ranks):
         place = 0.3 + (WIDTH - 0.6) * number / (len(ranks) - 1)
         foot, colour = ground + STEP * rank * 2 / (len(ranks) - 1) + 0.09, style.foot_colour(number)
         axes.plot([place, place], [foot, hip], color=colour, linewidth=1.6)
         axes.plot(place, foot, "o", color=colour, markersize=4)
         axes.text(place, ground - 0.1, ORDINALS[rank], ha="center", va="top", fontsize=style.pt(6))
+        look = {"color": "white", "fontweight": "bold", "ha": "center", "va": "center_baseline"}
+        axes.text(place, hip, f"{number + 1}", fontsize=style.pt(5), **look)
 
 
 # How many landings a study takes.
