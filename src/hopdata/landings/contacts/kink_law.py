@@ -281,8 +281,12 @@ def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) 
             known = [one[np.isfinite(one)] for one in moved.T]
             shift = np.array([np.median(each) if len(each) else 0.0 for each in known])
             common += weight * shift**2
-            spread += weight * np.nan_to_num(moved - shift) ** 2
+            centre = shift.mean() if alike else shift  # feet that move otherwise may change places
+            spread += weight * np.nan_to_num(moved - centre) ** 2
     error = np.sqrt(fits.unit_se**2 + spread / law.noise_m**2)
+    landings = np.isfinite(fits.instant).any(axis=1).sum()
+    if alike and 0 < landings < FEW:  # the law's own error, of what it was learned from
+        error *= np.sqrt(1 + 1 / landings)
     return replace(fits, unit_se=error), np.sqrt(common)
 
 
