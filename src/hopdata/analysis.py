@@ -200,18 +200,25 @@ class Study:
         return recording
 
     @cached_property
+    def floors(self) -> dict[str, Any]:
+        """Floor model of each recording."""
+        from hopdata.landings.floor import fit_floor
+
+        return {one.name: fit_floor(one, **self.config["floor"]) for one in self.imported}
+
+    @cached_property
     def recordings(self) -> list[Recording]:
         """Recordings on a level floor, with short gaps filled where that can be done."""
         from hopdata.config.consistency import fills
         from hopdata.landings.contacts.joined import join_feet
         from hopdata.landings.filling import fill_gaps
-        from hopdata.landings.floor import fit_floor, level
+        from hopdata.landings.floor import level
         from hopdata.recordings.readers.hdf5 import as_stored
 
         found = []
         for recording in self.imported:
             self.progress(f"levelling {recording.name}")
-            ready = level(recording, fit_floor(recording, **self.config["floor"]))
+            ready = level(recording, self.floors[recording.name])
             ready = join_feet(ready, self.config["feet"])
             if fills(self.config):
                 ready = fill_gaps(ready, longest_s=self.config["filling"]["longest_s"])
@@ -290,6 +297,11 @@ class Study:
     def pairs(self) -> Pairs:
         """States at the two sections in the home frame, with the contact instants."""
         return self._landings[1]
+
+    @property
+    def units(self) -> Contents:
+        """Units of length and time by which the states are divided."""
+        return self._landings[2]
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -429,7 +441,7 @@ class Study:
         if name == "sections":
             return self.sections.to_dict()
         if name == "units":
-            return self._landings[2]
+            return self.units
         return self.tables[name]
 
     def save(self, folder: str | Path) -> Path:

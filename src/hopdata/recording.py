@@ -166,17 +166,23 @@ class Recording:
     @cached_property
     def body(self) -> FloatArray:
         """Body markers, (N, B, 3), m."""
-        return self.positions[:, self.indices("body")]
+        return self.positions[:, _together(self.indices("body"))]
 
     @cached_property
     def feet(self) -> FloatArray:
         """Foot markers, (N, n, 3), m."""
-        return self.positions[:, self.indices("foot")]
+        return self.positions[:, _together(self.indices("foot"))]
 
     @cached_property
     def body_height(self) -> FloatArray:
         """Mean height of the body markers, (N,), m; NaN where one of them is not seen."""
         return self.body[:, :, 2].mean(axis=1)
+
+
+def _together(markers: list[int]) -> list[int] | slice:
+    """Return markers that stand side by side as a slice, which copies no frame."""
+    side_by_side = markers and markers == list(range(markers[0], markers[-1] + 1))
+    return slice(markers[0], markers[-1] + 1) if side_by_side else markers
 
 
 # No landing may count twice: the same content under two names is refused.

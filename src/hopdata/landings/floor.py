@@ -249,7 +249,9 @@ def level(recording: Recording, floor: floor_surface.FloorModel) -> Recording:
     if recording.names("foot") != floor.feet:
         raise ValueError(f"feet: expected {floor.feet}, found {recording.names('foot')}")
     positions = recording.positions.copy()
-    positions[:, :, 2] -= floor.height(positions[:, :, 0], positions[:, :, 1])
+    for first in range(0, len(positions), floor_surface.CHUNK):
+        part = positions[first : first + floor_surface.CHUNK]
+        part[:, :, 2] -= floor.height(part[:, :, 0], part[:, :, 1])
     positions[:, recording.indices("foot"), 2] -= floor.foot_offsets_m
     return replace(recording, positions=positions)
 
