@@ -110,7 +110,7 @@ def as_stored(table: pd.DataFrame) -> pd.DataFrame:
 def _csv(table: pd.DataFrame) -> str:
     # Numbers as text: pandas takes three times as long for them.
     texts = {name: _printed(table[name]) for name in table if table[name].dtype.kind == "f"}
-    printed = _changed(table, guarded).assign(**{guarded(k): v for k, v in texts.items()})
+    printed = _changed(table, guarded).assign(**{str(guarded(k)): v for k, v in texts.items()})
     return str(printed.to_csv(index=False, lineterminator="\n"))
 
 

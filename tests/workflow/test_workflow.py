@@ -334,7 +334,7 @@ def test_a_job_asks_for_twice_as_much_at_a_retry(tmp_path):
     def asked(attempt):
         run = snakemake(folder, "-n", "--attempt", str(attempt))
         found = re.findall(r"runtime=(\d+), mem_mb=(\d+),", run.stdout + run.stderr)
-        return np.array(found, dtype=int)
+        return np.array(sorted((int(time), int(memory)) for time, memory in found))
 
     first = asked(1)
     assert first.shape == (12, 2)

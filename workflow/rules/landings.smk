@@ -40,13 +40,13 @@ rule pairs:
     resources:
         **needs(mb_a_mb=40, minutes=30),
     params:
-        sections=STUDY["sections"],
-        method=METHOD,
+        sections={key: value for key, value in STUDY["sections"].items() if key != "grid_nodes"},
+        nodes=STUDY["sections"]["grid_nodes"],
         methods=SCORED_METHODS,
         touchdowns=STUDY["touchdowns"],
         largest_share=STUDY["filling"]["largest_share"],
         exclude=[entry["exclude"] for entry in STUDY["recordings"]],
-        home=STUDY["home"],
+        home={"home_marker": STUDY["home"]["marker"]},
         states=STUDY["states"],
         units=STUDY["units"],
         code=code("pairs"),

@@ -274,7 +274,8 @@ _IN_ORDER = (
 
 def _in_order(config: dict[str, Any]) -> Iterator[str]:
     for key, side, other in _IN_ORDER:
-        value, limit = (reduce(getitem, one.split("."), config) for one in (key, other))
+        value: Any = reduce(getitem, key.split("."), config)
+        limit: Any = reduce(getitem, other.split("."), config)
         if None not in (value, limit) and not (value > limit if side == "more" else value < limit):
             yield f"{key}: expected {side} than {other} ({limit:g}), found {value:g}"
 

@@ -119,10 +119,11 @@ def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
     """Coefficients of the surface that a twentieth of the points is below; nearly the optimum."""
     step = max(1, len(heights) // _START_POINTS)
     heights, columns = heights[::step], columns[::step]
-    found, weights = np.zeros(columns.shape[1]), np.ones(len(heights))
+    found: FloatArray = np.zeros(columns.shape[1])
+    weights: FloatArray = np.ones_like(heights)
     for _ in range(_MOST_FITS):
         before, root = found, np.sqrt(weights)
-        found = np.linalg.lstsq(columns * root[:, None], heights * root, rcond=None)[0]
+        found = np.asarray(np.linalg.lstsq(columns * root[:, None], heights * root, rcond=None)[0])
         if np.abs(found - before).max() <= _STILL_M:
             break
         residuals = heights - columns @ found
