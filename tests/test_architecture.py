@@ -22,7 +22,10 @@ MAY_USE = {
     "figures": set(),
     "report": set(),
     "config": {"scenes", "synthesis"},
-    "commands": {"config", "recordings", "landings", "figures", "maps", "report"},
+    "commands": {
+        *("config", "recordings", "landings", "figures", "maps", "report"),
+        *("group", "provenance"),  # modules beside the rooms
+    },
 }
 HEAVY = {"pandas", "scipy", "matplotlib", "statsmodels", "sklearn", "h5py", "jsonschema", "jinja2"}
 
