@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -37,7 +38,10 @@ def test_what_a_notebook_looks_at(study):
     used = study.touchdowns[~study.touchdowns["excluded"]]
     assert len(used) == len(study.pairs) > 150
     assert set(study.quality["status"]) <= {"good", "look", "poor", "not known"}
-    assert study.figure("fig2_3_schedule").axes
+    assert study.figures.schedule().axes
+    assert "verdict" in dir(study.figures)
+    with pytest.raises(AttributeError, match="did you mean 'verdict'"):
+        _ = study.figures.verdit
     assert study.tables["drift"].columns[0]
 
 
@@ -73,6 +77,10 @@ ARRAYS = {"time": np.arange(5.0), "positions": np.zeros((5, 2, 3)), "markers": [
         ({"time": [0.0, 0.1, 0.1, 0.2, 0.3]}, "time: expected two frames or more, each later"),
         ({"positions": np.zeros((5, 3, 2))}, "positions: expected shape (5, 2, 3)"),
         ({"markers": ["toe"]}, "positions: expected shape (5, 1, 3)"),
+        ({"markers": ["toe", "toe"]}, "markers: expected each name once, found toe, toe"),
+        ({"positions": [[1], [1, 2]]}, "positions: expected an array of numbers, found setting"),
+        ({"time": ["noon"]}, "time: expected an array of numbers, found could not convert"),
+        ({"body": 3}, "body: expected a list of marker names, found 3"),
         ({"feet": ["to"]}, "feet: expected any of ('toe', 'hip'), found 'to'; did you mean 'toe'"),
     ],
 )
@@ -86,7 +94,109 @@ def test_millimetres_for_metres_and_a_text_for_a_list_are_told(sample_path):
     whole = hd.read(sample_path, feet=FEET, body=BODY).part(slice(3000))
     roles = {"feet": FEET, "body": BODY}
     large = hd.Recording.from_arrays(whole.time, 1e3 * whole.positions, whole.markers, **roles)
-    with pytest.raises(hd.HopdataError, match="scale"):
+    with pytest.raises(hd.HopdataError, match=r"scale.*multiply the positions by 0.001"):
         hd.analyse(large)
+    lying = hd.Recording.from_arrays(
+        whole.time, whole.positions[:, :, [0, 2, 1]], whole.markers, **roles
+    )
+    with pytest.raises(hd.HopdataError, match=r"vertical axis.*z up: exchange what is not so"):
+        hd.analyse(lying)
+    for wrong, told in (
+        ({"feet": FEET}, "feet, body: expected names of markers of .*boom.*body=.."),
+        ({"body": BODY, "feet": ["foot9", "foot1"]}, "expected a marker of the file.*'foot9'"),
+        ({**roles, "input": {"rate": 3}}, "input.rate"),
+    ):
+        with pytest.raises(hd.HopdataError, match=told):
+            hd.analyse(sample_path, **wrong)
+    with pytest.raises(hd.HopdataError, match=r"arrays go through hd\.Recording.from_arrays"):
+        hd.analyse(whole.positions)
     with pytest.raises(hd.HopdataError, match="feet: expected a list of marker names"):
         hd.analyse(sample_path, feet="foot1", body=BODY)
+
+
+def test_results_are_shown_in_a_line_and_a_small_table(study):
+    study = study[0]
+    shown = (study.recordings[0], study.pairs, study.sections, study.verdict, study.figures)
+    for result in shown:
+        assert len(repr(result)) < 250
+        assert "array(" not in repr(result)
+    for result in shown[:-1]:
+        assert len(result._repr_html_()) < 4000
+    assert "<td>foot1</td>" in study.recordings[0]._repr_html_()
+
+
+def test_an_error_is_one_line_in_a_notebook():
+    with pytest.raises(hd.HopdataError) as caught:
+        hd.read("nothing.c3d", feet=FEET, body=BODY)
+    told = "RecordingError: nothing.c3d: expected a file, found none"
+    assert caught.value._render_traceback_() == [told]
+
+
+def test_steps_one_by_one_compute_no_more_than_they_need(sample_path):
+    told = []
+    recording = hd.read(sample_path, feet=FEET, body=BODY).part(slice(12_000))
+    study = hd.study(recording, progress=told.append)
+    assert "no verdict yet" in repr(study)
+    assert study.read()[0] is recording
+    level = study.level()[0]
+    assert abs(np.nanmin(level.feet[:, :, 2])) < 0.01
+    assert told == ["reading", "levelling hopper"]
+    assert list(study.find_contacts()) == ["hopper"]
+    assert study.choose_sections().pre_height_m > study.sections.post_height_m
+    assert told[-1] == "sections"
+    assert "schedule" in study.find_touchdowns()
+    assert study.judge().sentence in repr(study)
+
+
+def test_the_vertical_axis_of_a_file_is_guessed(sample_path, tmp_path):
+    whole = hd.read(sample_path, feet=FEET, body=BODY).part(slice(3000))
+    turned = (1e3 * whole.positions[:, :, [1, 2, 0]]).reshape(3000, -1)
+    rows = np.c_[np.arange(3000), whole.time, turned]
+    axes = [f"{axis}{i + 1}" for i in range(len(whole.markers)) for axis in "XYZ"]
+    head = [
+        "PathFileType\t4\t(X/Y/Z)\tlying.trc",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits",
+        f"100\t100\t3000\t{len(whole.markers)}\tmm",
+        "Frame#\tTime\t" + "\t\t\t".join(whole.markers),
+        "\t\t" + "\t".join(axes),
+    ]
+    lines = ["\t".join(f"{value:.6g}" for value in row) for row in rows]
+    (tmp_path / "lying.trc").write_text("\n".join([*head, *lines]) + "\n")
+    read = hd.read(tmp_path / "lying.trc", feet=FEET, body=BODY)
+    assert read.vertical_axis == "y"
+    np.testing.assert_allclose(read.feet[:, :, 2], whole.feet[:, :, 2], atol=1e-5)
+
+
+def test_a_simulated_recording_with_its_truth():
+    recording, truth = hd.synthesize(simulation={"hops": 5}, seed=3)
+    assert recording.names("foot") == tuple(FEET)
+    assert len(truth.contact_times) >= 4
+    again = hd.synthesize(simulation={"hops": 5}, seed=3)[0]
+    np.testing.assert_array_equal(recording.positions, again.positions)
+    with pytest.raises(hd.HopdataError, match=r"simulation\.scene"):
+        hd.synthesize("hoper")
+
+
+def test_a_plan_halves_the_difference_for_four_times_the_landings(study):
+    needed = hd.plan(study[0], [0.02, 0.01])["landings"]
+    assert needed[1] == pytest.approx(4 * needed[0], rel=0.01)
+
+
+def test_positions_have_named_axes_where_xarray_is_installed(sample_path):
+    recording = hd.read(sample_path, feet=FEET, body=BODY).part(slice(50))
+    if find_spec("xarray") is None:
+        with pytest.raises(hd.HopdataError, match="expected the package xarray"):
+            recording.to_xarray()
+    else:
+        array = recording.to_xarray()
+        foot = array.sel(marker="foot2", axis="z")
+        np.testing.assert_array_equal(foot, recording.feet[:, 1, 2])
+        assert array.attrs["units"] == "m"
+
+
+def test_the_page_of_a_study_holds_its_landings(study, tmp_path):
+    page = study[0].report(tmp_path / "page.html").read_text()
+    assert study[0].verdict.sentence in page
+    assert page.count("<canvas") == 1
+    assert page.count('class="small"') == study[0].touchdowns["excluded"].sum()
+    assert len(page) < 1_500_000

@@ -27,7 +27,7 @@ MAY_USE = {
         *("group", "provenance"),  # modules beside the rooms
     },
 }
-HEAVY = {"pandas", "scipy", "matplotlib", "statsmodels", "sklearn", "h5py", "jsonschema", "jinja2"}
+HEAVY = {"pandas", "scipy", "matplotlib", "sklearn", "h5py", "jsonschema", "jinja2"}
 
 
 def modules(room):

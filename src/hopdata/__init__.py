@@ -5,7 +5,7 @@
     study = hd.analyse("config/config.yaml", progress=print)
     study.verdict.sentence
     study.touchdowns
-    study.figure("verdict")
+    study.figures.verdict()
 
 The package follows the data's way, one sub-package a stage: ``hybrid`` and ``scenes`` simulate,
 ``synthesis`` observes, ``recordings`` reads, ``landings`` finds touchdowns, ``maps`` compares
@@ -22,9 +22,11 @@ _PLACES = {
     "System": "hybrid",
     "analyse": "analysis",
     "judge": "maps.verdict",
+    "plan": "analysis",
     "read": "analysis",
-    "simulate_recording": "synthesis",
     "solve": "hybrid",
+    "study": "analysis",
+    "synthesize": "analysis",
 }
 __all__ = sorted(_PLACES)  # noqa: PLE0605
 

@@ -29,6 +29,7 @@ OVERVIEW = (
     """\
 from a file to a report:
   hopdata inspect monday.tsv                what is in it, and what looks wrong
+  hopdata view monday.tsv                   turn it in 3-D
   hopdata init monday.tsv                   write config/monday.yaml, roles guessed
   hopdata check config/monday.yaml          does it all fit?
   hopdata run config/monday.yaml            results/monday/report.html
@@ -113,6 +114,13 @@ def _inspect_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--html", type=Path, metavar="PAGE", help="also write a page with figures")
 
 
+def _view_options(command: argparse.ArgumentParser) -> None:
+    _add_file(command)
+    what = "page to write; else FILE.html in the folder for temporary files"
+    command.add_argument("-o", "--out", type=Path, metavar="PAGE", help=what)
+    command.add_argument("--no-browser", action="store_true", help="only write it")
+
+
 def _init_options(command: argparse.ArgumentParser) -> None:
     _add_file(command)
     command.add_argument(
@@ -191,6 +199,15 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
         "  hopdata inspect monday.tsv --html monday.html\n"
         "  hopdata inspect monday.tsv --rate 250        a file that does not state its rate\n",
         _inspect_options,
+    ),
+    "view": (
+        "hopdata.commands.inspect:view",
+        "turn a recording in 3-D, in a browser",
+        "Write a page that shows the markers of a recording in 3-D, to be turned by hand and\n"
+        "scrubbed in time, and open it. It needs no network.",
+        "  hopdata view data/sample/hopper.h5\n"
+        "  hopdata view monday.tsv --vertical-axis=y -o monday.html --no-browser\n",
+        _view_options,
     ),
     "init": (
         "hopdata.commands.init:init",

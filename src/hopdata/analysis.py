@@ -6,9 +6,11 @@ so that its numbers are the workflow's to the last byte.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
+from html import escape
 from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,17 +18,17 @@ from typing import TYPE_CHECKING, Any
 
 from hopdata.arrays import pd
 from hopdata.blas import one_blas_thread
-from hopdata.errors import RecordingError
-from hopdata.recording import Recording, require_distinct
+from hopdata.errors import AnalysisError, RecordingError, did_you_mean
+from hopdata.recording import Recording, Truth, marker_names, require_distinct
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from hopdata.landings.sections.select import Sections
     from hopdata.landings.states.pairs import Pairs
     from hopdata.maps.verdict.judge import Verdict
 
 Contents = dict[str, Any]
+#: In a checkout this link leads to its own Snakefile; in a wheel the file is beside the others.
+SNAKEFILE = Path(__file__).with_name("_workflow").joinpath("Snakefile").resolve()
 Progress = Callable[[str], object]
 
 
@@ -50,7 +52,7 @@ def read(
         Name of the recording; that of the file if it is left out.
     options
         ``unit``, ``vertical_axis``, ``rate_hz``: see
-        `hopdata.recordings.importing.import_recording`.
+        `hopdata.recordings.importing.import_recording`. The axis is guessed if it is left out.
 
     Returns
     -------
@@ -66,7 +68,64 @@ def read(
 
     first = Path(file if isinstance(file, str | Path) else file[0])
     markers = {"feet": _names("feet", feet), "body": _names("body", body)}
+    options = {"vertical_axis": _vertical_axis(first, markers, options), **options}
     return import_recording(file, name=name or first.stem, markers=markers, **options)[0]
+
+
+def _vertical_axis(file: Path, markers: Contents, options: Contents) -> str:
+    """Return the axis of a file that is up as ``hopdata init`` guesses it, if it is not given."""
+    from hopdata.recordings.quality.orientation import guess_unit_and_up
+    from hopdata.recordings.readers.formats import read_raw
+
+    limits = {k: v for k, v in options.items() if k in ("rate_hz", "most_unpacked_mb")}
+    raw = read_raw(file, **limits)
+    if not all(markers.values()):
+        raise RecordingError(
+            f"feet, body: expected names of markers of {file} ({', '.join(raw.markers)}), found "
+            + " and ".join(f"{key}={names}" for key, names in markers.items())
+        )
+    unit, up = options.get("unit", "auto"), options.get("vertical_axis")
+    return guess_unit_and_up(raw, unit=None if unit == "auto" else unit, up=up)[1].value
+
+
+def study(
+    source: str | Path | Mapping[str, Any] | Recording,
+    *,
+    feet: Sequence[str] = (),
+    body: Sequence[str] = (),
+    progress: Progress = lambda _stage: None,
+    **keys: Any,
+) -> Study:
+    """Prepare a study, to be gone through step by step; arguments and errors of `analyse`."""
+    from hopdata.config.loading import load_config, read_yaml
+
+    given: tuple[Recording, ...] = ()
+    content: Mapping[str, Any]
+    roles = {"feet": _names("feet", feet), "body": _names("body", body)}
+    if isinstance(source, Recording):
+        if feet or body:
+            raise RecordingError("feet, body: expected none, since the recording has its roles")
+        given, entry = (source,), {"name": source.name}
+        roles = {"feet": [*source.names("foot")], "body": [*source.names("body")]}
+        content = {"study": source.name, "recordings": [entry]}
+    elif isinstance(source, Mapping):
+        content = source
+    elif not isinstance(source, str | Path):
+        raise RecordingError(
+            "source: expected a file, a configuration or a recording, found a "
+            f"{type(source).__name__}; arrays go through hd.Recording.from_arrays"
+        )
+    elif Path(source).suffix.lower() in {".yaml", ".yml"}:
+        content = read_yaml(source)
+    else:
+        entry = {"name": Path(source).stem, "file": str(source)}
+        content = {"study": entry["name"], "recordings": [entry]}
+        options = dict(keys.get("input", {}))
+        up = _vertical_axis(Path(source), roles, options)
+        keys["input"] = {**options, "vertical_axis": up}
+        progress(f"reading {source} with {up} up")
+    markers = {"markers": roles} if any(roles.values()) else {}
+    return Study(load_config({**content, **markers, **keys}), given, progress)
 
 
 def analyse(
@@ -88,7 +147,8 @@ def analyse(
     progress : callable
         Told the name of each stage as it begins, such as `print`.
     keys
-        Sections of the configuration, such as ``touchdowns={"method": "kink"}``.
+        Sections of the configuration, such as ``touchdowns={"method": "kink"}``. Without an
+        ``input["vertical_axis"]`` that of a file is guessed from what falls in it.
 
     Returns
     -------
@@ -102,32 +162,89 @@ def analyse(
     RecordingError, AnalysisError
         If a recording cannot be read or analysed.
     """
-    from hopdata.config.loading import load_config, read_yaml
+    found = study(source, feet=feet, body=body, progress=progress, **keys)
+    _ = found.verdict
+    return found
 
-    given: tuple[Recording, ...] = ()
-    content: Mapping[str, Any]
-    if isinstance(source, Recording):
-        given = (source,)
-        entry, feet, body = {"name": source.name}, source.names("foot"), source.names("body")
-        content = {"study": source.name, "recordings": [entry]}
-    elif isinstance(source, Mapping):
-        content = source
-    elif Path(source).suffix.lower() in {".yaml", ".yml"}:
-        content = read_yaml(source)
-    else:
-        entry = {"name": Path(source).stem, "file": str(source)}
-        content = {"study": entry["name"], "recordings": [entry]}
-    roles = {"feet": _names("feet", feet), "body": _names("body", body)}
-    markers = {"markers": roles} if feet or body else {}
-    study = Study(load_config({**content, **markers, **keys}), given, progress)
-    _ = study.verdict
-    return study
+
+def synthesize(
+    scene: str = "hopper", *, name: str = "simulated", seed: int = 0, **keys: Any
+) -> tuple[Recording, Truth]:
+    """Simulate a recording of a scene as motion capture sees it, with its truth.
+
+    Parameters
+    ----------
+    scene : str
+        A scene of `hopdata.scenes`, such as ``"hopper"`` or ``"quadruped"``.
+    name : str
+        Name of the recording.
+    seed : int
+        Of kicks and noise.
+    keys
+        Sections of the configuration, such as ``simulation={"hops": 200}`` and
+        ``motion_capture={"rate_hz": 250}``.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such scene or a value is out of range.
+    """
+    from hopdata.config.loading import load_config
+    from hopdata.synthesis import simulate_recording
+
+    keys["simulation"] = {"scene": scene, **keys.get("simulation", {})}
+    # All markers are made, whichever of them a study would follow.
+    markers = {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2"]}
+    content = {"study": name, "recordings": [{"name": name}], "markers": markers, "seed": seed}
+    content.update(keys)
+    return _simulated(load_config(content), 0, simulate_recording)
+
+
+def _simulated(config: Contents, number: int, simulate: Any) -> tuple[Recording, Truth]:
+    from hopdata.config.consistency import simulation_of
+
+    name, seed = config["recordings"][number]["name"], (config["seed"], number)
+    camera = config["motion_capture"]
+    made: tuple[Recording, Truth] = simulate(
+        simulation_of(config, name), camera, seed=seed, name=name
+    )
+    return made
+
+
+def plan(
+    pilot: Study | Verdict, differences: Sequence[float] = (0.03, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5)
+) -> pd.DataFrame:
+    """Say how many landings a study takes to show a difference of the maps.
+
+    Parameters
+    ----------
+    pilot : Study or Verdict
+        Of a short recording, or of a simulated one.
+    differences : sequence of float
+        Sizes, as shares of the map.
+
+    Returns
+    -------
+    DataFrame
+        ``difference`` (share of the map), ``landings`` that show it with the verdict's power.
+
+    Raises
+    ------
+    AnalysisError
+        If the pilot has no answer.
+    """
+    from hopdata.maps.verdict.effect import landings_needed
+
+    verdict = pilot.verdict if isinstance(pilot, Study) else pilot
+    if verdict.effect is None:
+        raise AnalysisError(f"pilot: expected an answer to plan from: {verdict.sentence}")
+    known = (verdict.n_landings, verdict.effect.detectable)
+    needed = [landings_needed(*known, size, verdict.n_feet) for size in differences]
+    return pd.DataFrame({"difference": list(differences), "landings": needed})
 
 
 def _names(key: str, names: Sequence[str]) -> list[str]:
-    if isinstance(names, str):
-        raise RecordingError(f"{key}: expected a list of marker names, found the text {names!r}")
-    return list(names)
+    return list(marker_names(key, names))
 
 
 @dataclass(frozen=True, repr=False)
@@ -149,16 +266,41 @@ class Study:
     progress: Progress = field(default=lambda _stage: None)
 
     def __repr__(self) -> str:
-        return f"<hopdata.Study '{self.config['study']}': {self.verdict.sentence}>"
+        known = self.__dict__.get("verdict")
+        told = known.sentence if known else "no verdict yet"
+        return f"<hopdata.Study '{self.config['study']}': {told}>"
 
     def _repr_html_(self) -> str:
         """Show the answer and its picture, as a notebook does with the last line of a cell."""
-        from html import escape
-        from io import StringIO
+        if "verdict" not in self.__dict__:
+            return f"<p>{escape(repr(self))}</p>"
+        return f"<p>{escape(self.verdict.sentence)}</p>{self.figures.verdict()._repr_svg_()}"
 
-        picture = StringIO()
-        self.figure("verdict").savefig(picture, format="svg")
-        return f"<p>{escape(self.verdict.sentence)}</p>{picture.getvalue()}"
+    # The stages by name, for those who go step by step; what each finds stays with the study.
+
+    def read(self) -> list[Recording]:
+        """Read the recordings and check that they make sense; return `imported`."""
+        return self.imported
+
+    def level(self) -> list[Recording]:
+        """Take off the floor and fill short gaps; return `recordings`."""
+        return self.recordings
+
+    def find_contacts(self) -> dict[str, pd.DataFrame]:
+        """Find when each foot touched; return `contacts`."""
+        return self.contacts
+
+    def choose_sections(self) -> Sections:
+        """Choose the two Poincare sections; return `sections`."""
+        return self.sections
+
+    def find_touchdowns(self) -> pd.DataFrame:
+        """Tabulate the touchdowns with their orders of contact; return `touchdowns`."""
+        return self.touchdowns
+
+    def judge(self) -> Verdict:
+        """Compare the maps of the orders; return `verdict`."""
+        return self.verdict
 
     @cached_property
     def imported(self) -> list[Recording]:
@@ -174,7 +316,7 @@ class Study:
         return found
 
     def _import(self, number: int, entry: Contents) -> Recording:
-        from hopdata.config.consistency import files_of, simulation_of
+        from hopdata.config.consistency import files_of
         from hopdata.recordings.importing import import_recording
 
         config, name = self.config, entry["name"]
@@ -184,12 +326,8 @@ class Study:
                 from hopdata.recordings.readers.hdf5 import write_recording
                 from hopdata.synthesis import simulate_recording
 
-                files, seed = [f"{folder}/{name}.h5"], (config["seed"], number)
-                simulation = simulation_of(config, name)
-                write_recording(
-                    files[0],
-                    *simulate_recording(simulation, config["motion_capture"], seed=seed, name=name),
-                )
+                files = [f"{folder}/{name}.h5"]
+                write_recording(files[0], *_simulated(config, number, simulate_recording))
             recording, _ = import_recording(
                 files,
                 name=name,
@@ -316,7 +454,7 @@ class Study:
 
     @cached_property
     @one_blas_thread()
-    def _of_maps(self) -> Contents:
+    def _of_maps(self) -> tuple[Contents, list[Any]]:
         from hopdata.maps.corrected.estimates import estimate_maps
         from hopdata.maps.prediction import bootstrap_prediction
         from hopdata.maps.subspaces.constraint import bootstrap_subspaces
@@ -336,13 +474,14 @@ class Study:
         self.progress("constraint subspaces")
         spaces = bootstrap_subspaces(x, y, pairs.schedule, **seed, **config["subspaces"])
         apart = measure_distances(spaces.bases, spaces.shape, **seed, **config["distances"])
-        return {
+        tables = {
             "prediction_errors": errors.errors,
             "prediction_summary": errors.summary,
             "distances": apart.distances,
             "distance_summary": apart.summary,
             "map_estimates": estimates.table(),
         }
+        return tables, [*errors.notes, *spaces.notes, *apart.notes, *estimates.notes]
 
     @cached_property
     def _of_landings(self) -> Contents:
@@ -379,7 +518,7 @@ class Study:
         """All tables by their names in the folder ``tables`` of the workflow's results."""
         from hopdata.jobs import as_stored
 
-        found = {**self._of_landings, **self._of_maps}
+        found = {**self._of_landings, **self._of_maps[0]}
         return {"touchdowns": self.touchdowns} | {k: as_stored(v) for k, v in found.items()}
 
     @property
@@ -406,33 +545,15 @@ class Study:
         )
         return [check.to_dict() for check in checks]
 
-    def figure(self, name: str) -> Figure:
-        """Draw a figure of the study.
-
-        Parameters
-        ----------
-        name : str
-            A figure of the kinds ``landings`` or ``maps`` in `hopdata.figures.catalogue`, such as
-            ``"verdict"`` or ``"fig2_4_prediction"``.
-
-        Raises
-        ------
-        ConfigError
-            If there is no figure of this name.
-        """
-        from hopdata.errors import require_choice
-        from hopdata.figures.catalogue import FIGURES
-
-        drawings = FIGURES["landings"] | FIGURES["maps"]
-        require_choice("figure", name, drawings)
-        module, _, function = drawings[name].place.partition(":")
-        draw = getattr(import_module(f"hopdata.figures.{module}"), function)
-        content = map(self._content, drawings[name].files)
-        drawn: Figure = draw(*content, **drawings[name].options)
-        return drawn
+    @property
+    def figures(self) -> Figures:
+        """The figures, each a function: ``study.figures.verdict(style="nature")``."""
+        return Figures(self)
 
     def _content(self, file: str) -> Any:
         """Return what the workflow's file of this path would hold."""
+        from hopdata.jobs import as_stored
+
         name = Path(file).stem
         if name == "touchdowns":  # without all the other stages
             return self.touchdowns
@@ -442,7 +563,65 @@ class Study:
             return self.sections.to_dict()
         if name == "units":
             return self.units
-        return self.tables[name]
+        if name in self._of_landings:  # without fitting all the models
+            return as_stored(self._of_landings[name])
+        return as_stored(self._of_maps[0][name])
+
+    def report(self, file: str | Path, *, drawn: str | Path | None = None) -> Path:
+        """Write the study's page, which needs no other file.
+
+        Parameters
+        ----------
+        file : path
+            Where to.
+        drawn : path, optional
+            Folder in which `save` has left the figures as SVG; by default they are drawn anew.
+
+        Returns
+        -------
+        Path
+            The page.
+        """
+        from hopdata.figures.style import save_figure
+        from hopdata.jobs import whole_file
+        from hopdata.landings.filling import filled_table
+        from hopdata.provenance import provenance
+        from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
+        from hopdata.report.page import build_report
+
+        tables, names = self.tables, self.figures.names
+        self.progress("page")
+        captions = (SNAKEFILE.parent / "workflow" / "captions").glob("*.md")
+        with TemporaryDirectory() as folder:
+            for name, full in () if drawn else names.items():
+                save_figure(getattr(self.figures, name)(), Path(folder, full), formats=("svg",))
+            files = [Path(drawn or folder, f"{full}.svg") for full in names.values()]
+            figures = read_figures(files, captions)
+        digests = {one.place: one.source_sha256 for one in self.imported}
+        page = build_report(
+            ReportInputs(
+                study=self.config["study"],
+                figures=figures,
+                recordings=[describe_recording(one) for one in self.imported],
+                levelled=self.recordings,
+                filled=filled_table(self.recordings),
+                sections=self.sections.to_dict(),
+                units=self.units,
+                provenance=provenance(self.config, digests, []),
+                floors={name: floor.to_dict() for name, floor in self.floors.items()},
+                verdict=self.verdict.to_dict(),
+                quality=self._checks,
+                touchdowns=self.touchdowns,
+                prediction=tables["prediction_summary"],
+                distances=tables["distance_summary"],
+                faults=tables["faults"],
+                remarks=tables["remarks"],
+                notes=self._of_maps[1],
+            )
+        )
+        with whole_file(file) as draft:
+            draft.write_text(page, encoding="utf-8")
+        return Path(file)
 
     def save(self, folder: str | Path) -> Path:
         """Write ``verdict.json``, ``quality.json`` and the folders ``tables`` and ``figures``.
@@ -452,7 +631,6 @@ class Study:
         Path
             The folder.
         """
-        from hopdata.figures.catalogue import FIGURES
         from hopdata.figures.style import save_figure
         from hopdata.jobs import write_json, write_table
 
@@ -461,6 +639,43 @@ class Study:
         write_json(base / "quality.json", self._checks)
         for name, table in self.tables.items():
             write_table(base / "tables" / f"{name}.csv", table)
-        for name in FIGURES["landings"] | FIGURES["maps"]:
-            save_figure(self.figure(name), base / "figures" / name, **self.config["figures"])
+        for name, full in self.figures.names.items():
+            drawn = getattr(self.figures, name)()
+            save_figure(drawn, base / "figures" / full, **self.config["figures"])
         return base
+
+
+@dataclass(frozen=True)
+class Figures:
+    """The figures of a study, each drawn when its function is called.
+
+    They take ``ax=`` (an axes whose place they fill) and ``style=``, and return the figure or,
+    where `ax` is given, what was drawn into: see `hopdata.figures.style.styled`.
+    """
+
+    of: Study
+
+    @property
+    def names(self) -> dict[str, str]:
+        """Names of the functions, and those of the figures in the workflow's results."""
+        from hopdata.figures.catalogue import FIGURES
+
+        drawings = FIGURES["landings"] | FIGURES["maps"]
+        return {re.sub(r"^fig\d_\d_", "", name): name for name in drawings}
+
+    def __dir__(self) -> list[str]:
+        return sorted(self.names)
+
+    def __repr__(self) -> str:
+        return f"<figures of study '{self.of.config['study']}': {', '.join(self.names)}>"
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        from hopdata.figures.catalogue import FIGURES
+
+        if name.startswith("_") or name not in self.names:
+            near = did_you_mean(name, self.names)
+            raise AttributeError(f"figure: expected one of {', '.join(self.names)}{near}")
+        drawing = (FIGURES["landings"] | FIGURES["maps"])[self.names[name]]
+        module, _, function = drawing.place.partition(":")
+        draw = getattr(import_module(f"hopdata.figures.{module}"), function)
+        return partial(draw, *map(self.of._content, drawing.files), **drawing.options)

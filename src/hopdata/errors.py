@@ -18,6 +18,10 @@ class HopdataError(Exception):
     def __str__(self) -> str:
         return "\n".join(printable(str(line)) for line in self.args)
 
+    def _render_traceback_(self) -> list[str]:
+        """Show the message alone in a notebook, which asks for this, without our inner frames."""
+        return [f"{type(self).__name__}: {self}"]
+
 
 class ConfigError(HopdataError):
     """A key of the configuration is missing, misspelt or out of range."""

@@ -8,13 +8,10 @@ import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from hopdata.arrays import pd
 from hopdata.errors import AnalysisError, ConfigError, HopdataError
-
-if TYPE_CHECKING:
-    from hopdata.analysis import Study
 
 NAME = "[A-Za-z0-9][A-Za-z0-9_-]{0,99}"
 NEEDED, KNOWN = ("subject", "file"), ("subject", "file", "recording", "session", "condition")
@@ -126,7 +123,7 @@ def _rows(file: Path) -> list[dict[str, str]]:
     return [{str(k): str(v).strip() for k, v in row.items()} for row in table.to_dict("records")]
 
 
-def run_member(member: Mapping[str, Any], folder: Path, captions: Path) -> None:
+def run_member(member: Mapping[str, Any], folder: Path) -> None:
     """Do the study of a member: its results and page in `folder`, and its row in ``member.json``.
 
     A study without an answer, for whatever reason but a lack of memory or disk, has that reason in
@@ -148,7 +145,8 @@ def run_member(member: Mapping[str, Any], folder: Path, captions: Path) -> None:
         else:
             row |= {key: getattr(verdict.effect, key) for key in SIZES}
         study.save(folder)
-        page = _page(study, folder, captions)
+        drawn = folder / "figures" if "svg" in study.config["figures"]["formats"] else None
+        study.report(folder / "report.html", drawn=drawn)
         checks = study.quality.to_dict("records")
         row |= {"conclusion": verdict.conclusion, "landings": verdict.n_landings}
         row["quality"] = [[check["what"], check["status"]] for check in checks]
@@ -160,39 +158,9 @@ def run_member(member: Mapping[str, Any], folder: Path, captions: Path) -> None:
         kind = "" if isinstance(error, HopdataError) else f"unexpected {type(error).__name__}: "
         reason = kind + " ".join(str(error).split())
         page = build_report(ReportInputs(study=name, notes=[f"No answer: {reason}"]))
+        with whole_file(folder / "report.html") as temporary:
+            temporary.write_text(page, encoding="utf-8")
     write_json(folder / "member.json", {"name": name, **row, "reason": reason})
-    with whole_file(folder / "report.html") as temporary:
-        temporary.write_text(page, encoding="utf-8")
-
-
-def _page(study: Study, folder: Path, captions: Path) -> str:
-    from hopdata.provenance import provenance
-    from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
-    from hopdata.report.page import build_report
-
-    tables: Any = study.tables
-    checks: Any = study.quality.to_dict("records")
-    return build_report(
-        ReportInputs(
-            study=study.config["study"],
-            figures=read_figures(sorted(folder.glob("figures/*.*")), sorted(captions.glob("*.md"))),
-            recordings=[describe_recording(one) for one in study.imported],
-            floors={name: floor.to_dict() for name, floor in study.floors.items()},
-            sections=study.sections.to_dict(),
-            units=study.units,
-            provenance=provenance(
-                study.config, {one.source: one.source_sha256 for one in study.imported}
-            ),
-            truth={},
-            verdict=study.verdict.to_dict(),
-            quality=checks,
-            prediction=tables["prediction_summary"],
-            distances=tables["distance_summary"],
-            touchdowns=tables["touchdowns"],
-            faults=tables["faults"],
-            remarks=tables["remarks"],
-        )
-    )
 
 
 def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import BoolArray, FloatArray
+from hopdata.arrays import BoolArray, FloatArray, Shown
 from hopdata.errors import RecordingError, did_you_mean, require_choice
 
 
@@ -33,8 +33,8 @@ class Event:
 ROLES = ("body", "foot", "part", "boom", "other")  # a part is a marker of the foot before it
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, repr=False)
+class Recording(Shown):
     """Motion capture of one trial.
 
     Parameters
@@ -91,6 +91,41 @@ class Recording:
             if array is not None and array.shape != shape:
                 raise ValueError(f"{name}: expected shape {shape}, found {array.shape}")
 
+    def told(self) -> str:
+        """Return name, size and how much of it was seen."""
+        seen = 100 * fraction_seen(self).mean() if self.positions.size else 0.0
+        return (
+            f"'{self.name}': {len(self.markers)} markers, {len(self.time):,} frames at "
+            f"{self.rate_hz:g} Hz, {seen:.3g} % seen"
+        )
+
+    def rows(self) -> dict[str, Any]:
+        """Return marker, role and share of the frames in which it was seen."""
+        seen = fraction_seen(self)
+        return {"marker": self.markers, "role": self.roles, "seen (%)": 100 * seen}
+
+    def to_xarray(self) -> Any:
+        """Return the positions as an ``xarray.DataArray`` with named axes.
+
+        Returns
+        -------
+        DataArray, (N, M, 3)
+            Along ``time`` (s), ``marker`` (with its ``role``) and ``axis`` (x, y, z up), in m.
+
+        Raises
+        ------
+        RecordingError
+            If xarray is not installed.
+        """
+        try:
+            from xarray import DataArray
+        except ImportError:
+            raise RecordingError("to_xarray: expected the package xarray, found none") from None
+        roles = ("marker", list(self.roles))
+        axes: Any = {"time": self.time, "marker": list(self.markers), "axis": list("xyz")}
+        attributes = {"units": "m", "rate_hz": self.rate_hz, "source": self.source}
+        return DataArray(self.positions, {**axes, "role": roles}, list(axes), self.name, attributes)
+
     @classmethod
     def from_arrays(
         cls,
@@ -122,8 +157,10 @@ class Recording:
         RecordingError
             If shapes, times or names do not fit together.
         """
-        stamps, places = np.asarray(time, float), np.asarray(positions, float)
-        known, of_foot, of_body = tuple(markers), tuple(feet), tuple(body)
+        stamps, places = _numbers("time", time), _numbers("positions", positions)
+        known, of_foot, of_body = (
+            marker_names(*named) for named in (("markers", markers), ("feet", feet), ("body", body))
+        )
         wanted = (*stamps.shape, len(known), 3)
         if stamps.ndim != 1 or len(stamps) < 2 or not (np.diff(stamps) > 0).all():
             raise RecordingError(
@@ -166,17 +203,42 @@ class Recording:
     @cached_property
     def body(self) -> FloatArray:
         """Body markers, (N, B, 3), m."""
-        return self.positions[:, self.indices("body")]
+        return self.positions[:, _together(self.indices("body"))]
 
     @cached_property
     def feet(self) -> FloatArray:
         """Foot markers, (N, n, 3), m."""
-        return self.positions[:, self.indices("foot")]
+        return self.positions[:, _together(self.indices("foot"))]
 
     @cached_property
     def body_height(self) -> FloatArray:
         """Mean height of the body markers, (N,), m; NaN where one of them is not seen."""
-        return self.body[:, :, 2].mean(axis=1)
+        return np.asarray(self.body[:, :, 2].mean(axis=1))
+
+
+def _together(markers: list[int]) -> list[int] | slice:
+    """Return markers that stand side by side as a slice, which copies no frame."""
+    side_by_side = markers and markers == list(range(markers[0], markers[-1] + 1))
+    return slice(markers[0], markers[-1] + 1) if side_by_side else markers
+
+
+def _numbers(key: str, values: ArrayLike) -> FloatArray:
+    try:
+        return np.asarray(values, float)
+    except (TypeError, ValueError) as error:
+        found = str(error).partition(". ")[0]
+        raise RecordingError(f"{key}: expected an array of numbers, found {found}") from None
+
+
+def marker_names(key: str, names: Iterable[str]) -> tuple[str, ...]:
+    """Return a list of names as a tuple; refuse all else with the key."""
+    listed = isinstance(names, Iterable) and not isinstance(names, str)
+    found = tuple(names) if listed else ()
+    if not listed or not all(isinstance(name, str) for name in found):
+        raise RecordingError(f"{key}: expected a list of marker names, found {names!r}")
+    if len(set(found)) < len(found):
+        raise RecordingError(f"{key}: expected each name once, found {', '.join(found)}")
+    return found
 
 
 # No landing may count twice: the same content under two names is refused.

@@ -15,6 +15,7 @@ from fake_tables import (
     units,
 )
 from matplotlib.figure import Figure
+from overlaps import text_faults
 from PIL import Image, ImageChops
 
 from hopdata.errors import ConfigError
@@ -24,6 +25,7 @@ from hopdata.figures.schedule import schedule_figure
 from hopdata.figures.sections import sections_figure
 from hopdata.figures.style import (
     FOOT_COLOURS,
+    STYLES,
     foot_colour,
     foot_dash,
     message_figure,
@@ -31,6 +33,7 @@ from hopdata.figures.style import (
     save_figure,
     style_context,
 )
+from hopdata.figures.verdict import plan_figure
 
 
 def test_size_on_paper_is_in_millimetres():
@@ -199,3 +202,65 @@ def test_last_bits_of_a_place_do_not_show(tmp_path, monkeypatch):
         texts.append(file.read_text())
         nudges.pop()
     assert texts[0] == texts[1]
+
+
+def whole_figures():
+    yield lambda **o: prediction_figure(prediction_summary(), units(), **o)
+    yield lambda **o: schedule_figure(example(touchdown()), touchdown(), **o)
+    yield lambda **o: sections_figure(frames(), densities(frames(), sections()), sections(), **o)
+    yield lambda **o: distances_figure(distances(), distance_summary(distances()), **o)
+
+
+@pytest.mark.parametrize("name", STYLES)
+def test_no_text_lies_over_another_in_any_journal(name):
+    journal = STYLES[name]
+    for draw in whole_figures():
+        figure = draw(style=name)
+        width_mm = round(figure.get_size_inches()[0] * 25.4, 1)
+        assert width_mm in (journal.single_mm, journal.double_mm)
+        assert text_faults(figure) == []
+
+
+def test_a_figure_fills_the_users_axes_and_leaves_the_others():
+    mine = Figure(figsize=(12, 5), layout="constrained")
+    left, right = mine.subplots(1, 2)
+    left.plot([0, 1])
+    drawn = schedule_figure(example(touchdown()), touchdown(), ax=right)
+    assert drawn in mine.subfigs
+    assert len(drawn.axes) == 3
+    assert left in mine.axes
+    assert right not in mine.axes
+
+
+def test_a_figure_with_one_axes_is_drawn_into_the_users_own():
+    axes = Figure().subplots()
+    with matplotlib.rc_context({"font.size": 20}):
+        assert plan_figure({0.1: 500, 0.2: 130}, (1000, 0.15), 0.8, ax=axes) is axes
+    assert axes.get_ylabel().startswith("landings that show it")
+    assert axes.texts[0].get_fontsize() == pytest.approx(6 * 20 / 7)  # the user's style holds
+
+
+def test_a_whole_figure_or_subfigure_may_be_given():
+    mine = Figure()
+    assert prediction_figure(prediction_summary(), units(), ax=mine) is mine
+    part = Figure(layout="constrained").subfigures(1, 2)[0]
+    assert message_figure("nothing", ax=part) is part
+    assert part.texts[0].get_text() == "nothing"
+
+
+def test_wrong_places_and_styles_are_told_by_name():
+    with pytest.raises(ConfigError, match="style: expected one of nature, ieee, poster"):
+        message_figure("a", style="natur")
+    with pytest.raises(ConfigError, match="ax: expected axes or a figure, found a list"):
+        message_figure("a", ax=[])
+
+
+def test_text_stays_text(tmp_path):
+    save_figure(message_figure("one word"), tmp_path / "a", formats=("svg", "pdf"))
+    assert ">one word</text>" in (tmp_path / "a.svg").read_text()
+    fonts = (tmp_path / "a.pdf").read_bytes()
+    assert b"/Type0" in fonts  # a font, whose outlines stand in the file once
+
+
+def test_a_notebook_shows_a_figure_without_pyplot():
+    assert "<svg" in message_figure("here")._repr_svg_()

@@ -8,11 +8,10 @@ from fake_study import distances, floors, prediction, sections, touchdowns, trut
 from hopdata.report import tables as landing_tables
 from hopdata.report import tables as result_tables
 from hopdata.report.formatting import Table, mapping_table
-from hopdata.report.inputs import ReportFigure, ReportInputs, picture_of
+from hopdata.report.inputs import ReportFigure, ReportInputs, picture_of, rendered
 from hopdata.report.page import build_report
 from hopdata.report.quality import (
     agreement_table,
-    build_inspection_page,
     quality_table,
     thresholds_table,
     unmatched_table,
@@ -31,10 +30,13 @@ def page(**changes):
         "answer": "Nothing wrong.",
         "highlights": [("Rate", "100 Hz", "0 frames dropped")],
         "notes": [],
+        "version": "0.1.0",
+        "markers": [],
+        "span": (),
         "pictures": [picture(SVG, "# Where each marker was seen\n\nOne bar a marker.")],
         "tables": [Table("Markers", ("marker", "gaps"), (("hip & toe", "3"),))],
     }
-    return build_inspection_page(**{**parts, **changes})
+    return rendered("inspection.html.j2", **{**parts, **changes})
 
 
 class Tags(HTMLParser):

@@ -7,4 +7,4 @@ from hopdata.jobs import reported
 
 with reported(snakemake.log[0]):
     folder = Path(snakemake.output.row).parent
-    run_member(snakemake.params.member, folder, Path(snakemake.input.captions))
+    run_member(snakemake.params.member, folder)

@@ -23,6 +23,7 @@ with reported(snakemake.log[0]):
             study=snakemake.params.study["study"],
             figures=read_figures(source.figures, source.captions),
             recordings=[describe_recording(r) for r in recordings],
+            levelled=[read_recording(path) for path in source.levelled],
             filled=read_table(source.filled[0]) if source.filled else None,
             sections=read_json(source.sections),
             units=read_json(source.units),

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hopdata import __version__
 from hopdata.commands import terminal
 from hopdata.errors import RecordingError
 from hopdata.report.formatting import Table
-from hopdata.report.inputs import ReportFigure, picture_of
-from hopdata.report.quality import build_inspection_page
+from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,6 +33,33 @@ def inspect(options: argparse.Namespace) -> int:
         terminal.write_text(options.html, page)
         print(f"  page     {options.html}")
     return terminal.PROBLEM if inspection.n_problems else terminal.OK
+
+
+def view(options: argparse.Namespace) -> int:
+    """Write the 3-D page of a file, roles guessed as `init` does, and open it in a browser."""
+    import tempfile
+    import webbrowser
+    from pathlib import Path
+
+    from hopdata.recording import Recording
+    from hopdata.recordings.quality.roles import guess_roles
+    from hopdata.report.scene import recording_scene
+
+    inspection = inspected(options)
+    roles = guess_roles(inspection)
+    of = {"feet": roles.feet, "body": roles.body}
+    shown = Recording.from_arrays(
+        inspection.time, inspection.positions, inspection.markers, **of, name=options.file.name
+    )
+    page = rendered(
+        "view.html.j2", title=options.file.name, told=shown.told(), scene=recording_scene(shown)
+    )
+    out = options.out or Path(tempfile.gettempdir(), f"{options.file.name}.html")
+    terminal.write_text(out, page)
+    print(out)
+    if not options.no_browser:
+        webbrowser.open(out.resolve().as_uri())
+    return terminal.OK
 
 
 def inspected(options: argparse.Namespace) -> Inspection:
@@ -69,18 +96,15 @@ CAPTION = (
 def inspection_html(inspection: Inspection, file: str) -> str:
     """Write the page on one recording."""
     found = terminal.suspects(inspection)
-    unsure = [
-        terminal.asked(what, guess)
-        for what, guess in (("unit", inspection.unit), ("vertical axis", inspection.up))
-        if not guess.is_sure
-    ]
     image, ends = _timeline(inspection, found)
     figure = ReportFigure("seen", image, "image/svg+xml", CAPTION)
-    return build_inspection_page(
+    return rendered(
+        "inspection.html.j2",
+        version=__version__,
         title=file,
         answer=terminal.answer(inspection),
         highlights=_highlights(inspection),
-        notes=unsure,
+        notes=terminal.notes(inspection),
         pictures=[picture_of(figure, {})],
         tables=[t for t in (_suspect_table(found), _gap_table(inspection), _rigid_table(inspection))
                 if t.rows],

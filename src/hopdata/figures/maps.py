@@ -206,7 +206,7 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
         if exact > SEEN:
             panels[2].axhline(exact, color=_shown(case)[2], linestyle=(0, (4, 2)), linewidth=0.8)
     panels[2].text(0.97, 0.03, "dashed: exact maps", transform=panels[2].transAxes, ha="right",
-                   fontsize=6, color=style.GREY)  # fmt: skip
+                   fontsize=style.pt(6), color=style.GREY)  # fmt: skip
     figure.legend(
         *panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(cases)
     )

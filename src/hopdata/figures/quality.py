@@ -275,4 +275,4 @@ def _draw(axes: Axes, row: Mapping[str, Any], samples: pd.DataFrame, feet: list[
     else:
         axes.axvline(0.0, color=style.YELLOW, linewidth=2.0, zorder=0)
     title = f"{row['recording']}, descent {int(row['index'])}: {row['why']}"
-    axes.set_title(fill(title, TITLE_WIDTH), loc="left", fontsize=6)
+    axes.set_title(fill(title, TITLE_WIDTH), loc="left", fontsize=style.pt(6))

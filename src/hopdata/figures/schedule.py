@@ -26,6 +26,7 @@ def touchdown_of(example: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, A
     return {str(key): value for key, value in rows[0].items()} if rows else {}
 
 
+@style.styled
 def example_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
     """Draw Fig. 2.3 of the touchdown of a whole table that `example` shows."""
     return schedule_figure(example, touchdown_of(example, touchdowns))

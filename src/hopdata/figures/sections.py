@@ -99,7 +99,7 @@ def _draw_side(
 def _describe(axes: Axes, side: _Side) -> None:
     """Say in the empty corner what the two densities of this half are."""
     axes.set_axis_off()
-    axes.text(0, 1, side.letter, fontweight="bold", fontsize=8, va="top")
+    axes.text(0, 1, side.letter, fontweight="bold", fontsize=style.pt(8), va="top")
     what = f"body height\nwhile {side.condition}\nand otherwise"
     axes.text(1, 0.5, what, ha="right", va="center")
 

@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
+from contextvars import ContextVar
+from dataclasses import dataclass
 from functools import wraps
+from io import StringIO
 from math import isfinite
 from pathlib import Path
-from typing import Any, ParamSpec
+from typing import Any
 
 import matplotlib
+import numpy as np
 import pandas as pd
 from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.figure import Figure
+from matplotlib.collections import Collection
+from matplotlib.figure import Figure, FigureBase
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
-from hopdata.errors import ConfigError, require_choice
+from hopdata.errors import ConfigError, chosen, require_choice
 from hopdata.figures.catalogue import FORMATS
 from hopdata.jobs import whole_file
 
@@ -69,7 +77,8 @@ def interval(middle: float, low: float, high: float) -> list[list[float]] | None
 
 def note(axes: Axes, text: str, at: tuple[float, float], offset: Any, **options: Any) -> None:
     """Write a small text beside a place, `offset` points from it; `options` of `annotate`."""
-    options = {"textcoords": "offset points", "fontsize": 6, **options}
+    size = pt(options.pop("fontsize", 6))
+    options = {"textcoords": "offset points", "fontsize": size, **options}
     axes.annotate(text, xy=at, xytext=offset, **options)
 
 
@@ -78,8 +87,6 @@ def plain_numbers(axis: Axis) -> None:
     axis.set_minor_locator(ticker.NullLocator())
     axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
 
-
-Arguments = ParamSpec("Arguments")
 
 STYLE_FILE = Path(__file__).with_name("hopdata.mplstyle")
 
@@ -112,6 +119,27 @@ FOOT_DASHES: tuple[str | tuple[float, tuple[float, ...]], ...] = (
 )
 
 LONGEST_LABEL = 24
+TEXT_PT = 7.0  # of the style file, as the sizes that `pt` is given
+
+
+@dataclass(frozen=True)
+class Journal:
+    """Widths of one and of two columns, mm, and what text and lines are multiplied by."""
+
+    single_mm: float = SINGLE_COLUMN_MM
+    double_mm: float = DOUBLE_COLUMN_MM
+    text: float = 1.0
+    line: float = 1.0
+
+
+STYLES = {
+    "nature": Journal(89.0, 183.0),
+    "ieee": Journal(88.9, 181.9, text=7.5 / 7),
+    "poster": Journal(212.5, 437.5, text=2.5, line=2.5),
+}
+OWN = Journal()
+_JOURNAL: ContextVar[Journal] = ContextVar("journal", default=OWN)
+_PLACE: ContextVar[Any] = ContextVar("place", default=None)
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -123,20 +151,105 @@ def style_context() -> Iterator[None]:
     """
     with matplotlib.rc_context(fname=str(STYLE_FILE)), warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"Glyph \d+ .*missing from font")
+        for key in (key for key in matplotlib.rcParams if SCALED.fullmatch(key)):
+            if not isinstance(matplotlib.rcParams[key], str):
+                matplotlib.rcParams[key] *= _JOURNAL.get().text
         yield
 
 
-def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
-    """Let a drawing function run within the style and leave no trace of it outside."""
+SCALED = re.compile(
+    r"font\.size|.*\.(label|title)size|.*(label|title)?pad|legend\.fontsize|[xy]tick.*size"
+)
+
+
+def styled(draw: Callable[..., Figure]) -> Callable[..., Any]:
+    """Let a drawing function run within the style and leave no trace of it outside.
+
+    It takes two more arguments: ``ax``, a figure or subfigure to draw into, or an axes of a grid
+    whose place is filled, with a figure that has one axes in that axes itself; and ``style``, one
+    of `STYLES`, for the width of the columns and the size of the text. With ``ax`` alone the
+    user's own style holds. It returns the figure, or with ``ax`` what was drawn into.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such style, or `ax` is nothing to draw into.
+    """
 
     @wraps(draw)
-    def draw_in_style(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
-        with style_context():
-            figure = draw(*args, **kwargs)
-            _write_powers(figure)
-            return figure
+    def draw_in_style(*args: Any, ax: Any = None, style: str | None = None, **kwargs: Any) -> Any:
+        journal = _JOURNAL.get() if style is None else chosen("style", style, STYLES)
+        is_inner = _PLACE.get() is not None
+        place = _Place(ax) if ax is not None else _PLACE.get()
+        before = _JOURNAL.set(journal), _PLACE.set(place)
+        own = (ax is not None or is_inner) and style is None
+        try:
+            with nullcontext() if own else style_context():
+                figure = draw(*args, **kwargs)
+                _write_powers(figure)
+                if style is not None:
+                    _fit_lines(figure, journal)
+        finally:
+            _JOURNAL.reset(before[0])
+            _PLACE.reset(before[1])
+        return figure if ax is None else place.drawn
 
     return draw_in_style
+
+
+class _Place:
+    """What a user gave to draw into, with those methods of a figure that our functions call."""
+
+    def __init__(self, ax: Any) -> None:
+        if not isinstance(ax, Axes | FigureBase):
+            raise ConfigError(f"ax: expected axes or a figure, found a {type(ax).__name__}")
+        root = ax if isinstance(ax, Figure) else ax.figure
+        if isinstance(root, Figure) and root.get_layout_engine() is None:
+            root.set_layout_engine("constrained")  # what stands outside the axes needs room
+        self.drawn: Any = ax
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what the figure has, of an axes that of a subfigure in its place."""
+        if isinstance(self.drawn, Axes) and name != "axes":
+            own = {"legend": self._legend, "text": self._text}
+            if name in own:
+                return own[name]
+            ax, spec = self.drawn, self.drawn.get_subplotspec()
+            if spec is None:
+                raise ConfigError("ax: expected an axes of a grid, or a figure, for several panels")
+            self.drawn = ax.figure.add_subfigure(spec)
+            ax.remove()
+        return [self.drawn] if isinstance(self.drawn, Axes) else getattr(self.drawn, name)
+
+    def subplots(self, *grid: Any, **options: Any) -> Any:
+        if not grid and not options and isinstance(self.drawn, Axes):
+            return self.drawn
+        return self.__getattr__("subplots")(*grid, **options)
+
+    def _legend(self, *handles: Any, **options: Any) -> Any:
+        return self.drawn.legend(*handles, ncols=options.get("ncols", 1))
+
+    def _text(self, x: float, y: float, words: str, **look: Any) -> Any:
+        self.drawn.set_axis_off()
+        return self.drawn.text(x, y, words, transform=self.drawn.transAxes, **look)
+
+
+def _fit_lines(figure: Any, journal: Journal) -> None:
+    """Fit lines and markers to the text, and tell locators how large the numbers at ticks are."""
+    for axes in figure.axes:
+        axes.tick_params(labelsize=matplotlib.rcParams["xtick.labelsize"])
+    if journal.line == 1.0:
+        return
+    factor = journal.line
+    for artist in figure.findobj(lambda one: isinstance(one, Line2D | Patch | Collection)):
+        artist.set_linewidth(factor * np.asarray(artist.get_linewidth()))
+        if isinstance(artist, Line2D) and artist.get_marker() not in range(4):  # ticks
+            artist.set_markersize(factor * artist.get_markersize())
+
+
+def pt(size: float) -> float:
+    """Return a size of text in points, given as for the style file, in the style that holds."""
+    return float(size * matplotlib.rcParams["font.size"] / TEXT_PT)
 
 
 def _write_powers(figure: Figure) -> None:
@@ -166,8 +279,23 @@ def label_of(name: str) -> str:
 
 
 def paper_figure(width_mm: float, height_mm: float) -> Figure:
-    """Return an empty figure of this size, mm, laid out without overlaps."""
-    return Figure(figsize=(width_mm / MM_PER_INCH, height_mm / MM_PER_INCH))
+    """Return an empty figure of this size, mm, laid out without overlaps, or the user's own."""
+    place, journal = _PLACE.get(), _JOURNAL.get()
+    if place is not None:
+        return place  # type: ignore[no-any-return]
+    column = {SINGLE_COLUMN_MM: journal.single_mm, DOUBLE_COLUMN_MM: journal.double_mm}
+    width = column.get(width_mm, width_mm * journal.text) / MM_PER_INCH
+    return _Shown(figsize=(width, height_mm * journal.text / MM_PER_INCH))
+
+
+class _Shown(Figure):
+    """A figure that a notebook shows without pyplot."""
+
+    def _repr_svg_(self) -> str:
+        picture = StringIO()
+        with style_context():
+            self.savefig(picture, format="svg", metadata=dict(FORMATS["svg"]))
+        return picture.getvalue()
 
 
 @styled
@@ -203,7 +331,7 @@ def letter(axes: Axes, text: str) -> None:
     """Write a bold panel letter at the upper left, outside the axes."""
     axes.annotate(
         text, xy=(0, 1), xycoords="axes fraction", xytext=(-4, 4), textcoords="offset points",
-        ha="right", va="bottom", fontweight="bold", fontsize=8,
+        ha="right", va="bottom", fontweight="bold", fontsize=pt(8),
     )  # fmt: skip
 
 

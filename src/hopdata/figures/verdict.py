@@ -69,7 +69,7 @@ def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
     for part, (verdict, touchdowns, name) in zip(
         figure.subfigures(len(rows), 1, squeeze=False).ravel(), rows, strict=True
     ):
-        part.suptitle(style.label_of(name), fontsize=8, x=0.01, ha="left")
+        part.suptitle(style.label_of(name), fontsize=style.pt(8), x=0.01, ha="left")
         if verdict.get("effect") is None:
             part.text(0.5, 0.5, textwrap.fill(_said(verdict), 90), ha="center", va="center")
         else:
@@ -86,7 +86,7 @@ def _draw_row(
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     _draw_size(left, verdict, _top(verdict) if top is None else top)
     _draw_landings(right, verdict["conclusion"], touchdowns)
-    figure.supxlabel(textwrap.fill(_said(verdict), SENTENCE_WIDTH), fontsize=7)
+    figure.supxlabel(textwrap.fill(_said(verdict), SENTENCE_WIDTH), fontsize=style.pt(7))
     style.letter(left, "a")
     style.letter(right, "b")
 
@@ -112,7 +112,7 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     low, end = 100.0 * effect["low"], 100.0 * _end(verdict)
     sure, power = (f"{100 * float(verdict[key]):g} %" for key in ("confidence", "power"))
     title = f"{answer}: {_in_numbers(verdict)}"
-    axes.set_title(title, color=colour, fontsize=10, fontweight="bold")
+    axes.set_title(title, color=colour, fontsize=style.pt(10), fontweight="bold")
     axes.plot([low, min(end, top)], [1.0, 1.0], color=colour, linewidth=7, solid_capstyle="butt")
     if end > top:
         axes.plot(top, 1.0, ">", color=colour, markersize=9, clip_on=False)
@@ -193,7 +193,7 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
         level = levels[row] if conclusion == "different" else float(np.mean(levels))
         axes.text(6.2, level, text, va="center", color="white", fontweight="bold", bbox=box)
     what = "map: from the state before a landing to the state after it"
-    axes.text(0.0, grounds[-1] - 1.6, what, va="top", color=style.INK, fontsize=7)
+    axes.text(0.0, grounds[-1] - 1.6, what, va="top", color=style.INK, fontsize=style.pt(7))
     axes.set_xlim(-0.3, 9.2)
     axes.set_ylim(grounds[-1] - 2.2, 2.2)
     axes.set_axis_off()
@@ -209,7 +209,7 @@ def _draw_landing(axes: Axes, ranks: Sequence[int], ground: float) -> None:
         foot, colour = ground + STEP * rank * 2 / (len(ranks) - 1) + 0.09, style.foot_colour(number)
         axes.plot([place, place], [foot, hip], color=colour, linewidth=1.6)
         axes.plot(place, foot, "o", color=colour, markersize=4)
-        axes.text(place, ground - 0.1, ORDINALS[rank], ha="center", va="top", fontsize=6)
+        axes.text(place, ground - 0.1, ORDINALS[rank], ha="center", va="top", fontsize=style.pt(6))
 
 
 # How many landings a study takes.

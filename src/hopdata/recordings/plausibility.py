@@ -139,13 +139,19 @@ def check_scale(recording: Recording) -> None:
         return
     looks = ""
     for slip in ("metres taken for millimetres", "millimetres taken for metres"):
-        factor, remedy = WRONG_UNITS[slip]
+        factor = WRONG_UNITS[slip][0]
         if low <= size * factor <= high:
-            looks = f"; the numbers look like {slip}: {remedy}"
+            looks = f"; the numbers look like {slip}: {_remedy(recording, slip)}"
     raise RecordingError(
         f"{recording.place}: scale: expected the markers to span {low:g} to {high:g} m, "
         f"found {size:.3g} m{looks}"
     )
+
+
+def _remedy(recording: Recording, slip: str) -> str:
+    """Say what to do about a slip with the unit: arrays have no file and no configuration."""
+    factor, remedy = WRONG_UNITS[slip]
+    return remedy if recording.source else f"multiply the positions by {factor:g}"
 
 
 def check_upright(recording: Recording) -> None:
@@ -163,6 +169,8 @@ def check_upright(recording: Recording) -> None:
     else:
         up = opposite(FILE_AXES[recording.vertical_axis][best])
         hint = f"; set input.vertical_axis: {up}, or are markers.body and markers.feet exchanged?"
+    if not recording.source:
+        hint = "; the last axis of positions is x, y, z with z up: exchange what is not so"
     raise RecordingError(
         f"{recording.place}: vertical axis {recording.vertical_axis}: "
         f"expected the body above the feet, found the body's mean at {found} from the feet{hint}"
@@ -188,7 +196,7 @@ def check_fall(recording: Recording) -> None:
         raise RecordingError(
             f"{recording.place}: scale: expected what falls to do so at 9.81 m/s², "
             f"found {9.81 / units[fall.unit]:.3g} m/s² in {100 * fall.share:.0f} % of the frames; "
-            f"the numbers look like {fall.unit}: {WRONG_UNITS[fall.unit][1]}"
+            f"the numbers look like {fall.unit}: {_remedy(recording, fall.unit)}"
         )
 
 

@@ -148,6 +148,8 @@ class ReportInputs:
         ``filled.csv``, where gaps were filled: gaps of every marker, and what was filled of them.
     sections, units, provenance : mapping, optional
         Contents of ``sections.json``, ``units.json``, ``provenance.json``.
+    levelled : sequence of Recording
+        Of which landings are shown in 3-D and in small plots; none without them.
     floors : mapping
         Recording name to the floor model's JSON.
     prediction, distances : DataFrame, optional
@@ -179,6 +181,7 @@ class ReportInputs:
     sections: Mapping[str, Any] | None = None
     units: Mapping[str, Any] | None = None
     provenance: Mapping[str, Any] | None = None
+    levelled: Sequence[Recording] = ()
     floors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     prediction: pd.DataFrame | None = None
     distances: pd.DataFrame | None = None
@@ -284,8 +287,10 @@ def rendered(template: str, **content: Any) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    style = (TEMPLATES / "report.css").read_text(encoding="utf-8")
-    return environment.get_template(template).render(**content, style=style)
+    names = ("report.css", "fold.js", "scene.js")
+    style, fold, turn = ((TEMPLATES / name).read_text(encoding="utf-8") for name in names)
+    scripts = {"fold": fold + turn if content.get("scene") else fold}
+    return environment.get_template(template).render(**content, **scripts, style=style)
 
 
 def as_yaml(config: Any) -> str:

@@ -10,6 +10,7 @@ from hopdata.arrays import pd
 from hopdata.report import formatting as show
 from hopdata.report import quality, tables, verdict
 from hopdata.report.inputs import Picture, ReportFigure, ReportInputs, as_yaml, picture_of, rendered
+from hopdata.report.scene import landings_scene
 from hopdata.report.steering import steering_content
 
 # The few numbers that the page opens with, and that captions may name.
@@ -219,6 +220,8 @@ def build_report(inputs: ReportInputs) -> str:
         study=inputs.study,
         facts=facts,
         highlights=_highlights(facts, inputs),
+        lights=quality.lights(inputs.quality),
+        scene=landings_scene(inputs.levelled, inputs.touchdowns),
         pictures=_pictures(shown, facts),
         all_seen=all_seen,
         tables=_tables(inputs),
@@ -322,7 +325,7 @@ def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
         "quality": quality.quality_table(inputs.quality),
         "faults": quality.faults_table(inputs.faults),
         "remarks": quality.remarks_table(inputs.remarks),
-        "excluded": quality.excluded_table(inputs.touchdowns),
+        "excluded": quality.excluded_table(inputs.touchdowns, inputs.levelled),
         "recordings": tables.recordings_table(inputs.recordings),
         "filled": tables.filled_table(inputs.filled, inputs.touchdowns),
         "floor": tables.floor_table(inputs.floors),

@@ -6,57 +6,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from hopdata import __version__
 from hopdata.arrays import pd
+from hopdata.recording import Recording
 from hopdata.report import formatting as show
-from hopdata.report.inputs import Picture, rendered
+from hopdata.report.scene import small_plot
 from hopdata.report.tables import excluded
-
-
-def build_inspection_page(
-    *,
-    title: str,
-    answer: str,
-    highlights: Sequence[tuple[str, str, str]],
-    notes: Sequence[str],
-    pictures: Sequence[Picture],
-    tables: Sequence[show.Table],
-    markers: Sequence[str] = (),
-    span: tuple[float, ...] = (),
-) -> str:
-    """Write the page on one recording, a complete HTML document that needs no other file.
-
-    Parameters
-    ----------
-    title : str
-        Name of the file.
-    answer : str
-        One sentence: what was found.
-    highlights : sequence of (name, value, remark)
-        Facts on top.
-    notes : sequence of str
-        What the reader should look at.
-    pictures : sequence of Picture
-    tables : sequence of Table
-    markers : sequence of str
-        Names to choose from in lines that leave something out.
-    span : tuple of float
-        Left and right end of the time axis in shares of the first picture's width, and the times
-        there, s: of it a reader can choose spans that are to be left out.
-    """
-    return rendered(
-        "inspection.html.j2",
-        title=title,
-        answer=answer,
-        highlights=highlights,
-        notes=notes,
-        pictures=pictures,
-        tables=tables,
-        markers=markers,
-        span=span,
-        version=__version__,
-    )
-
 
 # Tables of the contacts that are known from elsewhere.
 
@@ -138,6 +92,13 @@ STATUS = {
     status: f"{sign}{show.NO_BREAK_SPACE}{status}"
     for status, sign in {"good": "●", "look": "◐", "poor": "○", "not known": "–"}.items()
 }
+WORSE = ("good", "not known", "look", "poor")
+# The lights of the first screen: how the names of the checks begin that each stands for.
+LIGHTS = {
+    "Recordings": ("frames seen", "swaps", "noise"),
+    "Landings": ("touchdowns", "error of a contact", "orders"),
+    "Stability": ("sections move", "drift"),
+}
 MOST_FAULTS = 30
 MOST_EXCLUDED = 500
 
@@ -208,15 +169,36 @@ def remarks_table(remarks: pd.DataFrame | None) -> show.Table | None:
     )  # fmt: skip
 
 
-def excluded_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
-    """One row a descent that is not used, with its reason."""
+def lights(checks: Checks | None) -> list[tuple[str, str, str]]:
+    """Return name, worst status and remark of each of `LIGHTS` that has checks."""
+    shown = []
+    for name, words in LIGHTS.items():
+        own = [check for check in checks or () if str(check["what"]).startswith(words)]
+        if own:
+            worst = max(own, key=lambda check: WORSE.index(str(check["status"])))
+            told, status = f"{worst['what']}: {worst['remark']}", str(worst["status"])
+            shown.append((name, status, f"all {len(own)} checks" if status == "good" else told))
+    return shown
+
+
+def excluded_table(
+    touchdowns: pd.DataFrame | None, levelled: Sequence[Recording] = ()
+) -> show.Table | None:
+    """One row a descent that is not used, with its reason and the heights of its feet."""
+    from markupsafe import Markup
+
+    by_name = {recording.name: recording for recording in levelled}
     out = None if touchdowns is None else touchdowns[excluded(touchdowns)]
-    columns = {
+    columns: dict[str, show.Cell] = {
         "recording": show.text("recording"),
         "reason": show.text("reason"),
         "descent": show.counted("index"),
         "time (s)": show.decimals("t_pre_s", 2),
     }
+    if by_name:
+        columns["feet, and when they touched"] = lambda row: Markup(
+            small_plot(by_name.get(str(row["recording"])), row)
+        )
     return show.table_of(
         "Every descent that is not used", show.records(out, MOST_EXCLUDED), columns,
         text_columns=2, note=show.more(out, MOST_EXCLUDED, "touchdowns"),

@@ -149,6 +149,12 @@ def _constant():
     return replace(data, before=np.repeat(data.before[:1], 600, axis=0) + data.before[:, :1] * 0)
 
 
+def _guessed():
+    """Contact instants that have nothing to do with the landing."""
+    data, rng = landings(n=900), np.random.default_rng(7)
+    return replace(data, instants=0.01 * rng.standard_normal(data.instants.shape))
+
+
 def _unknown():
     data = landings(n=300)
     return replace(data, before=np.full_like(data.before, np.nan))
@@ -167,6 +173,9 @@ BAD = {
     "two markers": (_two_markers, "3 body markers"),
     "all contacts in one frame": (_one_frame, "same instant"),
     "constant columns": (_constant, "do not vary"),
+    "one constant coordinate": (lambda: landings(n=900, constant=0), "do not vary in all"),
+    "one constant velocity": (lambda: landings(n=900, constant=4), "do not vary in all"),
+    "instants of pure noise": (_guessed, "do not foretell in which order"),
     "NaN": (_unknown, "found 0"),
     "repeated rows": (lambda: some(landings(n=300), np.r_[0:300, 0:40]), "40 of 340"),
 }

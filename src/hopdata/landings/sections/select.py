@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, pd
+from hopdata.arrays import BoolArray, FloatArray, Shown, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts.find import find_landings
@@ -34,8 +34,8 @@ LEAST_KNEE_M = 3e-4  # above the mode: no floor is known better, even without no
 _LEAST_FRAMES = 5  # with all feet up, and with all down: fewer are not hopping
 
 
-@dataclass(frozen=True)
-class Sections:
+@dataclass(frozen=True, repr=False)
+class Sections(Shown):
     """Thresholds of foot height, and the two sections.
 
     Parameters
@@ -89,6 +89,13 @@ class Sections:
             ground_m=self.ground_m,
             landings_only=chosen("sections.frames", self.frames, FRAMES),
         )
+
+    def told(self) -> str:
+        """Return the heights of the two sections."""
+        heights = (
+            f"{1e3 * self.pre_height_m:.1f} mm before, {1e3 * self.post_height_m:.1f} mm after"
+        )
+        return f"{heights} the landing"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as plain numbers, strings and dictionaries, for JSON."""
@@ -252,7 +259,7 @@ def _require_hopping(pooled: Frames, sections: Sections) -> None:
     raise AnalysisError(
         f"sections: the feet never {where} the ground together: expected at least "
         f"{_LEAST_FRAMES} frames, found {n} of {len(pooled.body)} (threshold {value:.4f} m); "
-        f"check the foot markers and the floor, or set sections.{name}"
+        f"check the foot markers and the floor (does it move?), or set sections.{name}"
         f"{walks if where == 'leave' else ''}"
     )
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray
+from hopdata.arrays import FloatArray, Shown
 from hopdata.errors import AnalysisError
 from hopdata.jobs import whole_file
 
 
-@dataclass(frozen=True)
-class Pairs:
+@dataclass(frozen=True, repr=False)
+class Pairs(Shown):
     """Input and output states of the map through the touchdown.
 
     Parameters
@@ -55,6 +56,16 @@ class Pairs:
     y_se: FloatArray | None = None
     instants: FloatArray | None = None
     instants_se: FloatArray | None = None
+
+    def told(self) -> str:
+        """Return numbers of landings, orders and coordinates."""
+        orders = len(set(self.schedule))
+        return f"of {len(self)} landings in {orders} orders, {self.x.shape[1]} coordinates each"
+
+    def rows(self) -> dict[str, Any]:
+        """Return the landings by order of contact."""
+        orders, counts = np.unique(self.schedule, return_counts=True)
+        return {"order of contacts": orders, "landings": counts}
 
     def __len__(self) -> int:
         return len(self.schedule)

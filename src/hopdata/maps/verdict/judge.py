@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hopdata.arrays import Shown
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError, require_choice
 from hopdata.maps.draws import named_generator
@@ -32,8 +33,8 @@ ASKED = 0.1
 Notes = list[dict[str, str]]
 
 
-@dataclass(frozen=True)
-class Verdict:
+@dataclass(frozen=True, repr=False)
+class Verdict(Shown):
     """Answer of a study.
 
     Attributes
@@ -76,6 +77,14 @@ class Verdict:
     effect: EffectSize | None = None
     landings_needed: int | None = None
     notes: Notes = field(default_factory=list)
+
+    def told(self) -> str:
+        """Return the sentence."""
+        return self.sentence
+
+    def rows(self) -> dict[str, Any]:
+        """Return the size of the difference and what is known of it, as shares of the map."""
+        return {k: [v] for k, v in vars(self.effect).items()} if self.effect else {}
 
     def to_dict(self) -> dict[str, Any]:
         """Return all values, for ``verdict.json``."""

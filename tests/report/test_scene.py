@@ -1,0 +1,104 @@
+"""What the page lets a reader turn, and the small plots beside what was left out."""
+
+import base64
+import json
+import re
+
+import numpy as np
+import pandas as pd
+from fake_study import full_study
+
+from hopdata.recording import Recording
+from hopdata.report.page import build_report
+from hopdata.report.quality import excluded_table, lights
+from hopdata.report.scene import UNSEEN, landings_scene, recording_scene, small_plot
+
+ROLES = {"feet": ["toe</script>", "heel"], "body": ["hip"]}
+MARKERS = [*ROLES["feet"], "hip"]
+
+
+def falling(frames=300):
+    """Two feet that fall one after the other at 100 Hz; the second is unseen for a while."""
+    time = np.arange(frames) / 100
+    heights = np.stack(
+        [np.abs(0.3 - time % 0.6), np.abs(0.32 - time % 0.6), 0.5 + 0 * time], axis=1
+    )
+    places = np.stack([0 * heights + [0, 0.2, 0.1], 0 * heights, heights], axis=2)
+    places[50:60, 1] = np.nan
+    return Recording.from_arrays(time, places, MARKERS, **ROLES, name="fall")
+
+
+def landings(excluded=False):
+    table = {
+        "recording": "fall", "index": [0, 1], "t_pre_s": [0.2, 0.8], "t_post_s": [0.4, np.nan],
+        "contact_toe</script>_s": [0.3, 0.9], "contact_heel_s": [0.32, np.nan],
+        "schedule": ["1>2", "1>2"], "spread_s": 0.02, "excluded": [excluded, True],
+        "reason": ["", "foot 2 was not seen"],
+    }  # fmt: skip
+    return pd.DataFrame(table)
+
+
+def unpacked(part, key, kind):
+    return np.frombuffer(base64.b64decode(part[key]), kind)
+
+
+def test_a_landing_is_unpacked_to_the_tenth_of_a_millimetre():
+    recording = falling()
+    part = json.loads(landings_scene([recording], landings()))["parts"][0]
+    time = unpacked(part, "time", "<f4")
+    steps = unpacked(part, "places", "<i2").reshape(len(time), 3, 3)
+    places = np.where(steps == UNSEEN, np.nan, part["middle"] + part["step"] * steps)
+    first = np.searchsorted(recording.time, 0.2 + time[0] - 1e-6)
+    kept = recording.positions[first : first + len(time)]
+    np.testing.assert_allclose(places, kept, atol=0.6e-4)
+    assert np.isnan(places).any()
+    assert part["contacts"] == [0.1, 0.12]
+    assert part["title"] == "feet 1 → 2, of 1 landings"
+
+
+def test_a_long_recording_is_shown_in_stretches_and_its_names_end_no_script():
+    text = recording_scene(falling(30_001))
+    assert "</script" not in text
+    parts = json.loads(text)["parts"]
+    assert parts[0]["markers"] == MARKERS
+    times = [unpacked(part, "time", "<f4") for part in parts]
+    assert [len(time) for time in times] == [2000] * 5
+    assert times[0][0] == 0
+    assert times[-1][-1] == 300
+    assert parts[1]["title"] == "70.0 to 90.0 s"
+    assert len(json.loads(recording_scene(falling(100)))["parts"]) == 1
+
+
+def test_without_landings_there_is_no_scene():
+    assert landings_scene([falling()], None) == landings_scene([], landings()) == ""
+    assert landings_scene([falling()], landings(excluded=True)) == ""
+
+
+def test_each_excluded_landing_has_its_plot():
+    table = excluded_table(landings(), [falling()])
+    assert table.rows[0][1] == "foot 2 was not seen"
+    plot = table.rows[0][-1]
+    assert len(re.findall("<g ", plot)) == 2
+    assert plot.count('class="at"') == 1  # the other foot was not found
+    assert "</script" not in plot
+    assert small_plot(None, {}) == ""
+
+
+def test_lights_show_the_worst_check_of_their_kind():
+    checks = [
+        {"what": "frames seen, worst marker", "status": "good", "remark": "all"},
+        {"what": "noise of a coordinate", "status": "poor", "remark": "5 mm"},
+        {"what": "drift, in spreads", "status": "good", "remark": ""},
+    ]
+    assert lights(checks) == [
+        ("Recordings", "poor", "noise of a coordinate: 5 mm"),
+        ("Stability", "good", "all 1 checks"),
+    ]
+
+
+def test_the_page_holds_the_scene_and_its_script():
+    page = build_report(full_study(levelled=[falling()], touchdowns=landings()))
+    assert page.count("<canvas") == 1
+    assert 'class="small"' in page
+    data = re.search(r'<script type="application/json">(.*?)</script>', page)[1]
+    assert json.loads(data)["parts"]
