@@ -24,10 +24,10 @@ MAY_USE = {
     "config": {"scenes", "synthesis"},
     "commands": {
         *("config", "recordings", "landings", "figures", "maps", "report"),
-        *("group", "provenance"),
+        *("group", "provenance"),  # modules beside the rooms
     },
 }
-HEAVY = {"pandas", "scipy", "matplotlib", "sklearn", "h5py", "jsonschema", "jinja2"}
+HEAVY = {"pandas", "scipy", "matplotlib", "statsmodels", "sklearn", "h5py", "jsonschema", "jinja2"}
 
 
 def modules(room):

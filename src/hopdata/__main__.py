@@ -267,7 +267,7 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
         _no_options,
     ),
     "completion": (
-        "hopdata.commands.upkeep:completion",
+        "hopdata.__main__:completion",
         "print what makes a shell complete the commands",
         "Print a line for bash, or for zsh after bashcompinit.",
         '  eval "$(hopdata completion)"      in ~/.bashrc\n',
@@ -281,6 +281,12 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
         _config_docs_options,
     ),
 }
+
+
+def completion(_options: argparse.Namespace) -> int:
+    """Print what makes a shell (bash; zsh after bashcompinit) complete the commands and files."""
+    print(f'complete -o default -W "{" ".join(COMMANDS)}" {Path(sys.argv[0]).name or "hopdata"}')
+    return OK
 
 
 def _positive(text: str) -> float:

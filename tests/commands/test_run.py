@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from hopdata import __version__
 from hopdata.__main__ import COMMANDS, main
 from hopdata.commands.run import run_workflow
 
+ROOT = Path(__file__).parents[2]
 CONFIG = "study: trial\nrecordings: []\n"
 
 
@@ -118,3 +120,44 @@ def test_a_shell_completes_every_command():
     found = subprocess.run(["bash", "-c", words], capture_output=True, text=True, check=False)
     assert set(COMMANDS) <= set(line.split('"')[1].split())
     assert "doctor" in found.stdout, found.stderr
+
+
+def test_of_two_runs_in_one_folder_the_second_says_so(folder, capfd):
+    """The first holds the folder until the second has ended."""
+    rules = (
+        'rule a:\n    output: "a"\n    shell: "while [ ! -e go ]; do sleep 0.1; done; touch a"\n'
+    )
+    snakefile = workflow(folder, rules)
+    command = [sys.executable, "-m", "snakemake", "--cores", "1", "--snakefile", str(snakefile)]
+    first = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    locks = folder / ".snakemake/locks"
+    try:
+        deadline = time.monotonic() + 60
+        while not (locks.exists() and any(locks.iterdir())) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        options = (Path("config.yaml"), "trial", "--cores", "1")
+        assert run_workflow(*options, snakefile=snakefile) == 1
+        assert "locked" in capfd.readouterr().err
+    finally:
+        (folder / "go").touch()
+        assert first.wait(timeout=60) == 0
+    assert Path("a").exists()
+
+
+@pytest.mark.workflow
+def test_a_study_runs_without_home_in_an_odd_folder_in_the_c_locale(tmp_path):
+    folder = tmp_path / "Grüße und Maße"
+    folder.mkdir()
+    (folder / "Läufer 1.h5").symlink_to(ROOT / "data/sample/hopper.h5")
+    markers = "markers: {body: [body1, body2, body3], feet: [foot1, foot2, foot3]}\n"
+    recordings = "recordings: [{name: one, file: Läufer 1.h5}]\n"
+    (folder / "k.yaml").write_text(f"study: odd\n{recordings}{markers}", encoding="utf-8")
+    kept = {name: text for name, text in os.environ.items() if name in ("PATH", "VIRTUAL_ENV")}
+    target = "results/odd/landings/sections.json"
+    result = subprocess.run(
+        [sys.executable, "-m", "hopdata", "run", "k.yaml", "--cores", "1", "--", target],
+        env={**kept, "LANG": "C", "LC_ALL": "C", "PYTHONPATH": str(ROOT / "src")},
+        cwd=folder, capture_output=True, text=True, check=False, timeout=600,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert json.loads((folder / target).read_text())["pre_height_m"] > 0

@@ -1,4 +1,4 @@
-"""``hopdata doctor``, ``clean`` and ``completion``: the installation and what it leaves behind."""
+"""``hopdata doctor`` and ``clean``: the installation and what it leaves behind."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import argparse
 import os
 import platform
 import shutil
-import sys
 from importlib import metadata
 from pathlib import Path
 
@@ -77,12 +76,4 @@ def clean(options: argparse.Namespace) -> int:
         print(f"{folder}: " + ("would be removed" if options.dry_run else "removed"))
         if not options.dry_run:
             shutil.rmtree(folder)
-    return OK
-
-
-def completion(_options: argparse.Namespace) -> int:
-    """Print what makes a shell (bash; zsh after bashcompinit) complete the commands and files."""
-    from hopdata.__main__ import COMMANDS
-
-    print(f'complete -o default -W "{" ".join(COMMANDS)}" {Path(sys.argv[0]).name or "hopdata"}')
     return OK

@@ -210,8 +210,10 @@ def _draw_landing(axes: Axes, ranks: Sequence[int], ground: float) -> None:
         axes.plot([place, place], [foot, hip], color=colour, linewidth=1.6)
         axes.plot(place, foot, "o", color=colour, markersize=4)
         axes.text(place, ground - 0.1, ORDINALS[rank], ha="center", va="top", fontsize=style.pt(6))
-        look = {"color": "white", "fontweight": "bold", "ha": "center", "va": "center_baseline"}
-        axes.text(place, hip, f"{number + 1}", fontsize=style.pt(5), **look)
+        axes.text(
+            place, hip, f"{number + 1}", fontsize=style.pt(5), fontweight="bold", color="white",
+            ha="center", va="center_baseline",
+        )  # fmt: skip
 
 
 # How many landings a study takes.
