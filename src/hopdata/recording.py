@@ -213,7 +213,7 @@ class Recording(Shown):
     @cached_property
     def body_height(self) -> FloatArray:
         """Mean height of the body markers, (N,), m; NaN where one of them is not seen."""
-        return self.body[:, :, 2].mean(axis=1)
+        return np.asarray(self.body[:, :, 2].mean(axis=1))
 
 
 def _numbers(key: str, values: ArrayLike) -> FloatArray:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
@@ -89,9 +91,16 @@ _READERS: dict[str, Callable[..., RawRecording]] = {
 }
 
 
+@cache
+def _readers() -> dict[str, Callable[..., RawRecording]]:
+    """Return our readers and, by suffix, those of installed packages (``hopdata.readers``)."""
+    others = entry_points(group="hopdata.readers")
+    return {**{other.name: other.load() for other in others}, **_READERS}
+
+
 def suffixes() -> tuple[str, ...]:
     """File suffixes that can be read."""
-    return tuple(_READERS)
+    return tuple(_readers())
 
 
 def read_raw(
@@ -120,13 +129,13 @@ def read_raw(
         If there is no such file or no reader for it, or if the reader finds a fault.
     """
     path = Path(path)
-    if path.suffix.lower() not in _READERS:
+    if path.suffix.lower() not in _readers():
         raise RecordingError(
-            f"{path}: format: expected a file ending in {', '.join(_READERS)}, "
+            f"{path}: format: expected a file ending in {', '.join(_readers())}, "
             f"found '{path.suffix}'"
         )
     require_file(path)
-    read = _READERS[path.suffix.lower()]
+    read = _readers()[path.suffix.lower()]
     raw = read(path, rate_hz, most_mb=most_unpacked_mb, least_score=least_score)
     _check_finite(path, raw)
     more = irregular(str(path), raw.time, raw.rate_hz)
