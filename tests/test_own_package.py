@@ -16,7 +16,7 @@ recording = hd.read("a.npz", feet=["a"], body=["b"])
 assert abs(recording.rate_hz - 100) < 1e-6
 made, truth = hd.synthesize("stiff_quadruped", simulation={"hops": 2})
 assert len(made.names("foot")) == 4
-assert '"stiffness_n_m": 135.0' in truth.parameters_json
+assert '"side_stiffness_n_m": 90.0' in truth.parameters_json
 """
 
 

@@ -1,4 +1,4 @@
-"""A reader of NumPy archives, and a quadruped on stiffer legs, as a package of one's own."""
+"""A reader of NumPy archives, and a quadruped on legs that are stiffer aside, as a package of one's own."""
 
 from dataclasses import dataclass
 
@@ -19,6 +19,6 @@ def read_npz(path, rate_hz, **_limits):
 
 @dataclass(frozen=True)
 class StiffQuadruped(Quadruped):
-    """The quadruped on legs of twice the stiffness."""
+    """The quadruped on legs that are stiffer aside by half."""
 
-    stiffness_n_m: float = 135.0
+    side_stiffness_n_m: float = 90.0
