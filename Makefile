@@ -15,7 +15,7 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures both-sides test test-cluster benchmarks lint format docs sample lock clean help
+.PHONY: figures both-sides test test-cluster benchmarks lint format docs sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
@@ -28,6 +28,7 @@ help:
 	@echo "make docs       write docs/configuration.md from the schema"
 	@echo "make sample     simulate the recordings of data/sample again"
 	@echo "make lock       resolve requirements*.lock again (needs uv)"
+	@echo "make release    wheel and sdist, twice to the same bytes, tried in a fresh environment, with digests"
 	@echo "make clean      remove .venv, the results of every study, and caches"
 
 # The bundled study is shown beside its control.
@@ -116,5 +117,20 @@ lock:
 # What builds hopdata, and connection-pool of Snakemake, which is published as source only.
 	printf 'hatchling>=1.27,<2\nsetuptools\n' | $(LOCK) - -c requirements-dev.lock -o requirements-build.lock
 
+# Dates in the archives are those of the commit, so that anyone can build the same bytes.
+release: export SOURCE_DATE_EPOCH = $(shell git log -1 --format=%ct)
+release: $(VENV)/.dev
+	@test -z "$$(git status --porcelain)" || { echo "release: expected a clean checkout, found changes" >&2; exit 1; }
+	grep -q "^version: $$($(BIN)/hopdata --version | cut -d' ' -f2)$$" CITATION.cff
+	rm -rf dist && for to in dist dist/again; do $(BIN)/python -m hatchling build -d $$to; done
+	for file in dist/hopdata-*; do cmp $$file dist/again/$${file##*/} || exit 1; done
+	rm -r dist/again && cd dist && sha256sum hopdata-* > SHA256SUMS && cat SHA256SUMS
+	for file in $(CURDIR)/dist/hopdata-*; do \
+	  work=$$(mktemp -d) && "$(PYTHON)" -m venv $$work/venv && cd $$work && \
+	  venv/bin/pip install --quiet -r $(CURDIR)/requirements-build.lock && \
+	  venv/bin/pip install --quiet --no-build-isolation --require-hashes -r $(CURDIR)/requirements.lock && \
+	  venv/bin/pip install --quiet --no-build-isolation --no-deps $$file && venv/bin/pip check && \
+	  venv/bin/hopdata run --cores $(CORES) && rm -r $$work || exit 1; done
+
 clean:
-	rm -rf $(VENV) results .snakemake .pytest_cache .mypy_cache .ruff_cache
+	rm -rf dist $(VENV) results .snakemake .pytest_cache .mypy_cache .ruff_cache

@@ -24,7 +24,7 @@ from pathlib import Path
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from peers.problems import Problem
+from peers import Problem
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import System, field, guards, solve_batch

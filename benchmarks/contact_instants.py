@@ -478,9 +478,7 @@ def few_rows(seeds: int) -> list[dict[str, Any]]:
             one = replace(one, positions=noisy, rate_hz=float(rate))
             for count in FEW:
                 name = f"{animal}, {rate} Hz, soft {1e3 * soft_s:g} ms"
-                found = [
-                    (*piece_errors(piece, true), true) for piece, true in pieces(one, truth, count)
-                ]
+                found = [piece_errors(piece, true) for piece, true in pieces(one, truth, count)]
                 rows.setdefault((name, count), []).extend(found)
     return [few_row(name, count, found) for (name, count), found in rows.items()]
 

@@ -1,8 +1,15 @@
-"""Where the scenes with closed forms truly end; and `solve_ivp`, started again at each event."""
+# ruff: noqa: ARG001 (the integrator prescribes the signatures of field and guards)
+"""Where the scenes with closed forms truly end; and `solve_ivp`, started again at each event.
+
+`octant` is table 4.3 of the dissertation: three affine modes a coordinate, switched at the
+coordinate planes. State (x, y, z) and time have no dimension; from the initial state each guard is
+crossed once: y rising, z falling, x rising.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,8 +20,68 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.hybrid import System
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper
+from hopdata.hybrid import System, affine, field, guards
+from hopdata.scenes.small import VerticalHopper
+
+INITIAL_STATE = (-0.4, -0.15, 0.3)
+T_SPAN = (0.0, 0.5)
+
+
+@field
+def octant_field(
+    t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
+) -> None:
+    """Return the affine field of the octant that the locks name."""
+    x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
+    if x_side:
+        dy[0] = (10.0 * y[0] if y_side else -2.0 * y[1]) + 1.0
+        dy[1] = y[1] + 1.0 if y_side else 0.5 * y[0] + 2.0
+    else:
+        dy[0] = (y[1] if y_side else -y[1]) + 1.0
+        dy[1] = (-y[0] if y_side else y[0]) + 1.0
+    dy[2] = 3.0 * y[2] - 1.0 if z_fell else -y[2] - 1.0
+
+
+@guards
+def octant_guards(
+    t: float,
+    y: FloatArray,
+    dy: FloatArray,
+    mode: IntArray,
+    params: FloatArray,
+    h: FloatArray,
+    hdot: FloatArray,
+) -> None:
+    """Return the coordinate planes; z is crossed downwards, so that -z rises."""
+    h[0], hdot[0] = y[0], dy[0]
+    h[1], hdot[1] = y[1], dy[1]
+    h[2], hdot[2] = -y[2], -dy[2]
+
+
+@affine
+def octant_affine(mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray) -> None:
+    """Return the matrix and the constant of the octant that the locks name."""
+    x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
+    b[0], b[1], b[2] = 1.0, 1.0, -1.0
+    if x_side and y_side:
+        a[0, 0], a[1, 1] = 10.0, 1.0
+    elif x_side:
+        a[0, 1], a[1, 0], b[1] = -2.0, 0.5, 2.0
+    elif y_side:
+        a[0, 1], a[1, 0] = 1.0, -1.0
+    else:
+        a[0, 1], a[1, 0] = -1.0, 1.0
+    a[2, 2] = 3.0 if z_fell else -1.0
+
+
+@cache
+def octant() -> System:
+    """Return the system of table 4.3: guards ``x`` (rising), ``y`` (rising) and ``z`` (falling)."""
+    return System(
+        field=octant_field, guards=octant_guards, affine=octant_affine, n_states=3,
+        guard_names=("x", "y", "z"),
+    )  # fmt: skip
+
 
 # The undamped hopper in closed form, at all times.
 
@@ -61,17 +128,17 @@ def restarted(
     ivp: Any = solve_ivp
     assert system.guards is not None
     assert system.on_event is None
-    field, guards = njit(system.field.function), njit(system.guards.function)
+    rates_of, heights_of = njit(system.field.function), njit(system.guards.function)
     numbers, n_guards = np.array(params, dtype=np.float64), system.n_guards
 
     def slope(t: float, y: FloatArray, mode: IntArray) -> FloatArray:
         dy = np.empty_like(y)
-        field(t, y, mode, numbers, dy)
+        rates_of(t, y, mode, numbers, dy)
         return dy
 
     def heights(t: float, y: FloatArray, mode: IntArray) -> FloatArray:
         h, rates = np.empty(n_guards), np.empty(n_guards)
-        guards(t, y, slope(t, y, mode), mode, numbers, h, rates)
+        heights_of(t, y, slope(t, y, mode), mode, numbers, h, rates)
         return h
 
     def event(k: int, lock: int) -> Callable[..., float]:
@@ -136,7 +203,7 @@ def hopper_end(hopper: VerticalHopper, drop_m: float, until_s: float) -> FloatAr
 
 
 def plate_end() -> FloatArray:
-    """Return the end of the plate's first bounce (`peers.problems`), which has no closed form.
+    """Return the end of the plate's first bounce (`peers`), which has no closed form.
 
     From heyoka in extended precision at 1e-18; it changes by 1e-19 at 1e-17, and is met within
     2e-15 by heyoka and 1e-13 by SciPy's DOP853 in doubles: the benchmark's own rows show it again.

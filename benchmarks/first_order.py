@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from exact import INITIAL_STATE, T_SPAN, octant
 from machine import in_turn
 from numpy.typing import NDArray
 from plate_scene import Plate
@@ -29,7 +30,7 @@ from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+from hopdata.scenes.small import VerticalHopper
 
 Run = Callable[..., Solution]
 TIGHT = {"rtol": 1e-13, "atol": 1e-14}

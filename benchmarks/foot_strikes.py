@@ -8,8 +8,9 @@ paper leaves to the user, the low-pass filter (fourth order, no lag), is in turn
 
 - printed: the frame of least vertical velocity (the dissertation, Sec. 2.2.3), and a parabola
   through it.
-- foot velocity algorithm: trough of the vertical velocity while the foot is in the lowest 35 % of
-  its rise; O'Connor et al. 2007, Gait & Posture 25:469, doi 10.1016/j.gaitpost.2006.05.016.
+- foot velocity algorithm: trough of the vertical velocity, of the runner's point between heel and
+  metatarsals, while it is in the lowest 35 % of its rise; O'Connor et al. 2007, Gait & Posture
+  25:469, doi 10.1016/j.gaitpost.2006.05.016.
 - vertical acceleration peak, where the jerk is zero, between frames by a straight line; Hreljac and
   Marshall 2000, J. Biomech. 33:783, doi 10.1016/S0021-9290(00)00014-2.
 - farthest ahead of the sacrum; Zeni et al. 2008, Gait & Posture 27:710,
@@ -18,7 +19,8 @@ paper leaves to the user, the low-pass filter (fourth order, no lag), is in turn
   doi 10.1016/j.jsams.2010.03.006.
 
 Simulated feet are those of `contact_instants.py`: medians over the seeds, and the worst seed. The
-runner's instants are the first of a foot's three markers against the onset of force; `sd_ms` is by
+runner's instants are the first of a foot's three markers (the papers take the heel's, which in this
+runner lands last) against the onset of force; `sd_ms` is by
 the median absolute deviation, and `sd_own_ms` the same with the error of the onsets taken off,
 `sd_force_ms`, which is measured on the two halves of the force's samples.
 """
@@ -210,8 +212,10 @@ def runner_rows() -> list[dict[str, Any]]:
         for cutoff_hz in CUTOFFS_HZ:
             for label, detect in PUBLISHED.items():
                 early_s = EARLY_S if detect is farthest_ahead else AROUND_S
-                seen = _runner_windows(recording, middle, cutoff_hz, early_s)
-                first = np.fmin.reduce(detect(*seen), axis=1)
+                t, z, ahead = _runner_windows(recording, middle, cutoff_hz, early_s)
+                if detect is foot_velocity:  # of the point between heel and toe
+                    t, z = t[:, :1], 0.5 * (z[:, :1] + z[:, 1:].mean(axis=1, keepdims=True))
+                first = np.fmin.reduce(detect(t, z, ahead), axis=1)
                 found = _compared(first, onsets[turn::2], own_ms)
                 rows.append(condition | {"method": label, "cutoff_hz": cutoff_hz} | found)
     return rows

@@ -36,7 +36,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from exact import hopper_end, octant_end, restarted
+from exact import INITIAL_STATE, T_SPAN, hopper_end, octant, octant_end, restarted
 from numba import njit
 from numpy.typing import NDArray
 from plate_scene import Plate
@@ -51,7 +51,7 @@ from hopdata.hybrid.methods.method import Scene, explicit_method
 from hopdata.scenes.body import flight_mode
 from hopdata.scenes.hopper import hopper_event, hopper_system
 from hopdata.scenes.hopper_parameters import HopperParameters
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+from hopdata.scenes.small import VerticalHopper
 from hopdata.synthesis.hops import level_state
 
 # What a method costs by itself: its steps in one loop, without events, step control or a driver.

@@ -34,17 +34,24 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from exact import octant_end, restarted
+from exact import INITIAL_STATE, T_SPAN, octant, octant_end, restarted
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
+from peers.printed_peer import (
+    PrintedOptions,
+    Slope,
+    Stepping,
+    coefficients,
+    hermite,
+    heun3_step,
+    illinois,
+    integrate,
+    region_of,
+)
 from scipy.integrate import RK45
 
 from hopdata.arrays import FloatArray
 from hopdata.hybrid import System, field, solve
-from hopdata.hybrid.printed import PrintedOptions, Stepping, integrate, region_of
-from hopdata.hybrid.printed.classical import Slope
-from hopdata.hybrid.printed.contacts import coefficients, hermite, heun3_step, illinois
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, octant
 
 # Order of a method from errors at many step sizes: a line through the straight part, and its end.
 #

@@ -25,6 +25,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -57,7 +58,7 @@ from hopdata.synthesis.landings import (
 )
 from hopdata.synthesis.trial import Kicks, MarkerOptions, run_trial
 
-FIRST_SEED = 2000
+FIRST_SEED = 4000
 GAIT_HOPS, TRIALS = 12_000, 4
 INSTANT_NOISE_S = 0.0006
 FEW = 1000
@@ -83,6 +84,7 @@ class Kind:
     spoil: Callable[[np.ndarray, np.random.Generator, float], np.ndarray] | None = None
     relabel: Callable[[np.ndarray, np.random.Generator], np.ndarray] | None = None
     thinned: bool = False
+    moves_as: str = ""  # the kind whose true motions these are, seen in another way
 
     @property
     def strength(self) -> float:
@@ -128,23 +130,23 @@ def swapped(instants: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 def kinds() -> dict[str, Kind]:
     """All kinds, by name; those that begin with C1 have no difference."""
-    hopper, kicks = HopperParameters(), Kicks()
+    hopper, kicks, seen = HopperParameters(), Kicks(), Kind(moves_as="C1")
     quadruped = Kind(scene=Quadruped(), sections=QUADRUPED_SECTIONS)
     same = {
         "C1": Kind(),
-        "C1 softer legs": Kind(scene=replace(hopper, stiffness_n_m=60.0, preload_n=19.0)),
-        "C1 stiffer legs": Kind(scene=replace(hopper, stiffness_n_m=120.0, preload_n=25.0)),
-        "C1 twice the noise": Kind(noise_m=0.0012),
-        "C1 larger kicks": Kind(kicks=replace(kicks, angular_velocity_rad_s=0.35)),
-        "C1 uneven preloads": Kind(kicks=replace(kicks, preload_fraction=0.1)),
+        "C1 twice the noise": replace(seen, noise_m=0.0012),
+        "C1 low-passed": replace(seen, spoil=low_passed),
+        "C1 drifting": replace(seen, spoil=drifted),
+        "C1 correlated noise": replace(seen, noise_m=0.0, spoil=correlated),
+        "C1 heavy tails": replace(seen, noise_m=0.0, spoil=heavy_tailed),
+        "C1 swapped labels": replace(seen, relabel=swapped),
+        "C1 a rare class": replace(seen, thinned=True),
         "C1 at 60 Hz": Kind(rate_hz=60.0),
         "C1 at 250 Hz": Kind(rate_hz=250.0),
-        "C1 low-passed": Kind(spoil=low_passed),
-        "C1 drifting": Kind(spoil=drifted),
-        "C1 correlated noise": Kind(noise_m=0.0, spoil=correlated),
-        "C1 heavy tails": Kind(noise_m=0.0, spoil=heavy_tailed),
-        "C1 swapped labels": Kind(relabel=swapped),
-        "C1 a rare class": Kind(thinned=True),
+        "C1 softer legs": Kind(scene=replace(hopper, stiffness_n_m=60.0, preload_n=19.0)),
+        "C1 stiffer legs": Kind(scene=replace(hopper, stiffness_n_m=120.0, preload_n=25.0)),
+        "C1 larger kicks": Kind(kicks=replace(kicks, angular_velocity_rad_s=0.35)),
+        "C1 uneven preloads": Kind(kicks=replace(kicks, preload_fraction=0.1)),
         "C1 quadruped": quadruped,
         "C1 two feet": Kind(scene=TWO),
         "C1 six feet": Kind(scene=SIX),
@@ -194,22 +196,37 @@ def starts(kind: Kind, before: np.ndarray, rng: np.random.Generator) -> Apexes:
     return Apexes(before, before + kick, kind.scene.preload_n * (1.0 + uneven))
 
 
-def observed(kind: Kind, before: np.ndarray, rng: np.random.Generator) -> dict[str, Any]:
-    """Simulate and observe one study: its pairs, contact instants, and true difference."""
-    apexes = starts(kind, before, rng)
+@lru_cache(maxsize=1)
+def moved(name: str, seed: int, folder: Path) -> tuple[TrueLandings, np.ndarray, np.ndarray]:
+    """Return a study before it is seen: whole landings, and times and states about them."""
+    kind, rng = kinds()[name], np.random.default_rng([seed, *name.encode()])
+    apexes = starts(kind, gait(kind, folder), rng)
     landings = true_landings(
         kind.scene, kind.control, apexes.after, apexes.preloads_n, kind.sections,
         rtol=1e-6, workers=1,
     )  # fmt: skip
     rows = np.flatnonzero(landings.whole)
-    if kind.thinned:
-        ahead = (np.diff(landings.contact_s[rows], axis=1) > 0).all(axis=1)
-        rows = rows[~ahead | (rng.random(len(rows)) < 0.12)]
-    part = TrueLandings(*(getattr(landings, name)[rows] for name in vars(landings)))
+    part = some(landings, rows)
     times, motion = true_states(
         kind.scene, kind.control, apexes.some(rows), rate_hz=kind.rate_hz, rng=rng,
         until_s=float(np.nanmax(part.post_time_s)) + max(WINDOWS_S),
     )  # fmt: skip
+    return part, times, motion
+
+
+def some(landings: TrueLandings, rows: np.ndarray) -> TrueLandings:
+    """Return some of the landings."""
+    return TrueLandings(*(getattr(landings, name)[rows] for name in vars(landings)))
+
+
+def observed(name: str, seed: int, folder: Path) -> dict[str, Any]:
+    """Simulate and observe one study: its pairs, contact instants, and true difference."""
+    kind, rng = kinds()[name], np.random.default_rng([seed, 1, *name.encode()])
+    part, times, motion = moved(kind.moves_as or name, seed, folder)
+    if kind.thinned:
+        ahead = (np.diff(part.contact_s, axis=1) > 0).all(axis=1)
+        rows = np.flatnonzero(~ahead | (rng.random(len(part)) < 0.12))
+        part, times, motion = some(part, rows), times[rows], motion[rows]
     spoil = kind.spoil
     seen = see_landings(
         times, motion, part, kind.sections, noise_m=kind.noise_m, rng=rng,
@@ -220,7 +237,7 @@ def observed(kind: Kind, before: np.ndarray, rng: np.random.Generator) -> dict[s
     true = 0.0
     if kind.control.active:
         root = input_root(input_coordinates(part.pre_state, kind.sections.centre_m))
-        true = true_size(kind, before, root, part.contact_s)
+        true = true_size(kind, gait(kind, folder), root, part.contact_s)
     return {"before": seen.before, "after": seen.after, "instants": instants, "true_effect": true}
 
 
@@ -244,8 +261,7 @@ def simulate(name: str, seed: int, folder: Path) -> Path:
     """Return the file of one study, which is simulated if there is none yet."""
     file = study_file(name, seed, folder)
     if not file.exists():
-        kind, rng = kinds()[name], np.random.default_rng([seed, *name.encode()])
-        study = observed(kind, gait(kind, folder), rng)
+        study = observed(name, seed, folder)
         with whole_file(file) as part, part.open("wb") as stream:
             np.savez(stream, **study)
     return file

@@ -31,8 +31,7 @@ from typing import Any
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from peers import solvers_of
-from peers.problems import FloatArray, Problem, Solver, problems
+from peers import FloatArray, Problem, Solver, problems, solvers_of
 
 # Times at equal error, and their ratios.
 

@@ -34,10 +34,11 @@ STUDIES = {
 NOT_KEPT = {"provenance.json"}
 
 
-def make_studies(cores: int) -> list[Path]:
+def make_studies(configs: list[str], cores: int) -> list[Path]:
     """Run the workflow for each study; return the folders of results."""
     folders = []
-    for config, targets in STUDIES.items():
+    for config in configs:
+        targets = STUDIES[config]
         study = yaml.safe_load(Path(config).read_text())
         files = [entry.get("file") for entry in study["recordings"]]
         missing = [name for name in files if name and not Path(name).exists()]
@@ -113,11 +114,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("action", choices=["keep", "compare"])
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--studies", nargs="+", choices=STUDIES, default=list(STUDIES))
     parser.add_argument("--cores", type=int, default=2)
     parser.add_argument("--digits", type=float, default=0.0, help="relative difference allowed")
     options = parser.parse_args()
     wrong = 0
-    for results in make_studies(options.cores):
+    for results in make_studies(options.studies, options.cores):
         kept = options.folder / results.name
         if options.action == "keep":
             for name in kept_files(results):

@@ -24,7 +24,7 @@ MAY_USE = {
     "config": {"scenes", "synthesis"},
     "commands": {"config", "recordings", "landings", "figures", "maps", "report"},
 }
-HEAVY = {"pandas", "scipy", "matplotlib", "statsmodels", "sklearn", "h5py", "jsonschema", "jinja2"}
+HEAVY = {"pandas", "scipy", "matplotlib", "sklearn", "h5py", "jsonschema", "jinja2"}
 
 
 def modules(room):

@@ -264,3 +264,26 @@ def test_functions_typed_at_a_prompt(tmp_path):
     printed, files = run_own_system(tmp_path, ("-c", script), input=OWN_SYSTEM)
     assert printed[1] == "[0, 0, 0] True"
     assert files == {}
+
+
+WAITS = """
+import sys, time
+from pathlib import Path
+from hopdata.code_cache import compiled_in_cache
+
+def compile_it(cached):
+    with Path(sys.argv[1]).open("a") as log:
+        print("begins", file=log, flush=True)
+        time.sleep(0.3)
+        print("ends", file=log)
+
+compiled_in_cache(Path.exists, "0123456789abcdef", compile_it)
+"""
+
+
+def test_one_process_compiles_while_the_others_wait(tmp_path):
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+    command = [sys.executable, "-c", WAITS, str(tmp_path / "log")]
+    for process in [subprocess.Popen(command, env=environment) for _ in range(3)]:
+        assert process.wait(timeout=120) == 0
+    assert (tmp_path / "log").read_text().split() == ["begins", "ends"] * 3

@@ -1,12 +1,16 @@
 """What is installed is what the lock files hold, what builds it included."""
 
+import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+import yaml
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parents[1]
@@ -57,3 +61,29 @@ def test_an_environment_is_made_of_hashed_files_alone(tmp_path):
     assert "build dependencies" not in said.lower(), (
         "a build was isolated: its tools are not locked"
     )
+
+
+def test_what_is_published_agrees_with_the_project():
+    """The conda recipe, the citation and Zenodo's record say what pyproject.toml says."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    recipe = (ROOT / "packaging/meta.yaml").read_text()
+    assert f'version = "{project["version"]}"' in recipe
+    assert f"version: {project['version']}\n" in (ROOT / "CITATION.cff").read_text()
+    other = {"matplotlib": "matplotlib-base", "snakemake": "snakemake-minimal"}
+    for text in project["dependencies"]:
+        needed = Requirement(text)
+        assert f"- {other.get(needed.name, needed.name)} {needed.specifier}" in recipe
+    record = json.loads((ROOT / ".zenodo.json").read_text())
+    assert record["license"] == project["license"]
+    assert set(record["keywords"]) <= set(project["keywords"])
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / ".github/workflows").glob("*.yml")), ids=str)
+def test_workflows_call_what_the_makefile_has(path):
+    workflow = yaml.safe_load(path.read_text())
+    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    for job in workflow["jobs"].values():
+        assert set(job.get("needs", "").split()) <= set(workflow["jobs"])
+        for command in (step["run"] for step in job["steps"] if "run" in step):
+            for target in re.findall(r"^make ([a-z-]+)", command, re.MULTILINE):
+                assert target in targets

@@ -1,12 +1,14 @@
 """hopdata installed from its wheel, far from any checkout."""
 
 import os
+import re
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[1]
 BUNDLED = ("Snakefile", "workflow/**/*", "config/*", "profiles/**/*", "data/sample/*")
@@ -90,3 +92,23 @@ def test_what_made_a_result_is_named_alike(installed):
         for path in (installed, ROOT / "src")
     }  # fmt: skip
     assert len(said) == 1
+
+
+def test_the_pages_example_of_a_module_is_planned(tmp_path):
+    """The block of docs/first_study.md, with one path changed, beside rules of another workflow."""
+    page = (ROOT / "docs/first_study.md").read_text()
+    block = re.search(r"```python\n(module landing:.*?)```", page, re.DOTALL)[1]
+    assert '"../hopdata/Snakefile"' in block
+    block = block.replace("../hopdata/Snakefile", str(ROOT / "Snakefile"))
+    own = 'rule mine:\n    input: "results/sample/report.html"\n    default_target: True\n'
+    (tmp_path / "Snakefile").write_text(f'configfile: "both.yaml"\n{block}\n{own}')
+    config = yaml.safe_load((ROOT / "config/config.yaml").read_text())
+    (tmp_path / "both.yaml").write_text(yaml.safe_dump({"landing": config, "other": 1}))
+    (tmp_path / "data").symlink_to(ROOT / "data")
+    result = subprocess.run(
+        [sys.executable, "-m", "snakemake", "--cores", "1", "--dry-run"], cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        capture_output=True, text=True, check=False, timeout=300,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "rule landing_report:" in result.stdout

@@ -1,18 +1,246 @@
-"""Peers of the integrator: one module each, all of the same shape.
+"""Peers of the integrator, and the three scenes, written once for every peer.
 
 A module offers ``solvers(problem) -> list[Solver]``, empty for a scene that it does not have. Ours
 is here: one call of `solve` from Python, and its share of a batch.
+
+All scenes are smooth but for a few coefficients that change at events. `slope` and `height` are
+ordinary arithmetic on the entries of the state, given the elementary functions to use: they serve
+Python numbers, Numba, jax and heyoka's expressions alike. `coefficients` depends on the locks
+alone, so that a peer evaluates it once an event, not once a step: the springs of the plate enter as
+sums.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
+from typing import Any
 
 import numpy as np
+from exact import INITIAL_STATE, T_SPAN, hopper_end, octant, octant_end, plate_end
+from plate_scene import Plate
 
+from hopdata.arrays import FloatArray
 from hopdata.hybrid import System, solve, solve_batch
-from peers.problems import FloatArray, LostEventError, Problem, Run, Solver
+from hopdata.scenes.small import VerticalHopper
+
+# What every peer offers: named solvers that take a tolerance and give something to run.
+
+
+Run = Callable[[], FloatArray]
+
+# Where only the nearest guard is watched, an event is placed this far behind the surface, so that
+# the guard which has just flipped starts on the right side of zero. It moves an instant by this
+# over the speed of crossing: nothing beside the errors that are compared.
+HYSTERESIS = 1e-14
+MOST_EVENTS = 10_000
+TOLERANCES = tuple(10.0**-k for k in range(4, 14))
+
+
+@dataclass(frozen=True)
+class Solver:
+    """One way to integrate a scene.
+
+    Parameters
+    ----------
+    package : str
+        What it belongs to; "hopdata" is ours.
+    way : str
+        How the package is used: what its user functions are, or who calls it.
+    method : str
+        The integration method.
+    prepare : callable
+        Takes the tolerance (relative and absolute) and returns a function that integrates the
+        scene once and returns the final state; all that can be done beforehand is done in it.
+    trajectories : int
+        How often one call of that function integrates the scene.
+    settings : tuple of float
+        What to prepare it for: tolerances, or time steps where it has no tolerance.
+    """
+
+    package: str
+    way: str
+    method: str
+    prepare: Callable[[float], Run]
+    trajectories: int = 1
+    settings: tuple[float, ...] = TOLERANCES
+
+
+class LostEventError(RuntimeError):
+    """An integration did not come to its end."""
+
+
+Formula = Callable[..., Any]
+
+PLATE_START = (0.0, 2.5, 0.05, 0.0, 0.0, 0.0)
+PLATE_SPAN = (0.0, 1.0)  # one bounce: each spring is met and left once
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A scene as a peer needs it.
+
+    Parameters
+    ----------
+    name : str
+        Name of the scene.
+    t_span : tuple of float
+        Start and end.
+    y0 : tuple of float
+        Initial state.
+    n_guards : int
+        Number of event functions h_k; lock k is the sign of h_k, and flips where h_k crosses zero.
+    slope : callable
+        ``slope(m)(y, c)`` is the rate of the state, a tuple, for coefficients c; `m` is a module
+        with elementary functions (math, numpy, ...).
+    height : callable
+        ``height(m)(y, k)`` is h_k; k may be an array of numbers where y holds numbers.
+    coefficients : callable
+        ``coefficients(locks)`` is c as a tuple, for an array of locks, -1.0 or 1.0.
+    system, params
+        The same for `hopdata.hybrid.solve`.
+    end : array
+        Exact final state, (n,).
+    forms : mapping
+        Other forms of that system, by name, for the same parameters.
+    """
+
+    name: str
+    t_span: tuple[float, float]
+    y0: tuple[float, ...]
+    n_guards: int
+    slope: Callable[[Any], Formula]
+    height: Callable[[Any], Formula]
+    coefficients: Formula
+    system: System
+    params: tuple[float, ...]
+    end: FloatArray
+    forms: Mapping[str, System] = field(default_factory=dict)
+
+    @property
+    def start(self) -> FloatArray:
+        """Initial state, (n,)."""
+        return np.array(self.y0, dtype=np.float64)
+
+    @property
+    def locks(self) -> FloatArray:
+        """Locks at the start, (n_guards,)."""
+        return np.where(self.heights(self.start) > 0, 1.0, -1.0)
+
+    def heights(self, y: FloatArray) -> FloatArray:
+        """Return all event functions, (n_guards,)."""
+        return self.height(np)(y, np.arange(self.n_guards))
+
+
+def octant_problem() -> Problem:
+    """Return table 4.3: x' = c0 x + c1 y + 1, y' = c2 x + c3 y + c4, z' = c5 z - 1."""
+    signs = np.array([1.0, 1.0, -1.0])  # z is crossed downwards
+
+    def slope(_: Any) -> Formula:
+        def rate(y: Any, c: Any) -> Any:
+            return (
+                c[0] * y[0] + c[1] * y[1] + 1.0,
+                c[2] * y[0] + c[3] * y[1] + c[4],
+                c[5] * y[2] - 1,
+            )
+
+        return rate
+
+    def height(_: Any) -> Formula:
+        def h(y: Any, k: Any) -> Any:
+            return signs[k] * y[k]
+
+        return h
+
+    def coefficients(locks: Any) -> Any:
+        x, y, z = (locks[0] + 1) / 2, (locks[1] + 1) / 2, (locks[2] + 1) / 2
+        return (
+            10 * x * y,
+            (1 - x) * (2 * y - 1) - 2 * x * (1 - y),
+            (1 - x) * (1 - 2 * y) + 0.5 * x * (1 - y),
+            x * y,
+            1 + x * (1 - y),
+            4 * z - 1,
+        )
+
+    return Problem(
+        "octant", T_SPAN, INITIAL_STATE, 3, slope, height, coefficients,
+        octant(), (), octant_end(),
+    )  # fmt: skip
+
+
+def hopper_problem() -> Problem:
+    """Return the hopper in one dimension: v' = c0 - c1 z."""
+    hopper = VerticalHopper()
+    gravity, stiffness, rest, _, contact = hopper.params
+
+    def slope(_: Any) -> Formula:
+        def rate(y: Any, c: Any) -> Any:
+            return y[1], c[0] - c[1] * y[0]
+
+        return rate
+
+    def height(_: Any) -> Formula:
+        def h(y: Any, k: Any) -> Any:
+            return y[k] - contact  # k is 0: the height is the first state
+
+        return h
+
+    def coefficients(locks: Any) -> Any:
+        stance = (1 - locks[0]) / 2
+        return stance * stiffness * rest - gravity, stance * stiffness
+
+    return Problem(
+        "vertical_hopper", (0.0, 2.0), (2.0, 0.0), 1, slope, height, coefficients,
+        hopper.system(), hopper.params, hopper_end(hopper, 2.0, 2.0),
+    )  # fmt: skip
+
+
+def plate_problem() -> Problem:
+    """Return the plate on 35 springs; c are the sums over the contacts of 1, x_i and x_i^2."""
+    plate = Plate()
+    gravity, mass, inertia, rest, stiffness, damping, *_ = plate.params
+    places = plate.spring_places_m
+
+    def slope(m: Any) -> Formula:
+        def rate(y: Any, c: Any) -> Any:
+            x, z, angle, vx, vz, omega = y[0], y[1], y[2], y[3], y[4], y[5]
+            tan = m.tan(angle)
+            grow = 1.0 + tan * tan
+            at_centre = stiffness * (rest - z) + damping * (tan * vx - vz)
+            per_arm = stiffness * tan + damping * grow * omega
+            arms = x * c[0] - c[1]
+            squares = x * (arms - c[1]) + c[2]
+            force = (at_centre * c[0] + per_arm * arms) / mass
+            moment = (at_centre * arms + per_arm * squares) / inertia
+            return vx, vz, omega, -tan * force, force - gravity, -grow * moment
+
+        return rate
+
+    def height(m: Any) -> Formula:
+        def h(y: Any, k: Any) -> Any:
+            tan = m.tan(y[2])
+            return rest - y[1] + tan * y[0] - tan * places[k]  # the first part is common to all
+
+        return h
+
+    def coefficients(locks: Any) -> Any:
+        touching = (locks + 1) / 2
+        return touching.sum(), (touching * places).sum(), (touching * places * places).sum()
+
+    return Problem(
+        "plate", PLATE_SPAN, PLATE_START, plate.n_contacts, slope, height, coefficients,
+        plate.system(), plate.params, plate_end(),
+        {"sums": plate.system(sums=True), "sparse": plate.system(sparse=True)},
+    )  # fmt: skip
+
+
+def problems() -> list[Problem]:
+    """Return the three scenes."""
+    return [octant_problem(), hopper_problem(), plate_problem()]
+
 
 MODULES = {
     "SciPy": "scipy_peer",
@@ -29,11 +257,9 @@ def solvers_of(problem: Problem) -> tuple[list[Solver], dict[str, str]]:
     absent: dict[str, str] = {}
     for package, name in MODULES.items():
         try:
-            module = import_module(f"peers.{name}")
+            found += import_module(f"peers.{name}").solvers(problem)
         except (ImportError, OSError, AttributeError) as error:
             absent[package] = str(error)
-            continue
-        found += module.solvers(problem)
     return found, absent
 
 

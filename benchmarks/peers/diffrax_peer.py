@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix
 
-from peers.problems import HYSTERESIS, MOST_EVENTS, FloatArray, LostEventError, Problem, Run, Solver
+from peers import HYSTERESIS, MOST_EVENTS, FloatArray, LostEventError, Problem, Run, Solver
 
 jax.config.update("jax_enable_x64", True)
 

@@ -13,7 +13,7 @@ from typing import Any
 import heyoka as hy
 import numpy as np
 
-from peers.problems import FloatArray, LostEventError, Problem, Run, Solver
+from peers import FloatArray, LostEventError, Problem, Run, Solver
 
 if hasattr(hy.llvm_state, "set_diskcache_enabled"):
     hy.llvm_state.set_diskcache_enabled(False)  # so that `compile_s` is what a new system costs

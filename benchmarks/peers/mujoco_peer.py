@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike
 from plate_scene import Plate
 
 from hopdata.scenes.small import VerticalHopper
-from peers.problems import FloatArray, Problem, Run, Solver
+from peers import FloatArray, Problem, Run, Solver
 
 try:
     import mujoco

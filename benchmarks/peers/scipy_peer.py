@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from scipy.integrate import solve_ivp
 
-from peers.problems import HYSTERESIS, MOST_EVENTS, FloatArray, LostEventError, Problem, Run, Solver
+from peers import HYSTERESIS, MOST_EVENTS, FloatArray, LostEventError, Problem, Run, Solver
 
 # The functions of a scene, compiled by Numba for the peers that take callbacks.
 

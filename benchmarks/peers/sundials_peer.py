@@ -16,7 +16,7 @@ from numba import carray, njit, types
 from numba.extending import intrinsic
 from sksundae.cvode import CVODE
 
-from peers.problems import MOST_EVENTS, FloatArray, LostEventError, Problem, Run, Solver
+from peers import MOST_EVENTS, FloatArray, LostEventError, Problem, Run, Solver
 from peers.scipy_peer import Compiled, compiled
 
 # CVODE in C: compiled callbacks, and a compiled loop over the events.

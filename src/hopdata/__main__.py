@@ -135,15 +135,28 @@ def _check_options(command: argparse.ArgumentParser) -> None:
 
 def _run_options(command: argparse.ArgumentParser) -> None:
     command.usage = (
-        "%(prog)s [-h] [--cores N] [--dry-run] [--force] [CONFIG] [-- SNAKEMAKE OPTIONS]"
+        "%(prog)s [-h] [--cores N] [--dry-run] [--force] [CONFIG | --from FILE] "
+        "[-- SNAKEMAKE OPTIONS]"
     )
     what = "such as config/monday.yaml; else that of the bundled sample"
     command.add_argument("config", nargs="?", type=Path, metavar="CONFIG", help=what)
     command.add_argument("--cores", default="2", metavar="N", help="or all; %(default)s")
+    what = "make the study of this provenance.json again, and compare"
+    command.add_argument("--from", dest="provenance", type=Path, metavar="FILE", help=what)
     command.add_argument("--dry-run", action="store_true", help="only say what would be done")
     command.add_argument(
         "--force", action="store_true", help="do all anew, also what is up to date"
     )
+
+
+def _clean_options(command: argparse.ArgumentParser) -> None:
+    what = "the configuration of a study or group"
+    command.add_argument("config", nargs="?", type=Path, metavar="CONFIG", help=what)
+    command.add_argument("--all", action="store_true", help="every study in this folder")
+    command.add_argument("--dry-run", action="store_true", help="only say what would be removed")
+
+
+def _no_options(_command: argparse.ArgumentParser) -> None: ...
 
 
 def _plan_options(command: argparse.ArgumentParser) -> None:
@@ -237,6 +250,28 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
         "  hopdata plan results/sample/verdict.json\n"
         "  hopdata plan config/quadruped.yaml --difference 0.08 --figure plan.svg\n",
         _plan_options,
+    ),
+    "clean": (
+        "hopdata.commands.upkeep:clean",
+        "remove the results of a study",
+        "Remove results/STUDY of a configuration, or with --all results and .snakemake of this\n"
+        "folder. Refused while a run holds the folder.",
+        "  hopdata clean config/monday.yaml\n  hopdata clean --all --dry-run\n",
+        _clean_options,
+    ),
+    "doctor": (
+        "hopdata.commands.upkeep:doctor",
+        "say what this installation has, and what it lacks",
+        "Versions, cores, memory, workflow, compiled code, space. Exit code 1 if anything lacks.",
+        "  hopdata doctor\n",
+        _no_options,
+    ),
+    "completion": (
+        "hopdata.commands.upkeep:completion",
+        "print what makes a shell complete the commands",
+        "Print a line for bash, or for zsh after bashcompinit.",
+        '  eval "$(hopdata completion)"      in ~/.bashrc\n',
+        _no_options,
     ),
     "config-docs": (
         "hopdata.commands.init:config_docs",

@@ -337,31 +337,32 @@ class Study:
             )
         return recording
 
-    @property
-    def recordings(self) -> list[Recording]:
-        """Recordings on a level floor, with short gaps filled where that can be done."""
-        return self._levelled[0]
+    @cached_property
+    def floors(self) -> dict[str, Any]:
+        """Floor model of each recording."""
+        from hopdata.landings.floor import fit_floor
+
+        return {one.name: fit_floor(one, **self.config["floor"]) for one in self.imported}
 
     @cached_property
-    def _levelled(self) -> tuple[list[Recording], Contents]:
+    def recordings(self) -> list[Recording]:
+        """Recordings on a level floor, with short gaps filled where that can be done."""
         from hopdata.config.consistency import fills
         from hopdata.landings.contacts.joined import join_feet
         from hopdata.landings.filling import fill_gaps
-        from hopdata.landings.floor import fit_floor, level
+        from hopdata.landings.floor import level
         from hopdata.recordings.readers.hdf5 import as_stored
 
-        found, floors = [], Contents()
+        found = []
         for recording in self.imported:
             self.progress(f"levelling {recording.name}")
-            floor = fit_floor(recording, **self.config["floor"])
-            floors[recording.name] = floor.to_dict()
-            ready = level(recording, floor)
+            ready = level(recording, self.floors[recording.name])
             ready = join_feet(ready, self.config["feet"])
             if fills(self.config):
                 ready = fill_gaps(ready, longest_s=self.config["filling"]["longest_s"])
             found.append(as_stored(ready))
         require_distinct(found)
-        return found, floors
+        return found
 
     @cached_property
     def contacts(self) -> dict[str, pd.DataFrame]:
@@ -434,6 +435,11 @@ class Study:
     def pairs(self) -> Pairs:
         """States at the two sections in the home frame, with the contact instants."""
         return self._landings[1]
+
+    @property
+    def units(self) -> Contents:
+        """Units of length and time by which the states are divided."""
+        return self._landings[2]
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -556,7 +562,7 @@ class Study:
         if name == "sections":
             return self.sections.to_dict()
         if name == "units":
-            return self._landings[2]
+            return self.units
         if name in self._of_landings:  # without fitting all the models
             return as_stored(self._of_landings[name])
         return as_stored(self._of_maps[0][name])
@@ -594,9 +600,9 @@ class Study:
                 levelled=self.recordings,
                 filled=filled_table(self.recordings),
                 sections=self.sections.to_dict(),
-                units=self._landings[2],
+                units=self.units,
                 provenance=provenance(self.config, digests, []),
-                floors=self._levelled[1],
+                floors={name: floor.to_dict() for name, floor in self.floors.items()},
                 verdict=self.verdict.to_dict(),
                 quality=self._checks,
                 touchdowns=self.touchdowns,

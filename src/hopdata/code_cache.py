@@ -17,7 +17,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from threading import RLock
@@ -79,7 +79,7 @@ def compiled_in_cache(
     Where caching fails (a full disk, a module that cannot be imported by its name), it is
     ``compile_it(False)``: compiled without.
     """
-    with cache_directory(function, digest) as folder:
+    with cache_directory(function, digest) as folder, _alone_in(folder):
         try:
             return compile_it(folder is not None)
         except NumbaError:
@@ -88,6 +88,19 @@ def compiled_in_cache(
             if folder is None:
                 raise
         return compile_it(False)
+
+
+@contextmanager
+def _alone_in(folder: Path | None) -> Iterator[None]:
+    """Wait while another process compiles for this folder: what it leaves there is then loaded."""
+    with ExitStack() as stack:
+        with suppress(ImportError, OSError):  # no such locks on Windows and on some file servers
+            import fcntl
+
+            if folder is not None:
+                folder.mkdir(parents=True, exist_ok=True)
+                fcntl.flock(stack.enter_context((folder / "lock").open("w")), fcntl.LOCK_EX)
+        yield
 
 
 def is_in_cache(function: Callable[..., Any], digest: str) -> bool:

@@ -203,12 +203,12 @@ class Recording(Shown):
     @cached_property
     def body(self) -> FloatArray:
         """Body markers, (N, B, 3), m."""
-        return self.positions[:, self.indices("body")]
+        return self.positions[:, _together(self.indices("body"))]
 
     @cached_property
     def feet(self) -> FloatArray:
         """Foot markers, (N, n, 3), m."""
-        return self.positions[:, self.indices("foot")]
+        return self.positions[:, _together(self.indices("foot"))]
 
     @cached_property
     def body_height(self) -> FloatArray:
@@ -233,6 +233,12 @@ def marker_names(key: str, names: Iterable[str]) -> tuple[str, ...]:
     if len(set(found)) < len(found):
         raise RecordingError(f"{key}: expected each name once, found {', '.join(found)}")
     return found
+
+
+def _together(markers: list[int]) -> list[int] | slice:
+    """Return markers that stand side by side as a slice, which copies no frame."""
+    side_by_side = markers and markers == list(range(markers[0], markers[-1] + 1))
+    return slice(markers[0], markers[-1] + 1) if side_by_side else markers
 
 
 # No landing may count twice: the same content under two names is refused.

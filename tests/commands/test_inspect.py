@@ -126,11 +126,22 @@ def test_mistakes_with_the_file(tmp_path, clean, capsys):
         assert all(part in err for part in parts)
 
 
-def test_a_marker_that_is_never_seen(tmp_path, capsys):
+def test_a_marker_that_is_never_seen_is_told_and_no_fault(tmp_path, capsys):
     positions = hopping(2)[1]
     positions[:, 4] = np.nan
-    assert main(["inspect", str(export(tmp_path, positions))]) == 1
-    assert "toe2 is in no frame" in capsys.readouterr().out
+    assert main(["inspect", str(export(tmp_path, positions))]) == 0
+    assert "never seen" in capsys.readouterr().out
+
+
+def test_a_marker_unseen_for_long_and_what_the_reader_said_are_noted(tmp_path, capsys):
+    positions = hopping(2)[1]
+    positions[::2, 4] = np.nan
+    text = export(tmp_path, positions).read_text().replace("NO_OF_FRAMES\t2000", "NO_OF_FRAMES\t9")
+    (tmp_path / "monday.tsv").write_text(text)
+    assert main(["inspect", str(tmp_path / "monday.tsv")]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "note toe2 is unseen in 50 % of the frames" in told
+    assert "NO_OF_FRAMES: expected 9 frames as stated, found 2000 rows" in told
 
 
 def test_check_notes_what_inspect_would_list(faulty, clean, tmp_path, capsys):

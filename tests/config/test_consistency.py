@@ -56,7 +56,7 @@ def test_feet_of_several_markers_are_named_in_the_order_of_the_first():
         ([("left", ("heel", "tow"))], r"feet\[0\].markers: .*found 'tow'; did you mean 'toe'"),
         (
             [("a", ("heel", "toe")), ("b", ("toe", "other"))],
-            r"feet\[1\].markers: .*'toe' in feet\[0\]",
+            r"feet\[1\].markers\[0\]: .*'toe' in feet\[0\]",
         ),
         (
             [("other", ("heel", "toe"))],
@@ -139,7 +139,10 @@ MISTAKES = {
     ),
     "column twice": (
         edited("forces", columns=[{"name": "Fz", "feet": ["heel"]}] * 2),
-        ["recordings[0].forces.columns[1].name", "'Fz' twice"],
+        [
+            "recordings[0].forces.columns[1].name",
+            "found 'Fz' in recordings[0].forces.col",
+        ],
     ),
     "columns without a file": (
         edited("forces", file=None),

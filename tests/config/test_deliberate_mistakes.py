@@ -81,7 +81,8 @@ ADDED = {
     ),
     "steering: there from the start": (
         "steering:\n  experiments: {distance_m: 0.1}",
-        "9: steering.experiments.distance_m: expected more than arrived_m (0.11 m), found 0.1 m",
+        "9: steering.experiments.distance_m: expected more than steering.experiments.arrived_m "
+        "(0.11), found 0.1",
     ),
     "steering: a leg too many": (
         "steering:\n  robot:\n    preload_shares: [1, 1, 1, 1]",

@@ -229,9 +229,13 @@ MISTAKES = {
     "marker in two roles": (
         "heel, toe",
         "heel, b2",
-        ["markers.feet: expected each marker once", "'b2' in markers.body as well"],
+        ["markers.feet[1]: expected each marker once", "'b2' in markers.body[1] as well"],
     ),
-    "marker twice": ("heel, toe", "toe, toe", ["markers.feet: expected", "'toe' twice"]),
+    "marker twice": (
+        "heel, toe",
+        "toe, toe",
+        ["markers.feet[1]", "'toe' in markers.feet[0]"],
+    ),
     "home is no body marker": (
         "marker: b1",
         "marker: heel",
@@ -280,7 +284,7 @@ MISTAKES = {
     "recordings of one name": (
         "markers:",
         "  - {name: One, file: one.tsv}\nmarkers:",
-        ["recordings[1].name: expected a name of its own", "as in recordings[0]"],
+        ["recordings[1].name: expected each name once", "in recordings[0].name"],
     ),
     "length of a file": (
         "file: one.tsv",
@@ -300,7 +304,7 @@ MISTAKES = {
     "sections upside down": (
         "tail_fraction: 0.002",
         "pre_height_m: 0.2\n  post_height_m: 0.3",
-        ["sections.pre_height_m: expected more than", "0.3 m", "found 0.2 m"],
+        ["sections.pre_height_m: expected more than", "(0.3)", "found 0.2"],
     ),
     "more components than samples": (
         "home:",

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from exact import INITIAL_STATE, T_SPAN, octant
 from hybrid_systems import ball, growth, ladder
 from test_derived import bounce_undone
 
 from hopdata.hybrid import System, field, solve
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+from hopdata.scenes.small import VerticalHopper
 
 
 @field

@@ -6,10 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hybrid_systems import ball, fall_field, floor_guard, ladder, relay
+from bent_systems import bent, bent_params
+from exact import INITIAL_STATE, T_SPAN, octant
+from hybrid_systems import ball, fall_field, floor_guard, ladder, relay, throw
+from plate_scene import Plate
 
 from hopdata.hybrid import System, field, guard, guards, on_event, rate_bound, solve, solve_batch
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+from hopdata.scenes.body import flight_mode
+from hopdata.scenes.hopper import hopper_system
+from hopdata.scenes.hopper_parameters import HopperParameters
+from hopdata.scenes.small import VerticalHopper
 
 RTOLS = (1e-4, 1e-7, 1e-10)
 
@@ -75,6 +81,38 @@ def test_a_body_on_legs_returns_to_its_start(n_legs, rtol):
         assert len(there.events) >= 2 * n_legs
         assert off.max() < 100 * rtol
         assert same_instants(there, back) < 100 * rtol
+
+
+PLATE, HOPPER = Plate(12), hopper_system()
+# What is left of the systems in these tests and in the library; the hopper's handler changes
+# nothing before all of its legs stand, so that it undoes itself.
+SCENES = {
+    "bent": (bent(3), 2.0, [0.0, 1.2], bent_params(
+        [0.5, 0.7, 1.0], drive=0.3, tilts=[0.2, -0.3, 0.4], sways=[0.0, 0.1, 0.2],
+        gains=[0.4, -0.3, -0.5],
+    )),
+    "ladder": (ladder(3), 3.0, [0.0, 0.0], (0.5, 1.0, 1.25, 0.5, -0.5, 3.0)),
+    "throw": (throw(), 3.0, [0.0, 2.5], (2.0, 1.0)),
+    "plate": (PLATE.system(), 0.9, [0.0, 2.2, 0.07, 0.0, 0.0, 0.0], PLATE.params),
+    "hopper": (
+        replace(HOPPER, undo=HOPPER.on_event), 0.015,
+        [0, 0, 0.29, 0.4, 0.03, -0.02, 0.1, -0.05, -1.5, 0.1, -0.2, 0.1],
+        HopperParameters().vector(),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("rtol", RTOLS)
+@pytest.mark.parametrize("name", SCENES)
+def test_every_scene_without_resets_returns_to_its_start(name, rtol):
+    system, end, y0, params = SCENES[name]
+    options = {"params": params, "rtol": rtol, "atol": rtol}
+    if name == "hopper":
+        options["mode"] = flight_mode(HOPPER, -1.0)
+    there, back, off = there_and_back(system, (0.0, end), y0, **options)
+    assert len(there.events) >= 2
+    assert off.max() < 100 * rtol * max(1.0, np.abs(y0).max()), off
+    assert same_instants(there, back) < 100 * rtol
 
 
 @on_event

@@ -34,6 +34,9 @@ def tables():
     faults = pd.DataFrame({"kind": []}, dtype=object)
     touchdowns = pd.DataFrame(
         {
+            "t_pre_s": np.arange(10.0),
+            "contact_f1_s": np.arange(10.0) + 0.02,
+            "contact_f2_s": np.arange(10.0) + 0.03,
             "se_f1_s": [3e-4] * 10,
             "se_f2_s": [3e-4] * 10,
             "spread_s": [0.01] * 10,
@@ -71,6 +74,13 @@ def tables():
 
 def judged(tables, noise_m=6e-4, **options):
     return {c.what: c for c in check_study(**tables, expected_noise_m=noise_m, **options)}
+
+
+def test_flights_that_are_continued_to_the_section_are_counted(tables):
+    assert "continued" not in judged(tables)[WHAT["used"]].remark
+    tables["touchdowns"].loc[[1, 2, 9], "contact_f2_s"] = [0.996, 1.992, 8.9]  # the last is out
+    told = "in 2 the flight is continued to the pre section, by 8 ms at most"
+    assert told in judged(tables)[WHAT["used"]].remark
 
 
 def test_good_data_are_good(tables):

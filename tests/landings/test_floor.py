@@ -7,12 +7,13 @@ import pytest
 from section_fakes import hopper, on_floor
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.floor import fit_floor, level, raised_rests
+from hopdata.landings.floor import _low_surface, fit_floor, level, raised_rests
 from hopdata.landings.floor_surface import (
     FloorModel,
     design,
     polynomial_terms,
     rest_points,
+    robust_regression,
     vertical_speed,
 )
 from hopdata.landings.sections.select import select_sections
@@ -271,6 +272,20 @@ def test_sample_floor_against_its_truth():
 
 
 @pytest.mark.filterwarnings("error")
+def test_regressions_are_those_of_statsmodels():
+    import statsmodels.api as sm
+
+    rng = np.random.default_rng(3)
+    columns = np.column_stack([np.ones(900), rng.uniform(-1, 1, (900, 5))])
+    heights = columns @ rng.normal(0, 0.01, 6) + rng.normal(0, 5e-4, 900)
+    heights[::4] += rng.exponential(0.02, 225)  # feet that hang
+    robust = sm.RLM(1e3 * heights, columns, M=sm.robust.norms.TukeyBiweight())
+    found = robust.fit(conv="coefs", tol=1e-10, maxiter=300).params / 1e3
+    np.testing.assert_allclose(robust_regression(columns, heights), found, rtol=0, atol=1e-12)
+    low = sm.QuantReg(heights, columns).fit(q=0.05, max_iter=300).params
+    np.testing.assert_allclose(_low_surface(heights, columns), low, rtol=0, atol=2e-5)
+
+
 def test_a_perfect_fit_is_silent():
     flat = hopper(np.random.default_rng(6), noise_m=0.0).recording
     rounded = flat.positions.round(4)

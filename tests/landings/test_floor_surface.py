@@ -5,9 +5,11 @@ from hopdata.landings.floor_surface import (
     design,
     directions,
     polynomial_terms,
+    rest_points,
     robust_regression,
     within_rim,
 )
+from hopdata.recording import Recording
 
 
 def test_columns_of_the_design_are_products_of_powers():
@@ -52,3 +54,23 @@ def test_the_robust_regression_does_not_depend_on_the_unit(unit):
     assert np.abs(found / unit - truth).max() < 0.002
     exact = robust_regression(columns, unit * (columns @ truth))
     np.testing.assert_allclose(exact / unit, truth)
+
+
+def test_a_foot_that_comes_to_rest_slowly_counts_in_a_short_recording_alone():
+    """Twelve frames at rest are too few; of a jump or two those that sink at 0.08 m/s count too."""
+    speed = np.repeat([-1.0, -0.08, 0.0, 1.0], [100, 25, 12, 100])
+    height = np.concatenate([[1.0], 1.0 + 0.01 * np.cumsum(speed)])
+
+    def rest(z):
+        positions = np.zeros((len(z), 1, 3))
+        positions[:, 0, 2] = z
+        return rest_points(
+            Recording("r", 0.01 * np.arange(len(z)), positions, ("f",), ("foot",), 100.0)
+        )
+
+    short = rest(height)
+    assert 30 <= len(short.foot) <= 40
+    assert np.isfinite(short.start_m).all()
+    long = rest(np.concatenate([height, height[-1] + 0.01 * np.arange(1000)]))
+    assert len(long.foot) == 0
+    assert np.isnan(long.start_m).all()

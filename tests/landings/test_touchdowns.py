@@ -291,13 +291,15 @@ def test_nothing_to_work_on_is_said(scene, table):
         touchdown_table(lone, **SECTIONS)
 
 
-def runner_table(path, side, **options):
+def runner_table(path, side, hidden=None, **options):
     """Touchdowns of one foot of the runner: heel, first and fifth metatarsal."""
     frame = pd.read_csv(path, sep="\t", skiprows=11)
     names = ("body1", "body2", "body3", f"{side}_heel", f"{side}_mt1", f"{side}_mt5")
     columns = [[f"{name} {axis}" for axis in "XYZ"] for name in names]
     positions = np.stack([frame[c].to_numpy() / 1000 for c in columns], axis=1)
     positions[:, 3:, 2] -= [0.034, 0.045, 0.050]
+    if hidden is not None:
+        positions[: len(positions) // 2, hidden] = np.nan
     time = np.arange(len(frame)) / 150
     roles = ("body",) * 3 + ("foot",) * 3
     recording = Recording("runner", time, positions, names, roles, 150.0)
@@ -352,6 +354,16 @@ def test_a_quick_runner_s_foot_is_down_where_it_stands(quick_runner, side):
     sure = order_probability(instant, se) > 0.9
     assert sure.sum() >= 20
     assert {name for name, s in zip(schedule_names(instant), sure, strict=True) if s} == {"1>3>2"}
+
+
+def test_a_marker_that_is_hidden_for_half_of_the_run_makes_no_landings(external_recording):
+    """The other leg's descents, in which what is seen of this foot does not land, stay its own."""
+    table = runner_table(external_recording, "L", hidden=4)
+    landed = table["reason"] != "no foot landed"
+    assert landed.sum() == 39
+    hidden = table["reason"] == "frames missing at the contact of foot 2"
+    assert 15 <= hidden.sum() <= 20
+    assert (~table["excluded"]).sum() >= 15
 
 
 def test_a_recording_without_a_descent_has_a_table_without_rows(scene, table):

@@ -224,7 +224,7 @@ def test_what_is_too_small_does_not_shrink_the_others():
     populations, _ = select_populations(schedule, np.arange(39.0), 5)
     kept, notes = large_enough(populations, 120, 41, 20)
     assert [item.name for item in kept] == ["schedule 2>1", "all"]
-    assert [note["what"] for note in notes] == ["schedule 1>2", "near", "far"]
+    assert [note["what"] for note in notes] == ["affine models of schedule 1>2", "near", "far"]
     assert common_split(kept, 120, 41)[0] == split_sizes(29, 120, 41)
 
 
@@ -237,6 +237,7 @@ def test_many_thin_classes_are_counted_together():
     assert notes == [
         {
             "what": "affine models of 9 schedules",
-            "reason": "15 to 21 touchdowns each to fit, an affine map of these inputs needs 26",
+            "reason": "15 to 21 touchdowns each, 163 in all, left to fit: an affine "
+            "map of these inputs needs 26",
         }
     ]

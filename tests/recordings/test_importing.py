@@ -13,6 +13,7 @@ from hopdata.recording import Event
 from hopdata.recordings.importing import PER_FOOT, import_recording, join
 from hopdata.recordings.plausibility import check_plausible
 from hopdata.recordings.raw import FILE_AXES, PAUSE_S, RawRecording, rotate_up
+from hopdata.recordings.readers.formats import read_raw
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording
 
 MARKERS = {"body": list(NAMES[:3]), "feet": list(NAMES[3:])}
@@ -347,3 +348,17 @@ def test_a_marker_that_one_file_lacks_is_told_with_that_file(tmp_path):
 def test_no_file_at_all_is_refused():
     with pytest.raises(RecordingError, match="at least one file, found none"):
         import_recording([], name="day", markers=JOINING_MARKERS)
+
+
+def test_a_session_with_other_names_is_told_what_to_do(tmp_path):
+    path = write(tmp_path, qtm_text(names=tuple(f"{name} new" for name in NAMES)))
+    with pytest.raises(RecordingError, match=r"none of the configured markers, .* rename them"):
+        imported(path, {"body": NAMES[:3], "feet": NAMES[3:]})
+
+
+def test_markers_in_another_order_and_some_of_them_are_the_same_numbers(tmp_path):
+    whole = read_raw(write(tmp_path, qtm_text()))
+    chosen = {"body": [NAMES[4], NAMES[0], NAMES[2]], "feet": [NAMES[3], NAMES[1]]}
+    found = imported(tmp_path / "trial.tsv", chosen)
+    order = [4, 0, 2, 3, 1]
+    np.testing.assert_array_equal(found.positions, whole.positions[:, order] * 1e-3)

@@ -354,7 +354,7 @@ def test_gap_and_its_rate_are_those_of_the_rest_foot():
 def test_force_jumps_to_the_preload_and_is_affine_in_compression_and_its_rate():
     assert wrench(level(0.0))[0] == pytest.approx([0, 0, 22.0])
     assert wrench(level(-0.05))[0] == pytest.approx([0, 0, 22.0 + 90 * 0.05])
-    assert wrench(level(0.125))[0] == pytest.approx([0, 0, HOPPER.push_at_release_n])
+    assert wrench(level(0.125))[0] == pytest.approx([0, 0, 22 - 90 * 0.125])
     assert wrench(level(0.0, 0, 0, -2.0))[0] == pytest.approx([0, 0, 22.0 + 4.8 * 2])
 
 

@@ -34,9 +34,9 @@ def test_preloads_go_to_their_legs():
 
 def test_the_default_hopper_can_lift_off_and_a_weak_one_cannot():
     strong, weak = HopperParameters(), HopperParameters(preload_n=19.0)
-    assert strong.push_at_release_n == 10.75
-    assert strong.weight_per_leg_n == pytest.approx(2.7 * 9.81 / 3)
-    assert weak.push_at_release_n < weak.weight_per_leg_n
+    strong.require_take_off("key")
+    with pytest.raises(ConfigError, match=r"key: .* > 8.83 N, the weight per leg, found 7.75 N"):
+        weak.require_take_off("key")
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,11 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 import pytest
+from exact import INITIAL_STATE, T_SPAN, octant
 from scipy.optimize import brentq
 
 from hopdata.hybrid import solve
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+from hopdata.scenes.small import VerticalHopper
 
 
 def affine_mode(locks):

@@ -87,7 +87,7 @@ def test_the_floor_is_curved_by_a_few_millimetres_and_no_cubic():
 
 def test_bowl_rises_to_half_its_depth_at_its_radius():
     flat = np.zeros((0, 2))
-    bowl = CurvedFloor(0.004, 1.2, flat, np.zeros(0), 0.001)
+    bowl = CurvedFloor(FloorOptions(), flat, np.zeros(0))
     points = np.array([[0.0, 0.0], [1.2, 0.0], [0.0, -1.2]])
     np.testing.assert_allclose(bowl.height(points), [0, 0.002, 0.002])
 

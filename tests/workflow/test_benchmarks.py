@@ -84,7 +84,7 @@ def test_the_tables_that_a_program_names_are_declared(jobs, program):
 
 def test_a_program_depends_on_what_it_imports(jobs):
     inputs = next(x for x in jobs["benchmark_work_precision"].splitlines() if "input:" in x)
-    for module in ("work_precision", "machine", "peers/problems", "peers/mujoco_peer", "exact"):
+    for module in ("work_precision", "machine", "peers/__init__", "peers/mujoco_peer", "exact"):
         assert f"benchmarks/{module}.py" in inputs
     assert "benchmarks/plate.py" not in inputs
 

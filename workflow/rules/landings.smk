@@ -18,8 +18,8 @@ rule contacts:
         "../scripts/contacts.py"
 
 
-rule sections:
-    """The Poincare sections, and the touchdowns of each recording between them, by each method."""
+rule pairs:
+    """The Poincare sections, touchdowns between them by each method, states at both in home frames."""
     input:
         recordings=each_recording(READY),
         landings=each_recording(CONTACTS),
@@ -27,32 +27,7 @@ rule sections:
         sections=f"{RESULTS}/landings/sections.json",
         densities=f"{RESULTS}/tables/section_densities.csv",
         frames=f"{RESULTS}/tables/section_frames.csv",
-        touchdowns=[path for method in SCORED_METHODS for path in touchdowns_by(method)],
-    log:
-        f"{RESULTS}/logs/sections.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/sections.tsv"
-    priority: 1  # more waits for it than for a figure
-    resources:
-        **needs(mb_a_mb=40, minutes=20),
-    params:
-        options=STUDY["sections"],
-        methods=SCORED_METHODS,
-        touchdowns=STUDY["touchdowns"],
-        largest_share=STUDY["filling"]["largest_share"],
-        exclude=[entry["exclude"] for entry in STUDY["recordings"]],
-        code=code("sections"),
-    script:
-        "../scripts/sections.py"
-
-
-rule pairs:
-    """States at the two sections in each touchdown's home frame, the touchdowns, the units."""
-    input:
-        recordings=each_recording(READY),
-        touchdowns=touchdowns_by(METHOD),
-        sections=rules.sections.output.sections,
-    output:
+        labelled=[path for method in SCORED_METHODS for path in touchdowns_by(method)],
         pairs=f"{RESULTS}/landings/pairs.h5",
         touchdowns=f"{RESULTS}/tables/touchdowns.csv",
         example=f"{RESULTS}/tables/example_touchdown.csv",
@@ -63,11 +38,16 @@ rule pairs:
         f"{RESULTS}/benchmarks/pairs.tsv"
     priority: 1  # more waits for it than for a figure
     resources:
-        **needs(mb_a_mb=40, minutes=20),
+        **needs(mb_a_mb=40, minutes=30),
     params:
+        sections=STUDY["sections"],
+        method=METHOD,
+        methods=SCORED_METHODS,
+        touchdowns=STUDY["touchdowns"],
+        largest_share=STUDY["filling"]["largest_share"],
+        exclude=[entry["exclude"] for entry in STUDY["recordings"]],
         home=STUDY["home"],
         states=STUDY["states"],
-        ambiguous=STUDY["touchdowns"]["ambiguous"],
         units=STUDY["units"],
         code=code("pairs"),
     script:
@@ -79,7 +59,7 @@ rule quality:
     input:
         levelled=each_recording(READY),
         landings=each_recording(CONTACTS),
-        sections=rules.sections.output.sections,
+        sections=rules.pairs.output.sections,
         touchdowns=rules.pairs.output.touchdowns,
         markers=rules.inspection.output.markers,
         faults=rules.inspection.output.faults,

@@ -52,7 +52,7 @@ rule true_sections:
     """What would be measured at the sections without noise, and the exact linear maps."""
     input:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
-        sections=rules.sections.output.sections,
+        sections=rules.pairs.output.sections,
     output:
         pairs=f"{RESULTS}/landings/true_pairs.h5",
         maps=f"{RESULTS}/maps/exact_maps.json",
@@ -100,7 +100,7 @@ rule scaling_study:
     """Maps of noise-free landings whose deviations from a simultaneous contact are scaled down."""
     input:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
-        sections=rules.sections.output.sections,
+        sections=rules.pairs.output.sections,
     output:
         scaling=f"{RESULTS}/tables/scaling_study.csv",
     log:
@@ -185,7 +185,7 @@ rule score:
         ),
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/ready/{{recording}}.json"),
-        sections=rules.sections.output.sections,
+        sections=rules.pairs.output.sections,
         touchdowns=rules.pairs.output.touchdowns,
         prediction=rules.linear_maps.output.summary,
         distances=rules.distances.output.summary,

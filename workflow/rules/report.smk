@@ -16,7 +16,7 @@ rule report:
         levelled=each_recording(f"{RESULTS}/ready/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/ready/{{recording}}.json"),
         filled=[rules.quality.output.filled] if FILLS else [],
-        sections=rules.sections.output.sections,
+        sections=rules.pairs.output.sections,
         touchdowns=rules.pairs.output.touchdowns,
         units=rules.pairs.output.units,
         prediction=rules.linear_maps.output.summary,

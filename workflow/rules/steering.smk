@@ -20,13 +20,6 @@ rule steering_learn:
     input:
         expand(f"{RESULTS}/recordings/{{recording}}.h5", recording=STEERED),
     output:
-        model=f"{OF_SEED}/model.npz",
-        geometry=f"{OF_SEED}/geometry.json",
-        changes=f"{OF_SEED}/frame_changes.csv",
-        stances=f"{OF_SEED}/stances.csv",
-        motion=f"{OF_SEED}/motion.csv",
-        counts=f"{OF_SEED}/observed.json",
-        scores=f"{OF_SEED}/model_scores.csv",
         **(
             {}
             if STEERED
@@ -36,6 +29,13 @@ rule steering_learn:
                 "true_motion": f"{OF_SEED}/true_motion.csv",
             }
         ),
+        model=f"{OF_SEED}/model.npz",
+        geometry=f"{OF_SEED}/geometry.json",
+        changes=f"{OF_SEED}/frame_changes.csv",
+        stances=f"{OF_SEED}/stances.csv",
+        motion=f"{OF_SEED}/motion.csv",
+        counts=f"{OF_SEED}/observed.json",
+        scores=f"{OF_SEED}/model_scores.csv",
     log:
         f"{STEERING}/logs/steering_learn_{{seed}}.log",
     benchmark:

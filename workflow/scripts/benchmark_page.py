@@ -9,7 +9,7 @@ import pandas as pd
 from hopdata.jobs import reported, whole_file
 from hopdata.report.inputs import render_caption
 
-MOST_ROWS = 40  # of a table, on the page
+MOST_ROWS = 13  # of a table, on the page: to see what it holds
 
 
 def line(values):

@@ -36,7 +36,7 @@ from hopdata.maps.verdict.effect import landings_needed
 from hopdata.recording import Recording, fraction_seen
 
 FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
-MOST_FRAMES = 120_000  # looked at; of longer studies the middle of each recording
+MOST_FRAMES = 60_000  # looked at; of longer studies the middle of each recording
 LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
 #: The bound of a study without a difference is some 0.75 to 1 of what it detects.
 BOUND_SHARE = 0.75

@@ -246,16 +246,9 @@ def _relative(file: Path) -> str:
 
 def _remarks(inspection: Inspection) -> list[str]:
     """Say what of the file needs a hand before the study can be trusted."""
-    remarks = []
-    unit, up = inspection.unit, inspection.up
+    remarks, unit = terminal.notes(inspection), inspection.unit
     if unit.value not in READABLE_UNITS:
         remarks.append(f"the numbers look like {unit.value} ({unit.reason}): export in mm or m")
-    elif not unit.is_sure:
-        remarks.append(terminal.asked("input.unit", unit))
-    if not up.is_sure:
-        remarks.append(terminal.asked("input.vertical_axis", up))
-    if not inspection.rate.is_sure:
-        remarks.append(terminal.asked("frame rate (Hz)", inspection.rate))
     found = terminal.suspects(inspection)
     if found:
         more = f" and {len(found) - 1} more" if len(found) > 1 else ""

@@ -96,11 +96,6 @@ CAPTION = (
 def inspection_html(inspection: Inspection, file: str) -> str:
     """Write the page on one recording."""
     found = terminal.suspects(inspection)
-    unsure = [
-        terminal.asked(what, guess)
-        for what, guess in (("unit", inspection.unit), ("vertical axis", inspection.up))
-        if not guess.is_sure
-    ]
     image, ends = _timeline(inspection, found)
     figure = ReportFigure("seen", image, "image/svg+xml", CAPTION)
     return rendered(
@@ -109,7 +104,7 @@ def inspection_html(inspection: Inspection, file: str) -> str:
         title=file,
         answer=terminal.answer(inspection),
         highlights=_highlights(inspection),
-        notes=unsure,
+        notes=terminal.notes(inspection),
         pictures=[picture_of(figure, {})],
         tables=[t for t in (_suspect_table(found), _gap_table(inspection), _rigid_table(inspection))
                 if t.rows],

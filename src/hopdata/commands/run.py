@@ -27,6 +27,8 @@ def run(options: argparse.Namespace) -> int:
     """Run a study or a group in the current folder, and say what came out and where it stands."""
     from hopdata.config.loading import load_config, read_yaml
 
+    if options.provenance is not None:
+        return _run_again(options)
     config = options.config
     if config is None:
         _bring_sample()
@@ -48,6 +50,47 @@ def run(options: argparse.Namespace) -> int:
         print(json.loads(answer.read_text(encoding="utf-8"))["sentence"])
         print(page)
     return OK
+
+
+def _run_again(options: argparse.Namespace) -> int:
+    """Make the study of a ``provenance.json`` again, as ``STUDY_again``, and compare all tables."""
+    import yaml
+
+    from hopdata import __version__
+    from hopdata.provenance import package_digest
+
+    place = options.provenance
+    try:
+        record = json.loads(place.read_text(encoding="utf-8"))
+        config, version = record["config"], record["versions"]["hopdata"]
+        inputs = record["inputs"]
+    except OSError as error:
+        raise ConfigError(f"{place}: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise ConfigError(f"{place}: expected the provenance.json of a study") from None
+    if version != __version__:
+        raise ConfigError(
+            f"{place}: expected results of hopdata {__version__}, found those of {version}; to "
+            f"make them again: pip install hopdata=={version}"
+        )
+    if record.get("code_sha256") != package_digest():
+        print(f"note: {place}: made by other code of version {version}", file=sys.stderr)
+    again = f"{config['study'][:94]}_again"
+    copy = Path("results", again, "config.yaml")
+    copy.parent.mkdir(parents=True, exist_ok=True)
+    copy.write_text(yaml.safe_dump({**config, "study": again}), encoding="utf-8")
+    if run_workflow(copy, again, "--cores", options.cores, *options.passed_on):
+        return PROBLEM
+    old, new = place.parent, copy.parent
+    if json.loads((new / place.name).read_text(encoding="utf-8"))["inputs"] != inputs:
+        raise ConfigError(f"{place}: expected the recordings that it names, found other content")
+    names = ["verdict.json", *(f"tables/{one.name}" for one in sorted(old.glob("tables/*.csv")))]
+    differ = filecmp.cmpfiles(old, new, names, shallow=False)
+    other = sorted({*differ[1], *differ[2]})
+    print(f"{new}: {len(differ[0])} of {len(names)} files are the same bytes")
+    for name in other:
+        print(f"  {name} differs" if (new / name).exists() else f"  {name} is missing")
+    return PROBLEM if other else OK
 
 
 def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAKEFILE) -> int:
@@ -76,7 +119,8 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
                 said.append(line)
                 if found := _DONE.match(line):
                     progress(
-                        f"{study}: " + _how_far(*map(int, found.groups()), time.monotonic() - start)
+                        f"{study}: "
+                        + _how_far(int(found[1]), int(found[2]), time.monotonic() - start)
                     )
             code = snakemake.wait()
         except KeyboardInterrupt:  # Snakemake got it too: it ends its jobs and unlocks the folder

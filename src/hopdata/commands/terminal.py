@@ -15,7 +15,6 @@ from hopdata.errors import HopdataError
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
-    from hopdata.recordings.quality.orientation import Guess
     from hopdata.recordings.quality.stretches import MarkerGaps
 
 # What a command's exit code says; argparse itself ends with 2 on a wrong command line.
@@ -41,7 +40,7 @@ class Suspect:
     Parameters
     ----------
     kind : str
-        ``swap``, ``spike``, ``jump``, ``frozen``, ``unseen``, ``dropped``, ``rate`` or ``time``.
+        ``swap``, ``spike``, ``jump``, ``frozen``, ``dropped``, ``rate`` or ``time``.
     markers : tuple of str
         Those concerned; none for the time stamps.
     frame : int
@@ -86,8 +85,6 @@ def _all(inspection: Inspection) -> Iterator[Suspect]:
     for frozen in faults.frozen:
         text = f"{frozen.marker} repeats one position in {frozen.stop - frozen.start} frames"
         yield suspect("frozen", (frozen.marker,), frozen.start, text)
-    for name in faults.never_seen:
-        yield suspect("unseen", (name,), 0, f"{name} is in no frame")
     if inspection.has_wrong_rate:
         found, stated = timing.rate_hz, inspection.rate_hz
         text = f"the time stamps run at {found:g} Hz, and the frame rate stated is {stated:g} Hz"
@@ -106,6 +103,7 @@ def _mm(metres: float) -> str:
 
 
 WIDTH, COLUMNS, MOST_SUSPECTS = 100, 50, 20
+LONG_UNSEEN = 0.2  # of the frames
 SEEN, PARTLY, UNSEEN = "█", "▒", "·"
 PLAIN = {SEEN: "#", PARTLY: "+", UNSEEN: "."}
 
@@ -122,7 +120,9 @@ def listing(inspection: Inspection, file: str, *, encoding: str = "utf-8") -> st
     encoding : str
         Of the terminal; the picture is drawn in ASCII where it needs to be.
     """
-    lines = [file, *_facts(inspection), "", *_rigid(inspection), "", *_gaps(inspection), ""]
+    said = [line for note in notes(inspection) for line in _wrapped("note", note)]
+    lines = [file, *_facts(inspection), *said, "", *_rigid(inspection), ""]
+    lines += [*_gaps(inspection), ""]
     text = "\n".join([*lines, *_suspects(inspection)])
     try:
         text.encode(encoding)
@@ -148,7 +148,6 @@ def answer(inspection: Inspection) -> str:
 def _plural(kind: str, count: int) -> str:
     words = {
         "frozen": "frozen marker{}",
-        "unseen": "marker{} never seen",
         "dropped": "place{} with dropped frames",
         "rate": "wrong frame rate{}",
         "time": "irregular time stamp{}",
@@ -167,18 +166,33 @@ def _facts(inspection: Inspection) -> list[str]:
     return [
         f"  {'frames':8} {rate}; {stamps}",
         *_wrapped("markers", f"{len(inspection.markers)}: {names}"),
-        *_wrapped("unit", f"{unit.value}: {unit.reason}" + _unsure(unit)),
-        *_wrapped("up", f"{up.value}: {up.reason}" + _unsure(up)),
+        *_wrapped("unit", f"{unit.value}: {unit.reason}"),
+        *_wrapped("up", f"{up.value}: {up.reason}"),
     ]
 
 
-def asked(what: str, guess: Guess) -> str:
-    """Ask for what is not sure, with its two candidates."""
-    return f"{what}: {guess.value} or {guess.other}? {guess.value} is not sure ({guess.reason})"
+def notes(inspection: Inspection) -> list[str]:
+    """Ask for what is not sure with its two candidates, and say what needs no answer.
 
-
-def _unsure(guess: Guess) -> str:
-    return "" if guess.is_sure else f" (not sure: {guess.value} or {guess.other}?)"
+    That is what the reader said of the file, and which markers are unseen for long.
+    """
+    guesses = {
+        "input.unit": inspection.unit,
+        "input.vertical_axis": inspection.up,
+        "frame rate (Hz)": inspection.rate,
+    }
+    questions = [
+        f"{key}: {guess.value} or {guess.other}? {guess.value} is not sure ({guess.reason})"
+        for key, guess in guesses.items()
+        if not guess.is_sure
+    ]
+    lost = [
+        f"{gaps.marker} is unseen in {100 * gaps.share:.0f} % of the frames; on a foot it would "
+        "lose landings, and those of other legs would count in their place: take one that is seen"
+        for gaps in inspection.gaps
+        if LONG_UNSEEN < gaps.share < 1
+    ]
+    return [*questions, *inspection.remarks, *lost]
 
 
 def _rigid(inspection: Inspection) -> list[str]:
@@ -204,7 +218,7 @@ def _gaps(inspection: Inspection) -> list[str]:
         longest = f"{counted(gaps.longest, 'frame')} ({gaps.longest / inspection.rate_hz:.3g} s)"
         share = f"{float(f'{100 * gaps.share:.2g}'):g} % unseen"
         numbers = f"{counted(gaps.count, 'gap')}, longest {longest}, {share}"
-        numbers = numbers if gaps.count else "no gap"
+        numbers = "never seen" if gaps.share == 1 else numbers if gaps.count else "no gap"
         lines.append(f"  {gaps.marker:{width}} {_bar(gaps, n_columns)} {numbers}")
     return lines
 

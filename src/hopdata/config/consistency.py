@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import reduce
 from itertools import pairwise
 from math import pi
+from operator import getitem
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,15 @@ from hopdata.scenes import STANDARD
 def _unknown(key: str, what: str, name: str, known: list[str]) -> str:
     """Say that a name is not among those that are there."""
     return f"{key}: expected {what} ({', '.join(known)}), found '{name}'{did_you_mean(name, known)}"
+
+
+def _once(what: str, places: Iterable[tuple[str, str]]) -> Iterator[str]:
+    """Yield what has been named before, of pairs of key and name."""
+    seen: dict[str, str] = {}
+    for key, name in places:
+        first = seen.setdefault(name, key)
+        if first != key:
+            yield f"{key}: expected each {what} once, found '{name}' in {first} as well"
 
 
 # Mistakes in what a configuration says of external contacts and forces.
@@ -33,40 +44,30 @@ def external_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def external_mistakes(config: dict[str, Any]) -> Iterator[str]:
     """Yield what is wrong with columns, feet and thresholds."""
-    for i, recording in enumerate(config["recordings"]):
-        for block in BLOCKS:
-            place = f"recordings[{i}].{block}"
-            yield from _wrong_columns(place, recording[block], feet_of(config))
-        yield from _wrong_options(f"recordings[{i}]", recording)
-
-
-def _wrong_columns(place: str, block: dict[str, Any], feet: list[str]) -> Iterator[str]:
-    if block["columns"] and block["file"] is None:
-        yield f"{place}.file: expected a file beside the columns, found null (nothing)"
-    names = [column["name"] for column in block["columns"]]
-    for k, column in enumerate(block["columns"]):
-        if column["name"] in names[:k]:
+    feet = feet_of(config)
+    for key, block in (
+        (f"recordings[{i}].{kind}", recording[kind])
+        for i, recording in enumerate(config["recordings"])
+        for kind in BLOCKS
+    ):
+        columns = list(enumerate(block["columns"]))
+        if columns and block["file"] is None:
+            yield f"{key}.file: expected a file beside the columns, found null (nothing)"
+        yield from _once("column", ((f"{key}.columns[{k}].name", c["name"]) for k, c in columns))
+        for k, column in columns:
+            for foot in column["feet"] or [column["name"]]:
+                if foot not in feet:
+                    yield _unknown(f"{key}.columns[{k}].feet", "feet of markers.feet", foot, feet)
+        if block.get("label_column") is not None and block["time_column"] is None:
             yield (
-                f"{place}.columns[{k}].name: expected each column once, "
-                f"found '{column['name']}' twice"
+                f"{key}.time_column: expected the column of the instants beside label_column, "
+                "found null (nothing)"
             )
-        for foot in column["feet"] or [column["name"]]:
-            if foot not in feet:
-                yield _unknown(f"{place}.columns[{k}].feet", "feet of markers.feet", foot, feet)
-
-
-def _wrong_options(place: str, recording: dict[str, Any]) -> Iterator[str]:
-    contacts, forces = (recording[block] for block in BLOCKS)
-    if contacts["label_column"] is not None and contacts["time_column"] is None:
-        yield (
-            f"{place}.contacts.time_column: expected the column of the instants beside "
-            "label_column, found null (nothing)"
-        )
-    if forces["threshold_n"] is not None and forces["unit"] == "body_weight":
-        yield (
-            f"{place}.forces.threshold_n: expected threshold_share where forces are in "
-            f"body weights, found {forces['threshold_n']:g} N"
-        )
+        if block.get("threshold_n") is not None and block["unit"] == "body_weight":
+            yield (
+                f"{key}.threshold_n: expected threshold_share where forces are in body weights, "
+                f"found {block['threshold_n']:g} N"
+            )
 
 
 # What the configuration says of one recording.
@@ -162,9 +163,7 @@ ROUNDING = 1e-9
 def steering_mistakes(config: dict[str, Any]) -> Iterator[str]:
     """Yield what does not fit together in the block ``steering``."""
     steering = config["steering"]
-    recorded = bool(steering["recordings"])
-    yield from _wrong_recordings(config) if recorded else _wrong_excitation(steering)
-    yield from _wrong_distances(steering["experiments"])
+    yield from _wrong_recordings(config) if steering["recordings"] else _wrong_excitation(steering)
 
 
 def _wrong_recordings(config: dict[str, Any]) -> Iterator[str]:
@@ -198,28 +197,12 @@ def _wrong_excitation(steering: dict[str, Any]) -> Iterator[str]:
         )
 
 
-def _wrong_distances(experiments: dict[str, Any]) -> Iterator[str]:
-    arrived, start = experiments["arrived_m"], experiments["distance_m"]
-    if arrived >= start:
-        yield (
-            f"steering.experiments.distance_m: expected more than arrived_m ({arrived:g} m), "
-            f"found {start:g} m"
-        )
-
-
 RESERVED_STUDIES = ("benchmarks", "both_sides")  # whose results have these folders already
 
 
 def _repeated_names(config: dict[str, Any]) -> Iterator[str]:
-    seen: dict[str, int] = {}
-    for i, recording in enumerate(config["recordings"]):
-        name = recording["name"]
-        first = seen.setdefault(name.lower(), i)  # some file systems do not tell case apart
-        if first != i:
-            yield (
-                f"recordings[{i}].name: expected a name of its own, "
-                f"found '{name}' as in recordings[{first}]"
-            )
+    named = enumerate(config["recordings"])  # some file systems do not tell case apart
+    return _once("name", ((f"recordings[{i}].name", one["name"].lower()) for i, one in named))
 
 
 def _left_out(config: dict[str, Any]) -> Iterator[str]:
@@ -234,20 +217,15 @@ def _left_out(config: dict[str, Any]) -> Iterator[str]:
                 yield f"{place}.landings: expected no other choice beside them, found {others[0]}"
             for name in entry["markers"]:
                 if name not in known:
-                    yield (
-                        f"{place}.markers: expected one of markers.body or markers.feet, found "
-                        f"'{name}'{did_you_mean(name, known)}"
-                    )
+                    yield _unknown(f"{place}.markers", "a marker of body or feet", name, known)
 
 
 def _repeated_markers(config: dict[str, Any]) -> Iterator[str]:
-    seen: dict[str, str] = {}
-    for role, names in config["markers"].items():
-        for name in names:
-            if name in seen:
-                other = f"in markers.{seen[name]} as well" if seen[name] != role else "twice"
-                yield f"markers.{role}: expected each marker once, found '{name}' {other}"
-            seen.setdefault(name, role)
+    markers = config["markers"].items()
+    named = (
+        (f"markers.{role}[{k}]", one) for role, names in markers for k, one in enumerate(names)
+    )
+    return _once("marker", named)
 
 
 MOST_FEET = 6
@@ -260,18 +238,16 @@ def feet_of(config: Mapping[str, Any]) -> list[str]:
 
 
 def _joined_feet(config: dict[str, Any]) -> Iterator[str]:
-    known, seen = config["markers"]["feet"], dict[str, str]()
+    known, joined = config["markers"]["feet"], list[tuple[str, str]]()
     others = [name for role in ("body", "boom") for name in config["markers"][role]]
     for i, foot in enumerate(config["feet"]):
-        for name in foot["markers"]:
+        for k, name in enumerate(foot["markers"]):
+            joined.append((f"feet[{i}].markers[{k}]", name))
             if name not in known:
                 yield _unknown(f"feet[{i}].markers", "a marker of markers.feet", name, known)
-            elif name in seen:
-                other = seen[name]
-                yield f"feet[{i}].markers: expected each marker once, found '{name}' in {other} too"
-            seen[name] = f"feet[{i}]"
         if foot["name"] in [*known, *others, *(one["name"] for one in config["feet"][:i])]:
             yield f"feet[{i}].name: expected a name of its own, found '{foot['name']}'"
+    yield from _once("marker", joined)
     count = len(feet_of(config))
     if not 2 <= count <= MOST_FEET:
         yield f"markers.feet: expected 2 to {MOST_FEET} feet, found {count}; feet joins markers"
@@ -289,22 +265,18 @@ def _home_marker(config: dict[str, Any]) -> Iterator[str]:
         yield _unknown("home.marker", "a body marker", marker, body)
 
 
-def _sections_in_order(config: dict[str, Any]) -> Iterator[str]:
-    pre, post = (config["sections"][key] for key in ("pre_height_m", "post_height_m"))
-    if None not in (pre, post) and not pre > post:
-        yield (
-            f"sections.pre_height_m: expected more than sections.post_height_m ({post:g} m), "
-            f"found {pre:g} m"
-        )
+_IN_ORDER = (
+    ("sections.pre_height_m", "more", "sections.post_height_m"),
+    ("subspaces.components", "fewer", "subspaces.samples"),
+    ("steering.experiments.distance_m", "more", "steering.experiments.arrived_m"),
+)
 
 
-def _enough_samples(config: dict[str, Any]) -> Iterator[str]:
-    components, samples = (config["subspaces"][key] for key in ("components", "samples"))
-    if components is not None and components >= samples:
-        yield (
-            f"subspaces.components: expected fewer than subspaces.samples ({samples}), since "
-            f"{samples} samples span {samples - 1} dimensions, found {components}"
-        )
+def _in_order(config: dict[str, Any]) -> Iterator[str]:
+    for key, side, other in _IN_ORDER:
+        value, limit = (reduce(getitem, one.split("."), config) for one in (key, other))
+        if None not in (value, limit) and not (value > limit if side == "more" else value < limit):
+            yield f"{key}: expected {side} than {other} ({limit:g}), found {value:g}"
 
 
 def _scales_in_order(config: dict[str, Any]) -> Iterator[str]:
@@ -355,11 +327,8 @@ def _simulated_files(config: dict[str, Any]) -> Iterator[str]:
 
 def _repeated_files(config: dict[str, Any]) -> Iterator[str]:
     """Yield files that are named twice: their landings would count twice."""
-    known: dict[str, str] = {}
-    for key, name in recording_files(config):
-        first = known.setdefault(os.path.realpath(name), key)
-        if first != key:
-            yield f"{key}: expected each file once, found '{name}' in {first} as well"
+    files = ((key, os.path.realpath(name)) for key, name in recording_files(config))
+    return _once("file", ((key, os.path.relpath(name)) for key, name in files))
 
 
 def _braces(config: dict[str, Any]) -> Iterator[str]:
@@ -394,8 +363,7 @@ CHECKS: list[Callable[[dict[str, Any]], Iterator[str]]] = [
     _repeated_markers,
     _joined_feet,
     _home_marker,
-    _sections_in_order,
-    _enough_samples,
+    _in_order,
     _scales_in_order,
     _simulated_markers,
     _simulated_files,

@@ -275,7 +275,6 @@ def _raise_all(place: str, files: list[str | Path], mistakes: list[str]) -> None
         return
     shown = mistakes[:MOST_MISTAKES]
     lines = [f"{place_of(mistake, files, place)}: {mistake}" for mistake in shown]
-    if len(mistakes) > MOST_MISTAKES:
-        more = len(mistakes) - MOST_MISTAKES
+    if more := len(mistakes) - len(shown):
         lines.append(f"{place}: and {more} more mistake" + ("s" if more > 1 else ""))
     raise ConfigError(*lines)

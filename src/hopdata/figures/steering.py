@@ -239,7 +239,7 @@ def steering_outcomes_figure(
 CURVES: dict[str, tuple[str, str, Any, str]] = {
     "pure": ("pure simulation", style.VERMILION, (0, (1.2, 1.2)), ""),
     "response": ("simulated control response", style.BLUE, (0, (4, 1.5)), "x"),
-    "measured": ("measured motion", style.INK, "-", "o"),
+    "measured": ("simulated run", style.INK, "-", "o"),
 }
 # Panel: its column, label, and factor.
 OVER_TIME = {

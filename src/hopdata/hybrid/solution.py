@@ -40,25 +40,6 @@ class EventLog:
     n_states: int
     guard_names: tuple[str, ...]
 
-    @classmethod
-    def of_columns(
-        cls,
-        *,
-        time: FloatArray,
-        guard: IntArray,
-        direction: IntArray,
-        before: FloatArray,
-        after: FloatArray,
-        mode: IntArray,
-        guard_names: tuple[str, ...],
-    ) -> EventLog:
-        """Return a log made of the columns that the properties describe."""
-        whole = [np.atleast_2d(column).astype(np.int64) for column in (guard, direction)]
-        integers = [column.T.view(np.float64) for column in whole]
-        modes = np.ascontiguousarray(mode, dtype=np.int64).view(np.float64)
-        records = np.hstack([time[:, None], *integers, before, after, modes])
-        return cls(records, before.shape[1], guard_names)
-
     def __len__(self) -> int:
         return len(self.records)
 

@@ -165,6 +165,11 @@ def _used(markers: pd.DataFrame, touchdowns: pd.DataFrame, other_feet: bool) -> 
         remark += f"; most often: {reasons.index[0]} ({int(reasons.iloc[0])})"
     if theirs.any():
         remark += f"; not counted: {int(theirs.sum())} more descents, of other feet"
+    ahead = touchdowns["t_pre_s"] - touchdowns.filter(regex="^contact_.*_s$").min(axis=1)
+    ahead = ahead[~out & (ahead > 0)]
+    if len(ahead):
+        remark += f"; in {len(ahead)} the flight is continued to the pre section, by "
+        remark += f"{1e3 * float(ahead.max()):.2g} ms at most"
     return _check(what, 100.0 * float((~out).mean()), remark + unseen)
 
 

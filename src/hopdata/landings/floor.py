@@ -9,7 +9,6 @@ that each keep to a place of their own, since a slope is then the same as a moun
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from functools import partial
 
@@ -69,6 +68,7 @@ def _notes(
 _QUANTILE = 0.05
 _START_POINTS = 2000  # enough to start from
 _MOST_FITS = 300
+_STILL_M = 1e-6  # a change of the coefficients that ends the fits
 _SIGMAS = 4.0  # of the ground mode's left flank: what is farther above it is raised
 _ROUNDS = 4
 _LEAST_POINTS = 20  # that a ground mode is found from
@@ -96,8 +96,8 @@ def raised_rests(heights: FloatArray, columns: FloatArray, *, band_m: float) -> 
 
     Notes
     -----
-    Start by quantile regression (statsmodels' `QuantReg`), then least squares of the
-    points about the mode, a few times.
+    Start by quantile regression (iterated weights, as statsmodels' `QuantReg`), then least squares
+    of the points about the mode, a few times.
     """
     residuals = heights - columns @ _low_surface(heights, columns)
     raised = np.zeros(len(heights), dtype=bool)
@@ -117,14 +117,18 @@ def raised_rests(heights: FloatArray, columns: FloatArray, *, band_m: float) -> 
 
 def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
     """Coefficients of the surface that a twentieth of the points is below; nearly the optimum."""
-    from statsmodels.regression.quantile_regression import QuantReg
-
     step = max(1, len(heights) // _START_POINTS)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # that it may take more steps: it is a start
-        # In m: its end is a change of 1e-6 of the coefficients.
-        model = QuantReg(heights[::step], columns[::step])
-        return np.asarray(model.fit(q=_QUANTILE, max_iter=_MOST_FITS).params)
+    heights, columns = heights[::step], columns[::step]
+    found, weights = np.zeros(columns.shape[1]), np.ones(len(heights))
+    for _ in range(_MOST_FITS):
+        before, root = found, np.sqrt(weights)
+        found = np.linalg.lstsq(columns * root[:, None], heights * root, rcond=None)[0]
+        if np.abs(found - before).max() <= _STILL_M:
+            break
+        residuals = heights - columns @ found
+        share = np.where(residuals < 0, 1 - _QUANTILE, _QUANTILE)
+        weights = share / np.maximum(np.abs(residuals), _STILL_M)
+    return np.asarray(found)
 
 
 _OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
@@ -245,7 +249,9 @@ def level(recording: Recording, floor: floor_surface.FloorModel) -> Recording:
     if recording.names("foot") != floor.feet:
         raise ValueError(f"feet: expected {floor.feet}, found {recording.names('foot')}")
     positions = recording.positions.copy()
-    positions[:, :, 2] -= floor.height(positions[:, :, 0], positions[:, :, 1])
+    for first in range(0, len(positions), floor_surface.CHUNK):
+        part = positions[first : first + floor_surface.CHUNK]
+        part[:, :, 2] -= floor.height(part[:, :, 0], part[:, :, 1])
     positions[:, recording.indices("foot"), 2] -= floor.foot_offsets_m
     return replace(recording, positions=positions)
 

@@ -16,6 +16,7 @@ from hopdata.recording import Recording
 # Frames in which a foot is at rest: hardly moving up or down, and low.
 
 _LEAST_FRAMES = 20
+_SHORT_FRAMES = 1000  # of a jump or two: a foot that rests in too few of them may be less still
 _BIWEIGHT, _MAD_OF_NORMAL = 4.685, 0.6744897501960817
 _PAUSE_S = 0.1
 
@@ -77,15 +78,21 @@ def rest_points(
     Returns
     -------
     RestPoints
-        All frames that are slow; those high up are left to the caller, who has the floor.
+        All frames that are slow; those high up are left to the caller, who has the floor. In a
+        recording of a jump or two, where these are too few, a foot may be up to four times as fast.
     """
     lag = max(1, round(0.5 * window_s * recording.rate_hz))
     n_feet = recording.feet.shape[1]
     frames, start = [], np.full(n_feet, np.nan)
     for foot in range(n_feet):
         height = recording.feet[:, foot, 2]
-        slow = np.abs(vertical_speed(recording.time, height, lag=lag)) < speed_m_s
-        frames.append(np.flatnonzero(slow & np.isfinite(recording.feet[:, foot]).all(axis=1)))
+        speed = np.abs(vertical_speed(recording.time, height, lag=lag))
+        speed = np.where(np.isfinite(recording.feet[:, foot]).all(axis=1), speed, np.nan)
+        for more in (1.0, 2.0, 4.0) if len(speed) <= _SHORT_FRAMES else (1.0,):
+            slow = np.flatnonzero(speed < more * speed_m_s)
+            if len(slow) >= _LEAST_FRAMES:
+                break
+        frames.append(slow)
         if len(frames[foot]) >= _LEAST_FRAMES:
             start[foot] = ground_mode(height[frames[foot]]).height_m
     foot_of = np.repeat(np.arange(n_feet), [len(f) for f in frames])
@@ -116,7 +123,7 @@ def vertical_speed(time: FloatArray, height: FloatArray, *, lag: int) -> FloatAr
 
 Terms = tuple[tuple[int, int], ...]
 
-_CHUNK = 65536  # places whose rim is worked out together
+CHUNK = 8192  # frames whose floor is worked out together
 
 
 @dataclass(frozen=True)
@@ -173,12 +180,8 @@ class FloorModel:
         centre until it stands on the rim, so that the polynomial never extrapolates.
         """
         place = np.stack(np.broadcast_arrays(x, y), axis=-1).astype(np.float64)
-        flat = place.reshape(-1, 2)
-        heights = [
-            design(self._scaled(flat[i : i + _CHUNK]), self.terms) @ self.coefficients_m
-            for i in range(0, len(flat), _CHUNK)
-        ]
-        return (np.concatenate(heights) if heights else np.empty(0)).reshape(place.shape[:-1])
+        heights = design(self._scaled(place.reshape(-1, 2)), self.terms) @ self.coefficients_m
+        return np.asarray(heights).reshape(place.shape[:-1])
 
     def _scaled(self, place: FloatArray) -> FloatArray:
         """Scaled coordinates of places (P, 2), those beyond the rim moved onto it."""
@@ -322,8 +325,8 @@ def robust_regression(columns: FloatArray, values: FloatArray) -> FloatArray:
     """Regress values (n,) on columns (n, k) so that outliers count for little, (k,).
 
     M-estimates of Tukey's biweight (c = 4.685) by iterated weights, until the coefficients stand
-    still; the scale is the median of the absolute residuals. What statsmodels' `RLM` finds, which
-    takes longer to load than all else in a short recording.
+    still; the scale is the median of the absolute residuals. statsmodels' `RLM` finds the same, and
+    takes longer to load than the rest of the job runs.
     """
     found = np.linalg.lstsq(columns, values, rcond=None)[0]
     for _ in range(100):

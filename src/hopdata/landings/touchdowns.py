@@ -56,9 +56,11 @@ def exclusion_reasons(
         # Known no better than that it is somewhere in the transition, or beyond: no kink was seen.
         (timed & (se > t_post - t_pre), "contact of foot {} not determined"),
     )
-    idle = np.isin(status, (descents.NOT_LANDED, descents.ALREADY_DOWN)).all(axis=1)
+    # None of the feet that are seen landed, and these are half of them or more: another leg's.
+    idle = np.isin(status, (descents.NOT_LANDED, descents.ALREADY_DOWN))
+    none = (idle | (status == descents.MISSING)).all(axis=1) & (idle.mean(axis=1) >= 0.5)
     of_body = (
-        (idle, NO_FOOT_LANDED),
+        (none, NO_FOOT_LANDED),
         (transitions.gap_pre > longest_gap_s, HIDDEN_PRE),
         (transitions.gap_post > longest_gap_s, "frames missing at the post section"),
         (~transitions.complete, "post section never reached"),

@@ -7,8 +7,6 @@ of the identity, so that they cost one small matrix product and lose no digits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
@@ -58,33 +56,8 @@ _LEAST_SPREAD = 1e-6
 _CHUNK_BYTES = 2 * 2**20
 
 
-@dataclass(frozen=True)
-class AffineMap:
-    """The map ``y = x @ coefficients + intercept``.
-
-    Where the data do not decide it, the coefficients are those of minimum norm.
-
-    Attributes
-    ----------
-    coefficients
-        (p, q).
-    intercept
-        (q,).
-    rank
-        Number of independent directions found in the centred inputs.
-    """
-
-    coefficients: FloatArray
-    intercept: FloatArray
-    rank: int
-
-    def predict(self, x: FloatArray) -> FloatArray:
-        """Return the (n, q) predictions for (n, p) inputs."""
-        return np.asarray(x, float) @ self.coefficients + self.intercept
-
-
-def fit_affine(x: FloatArray, y: FloatArray) -> AffineMap:
-    """Fit one affine map by ordinary least squares.
+def affine_predictions(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return what one affine map by ordinary least squares says of the rows it was fitted to.
 
     Parameters
     ----------
@@ -97,13 +70,8 @@ def fit_affine(x: FloatArray, y: FloatArray) -> AffineMap:
         If the arrays do not match or hold values that are not finite.
     """
     x, y = checked(x, y)
-    scale = column_scales(x)
-    left, values, right = truncated_svd((x - x.mean(0)) / scale)
-    scaled = right.T @ ((left.T @ (y - y.mean(0))) / values[:, None])
-    # Of the maps that agree on the data, the one without a part that the inputs never excite.
-    excited = np.linalg.qr(right.T * np.where(np.isfinite(scale), scale, 0.0)[:, None])[0]
-    coefficients = excited @ (excited.T @ (scaled / scale[:, None]))
-    return AffineMap(coefficients, y.mean(0) - x.mean(0) @ coefficients, len(values))
+    design = pooled_basis(x) / np.sqrt(len(x))
+    return np.asarray(design @ (design.T @ y))
 
 
 def leave_one_out_residuals(x: FloatArray, y: FloatArray) -> FloatArray:

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.maps.affine import affine_test_errors, mean_test_errors, pooled_basis
-from hopdata.maps.draws import MOST_ONE_BY_ONE, Notes, distinct_draws, named_generator, rare_notes
+from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
 
 # Which landings each model of Fig. 2.4 draws from, and how large its splits are.
 
@@ -102,24 +102,13 @@ def large_enough(
         fitted = split_sizes(size, train, test)[0] if size else 0
         enough = fitted >= needed
         if not enough and population.kind == "class":
-            thin[population.name] = fitted
+            thin[population.schedule] = fitted
         elif not enough:
             what = "affine model of all touchdowns" if population.kind == "all" else population.name
             notes.append({"what": what, "reason": f"{fitted} touchdowns to fit, {wanted}"})
         if enough or (population.kind == "all" and size >= 2):
             kept.append(population)
-    return kept, _thin_notes(thin, wanted) + notes
-
-
-def _thin_notes(thin: dict[str, int], wanted: str) -> Notes:
-    """Note the schedules without an affine map, together where they are many."""
-    if len(thin) <= MOST_ONE_BY_ONE:
-        return [
-            {"what": name, "reason": f"{fitted} touchdowns to fit, {wanted}"}
-            for name, fitted in thin.items()
-        ]
-    sizes = f"{min(thin.values())} to {max(thin.values())} touchdowns each to fit"
-    return [{"what": f"affine models of {len(thin)} schedules", "reason": f"{sizes}, {wanted}"}]
+    return kept, rare_notes("affine models", thin, f"left to fit: {wanted}") + notes
 
 
 def common_split(

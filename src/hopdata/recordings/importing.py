@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
 from hopdata.errors import RecordingError, did_you_mean, require_choice
 from hopdata.recording import Event, Recording, Truth
@@ -132,6 +133,7 @@ def _starts_by_clock(paths: Sequence[Path], raws: Sequence[RawRecording]) -> lis
 
 __all__ = ["import_recording", "read_raw", "sha256", "suffixes"]
 
+BLOCK = 50_000  # frames turned at a time
 ROLE_OF_KEY = {"body": "body", "feet": "foot", "boom": "boom"}
 
 PER_FOOT = ("contact_times", "foot_down", "contact_points", "floor_at_contacts", "preloads_n")
@@ -194,8 +196,11 @@ def import_recording(
     if not paths:
         raise RecordingError(f"recording '{name}': expected at least one file, found none")
     limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
-    files = [read_raw(p, rate_hz=rate_hz, **limits) for p in paths]
-    pieces = [_chosen(p, file, markers) for p, file in zip(paths, files, strict=True)]
+    stated, pieces = [], []
+    for p in paths:
+        file = read_raw(p, rate_hz=rate_hz, **limits)
+        stated.append(dict(zip(file.markers, file.roles, strict=False)))
+        pieces.append(_chosen(p, file, markers))
     sources = [os.fsencode(p.as_posix()).decode(errors="replace") for p in paths]
     raw = pieces[0]
     if len(pieces) > 1:
@@ -203,11 +208,14 @@ def import_recording(
     positions = raw.positions
     taken = choose_unit(positions, unit=unit, nominal=raw.unit)
     guessed = unit_remarks(sources, pieces, raw, taken) if unit == "auto" else ()
-    positions *= METRES_PER_UNIT[taken]
+    for first in range(0, len(positions), BLOCK):
+        block = positions[first : first + BLOCK]
+        block *= METRES_PER_UNIT[taken]
+        block[:] = rotate_up(block, vertical_axis)
     recording = Recording(
         name=name,
         time=raw.time,
-        positions=rotate_up(positions, vertical_axis),
+        positions=positions,
         markers=raw.markers,
         roles=_roles(markers),
         rate_hz=raw.rate_hz,
@@ -220,7 +228,7 @@ def import_recording(
     recording = replace(recording, remarks=recording.remarks + _unseen(recording, exclude))
     if len(paths) > 1 or vertical_axis != "z":
         return recording, None
-    return recording, _truth(paths[0], files[0], recording)
+    return recording, _truth(paths[0], stated[0], recording)
 
 
 def _unseen(recording: Recording, exclude: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
@@ -257,6 +265,7 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
                     f"{path}: markers.{key}: expected a marker of the file "
                     f"({listed(raw.markers)}), found {marker!r}{did_you_mean(marker, raw.markers)}"
                     + "".join(f"; {told}" for told in raw.remarks if f"'{marker}' twice" in told)
+                    + _of_another_session(raw, wanted)
                 )
             if marker in chosen:
                 raise RecordingError(
@@ -267,9 +276,29 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
     return replace(
         raw,
         markers=tuple(chosen),
-        positions=raw.positions[:, order],
+        positions=_only(raw.positions, order),
         roles=(),
     )
+
+
+def _of_another_session(raw: RawRecording, wanted: Mapping[str, Sequence[str]]) -> str:
+    """Say what to do with a file that has none of the configured markers."""
+    if any(name in raw.markers for names in wanted.values() for name in names or ()):
+        return ""
+    return (
+        "; the file has none of the configured markers, and all files of a study name them alike: "
+        "rename them in the export, or make a study of its own"
+    )
+
+
+def _only(positions: FloatArray, order: Sequence[int]) -> FloatArray:
+    """Return some of the markers of (N, M, 3) positions, in their memory, which is overwritten."""
+    kept = positions.reshape(-1)[: 3 * len(positions) * len(order)]
+    kept = kept.reshape(len(positions), len(order), 3)
+    for first in range(0, len(positions), BLOCK):  # none is written to before it is read
+        block = slice(first, first + BLOCK)
+        kept[block] = positions[block][:, order]
+    return kept
 
 
 def _roles(wanted: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
@@ -277,14 +306,9 @@ def _roles(wanted: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
     return tuple(role for key, role in ROLE_OF_KEY.items() for _ in wanted.get(key) or ())
 
 
-def _truth(path: Path, raw: RawRecording, recording: Recording) -> Truth | None:
+def _truth(path: Path, roles: Mapping[str, str], recording: Recording) -> Truth | None:
     """Truth in the file, its feet in the recording's order; None where it does not apply."""
-    if not raw.roles:
-        return None
-    stated = {
-        role: [m for m, r in zip(raw.markers, raw.roles, strict=True) if r == role]
-        for role in ("body", "foot")
-    }
+    stated = {role: [m for m, r in roles.items() if r == role] for role in ("body", "foot")}
     if any(set(names) != set(recording.names(role)) for role, names in stated.items()):
         return None
     from hopdata.recordings.readers.hdf5 import read_truth
@@ -292,7 +316,7 @@ def _truth(path: Path, raw: RawRecording, recording: Recording) -> Truth | None:
     truth = read_truth(path)
     if truth is None:
         return None
-    expected = (len(raw.time), len(stated["foot"]))
+    expected = (len(recording.time), len(stated["foot"]))
     if truth.foot_down.shape != expected:
         raise RecordingError(
             f"{path}: truth: expected {expected[0]} frames and {expected[1]} feet as in the "

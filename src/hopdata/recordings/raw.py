@@ -223,6 +223,17 @@ def distinct_names(
     return tuple(distinct), tuple(remarks)
 
 
+def frame_count(place: str, key: str, stated: float | None, n_rows: int) -> tuple[str, ...]:
+    """Remark on a stated number of frames that is not that of the rows."""
+    if stated in (None, n_rows):
+        return ()
+    cut = "; was the file cut short?" if stated is not None and n_rows < stated else ""
+    return (
+        f"{place}: {key}: expected {stated:g} frames as stated, found {n_rows} rows, which are "
+        f"taken{cut}",
+    )
+
+
 # The axes of a file, and those of a recording, where z is up.
 
 # The recording's x, y, z as directions of the file, for each direction that pointed up there. Along

@@ -107,16 +107,6 @@ class HopperParameters(Scene):
         """Mass of chassis and counterweight."""
         return self.mass_kg + self.counterweight_mass_kg
 
-    @property
-    def weight_per_leg_n(self) -> float:
-        """Weight over number of legs."""
-        return self.total_mass_kg * self.gravity_m_s2 / self.n_legs
-
-    @property
-    def push_at_release_n(self) -> float:
-        """Force of a leg at full extension; below the weight per leg the hopper stays standing."""
-        return self.preload_n - self.stiffness_n_m * self.release_extension_m
-
     def rest_feet(self) -> FloatArray:
         """Feet at rest length, (n, 3), body frame, m."""
         angle = 2 * np.pi * np.arange(self.n_legs) / self.n_legs
@@ -149,15 +139,6 @@ class HopperParameters(Scene):
         vectors[:, LEGS + LEG_STRIDE * np.arange(self.n_legs)] = preloads_n
         vectors[:, BOOM_START] -= since_apex_s
         return vectors
-
-    def require_take_off(self, key: str) -> None:
-        """Raise a `ConfigError` if the legs push less, when extended, than the weight."""
-        push, share = self.push_at_release_n, self.weight_per_leg_n
-        if not push > share:
-            raise ConfigError(
-                f"{key}: expected preload_n - stiffness_n_m release_extension_m > {share:.2f} N, "
-                f"the weight per leg, found {push:.2f} N: it cannot lift off"
-            )
 
     def boom_places(self, times_s: FloatArray) -> FloatArray:
         """Places of the counterweight, body frame, (N, 3) m."""

@@ -26,7 +26,6 @@ import numpy as np
 from numba import njit
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.errors import ConfigError
 from hopdata.hybrid import System, field, guards, on_event
 from hopdata.scenes.body import (
     N_STATES,
@@ -172,10 +171,7 @@ class Quadruped(Scene):
         3.6, "Damping of a leg along the vertical.", "N s/m", minimum=0
     )
     side_stiffness_n_m: float = parameter(
-        60.0,
-        "Stiffness of a leg against moving aside from where its foot touched.",
-        "N/m",
-        minimum=0,
+        60.0, "Stiffness of a leg against moving aside from its foothold.", "N/m", minimum=0
     )
     side_damping_n_s_m: float = parameter(
         10.0, "Damping of a leg against moving aside.", "N s/m", minimum=0
@@ -219,13 +215,3 @@ class Quadruped(Scene):
         scalars = [getattr(self, one.name) for one in fields(self)]
         preloads = np.broadcast_to(self.preload_n if preloads_n is None else preloads_n, N_LEGS)
         return np.array([*scalars, *preloads, variant.numbers[0] if variant else 0.0])
-
-    def require_take_off(self, key: str) -> None:
-        """Raise a `ConfigError` if the legs push less, when extended, than the weight."""
-        push = self.preload_n - self.stiffness_n_m * self.release_extension_m
-        share = self.mass_kg * self.gravity_m_s2 / N_LEGS
-        if not push > share:
-            raise ConfigError(
-                f"{key}: expected preload_n - stiffness_n_m release_extension_m > {share:.2f} N, "
-                f"the weight per leg, found {push:.2f} N: it cannot lift off"
-            )

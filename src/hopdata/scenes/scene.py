@@ -80,9 +80,17 @@ class Scene(ABC):
     #: Whether a foot in contact stays under its rest place; else it stays where it touched.
     feet_slide: ClassVar[bool] = True
 
+    mass_kg: float
     preload_n: float
+    stiffness_n_m: float
+    release_extension_m: float
     gravity_m_s2: float
     __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def total_mass_kg(self) -> float:
+        """Mass of all that the legs carry."""
+        return self.mass_kg
 
     @property
     def n_legs(self) -> int:
@@ -132,9 +140,15 @@ class Scene(ABC):
         """
         return np.array([self.vector(row, variant) for row in preloads_n])
 
-    @abstractmethod
     def require_take_off(self, key: str) -> None:
-        """Raise a `ConfigError` that begins with `key` if the scene cannot leave the floor."""
+        """Raise a `ConfigError` that begins with `key` if extended legs do not carry the weight."""
+        push = self.preload_n - self.stiffness_n_m * self.release_extension_m
+        share = self.total_mass_kg * self.gravity_m_s2 / self.n_legs
+        if not push > share:
+            raise ConfigError(
+                f"{key}: expected preload_n - stiffness_n_m release_extension_m > {share:.2f} N, "
+                f"the weight per leg, found {push:.2f} N: it cannot lift off"
+            )
 
     # What a boom does from hop to hop; by default there is none.
 

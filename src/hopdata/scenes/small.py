@@ -1,82 +1,19 @@
 # ruff: noqa: ARG001 (the integrator prescribes the signatures of field and guards)
-"""Two small systems: table 4.3 of the dissertation, and a hopper in one dimension (section 4.3.4).
+"""A hopper in one dimension (section 4.3.4 of the dissertation): a mass on a preloaded springy leg.
 
-`octant`: three affine modes a coordinate, switched at the coordinate planes. State (x, y, z) and
-time have no dimension; from the initial state each guard is crossed once: y rising, z falling, x
-rising. `VerticalHopper`: a mass on a preloaded springy leg. State: its height above the floor, m,
-and velocity, m/s. The leg touches the floor where the height is the contact length, in both
-directions: one two-way guard.
+State: its height above the floor, m, and velocity, m/s. The leg touches the floor where the height
+is the contact length, in both directions: one two-way guard.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.hybrid import System, affine, field, guards
 from hopdata.hybrid.solution import FloatArray, IntArray
-
-INITIAL_STATE = (-0.4, -0.15, 0.3)
-T_SPAN = (0.0, 0.5)
-
-
-@field
-def octant_field(
-    t: float, y: FloatArray, mode: IntArray, params: FloatArray, dy: FloatArray
-) -> None:
-    """Return the affine field of the octant that the locks name."""
-    x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
-    if x_side:
-        dy[0] = (10.0 * y[0] if y_side else -2.0 * y[1]) + 1.0
-        dy[1] = y[1] + 1.0 if y_side else 0.5 * y[0] + 2.0
-    else:
-        dy[0] = (y[1] if y_side else -y[1]) + 1.0
-        dy[1] = (-y[0] if y_side else y[0]) + 1.0
-    dy[2] = 3.0 * y[2] - 1.0 if z_fell else -y[2] - 1.0
-
-
-@guards
-def octant_guards(
-    t: float,
-    y: FloatArray,
-    dy: FloatArray,
-    mode: IntArray,
-    params: FloatArray,
-    h: FloatArray,
-    hdot: FloatArray,
-) -> None:
-    """Return the coordinate planes; z is crossed downwards, so that -z rises."""
-    h[0], hdot[0] = y[0], dy[0]
-    h[1], hdot[1] = y[1], dy[1]
-    h[2], hdot[2] = -y[2], -dy[2]
-
-
-@affine
-def octant_affine(mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArray) -> None:
-    """Return the matrix and the constant of the octant that the locks name."""
-    x_side, y_side, z_fell = mode[0] > 0, mode[1] > 0, mode[2] > 0
-    b[0], b[1], b[2] = 1.0, 1.0, -1.0
-    if x_side and y_side:
-        a[0, 0], a[1, 1] = 10.0, 1.0
-    elif x_side:
-        a[0, 1], a[1, 0], b[1] = -2.0, 0.5, 2.0
-    elif y_side:
-        a[0, 1], a[1, 0] = 1.0, -1.0
-    else:
-        a[0, 1], a[1, 0] = -1.0, 1.0
-    a[2, 2] = 3.0 if z_fell else -1.0
-
-
-@cache
-def octant() -> System:
-    """Return the system of table 4.3: guards ``x`` (rising), ``y`` (rising) and ``z`` (falling)."""
-    return System(
-        field=octant_field, guards=octant_guards, affine=octant_affine, n_states=3,
-        guard_names=("x", "y", "z"),
-    )  # fmt: skip
 
 
 @field
@@ -115,6 +52,12 @@ def hopper_affine(mode: IntArray, params: FloatArray, a: FloatArray, b: FloatArr
     if mode[0] < 0:
         a[1, 0], a[1, 1] = -stiffness, -damping
         b[1] += stiffness * rest_length
+
+
+SYSTEM = System(
+    field=hopper_field, guards=hopper_guards, affine=hopper_affine, n_states=2,
+    guard_names=("contact",),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -162,7 +105,7 @@ class VerticalHopper:
 
     def system(self) -> System:
         """Return the hybrid system: its guard ``contact`` falls at touchdown, rises at lift-off."""
-        return _system()
+        return SYSTEM
 
     def energy(self, y: ArrayLike) -> NDArray[np.float64]:
         """Return the mechanical energy of states (2, ...), J; the floor is at height 0."""
@@ -171,11 +114,3 @@ class VerticalHopper:
         spring = 0.5 * self.stiffness_n_m * (self.rest_length_m - length) ** 2
         fall = self.mass_kg * self.gravity_m_s2 * height
         return 0.5 * self.mass_kg * velocity**2 + fall + spring
-
-
-@cache
-def _system() -> System:
-    return System(
-        field=hopper_field, guards=hopper_guards, affine=hopper_affine, n_states=2,
-        guard_names=("contact",),
-    )  # fmt: skip

@@ -26,15 +26,10 @@ from hopdata.synthesis.trial import Kicks, MarkerOptions, from_mapping, kicked
 STANCE_SEARCH_S = 0.01  # step at which the lowest point is sought, before a parabola through it
 
 
-def _light_boom() -> HopperParameters:
-    return HopperParameters(
-        mass_kg=2.6,
-        counterweight_mass_kg=0.1,
-        inertia_z_kg_m2=0.03,
-        damping_n_s_m=5.5,
-        friction=0.5,
-        boom_duration_s=0.2,
-    )
+LIGHT_BOOM = HopperParameters(
+    mass_kg=2.6, counterweight_mass_kg=0.1, inertia_z_kg_m2=0.03, damping_n_s_m=5.5, friction=0.5,
+    boom_duration_s=0.2,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +56,7 @@ class SteeredHopper:
         Time without an apex after which it has fallen.
     """
 
-    hopper: HopperParameters = field(default_factory=_light_boom)
+    hopper: HopperParameters = LIGHT_BOOM
     preload_shares: tuple[float, ...] = (0.99, 1.05, 0.96)
     kicks: Kicks = field(
         default_factory=lambda: Kicks(

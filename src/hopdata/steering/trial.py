@@ -78,9 +78,7 @@ def record_trial(
     """
     camera = camera or MotionCapture()
     operator = Operator(release_height_m=robot.release_height_m, hop_limit_s=robot.hop_limit_s)
-    swings = np.clip(list(swings_rad), -robot.swing_limit_rad, robot.swing_limit_rad)
-    if swings.ndim != 1 or not len(swings) or not np.isfinite(swings).all():
-        raise ConfigError(f"swings_rad: expected one finite number or more, found {swings}"[:120])
+    swings = np.clip(_numbers(swings_rad), -robot.swing_limit_rad, robot.swing_limit_rad)
     streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
     kicks_rng, floor_rng, noise_rng, gaps_rng = streams
     trial = run_trial(
@@ -102,6 +100,19 @@ def record_trial(
     tilt = np.arccos(np.cos(trial.states[:, 4]) * np.cos(trial.states[:, 5]))
     motion = motion.assign(boom_angle_rad=_boom_angles(robot, trial), tilt_rad=tilt)
     return SteeredTrial(recording, true_stances(robot, trial, motion), motion)
+
+
+def _numbers(swings_rad: Iterable[float]) -> FloatArray:
+    swings = list(swings_rad) if isinstance(swings_rad, Iterable) else swings_rad
+    try:
+        numbers = np.array(swings, dtype=float)
+    except (TypeError, ValueError):
+        numbers = np.array([np.nan])
+    if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
+        raise ConfigError(
+            f"swings_rad: expected a list of one finite number or more, found {str(swings)[:60]}"
+        )
+    return numbers
 
 
 def true_stances(robot: plant.SteeredHopper, trial: Trial, motion: pd.DataFrame) -> pd.DataFrame:

@@ -20,27 +20,24 @@ class CurvedFloor:
 
     Parameters
     ----------
-    bowl_depth_m, bowl_radius_m : float
-        See `FloorOptions`.
+    options : FloorOptions
+        Bowl, and amplitude of each wave.
     wave_vectors : (W, 2) array
         Wave vectors, rad/m.
     phases : (W,) array
         Phase of each wave at the origin, rad.
-    wave_amplitude_m : float
-        Amplitude of each wave.
     """
 
-    bowl_depth_m: float
-    bowl_radius_m: float
+    options: FloorOptions
     wave_vectors: FloatArray
     phases: FloatArray
-    wave_amplitude_m: float
 
     def height(self, xy: FloatArray) -> FloatArray:
         """Height, (...), m, at points (..., 2), m."""
-        square = np.sum(xy**2, axis=-1) / self.bowl_radius_m**2
+        square = np.sum(xy**2, axis=-1) / self.options.bowl_radius_m**2
         waves = np.sin(xy @ self.wave_vectors.T + self.phases).sum(axis=-1)
-        return self.bowl_depth_m * square / (1.0 + square) + self.wave_amplitude_m * waves
+        bowl = self.options.bowl_depth_m * square / (1.0 + square)
+        return bowl + self.options.wave_amplitude_m * waves
 
 
 def draw_floor(options: FloorOptions, rng: np.random.Generator) -> CurvedFloor:
@@ -48,13 +45,8 @@ def draw_floor(options: FloorOptions, rng: np.random.Generator) -> CurvedFloor:
     angle = rng.uniform(0.0, 2.0 * np.pi, options.waves)
     length = options.wave_length_m * rng.uniform(1.0, 1.5, options.waves)
     number = 2.0 * np.pi / length
-    return CurvedFloor(
-        bowl_depth_m=options.bowl_depth_m,
-        bowl_radius_m=options.bowl_radius_m,
-        wave_vectors=np.column_stack([number * np.cos(angle), number * np.sin(angle)]),
-        phases=rng.uniform(0.0, 2.0 * np.pi, options.waves),
-        wave_amplitude_m=options.wave_amplitude_m,
-    )
+    vectors = np.column_stack([number * np.cos(angle), number * np.sin(angle)])
+    return CurvedFloor(options, vectors, rng.uniform(0.0, 2.0 * np.pi, options.waves))
 
 
 def observe(

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from hopdata.arrays import BoolArray, FloatArray, IntArray
 from hopdata.hybrid import System, field, guards, on_event, solve_batch
@@ -133,11 +133,6 @@ def _functions(own: Any, own_guards: Any, own_event: Any, n_states: int) -> dict
 LONGEST_S = 3.0
 ATOL_PER_RTOL = 1e-2
 
-NO_PRE = "pre section never reached"
-EARLY = "foot down before the pre section"
-NO_POST = "post section never reached"
-LATE = "foot not down by the post section"
-
 
 @dataclass(frozen=True)
 class TrueLandings:
@@ -151,9 +146,9 @@ class TrueLandings:
         States of the body there, see `hopdata.scenes.body`.
     contact_s : (L, n) array
         Instant of each foot's first contact, from the apex, s.
-    failure : (L,) array of str
-        Why a landing does not count; empty if all feet are up at the pre section and down at the
-        post section, as the pipeline asks for.
+    whole : (L,) array of bool
+        Whether a landing counts: both sections are reached, with all feet up at the pre section and
+        down at the post section, as the pipeline asks for.
     """
 
     pre_time_s: FloatArray
@@ -161,15 +156,10 @@ class TrueLandings:
     pre_state: FloatArray
     post_state: FloatArray
     contact_s: FloatArray
-    failure: NDArray[np.str_]
+    whole: BoolArray
 
     def __len__(self) -> int:
-        return len(self.failure)
-
-    @property
-    def whole(self) -> BoolArray:
-        """Whether each landing counts, (L,)."""
-        return np.asarray(self.failure == "")
+        return len(self.whole)
 
     @property
     def schedule(self) -> list[str]:
@@ -244,20 +234,18 @@ def true_landings(
     pre_time, pre, early, fell = _fall(
         *what, apex_states, preloads_n, sections.pre_m, 0.0, **options
     )
-    failure = np.where(~fell, NO_PRE, np.where((early >= 0).any(axis=1), EARLY, ""))
-    failure = failure.astype(f"<U{max(map(len, (NO_PRE, EARLY, NO_POST, LATE)))}")
+    whole = fell & (early < 0).all(axis=1)
     post_time, post, contact = np.full(count, np.nan), np.full((count, N_STATES), np.nan), early
-    go = np.flatnonzero(failure == "")
+    go = np.flatnonzero(whole)
     if len(go):
         after, post[go], contact[go], fell = _fall(
             *what, pre[go], preloads_n[go], sections.post_m, pre_time[go], **options
         )
         post_time[go] = after + pre_time[go]
         contact[go] = np.where(contact[go] >= 0, contact[go] + pre_time[go, None], NOT_YET)
-        late = (contact[go] < 0).any(axis=1)
-        failure[go] = np.where(~fell, NO_POST, np.where(late, LATE, ""))
+        whole[go] = fell & (contact[go] >= 0).all(axis=1)
     contact = np.where(contact < 0, np.nan, contact)
-    return TrueLandings(pre_time, post_time, pre, post, contact, failure)
+    return TrueLandings(pre_time, post_time, pre, post, contact, whole)
 
 
 def _fall(

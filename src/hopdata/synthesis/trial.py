@@ -257,16 +257,12 @@ def carried(
     It starts with the motion of `state` and ends with that of `release`; `times_s` (K,) count from
     the start. The angular velocity of these states is not used by anybody and left at zero.
     """
-    s = np.clip(times_s / duration_s, 0.0, 1.0)[:, None]
-    start, end = state[:6], release[:6]
-    leaving, arriving = pose_rate(state), pose_rate(release)
-    blend = s * s * (3.0 - 2.0 * s)
-    slide, brake = s * (1.0 - s) ** 2 * duration_s, s * s * (s - 1.0) * duration_s
-    states = np.zeros((len(s), N_STATES))
-    states[:, :6] = start + (end - start) * blend + leaving * slide + arriving * brake
-    speed = (end - start) * 6.0 * s * (1.0 - s) / duration_s
-    speed += leaving * (1.0 - s) * (1.0 - 3.0 * s) + arriving * s * (3.0 * s - 2.0)
-    states[:, 6:9] = speed[:, :3]
+    from scipy.interpolate import CubicHermiteSpline
+
+    rates = [pose_rate(state), pose_rate(release)]
+    moved = CubicHermiteSpline([0.0, duration_s], [state[:6], release[:6]], rates)
+    times, states = np.minimum(times_s, duration_s), np.zeros((len(times_s), N_STATES))
+    states[:, :6], states[:, 6:9] = moved(times), moved(times, 1)[:, :3]
     return states
 
 

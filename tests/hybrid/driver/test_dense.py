@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bent_systems import affine_landing, bent, bent_params, landing
+from exact import INITIAL_STATE, T_SPAN, octant
 from hybrid_systems import ball, growth
 
 from hopdata.hybrid import solve
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, octant
 
 
 def error_between_mesh_points(step, *, where):

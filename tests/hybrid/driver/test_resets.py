@@ -128,7 +128,7 @@ def test_random_resets_by_all_parameters_agree_with_complex_steps():
     for _ in range(100):
         y0, params, instant = random_kicked(rng)
         chosen = rng.choice(COUNT, size=6, replace=False)
-        options = {"params": params, "jacobian": "params", **TIGHT}
+        options = {"params": params, "jacobian": "params", "method": "dop853", **TIGHT}
         found = solve(KICKED, (0, END), y0, **options)
         state, by_params = by_complex_steps(y0, params, instant, chosen)
         assert found.y.shape[0] == found.events.before.shape[1] == N

@@ -6,6 +6,7 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from exact import octant
 from hybrid_systems import ball, ladder, sliding
 from scipy.integrate import solve_ivp
 
@@ -22,7 +23,6 @@ from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
-from hopdata.scenes.small import octant
 
 
 def test_bounce_is_the_textbook_one():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from exact import octant, octant_guards
 from hybrid_systems import ball, ladder, relay, sliding, throw
 
 from hopdata.hybrid import System, field
@@ -13,7 +14,6 @@ from hopdata.hybrid.first_order.selection import (
     Finding,
     draw_around,
 )
-from hopdata.scenes.small import octant, octant_guards
 
 FREE = [-1, -1, -1]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from exact import octant
 from hybrid_systems import ball, ladder, sliding
 
 from hopdata.hybrid import System, field, guards
@@ -21,7 +22,7 @@ from hopdata.scenes.hopper import hopper_system
 from hopdata.scenes.hopper_control import control_system
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Control
-from hopdata.scenes.small import VerticalHopper, octant
+from hopdata.scenes.small import VerticalHopper
 
 HOPPER = HopperParameters()
 FEET = ("foot1", "foot2", "foot3")

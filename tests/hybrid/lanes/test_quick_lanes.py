@@ -13,10 +13,10 @@ import pytest
 import stress_quick as quick
 from numba import njit
 
-from hopdata.hybrid import System, guards, solve_batch
+from hopdata.hybrid import guards, solve_batch
 
 SMOOTH = [name for name in quick.FAMILIES if name not in ("abs", "max", "table")]
-MEMBERS = 3  # of each family at each tolerance
+MEMBERS = 6  # of each family at each tolerance
 
 
 @njit(error_model="numpy")
@@ -48,9 +48,6 @@ def smooth_guards(t, y, dy, mode, params, h, hdot):
 
 
 SYSTEM = replace(quick.quick(), guards=smooth_guards, jacobian=None)
-TABLE = System(
-    quick.fall_field, quick.table_guard, quick.bounce, n_states=2, guard_names=("table",)
-)
 
 
 def judge(case, system):
@@ -74,7 +71,7 @@ def test_no_contact_of_a_family_is_missed(family):
         rng = np.random.default_rng([number, *map(ord, family)])
         for _ in range(MEMBERS):
             here.append(judge(quick.quick_member(family, rng, rtol), SYSTEM))
-    # Surfaces on which a guard stands still, or turns, are often left to the driver.
+    # Surfaces on which a guard stands still are often left to the driver.
     least = {"x^3": 0.1, "x^5": 0.1, "sine of the state, turning": 0.7}
     assert np.mean(here) > least.get(family, 0.8)
 
@@ -85,5 +82,5 @@ def test_no_contact_with_a_shaking_table_is_missed(rtol):
     here = []
     for _ in range(3 * MEMBERS):
         case = quick.table_member(rng, rtol)
-        here.append(judge(case, TABLE))
+        here.append(judge(case, quick.ball_on_table()))
     assert np.mean(here) > 0.8

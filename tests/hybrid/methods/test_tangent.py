@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bent_systems import bent, bent_jacobian, bent_params, landing
+from exact import INITIAL_STATE, T_SPAN, octant
 from hybrid_systems import balance, growth
 from jacobian_checks import carried, differences, gap
 from plate_scene import Plate
@@ -17,7 +18,6 @@ from hopdata.hybrid.methods import tangent as products
 from hopdata.hybrid.methods import tangent as short_tangent
 from hopdata.hybrid.methods import taylor as motion
 from hopdata.hybrid.methods.tangent import LOOSER
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, octant
 
 FAR = bent_params([50.0, 60.0, 70.0], drive=0.3)
 METHODS = pytest.mark.parametrize("method", ["auto", "dopri5", "dop853"])

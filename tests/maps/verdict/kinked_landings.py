@@ -21,8 +21,11 @@ class Landings:
     y: np.ndarray
 
 
-def landings(n=900, strength=0.0, noise=0.02, curvature=0.1, seed=1, feet=3):
-    """Draw landings; `strength` scales the kinks, whose slopes are those of the linear part."""
+def landings(n=900, strength=0.0, noise=0.02, curvature=0.1, seed=1, feet=3, constant=None):
+    """Draw landings; `strength` scales the kinks, whose slopes are those of the linear part.
+
+    The input of the number `constant` does not vary.
+    """
     rng = np.random.default_rng(seed)
     fixed = np.random.default_rng(99)  # one map for all seeds
     linear = fixed.standard_normal((8, 11))
@@ -31,6 +34,8 @@ def landings(n=900, strength=0.0, noise=0.02, curvature=0.1, seed=1, feet=3):
     onto = fixed.standard_normal((8, feet))
     onto = SPREAD_S * (onto - onto.mean(axis=1, keepdims=True)) / np.sqrt(8)
     x = rng.standard_normal((n, 8))
+    if constant is not None:
+        x[:, constant] = 0.0
     instants = x @ onto
     y = x @ linear + np.einsum("ni,nj,ijk->nk", x, x, square)
     y += strength * kinks(instants / SPREAD_S) @ bends

@@ -31,6 +31,7 @@ def fit(size, seed, curvature=0.0, largest=False):
         scores=scores,
         null_scores=scores,
         change=-shift.reshape(KINKS, OUTPUTS),
+        change_scores=np.zeros_like(scores),
         seen=np.eye(KINKS),
         rows=np.arange(LANDINGS),
     )

@@ -55,14 +55,14 @@ def test_the_answer_follows_from_the_interval_alone():
 
 
 def test_the_three_conclusions():
-    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3)
+    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.001)
     assert conclude(size, 0.2) == "no difference"
     assert conclude(size, 0.17) == "cannot tell"
     assert conclude(replace(size, low=0.01), 0.2) == "different"
 
 
 def test_what_could_have_been_seen_is_said():
-    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3)
+    size = EffectSize(0.1, 0.0, 0.2, 0.18, 0.15, 0.3, 0.01, 0.01, 0.05, 0.001)
     said = outlook(size, 2_312, 0.8)
     assert "15 % in 80 %" in said
     assert "about 2,300 landings" in said
@@ -149,6 +149,12 @@ def _constant():
     return replace(data, before=np.repeat(data.before[:1], 600, axis=0) + data.before[:, :1] * 0)
 
 
+def _guessed():
+    """Contact instants that have nothing to do with the landing."""
+    data, rng = landings(n=900), np.random.default_rng(7)
+    return replace(data, instants=0.01 * rng.standard_normal(data.instants.shape))
+
+
 def _unknown():
     data = landings(n=300)
     return replace(data, before=np.full_like(data.before, np.nan))
@@ -167,6 +173,9 @@ BAD = {
     "two markers": (_two_markers, "3 body markers"),
     "all contacts in one frame": (_one_frame, "same instant"),
     "constant columns": (_constant, "do not vary"),
+    "one constant coordinate": (lambda: landings(n=900, constant=0), "do not vary in all"),
+    "one constant velocity": (lambda: landings(n=900, constant=4), "do not vary in all"),
+    "instants of pure noise": (_guessed, "do not foretell in which order"),
     "NaN": (_unknown, "found 0"),
     "repeated rows": (lambda: some(landings(n=300), np.r_[0:300, 0:40]), "40 of 340"),
 }

@@ -8,7 +8,7 @@ from hopdata.recordings.raw import RawRecording
 from hopdata.scenes.quadruped import Quadruped
 
 
-def read_npz(path, rate_hz, **_limits):
+def read_npz(path, rate_hz):
     """Read ``time`` (N,), s, ``positions`` (N, M, 3), m, and ``markers`` (M,)."""
     with np.load(path, allow_pickle=False) as archive:
         time, places = archive["time"], archive["positions"]

@@ -379,6 +379,8 @@ HUGE, TINY_ERROR = 1e30, 1e-12
 ALMOST_THERE = 1.01  # stretch the last step by this much rather than leave a sliver
 MOST_ROUNDS = 4
 MOST_TRIES = 60  # for one step
+SHORTEST = 1e-12  # of the run: a step that is shorter, or lands in vain, comes nowhere
+IN_VAIN, MOST_IDLE = 1.5, 8.5  # of these in a row: a guard flips where it is, a system is given up
 STIFF_STEPS = 15.0  # too near to the limit of stability, more than those that are not
 SAFETY, SHRINK_MOST, GROW_MOST, ORDER = 0.8, 0.2, 6.0, DOP853.order
 
@@ -550,8 +552,14 @@ def look(t: Any, h: Any, r: Any) -> None:
     GUARDS(t + h, r.end, r.work, r, r.other_h, r.along1)
 
 
-def land(landing: int, t: Any, h: Any, soonest: Any, r: Any) -> tuple[Any, int]:
-    """Move the ends of these steps to their surfaces; return how far, and where guards are due."""
+def land(
+    landing: int, t: Any, h: Any, soonest: Any, idle: Any, run_s: float, r: Any
+) -> tuple[Any, int]:
+    """Move the ends of these steps to their surfaces; return how far, and where guards are due.
+
+    In lanes that have landed in vain before, the state cannot come nearer to the surface than it
+    is: rounding in it, or in the guard, is more than the guard's values tell. It flips from there.
+    """
     mine, slope = mask_of(landing), state(r.k, STAGES * N)
     shift = where(mine, soonest * h, 0.0)
     for i in range(N):
@@ -572,8 +580,10 @@ def land(landing: int, t: Any, h: Any, soonest: Any, r: Any) -> tuple[Any, int]:
     GUARDS(t + h + shift, r.moved, slope, r, r.h, r.rate)
     for g in range(N_GUARDS):
         size = largest(absolute(r.h0[g]), absolute(r.h1[g]))
-        r.size[g] = where(mine, largest(size, where(r.leaving[g] > 0.5, r.size[g], 0.0)), r.size[g])
         margin, rate = r.lock[g] * r.h[g], r.lock[g] * r.rate[g]
+        stuck = (idle > IN_VAIN) & (absolute(margin) <= SHORTEST * run_s * absolute(rate))
+        size = where(stuck, largest(size, 2.0 / ROUNDING * absolute(margin)), size)
+        r.size[g] = where(mine, largest(size, where(r.leaving[g] > 0.5, r.size[g], 0.0)), r.size[g])
         noise = ROUNDING * r.size[g] + resolution * absolute(rate)
         due = bits((margin < -noise) | ((margin <= noise) & (rate < 0.0))) & landing
         flipping |= mark(due, g, r)
@@ -664,7 +674,7 @@ def run(
     r = room(table, params, lane_modes, book)
     own, own_params = np.empty(N), params[0].copy()
     t, run_s = spread(t_start), t_end - t_start
-    h_next = resume = tries = stiff = tried = taken = spread(0.0)
+    h_next = resume = tries = stiff = tried = taken = idle = spread(0.0)
     active, fresh, over, rejected, aimed, want = 0, 0, 0, 0, 0, ALL
     while True:
         begun = open_ones = 0
@@ -677,7 +687,7 @@ def run(
                 return last
             t, tries, stiff = where(new, t_start, t), where(new, 0.0, tries), where(new, 0.0, stiff)
             resume, tried = where(new, 0.0, resume), where(new, 0.0, tried)
-            taken = where(new, 0.0, taken)
+            taken, idle = where(new, 0.0, taken), where(new, 0.0, idle)
             open_ones = settle(begun, t, r)
             fresh, rejected, aimed = fresh | begun, rejected & ~begun, aimed & ~begun
         rounds = 0
@@ -719,7 +729,7 @@ def run(
         rejected = active & ~bits(accepted) & ~aimed
         shift = spread(0.0)
         if landing != 0:
-            shift, fresh = land(landing, t, h, soonest, r)
+            shift, fresh = land(landing, t, h, soonest, idle, run_s, r)
             h_next = where(mask_of(landing), largest(h_next, resume), h_next)
             resume = where(mask_of(landing), 0.0, resume)
         else:
@@ -741,7 +751,10 @@ def run(
         if fresh != 0:
             over |= fire(fresh, t, handler, rules, own, own_params, max_events, r)
             sample_again(fresh, t, times, samples, r)
-        lost = (tries > MOST_TRIES) | (stiff > STIFF_STEPS) | ~(h > ROUNDING * absolute(t))
+        nowhere = (mask_of(landing) | (h < SHORTEST * run_s)) & ~mask_of(fresh)
+        idle = where(accepted, where(nowhere, idle + 1.0, 0.0), idle)
+        lost = (tries > MOST_TRIES) | (stiff > STIFF_STEPS) | (idle > MOST_IDLE)
+        lost = lost | ~(h > ROUNDING * absolute(t))
         lost = lost | ((taken >= float(max_steps)) & (t < t_end))
         over |= give_up(bits(lost & live) & ~over, r)
         want = ((bits(t >= t_end) & active & ~fresh) | over) & active

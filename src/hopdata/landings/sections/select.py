@@ -259,7 +259,7 @@ def _require_hopping(pooled: Frames, sections: Sections) -> None:
     raise AnalysisError(
         f"sections: the feet never {where} the ground together: expected at least "
         f"{_LEAST_FRAMES} frames, found {n} of {len(pooled.body)} (threshold {value:.4f} m); "
-        f"check the foot markers and the floor, or set sections.{name}"
+        f"check the foot markers and the floor (does it move?), or set sections.{name}"
         f"{walks if where == 'leave' else ''}"
     )
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
 from hopdata.errors import AnalysisError
-from hopdata.maps.affine import fit_affine
+from hopdata.maps.affine import affine_predictions
 from hopdata.maps.coordinates import (
     output_weights,
     rigid_states,
@@ -225,7 +225,7 @@ def printed_map(before: FloatArray, after: FloatArray, shape: FloatArray) -> Lin
     shape
         (B, 3) markers in the body, m.
     """
-    said = fit_affine(before, after).predict(before)
+    said = affine_predictions(before, after)
     return ols_map(*section_coordinates(rigid_states(before, shape), rigid_states(said, shape)))
 
 

@@ -12,7 +12,7 @@ act like noise in proportion to the scale; here they are known, and stand beside
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,30 +194,15 @@ KINDS = {
 }
 
 
-class Landings(Protocol):
-    """What the study reads of `hopdata.synthesis.scaling.ScaledLandings`."""
-
-    case: str
-    control: Any
-    scale: float
-    x: FloatArray
-    y: FloatArray
-    preloads_n: FloatArray
-    contact_s: FloatArray
-    schedule: NDArray[np.str_]
-    n_failed: int
-    exact_maps: FloatArray
-
-
 @one_blas_thread()
-def scaling_table(samples: Iterable[Landings]) -> pd.DataFrame:
+def scaling_table(samples: Iterable[Any]) -> pd.DataFrame:
     """Fit maps to each sample.
 
     Parameters
     ----------
     samples
-        Landings of each case, the largest scale first; outputs are in units of their standard
-        deviation in the first sample of all.
+        `ScaledLandings` of each case, the largest scale first; outputs are in units of their
+        standard deviation in the first sample of all.
 
     Returns
     -------
@@ -287,7 +272,7 @@ def _strength(row: Any) -> str:
     return f" ({', '.join(given)})" if given else ""
 
 
-def _counts(sample: Landings) -> dict[str, Any]:
+def _counts(sample: Any) -> dict[str, Any]:
     return {
         "case": sample.case,
         **{name: getattr(sample.control, name) for name in ("coupling", "impulse", "delay_s")},
@@ -297,7 +282,7 @@ def _counts(sample: Landings) -> dict[str, Any]:
     }
 
 
-def _errors(sample: Landings, units: FloatArray) -> dict[str, Any]:
+def _errors(sample: Any, units: FloatArray) -> dict[str, Any]:
     how = {"root": input_root(sample.x), "units": units}
     pooled, own = _fit(sample, np.arange(len(sample.x)), units), _fits(sample, units)
     variance, own_variance = pooled.variance, _mean_square([fit for fit in own if fit.freedom > 0])
@@ -332,18 +317,18 @@ class _Fit:
         return self.squares / self.freedom if self.freedom > 0 else float("nan")
 
 
-def _fit(sample: Landings, rows: NDArray[np.int64], units: FloatArray) -> _Fit:
+def _fit(sample: Any, rows: NDArray[np.int64], units: FloatArray) -> _Fit:
     inputs = np.hstack([sample.x, sample.preloads_n])[rows]
     return _Fit(inputs, sample.y[rows], units)
 
 
-def _fits(sample: Landings, units: FloatArray) -> list[_Fit]:
+def _fits(sample: Any, units: FloatArray) -> list[_Fit]:
     """Return the fits of the schedules that have landings enough."""
     classes = [np.flatnonzero(sample.schedule == name) for name in np.unique(sample.schedule)]
     return [_fit(sample, rows, units) for rows in classes if len(rows) >= _needed(sample)]
 
 
-def _needed(sample: Landings) -> int:
+def _needed(sample: Any) -> int:
     """Return how many landings a map of inputs and preloads needs."""
     return 1 + sample.x.shape[1] + sample.preloads_n.shape[1] + SPARE_LANDINGS
 

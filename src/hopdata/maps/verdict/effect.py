@@ -60,6 +60,14 @@ class EffectSize:
         Difference that the test finds with the given power.
     p_value
         Share of the random signs with a statistic as large, the data's own included.
+    squared, squared_error
+        Square of the size without bias, below zero where noise makes it so, and its standard error
+        where there is no difference.
+    along_error
+        Standard error of the kinks along what was found; with a difference of size e the variance
+        of `squared` is `squared_error`^2 + 4 e^2 `along_error`^2.
+    granted_squared
+        Square of what is granted for smooth terms beyond those fitted, without bias likewise.
     """
 
     estimate: float
@@ -68,6 +76,10 @@ class EffectSize:
     upper_bound: float
     detectable: float
     p_value: float
+    squared: float
+    squared_error: float
+    along_error: float
+    granted_squared: float
 
 
 def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -256,13 +268,18 @@ def effect_size(
     low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
     noise = float(np.sum((fit.scores @ root.T) ** 2))
     p_value = (1 + int(np.sum(null >= statistic))) / (1 + flips)
+    estimate = float(np.sqrt(max(0.0, statistic - noise)))
     return EffectSize(
-        estimate=float(np.sqrt(max(0.0, statistic - noise))),
+        estimate=estimate,
         low=low**2 / (low + shift) if p_value < level and low > 0.0 else 0.0,
         high=below(typical, level / 2.0, 0.0) + shift,
         upper_bound=below(typical, level, 0.0) + shift,
         detectable=_detectable(null, draws, level, power),
         p_value=p_value,
+        squared=statistic - noise,
+        squared_error=float(np.std(np.sum(draws.null**2, axis=1))),
+        along_error=float(np.std(draws.full @ found) / size),
+        granted_squared=shift**2 - float(np.sum((FARTHER * fit.change_scores @ root.T) ** 2)),
     )
 
 

@@ -28,8 +28,12 @@ from hopdata.rigid import body_shape, twists, wrapped
 LEAST_CLASS = 20
 #: Outputs that are positions; the rest are velocities.
 POSITIONS = 5
+#: Share of the mean square of contact instants that the states before them have to foretell.
+LEAST_FORETOLD = 0.1
 _OUTLYING = 5.0
 _FLAT = 1e-9
+#: Coordinates that vary less than this share of what the others do count as constant.
+_CONSTANT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -85,8 +89,9 @@ def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> Sect
     before, after, shape = _without_units(x, y)
     pre, post = rigid_states(before, shape), rigid_states(after, shape)
     inputs, outputs = _inputs(pre), _outputs(pre, post, shape)
-    widths = np.linalg.svd((inputs - inputs.mean(axis=0)) / np.ptp(inputs, axis=0).clip(1e-300))[1]
-    if not widths[-1] > _FLAT * widths[0]:
+    spreads = inputs.std(axis=0)
+    widths = np.linalg.svd((inputs - inputs.mean(axis=0)) / spreads.clip(1e-300))[1]
+    if spreads.min() < _CONSTANT * np.median(spreads) or not widths[-1] > _FLAT * widths[0]:
         raise AnalysisError("the states before the landing do not vary in all their coordinates")
     expected = expected_contacts(inputs, instants / spread)
     return SectionLandings(
@@ -102,6 +107,11 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
     A polynomial of the inputs fitted to the measured instants, so that errors of these, which the
     outputs may share, move no landing across a kink. Its degree is the one that predicts best with
     each landing left out; landings whose instants lie far off take no part.
+
+    Raises
+    ------
+    AnalysisError
+        If the inputs foretell less than `LEAST_FORETOLD` of them.
     """
     t = instants - instants.mean(axis=1, keepdims=True)
     highest = affordable_degree(len(x), x.shape[1], t.shape[1])
@@ -119,6 +129,13 @@ def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:
         error = np.mean(((t - fitted)[good] / slack[:, None]) ** 2)
         if error < least:
             best, least = fitted, error
+    foretold = 1.0 - least / np.mean(t[good] ** 2)
+    if not foretold >= LEAST_FORETOLD:
+        raise AnalysisError(
+            "the states before the landing do not foretell in which order the feet touch: expected "
+            f"{100 * LEAST_FORETOLD:g} % of what the contact instants vary, found "
+            f"{100 * max(0.0, foretold):.0f} %"
+        )
     expected: FloatArray = best - best.mean(axis=1, keepdims=True)
     return expected
 

@@ -50,6 +50,8 @@ class KinkFit:
         the kinks that were found taken off the outputs, and with none.
     change
         (K, q) how far the kinks go from all landings to those of the window.
+    change_scores
+        (N, K q) contributions of the landings to the error of the change.
     seen
         (all kinks, K) orthonormal combinations of the kinks that the data tell from smooth terms.
     rows
@@ -61,6 +63,7 @@ class KinkFit:
     scores: FloatArray
     null_scores: FloatArray
     change: FloatArray
+    change_scores: FloatArray
     seen: FloatArray
     rows: NDArray[np.int64]
 
@@ -94,6 +97,7 @@ def fit_kinks(landings: SectionLandings) -> KinkFit:
         scores,
         null_scores,
         near[0] - whole[0],
+        near[1] - whole[1],
         seen,
         rows,
     )

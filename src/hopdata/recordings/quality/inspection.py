@@ -16,7 +16,6 @@ from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality import rigid
 from hopdata.recordings.quality.orientation import UNITS_IN_M, Guess, guess_rate, guess_unit_and_up
-from hopdata.recordings.quality.spikes import Spike, find_jumps, find_spikes, surprises
 from hopdata.recordings.quality.stretches import (
     Frozen,
     MarkerGaps,
@@ -25,7 +24,15 @@ from hopdata.recordings.quality.stretches import (
     frozen_markers,
     marker_gaps,
 )
-from hopdata.recordings.quality.swaps import Swap, explained_frames, find_swaps
+from hopdata.recordings.quality.swaps import (
+    Spike,
+    Swap,
+    explained_frames,
+    find_jumps,
+    find_spikes,
+    find_swaps,
+    surprises,
+)
 from hopdata.recordings.raw import RawRecording, is_pause, rotate_up
 
 Progress = Callable[[str], None]
@@ -42,12 +49,11 @@ class Faults:
     spikes: tuple[Spike, ...]
     jumps: tuple[Spike, ...]
     frozen: tuple[Frozen, ...]
-    never_seen: tuple[str, ...]
 
     @property
     def count(self) -> int:
         """Number of faults of all kinds."""
-        parts = (self.swaps, self.spikes, self.jumps, self.frozen, self.never_seen)
+        parts = (self.swaps, self.spikes, self.jumps, self.frozen)
         return sum(map(len, parts))
 
 
@@ -79,6 +85,8 @@ class Inspection:
         Noise of each marker from frame to frame, m.
     faults : Faults
         What looks wrong.
+    remarks : tuple of str
+        What the reader said of the file.
     """
 
     markers: tuple[str, ...]
@@ -94,6 +102,7 @@ class Inspection:
     clusters: tuple[rigid.Cluster, ...]
     noise_m: FloatArray
     faults: Faults
+    remarks: tuple[str, ...] = ()
 
     @property
     def duration_s(self) -> float:
@@ -168,12 +177,11 @@ def inspect_recording(
         spikes=find_spikes(missed, raw.markers, explained=explained),
         jumps=find_jumps(missed, raw.markers, explained=explained),
         frozen=frozen,
-        never_seen=tuple(g.marker for g in gaps if g.missing == g.n_frames),
     )
     return Inspection(
         raw.markers, raw.time, positions, raw.rate_hz, unit_guess, up_guess,
         guess_rate(raw, unit_guess.value), gaps,
-        timing, pairs, clusters, noise, faults,
+        timing, pairs, clusters, noise, faults, raw.remarks,
     )  # fmt: skip
 
 
@@ -263,7 +271,7 @@ def gap_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
 def fault_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
     """One row a fault and marker: swaps, spikes, jumps, frozen stretches, faults of the stamps.
 
-    Kinds are ``swap, spike, jump, frozen, never seen``, and without a marker ``dropped, irregular,
+    Kinds are ``swap, spike, jump, frozen``, and without a marker ``dropped, irregular,
     backward``. A pause, in which nothing was recorded (`joining.is_pause`), is no fault.
     """
     rows = [
@@ -294,8 +302,6 @@ def _faults(found: Inspection) -> Iterator[tuple[str, str, int, int, str]]:
         yield "jump", jump.marker, jump.start, jump.stop, f"{1e3 * jump.size:.1f} mm"
     for frozen in faults.frozen:
         yield "frozen", frozen.marker, frozen.start, frozen.stop, ""
-    for marker in faults.never_seen:
-        yield "never seen", marker, 0, n, ""
     for frame, missing in timing.drops.tolist():
         yield "dropped", "", frame, frame + 1, f"{missing} frame{'s' if missing > 1 else ''}"
     for kind, frames in (("irregular", timing.irregular), ("backward", timing.backward)):

@@ -12,7 +12,7 @@ from hopdata.arrays import GRAVITY_M_S2, FloatArray
 from hopdata.errors import RecordingError, chosen, require_choice
 from hopdata.recording import extent
 from hopdata.recordings.quality.stretches import CLEARER, FLAT, flattest_direction
-from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording
+from hopdata.recordings.raw import METRES_PER_UNIT, RawRecording, rotate_up
 
 # The range spans a factor of less than 1000, so of mm and m at most one can be plausible.
 PLAUSIBLE_EXTENT_M = (0.015, 12.0)
@@ -320,8 +320,8 @@ def _unit(raw: RawRecording, fall: FreeFall) -> Guess:
 LIVELY_M_S2 = (5.0, 100.0)
 RATES_HZ = (25, 30, 50, 60, 100, 120, 150, 200, 240, 250, 300, 400, 500, 1000)
 OTHER_RATE = 0.02  # relative
-SOME_FALL = 0.005  # of the frames must be free fall at half or twice the rate that is stated, and
-CLEARLY = 3.0  # so many times the share at that one
+FALLING = (0.7, 1.3)  # g that pull a body down which leaves the ground, at the right rate
+SOME_CLEARER = 1.5  # so many times what falls along the next best direction
 
 
 def liveliness(positions: FloatArray, rate_hz: float) -> float:
@@ -351,22 +351,38 @@ def guess_rate(raw: RawRecording, unit: str, *, is_stated: bool = True) -> Guess
     if is_stated and by_stamps != own:
         told = f"as stated, but the time stamps run at {by_stamps:g} Hz"
         return Guess(f"{own:g}", told, is_sure=False, other=f"{by_stamps:g}")
-    hertz = (own, own / 2, 2 * own) if is_stated else RATES_HZ
-    falls = {f"{r:g}": free_fall(raw.positions, r, units=units) for r in hertz}
-    best, following = sorted(falls, key=lambda r: -falls[r].share)[:2]
-    share = falls[best].share
-    told = "nothing falls freely that would show it"
-    if share >= LEAST_SHARE:
-        told = f"{100 * share:.0f} % of the frames are free fall if the rate is {best} Hz"
     if not is_stated:
-        return Guess(best if share >= LEAST_SHARE else "", told, is_sure=False, other=following)
-    stated, moves = f"{own:g}", UNITS_IN_M[unit] * liveliness(raw.positions, own)
-    if share >= SOME_FALL and share > CLEARLY * falls[stated].share:
-        return Guess(stated, f"as stated, but {told}", is_sure=False, other=best)
-    if moves > LIVELY_M_S2[1]:
-        told = f"as stated, but the markers would move at {moves:.0f} m/s²"
-        return Guess(stated, told, is_sure=False, other=f"{own / 2:g}")
-    return Guess(stated, "as stated, and nothing in the motion speaks against it")
+        falls = {f"{r:g}": free_fall(raw.positions, r, units=units).share for r in RATES_HZ}
+        best, following = sorted(falls, key=lambda rate: -falls[rate])[:2]
+        if falls[best] < LEAST_SHARE:
+            return Guess("", "nothing falls freely that would show it", False, following)
+        told = f"{100 * falls[best]:.0f} % of the frames are free fall if the rate is {best} Hz"
+        return Guess(best, told, is_sure=False, other=following)
+    fall = free_fall(raw.positions, own, units=units)
+    pull = _pull_down(raw, fall.up if fall.share else raw.stated_up or "z", units[unit])
+    low, high = FALLING
+    others = (free_fall(raw.positions, f * own, units=units).share for f in (0.5, 2.0))
+    falls_clearly = fall.share >= LEAST_SHARE and fall.share > SOME_CLEARER * fall.next_share
+    falls_clearly &= fall.share > max(others)
+    if falls_clearly and low <= pull <= high:
+        return Guess(f"{own:g}", "as stated, and with it the markers fall at 9.81 m/s²")
+    told = f"as stated, but nothing falls freely and {pull:.2g} g is the most that pulls down"
+    if pull > high:
+        told = f"as stated, but with it the markers would be pulled down by {pull:.2g} g"
+    return Guess(f"{own:g}", told, False, f"{own / 2 if pull > high else 2 * own:g}")
+
+
+def _pull_down(raw: RawRecording, up: str, metres: float) -> float:
+    """Acceleration of the middle marker against `up` that it exceeds in 2 % of the time, in g.
+
+    No body that nothing pulls down goes beyond 1, and one that leaves the ground comes near it: of
+    a rate stated as half it is a quarter, of one stated as twice four times as much.
+    """
+    upward = rotate_up(accelerations(raw.positions, raw.rate_hz), up)[..., 2]
+    seen = upward[np.isfinite(upward).any(axis=1)]
+    if not len(seen):
+        return np.nan
+    return float(-np.quantile(np.nanmedian(seen, axis=1), 0.02) * metres / GRAVITY_M_S2)
 
 
 def _rate_by_stamps(raw: RawRecording) -> float:

@@ -117,8 +117,17 @@ def guess_roles(inspection: Inspection) -> Roles:
     """
     markers, positions = inspection.markers, inspection.positions
     rests, fixed = at_rest(positions[:, :, 2], inspection.rate_hz), _fixed(positions)
-    boom = tuple(name for m, name in enumerate(markers) if fixed[m] or part_by_name(name) == "boom")
-    candidates = [m for m in _resting(inspection, rests, fixed) if markers[m] not in boom]
+    subjects = list(dict.fromkeys(name.partition(":")[0] for name in markers if ":" in name))
+    others = {
+        m for m, name in enumerate(markers) if name.startswith(tuple(f"{s}:" for s in subjects[1:]))
+    }
+    boom = tuple(
+        name
+        for m, name in enumerate(markers)
+        if m not in others and (fixed[m] or part_by_name(name) == "boom")
+    )
+    resting = _resting(inspection, rests, fixed)
+    candidates = [m for m in resting if markers[m] not in boom and m not in others]
     groups = _together(candidates, rests)
     reasons, problems = {}, []
     if boom:
@@ -130,8 +139,12 @@ def guess_roles(inspection: Inspection) -> Roles:
         reasons["feet"] += _beyond_most(group, groups, markers)
     else:
         problems.append(_no_feet(group, inspection))
-    taken = {m for g in groups for m in g} | {markers.index(name) for name in boom}
+    taken = {m for g in groups for m in g} | {markers.index(name) for name in boom} | others
     body, reasons["body"], other_body = _body(inspection, taken)
+    if others:
+        reasons["body"] += (
+            f"; of {subjects[0]} alone, a study of its own for {', '.join(subjects[1:])}"
+        )
     if len(body) < LEAST_BODY:
         problems.append(
             "markers.body: expected three markers or more that keep their distances, found none; "
@@ -139,17 +152,16 @@ def guess_roles(inspection: Inspection) -> Roles:
         )
     body = sorted(body)
     home, reasons["home"] = _home(body, inspection) if body else ("", "")
-    others = [tuple(markers[m] for m in g) for g in groups if not set(g) & set(group)]
+    rivals = [tuple(markers[m] for m in g) for g in groups if not set(g) & set(group)]
     feet = tuple(markers[m] for m in sorted(group))
     body_names = tuple(markers[m] for m in body)
     unsure = {"body": other_body} if body and other_body else {}
     rested = min((len(runs(rests[:, m])) for m in group), default=0)
     if feet and (doubt := _doubt(feet, markers, rested)):
-        rivals = [", ".join(other) for other in others]
-        unsure["feet"] = " or ".join([doubt, *rivals])
+        unsure["feet"] = " or ".join([doubt, *(", ".join(other) for other in rivals)])
     if body and rested < LEAST_RESTS and "body" not in unsure:
         unsure["body"] = "parts that bend, in a recording too short to show it"
-    return Roles(body_names, feet, boom, home, reasons, tuple(others), tuple(problems), unsure)
+    return Roles(body_names, feet, boom, home, reasons, tuple(rivals), tuple(problems), unsure)
 
 
 def _doubt(feet: tuple[str, ...], markers: tuple[str, ...], rested: int) -> str:
@@ -270,7 +282,7 @@ def _faults_by_marker(faults: Faults) -> Counter[str]:
     named = [name for swap in faults.swaps for name in swap.markers]
     for faulty in (faults.spikes, faults.jumps, faults.frozen):
         named += [fault.marker for fault in faulty]
-    return Counter([*named, *faults.never_seen])
+    return Counter(named)
 
 
 def _wrong(faults: int, unseen: float) -> str:

@@ -71,7 +71,8 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
     unit, factor = raw.USUAL_UNIT, 1.0
     if stated_unit:
         unit, factor = raw.metric(parameters.place("POINT", "UNITS"), stated_unit)
-    positions = factor * _positions(header, _numbers(path, header, parameters, n_frames))[:, kept]
+    positions = _positions(header, _numbers(path, header, parameters, n_frames), kept)
+    positions *= factor
     rate = raw.resolve_rate(f"{path}: header", stated=frame_rate(header, parameters), given=rate_hz)
     time = (first_frame(header, parameters) - 1 + np.arange(n_frames)) / rate
     events, unread = _events(parameters)
@@ -166,9 +167,9 @@ def _numbers(path: Path, header: C3dHeader, parameters: Parameters, n_frames: in
     return numbers.reshape(n_frames, -1)
 
 
-def _positions(header: C3dHeader, numbers: NDArray[Any]) -> FloatArray:
-    """Positions (N, M, 3) as stated, NaN where unseen."""
-    points = numbers[:, : 4 * header.n_points].reshape(len(numbers), header.n_points, 4)
+def _positions(header: C3dHeader, numbers: NDArray[Any], kept: list[int] | slice) -> FloatArray:
+    """Positions (N, M, 3) as stated of the points kept, NaN where unseen."""
+    points = numbers[:, : 4 * header.n_points].reshape(len(numbers), header.n_points, 4)[:, kept]
     with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
         positions = points[:, :, :3].astype(np.float64)
         unseen = ~(points[:, :, 3] >= 0) | ~np.any(positions, axis=2)

@@ -64,8 +64,8 @@ def _outside(name: str, what: str, where: str) -> str:
     return f"'{name}': expected all data in the file itself, found {what}: {where}; copy it in"
 
 
-def whole_array(dataset: h5py.Dataset) -> NDArray[Any]:
-    """Read a dataset, if its size can be true.
+def whole_array(dataset: h5py.Dataset, dtype: type | None = None) -> NDArray[Any]:
+    """Read a dataset, if its size can be true, as it is or as numbers of another type.
 
     A shape is a claim; what is stored is not. A dataset of chunks that were never written would
     come back as zeros without end.
@@ -82,7 +82,7 @@ def whole_array(dataset: h5py.Dataset) -> NDArray[Any]:
             f"dataset '{dataset.name}': expected at most {_DEFLATE_MOST * stored} bytes by what is "
             f"stored ({stored} bytes), found a claim of {claimed}"
         )
-    array: NDArray[Any] = np.asarray(dataset[()])
+    array: NDArray[Any] = np.asarray((dataset if dtype is None else dataset.astype(dtype))[()])
     return array
 
 
@@ -131,9 +131,7 @@ def numbers(group: h5py.Group, name: str) -> NDArray[Any]:
         raise ValueError(
             f"dataset '{name}': expected an array of numbers, found {dtype} of shape {shape}"
         )
-    array = whole_array(found)
-    with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN
-        return array if array.dtype == np.bool_ else array.astype(float)
+    return whole_array(found, None if dtype == np.bool_ else float)
 
 
 _KINDS: dict[str, Callable[[Any], bool]] = {

@@ -209,7 +209,8 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
     n_columns, width = len(counters) + 3 * len(names), len(header.first_row)
     rows = Rows(header.path, header.n_lines, header.offset, width, header.mark)
     counted, positions = rows.markers(counters, range(len(counters), n_columns))
-    wrong += _frame_count(header, len(positions))
+    key = "NO_OF_FRAMES"
+    wrong += raw.frame_count(header.place(key), key, header.number(key), len(positions))
     time, rate, remarks = _time_and_rate(header, counted, counters, rate_hz)
     return raw.RawRecording(
         markers,
@@ -231,18 +232,6 @@ def _check_kind(header: qtm_header.QtmHeader) -> None:
             f"{header.place('DATA_INCLUDED')}: DATA_INCLUDED: expected '3D', found '{kind}'; "
             "export the trajectories as 3D data"
         )
-
-
-def _frame_count(header: qtm_header.QtmHeader, n_rows: int) -> tuple[str, ...]:
-    """Remark on a stated number of frames that is not that of the rows."""
-    stated = header.number("NO_OF_FRAMES")
-    if stated is None or stated == n_rows:
-        return ()
-    cut = "; was the file cut short?" if n_rows < stated else ""
-    return (
-        f"{header.place('NO_OF_FRAMES')}: NO_OF_FRAMES: expected {stated:g} frames as stated, "
-        f"found {n_rows} rows, which are taken{cut}",
-    )
 
 
 def _time_and_rate(

@@ -82,6 +82,7 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
         stated = raw.rate_of(stamps, number)
     rate = raw.resolve_rate(f"{place}: DataRate", stated=stated, given=rate_hz)
     time, remarks = raw.settle(str(path), stamps, number, rate)
+    counted_rows = raw.frame_count(place, "NumFrames", header.number("NumFrames"), len(time))
     return raw.RawRecording(
         header.markers,
         time,
@@ -89,19 +90,7 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
         rate,
         unit=unit,
         unit_is_stated=bool(stated_unit),
-        remarks=header.remarks + _frame_count(header, len(time)) + remarks,
-    )
-
-
-def _frame_count(header: _Header, n_rows: int) -> tuple[str, ...]:
-    """Remark on a stated number of frames that is not that of the rows."""
-    stated = header.number("NumFrames")
-    if stated is None or stated == n_rows:
-        return ()
-    cut = "; was the file cut short?" if n_rows < stated else ""
-    return (
-        f"{header.path}, line 3: NumFrames: expected {stated:g} frames as stated, found {n_rows} "
-        f"rows, which are taken{cut}",
+        remarks=header.remarks + counted_rows + remarks,
     )
 
 

@@ -15,6 +15,7 @@ from hopdata.arrays import pd
 from hopdata.blas import one_blas_thread
 from hopdata.rigid import composed, inverse
 from hopdata.steering.control.objectives import Controller, errors_left
+from hopdata.steering.excitation import FLOOR, child
 from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments.run import MEASURED, PREDICTED, Frames, Run, Sight, run_task
 from hopdata.steering.models.tabulated import FrameChangeMap
@@ -169,7 +170,8 @@ def experiments_of(
     """
     camera, options = camera_of(motion_capture), steering["experiments"]
     robot = robot_of(steering["robot"], camera)
-    sight = Sight(camera, geometry, draw_floor(camera.floor, tasks.floor_stream(seed)))
+    floor = draw_floor(camera.floor, np.random.default_rng(child(seed, FLOOR)))
+    sight = Sight(camera, geometry, floor)
     parts = []
     for name in names:
         setting = Setting(name, options, robot, sight)

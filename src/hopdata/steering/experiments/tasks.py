@@ -22,7 +22,7 @@ from hopdata.steering.control.objectives import (
 )
 from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import PrintedController
-from hopdata.steering.excitation import FLOOR, START, child
+from hopdata.steering.excitation import START, child
 from hopdata.steering.models.tabulated import FrameChangeMap, TabulatedMap, tabulated
 from hopdata.steering.robot import Board
 
@@ -186,17 +186,12 @@ def draw_starts(
     return starts
 
 
-def floor_stream(seed: np.random.SeedSequence) -> np.random.Generator:
-    """Return the stream from which the floor of all experiments is drawn."""
-    return np.random.default_rng(child(seed, FLOOR))
-
-
 # Who steers.
 
 Policy: TypeAlias = Callable[[Start], Controller]
 
 PRINTED, PLANNER, RANDOM, NONE = CONTROLLERS = ("printed", "planner", "random", "none")
-CEILING = "ceiling"  # the planner that knows the true map; its hops are taken for the fewest
+CEILING = "ceiling"  # the planner that knows the true map, whose hops are the measure
 
 
 @dataclass(frozen=True)

@@ -59,9 +59,6 @@ class FrameBuffer:
         self._written = 0
         self._news = threading.Condition()
 
-    def __len__(self) -> int:
-        return min(self._written, len(self._slots))
-
     @property
     def written(self) -> int:
         """How many frames have been written so far."""

@@ -28,7 +28,6 @@ HISTORIES: dict[str, tuple[str, ...]] = {
     "none": (),
     "swing": ("previous_swing_rad",),
     "change": ("previous_change",),
-    "swing and change": ("previous_swing_rad", "previous_change"),
 }
 
 
@@ -43,7 +42,7 @@ class ProcessOptions:
     periodic : bool
         Compare boom angles by points on the circle. Otherwise the training set is copied a turn
         before and a turn after, as printed.
-    history : {"none", "swing", "change", "swing and change"}
+    history : {"none", "swing", "change"}
         What of the hop before are inputs beside boom angle and swing.
     standardised : bool
         Centre each component of the frame change and divide it by its standard deviation, and

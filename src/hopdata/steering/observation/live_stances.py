@@ -39,11 +39,6 @@ class Stance:
     told_s: float
     bridged: bool = False
 
-    @property
-    def delay_s(self) -> float:
-        """How long after the lowest point it was told."""
-        return self.told_s - self.time_s
-
 
 class StanceDetector:
     """Tells each stance once, some 20 ms after the lowest point at 100 Hz.

@@ -4,20 +4,38 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hybrid_systems import ladder, throw
+from exact import INITIAL_STATE, T_SPAN, octant
+from hybrid_systems import ball, ladder, throw
+from peers.printed_peer import FINDERS, Mesh, PrintedOptions, Stepping, integrate, region_of
 from scipy.integrate import DOP853, LSODA, RK45, Radau
+from scipy.linalg import expm
+from scipy.optimize import brentq
 
-from hopdata.hybrid.printed import (
-    Mesh,
-    PrintedOptions,
-    Stepping,
-    integrate,
-    integrate_alternating,
-    region_of,
-)
-from hopdata.hybrid.printed.contacts import FINDERS
-from hopdata.hybrid.printed.supervisor import heading
-from hopdata.scenes.small import INITIAL_STATE, T_SPAN, VerticalHopper, octant
+START, END = (-0.4, -0.15, 0.3), 0.5
+
+
+def flow(rows, time, state):
+    whole = np.zeros((4, 4))
+    whole[:3, :3], whole[:3, 3] = rows, (1.0, 1.0, -1.0)
+    return (expm(whole * time) @ np.append(state, 1.0))[:3]
+
+
+@pytest.fixture(scope="module")
+def octant_truth():
+    """Instants at which y, z and x are crossed, and the state at 0.5."""
+    modes = (
+        ([[0, -1, 0], [1, 0, 0], [0, 0, -1]], 1),
+        ([[0, 1, 0], [-1, 0, 0], [0, 0, -1]], 2),
+        ([[0, 1, 0], [-1, 0, 0], [0, 0, 3]], 0),
+    )
+    state, times = np.array(START), [0.0]
+    for rows, axis in modes:
+        span = brentq(lambda t: flow(rows, t, state)[axis], 1e-9, 0.3, xtol=1e-16)  # noqa: B023
+        state = flow(rows, span, state)
+        times.append(times[-1] + span)
+    last = [[10, 0, 0], [0, 1, 0], [0, 0, 3]]
+    return np.array(times[1:]), flow(last, END - times[-1], state)
+
 
 PHASES = (np.arange(8) + 0.5) / 8
 
@@ -145,87 +163,40 @@ def test_a_solver_that_fails_or_stands_still_is_an_error():
         integrate(region_of(throw(), (np.nan, 9.0)), (0.0, 1.0), [0.0, 4.5])
 
 
-# Algorithm 7 on the hopper in one dimension, against its closed form.
-
-HOPPER = VerticalHopper()
-START, END = (2.0, 0.0), 2.0
+# Regions: locks at a start, orientation, what cannot be done.
 
 
-def regions():
-    """Touchdown, where the height above contact falls, and take-off, where it rises."""
-    return tuple(region_of(HOPPER.system(), HOPPER.params, orientation=(k,)) for k in (-1, 1))
+def test_locks_are_signs():
+    region = region_of(octant())
+    assert region.first_locks(0.0, np.array([-0.4, 0.15, 0.3])).tolist() == [-1, 1, -1]
 
 
-def hop(max_step, t_span=(0.0, END), start=START):
-    solver = Stepping(RK45, {"rtol": 1e-9, "atol": 1e-12, "max_step": max_step})
-    return integrate_alternating(*regions(), t_span, start, solver=solver)
+@pytest.mark.parametrize("zero", [0.0, -0.0])
+def test_a_guard_at_zero_has_the_mode_it_moves_into(zero):
+    rising = region_of(throw(), (10.0, 1.0))
+    assert rising.first_locks(0.0, np.array([1.0 + zero, 2.0])).tolist() == [1]
+    assert rising.first_locks(0.0, np.array([1.0 + zero, -2.0])).tolist() == [-1]
+    falling = region_of(throw(), (10.0, 1.0), orientation=(-1,))
+    assert falling.first_locks(0.0, np.array([1.0 + zero, -2.0])).tolist() == [1]
 
 
-@pytest.fixture(scope="module")
-def truth():
-    """Instants of touchdown and take-off, and the state at the end."""
-    g, k = HOPPER.gravity_m_s2, HOPPER.stiffness_n_m / HOPPER.mass_kg
-    fall, speed, omega = np.sqrt(2 / g), np.sqrt(2 * g), np.sqrt(k)
-    stance = 2 * np.arctan2(speed / omega, -g / k) / omega
-    hop = stance + 2 * fall
-    times = np.array([fall, fall + stance, fall + hop])
-    late = END - fall - hop - stance
-    return times, np.array([1 + speed * late - g * late**2 / 2, speed - g * late])
+def test_a_guard_at_rest_at_zero_is_not_crossed():
+    assert region_of(throw(), (10.0, 1.0)).first_locks(0.0, np.array([1.0, 0.0])).tolist() == [-1]
 
 
-def test_two_hops(truth):
-    times, end = truth
-    solution = hop(0.002)
-    assert solution.events.direction.tolist() == [-1, 1, -1, 1]
-    assert solution.events.time[:3] == pytest.approx(times, abs=1e-6)
-    assert solution.y_end == pytest.approx(end, abs=1e-5)
-    assert solution.t_end == END
-    assert (np.diff(solution.t) > 0).all()
-    assert solution.events.mode.ravel().tolist() == [-1, 1, -1, 1]
+def test_the_orientation_turns_events_and_mode():
+    region, y = region_of(octant(), orientation=(1, -1, 1)), np.array([0.1, 0.2, 0.3])
+    h, rates = region.events(0.0, y, np.array([1.0, 2.0, 3.0]), np.array([1, -1, -1]))
+    assert h.tolist() == [0.1, -0.2, -0.3]
+    assert rates.tolist() == [1.0, -2.0, -3.0]
+    assert region.mode(np.array([1, -1, -1])).tolist() == [1, 1, -1]
 
 
-def test_fourth_order(truth):
-    steps = 0.004 / 2.0 ** np.arange(4)
-    errors = [np.abs(hop(step).y_end - truth[1]).max() for step in steps]
-    assert np.log2(errors[0] / errors[-1]) / 3 > 3.0  # scatters with where events fall in steps
-    assert errors[-1] < 1e-6
-
-
-def test_it_ends_where_it_starts():
-    """As printed, `while t0 <= tf`, it would not."""
-    solution = hop(0.01, t_span=(0.5, 0.5))
-    assert solution.t.tolist() == [0.5]
-    assert solution.y_end.tolist() == list(START)
-    assert len(solution.events) == 0
-
-
-def test_from_rest_it_takes_more_than_a_step_at_a_time():
-    """The sign of a velocity that is zero is that of the acceleration."""
-    down, _ = regions()
-    assert heading(down, 0.0, np.array([2.0, 0.0]), 1) == -1
-    assert heading(down, 0.0, np.array([0.9, 0.0]), 1) == 1
-    flight = hop(0.05, t_span=(0.0, 0.4))
-    assert len(flight.t) < 20
-    assert flight.y_end == pytest.approx([2 - 9.81 * 0.08, -9.81 * 0.4], abs=1e-12)
-
-
-def test_in_equilibrium_it_ends():
-    balance = 1.0 - 9.81 / 1000
-    solution = hop(0.05, t_span=(0.0, 0.2), start=(balance, 0.0))
-    assert solution.t_end == 0.2
-    assert solution.y_end == pytest.approx([balance, 0.0], abs=1e-12)
-
-
-def test_the_tail_without_error_control_ruins_a_long_step(truth):
-    """With the maximum step of section 4.4.3, one second, the end is wrong by more than 5 m."""
-    assert np.abs(hop(1.0).y_end - truth[1]).max() > 5.0
-
-
-def test_a_step_over_apex_and_touchdown_loses_the_touchdown():
-    """Seen on the mesh alone, the velocity has changed sign when the leg is long on the floor."""
-    start, span = (1.01, 0.3), (0.0, 0.12)
-    solver = Stepping(RK45, {"rtol": 0.9, "atol": 1e9, "max_step": 0.12, "first_step": 0.12})
-    lost = integrate_alternating(*regions(), span, start, solver=solver)
-    seen = hop(0.001, t_span=span, start=start)
-    assert seen.events.direction.tolist() == [-1]
-    assert len(lost.events) == 0
+def test_what_cannot_be_done_is_said():
+    with pytest.raises(ValueError, match="on_event"):
+        region_of(ball())
+    for wrong in ((1,), (1, 0), (1, 1, 1)):
+        with pytest.raises(ValueError, match="orientation"):
+            region_of(ladder(2), orientation=wrong)
+    with pytest.raises(ValueError, match="root_finder"):
+        PrintedOptions(root_finder="newton")

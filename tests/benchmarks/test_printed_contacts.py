@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from hybrid_systems import ladder, ladder_solution
-
-from hopdata.hybrid.printed import PrintedOptions, region_of, resolve_contacts
-from hopdata.hybrid.printed.contacts import (
+from peers.printed_peer import (
     FINDERS,
+    PrintedOptions,
     closed_form,
     coefficients,
     hermite,
     heun3_step,
     illinois_root,
     impact_fractions,
+    region_of,
+    resolve_contacts,
     value,
 )
 

@@ -1,0 +1,15 @@
+# docker build -t hopdata . && docker run --rm -v "$PWD:/study" hopdata run config/monday.yaml
+# Versions are those of requirements.lock; nothing is fetched when it runs.
+FROM python:3.13-slim
+WORKDIR /build
+COPY requirements.lock requirements-build.lock ./
+RUN pip install --no-cache-dir --require-hashes --only-binary :all: -r requirements-build.lock \
+ && pip install --no-cache-dir --require-hashes --no-build-isolation -r requirements.lock
+COPY . .
+RUN pip install --no-cache-dir --no-build-isolation --no-deps . && rm -r /build
+# Machine code is compiled once, here, where whoever runs the image can read it.
+ENV NUMBA_CACHE_DIR=/opt/hopdata-code MPLCONFIGDIR=/tmp/matplotlib
+RUN python -c "from hopdata.hybrid import solve; from hopdata.scenes.small import VerticalHopper as V; v = V(mass_kg=1.0, stiffness_n_m=1e3); solve(v.system(), (0.0, 0.1), [2.0, 0.0], params=v.params)"
+WORKDIR /study
+ENTRYPOINT ["hopdata"]
+CMD ["--help"]

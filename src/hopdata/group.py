@@ -1,0 +1,220 @@
+"""A group: subjects in a table, each a study of its own, and a page of them all."""
+
+from __future__ import annotations
+
+import logging
+import re
+import traceback
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hopdata.arrays import pd
+from hopdata.errors import AnalysisError, ConfigError, HopdataError
+
+if TYPE_CHECKING:
+    from hopdata.analysis import Study
+
+NAME = "[A-Za-z0-9][A-Za-z0-9_-]{0,99}"
+NEEDED, KNOWN = ("subject", "file"), ("subject", "file", "recording", "session", "condition")
+#: What a member's row takes from its verdict.
+SIZES = (
+    "estimate",
+    "low",
+    "high",
+    "upper_bound",
+    "p_value",
+    "squared",
+    "squared_error",
+    "along_error",
+    "granted_squared",
+)
+
+logger = logging.getLogger("hopdata")
+
+
+def read_group(config: str | Path) -> dict[str, Any]:
+    """Read the configuration of a group, and its table of samples.
+
+    Parameters
+    ----------
+    config : path
+        A study's configuration with ``samples``, a tab-separated table, in place of ``recordings``.
+        The table has a row for each file: `subject`, `file` (empty: simulated) and any of
+        `condition`, `session` and `recording`; further columns are shown on the page. What has the
+        same subject and condition is one study.
+
+    Returns
+    -------
+    dict
+        ``study``, ``seed``, ``verdict`` (margin and confidence) and ``members``: by name the
+        subject, condition, further columns, and the configuration of its study. Seeds are children
+        of the group's by the member's name.
+
+    Raises
+    ------
+    ConfigError
+        If the configuration or the table is wrong.
+    """
+    from hopdata.config.loading import load_config, read_yaml
+    from hopdata.maps.draws import named_generator
+
+    content = {"figures": {"formats": ["svg"]}, **read_yaml(config)}  # all that a page shows
+    if "recordings" in content:
+        raise ConfigError(f"{config}: expected samples or recordings, found both")
+    file = Path(str(content.pop("samples")))
+    members: dict[str, Any] = {}
+    for line, row in enumerate(_rows(file), start=2):
+        name = "_".join(filter(None, (row["subject"], row.get("condition", ""))))
+        member = members.setdefault(
+            name,
+            {
+                "subject": row["subject"],
+                "condition": row.get("condition", ""),
+                "further": {key: text for key, text in row.items() if key not in KNOWN},
+                "config": {**content, "study": name, "recordings": []},
+            },
+        )
+        if not row["subject"]:
+            raise ConfigError(f"{file}, line {line}: subject: expected a name, found nothing")
+        recordings = member["config"]["recordings"]
+        parts = (row.get("session", ""), row.get("recording", ""))
+        recording = "_".join(filter(None, parts)) or f"recording{len(recordings) + 1}"
+        recordings.append({"name": recording, "file": row["file"] or None})
+    # A mistake in what is common to all is told once, before any job.
+    first = next(iter(members.values()))["config"]["recordings"]
+    whole = load_config({**content, "recordings": first}, files=[config], check_files=False)
+    for name, member in members.items():
+        seed = named_generator(whole["seed"], "group", name).integers(2**32)
+        member["config"]["seed"] = int(seed)
+    folded = [name.casefold() for name in members]
+    for name in members:
+        if not re.fullmatch(NAME, name) or folded.count(name.casefold()) > 1:
+            raise ConfigError(
+                f"{file}: subject, condition: expected names of letters, digits, _ and -, no two "
+                f"alike but for case, found '{name}'"
+            )
+    return {
+        "study": whole["study"],
+        "seed": whole["seed"],
+        "verdict": {key: whole["verdict"][key] for key in ("margin", "confidence")},
+        "members": members,
+    }
+
+
+def _rows(file: Path) -> list[dict[str, str]]:
+    """Read the table of samples, all as text."""
+    options: Any = {"sep": "\t", "dtype": str, "keep_default_na": False, "comment": "#"}
+    try:
+        table = pd.read_csv(file, **options)
+    except OSError as error:
+        raise ConfigError(
+            f"samples: {file}: expected a readable table, found: {error.strerror}"
+        ) from None
+    except ValueError as error:
+        raise ConfigError(
+            f"samples: {file}: expected a tab-separated table, found: {str(error).strip()}"
+        ) from None
+    missing = [name for name in NEEDED if name not in table]
+    if missing or table.empty:
+        found = ", ".join(map(str, table.columns)) or "nothing"
+        raise ConfigError(
+            f"samples: {file}: expected a row for each file with the columns "
+            f"{', '.join(NEEDED)}, found {len(table)} rows of {found}"
+        )
+    return [{str(k): str(v).strip() for k, v in row.items()} for row in table.to_dict("records")]
+
+
+def run_member(member: Mapping[str, Any], folder: Path, captions: Path) -> None:
+    """Do the study of a member: its results and page in `folder`, and its row in ``member.json``.
+
+    A study without an answer, for whatever reason but a lack of memory or disk, has that reason in
+    its row and on its page.
+    """
+    from hopdata.analysis import Study
+    from hopdata.config.loading import load_config
+    from hopdata.jobs import whole_file, write_json
+    from hopdata.report.inputs import ReportInputs
+    from hopdata.report.page import build_report
+
+    row: dict[str, Any] = {key: member[key] for key in ("subject", "condition", "further")}
+    name, reason = member["config"]["study"], ""
+    try:
+        study = Study(load_config(member["config"]))
+        verdict = study.verdict
+        if verdict.effect is None:
+            reason = "; ".join(note["reason"] for note in verdict.notes)
+        else:
+            row |= {key: getattr(verdict.effect, key) for key in SIZES}
+        study.save(folder)
+        page = _page(study, folder, captions)
+        checks = study.quality.to_dict("records")
+        row |= {"conclusion": verdict.conclusion, "landings": verdict.n_landings}
+        row["quality"] = [[check["what"], check["status"]] for check in checks]
+    except (OSError, MemoryError):
+        raise
+    except Exception as error:
+        if not isinstance(error, HopdataError):
+            logger.error("unexpected error\n%s", traceback.format_exc())
+        kind = "" if isinstance(error, HopdataError) else f"unexpected {type(error).__name__}: "
+        reason = kind + " ".join(str(error).split())
+        page = build_report(ReportInputs(study=name, notes=[f"No answer: {reason}"]))
+    write_json(folder / "member.json", {"name": name, **row, "reason": reason})
+    with whole_file(folder / "report.html") as temporary:
+        temporary.write_text(page, encoding="utf-8")
+
+
+def _page(study: Study, folder: Path, captions: Path) -> str:
+    from hopdata.provenance import provenance
+    from hopdata.report.inputs import ReportInputs, describe_recording, read_figures
+    from hopdata.report.page import build_report
+
+    tables: Any = study.tables
+    checks: Any = study.quality.to_dict("records")
+    return build_report(
+        ReportInputs(
+            study=study.config["study"],
+            figures=read_figures(sorted(folder.glob("figures/*.*")), sorted(captions.glob("*.md"))),
+            recordings=[describe_recording(one) for one in study.imported],
+            floors={name: floor.to_dict() for name, floor in study.floors.items()},
+            sections=study.sections.to_dict(),
+            units=study.units,
+            provenance=provenance(
+                study.config, {one.source: one.source_sha256 for one in study.imported}
+            ),
+            truth={},
+            verdict=study.verdict.to_dict(),
+            quality=checks,
+            prediction=tables["prediction_summary"],
+            distances=tables["distance_summary"],
+            touchdowns=tables["touchdowns"],
+            faults=tables["faults"],
+            remarks=tables["remarks"],
+        )
+    )
+
+
+def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the members' rows say together: ``group.json``.
+
+    Returns
+    -------
+    dict
+        ``sentence``, ``conclusion``, ``effect`` (see `GroupVerdict`; None with a reason in the
+        sentence), ``conditions`` (rows of `compare_conditions`) and ``members``.
+    """
+    from hopdata.maps.verdict.group import compare_conditions, judge_group
+
+    answered = pd.DataFrame([row for row in rows if not row["reason"]])
+    found: dict[str, Any] = {"study": group["study"], "margin": group["verdict"]["margin"]}
+    found |= {"members": list(rows), "conditions": []}
+    try:
+        if answered.empty:
+            raise AnalysisError("group: no subject has an answer")
+        effect = judge_group(answered, seed=group["seed"], **group["verdict"])
+    except AnalysisError as error:
+        return {"conclusion": "cannot tell", "sentence": f"{error}.", "effect": None, **found}
+    found["conditions"] = compare_conditions(answered).to_dict("records")
+    told = {"conclusion": effect.conclusion, "sentence": effect.sentence}
+    return {**told, "effect": asdict(effect), **found}

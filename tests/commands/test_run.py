@@ -1,0 +1,120 @@
+"""`hopdata run`, and the commands that look after what it leaves."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import hopdata
+from hopdata import __version__
+from hopdata.__main__ import COMMANDS, main
+from hopdata.commands.run import run_workflow
+
+CONFIG = "study: trial\nrecordings: []\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("config.yaml").write_text(CONFIG)
+    for study in ("trial", "other"):
+        Path("results", study).mkdir(parents=True)
+    return tmp_path
+
+
+def workflow(folder, rules):
+    path = folder / "Snakefile"
+    path.write_text(rules)
+    return path
+
+
+def test_progress_is_plain_lines_where_no_one_looks(folder, capfd):
+    rules = (
+        'rule all:\n    input: "a"\nrule a:\n    output: "a"\n    shell: "echo loud >&2; touch a"\n'
+    )
+    options = (Path("config.yaml"), "trial", "--cores", "1")
+    assert run_workflow(*options, snakefile=workflow(folder, rules)) == 0
+    lines = capfd.readouterr().err.splitlines()
+    assert lines[0].startswith("trial: 1 of 2 jobs done, about ")
+    assert lines[1:] == ["trial: 2 of 2 jobs done"]
+    assert "loud" in Path("results/trial/logs/run.log").read_text()
+
+
+def test_a_failure_names_its_line_and_the_log(folder, capfd):
+    rules = 'rule a:\n    output: "a"\n    shell: "echo hopdata: error: no feet >&2; exit 1"\n'
+    options = (Path("config.yaml"), "trial", "--cores", "1")
+    assert run_workflow(*options, snakefile=workflow(folder, rules)) == 1
+    lines = capfd.readouterr().err.splitlines()
+    assert "hopdata: error: no feet" in lines
+    assert lines[-1] == "hopdata: results/trial/logs/run.log: all that Snakemake said"
+    assert not Path("a").exists()
+
+
+def test_results_of_another_version_are_refused_by_name(folder, capsys):
+    record = {"config": {}, "inputs": {}, "versions": {"hopdata": "0.0.7"}}
+    Path("results/trial/provenance.json").write_text(json.dumps(record))
+    assert main(["run", "--from", "results/trial/provenance.json"]) == 1
+    assert (
+        f"expected results of hopdata {__version__}, found those of 0.0.7"
+        in capsys.readouterr().err
+    )
+
+
+@pytest.mark.parametrize("content", ["[]", "{}", "no JSON", '{"config": {}, "versions": 3}'])
+def test_another_file_is_no_provenance(folder, capsys, content):
+    Path("p.json").write_text(content)
+    assert main(["run", "--from", "p.json"]) == 1
+    assert "p.json: expected the provenance.json of a study" in capsys.readouterr().err
+
+
+def test_clean_removes_one_study_and_says_so(folder, capsys):
+    assert main(["clean", "config.yaml", "--dry-run"]) == 0
+    assert Path("results/trial").exists()
+    assert main(["clean", "config.yaml"]) == 0
+    assert "results/trial: removed" in capsys.readouterr().out
+    assert [one.name for one in Path("results").iterdir()] == ["other"]
+
+
+@pytest.mark.parametrize("study", ["..", "", "../trial", ".", "/tmp"])
+def test_clean_stays_within_the_results(folder, study):
+    Path("config.yaml").write_text(f"study: '{study}'\n")
+    assert main(["clean", "config.yaml"]) == 1
+    assert len(list(Path("results").iterdir())) == 2
+
+
+def test_clean_waits_for_a_run_and_for_a_name(folder, capsys):
+    assert main(["clean"]) == 1
+    assert "expected a CONFIG, or --all" in capsys.readouterr().err
+    Path(".snakemake/locks").mkdir(parents=True)
+    Path(".snakemake/locks/0.output.lock").touch()
+    assert main(["clean", "--all"]) == 1
+    assert Path("results/trial").exists()
+
+
+def test_doctor_says_what_there_is(folder, capsys):
+    assert main(["doctor"]) == 0
+    out = capsys.readouterr().out
+    for word in ("python", "numba", "cores", "memory", "compiled", "nothing is missing"):
+        assert word in out
+
+
+def test_doctor_names_a_lock(folder, capsys):
+    Path(".snakemake/locks").mkdir(parents=True)
+    Path(".snakemake/locks/0.output.lock").touch()
+    assert main(["doctor"]) == 1
+    assert "a run is at work here" in capsys.readouterr().out
+
+
+def test_a_shell_completes_every_command():
+    line = subprocess.run(
+        [sys.executable, "-m", "hopdata", "completion"],
+        env=os.environ | {"PYTHONPATH": str(Path(hopdata.__file__).parents[1])},
+        capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+    words = f'{line}\ncompgen -W "$(complete -p | sed "s/.*-W .\\(.*\\). .*/\\1/")" d'
+    found = subprocess.run(["bash", "-c", words], capture_output=True, text=True, check=False)
+    assert set(COMMANDS) <= set(line.split('"')[1].split())
+    assert "doctor" in found.stdout, found.stderr

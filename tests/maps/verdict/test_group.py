@@ -1,0 +1,84 @@
+"""The random-effects model of squared sizes, on made-up verdicts whose truth is known."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from hopdata.errors import AnalysisError
+from hopdata.maps.verdict.group import combine, compare_conditions, judge_group
+
+NOISE, ALONG = 0.15, 0.1
+DIRECTIONS = 20
+
+
+def studies(sizes, seed, condition="", left=0.0):
+    """Verdicts on subjects with these sizes: |b|^2 less what noise adds, and a kink in common."""
+    rng = np.random.default_rng(seed)
+    noise = NOISE / np.sqrt(DIRECTIONS)
+    kinks = noise * rng.standard_normal((len(sizes), DIRECTIONS))
+    kinks[:, 0] += sizes
+    kinks[:, 1] += left
+    return pd.DataFrame(
+        {
+            "subject": [f"s{n}" for n in range(len(sizes))],
+            "condition": condition,
+            "squared": (kinks**2).sum(axis=1) - NOISE**2,
+            "squared_error": NOISE**2 * np.sqrt(2.0 / DIRECTIONS),
+            "along_error": noise,
+            "granted_squared": left**2,
+        }
+    )
+
+
+def share(conclusion, size, left=0.0, count=60, subjects=8):
+    found = [judge_group(studies(np.full(subjects, size), seed, left=left), seed=seed)
+             for seed in range(count)]  # fmt: skip
+    return np.mean([one.conclusion == conclusion for one in found])
+
+
+def test_no_difference_is_seldom_called_one():
+    assert share("different", 0.0) <= 0.08
+
+
+def test_what_all_share_does_not_become_a_difference():
+    """A leftover of smooth terms is as large in each subject: no number of subjects removes it."""
+    assert share("different", 0.0, left=0.12, subjects=30) <= 0.08
+
+
+def test_a_difference_is_found_and_covered():
+    found = [judge_group(studies(np.full(8, 0.2), seed), seed=seed) for seed in range(60)]
+    assert np.mean([one.conclusion == "different" for one in found]) > 0.9
+    assert np.mean([one.low <= 0.2 <= one.high for one in found]) > 0.9
+
+
+def test_heterogeneity_is_told_from_noise():
+    mixed = judge_group(studies(np.tile([0.0, 0.5], 6), 1), seed=1).combined
+    alike = judge_group(studies(np.full(12, 0.2), 1), seed=1).combined
+    assert mixed.i2 > 0.8
+    assert mixed.q_p_value < 1e-6
+    assert alike.i2 < 0.5
+
+
+def test_a_single_outlier_does_not_rule_by_its_own_variance():
+    """Equal studies of another size have equal weight, so the mean is the plain one."""
+    table = studies(np.linspace(0.0, 0.4, 9), 3)
+    assert judge_group(table, seed=1).combined.mean == pytest.approx(table["squared"].mean())
+
+
+def test_conditions_are_compared_within_subjects():
+    base = np.linspace(0.1, 0.5, 10)  # subjects differ far more than conditions
+    rows = [studies(base, 1, "a"), studies(np.sqrt(base**2 + 0.15), 2, "b"), studies(base, 3, "c")]
+    table = compare_conditions(pd.concat(rows)).set_index(["condition_a", "condition_b"])
+    assert table.loc[("a", "b"), "difference"] == pytest.approx(-0.15, abs=0.05)
+    assert table.loc[("a", "b"), "p_holm"] < 0.01
+    assert table.loc[("a", "c"), "p_holm"] > 0.05
+
+
+def test_conditions_that_few_subjects_share_are_not_compared():
+    rows = [studies(np.full(2, 0.1), 1, "a"), studies(np.full(9, 0.1), 2, "b")]
+    assert compare_conditions(pd.concat(rows)).empty
+
+
+def test_too_few_subjects_are_refused():
+    with pytest.raises(AnalysisError, match="expected 3 subjects with an answer or more, found 2"):
+        combine(np.zeros(2), np.ones(2))

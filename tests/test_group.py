@@ -1,0 +1,128 @@
+"""A group of subjects: their table, a study of each, and the page of all."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hopdata.errors import ConfigError
+from hopdata.group import put_together, read_group
+
+ROOT = Path(__file__).parents[1]
+CONFIG = {
+    "study": "jumps",
+    "samples": "samples.tsv",
+    "markers": {"body": ["body1", "body2", "body3"], "feet": ["foot1", "foot2", "foot3"]},
+}
+
+
+@pytest.fixture
+def group(tmp_path, monkeypatch):
+    """What writes a table of samples beside a configuration, and reads both."""
+    monkeypatch.chdir(tmp_path)
+
+    def read(table, **keys):
+        Path("samples.tsv").write_text(table)
+        Path("group.yaml").write_text(yaml.safe_dump(CONFIG | keys))
+        return read_group("group.yaml")
+
+    return read
+
+
+def test_rows_of_a_subject_and_condition_are_one_study(group):
+    read = group(
+        "subject\tsession\tcondition\tfile\tmass\n"
+        "anna\t1\tbare\ta.h5\t60\nanna\t2\tbare\tb.h5\t60\nanna\t1\tshod\tc.h5\t60\nben\t1\tbare\td.h5\t\n"
+    )
+    members = read["members"]
+    assert list(members) == ["anna_bare", "anna_shod", "ben_bare"]
+    assert members["anna_bare"]["config"]["recordings"] == [
+        {"name": "1", "file": "a.h5"}, {"name": "2", "file": "b.h5"}
+    ]  # fmt: skip
+    assert members["anna_shod"]["further"] == {"mass": "60"}
+    seeds = {member["config"]["seed"] for member in members.values()}
+    assert len(seeds) == 3
+
+
+def test_a_subject_more_leaves_the_others_alone(group):
+    few = group("subject\tfile\nanna\ta.h5\nben\tb.h5\n")["members"]
+    more = group("subject\tfile\nzoe\tz.h5\nanna\ta.h5\nben\tb.h5\n")["members"]
+    assert {name: more[name] for name in few} == few
+
+
+@pytest.mark.parametrize(
+    ("table", "told"),
+    [
+        ("subject\tpath\nanna\ta.h5\n", "columns subject, file, found 1 rows of subject, path"),
+        ("subject\tfile\n", "found 0 rows"),
+        ("subject\tfile\n\ta.h5\n", "line 2: subject: expected a name"),
+        ("subject\tfile\nan na\ta.h5\n", "found 'an na'"),
+        ("subject\tfile\nanna\ta.h5\nAnna\tb.h5\n", "no two alike but for case, found 'anna'"),
+    ],
+)
+def test_a_wrong_table_is_refused(group, table, told):
+    with pytest.raises(ConfigError, match=re.escape(told)):
+        group(table)
+
+
+def test_a_mistake_common_to_all_is_told_once_with_its_line(group):
+    with pytest.raises(ConfigError, match=r"group\.yaml, line \d+: sections\.pre: "):
+        group("subject\tfile\nanna\ta.h5\nben\tb.h5\n", sections={"pre": 1})
+
+
+def row(subject, squared, reason=""):
+    sizes = {"squared": squared, "squared_error": 0.02, "along_error": 0.1, "granted_squared": 0.0}
+    return {"subject": subject, "condition": "", "further": {}, "reason": reason, **sizes}
+
+
+GROUP = {"study": "jumps", "seed": 1, "verdict": {"margin": 0.2, "confidence": 0.95}}
+
+
+def test_those_without_an_answer_are_listed_and_not_counted():
+    rows = [*(row(f"s{n}", 0.1 + 0.001 * n) for n in range(5)), row("s9", 9.0, "no feet")]
+    found = put_together(rows, GROUP)
+    assert found["effect"]["combined"]["n"] == 5
+    assert found["conclusion"] == "different"
+    assert len(found["members"]) == 6
+
+
+@pytest.mark.parametrize("rows", [[], [row("a", 0.1), row("b", 0.1)]])
+def test_too_few_answers_are_no_answer(rows):
+    rows = [*rows, row("c", 0.1, "no file")]
+    found = put_together(rows, GROUP)
+    assert found["effect"] is None
+    assert "cannot tell" in found["conclusion"]
+
+
+@pytest.mark.workflow
+def test_a_group_runs_to_its_page(tmp_path):
+    """One subject's file is missing, another's is no recording: the others have their answer."""
+    sample = ROOT / "data/sample/hopper.h5"
+    (tmp_path / "broken.h5").write_bytes(b"no recording")
+    table = f"subject\tfile\tkind\nanna\t{sample}\thopper\nben\tgone.h5\t\ncara\tbroken.h5\t\n"
+    (tmp_path / "samples.tsv").write_text(table)
+    config = CONFIG | {"figures": {"formats": ["svg"]}, "study": "trio"}
+    (tmp_path / "group.yaml").write_text(yaml.safe_dump(config))
+    result = subprocess.run(
+        [sys.executable, "-m", "hopdata", "run", "group.yaml", "--cores", "1"],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
+        capture_output=True, text=True, check=False, timeout=600,
+    )  # fmt: skip
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.splitlines()[-1] == "results/trio/group.html"
+    assert "4 of 4 jobs done" in result.stderr
+    found = json.loads((tmp_path / "results/trio/group.json").read_text())
+    reasons = {row["subject"]: row["reason"] for row in found["members"]}
+    assert reasons["anna"] == ""
+    assert "gone.h5" in reasons["ben"]
+    assert "broken.h5" in reasons["cara"]
+    page = (tmp_path / "results/trio/group.html").read_text()
+    for name, reason in reasons.items():
+        assert f'href="members/{name}/report.html"' in page
+        assert (tmp_path / f"results/trio/members/{name}/report.html").exists()
+        assert reason.split(";")[0].split("'")[0] in page

@@ -1,0 +1,76 @@
+"""A group: each subject a study of its own, one job; then all of them on a page.
+
+snakemake --cores 2 --snakefile workflow/group.smk --configfile config/group.yaml
+"""
+
+import os
+import sys
+from pathlib import Path
+
+from hopdata.config.consistency import files_of
+from hopdata.errors import HopdataError
+from hopdata.group import read_group
+from hopdata.provenance import code_digest
+
+try:
+    GROUP = read_group(*workflow.overwrite_configfiles)
+except HopdataError as error:
+    sys.exit(f"hopdata: error: {error}")
+
+RESULTS = f"results/{GROUP['study']}"
+MEMBERS = GROUP["members"]
+HERE = Path(os.path.relpath(workflow.current_basedir.get_path_or_uri(secret_free=True)))
+
+
+def files(member):
+    """Files of a member that are there; what is not is its study's to say."""
+    recordings = MEMBERS[member]["config"]["recordings"]
+    return [file for one in recordings for file in files_of(one) if os.path.exists(file)]
+
+
+def memory(wildcards, input, attempt):
+    return (1000 + int(60 * input.size_mb)) * 2 ** (attempt - 1)
+
+
+wildcard_constraints:
+    member="|".join(MEMBERS),
+
+
+rule group:
+    """All members on one page."""
+    default_target: True
+    input:
+        members=expand(f"{RESULTS}/members/{{member}}/member.json", member=MEMBERS),
+        captions=HERE / "captions" / "group.md",
+    output:
+        page=f"{RESULTS}/group.html",
+        answer=f"{RESULTS}/group.json",
+        table=f"{RESULTS}/tables/group.csv",
+        figure=f"{RESULTS}/figures/group.svg",
+    log:
+        f"{RESULTS}/logs/group.log",
+    params:
+        group={key: value for key, value in GROUP.items() if key != "members"},
+        code=lambda wildcards: code_digest(HERE / "scripts" / "group.py"),
+    script:
+        "scripts/group.py"
+
+
+rule member:
+    """The study of one subject in one condition, from its files to its page."""
+    input:
+        files=lambda wildcards: files(wildcards.member),
+        captions=HERE / "captions",
+    output:
+        row=f"{RESULTS}/members/{{member}}/member.json",
+        page=f"{RESULTS}/members/{{member}}/report.html",
+    log:
+        f"{RESULTS}/logs/{{member}}.log",
+    resources:
+        mem_mb=memory,
+        runtime=lambda wildcards, attempt: 30 * attempt,
+    params:
+        member=lambda wildcards: MEMBERS[wildcards.member],
+        code=lambda wildcards: code_digest(HERE / "scripts" / "member.py"),
+    script:
+        "scripts/member.py"

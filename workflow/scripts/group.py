@@ -1,0 +1,23 @@
+"""Put the members of a group on one page."""
+
+from pathlib import Path
+
+from hopdata.arrays import pd
+from hopdata.figures.group import group_figure
+from hopdata.figures.style import save_figure
+from hopdata.group import put_together
+from hopdata.jobs import read_json, reported, whole_file, write_json, write_table
+from hopdata.report.group import build_group_page
+from hopdata.report.inputs import read_figures
+
+with reported(snakemake.log[0]):
+    rows = [read_json(path) for path in snakemake.input.members]
+    group = put_together(rows, snakemake.params.group)
+    flat = [{**row, **row["further"]} for row in rows]
+    table = pd.DataFrame(flat).drop(columns=["further", "quality"], errors="ignore")
+    write_table(snakemake.output.table, table)
+    write_json(snakemake.output.answer, group)
+    save_figure(group_figure(group), Path(snakemake.output.figure).with_suffix(""), formats=["svg"])
+    figures = read_figures([snakemake.output.figure], [snakemake.input.captions])
+    with whole_file(snakemake.output.page) as temporary:
+        temporary.write_text(build_group_page(group, figures), encoding="utf-8")
