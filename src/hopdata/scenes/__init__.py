@@ -7,6 +7,7 @@ examples of the integrator.
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.metadata import entry_points
 from typing import TYPE_CHECKING
 
 from hopdata.errors import require_choice
@@ -15,10 +16,12 @@ if TYPE_CHECKING:
     from hopdata.scenes.scene import Scene
 
 #: Name in the configuration -> class of the parameters. Loaded when asked for: compilers are slow.
+#: Those of installed packages (``hopdata.scenes``) are found by their entry points.
 SCENES = {
     "hopper": "hopdata.scenes.hopper_parameters:HopperParameters",
     "quadruped": "hopdata.scenes.quadruped:Quadruped",
 }
+SCENES = {e.name: e.value for e in entry_points(group="hopdata.scenes")} | SCENES
 STANDARD = "hopper"
 
 

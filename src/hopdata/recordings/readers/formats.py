@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +29,16 @@ TEXTS, HDF5 = (".tsv", ".txt", ".csv"), (".h5", ".hdf5")
 SUFFIXES = (*TEXTS, ".mat", ".c3d", ".trc", *HDF5)
 
 
+@cache
+def _others() -> dict[str, EntryPoint]:
+    """Return the readers of installed packages (``hopdata.readers``) by their suffix."""
+    found = {one.name: one for one in entry_points(group="hopdata.readers")}
+    return {suffix: one for suffix, one in found.items() if suffix not in SUFFIXES}
+
+
 def suffixes() -> tuple[str, ...]:
     """File suffixes that can be read."""
-    return SUFFIXES
+    return (*SUFFIXES, *_others())
 
 
 def read_raw(
@@ -58,9 +67,9 @@ def read_raw(
         If there is no such file or no reader for it, or if the reader finds a fault.
     """
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES:
+    if path.suffix.lower() not in suffixes():
         raise RecordingError(
-            f"{path}: format: expected a file ending in {', '.join(SUFFIXES)}, "
+            f"{path}: format: expected a file ending in {', '.join(suffixes())}, "
             f"found '{path.suffix}'"
         )
     require_file(path)
@@ -73,6 +82,9 @@ def read_raw(
 
 def _read(path: Path, rate_hz: float | None, most_mb: float, least_score: float) -> RawRecording:
     suffix = path.suffix.lower()
+    if suffix in _others():
+        raw: RawRecording = _others()[suffix].load()(path, rate_hz)
+        return raw
     if suffix == ".c3d":
         from hopdata.recordings.readers.c3d import read_c3d
 

@@ -1,0 +1,32 @@
+"""A package of one's own brings a reader and a scene, which hopdata finds once it is installed."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[1] / "docs/examples/own_package"
+USED = """
+import numpy as np, hopdata as hd
+
+
+time = np.arange(50) / 100
+np.savez("a.npz", time=time, positions=np.random.rand(50, 4, 3), markers=["a", "b", "c", "d"])
+recording = hd.read("a.npz", feet=["a"], body=["b"])
+assert abs(recording.rate_hz - 100) < 1e-6
+made, truth = hd.synthesize("stiff_quadruped", simulation={"hops": 2})
+assert len(made.names("foot")) == 4
+assert '"side_stiffness_n_m": 90.0' in truth.parameters_json
+"""
+
+
+def test_the_example_is_installed_and_found(tmp_path):
+    pip = (sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps")
+    where = ("--no-build-isolation", "--target", str(tmp_path), str(PACKAGE))
+    subprocess.run([*pip, *where], check=True)
+    paths = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+    command = [sys.executable, "-c", USED]
+    subprocess.run(command, check=True, cwd=tmp_path, env=os.environ | {"PYTHONPATH": paths})
+    command[-1] = "import hopdata as hd; hd.synthesize('stiff_quadruped')"
+    without = subprocess.run(command, check=False, cwd=tmp_path.parent, capture_output=True)
+    assert b"simulation.scene" in without.stderr  # not without the package
