@@ -394,25 +394,25 @@ class Study:
     def _landings(self) -> tuple[pd.DataFrame, Pairs, Contents]:
         """Touchdowns, pairs and units: a touchdown without a state is excluded."""
         from hopdata.jobs import as_stored, stacked
-        from hopdata.landings.filling import mark_filled
         from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
-        from hopdata.landings.touchdowns import left_out, touchdown_table
+        from hopdata.landings.touchdowns import touchdown_tables
         from hopdata.maps.units import choose_units
 
-        config, heights, tables = self.config, self.sections, list[Any]()
+        config, heights = self.config, self.sections
         self.progress("touchdowns")
         places: Contents = {
             "pre_height_m": heights.pre_height_m,
             "post_height_m": heights.post_height_m,
         }
-        largest_share = config["filling"]["largest_share"]
-        for recording, entry in zip(self.recordings, config["recordings"], strict=True):
-            found = touchdown_table(
-                recording, landings=self.contacts[recording.name], **places, **config["touchdowns"]
-            )
-            found = mark_filled(recording, found, largest_share=largest_share)
-            tables.append(as_stored(left_out(found, entry["exclude"])))
-        table = stacked(tables)
+        exclude = [entry["exclude"] for entry in config["recordings"]]
+        share = {"largest_share": config["filling"]["largest_share"]}
+        how = {**places, **config["touchdowns"], **share}
+            **places,
+            **config["touchdowns"],
+            "largest_share": config["filling"]["largest_share"],
+        }
+        found = touchdown_tables(self.recordings, self.contacts, exclude, **how)
+        table = stacked([as_stored(one) for one in found])
         self.progress("states at the sections")
         pairs = assemble_pairs(
             self.recordings,

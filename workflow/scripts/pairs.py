@@ -1,15 +1,13 @@
 """Sections of a study, touchdowns between them, states at both in home frames, and the units."""
 
-from itertools import product
 from pathlib import Path
 
 from hopdata.jobs import read_table, read_tables, reported, write_json, write_table
 from hopdata.landings.contacts.velocity_minimum import example_touchdown
-from hopdata.landings.filling import mark_filled
 from hopdata.landings.sections.select import section_densities, section_frames, select_sections
 from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
 from hopdata.landings.states.pairs import write_pairs
-from hopdata.landings.touchdowns import left_out, touchdown_table
+from hopdata.landings.touchdowns import touchdown_tables
 from hopdata.maps.units import choose_units
 from hopdata.recording import require_distinct
 from hopdata.recordings.readers.hdf5 import read_recording
@@ -25,14 +23,13 @@ with reported(snakemake.log[0]):
     write_table(target.densities, section_densities(recordings, sections, nodes=params.nodes))
     write_table(target.frames, section_frames(recordings))
     heights = {"pre_height_m": sections.pre_height_m, "post_height_m": sections.post_height_m}
-    each = product(params.methods, zip(recordings, params.exclude, strict=True))
-    for path, (method, (one, spans)) in zip(target.labelled, each, strict=True):
-        options = {**params.touchdowns, **heights, "method": method}
-        table = touchdown_table(one, landings=landings[one.name], **options)
-        table = mark_filled(one, table, largest_share=params.largest_share)
-        write_table(path, left_out(table, spans))
-    method, rest = params.touchdowns["method"], {"ambiguous": params.touchdowns["ambiguous"]}
-    table = read_tables(path for path in target.labelled if Path(path).parent.name == method)
+    paths, how = iter(target.labelled), {**params.touchdowns, **heights}
+    for method in params.methods:
+        tables = touchdown_tables(recordings, landings, params.exclude, **{**how, "method": method})
+        for table in tables:
+            write_table(next(paths), table)
+    mine = [one for one in target.labelled if Path(one).parent.name == how["method"]]
+    table, rest = read_tables(mine), {"ambiguous": how["ambiguous"]}
     pairs = assemble_pairs(recordings, table, **params.home, **heights, **params.states, **rest)
     units = choose_units(pairs.x, pairs.y, **params.units)
     pairs = pairs.with_units(units.length_unit_m, units.time_unit_s)

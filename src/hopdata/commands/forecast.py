@@ -19,7 +19,7 @@ from hopdata.config.consistency import feet_of
 from hopdata.errors import AnalysisError
 from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.contacts.joined import join_feet
-from hopdata.landings.filling import TOO_MUCH_FILLED, fill_gaps, mark_filled
+from hopdata.landings.filling import TOO_MUCH_FILLED, fill_gaps
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.schedules import AMBIGUOUS
 from hopdata.landings.sections.select import select_sections
@@ -28,8 +28,7 @@ from hopdata.landings.touchdowns import (
     HIDDEN_PRE,
     LOW_FLIGHT,
     NO_FOOT_LANDED,
-    left_out,
-    touchdown_table,
+    touchdown_tables,
 )
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import landings_needed
@@ -153,13 +152,9 @@ def foretell(config: Mapping[str, Any], recordings: Sequence[Recording]) -> Fore
         "post_height_m": chosen.post_height_m,
     }
     spans = {entry["name"]: entry["exclude"] for entry in config["recordings"]}
-    tables = []
-    for part in ready:
-        found = landings[part.name]
-        table = touchdown_table(part, landings=found, **sections, **config["touchdowns"])
-        table = mark_filled(part, table, largest_share=config["filling"]["largest_share"])
-        tables.append(left_out(table, spans[part.name]))
-    touchdowns = pd.concat(tables, ignore_index=True)
+    excluded = [spans[part.name] for part in ready]
+    how = {**sections, **config["touchdowns"], "largest_share": config["filling"]["largest_share"]}
+    touchdowns = pd.concat(touchdown_tables(ready, landings, excluded, **how), ignore_index=True)
     options = {**config["states"], "home_marker": config["home"]["marker"], **sections}
     ambiguous = config["touchdowns"]["ambiguous"]
     try:

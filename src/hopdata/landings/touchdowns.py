@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from hopdata.landings.contacts.find import (
     find_landings,
     usual_down_height,
 )
+from hopdata.landings.filling import mark_filled
 from hopdata.recording import Recording
 
 # Why a touchdown is left out: what was not seen of the body, or of a foot.
@@ -155,6 +156,32 @@ def touchdown_table(
     table["t_pre_s"] = table["t_pre_s"].where(np.isfinite(transitions.t_pre), spans[:, 0])
     table = table[through | landed].reset_index(drop=True)
     return table.assign(index=np.arange(len(table)))
+
+
+def touchdown_tables(
+    recordings: Iterable[Recording],
+    landings: Mapping[str, pd.DataFrame],
+    exclude: Iterable[Sequence[Mapping[str, Any]]],
+    *,
+    largest_share: float,
+    **options: Any,
+) -> Iterator[pd.DataFrame]:
+    """Yield the touchdowns of each recording, less those filled too much or left out by hand.
+
+    Parameters
+    ----------
+    recordings, landings
+        Levelled recordings, and their landings by name, as from `find_landings`.
+    exclude
+        Of each recording, see `left_out`.
+    largest_share
+        See `mark_filled`.
+    **options
+        Sections and all else of `touchdown_table`.
+    """
+    for recording, entries in zip(recordings, exclude, strict=True):
+        table = touchdown_table(recording, landings=landings[recording.name], **options)
+        yield left_out(mark_filled(recording, table, largest_share=largest_share), entries)
 
 
 def left_out(table: pd.DataFrame, entries: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
