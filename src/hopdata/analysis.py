@@ -408,10 +408,6 @@ class Study:
         share = {"largest_share": config["filling"]["largest_share"]}
         how = {**places, **config["touchdowns"], **share}
             **places,
-            **config["touchdowns"],
-            "largest_share": config["filling"]["largest_share"],
-        }
-        found = touchdown_tables(self.recordings, self.contacts, exclude, **how)
         table = stacked([as_stored(one) for one in found])
         self.progress("states at the sections")
         pairs = assemble_pairs(
