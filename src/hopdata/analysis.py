@@ -407,7 +407,7 @@ class Study:
         exclude = [entry["exclude"] for entry in config["recordings"]]
         share = {"largest_share": config["filling"]["largest_share"]}
         how = {**places, **config["touchdowns"], **share}
-            **places,
+        found = touchdown_tables(self.recordings, self.contacts, exclude, **how)
         table = stacked([as_stored(one) for one in found])
         self.progress("states at the sections")
         pairs = assemble_pairs(
