@@ -35,7 +35,7 @@ from hopdata.maps.verdict.effect import landings_needed
 from hopdata.recording import Recording, fraction_seen
 
 FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
-MOST_FRAMES = 60_000  # looked at; of longer studies the middle of each recording
+MOST_FRAMES = 120_000  # looked at; of longer studies the middle of each recording
 LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
 #: The bound of a study without a difference is some 0.75 to 1 of what it detects.
 BOUND_SHARE = 0.75
@@ -252,7 +252,7 @@ def _changes(
             f"record more: about {needed} landings are wanted for verdict.margin, some "
             f"{minutes:.2g} minutes more at this pace"
         )
-    if "orders" in forecast.reason or "no two feet" in forecast.reason:
+    if "contact order" in forecast.reason or "no two feet" in forecast.reason:
         changes.append(
             "vary how the body lands (push, tilt, speed) until other feet come first, or name feet "
             "that do: maps of one contact order cannot be compared"

@@ -147,4 +147,4 @@ def _order_text(touchdown: Mapping[str, Any]) -> str:
     if probability is None or not np.isfinite(float(probability)):
         return text.strip()
     value = float(probability)
-    return f"{text}(p > 0.999)" if value > 0.999 else f"{text}(p = {value:.3f})"
+    return f"{text}({'> 99.9' if value > 0.999 else f'{100 * value:.3g}'} % sure)"

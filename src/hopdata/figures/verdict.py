@@ -125,11 +125,11 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     _write(axes, f"smaller than {margin:g} %\ncounts as none", (margin, 1.7), -3, style.INK, top)
     words = "nothing could have been seen"
     if seen < top:
-        words = f"would be seen in {power} of studies"
+        words = f"a difference from here on\nis found in {power} of studies"
         axes.plot([seen, top], [0.35, 0.35], color=style.PURPLE, linewidth=1.2)
         axes.plot(seen, 0.35, "|", color=style.PURPLE, markersize=8, markeredgewidth=1.5)
         axes.plot(top, 0.35, ">", color=style.PURPLE, markersize=4, clip_on=False)
-    _write(axes, words, (min(seen, top), 0.35), -11, style.PURPLE, top)
+    _write(axes, words, (min(seen, top), 0.35), -13, style.PURPLE, top)
     axes.set_ylim(0.0, 2.15)
     axes.set_xlim(0.0, top)
     axes.set_yticks([])
