@@ -490,7 +490,6 @@ class Study:
         recordings, sections, touchdowns = self.recordings, self.sections, self.touchdowns
         self.progress("quality")
         inspected = recording_tables(as_stored(one) for one in self.imported)
-        worst = stability.worst_landings(self.touchdowns, self.config["report"]["worst_landings"])
         return {
             "markers": inspected["markers"],
             "gap_times": inspected["gaps"],
@@ -505,8 +504,6 @@ class Study:
                 recordings, sections, self._section_options, self.contacts
             ),
             "drift": stability.drift_table(recordings, touchdowns),
-            "worst_landings": worst,
-            "worst_landing_samples": stability.landing_samples(recordings, worst),
         }
 
     @cached_property

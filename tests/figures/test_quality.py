@@ -8,7 +8,6 @@ from hopdata.figures.quality import (
     gap_timeline_figure,
     recording_gaps_figure,
     stability_figure,
-    worst_landings_figure,
 )
 
 MARKERS = ("hip1", "hip2", "toe1", "toe2")
@@ -106,45 +105,6 @@ def test_a_variant_without_sections_says_none():
 def test_no_drift_to_show_is_no_error():
     figure = stability_figure(stability(), drift(0))
     assert text_faults(figure) == []
-
-
-def landings(n, feet=("left", "right")):
-    rows, samples = [], []
-    for k in range(n):
-        row = {"landing": k + 1, "why": "excluded (8 times): foot 1 not down by the post section"}
-        row |= {"recording": "hopper", "index": 37 * k, "t_pre_s": 1.0, "t_post_s": 1.1}
-        row |= {f"contact_{foot}_s": 1.05 + 0.01 * i for i, foot in enumerate(feet)}
-        rows.append(row)
-        times = np.arange(-6, 17) * 0.01
-        for foot in feet:
-            height = np.maximum(0.1 - 2 * (times + 0.01), 0.0)
-            samples.append(
-                pd.DataFrame({"landing": k + 1, "foot": foot, "time_s": times, "height_m": height})
-            )
-    return pd.DataFrame(rows), pd.concat(samples)
-
-
-@pytest.mark.parametrize("n", [1, 2, 3, 5, 12])
-def test_a_panel_for_each_landing(n):
-    figure = worst_landings_figure(*landings(n))
-    shown = [axes for axes in figure.axes if axes.get_visible()]
-    assert len(shown) == n
-    assert "descent 0" in shown[0].get_title(loc="left")
-    labelled = [axes for axes in shown if axes.get_xlabel()]
-    assert len(labelled) == min(n, 3)
-    assert text_faults(figure) == []
-
-
-def test_a_landing_without_end_or_contact_is_drawn():
-    table, samples = landings(1)
-    table.loc[0, ["t_post_s", "contact_left_s"]] = np.nan
-    assert text_faults(worst_landings_figure(table, samples)) == []
-
-
-def test_no_landing_is_said_in_words():
-    table, samples = landings(1)
-    figure = worst_landings_figure(table.head(0), samples.head(0))
-    assert figure.texts[0].get_text() == "No landing to show."
 
 
 @pytest.mark.parametrize("recordings", [1, 4])

@@ -66,9 +66,6 @@ FIGURES: dict[str, dict[str, Drawing]] = {
             "schedule:example_figure", _table("example_touchdown", "touchdowns")
         ),
         "stability": Drawing("quality:stability_figure", _table("section_stability", "drift")),
-        "worst_landings": Drawing(
-            "quality:worst_landings_figure", _table("worst_landings", "worst_landing_samples")
-        ),
         "recording_gaps": Drawing(
             "quality:recording_gaps_figure", _table("markers", "gap_times", "faults")
         ),
@@ -86,7 +83,6 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         ),
     },
     "truth": {
-        "map_errors": Drawing("maps:map_errors_figure", _table("map_errors")),
         "scaling_study": Drawing("maps:scaling_study_figure", _table("scaling_study")),
     },
     "overlay": {

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from textwrap import fill, wrap
+from collections.abc import Sequence
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -217,62 +217,3 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
     axes.set_xlabel("median of a part from that of all\n(in spreads between touchdowns)")
     if 0 < len(parts) <= MOST_IN_LEGEND:
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(parts), 2))
-
-
-# Thumbnails of the landings that deserve a look.
-
-ACROSS = 3
-TITLE_WIDTH = 40
-
-
-@style.styled
-def worst_landings_figure(landings: pd.DataFrame, samples: pd.DataFrame) -> Figure:
-    """Draw foot heights and contacts of each landing.
-
-    Parameters
-    ----------
-    landings : DataFrame
-        ``landing, why, recording, index, t_pre_s, t_post_s``, ``contact_<foot>_s`` and
-        ``se_<foot>_s`` of each foot.
-    samples : DataFrame
-        ``landing, foot, time_s`` (from the pre section), ``height_m``.
-    """
-    if landings.empty:
-        return style.message_figure("No landing to show.")
-    rows = -(-len(landings) // ACROSS)
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 12.0 + 38.0 * rows)
-    grid = figure.subplots(rows, ACROSS, squeeze=False)
-    feet = list(dict.fromkeys(samples["foot"]))
-    for axes, row in zip(grid.flat, landings.to_dict("records"), strict=False):
-        own = samples[samples["landing"] == row["landing"]]
-        _draw(axes, {str(key): value for key, value in row.items()}, own, feet)
-    for axes in grid.flat[len(landings) :]:
-        axes.set_visible(False)
-    for axes in grid[:, 0]:
-        axes.set_ylabel("foot height (mm)")
-    for k in range(min(ACROSS, len(landings))):  # below the last of each column
-        lowest = grid[min(rows - 1, (len(landings) - 1 - k) // ACROSS), k]
-        lowest.set_xlabel("time after the pre section (ms)")
-    named = grid[0, 0].get_legend_handles_labels()
-    figure.legend(*named, loc="outside lower center", ncols=len(feet))
-    return figure
-
-
-def _draw(axes: Axes, row: Mapping[str, Any], samples: pd.DataFrame, feet: list[str]) -> None:
-    for number, foot in enumerate(feet):
-        own = samples[samples["foot"] == foot]
-        line = style.foot_line(number)
-        axes.plot(
-            1e3 * own["time_s"], 1e3 * own["height_m"], marker="o", markersize=1.6, linewidth=0.8,
-            label=style.label_of(foot), **line,
-        )  # fmt: skip
-        contact = 1e3 * (float(row[f"contact_{foot}_s"]) - float(row["t_pre_s"]))
-        if np.isfinite(contact):
-            axes.axvline(contact, linewidth=0.7, **line)
-    end = 1e3 * (float(row["t_post_s"]) - float(row["t_pre_s"]))
-    if np.isfinite(end):
-        axes.axvspan(0.0, end, color=style.YELLOW, alpha=0.25, linewidth=0, zorder=0)
-    else:
-        axes.axvline(0.0, color=style.YELLOW, linewidth=2.0, zorder=0)
-    title = f"{row['recording']}, descent {int(row['index'])}: {row['why']}"
-    axes.set_title(fill(title, TITLE_WIDTH), loc="left", fontsize=style.pt(6))

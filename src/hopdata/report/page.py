@@ -187,9 +187,7 @@ PLACES = {
     "contact_overlay": "overlay",
     "map_matrices": "prediction",
     "stability": "quality",
-    "worst_landings": "quality",
     GAPS: "quality",
-    "map_errors": "truth",
     "scaling_study": "truth",
 }
 
