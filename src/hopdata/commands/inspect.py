@@ -16,8 +16,6 @@ from hopdata.report.formatting import Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from hopdata.recordings.quality.inspection import Inspection
 
 
@@ -134,15 +132,19 @@ def _timeline(
     import pandas as pd
 
     from hopdata.figures.catalogue import FORMATS
-    from hopdata.figures.quality import gap_timeline_figure
+    from hopdata.figures.quality import recording_gaps_figure
     from hopdata.figures.style import style_context
 
     time = inspection.time - inspection.time[0]
+    columns = ["recording", "marker", "start_s", "stop_s"]
     stretches = [(g.marker, *stretch) for g in inspection.gaps for stretch in g.stretches]
-    rows = [(name, time[start], time[min(stop, len(time) - 1)]) for name, start, stop in stretches]
-    gaps = pd.DataFrame(rows, columns=["marker", "start_s", "stop_s"])
-    figure = gap_timeline_figure(
-        gaps, _signs(found), markers=inspection.markers, duration_s=inspection.duration_s
+    gaps = [("", name, time[a], time[min(b, len(time) - 1)]) for name, a, b in stretches]
+    faults = [("", name, s.time_s, s.kind) for s in found for name in (s.markers or ("",))]
+    markers = {"recording": "", "marker": inspection.markers, "duration_s": inspection.duration_s}
+    figure = recording_gaps_figure(
+        pd.DataFrame(markers),
+        pd.DataFrame(gaps, columns=columns),
+        pd.DataFrame(faults, columns=[*columns[:3], "kind"]),
     )
     buffer = io.BytesIO()
     with style_context():
@@ -150,13 +152,6 @@ def _timeline(
     return buffer.getvalue(), tuple(
         x for axes in figure.axes for x in axes.get_position().intervalx
     )
-
-
-def _signs(found: list[terminal.Suspect]) -> pd.DataFrame:
-    import pandas as pd
-
-    rows = [(name, s.kind, s.time_s) for s in found for name in (s.markers or ("",))]
-    return pd.DataFrame(rows, columns=["marker", "kind", "time_s"])
 
 
 def _suspect_table(found: list[terminal.Suspect]) -> Table:
