@@ -16,7 +16,7 @@ from hopdata.report.formatting import Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 if TYPE_CHECKING:
-    from hopdata.recordings.quality.inspection import Inspection
+    from hopdata.recordings.quality.inspection import Inspection, Suspect
 
 
 def inspect(options: argparse.Namespace) -> int:
@@ -93,7 +93,7 @@ CAPTION = (
 
 def inspection_html(inspection: Inspection, file: str) -> str:
     """Write the page on one recording."""
-    found = terminal.suspects(inspection)
+    found = inspection.suspects()
     image, ends = _timeline(inspection, found)
     figure = ReportFigure("seen", image, "image/svg+xml", CAPTION)
     return rendered(
@@ -125,9 +125,7 @@ def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
     ]
 
 
-def _timeline(
-    inspection: Inspection, found: list[terminal.Suspect]
-) -> tuple[bytes, tuple[float, ...]]:
+def _timeline(inspection: Inspection, found: list[Suspect]) -> tuple[bytes, tuple[float, ...]]:
     """Draw the picture as SVG, and say between which shares of its width its time axis runs."""
     import pandas as pd
 
@@ -154,8 +152,8 @@ def _timeline(
     )
 
 
-def _suspect_table(found: list[terminal.Suspect]) -> Table:
-    rows = tuple((s.kind, s.text, f"{s.frame}", f"{s.time_s:.3f}") for s in found)
+def _suspect_table(found: list[Suspect]) -> Table:
+    rows = tuple((s.kind, s.text, f"{s.start + 1}", f"{s.time_s:.3f}") for s in found)
     head = ("kind", "what", "frame", "time (s)")
     return Table("What looks wrong", head, rows, text_columns=2, note="Frames count from 1.")
 

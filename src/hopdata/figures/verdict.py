@@ -106,12 +106,11 @@ def _end(conclusion: str, effect: Mapping[str, Any]) -> float:
 def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     """Draw what is known of the difference above an axis that begins at none."""
     effect = verdict["effect"]
-    answer, colour = ANSWERS[verdict["conclusion"]]
+    colour = ANSWERS[verdict["conclusion"]][1]
     margin, seen = 100.0 * verdict["margin"], 100.0 * effect["detectable"]
     low, end = 100.0 * effect["low"], 100.0 * _end(verdict["conclusion"], effect)
     sure, power = (f"{100 * float(verdict[key]):g} %" for key in ("confidence", "power"))
-    title = f"{answer}: {_in_numbers(verdict)}"
-    axes.set_title(title, color=colour, fontsize=style.pt(10), fontweight="bold")
+    axes.set_title(in_short(verdict), color=colour, fontsize=style.pt(10), fontweight="bold")
     axes.plot([low, min(end, top)], [1.0, 1.0], color=colour, linewidth=7, solid_capstyle="butt")
     if end > top:
         axes.plot(top, 1.0, ">", color=colour, markersize=9, clip_on=False)
@@ -145,14 +144,20 @@ def _write(
     style.note(axes, words, at, (3 if left else -3, above), fontsize=7, **look)
 
 
-def _in_numbers(verdict: Mapping[str, Any]) -> str:
-    effect = verdict["effect"]
-    if verdict["conclusion"] == "different":
-        size, low, high = (_percent(effect[key]) for key in ("estimate", "low", "high"))
-        return f"by {size} ({low} to {high})"
-    bound = _percent(effect["upper_bound"])
-    none = verdict["conclusion"] == "no difference"
-    return f"no difference above {bound}" if none else f"up to {bound} possible"
+def in_short(verdict: Mapping[str, Any]) -> str:
+    """Return the answer in a few words, with its size."""
+    answer, effect = ANSWERS[verdict["conclusion"]][0], verdict["effect"]
+    if effect is None:
+        return answer
+    size, low, high, bound = (
+        _percent(effect[key]) for key in ("estimate", "low", "high", "upper_bound")
+    )
+    sizes = {
+        "different": f"by {size} ({low} to {high})",
+        "no difference": f"no difference above {bound}",
+        "cannot tell": f"up to {bound} possible",
+    }
+    return f"{answer}: {sizes[verdict['conclusion']]}"
 
 
 def _percent(share: float) -> str:
