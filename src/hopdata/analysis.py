@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -676,12 +675,10 @@ class Figures:
         return f"<figures of study '{self.of.config['study']}': {', '.join(self.names)}>"
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        from hopdata.figures.catalogue import FIGURES
+        from hopdata.figures.catalogue import function_of, tables_of
 
         if name.startswith("_") or name not in self.names:
             near = did_you_mean(name, self.names)
             raise AttributeError(f"figure: expected one of {', '.join(self.names)}{near}")
-        drawing = (FIGURES["landings"] | FIGURES["maps"])[self.names[name]]
-        module, _, function = drawing.place.partition(":")
-        draw = getattr(import_module(f"hopdata.figures.{module}"), function)
-        return partial(draw, *map(self.of._content, drawing.files), **drawing.options)
+        full = self.names[name]
+        return partial(function_of(full), *map(self.of._content, tables_of(full)))

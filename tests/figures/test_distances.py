@@ -10,11 +10,11 @@ from hopdata.figures.distances import (
 
 DIFFERENT = {
     "conclusion": "different",
-    "effect": {"estimate": 0.347, "upper_bound": 0.38},
+    "effect": {"estimate": 0.347, "low": 0.3, "high": 0.39, "upper_bound": 0.38},
 }
 SAME = {
     "conclusion": "no difference",
-    "effect": {"estimate": 0.01, "upper_bound": 0.126},
+    "effect": {"estimate": 0.01, "low": 0.0, "high": 0.14, "upper_bound": 0.126},
 }
 NONE = {"conclusion": "cannot tell", "effect": None}
 
