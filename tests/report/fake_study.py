@@ -12,8 +12,8 @@ from hopdata.report.inputs import ReportFigure, ReportInputs
 
 CAPTIONS = Path(__file__).parents[2] / "workflow" / "captions"
 NUMBERED = ("fig2_2_sections", "fig2_3_schedule", "fig2_4_prediction", "fig2_5_distances")
-QUALITY = ("stability", "worst_landings", "recording_gaps")
-OTHERS = ("contact_overlay", "map_matrices", "map_errors", "scaling_study")
+QUALITY = ("stability", "recording_gaps")
+OTHERS = ("contact_overlay", "map_matrices", "scaling_study")
 NAMES = ("verdict", *QUALITY, *NUMBERED, *OTHERS)
 SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="240.9pt" height="99pt"></svg>'
 
