@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial, reduce
 from itertools import combinations
 
 import numpy as np
@@ -204,18 +205,12 @@ def lock_combinations(guards: Sequence[int], seed: int = 0) -> Iterator[Combinat
     yield from sorted(seen, key=lambda combination: (len(combination), combination))
 
 
-def after_crossing(system: System, start: Instant, crossed: Combination) -> Instant:
-    """Return the hybrid state once these guards have been crossed, one after the other."""
-    for guard in crossed:
-        start = cross(system, start, guard)
-    return start
-
-
 def mode_fields(
     system: System, start: Instant, guards: Sequence[int], scale: FloatArray, seed: int = 0
 ) -> dict[Combination, Linearisation]:
     """Return field and guards in each combination of locks, by the guards crossed."""
-    return {
-        crossed: linearise(system, after_crossing(system, start, crossed), scale)
+    after = {
+        crossed: reduce(partial(cross, system), crossed, start)
         for crossed in lock_combinations(guards, seed)
     }
+    return {crossed: linearise(system, there, scale) for crossed, there in after.items()}

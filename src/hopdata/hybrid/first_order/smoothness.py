@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray
 from hopdata.hybrid.first_order import linearise as local
 from hopdata.hybrid.first_order.linearise import Linearisation
-from hopdata.hybrid.first_order.saltation import CrossingTree, NotTransversalError, crossing_orders
+from hopdata.hybrid.first_order.saltation import BouligandDerivative, NotTransversalError
 from hopdata.hybrid.first_order.selection import Finding, check_event_selected
 from hopdata.hybrid.system import System
 
@@ -26,15 +26,14 @@ REFINEMENT = 8.0
 
 
 def one_sided_gaps(
-    system: System, here: Linearisation, guards: Sequence[int], scale: FloatArray
+    system: System, here: Linearisation, guards: list[int], scale: FloatArray
 ) -> tuple[float, float]:
     """Return how much the guards' slopes from both sides differ, for a step and an eighth of it.
 
     Relative to the slope. A smooth guard's difference shrinks with the step, that of a kink stays.
     """
-    chosen = list(guards)
-    coarse, fine = (_gap(system, here, chosen, scale, local.STEP / r) for r in (1.0, REFINEMENT))
-    size = np.abs(here.gradients[chosen]) @ scale
+    coarse, fine = (_gap(system, here, guards, scale, local.STEP / r) for r in (1.0, REFINEMENT))
+    size = np.abs(here.gradients[guards]) @ scale
     return tuple(float(np.max(gap / size)) if size.all() else np.inf for gap in (coarse, fine))  # type: ignore[return-value]
 
 
@@ -53,11 +52,10 @@ def _gap(
     return np.sum(np.abs(bends), axis=0) / step
 
 
-def rates_agree(system: System, here: Linearisation, guards: Sequence[int]) -> float:
+def rates_agree(system: System, here: Linearisation, guards: list[int]) -> float:
     """Return how far rates that the guards report are from Dh f + dh/dt, relative to their size."""
-    chosen = list(guards)
-    reported = local.guards_at(system, here.instant, here.rate)[1][chosen]
-    off, size = np.abs(reported - here.guard_rates[chosen]), here.guard_scales[chosen]
+    reported = local.guards_at(system, here.instant, here.rate)[1][guards]
+    off, size = np.abs(reported - here.guard_rates[guards]), here.guard_scales[guards]
     return float(np.max(np.divide(off, size, out=np.zeros_like(off), where=size > 0)))
 
 
@@ -78,7 +76,7 @@ NOT_SELECTED, SELECTED, C1 = "not event-selected", "event-selected, not C1", "C1
 
 
 def smooth_guards(
-    system: System, here: Linearisation, active: Sequence[int], scale: FloatArray, tolerance: float
+    system: System, here: Linearisation, active: list[int], scale: FloatArray, tolerance: float
 ) -> tuple[Finding, ...]:
     """Guards have one slope from both sides, and report rates that agree with it."""
     coarse, fine = one_sided_gaps(system, here, active, scale)
@@ -94,16 +92,16 @@ def smooth_guards(
     )  # fmt: skip
 
 
-def one_product(tree: CrossingTree, seed: int, tolerance: float) -> Finding:
+def one_product(flow: BouligandDerivative, seed: int, tolerance: float) -> Finding:
     """Return whether the orders that occur agree in their saltation product."""
-    scale = tree.scale
+    scale = flow.scale
     try:
-        orders = crossing_orders(tree, seed=seed)
+        orders = flow.pieces(seed=seed)
     except NotTransversalError as error:
-        return Finding.not_computed(ONE_PRODUCT, f"<= {tolerance:g}", str(error))
+        return Finding(ONE_PRODUCT, False, np.nan, f"<= {tolerance:g}", str(error))
     matrices = [order.matrix * scale / scale[:, None] for order in orders]
     detail = f"largest distance of two of {len(orders)} products, over that of one from 1"
-    ends, start = np.array([order.state for order in orders]), tree.node(()).here.instant.y
+    ends, start = np.array([order.state for order in orders]), flow.node(()).here.instant.y
     if (ends != start).any():
         apart = max(float(np.linalg.norm((ends - end) / scale, axis=1).max()) for end in ends)
         detail += f"; the states after them differ by {apart:.3g}"
@@ -197,6 +195,6 @@ def check_c1(
         radius=radius, n_samples=n_samples, seed=seed, scale=sizes,
     )  # fmt: skip
     continuous, *others = selected.findings
-    smooth = smooth_guards(system, here, active, sizes, tolerance)
-    products = one_product(CrossingTree(system, start, active, sizes), seed, tolerance)
+    smooth = smooth_guards(system, here, list(active), sizes, tolerance)
+    products = one_product(BouligandDerivative(system, start, active, sizes), seed, tolerance)
     return SmoothnessReport(selected.guards, (continuous, *smooth, *others), products)

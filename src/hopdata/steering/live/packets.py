@@ -56,12 +56,8 @@ PORT = 22223  # where a Qualisys system listens for little-endian clients
 
 ERROR, COMMAND, XML, DATA, EVENT = 0, 1, 2, 3, 6
 PACKET_TYPES = range(10)
-COMPONENT_3D, COMPONENT_3D_RESIDUAL = 1, 9
 
 HEADER = struct.Struct("<II")
-FRAME = struct.Struct("<qII")
-COMPONENT = struct.Struct("<II")
-MARKERS = struct.Struct("<Ihh")
 
 LONGEST = 1 << 16  # bytes of a packet other than XML: a thousand markers with room to spare
 LONGEST_XML = 1 << 24
@@ -69,12 +65,10 @@ LONGEST_XML = 1 << 24
 
 def header_fault(size: int, kind: int) -> str:
     """Say what is wrong with a header, or return an empty string."""
-    if kind not in PACKET_TYPES:
-        return f"packet of type {kind}, where 0 to {PACKET_TYPES[-1]} was expected"
     longest = LONGEST_XML if kind == XML else LONGEST
-    if not HEADER.size <= size <= longest:
-        return f"packet of {size} bytes, where {HEADER.size} to {longest} was expected"
-    return ""
+    if kind in PACKET_TYPES and HEADER.size <= size <= longest:
+        return ""
+    return f"packet of type {kind} and {size} bytes, where {HEADER.size} to {longest} are sound"
 
 
 def payload_fault(kind: int, payload: bytes) -> str:
@@ -118,14 +112,11 @@ def read_parameters(document: str | bytes) -> StreamParameters:
     """
     try:
         root = ET.fromstring(document)
-    except ET.ParseError as error:
+        frequency = root.findtext("./General/Frequency")
+        rate = float(frequency) if frequency else None
+    except (ET.ParseError, ValueError) as error:
         raise GarbageError(f"settings of the stream: expected XML ({error})") from error
     names = [label.findtext("Name", "") for label in root.findall("./The_3D/Label")]
-    frequency = root.findtext("./General/Frequency")
-    try:
-        rate = float(frequency) if frequency else None
-    except ValueError:
-        rate = None
     upwards = root.findtext("./The_3D/AxisUpwards", "").strip().upper()
     return StreamParameters(tuple(names), rate if rate and rate > 0 else None, upwards)
 

@@ -6,13 +6,21 @@ import asyncio
 import math
 import time
 from collections.abc import Awaitable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 
 from hopdata.steering.live import packets
-from hopdata.steering.live.buffer import FrameBuffer, LoopThread, Status, StatusLog, StreamCounts
+from hopdata.steering.live.buffer import (
+    Frame,
+    FrameBuffer,
+    LoopThread,
+    Status,
+    StatusLog,
+    StreamCounts,
+)
 
 # How long a stream waits for what.
 
@@ -274,13 +282,10 @@ class MarkerStream:
             lost.cancel()
 
     async def _watch(self, line: packets.Line) -> None:
-        lost = asyncio.ensure_future(line.lost.wait())
-        try:
-            while not lost.done():
-                await asyncio.wait({lost}, timeout=self.patience.stale_s / 2)
-                self._look_at_age()
-        finally:
-            lost.cancel()
+        while not line.lost.is_set():
+            with suppress(TimeoutError):
+                await asyncio.wait_for(line.lost.wait(), self.patience.stale_s / 2)
+            self._look_at_age()
         raise _loss(line)
 
     def _look_at_age(self) -> None:
@@ -332,14 +337,7 @@ class MarkerStream:
         self._last_good_s = arrival_s
         if self.states.status.state != "streaming":
             self.states.report("streaming")
-        self.buffer.write(
-            markers,
-            epoch=self._epoch,
-            number=number,
-            time_s=time_s,
-            arrival_s=arrival_s,
-            captured_s=captured,
-        )
+        self.buffer.write(Frame(self._epoch, number, time_s, arrival_s, captured, markers))
 
     def _note_garbled(self, fault: str) -> None:
         self.counts.garbled += 1
