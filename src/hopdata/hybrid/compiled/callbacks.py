@@ -272,7 +272,7 @@ class Callback:
         """Address of the machine code."""
         if self._compiled is None:
             back = trampoline(self._protected, self.signature)
-            self._back = numba.cfunc(self.signature.native)(back)
+            self._back: Any = numba.cfunc(self.signature.native)(back)
             return int(self._back.address)
         return int(self._compiled.address)
 

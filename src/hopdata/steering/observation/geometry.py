@@ -139,8 +139,8 @@ def _from_json(content: dict[str, Any]) -> HopperGeometry:
     for name in ("noise_m", "stance_below_m", "flight_above_m"):
         given[name] = float(content[name])
     if circle is not None:
-        places = [np.array(circle[key], dtype=float).reshape(3) for key in ("centre_m", "normal")]
-        circle = BoomCircle(*places, float(circle["radius_m"]))
+        centre, normal = (np.array(circle[key], float).reshape(3) for key in ("centre_m", "normal"))
+        circle = BoomCircle(centre, normal, float(circle["radius_m"]))
     return HopperGeometry(**given | {"body_names": names, "body_m": body, "circle": circle})
 
 
