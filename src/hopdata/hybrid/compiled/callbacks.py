@@ -271,8 +271,8 @@ class Callback:
     def address(self) -> int:
         """Address of the machine code."""
         if self._compiled is None:
-            back = trampoline(self._protected, self.signature)
-            self._back: Any = numba.cfunc(self.signature.native)(back)
+            compiler: Any = numba.cfunc(self.signature.native)
+            self._back = compiler(trampoline(self._protected, self.signature))
             return int(self._back.address)
         return int(self._compiled.address)
 
