@@ -13,12 +13,26 @@ nothing.
 Beside it `reading_agreement.csv`: the 3.5 m/s run of the treadmill recordings, read from its C3D
 and from its text file: largest differences of positions and time stamps, coordinates that only
 one has. "absent" where the files are not there (see the README of this repository).
+
+And `damaged_files.csv`: each damaged recording must end in a recording or in a message that a user
+can act on. Small sound files of all formats (`tests/recordings/damage.py`) are damaged in seeded
+ways: bytes flipped, pieces cut off, doubled or taken out, counts and sizes that lie, fields of text
+replaced. Each is read as a user's file is, from import to the checks for plausibility, in a process
+that may use 1 GB more memory than it begins with and 10 s a file. One row a sound file: how many of
+its damaged copies were read (`recordings`), refused with a `RecordingError` that names the file,
+what was expected and what was found (`refused`), and what must not be: `other_exceptions`,
+`crashes`, `hangs`. `slowest_ms` is the longest time of one file, `peak_mb` the largest memory of
+the reading process, Python and libraries included. `failing` lists the numbers of the files that
+did what they must not; `--only NUMBER` makes one again.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import os
 import resource
+import signal
 import subprocess
 import sys
 import time
@@ -32,6 +46,7 @@ import pandas as pd
 TESTS = Path(__file__).resolve().parent.parent / "tests" / "recordings"
 sys.path[:0] = [str(TESTS)]
 
+from damage import case, corpus, placed, read  # noqa: E402
 from mat_files import qtm_struct, write_mat5, write_mat73  # noqa: E402
 from trc_files import trc_text  # noqa: E402
 from written_files import write_c3d, write_qtm_tsv  # noqa: E402
@@ -133,9 +148,9 @@ def shortest(readers: dict[str, Reader], path: Path, rounds: int) -> dict[str, t
     """Return shortest time, s, and frames of each reader; they take turns."""
     best = dict.fromkeys(readers, (np.inf, 0))
     for _ in range(rounds):
-        for name, read in readers.items():
+        for name, reader in readers.items():
             start = time.perf_counter()
-            frames = read(path)
+            frames = reader(path)
             best[name] = (min(best[name][0], time.perf_counter() - start), frames)
     return best
 
@@ -194,26 +209,114 @@ def agreement() -> pd.DataFrame:
     return pd.DataFrame([{"what": key, "value": value} for key, value in facts.items()])
 
 
+# Damaged recordings.
+
+DAMAGE_SEED = 20261121
+LIMIT_S, LIMIT_BYTES = 10, 1 << 30
+
+
+def read_damaged(first: int, files: int, folder: Path) -> None:
+    """Read the files from `first` on, and say on stdout what became of each."""
+    sound = corpus()
+    names = list(sound)
+    pages = int(Path("/proc/self/statm").read_text().split()[0]) if sys.platform == "linux" else 0
+    if pages:
+        used = pages * os.sysconf("SC_PAGE_SIZE")
+        resource.setrlimit(resource.RLIMIT_AS, (used + LIMIT_BYTES, used + LIMIT_BYTES))
+    for number in range(first, files):
+        name, data = case(sound, names, DAMAGE_SEED, number)
+        path = placed(folder, name, data)
+        print(json.dumps({"number": number, "begun": True}), flush=True)
+        signal.alarm(LIMIT_S)
+        start = time.perf_counter()
+        try:
+            outcome, note = ("refused" if isinstance(read(path), str) else "recordings"), ""
+        except Exception as error:
+            outcome, note = "other_exceptions", f"{type(error).__name__}: {error}"
+        signal.alarm(0)
+        seconds = time.perf_counter() - start
+        peak = most_memory_mb()
+        print(json.dumps({"number": number, "outcome": outcome, "note": note, "ms": 1e3 * seconds,
+                          "peak": peak}), flush=True)  # fmt: skip
+
+
+def fates(files: int) -> list[dict[str, object]]:
+    """Return what became of each file; a process that dies is replaced by another."""
+    found: list[dict[str, object]] = []
+    with TemporaryDirectory() as folder:
+        while len(found) < files:
+            command = [sys.executable, __file__, "--damaged", folder]
+            command += [str(len(found)), "--files", str(files)]
+            with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+                assert process.stdout is not None
+                begun = False
+                for line in process.stdout:
+                    report = json.loads(line)
+                    begun = "begun" in report
+                    if not begun:
+                        found.append(report)
+            if begun:
+                hung = process.returncode == -signal.SIGALRM
+                outcome = "hangs" if hung else "crashes"
+                found.append({"number": len(found), "outcome": outcome, "note": "",
+                              "ms": 1e3 * LIMIT_S if hung else 0.0, "peak": 0.0})  # fmt: skip
+            elif process.returncode:
+                raise RuntimeError(f"the reading process ended with {process.returncode}")
+    return found
+
+
+def fate_table(found: list[dict[str, object]]) -> pd.DataFrame:
+    names = list(corpus())
+    rows = pd.DataFrame(found)
+    rows["file"] = [names[number % len(names)] for number in rows["number"]]
+    outcomes = ("recordings", "refused", "other_exceptions", "crashes", "hangs")
+    result = []
+    for name, group in [*rows.groupby("file", sort=False), ("all", rows)]:
+        counts = {key: int((group["outcome"] == key).sum()) for key in outcomes}
+        failing = group[~group["outcome"].isin(outcomes[:2])]["number"]
+        result.append(
+            {"file": name, "files": len(group), **counts, "slowest_ms": group["ms"].max(),
+             "peak_mb": group["peak"].max(), "failing": " ".join(map(str, failing))}
+        )  # fmt: skip
+    return pd.DataFrame(result)
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Reading recordings of all formats.")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, help="CSV file to write")
     parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--files", type=int, default=21_000, help="damaged files")
+    parser.add_argument("--only", type=int, help="write this damaged file here, and read it")
     parser.add_argument("--measure", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--damaged", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.measure:
         reader, small, path = options.measure
         measure(reader, Path(small), Path(path))
         return
+    if options.damaged:
+        inside, first = options.damaged
+        read_damaged(int(first), options.files, Path(inside))
+        return
+    if options.only is not None:
+        sound = corpus()
+        name, data = case(sound, list(sound), DAMAGE_SEED, options.only)
+        print(name, read(placed(Path(), name, data)))
+        return
     with TemporaryDirectory() as folder:
         table = pd.DataFrame(rows(Path(folder), options.rounds))
-    beside = agreement()
-    print(table.to_string(index=False), beside.to_string(index=False), sep="\n")
+    beside, found = agreement(), fates(options.files)
+    for report in found:
+        if report["note"]:
+            print(report["number"], report["note"])
+    fate = fate_table(found)
+    print(*(part.to_string(index=False) for part in (table, beside, fate)), sep="\n")
     if options.out:
+        place = options.out.with_name
         options.out.parent.mkdir(parents=True, exist_ok=True)
         table.to_csv(options.out, index=False, float_format="%.4g", lineterminator="\n")
-        beside.to_csv(
-            options.out.with_name("reading_agreement.csv"), index=False, lineterminator="\n"
-        )
+        beside.to_csv(place("reading_agreement.csv"), index=False, lineterminator="\n")
+        fate.to_csv(place("damaged_files.csv"), index=False, float_format="%.4g")
 
 
 if __name__ == "__main__":

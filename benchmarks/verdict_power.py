@@ -16,6 +16,10 @@ with a difference, with its 95 % interval (Wilson); `interval_covers` and `bound
 whose interval or one-sided bound holds the true difference, and `detectable` is the median size
 that they say is found in 80 %. ``verdict_promise.csv`` says in what share it is found: by a probit
 fit to the studies of each control, for the exact difference and for that which the fit shows.
+``group_power.csv`` is of groups: each subject is the first 400 landings of a study, drawn with
+replacement from those of one kind; `mixed` takes half of them from C1 and half from a control.
+`true_rms` is the rms of the subjects' exact differences, `shown_rms` what their studies show of it
+on average.
 """
 
 from __future__ import annotations
@@ -39,30 +43,218 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.stats import norm
 from statsmodels.genmod.families.links import Probit
 from statsmodels.stats.proportion import proportion_confint
-from true_tracks import Apexes, apexes_of, joined, see_landings, true_states
 
+from hopdata.hybrid import System, solve_batch
 from hopdata.jobs import whole_file
-from hopdata.landings.states.fits import WINDOWS_S
+from hopdata.landings.states.fits import WINDOWS_S, section_states
 from hopdata.maps.truth.maps import input_root, marker_motions
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import contrasts, relative_size
+from hopdata.maps.verdict.group import judge_group
 from hopdata.maps.verdict.inputs import LEAST_CLASS, contact_orders
+from hopdata.scenes.body import N_STATES
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.quadruped import Quadruped
 from hopdata.scenes.scene import Control, Scene
+from hopdata.synthesis.camera import fixed_markers
 from hopdata.synthesis.exact_maps import section_jacobians
+from hopdata.synthesis.hops import Hop, padded
 from hopdata.synthesis.landings import (
+    NOT_YET,
     SectionHeights,
     TrueLandings,
     input_coordinates,
+    landing_system,
+    landing_vectors,
     true_landings,
 )
-from hopdata.synthesis.trial import Kicks, MarkerOptions, run_trial
+from hopdata.synthesis.trial import Kicks, MarkerOptions, Trial, run_trial
+
+# Landings as motion capture would see them, without the rest of the recordings.
+#
+# The robot's true motion about each landing is seen at random phases of the frames,
+# with noise, and goes through the same fits as a recording's; as in a recording, frames on the far
+# side of the contacts as measured are left out. So errors of the states have the size and the
+# correlations that the pipeline gives them, at a small part of its cost.
+
+APART_S = 1.0
+
+
+@dataclass(frozen=True)
+class SeenLandings:
+    """Marker states (n, 6B) before and after, m and m/s, and contact instants (n, feet), s.
+
+    `rows` (n,) are the numbers of these landings among those that were to be seen.
+    """
+
+    before: np.ndarray
+    after: np.ndarray
+    instants: np.ndarray
+    rows: np.ndarray
+
+
+def see_landings(
+    times: np.ndarray,
+    motion: np.ndarray,
+    landings: TrueLandings,
+    sections: SectionHeights,
+    *,
+    noise_m: float,
+    instant_noise_s: float,
+    rng: np.random.Generator,
+    spoil: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> SeenLandings:
+    """Observe L whole landings, as those of one recording, frame by frame.
+
+    Those whose states cannot be fitted are left out. `times` (L, W), s, and `motion` (L, W, 12) are
+    of `true_states`, to beyond the post section (`landings.states.fits.WINDOWS_S`). `spoil` is what
+    becomes of the tracks (L, W, B, 3) besides.
+    """
+    tracks = tracks_of(motion, sections.points_m)
+    tracks += noise_m * rng.standard_normal(tracks.shape)
+    tracks = tracks if spoil is None else spoil(tracks)
+    contact = landings.contact_s
+    seen = contact + instant_noise_s * rng.standard_normal(contact.shape)
+    start = APART_S * np.arange(len(times))
+
+    def states(side: str, at_s: np.ndarray, contact_s: np.ndarray, height_m: float) -> np.ndarray:
+        found = section_states(
+            (start[:, None] + times).ravel(),
+            tracks.reshape(-1, *tracks.shape[2:]),
+            start + at_s,
+            height_m=height_m,
+            side=side,
+            contact=start + contact_s,
+        )
+        both = np.concatenate([found.position, found.velocity], axis=1)
+        return both.reshape(len(both), -1)
+
+    before = states("before", landings.pre_time_s, seen.min(axis=1), sections.pre_m)
+    after = states("after", landings.post_time_s, seen.max(axis=1), sections.post_m)
+    rows = np.flatnonzero(np.isfinite(np.hstack([before, after])).all(axis=1))
+    return SeenLandings(before[rows], after[rows], seen[rows], rows)
+
+
+# States of a simulated body as they are about each landing, frame by frame.
+#
+# From an apex on the robot itself is integrated, through the landing and beyond. Before it, where a
+# recording shows the robot without that apex's kick, it is flown back: a flight turned round in
+# time is a flight. (A control is led to the apexes of the hopper's gait; that is the gait's own
+# flight.)
+
+PHASES = 16  # of the frames: each landing has one of them
+BACK_S = 0.14  # before the apex; of flight there are some 0.15 s
+RTOL, ATOL = 1e-6, 1e-9
+NO_HEIGHT_M = -1e3  # of a section that is never reached
+
+
+@dataclass(frozen=True)
+class Apexes:
+    """Where L landings begin: states (L, 12) before and after the kick, preloads (L, n), N."""
+
+    before: np.ndarray
+    after: np.ndarray
+    preloads_n: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.after)
+
+    def some(self, rows: np.ndarray) -> Apexes:
+        """Return some of them."""
+        return Apexes(self.before[rows], self.after[rows], self.preloads_n[rows])
+
+
+def apexes_of(trial: Trial) -> Apexes:
+    """Return the apexes of a trial whose landings stood, and which flew there by themselves."""
+    starts = np.asarray(trial.hop_start_s)
+    ends = starts + [hop.end_time_s for hop in trial.hops]
+    flown = np.isclose(ends[:-1], starts[1:], rtol=0.0, atol=1e-9)
+    pairs = zip(trial.hops[:-1], trial.hops[1:], flown, strict=True)
+    kept = [(old, new) for old, new, joined in pairs if joined and _stood(new)]
+    return Apexes(
+        np.array([old.end_state for old, _ in kept]),
+        np.array([new.start_state for _, new in kept]),
+        np.array([new.preloads_n for _, new in kept]),
+    )
+
+
+def joined(parts: list[Apexes]) -> Apexes:
+    """Return the apexes of several trials."""
+    names = Apexes.__dataclass_fields__
+    return Apexes(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def true_states(
+    scene: Scene,
+    control: Control,
+    apexes: Apexes,
+    *,
+    until_s: float,
+    rate_hz: float,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (L, W) from the apexes, s, at random phases, and states (L, W, 12) then.
+
+    NaN from the next apex on.
+    """
+    count = round((BACK_S + until_s) * rate_hz)
+    back = round(BACK_S * rate_hz)
+    phases = rng.uniform(0.0, 1.0 / rate_hz, PHASES)
+    group = rng.integers(0, PHASES, len(apexes))
+    times = (np.arange(count) - back) / rate_hz + phases[group][:, None]
+    states = np.full((*times.shape, N_STATES), np.nan)
+    for number in np.flatnonzero(np.bincount(group, minlength=PHASES)):
+        rows = np.flatnonzero(group == number)
+        states[rows] = states_at(scene, control, apexes.some(rows), times[rows[0]])
+    return times, states
+
+
+def tracks_of(states: np.ndarray, points_m: np.ndarray) -> np.ndarray:
+    """Return markers (L, W, B, 3), m, of states (L, W, 12), without noise."""
+    flat = fixed_markers(states.reshape(-1, N_STATES), points_m)
+    return flat.reshape(*states.shape[:2], *points_m.shape)
+
+
+def states_at(scene: Scene, control: Control, apexes: Apexes, times_s: np.ndarray) -> np.ndarray:
+    """Return states (L, W, 12) at times (W,) counted from the apex, s, in order."""
+    vectors = landing_vectors(
+        scene, control, apexes.preloads_n, point_m=np.zeros(3), height_m=NO_HEIGHT_M
+    )
+    own = scene.system(control)
+    early = times_s < 0
+    back = _turned_round(_flown(own, _turned_round(apexes.before), vectors, -times_s[early][::-1]))
+    ahead = _flown(own, apexes.after, vectors, times_s[~early])
+    return np.concatenate([back[:, ::-1], ahead], axis=1)
+
+
+def _flown(own: System, states: np.ndarray, vectors: np.ndarray, times_s: np.ndarray) -> np.ndarray:
+    system = landing_system(own)
+    unknown = np.full((len(states), system.n_states - own.n_states), NOT_YET)
+    solution = solve_batch(
+        system, (0.0, float(times_s[-1])), np.hstack([padded(states, own), unknown]),
+        params=vectors,
+        mode=[0] * system.n_modes, rtol=RTOL, atol=ATOL, t_eval=times_s, workers=1,
+    )  # fmt: skip
+    assert solution.y is not None
+    return np.moveaxis(solution.y[:, :N_STATES], 1, 2)
+
+
+def _turned_round(states: np.ndarray) -> np.ndarray:
+    return states * np.repeat([1.0, -1.0], 6)
+
+
+def _stood(hop: Hop) -> bool:
+    return hop.all_stood() and not hop.fell
+
+
+# Whole studies.
 
 FIRST_SEED = 4000
 GAIT_HOPS, TRIALS = 12_000, 4
 INSTANT_NOISE_S = 0.0006
 FEW = 1000
+GROUPS, SUBJECTS, SUBJECT_LANDINGS = 40, (4, 8, 16), 400
+GROUP_KINDS = ("C1", "kappa 0.1")
 
 HOPPER_SECTIONS = SectionHeights(0.502, 0.2774, np.array(MarkerOptions().body_m))
 FOUR_MARKERS = [[0.2, 0.03, 0.05], [-0.05, 0.12, 0.075], [-0.2, -0.07, 0.055], [0.06, -0.1, 0.09]]
@@ -358,6 +550,52 @@ def promise(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def subject(name: str, seed: int, folder: Path) -> dict[str, Any]:
+    """Return the verdict on the few landings of one subject as a row."""
+    return judged(name, np.load(simulate(name, seed, folder)), seed, 0, SUBJECT_LANDINGS)
+
+
+def groups(studies: pd.DataFrame) -> pd.DataFrame:
+    """Return one row a kind and number of subjects."""
+    by_kind = dict(list(studies.groupby("condition", sort=False)))
+    rng, rows = np.random.default_rng(FIRST_SEED), []
+    for name in [*GROUP_KINDS, "mixed"]:
+        parts = [by_kind[one] for one in (GROUP_KINDS if name == "mixed" else [name])]
+        pool = pd.concat(parts)
+        true, shown = (
+            float(np.sqrt(max(0.0, x)))
+            for x in ((pool["true_effect"] ** 2).mean(), pool["squared"].mean())
+        )
+        for subjects in SUBJECTS:
+            found = []
+            for number in range(GROUPS):
+                drawn = pd.concat(
+                    part.iloc[rng.integers(0, len(part), subjects // len(parts))] for part in parts
+                )
+                drawn = drawn.assign(subject=[f"s{one}" for one in range(len(drawn))])
+                found.append(judge_group(drawn, seed=number))
+            rows.append(
+                {
+                    "kind": name,
+                    "subjects": subjects,
+                    "groups": GROUPS,
+                    "studies": len(pool),
+                    "true_rms": true,
+                    "shown_rms": shown,
+                    "found_alone": float(np.mean(pool["low"] > 0)),
+                    "found_share": np.mean([one.conclusion == "different" for one in found]),
+                    "none_share": np.mean([one.conclusion == "no difference" for one in found]),
+                    "covers_true": np.mean([one.low <= true <= one.high for one in found]),
+                    "covers_shown": np.mean([one.low <= shown <= one.high for one in found]),
+                    "bound_covers": np.mean([one.upper_bound >= true for one in found]),
+                    "estimate_median": np.median([one.estimate for one in found]),
+                    "bound_median": np.median([one.upper_bound for one in found]),
+                    "i2_median": np.median([one.combined.i2 for one in found]),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
 def main() -> None:
     """Do what studies are missing, and write the tables."""
     parser = argparse.ArgumentParser(
@@ -377,6 +615,10 @@ def main() -> None:
     with ProcessPoolExecutor(args.workers) as pool:
         files = [file for file in pool.map(one_study, *zip(*tasks, strict=True)) if file]
         rows = [row for file in files for row in json.loads(file.read_text())]
+        if set(GROUP_KINDS) <= set(names) and not args.simulated:
+            drawn = [(name, seed, folder) for name in GROUP_KINDS for seed in seeds]
+            found = groups(pd.DataFrame(pool.map(subject, *zip(*drawn, strict=True))))
+            found.to_csv(args.out.with_name("group_power.csv"), index=False, float_format="%.4g")
     table = pd.DataFrame(rows)
     order = {name: number for number, name in enumerate(names)}
     table = table.sort_values(

@@ -24,7 +24,7 @@ MAY_USE = {
     "config": {"scenes", "synthesis"},
     "commands": {
         *("config", "recordings", "landings", "figures", "maps", "report"),
-        *("group", "provenance"),  # modules beside the rooms
+        *("analysis", "group", "provenance"),  # modules beside the rooms
     },
 }
 HEAVY = {"pandas", "scipy", "matplotlib", "statsmodels", "sklearn", "h5py", "jsonschema", "jinja2"}

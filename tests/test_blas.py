@@ -28,13 +28,12 @@ TABLES = {
     *("check_plausible", "check_study", "contact_instants", "example_touchdown", "error_ratios"),
     *(
         "exclude_stateless",
-        "landing_samples",
         "left_out",
         "mark_filled",
         "outcome_table",
         "section_frames",
     ),
-    *("overlay_external_truth", "true_rows", "verdict_errors", "worst_landings"),
+    *("overlay_external_truth", "true_rows", "verdict_errors"),
     "study_landings",  # integrates, one by one as they are asked for
 }
 

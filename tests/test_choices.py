@@ -9,7 +9,6 @@ import pytest
 
 from hopdata import recording
 from hopdata.config.schema import load_schema
-from hopdata.figures import distances as both_sides
 from hopdata.figures import style as saving
 from hopdata.figures.catalogue import FORMATS
 from hopdata.hybrid.methods import table as integrators
@@ -122,12 +121,6 @@ ASKED = {
     ),
     "history": (models.HISTORIES, lambda name: models.process_inputs(ANY, name)),
     "conclusion": (answer.CONCLUSIONS, lambda name: answer.sentence(name, ANY, "", 0.95, 0.1)),
-    "conclusion in short": (
-        answer.CONCLUSIONS,
-        lambda name: both_sides._in_short(
-            {"conclusion": name, "effect": {"estimate": 0.1, "upper_bound": 0.2}}
-        ),
-    ),
     "integrator": (
         integrators.CHOICES,
         lambda name: integrators.check_method(name, ANY, jacobian=False),

@@ -18,7 +18,7 @@ from hopdata.commands.init import Draft, draft_config
 from hopdata.config import load_config
 from hopdata.errors import ConfigError, RecordingError
 from hopdata.figures.overlay import contact_overlay_figure
-from hopdata.figures.quality import recording_gaps_figure, worst_landings_figure
+from hopdata.figures.quality import recording_gaps_figure
 from hopdata.figures.schedule import schedule_figure, touchdown_of
 from hopdata.figures.style import label_of, paper_figure, save_figure, style_context, styled
 from hopdata.jobs import read_table, write_table
@@ -26,7 +26,6 @@ from hopdata.landings.contacts.velocity_minimum import example_touchdown
 from hopdata.landings.floor import fit_floor, level
 from hopdata.landings.forces import overlay_external_truth
 from hopdata.landings.sections.select import select_sections
-from hopdata.landings.stability import landing_samples, worst_landings
 from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.recordings.importing import import_recording
@@ -66,7 +65,6 @@ def stages(recording, folder, home):
     write_table(folder / "touchdowns.csv", table)
     table = read_table(folder / "touchdowns.csv")
     assemble_pairs([floored], table, **heights, home_marker=home)
-    worst = worst_landings(table, 4)
     known = table[[f"contact_{foot}_s" for foot in recording.names("foot")]]
     known.to_csv(folder / "known.csv", index=False, header=["a", "b", "c"])
     columns = [
@@ -80,8 +78,6 @@ def stages(recording, folder, home):
         **recording_tables([recording]),
         "touchdowns": table,
         "example": example_touchdown([floored], table),
-        "worst": worst,
-        "samples": landing_samples([floored], worst),
         "contacts": overlay.contacts,
         "summary": overlay.summary,
         "landing": overlay.example,
@@ -115,7 +111,6 @@ def is_number(cell):
 def figures(tables):
     touchdown = touchdown_of(tables["example"], tables["touchdowns"])
     yield schedule_figure(tables["example"], touchdown)
-    yield worst_landings_figure(tables["worst"], tables["samples"])
     yield recording_gaps_figure(tables["markers"], tables["gaps"], tables["faults"])
     yield contact_overlay_figure(tables["contacts"], tables["summary"], tables["landing"])
 

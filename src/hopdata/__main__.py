@@ -252,7 +252,7 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
         _plan_options,
     ),
     "clean": (
-        "hopdata.commands.upkeep:clean",
+        "hopdata.commands.run:clean",
         "remove the results of a study",
         "Remove results/STUDY of a configuration, or with --all results and .snakemake of this\n"
         "folder. Refused while a run holds the folder.",
@@ -260,7 +260,7 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
         _clean_options,
     ),
     "doctor": (
-        "hopdata.commands.upkeep:doctor",
+        "hopdata.commands.run:doctor",
         "say what this installation has, and what it lacks",
         "Versions, cores, memory, workflow, compiled code, space. Exit code 1 if anything lacks.",
         "  hopdata doctor\n",

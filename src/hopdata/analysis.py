@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -98,6 +97,7 @@ def study(
 ) -> Study:
     """Prepare a study, to be gone through step by step; arguments and errors of `analyse`."""
     from hopdata.config.loading import load_config, read_yaml
+    from hopdata.recordings.plausibility import check_plausible
 
     given: tuple[Recording, ...] = ()
     content: Mapping[str, Any]
@@ -125,7 +125,10 @@ def study(
         keys["input"] = {**options, "vertical_axis": up}
         progress(f"reading {source} with {up} up")
     markers = {"markers": roles} if any(roles.values()) else {}
-    return Study(load_config({**content, **markers, **keys}), given, progress)
+    config = load_config({**content, **markers, **keys})
+    for recording in given:
+        check_plausible(recording, **config["quality"])
+    return Study(config, given, progress)
 
 
 def analyse(
@@ -256,7 +259,7 @@ class Study:
     config
         The whole configuration, as `hopdata.config.load_config` returns it.
     given
-        Recordings that take the place of the configuration's files.
+        Plausible recordings that take the place of the configuration's files.
     progress
         Told the name of each stage as it begins.
     """
@@ -308,9 +311,10 @@ class Study:
         from hopdata.recordings.plausibility import check_plausible
 
         self.progress("reading")
-        found = [*self.given] or [
-            self._import(number, entry) for number, entry in enumerate(self.config["recordings"])
-        ]
+        if self.given:
+            return [*self.given]
+        entries = enumerate(self.config["recordings"])
+        found = [self._import(number, entry) for number, entry in entries]
         for recording in found:
             check_plausible(recording, **self.config["quality"])
         return found
@@ -390,30 +394,38 @@ class Study:
     def _section_options(self) -> Contents:
         return {k: v for k, v in self.config["sections"].items() if k != "grid_nodes"}
 
+    @property
+    def _heights(self) -> Contents:
+        names = ("pre_height_m", "post_height_m")
+        return {name: getattr(self.sections, name) for name in names}
+
+    @cached_property
+    def candidates(self) -> pd.DataFrame:
+        """Touchdowns before it is known which of them have a state at both sections."""
+        from hopdata.jobs import as_stored, stacked
+        from hopdata.landings.touchdowns import touchdown_tables
+
+        config, heights = self.config, self._heights
+        self.progress("touchdowns")
+        exclude = [entry["exclude"] for entry in config["recordings"]]
+        share = {"largest_share": config["filling"]["largest_share"]}
+        how = {**heights, **config["touchdowns"], **share}
+        found = touchdown_tables(self.recordings, self.contacts, exclude, **how)
+        return stacked([as_stored(one) for one in found])
+
     @cached_property
     def _landings(self) -> tuple[pd.DataFrame, Pairs, Contents]:
         """Touchdowns, pairs and units: a touchdown without a state is excluded."""
-        from hopdata.jobs import as_stored, stacked
+        from hopdata.jobs import as_stored
         from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
-        from hopdata.landings.touchdowns import touchdown_tables
         from hopdata.maps.units import choose_units
 
-        config, heights = self.config, self.sections
-        self.progress("touchdowns")
-        places: Contents = {
-            "pre_height_m": heights.pre_height_m,
-            "post_height_m": heights.post_height_m,
-        }
-        exclude = [entry["exclude"] for entry in config["recordings"]]
-        share = {"largest_share": config["filling"]["largest_share"]}
-        how = {**places, **config["touchdowns"], **share}
-        found = touchdown_tables(self.recordings, self.contacts, exclude, **how)
-        table = stacked([as_stored(one) for one in found])
+        config, table = self.config, self.candidates
         self.progress("states at the sections")
         pairs = assemble_pairs(
             self.recordings,
             table,
-            **places,
+            **self._heights,
             home_marker=config["home"]["marker"],
             ambiguous=config["touchdowns"]["ambiguous"],
             **config["states"],
@@ -490,7 +502,6 @@ class Study:
         recordings, sections, touchdowns = self.recordings, self.sections, self.touchdowns
         self.progress("quality")
         inspected = recording_tables(as_stored(one) for one in self.imported)
-        worst = stability.worst_landings(self.touchdowns, self.config["report"]["worst_landings"])
         return {
             "markers": inspected["markers"],
             "gap_times": inspected["gaps"],
@@ -505,8 +516,6 @@ class Study:
                 recordings, sections, self._section_options, self.contacts
             ),
             "drift": stability.drift_table(recordings, touchdowns),
-            "worst_landings": worst,
-            "worst_landing_samples": stability.landing_samples(recordings, worst),
         }
 
     @cached_property
@@ -666,12 +675,10 @@ class Figures:
         return f"<figures of study '{self.of.config['study']}': {', '.join(self.names)}>"
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
-        from hopdata.figures.catalogue import FIGURES
+        from hopdata.figures.catalogue import function_of, tables_of
 
         if name.startswith("_") or name not in self.names:
             near = did_you_mean(name, self.names)
             raise AttributeError(f"figure: expected one of {', '.join(self.names)}{near}")
-        drawing = (FIGURES["landings"] | FIGURES["maps"])[self.names[name]]
-        module, _, function = drawing.place.partition(":")
-        draw = getattr(import_module(f"hopdata.figures.{module}"), function)
-        return partial(draw, *map(self.of._content, drawing.files), **drawing.options)
+        full = self.names[name]
+        return partial(function_of(full), *map(self.of._content, tables_of(full)))

@@ -73,3 +73,8 @@ def chosen(key: str, name: str, table: Mapping[str, Entry]) -> Entry:
     """Return what a table has under a name; raise a `ConfigError` that lists it if it has none."""
     require_choice(key, name, table)
     return table[name]
+
+
+def counted(number: int, word: str) -> str:
+    """Write ``1 frame``, ``2 frames``."""
+    return f"{number} {word}" + ("" if number == 1 else "s")

@@ -8,8 +8,8 @@ import pytest
 
 sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))
 
-from true_tracks import apexes_of, see_landings, states_at, tracks_of, true_states
 from velocities import POST_M, PRE_M, by_section_states, hopper
+from verdict_power import apexes_of, see_landings, states_at, tracks_of, true_states
 
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.scenes.hopper_parameters import HopperParameters

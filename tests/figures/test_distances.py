@@ -10,11 +10,11 @@ from hopdata.figures.distances import (
 
 DIFFERENT = {
     "conclusion": "different",
-    "effect": {"estimate": 0.347, "upper_bound": 0.38},
+    "effect": {"estimate": 0.347, "low": 0.3, "high": 0.39, "upper_bound": 0.38},
 }
 SAME = {
     "conclusion": "no difference",
-    "effect": {"estimate": 0.01, "upper_bound": 0.126},
+    "effect": {"estimate": 0.01, "low": 0.0, "high": 0.14, "upper_bound": 0.126},
 }
 NONE = {"conclusion": "cannot tell", "effect": None}
 
@@ -35,11 +35,11 @@ def test_each_study_stands_under_its_verdict():
         *tables(0), SAME, *tables(0.1), DIFFERENT, names=("C1 hopper", "control, not C1")
     )
     titles = [axes.get_title(loc="left") for axes in figure.axes[:2]]
-    assert "no difference above 0.13" in titles[0]
-    assert "different by 0.35" in titles[1]
+    assert "no difference above 13\u00a0%" in titles[0]
+    assert "Different maps: by 35\u00a0%" in titles[1]
     assert text_faults(figure) == []
 
 
 def test_a_study_without_an_answer():
     figure = both_sides_figure(*tables(0), NONE, names=["one"])
-    assert "cannot tell" in figure.axes[0].get_title(loc="left")
+    assert "Cannot tell" in figure.axes[0].get_title(loc="left")

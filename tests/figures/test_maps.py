@@ -5,48 +5,10 @@ from overlaps import text_faults
 from hopdata.figures.maps import (
     CASES,
     INPUTS,
-    MODELS,
     OUTPUTS,
-    SOURCES,
-    map_errors_figure,
     matrices_figure,
     scaling_study_figure,
 )
-
-MAP_ERRORS_FIGURE_SIZES = np.array([30, 120, 480, 2800])
-
-
-def errors_map_errors_figure(models=tuple(MODELS)):
-    rows = [
-        pd.DataFrame(
-            {
-                "source": source,
-                "model": model,
-                "landings": MAP_ERRORS_FIGURE_SIZES,
-                "draws": 200,
-                "median": 0.13 + 3 / MAP_ERRORS_FIGURE_SIZES,
-                "q05": 0.12 + 2 / MAP_ERRORS_FIGURE_SIZES,
-                "q95": 0.14 + 4 / MAP_ERRORS_FIGURE_SIZES,
-            }
-        )
-        for source in SOURCES
-        for model in models
-    ]
-    return pd.concat(rows)
-
-
-def test_errors_with_bands():
-    figure = map_errors_figure(errors_map_errors_figure())
-    axes = figure.axes[0]
-    assert len(axes.lines) == len(axes.collections) == 4
-    assert text_faults(figure) == []
-
-
-def test_what_is_drawn_is_the_table():
-    figure = map_errors_figure(errors_map_errors_figure(("pooled",)))
-    np.testing.assert_array_equal(
-        figure.axes[0].lines[0].get_ydata(), 0.13 + 3 / MAP_ERRORS_FIGURE_SIZES
-    )
 
 
 def table(matrix):

@@ -5,25 +5,28 @@ from overlaps import text_faults
 
 from hopdata.figures.quality import (
     SIGNS,
-    gap_timeline_figure,
     recording_gaps_figure,
     stability_figure,
-    worst_landings_figure,
 )
 
 MARKERS = ("hip1", "hip2", "toe1", "toe2")
 GAPS = pd.DataFrame(
-    [("hip1", 1.0, 2.0), ("toe1", 5.0, 5.0001)], columns=["marker", "start_s", "stop_s"]
+    [("", "hip1", 1.0, 2.0), ("", "toe1", 5.0, 5.0001)],
+    columns=["recording", "marker", "start_s", "stop_s"],
 )
 FAULTS = pd.DataFrame(
-    [(name, kind, 3.0 + i) for i, (name, kind) in enumerate(zip(MARKERS, SIGNS, strict=True))]
-    + [("", "dropped", 8.0)],
-    columns=["marker", "kind", "time_s"],
+    [("", name, kind, 3.0 + i) for i, (name, kind) in enumerate(zip(MARKERS, SIGNS, strict=True))]
+    + [("", "", "dropped", 8.0)],
+    columns=["recording", "marker", "kind", "start_s"],
 )
+
+
+def bars(duration_s):
+    return pd.DataFrame({"recording": "", "marker": MARKERS, "duration_s": duration_s})
 
 
 def test_one_bar_a_marker_and_a_white_stretch_for_each_gap():
-    figure = gap_timeline_figure(GAPS, FAULTS, markers=MARKERS, duration_s=10.0)
+    figure = recording_gaps_figure(bars(10.0), GAPS, FAULTS)
     (axes,) = figure.axes
     assert [label.get_text() for label in axes.get_yticklabels()] == list(MARKERS)
     assert len(axes.patches) == len(MARKERS)
@@ -40,7 +43,7 @@ def test_one_bar_a_marker_and_a_white_stretch_for_each_gap():
 
 
 def test_every_kind_of_fault_stands_in_its_row_and_in_the_legend():
-    figure = gap_timeline_figure(GAPS, FAULTS, markers=MARKERS, duration_s=10.0)
+    figure = recording_gaps_figure(bars(10.0), GAPS, FAULTS)
     (axes,) = figure.axes
     rows = {line.get_label(): list(line.get_ydata()) for line in axes.lines}
     for row, (_, _, meaning) in enumerate(SIGNS.values()):
@@ -51,12 +54,12 @@ def test_every_kind_of_fault_stands_in_its_row_and_in_the_legend():
 
 
 def test_nothing_to_show_is_said():
-    figure = gap_timeline_figure(GAPS[:0], FAULTS[:0], markers=(), duration_s=10.0)
+    figure = recording_gaps_figure(bars(10.0)[:0], GAPS[:0], FAULTS[:0])
     assert "No marker" in figure.texts[0].get_text()
 
 
 def test_a_whole_recording_without_faults():
-    figure = gap_timeline_figure(GAPS[:0], FAULTS[:0], markers=MARKERS, duration_s=0.5)
+    figure = recording_gaps_figure(bars(0.5), GAPS[:0], FAULTS[:0])
     assert len(figure.axes[0].lines) == 0
     assert text_faults(figure) == []
 
@@ -108,45 +111,6 @@ def test_no_drift_to_show_is_no_error():
     assert text_faults(figure) == []
 
 
-def landings(n, feet=("left", "right")):
-    rows, samples = [], []
-    for k in range(n):
-        row = {"landing": k + 1, "why": "excluded (8 times): foot 1 not down by the post section"}
-        row |= {"recording": "hopper", "index": 37 * k, "t_pre_s": 1.0, "t_post_s": 1.1}
-        row |= {f"contact_{foot}_s": 1.05 + 0.01 * i for i, foot in enumerate(feet)}
-        rows.append(row)
-        times = np.arange(-6, 17) * 0.01
-        for foot in feet:
-            height = np.maximum(0.1 - 2 * (times + 0.01), 0.0)
-            samples.append(
-                pd.DataFrame({"landing": k + 1, "foot": foot, "time_s": times, "height_m": height})
-            )
-    return pd.DataFrame(rows), pd.concat(samples)
-
-
-@pytest.mark.parametrize("n", [1, 2, 3, 5, 12])
-def test_a_panel_for_each_landing(n):
-    figure = worst_landings_figure(*landings(n))
-    shown = [axes for axes in figure.axes if axes.get_visible()]
-    assert len(shown) == n
-    assert "descent 0" in shown[0].get_title(loc="left")
-    labelled = [axes for axes in shown if axes.get_xlabel()]
-    assert len(labelled) == min(n, 3)
-    assert text_faults(figure) == []
-
-
-def test_a_landing_without_end_or_contact_is_drawn():
-    table, samples = landings(1)
-    table.loc[0, ["t_post_s", "contact_left_s"]] = np.nan
-    assert text_faults(worst_landings_figure(table, samples)) == []
-
-
-def test_no_landing_is_said_in_words():
-    table, samples = landings(1)
-    figure = worst_landings_figure(table.head(0), samples.head(0))
-    assert figure.texts[0].get_text() == "No landing to show."
-
-
 @pytest.mark.parametrize("recordings", [1, 4])
 def test_gaps_and_faults_stand_in_their_recording(recordings):
     names = [f"trial{k}" for k in range(recordings)]
@@ -165,11 +129,3 @@ def test_gaps_and_faults_stand_in_their_recording(recordings):
     (spike,) = figure.axes[-1].get_lines()
     assert (spike.get_xdata()[0], spike.get_ydata()[0]) == (30.0, 2)
     assert text_faults(figure) == []
-
-
-def test_nothing_missing_is_said_in_words():
-    markers = pd.DataFrame({"recording": ["a"], "marker": ["b1"], "duration_s": [1.0]})
-    gaps = pd.DataFrame(columns=["recording", "marker", "start_s", "stop_s"])
-    faults = pd.DataFrame(columns=["recording", "kind", "marker", "start_s"])
-    figure = recording_gaps_figure(markers, gaps, faults)
-    assert "every frame" in figure.texts[0].get_text()

@@ -28,7 +28,7 @@ def test_contacts_stand_in_order_with_their_errors():
     ticks = [label.get_text() for label in contact.get_yticklabels()]
     assert ticks == [f"foot{i} ({i})" for i in order]
     assert contact.get_title(loc="left").startswith(f"order {' → '.join(map(str, order))}")
-    assert "p = 0.987" in contact.get_title(loc="left")
+    assert "98.7 % sure" in contact.get_title(loc="left")
     for container, foot in zip(contact.containers, order, strict=True):
         instant = (row[f"contact_foot{foot}_s"] - row["t_pre_s"]) * 1000
         low, high = container[2][0].get_segments()[0][:, 0]

@@ -348,7 +348,6 @@ def test_texts_with_units():
     facts = study_facts(full_study())
     assert facts["units"] == "29.1\u00a0mm and 27\u00a0ms"
     assert facts["travel"] == "211\u00a0mm"
-    assert facts["split"] == "52/18"
     assert facts["labels_right"] == {
         "kink": ("97.9\u00a0%", "95.1\u00a0%"),
         "velocity minimum": ("94.9\u00a0%", None),
@@ -382,7 +381,6 @@ def test_tables_without_rows_or_optional_columns():
     lean = prediction()[["model", "median"]]
     facts = study_facts(ReportInputs("s", prediction=lean, distances=pd.DataFrame(
         {"kind": [], "median": []})))  # fmt: skip
-    assert facts["split"] is None
     assert set(facts["distances"].values()) == {None}
 
 

@@ -291,12 +291,6 @@ def test_truth_is_measured_as_elsewhere_on_the_page():
     assert result_tables.truth_table(height).rows == (("Pre section", "503.2", "mm"),)
 
 
-def test_what_has_no_truth_and_stands_elsewhere_is_left_out():
-    entry = {"value": 0.00136, "unit": "units²", "what": "Median prediction error"}
-    assert result_tables.truth_table({"mse_all": entry}) is None
-    assert len(result_tables.truth_table(truth() | {"mse_all": entry}).rows) == len(truth())
-
-
 def test_the_worst_coordinate_is_explained():
     assert "97.5\u00a0% of the bootstraps" in result_tables.prediction_table(prediction()).note
 

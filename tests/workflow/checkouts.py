@@ -19,7 +19,6 @@ FIGURES = (
     "fig2_4_prediction",
     "fig2_5_distances",
     "stability",
-    "worst_landings",
 )
 
 

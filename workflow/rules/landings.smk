@@ -67,8 +67,6 @@ rule quality:
         checks=f"{RESULTS}/quality.json",
         stability=f"{RESULTS}/tables/section_stability.csv",
         drift=f"{RESULTS}/tables/drift.csv",
-        landings=f"{RESULTS}/tables/worst_landings.csv",
-        samples=f"{RESULTS}/tables/worst_landing_samples.csv",
     log:
         f"{RESULTS}/logs/quality.log",
     benchmark:
@@ -77,7 +75,6 @@ rule quality:
         **needs(mb_a_mb=60, minutes=20),
     params:
         sections=STUDY["sections"],
-        number=STUDY["report"]["worst_landings"],
         noise_m=configuration.expected_noise_m(STUDY),
         code=code("quality"),
     script:

@@ -70,32 +70,6 @@ rule true_sections:
         "../scripts/true_sections.py"
 
 
-rule map_errors:
-    """Errors of fitted linear maps against the exact ones, by number of landings."""
-    input:
-        pairs=rules.pairs.output.pairs,
-        touchdowns=rules.pairs.output.touchdowns,
-        recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
-        true_pairs=rules.true_sections.output.pairs,
-        maps=rules.true_sections.output.maps,
-    output:
-        errors=f"{RESULTS}/tables/map_errors.csv",
-        states=f"{RESULTS}/tables/state_errors.csv",
-    log:
-        f"{RESULTS}/logs/map_errors.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/map_errors.tsv"
-    resources:
-        **needs(minutes=30),
-    params:
-        recordings=RECORDINGS,
-        markers=STUDY["markers"],
-        seed=STUDY["seed"],
-        code=code("map_errors"),
-    script:
-        "../scripts/map_errors.py"
-
-
 rule scaling_study:
     """Maps of noise-free landings whose deviations from a simultaneous contact are scaled down."""
     input:
@@ -140,9 +114,11 @@ rule verdict:
 
 
 rule estimate_errors:
-    """The estimates of the landing map, and the verdict, against the exact maps."""
+    """States, estimates of the landing map, and the verdict, against the truth."""
     input:
         pairs=rules.pairs.output.pairs,
+        touchdowns=rules.pairs.output.touchdowns,
+        recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         estimates=rules.linear_maps.output.maps,
         maps=rules.true_sections.output.maps,
         true_pairs=rules.true_sections.output.pairs,
@@ -152,6 +128,7 @@ rule estimate_errors:
         errors=f"{RESULTS}/tables/estimate_errors.csv",
         exact=f"{RESULTS}/tables/exact_map.csv",
         verdict=f"{RESULTS}/tables/verdict_errors.csv",
+        states=f"{RESULTS}/tables/state_errors.csv",
     log:
         f"{RESULTS}/logs/estimate_errors.log",
     benchmark:
@@ -159,6 +136,8 @@ rule estimate_errors:
     resources:
         **needs(minutes=10),
     params:
+        recordings=RECORDINGS,
+        markers=STUDY["markers"],
         code=code("estimate_errors"),
     script:
         "../scripts/estimate_errors.py"
@@ -175,8 +154,7 @@ rule score:
         exact=(
             [
                 rules.scaling_study.output.scaling,
-                rules.map_errors.output.errors,
-                rules.map_errors.output.states,
+                rules.estimate_errors.output.states,
                 rules.estimate_errors.output.errors,
                 rules.estimate_errors.output.verdict,
             ]
@@ -186,7 +164,6 @@ rule score:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/ready/{{recording}}.json"),
         sections=rules.pairs.output.sections,
-        touchdowns=rules.pairs.output.touchdowns,
         prediction=rules.linear_maps.output.summary,
         distances=rules.distances.output.summary,
     output:

@@ -1,21 +1,29 @@
-"""Compare the estimates of the landing map, and the verdict, with the exact maps."""
+"""Compare states, estimates of the landing map and the verdict with the truth."""
 
 import numpy as np
 
-from hopdata.jobs import read_json, reported, write_table
+from hopdata.jobs import read_json, read_table, reported, write_table
 from hopdata.landings.states.pairs import read_pairs
+from hopdata.maps.truth.landings import state_errors, true_rows
 from hopdata.maps.truth.maps import estimate_errors, exact_map
 from hopdata.maps.truth.maps import true_effect, verdict_errors
+from hopdata.recordings.readers.hdf5 import read_truth
 
 with reported(snakemake.log[0]):
-    estimates = read_json(snakemake.input.estimates)
-    maps, states = read_json(snakemake.input.maps), read_pairs(snakemake.input.true_pairs).x
-    instants = read_pairs(snakemake.input.pairs).instants
-    time_unit_s = read_json(snakemake.input.units)["time_unit_s"]
+    source, output, names = snakemake.input, snakemake.output, snakemake.params.recordings
+    pairs, true = read_pairs(source.pairs), read_pairs(source.true_pairs)
+    contacts = {
+        name: read_truth(path).contact_times
+        for name, path in zip(names, source.recordings, strict=True)
+    }
+    feet = snakemake.params.markers["feet"]
+    rows = true_rows(pairs, read_table(source.touchdowns), true, contacts, feet)
+    estimates, maps = read_json(source.estimates), read_json(source.maps)
+    time_unit_s = read_json(source.units)["time_unit_s"]
     shape = np.array(estimates["shape_m"]).reshape(-1, 3)
-    exact = exact_map(maps, states, shape=shape, time_unit_s=time_unit_s)
-    effect = true_effect(maps, states, instants)
-    verdict = verdict_errors(effect, read_json(snakemake.input.verdict))
-    write_table(snakemake.output.errors, estimate_errors(exact, estimates))
-    write_table(snakemake.output.exact, exact.table())
-    write_table(snakemake.output.verdict, verdict)
+    exact = exact_map(maps, true.x, shape=shape, time_unit_s=time_unit_s)
+    effect = true_effect(maps, true.x, pairs.instants)
+    write_table(output.errors, estimate_errors(exact, estimates))
+    write_table(output.exact, exact.table())
+    write_table(output.verdict, verdict_errors(effect, read_json(source.verdict)))
+    write_table(output.states, state_errors(pairs, true, rows))

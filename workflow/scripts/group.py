@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from hopdata.arrays import pd
-from hopdata.figures.group import group_figure
 from hopdata.figures.style import save_figure
+from hopdata.figures.verdict import group_figure
 from hopdata.group import put_together
 from hopdata.jobs import read_json, reported, whole_file, write_json, write_table
-from hopdata.report.group import build_group_page
 from hopdata.report.inputs import read_figures
+from hopdata.report.verdict import build_group_page
 
 with reported(snakemake.log[0]):
     rows = [read_json(path) for path in snakemake.input.members]

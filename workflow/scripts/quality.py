@@ -5,7 +5,6 @@ from hopdata.landings.checks import check_study
 from hopdata.landings.filling import filled_table
 from hopdata.landings.stability import drift_table
 from hopdata.landings.stability import section_stability
-from hopdata.landings.stability import landing_samples, worst_landings
 from hopdata.landings.sections.select import Sections
 from hopdata.recordings.readers.hdf5 import read_recording
 
@@ -17,12 +16,9 @@ with reported(snakemake.log[0]):
     landings = zip(levelled, map(read_table, source.landings), strict=True)
     landings = {recording.name: table for recording, table in landings}
     options = {key: value for key, value in params.sections.items() if key != "grid_nodes"}
-    worst = worst_landings(touchdowns, params.number)
     tables = {
         "stability": section_stability(levelled, sections, options, landings),
         "drift": drift_table(levelled, touchdowns),
-        "landings": worst,
-        "samples": landing_samples(levelled, worst),
         "filled": filled_table(levelled),
     }
     checks = check_study(

@@ -26,7 +26,6 @@ with reported(snakemake.log[0]):
         feet=snakemake.params.markers["feet"],
         tables=tables,
         sections=read_json(source.sections),
-        touchdowns=read_table(source.touchdowns),
         prediction_summary=read_table(source.prediction),
         distance_summary=read_table(source.distances),
         exact={Path(path).stem: read_table(path) for path in source.exact},

@@ -1,6 +1,6 @@
 """What a study will find, told before it is run: landings used, and what its verdict can tell.
 
-The stages' own functions, in one process, without tables and figures. Of the verdict nothing is
+The study in one process, without tables and figures. Of the verdict nothing is
 told but how small a difference it can show, so that no choice is made by its answer.
 """
 
@@ -14,28 +14,19 @@ from typing import Any
 
 import numpy as np
 
+from hopdata.analysis import Study
 from hopdata.arrays import pd
 from hopdata.config.consistency import feet_of
 from hopdata.errors import AnalysisError
-from hopdata.landings.contacts.find import find_landings
-from hopdata.landings.contacts.joined import join_feet
-from hopdata.landings.filling import TOO_MUCH_FILLED, fill_gaps
-from hopdata.landings.floor import fit_floor, level
+from hopdata.landings.filling import TOO_MUCH_FILLED
 from hopdata.landings.schedules import AMBIGUOUS
-from hopdata.landings.sections.select import select_sections
-from hopdata.landings.states.assemble import STATELESS, assemble_pairs, exclude_stateless
-from hopdata.landings.touchdowns import (
-    HIDDEN_PRE,
-    LOW_FLIGHT,
-    NO_FOOT_LANDED,
-    touchdown_tables,
-)
-from hopdata.maps.verdict import judge
+from hopdata.landings.states.assemble import STATELESS
+from hopdata.landings.touchdowns import HIDDEN_PRE, LOW_FLIGHT, NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import landings_needed
 from hopdata.recording import Recording, fraction_seen
 
 FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
-MOST_FRAMES = 60_000  # looked at; of longer studies the middle of each recording
+MOST_FRAMES = 120_000  # looked at; of longer studies the middle of each recording
 LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
 #: The bound of a study without a difference is some 0.75 to 1 of what it detects.
 BOUND_SHARE = 0.75
@@ -122,7 +113,7 @@ class Forecast:
         return round(float(count) / self.frames_share)
 
 
-def foretell(config: Mapping[str, Any], recordings: Sequence[Recording]) -> Forecast:
+def foretell(config: dict[str, Any], recordings: Sequence[Recording]) -> Forecast:
     """Say what the study of these recordings will find.
 
     Parameters
@@ -139,31 +130,13 @@ def foretell(config: Mapping[str, Any], recordings: Sequence[Recording]) -> Fore
     """
     numbered = any(e.get("landings") for r in config["recordings"] for e in r["exclude"])
     parts, share = _parts(recordings, math.inf if numbered else MOST_FRAMES)
-    ready = [_ready(part, config) for part in parts]
-    options: dict[str, Any] = {
-        key: x for key, x in config["sections"].items() if key != "grid_nodes"
-    }
-    labelling = ("method", "ambiguous", "ambiguous_below")
-    fitting = {key: x for key, x in config["touchdowns"].items() if key not in labelling}
-    landings = {part.name: find_landings(part, **fitting) for part in ready}
-    chosen = select_sections(ready, landings=landings, **options)
-    sections: dict[str, Any] = {
-        "pre_height_m": chosen.pre_height_m,
-        "post_height_m": chosen.post_height_m,
-    }
-    spans = {entry["name"]: entry["exclude"] for entry in config["recordings"]}
-    excluded = [spans[part.name] for part in ready]
-    how = {**sections, **config["touchdowns"], "largest_share": config["filling"]["largest_share"]}
-    touchdowns = pd.concat(touchdown_tables(ready, landings, excluded, **how), ignore_index=True)
-    options = {**config["states"], "home_marker": config["home"]["marker"], **sections}
-    ambiguous = config["touchdowns"]["ambiguous"]
+    study = Study(config, tuple(parts))
+    looked_at = study.candidates
     try:
-        pairs = assemble_pairs(ready, touchdowns, ambiguous=ambiguous, **options)
+        touchdowns = study.touchdowns
     except AnalysisError as error:
-        return Forecast(touchdowns, share, reason=str(error), stops=True)
-    touchdowns = exclude_stateless(touchdowns, pairs)
-    instants = np.asarray(pairs.instants)
-    verdict = judge(pairs.x, pairs.y, instants, seed=config["seed"], **config["verdict"])
+        return Forecast(looked_at, share, reason=str(error), stops=True)
+    verdict = study.verdict
     if verdict.effect is None:
         return Forecast(touchdowns, share, reason=verdict.notes[-1]["reason"])
     return Forecast(touchdowns, share, verdict.effect.detectable * float(np.sqrt(share)))
@@ -178,16 +151,6 @@ def _parts(recordings: Sequence[Recording], most: float) -> tuple[list[Recording
         first = (len(one.time) - few) // 2
         parts.append(one.part(slice(first, first + few)))
     return parts, sum(len(one.time) for one in parts) / total
-
-
-def _ready(recording: Recording, config: Mapping[str, Any]) -> Recording:
-    """Return a recording as the rule `recording` leaves it: level, its short gaps filled."""
-    ready = level(recording, fit_floor(recording, **config["floor"]))
-    ready = join_feet(ready, config["feet"])
-    longest_s = config["filling"]["longest_s"]
-    if longest_s > 0 and len(config["markers"]["body"]) > 3:
-        ready = fill_gaps(ready, longest_s=longest_s)
-    return ready
 
 
 def told(
@@ -252,7 +215,7 @@ def _changes(
             f"record more: about {needed} landings are wanted for verdict.margin, some "
             f"{minutes:.2g} minutes more at this pace"
         )
-    if "orders" in forecast.reason or "no two feet" in forecast.reason:
+    if "contact order" in forecast.reason or "no two feet" in forecast.reason:
         changes.append(
             "vary how the body lands (push, tilt, speed) until other feet come first, or name feet "
             "that do: maps of one contact order cannot be compared"

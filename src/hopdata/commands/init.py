@@ -249,8 +249,10 @@ def _remarks(inspection: Inspection) -> list[str]:
     remarks, unit = terminal.notes(inspection), inspection.unit
     if unit.value not in READABLE_UNITS:
         remarks.append(f"the numbers look like {unit.value} ({unit.reason}): export in mm or m")
-    found = terminal.suspects(inspection)
+    found = inspection.suspects()
     if found:
         more = f" and {len(found) - 1} more" if len(found) > 1 else ""
-        remarks.append(f"frame {found[0].frame}: {found[0].text}{more}; hopdata inspect shows all")
+        remarks.append(
+            f"frame {found[0].start + 1}: {found[0].text}{more}; hopdata inspect shows all"
+        )
     return remarks

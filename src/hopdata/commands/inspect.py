@@ -16,9 +16,7 @@ from hopdata.report.formatting import Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    from hopdata.recordings.quality.inspection import Inspection
+    from hopdata.recordings.quality.inspection import Inspection, Suspect
 
 
 def inspect(options: argparse.Namespace) -> int:
@@ -95,7 +93,7 @@ CAPTION = (
 
 def inspection_html(inspection: Inspection, file: str) -> str:
     """Write the page on one recording."""
-    found = terminal.suspects(inspection)
+    found = inspection.suspects()
     image, ends = _timeline(inspection, found)
     figure = ReportFigure("seen", image, "image/svg+xml", CAPTION)
     return rendered(
@@ -127,22 +125,24 @@ def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
     ]
 
 
-def _timeline(
-    inspection: Inspection, found: list[terminal.Suspect]
-) -> tuple[bytes, tuple[float, ...]]:
+def _timeline(inspection: Inspection, found: list[Suspect]) -> tuple[bytes, tuple[float, ...]]:
     """Draw the picture as SVG, and say between which shares of its width its time axis runs."""
     import pandas as pd
 
     from hopdata.figures.catalogue import FORMATS
-    from hopdata.figures.quality import gap_timeline_figure
+    from hopdata.figures.quality import recording_gaps_figure
     from hopdata.figures.style import style_context
 
     time = inspection.time - inspection.time[0]
+    columns = ["recording", "marker", "start_s", "stop_s"]
     stretches = [(g.marker, *stretch) for g in inspection.gaps for stretch in g.stretches]
-    rows = [(name, time[start], time[min(stop, len(time) - 1)]) for name, start, stop in stretches]
-    gaps = pd.DataFrame(rows, columns=["marker", "start_s", "stop_s"])
-    figure = gap_timeline_figure(
-        gaps, _signs(found), markers=inspection.markers, duration_s=inspection.duration_s
+    gaps = [("", name, time[a], time[min(b, len(time) - 1)]) for name, a, b in stretches]
+    faults = [("", name, s.time_s, s.kind) for s in found for name in (s.markers or ("",))]
+    markers = {"recording": "", "marker": inspection.markers, "duration_s": inspection.duration_s}
+    figure = recording_gaps_figure(
+        pd.DataFrame(markers),
+        pd.DataFrame(gaps, columns=columns),
+        pd.DataFrame(faults, columns=[*columns[:3], "kind"]),
     )
     buffer = io.BytesIO()
     with style_context():
@@ -152,15 +152,8 @@ def _timeline(
     )
 
 
-def _signs(found: list[terminal.Suspect]) -> pd.DataFrame:
-    import pandas as pd
-
-    rows = [(name, s.kind, s.time_s) for s in found for name in (s.markers or ("",))]
-    return pd.DataFrame(rows, columns=["marker", "kind", "time_s"])
-
-
-def _suspect_table(found: list[terminal.Suspect]) -> Table:
-    rows = tuple((s.kind, s.text, f"{s.frame}", f"{s.time_s:.3f}") for s in found)
+def _suspect_table(found: list[Suspect]) -> Table:
+    rows = tuple((s.kind, s.text, f"{s.start + 1}", f"{s.time_s:.3f}") for s in found)
     head = ("kind", "what", "frame", "time (s)")
     return Table("What looks wrong", head, rows, text_columns=2, note="Frames count from 1.")
 

@@ -6,12 +6,11 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hopdata.errors import HopdataError
+from hopdata.errors import HopdataError, counted
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
@@ -20,86 +19,6 @@ if TYPE_CHECKING:
 # What a command's exit code says; argparse itself ends with 2 on a wrong command line.
 
 OK, PROBLEM, INTERRUPTED = 0, 1, 130
-
-
-# Numbers and the words behind them.
-
-
-def counted(number: int, word: str) -> str:
-    """Write ``1 frame``, ``2 frames``."""
-    return f"{number} {word}" + ("" if number == 1 else "s")
-
-
-# Faults of an inspection, one line each, in the order of time.
-
-
-@dataclass(frozen=True)
-class Suspect:
-    """One thing that looks wrong.
-
-    Parameters
-    ----------
-    kind : str
-        ``swap``, ``spike``, ``jump``, ``frozen``, ``dropped``, ``rate`` or ``time``.
-    markers : tuple of str
-        Those concerned; none for the time stamps.
-    frame : int
-        First frame, from 1 as in the file.
-    time_s : float
-        Time after the first frame, s.
-    text : str
-        What was found.
-    """
-
-    kind: str
-    markers: tuple[str, ...]
-    frame: int
-    time_s: float
-    text: str
-
-
-def suspects(inspection: Inspection) -> list[Suspect]:
-    """List all faults, the earliest first."""
-    return sorted(_all(inspection), key=lambda s: (s.frame, s.kind, s.markers))
-
-
-def _all(inspection: Inspection) -> Iterator[Suspect]:
-    faults, timing = inspection.faults, inspection.timing
-
-    def suspect(kind: str, markers: tuple[str, ...], frame: int, text: str) -> Suspect:
-        time = float(inspection.time[frame] - inspection.time[0])
-        return Suspect(kind, markers, frame + 1, time, text)
-
-    for swap in faults.swaps:
-        names = " and ".join(swap.markers) if len(swap.markers) == 2 else ", ".join(swap.markers)
-        until = "to the end" if swap.stop is None else f"to frame {swap.stop}"
-        text = f"{names} exchanged {until} (by {' and '.join(swap.found_by)})"
-        yield suspect("swap", swap.markers, swap.start, text)
-    for spike in faults.spikes:
-        length = counted(spike.stop - spike.start, "frame")
-        text = f"{spike.marker} is {_mm(spike.size)} off for {length}"
-        yield suspect("spike", (spike.marker,), spike.start, text)
-    for jump in faults.jumps:
-        text = f"{jump.marker} jumps by {_mm(jump.size)}"
-        yield suspect("jump", (jump.marker,), jump.start, text)
-    for frozen in faults.frozen:
-        text = f"{frozen.marker} repeats one position in {frozen.stop - frozen.start} frames"
-        yield suspect("frozen", (frozen.marker,), frozen.start, text)
-    if inspection.has_wrong_rate:
-        found, stated = timing.rate_hz, inspection.rate_hz
-        text = f"the time stamps run at {found:g} Hz, and the frame rate stated is {stated:g} Hz"
-        yield suspect("rate", (), 0, text)
-    for frame, missing in timing.drops.tolist():
-        text = f"{counted(missing, 'frame')} dropped after this one"
-        yield suspect("dropped", (), int(frame), text)
-    for frame in timing.irregular:
-        yield suspect("time", (), int(frame), "irregular step of the time stamps after this one")
-    for frame in timing.backward:
-        yield suspect("time", (), int(frame), "the next time stamp is not later")
-
-
-def _mm(metres: float) -> str:
-    return f"{metres * 1e3:.1f} mm"
 
 
 WIDTH, COLUMNS, MOST_SUSPECTS = 100, 50, 20
@@ -139,7 +58,7 @@ def answer(inspection: Inspection) -> str:
     if not n:
         return "No swapped or frozen markers, spikes, jumps, dropped frames or irregular stamps."
     kinds: dict[str, int] = {}
-    for suspect in suspects(inspection):
+    for suspect in inspection.suspects():
         kinds[suspect.kind] = kinds.get(suspect.kind, 0) + 1
     parts = ", ".join(f"{count} {_plural(kind, count)}" for kind, count in kinds.items())
     return f"{counted(n, 'suspect')}: {parts}."
@@ -150,7 +69,8 @@ def _plural(kind: str, count: int) -> str:
         "frozen": "frozen marker{}",
         "dropped": "place{} with dropped frames",
         "rate": "wrong frame rate{}",
-        "time": "irregular time stamp{}",
+        "irregular": "irregular time stamp{}",
+        "backward": "backward time stamp{}",
     }
     return words.get(kind, f"{kind}{{}}").format("s" if count > 1 else "")
 
@@ -235,10 +155,10 @@ def _bar(gaps: MarkerGaps, n_columns: int) -> str:
 
 
 def _suspects(inspection: Inspection) -> list[str]:
-    found = suspects(inspection)
+    found = inspection.suspects()
     lines = [f"  {answer(inspection)}"]
     for suspect in found[:MOST_SUSPECTS]:
-        where = f"frame {suspect.frame} ({suspect.time_s:.3f} s)"
+        where = f"frame {suspect.start + 1} ({suspect.time_s:.3f} s)"
         lines.append(f"    {suspect.kind:8} {where:24} {suspect.text}")
     if len(found) > MOST_SUSPECTS:
         lines.append(f"    and {len(found) - MOST_SUSPECTS} more; --html lists all")

@@ -6,8 +6,9 @@ job that draws it; its caption stands in ``workflow/captions/<name>.md``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -66,9 +67,6 @@ FIGURES: dict[str, dict[str, Drawing]] = {
             "schedule:example_figure", _table("example_touchdown", "touchdowns")
         ),
         "stability": Drawing("quality:stability_figure", _table("section_stability", "drift")),
-        "worst_landings": Drawing(
-            "quality:worst_landings_figure", _table("worst_landings", "worst_landing_samples")
-        ),
         "recording_gaps": Drawing(
             "quality:recording_gaps_figure", _table("markers", "gap_times", "faults")
         ),
@@ -86,7 +84,6 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         ),
     },
     "truth": {
-        "map_errors": Drawing("maps:map_errors_figure", _table("map_errors")),
         "scaling_study": Drawing("maps:scaling_study_figure", _table("scaling_study")),
     },
     "overlay": {
@@ -162,11 +159,15 @@ def draw(name: str, files: list[str], base: str | Path, **options: Any) -> None:
     # It loads matplotlib, which a planned run does without.
     from hopdata.figures.style import save_figure
 
-    drawing = _drawing(name)
     content = [read_json(path) if path.endswith(".json") else read_table(path) for path in files]
+    save_figure(function_of(name)(*content), base, **options)
+
+
+def function_of(name: str) -> Callable[..., Any]:
+    """Return the function that draws a figure, with its options."""
+    drawing = _drawing(name)
     module, _, function = drawing.place.partition(":")
-    drawn = getattr(import_module(f"hopdata.figures.{module}"), function)
-    save_figure(drawn(*content, **drawing.options), base, **options)
+    return partial(getattr(import_module(f"hopdata.figures.{module}"), function), **drawing.options)
 
 
 def _drawing(name: str) -> Drawing:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,8 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hopdata.errors import chosen
 from hopdata.figures import style
+from hopdata.figures.verdict import in_short
 
 # kind: what the reader sees, its colour, its line style.
 KINDS: dict[str, tuple[str, str, Any]] = {
@@ -120,21 +120,9 @@ def both_sides_figure(*content: Any, names: Sequence[str]) -> Figure:
         distances, summary, verdict = content[3 * column : 3 * column + 3]
         upper, lower = rows[0, column], rows[1, column]
         _draw_study(upper, lower, distances, summary)
-        upper.set_title(f"{name}\nverdict: {_in_short(verdict)}", loc="left")
+        upper.set_title(f"{name}\nverdict: {in_short(verdict)}", loc="left")
         style.letter(upper, "abcdef"[column])
     for axes in rows[:, 1:].ravel():
         axes.set_ylabel("")
     figure.legend(*rows[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     return figure
-
-
-def _in_short(verdict: Mapping[str, Any]) -> str:
-    effect = verdict["effect"]
-    if effect is None:
-        return str(verdict["conclusion"])
-    sizes = {
-        "different": f"different by {effect['estimate']:.2g}",
-        "no difference": f"no difference above {effect['upper_bound']:.2g}",
-        "cannot tell": "these data cannot tell",
-    }
-    return chosen("conclusion", verdict["conclusion"], sizes)

@@ -1,8 +1,7 @@
-"""The scaling study: what linear maps leave over as landings draw together, case by case."""
+"""The landing map as a picture, and the scaling study: maps as landings draw together."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,55 +12,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from hopdata.figures import style
-
-# How close fitted maps come to the exact ones, by the number of landings.
-
-SOURCES = {
-    "noise_free": (style.BLUE, "without noise"),
-    "measured": (style.VERMILION, "as measured"),
-}
-MODELS: Mapping[str, tuple[str | tuple[float, tuple[float, ...]], str, str]] = {
-    "pooled": ("-", "o", "one map"),
-    "specialised": ((0, (4, 1.5)), "s", "one a schedule"),
-}
-
-
-@style.styled
-def map_errors_figure(errors: pd.DataFrame) -> Figure:
-    """Draw errors of fitted maps over the number of landings.
-
-    Parameters
-    ----------
-    errors : DataFrame
-        Table ``map_errors``, see `hopdata.maps.truth.scaling`.
-
-    Returns
-    -------
-    Figure
-        Median and 5 to 95 % of the error of least squares.
-    """
-    figure = style.paper_figure(style.SINGLE_COLUMN_MM, 70.0)
-    axes = figure.subplots()
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    for model, (dash, marker, which) in MODELS.items():
-        for source, (colour, data) in SOURCES.items():
-            rows = errors[(errors["source"] == source) & (errors["model"] == model)]
-            rows = rows.sort_values("landings")
-            if len(rows):
-                line = (f"{which}, {data}", colour, dash, marker)
-                n, band = rows["landings"], (rows["q05"], rows["q95"])
-                style.banded_line(axes, n, rows["median"], band, line, size=3)
-    axes.set_xlabel("landings that a map is fitted to")
-    axes.set_ylabel("error relative to the exact map")
-    for axis, steps in ((axes.yaxis, (1.0, 2.0, 5.0)), (axes.xaxis, (1.0, 3.0))):
-        axis.set_major_locator(ticker.LogLocator(subs=steps))
-        axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(ticker.NullFormatter())
-    axes.grid(axis="y", which="major")
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper center", ncols=2)
-    return figure
-
 
 # The landing map as a picture: what is true, what was estimated, and the difference.
 

@@ -1,9 +1,9 @@
-"""How stable the sections are, and what drifts between parts of a study."""
+"""Where each marker was seen, how stable the sections are, and what drifts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from textwrap import fill, wrap
+from collections.abc import Sequence
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,8 @@ from hopdata.figures import style
 
 # Where each marker was seen, and what looks wrong there, over the time of a recording.
 
-ROW_MM, MARGIN_MM = 4.2, 20.0
+ROW_MM, BETWEEN_MM, LEGEND_MM = 4.2, 14.0, 8.0
 BAR = 0.62
-TIME = "time after the first frame (s)"
 SHORTEST = 0.0015  # of the duration: a shorter stretch is drawn this long, or nobody would see it
 # kind: colour, sign, what it means.
 SIGNS = {
@@ -29,47 +28,43 @@ SIGNS = {
 
 
 @style.styled
-def gap_timeline_figure(
-    gaps: pd.DataFrame, faults: pd.DataFrame, *, markers: Sequence[str], duration_s: float
+def recording_gaps_figure(
+    markers: pd.DataFrame, gaps: pd.DataFrame, faults: pd.DataFrame
 ) -> Figure:
-    """Draw one bar a marker: seen in blue, gaps left white, faults as signs.
+    """Draw a bar for each marker of each recording: seen in blue, gaps left white, faults as signs.
 
     Parameters
     ----------
+    markers : DataFrame
+        ``recording, marker, duration_s``: one row a bar, the first on top.
     gaps : DataFrame
-        ``marker``, ``start_s``, ``stop_s`` of each gap, from the first frame.
+        ``recording, marker, start_s, stop_s``, from the first frame of the recording.
     faults : DataFrame
-        ``marker`` (empty: of all), ``kind`` (a key of `SIGNS`, or ``"dropped"``), ``time_s``.
-    markers : sequence of str
-        All names, the first on top.
-    duration_s : float
-        Time from the first frame to the last, s.
+        ``recording, marker`` (empty: of all), ``kind`` (a key of `SIGNS`, or ``"dropped"``; others
+        are left out), ``start_s``.
     """
-    if not len(markers) or not duration_s > 0:
+    rows = markers["recording"].value_counts(sort=False)
+    if rows.empty or not markers["duration_s"].min() > 0:
         return style.message_figure("No marker, or no time, to show.")
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, MARGIN_MM + ROW_MM * len(markers))
-    axes = figure.subplots()
-    draw_timeline(axes, gaps, faults, markers=markers, duration_s=duration_s)
-    axes.set_xlabel(TIME)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper right", ncols=6)
+    height = LEGEND_MM + BETWEEN_MM * len(rows) + ROW_MM * len(markers)
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height)
+    grid = figure.subplots(len(rows), 1, squeeze=False, height_ratios=list(rows))[:, 0]
+    signs = {}
+    for axes, recording in zip(grid, rows.index, strict=True):
+        own, missing, wrong = (t[t["recording"] == recording] for t in (markers, gaps, faults))
+        names, duration_s = list(own["marker"]), float(own["duration_s"].max())
+        for row, marker in enumerate(names):
+            _draw_gaps(axes, row, missing[missing["marker"] == marker], duration_s)
+        _draw_faults(axes, wrong, names)
+        style.name_rows(axes, [style.label_of(marker) for marker in names])
+        axes.set_xlim(0.0, duration_s)
+        axes.spines["left"].set_visible(False)
+        axes.set_title(str(recording), loc="left")
+        handles, labels = axes.get_legend_handles_labels()
+        signs.update(dict(zip(labels, handles, strict=True)))
+    grid[-1].set_xlabel("time after the first frame (s)")
+    figure.legend(signs.values(), signs.keys(), loc="outside upper right", ncols=6)
     return figure
-
-
-def draw_timeline(
-    axes: Axes,
-    gaps: pd.DataFrame,
-    faults: pd.DataFrame,
-    *,
-    markers: Sequence[str],
-    duration_s: float,
-) -> None:
-    """Draw the bars of one recording; arguments as for `gap_timeline_figure`."""
-    for row, marker in enumerate(markers):
-        _draw_gaps(axes, row, gaps[gaps["marker"] == marker], duration_s)
-    _draw_faults(axes, faults, markers)
-    style.name_rows(axes, [style.label_of(marker) for marker in markers])
-    axes.set_xlim(0.0, duration_s)
-    axes.spines["left"].set_visible(False)
 
 
 def _draw_gaps(axes: Axes, row: int, gaps: pd.DataFrame, duration_s: float) -> None:
@@ -89,58 +84,15 @@ def _draw_faults(axes: Axes, faults: pd.DataFrame, markers: Sequence[str]) -> No
         found = faults[faults["kind"] == kind]
         if len(found):
             rows = [list(markers).index(name) for name in found["marker"]]
-            (line,) = axes.plot(found["time_s"], rows, sign, color=colour, label=meaning)
+            (line,) = axes.plot(found["start_s"], rows, sign, color=colour, label=meaning)
             line.set(markersize=3.5, markeredgewidth=0.9, zorder=3, clip_on=False)
-    dropped = faults.loc[faults["kind"] == "dropped", "time_s"]
+    dropped = faults.loc[faults["kind"] == "dropped", "start_s"]
     for i, time in enumerate(dropped):
         label = "frames dropped" if i == 0 else ""
         axes.axvline(time, color=style.GREY, linewidth=0.7, linestyle=":", label=label)
 
 
-# When each marker of each recording of a study was not seen, and where there are faults.
-
-BETWEEN_MM, LEGEND_MM = 14.0, 8.0
-
-
-@style.styled
-def recording_gaps_figure(
-    markers: pd.DataFrame, gaps: pd.DataFrame, faults: pd.DataFrame
-) -> Figure:
-    """Draw a line of time for each marker of each recording.
-
-    Parameters
-    ----------
-    markers : DataFrame
-        ``recording, marker, duration_s``: one row a line.
-    gaps : DataFrame
-        ``recording, marker, start_s, stop_s``, from the first frame of the recording.
-    faults : DataFrame
-        ``recording, kind, marker, start_s``; kinds as in `hopdata.figures.quality`.
-    """
-    if gaps.empty and faults.empty:
-        said = "Every marker was seen in every frame, and no faults were found."
-        return style.message_figure(said)
-    rows = markers["recording"].value_counts(sort=False)
-    height = LEGEND_MM + BETWEEN_MM * len(rows) + ROW_MM * len(markers)
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height)
-    grid = figure.subplots(len(rows), 1, squeeze=False, height_ratios=list(rows))[:, 0]
-    signs = {}
-    for axes, recording in zip(grid, rows.index, strict=True):
-        own, missing, wrong = (t[t["recording"] == recording] for t in (markers, gaps, faults))
-        draw_timeline(
-            axes,
-            missing,
-            wrong.rename(columns={"start_s": "time_s"}),
-            markers=list(own["marker"]),
-            duration_s=float(own["duration_s"].max()),
-        )
-        axes.set_title(str(recording), loc="left")
-        handles, labels = axes.get_legend_handles_labels()
-        signs.update(dict(zip(labels, handles, strict=True)))
-    grid[-1].set_xlabel(TIME)
-    figure.legend(signs.values(), signs.keys(), loc="outside upper right", ncols=6)
-    return figure
-
+# How stable the sections are, and what drifts between parts of a study.
 
 SECTIONS = (
     ("pre_height_m", "pre section", style.BLUE, "o"),
@@ -217,62 +169,3 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
     axes.set_xlabel("median of a part from that of all\n(in spreads between touchdowns)")
     if 0 < len(parts) <= MOST_IN_LEGEND:
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(parts), 2))
-
-
-# Thumbnails of the landings that deserve a look.
-
-ACROSS = 3
-TITLE_WIDTH = 40
-
-
-@style.styled
-def worst_landings_figure(landings: pd.DataFrame, samples: pd.DataFrame) -> Figure:
-    """Draw foot heights and contacts of each landing.
-
-    Parameters
-    ----------
-    landings : DataFrame
-        ``landing, why, recording, index, t_pre_s, t_post_s``, ``contact_<foot>_s`` and
-        ``se_<foot>_s`` of each foot.
-    samples : DataFrame
-        ``landing, foot, time_s`` (from the pre section), ``height_m``.
-    """
-    if landings.empty:
-        return style.message_figure("No landing to show.")
-    rows = -(-len(landings) // ACROSS)
-    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 12.0 + 38.0 * rows)
-    grid = figure.subplots(rows, ACROSS, squeeze=False)
-    feet = list(dict.fromkeys(samples["foot"]))
-    for axes, row in zip(grid.flat, landings.to_dict("records"), strict=False):
-        own = samples[samples["landing"] == row["landing"]]
-        _draw(axes, {str(key): value for key, value in row.items()}, own, feet)
-    for axes in grid.flat[len(landings) :]:
-        axes.set_visible(False)
-    for axes in grid[:, 0]:
-        axes.set_ylabel("foot height (mm)")
-    for k in range(min(ACROSS, len(landings))):  # below the last of each column
-        lowest = grid[min(rows - 1, (len(landings) - 1 - k) // ACROSS), k]
-        lowest.set_xlabel("time after the pre section (ms)")
-    named = grid[0, 0].get_legend_handles_labels()
-    figure.legend(*named, loc="outside lower center", ncols=len(feet))
-    return figure
-
-
-def _draw(axes: Axes, row: Mapping[str, Any], samples: pd.DataFrame, feet: list[str]) -> None:
-    for number, foot in enumerate(feet):
-        own = samples[samples["foot"] == foot]
-        line = style.foot_line(number)
-        axes.plot(
-            1e3 * own["time_s"], 1e3 * own["height_m"], marker="o", markersize=1.6, linewidth=0.8,
-            label=style.label_of(foot), **line,
-        )  # fmt: skip
-        contact = 1e3 * (float(row[f"contact_{foot}_s"]) - float(row["t_pre_s"]))
-        if np.isfinite(contact):
-            axes.axvline(contact, linewidth=0.7, **line)
-    end = 1e3 * (float(row["t_post_s"]) - float(row["t_pre_s"]))
-    if np.isfinite(end):
-        axes.axvspan(0.0, end, color=style.YELLOW, alpha=0.25, linewidth=0, zorder=0)
-    else:
-        axes.axvline(0.0, color=style.YELLOW, linewidth=2.0, zorder=0)
-    title = f"{row['recording']}, descent {int(row['index'])}: {row['why']}"
-    axes.set_title(fill(title, TITLE_WIDTH), loc="left", fontsize=style.pt(6))

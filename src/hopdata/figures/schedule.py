@@ -33,9 +33,7 @@ def example_figure(example: pd.DataFrame, touchdowns: pd.DataFrame) -> Figure:
 
 
 @style.styled
-def schedule_figure(
-    example: pd.DataFrame, touchdown: Mapping[str, Any], *, feet: Sequence[str] | None = None
-) -> Figure:
+def schedule_figure(example: pd.DataFrame, touchdown: Mapping[str, Any]) -> Figure:
     """Draw Fig. 2.3: heights, vertical velocities and contact instants of one touchdown.
 
     Parameters
@@ -46,8 +44,6 @@ def schedule_figure(
     touchdown : mapping
         The touchdown's row of the touchdown table: ``t_pre_s``, ``t_post_s``,
         ``contact_<foot>_s``, ``se_<foot>_s``, ``schedule`` and, if there, ``probability``.
-    feet : sequence of str, optional
-        Foot names in the order of the configuration; default: as they appear in `example`.
 
     Returns
     -------
@@ -55,7 +51,7 @@ def schedule_figure(
         (a) heights, (b) velocities with a plus at each contact, (c) the contacts with their
         standard errors, earliest at the top.
     """
-    names = tuple(feet) if feet is not None else tuple(dict.fromkeys(example["foot"]))
+    names = tuple(dict.fromkeys(example["foot"]))
     if example.empty or not names or not touchdown:
         return style.message_figure("No usable touchdown to show as an example.")
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 74.0)
@@ -147,4 +143,4 @@ def _order_text(touchdown: Mapping[str, Any]) -> str:
     if probability is None or not np.isfinite(float(probability)):
         return text.strip()
     value = float(probability)
-    return f"{text}(p > 0.999)" if value > 0.999 else f"{text}(p = {value:.3f})"
+    return f"{text}({'> 99.9' if value > 0.999 else f'{100 * value:.3g}'} % sure)"

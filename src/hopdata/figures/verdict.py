@@ -13,7 +13,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from hopdata.figures import style
 
-ROW_MM = 58.0
+ROW_MM, MEMBER_MM = 58.0, 4.2
 SENTENCE_WIDTH = 105
 ASKED = "difference between the maps of the contact orders (% of the map)"
 # Conclusion: the answer in two words, and its colour.
@@ -95,24 +95,22 @@ def _top(verdict: Mapping[str, Any]) -> float:
     """Upper end of the axis of differences, per cent: all points, and the end of the interval."""
     effect = verdict["effect"]
     most = max(verdict["margin"], effect["estimate"], min(effect["detectable"], 1.0))
-    return 112.0 * max(most, min(_end(verdict), LONGEST * most))
+    return 112.0 * max(most, min(_end(verdict["conclusion"], effect), LONGEST * most))
 
 
-def _end(verdict: Mapping[str, Any]) -> float:
+def _end(conclusion: str, effect: Mapping[str, Any]) -> float:
     """End of what is not excluded: of the interval where there is a difference, or the bound."""
-    found = verdict["conclusion"] == "different"
-    return float(verdict["effect"]["high" if found else "upper_bound"])
+    return float(effect["high" if conclusion == "different" else "upper_bound"])
 
 
 def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     """Draw what is known of the difference above an axis that begins at none."""
     effect = verdict["effect"]
-    answer, colour = ANSWERS[verdict["conclusion"]]
+    colour = ANSWERS[verdict["conclusion"]][1]
     margin, seen = 100.0 * verdict["margin"], 100.0 * effect["detectable"]
-    low, end = 100.0 * effect["low"], 100.0 * _end(verdict)
+    low, end = 100.0 * effect["low"], 100.0 * _end(verdict["conclusion"], effect)
     sure, power = (f"{100 * float(verdict[key]):g} %" for key in ("confidence", "power"))
-    title = f"{answer}: {_in_numbers(verdict)}"
-    axes.set_title(title, color=colour, fontsize=style.pt(10), fontweight="bold")
+    axes.set_title(in_short(verdict), color=colour, fontsize=style.pt(10), fontweight="bold")
     axes.plot([low, min(end, top)], [1.0, 1.0], color=colour, linewidth=7, solid_capstyle="butt")
     if end > top:
         axes.plot(top, 1.0, ">", color=colour, markersize=9, clip_on=False)
@@ -125,11 +123,11 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     _write(axes, f"smaller than {margin:g} %\ncounts as none", (margin, 1.7), -3, style.INK, top)
     words = "nothing could have been seen"
     if seen < top:
-        words = f"would be seen in {power} of studies"
+        words = f"a difference from here on\nis found in {power} of studies"
         axes.plot([seen, top], [0.35, 0.35], color=style.PURPLE, linewidth=1.2)
         axes.plot(seen, 0.35, "|", color=style.PURPLE, markersize=8, markeredgewidth=1.5)
         axes.plot(top, 0.35, ">", color=style.PURPLE, markersize=4, clip_on=False)
-    _write(axes, words, (min(seen, top), 0.35), -11, style.PURPLE, top)
+    _write(axes, words, (min(seen, top), 0.35), -13, style.PURPLE, top)
     axes.set_ylim(0.0, 2.15)
     axes.set_xlim(0.0, top)
     axes.set_yticks([])
@@ -146,14 +144,20 @@ def _write(
     style.note(axes, words, at, (3 if left else -3, above), fontsize=7, **look)
 
 
-def _in_numbers(verdict: Mapping[str, Any]) -> str:
-    effect = verdict["effect"]
-    if verdict["conclusion"] == "different":
-        size, low, high = (_percent(effect[key]) for key in ("estimate", "low", "high"))
-        return f"by {size} ({low} to {high})"
-    bound = _percent(effect["upper_bound"])
-    none = verdict["conclusion"] == "no difference"
-    return f"no difference above {bound}" if none else f"up to {bound} possible"
+def in_short(verdict: Mapping[str, Any]) -> str:
+    """Return the answer in a few words, with its size."""
+    answer, effect = ANSWERS[verdict["conclusion"]][0], verdict["effect"]
+    if effect is None:
+        return answer
+    size, low, high, bound = (
+        _percent(effect[key]) for key in ("estimate", "low", "high", "upper_bound")
+    )
+    sizes = {
+        "different": f"by {size} ({low} to {high})",
+        "no difference": f"no difference above {bound}",
+        "cannot tell": f"up to {bound} possible",
+    }
+    return f"{answer}: {sizes[verdict['conclusion']]}"
 
 
 def _percent(share: float) -> str:
@@ -214,6 +218,55 @@ def _draw_landing(axes: Axes, ranks: Sequence[int], ground: float) -> None:
             place, hip, f"{number + 1}", fontsize=style.pt(5), fontweight="bold", color="white",
             ha="center", va="center_baseline",
         )  # fmt: skip
+
+
+# The verdicts of a group, one below the other: a forest plot.
+
+
+@style.styled
+def group_figure(group: Mapping[str, Any]) -> Figure:
+    """Draw the sizes of all members that have an answer, and that of the group.
+
+    Parameters
+    ----------
+    group : mapping
+        Contents of ``group.json``.
+    """
+    rows = [row for row in group["members"] if not row["reason"]]
+    if not rows:
+        return style.message_figure(group["sentence"], width_mm=style.DOUBLE_COLUMN_MM)
+    effect = group["effect"]
+    whole = [{**effect, "name": "all", "conclusion": group["conclusion"]}] if effect else []
+    height = 18.0 + MEMBER_MM * (len(rows) + 1.5 * len(whole))
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, height)
+    axes = figure.subplots()
+    sizes = [row["estimate"] for row in rows] + [group["margin"]]
+    ends = [_end(row["conclusion"], row) for row in (*rows, *whole)]
+    top = min(max(ends), LONGEST * max(*sizes, sorted(ends)[len(ends) // 2]))
+    for place, row in enumerate((*rows, *whole)):
+        colour = ANSWERS[row["conclusion"]][1]
+        y, is_whole = place + 0.5 * (place == len(rows)), place == len(rows)
+        end = min(ends[place], top)
+        axes.plot(
+            [100 * row["low"], 100 * end], [y, y], color=colour, linewidth=4 - 2.5 * (not is_whole)
+        )
+        axes.plot(
+            100 * row["estimate"],
+            y,
+            "D" if is_whole else "s",
+            color=colour,
+            markersize=5,
+            clip_on=False,
+        )
+        if end < ends[place]:
+            axes.plot(100 * top, y, ">", color=colour, markersize=4, clip_on=False)
+    axes.axvline(100 * group["margin"], color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
+    places = [*range(len(rows)), *([len(rows) + 0.5] if whole else [])]
+    axes.set_yticks(places, [style.label_of(row["name"]) for row in (*rows, *whole)])
+    axes.set_ylim(places[-1] + 0.8, -0.8)
+    axes.set_xlim(0.0, 102.0 * top)
+    axes.set_xlabel(ASKED)
+    return figure
 
 
 # How many landings a study takes.

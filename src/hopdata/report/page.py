@@ -33,11 +33,11 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         Counts (int): ``n_recordings, n_frames``; ``n_descents`` of the body; ``n_landings``, those
         in which a foot of the study lands; ``n_not_landed``, the others; ``n_used`` of the
         landings and ``n_excluded``, the rest of them; ``n_schedules`` of those used;
-        texts with units (``pre, post, travel, min_threshold, max_threshold, length_unit,
-        time_unit, units, spread``), ``moved`` (a section, so as to hold the landings),
-        ``landings_only`` (sections made from the body's descents alone), ``medians`` of the
-        fitted models (normalised) and ``distances`` (rad) by name, ``fitted`` and
-        ``not_fitted`` as text, ``split``, ``labels_right`` by method (%), and ``study``.
+        texts with units (``pre, post, travel, min_threshold, max_threshold, units, spread``),
+        ``moved`` (a section, so as to hold the landings), ``landings_only`` (sections made from
+        the body's descents alone), ``medians`` of the fitted models (normalised) and ``distances``
+        (rad) by name, ``fitted`` and ``not_fitted`` as text, ``labels_right`` by method (%), and
+        ``study``.
     """
     return {
         "study": inputs.study,
@@ -93,16 +93,11 @@ def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:
 def _units(units: Mapping[str, Any]) -> dict[str, str | None]:
     length = _shown(units.get("length_unit_m"), 1e3, "mm")
     time = _shown(units.get("time_unit_s"), 1e3, "ms")
-    both = f"{length} and {time}" if length and time else None
-    return {"length_unit": length, "time_unit": time, "units": both}
+    return {"units": f"{length} and {time}" if length and time else None}
 
 
 def _models(inputs: ReportInputs) -> dict[str, Any]:
     medians = _medians(inputs.prediction, "model", tables.MODEL_NAMES)
-    split = None
-    if inputs.prediction is not None and {"n_train", "n_test"} <= set(inputs.prediction):
-        rows = inputs.prediction[["n_train", "n_test"]].dropna().to_numpy()
-        split = f"{rows[0][0]:.0f}/{rows[0][1]:.0f}" if len(rows) else None
     return {
         "medians": medians,
         "fitted": show.words(
@@ -111,7 +106,6 @@ def _models(inputs: ReportInputs) -> dict[str, Any]:
         "not_fitted": show.words(
             [tables.MODEL_NAMES[m] for m in tables.MODEL_NAMES if medians[m] is None]
         ),
-        "split": split,
     }
 
 
@@ -187,9 +181,7 @@ PLACES = {
     "contact_overlay": "overlay",
     "map_matrices": "prediction",
     "stability": "quality",
-    "worst_landings": "quality",
     GAPS: "quality",
-    "map_errors": "truth",
     "scaling_study": "truth",
 }
 

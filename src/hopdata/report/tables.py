@@ -210,17 +210,6 @@ KIND_NAMES = {
 }
 
 
-# Beginnings of names in truth.json that compare with no truth and stand elsewhere on the page.
-NOT_COMPARED = (
-    "mse_",
-    "excluded_",
-    "touchdowns_usable",
-    "touchdowns_ambiguous",
-    "body_travel",
-    "specialised_over_mean",
-    "all_over_specialised",
-    "cross_class_auc",
-)
 SHARES = ("labels_right_",)
 COUNTED = ("landings", "touchdowns")
 SHOWN_ELSEWHERE = ("study", "config", "inputs", "versions", "stage_seconds")
@@ -286,7 +275,6 @@ def truth_table(truth: Mapping[str, Mapping[str, Any]] | None) -> show.Table | N
     rows = tuple(
         (_capital(str(entry.get("what") or name)), *_measured(name, entry))
         for name, entry in (truth or {}).items()
-        if not name.startswith(NOT_COMPARED)
     )
     return show.Table("Found against known", ("quantity", "value", "unit"), rows) if rows else None
 

@@ -1,11 +1,14 @@
-"""The verdict on the page: its card, and what it can and cannot show."""
+"""The verdict on the page: what it can and cannot show; and the page of a group of verdicts."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hopdata import __version__
 from hopdata.report import formatting as show
+from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
 Verdict = Mapping[str, Any]
 
@@ -56,3 +59,84 @@ def notes(verdict: Verdict | None) -> Sequence[Mapping[str, Any]]:
 
 def _share(value: Any) -> str | None:
     return None if show.is_missing(value) else show.with_unit(f"{100 * float(value):g}", "%")
+
+
+# The page of a group: the answer, the forest plot, the conditions, every member with its link.
+
+CONDITIONS: show.Columns = {
+    "conditions": lambda row: f"{row['condition_a']} − {row['condition_b']}",
+    "subjects": show.counted("n"),
+    "rms of the first (%)": show.decimals("size_a", 1, 100.0),
+    "rms of the second (%)": show.decimals("size_b", 1, 100.0),
+    "difference of squares (%²)": show.decimals("difference", 1, 1e4),
+    "its error (%²)": show.decimals("error", 1, 1e4),
+    "p": show.decimals("p_value", 3),
+    "p after Holm": show.decimals("p_holm", 3),
+}
+
+
+def build_group_page(group: Mapping[str, Any], figures: Sequence[ReportFigure]) -> str:
+    """Build the page.
+
+    Parameters
+    ----------
+    group : mapping
+        Contents of ``group.json``.
+    figures : sequence of ReportFigure
+        The forest plot.
+    """
+    rows = group["members"]
+    title = "Conditions compared within subjects"
+    return rendered(
+        "group.html.j2",
+        group=group,
+        highlights=_highlights(group),
+        pictures=[picture_of(figure, {}) for figure in figures],
+        further=list(dict.fromkeys(key for row in rows for key in row["further"])),
+        has_conditions=any(row["condition"] for row in rows),
+        members=[_member(row) for row in rows],
+        conditions=show.table_of(title, group["conditions"], CONDITIONS),
+        version=__version__,
+    )
+
+
+def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    rows, effect = group["members"], group["effect"]
+    answers = Counter(row["conclusion"] for row in rows if not row["reason"])
+    said = ", ".join(f"{count} {what}" for what, count in sorted(answers.items()))
+    unanswered = sum(bool(row["reason"]) for row in rows)
+    cards = [
+        ("Subjects", show.count(len({row["subject"] for row in rows})), f"{len(rows)} studies"),
+        ("Studies with an answer", show.count(len(rows) - unanswered), said or "none"),
+    ]
+    if effect is None:
+        return cards
+    model = effect["combined"]
+    ends = f"{_percent(effect['low'])} to {_percent(effect['high'])}"
+    of_q = f"Q = {show.significant(model['q'])}, p = {show.significant(model['q_p_value'], 2)}"
+    return [
+        ("Difference over subjects (rms)", _percent(effect["estimate"]), f"interval {ends}"),
+        ("At most", _percent(effect["upper_bound"]), "one-sided bound of the rms"),
+        *cards,
+        ("Between subjects (I²)", _percent(model["i2"]), of_q),
+    ]
+
+
+def _percent(share: float) -> str:
+    return show.with_unit(show.significant(100 * share, 2), "%")
+
+
+def _member(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the cells of a member, and how its checks came out."""
+    checks = row.get("quality", [])
+    statuses = Counter(status for _, status in checks)
+    poor = [what for what, status in checks if status == "poor"]
+    return {
+        **row,
+        "size": None if row["reason"] else _percent(row["estimate"]),
+        "ends": "" if row["reason"] else f"{_percent(row['low'])} to {_percent(row['high'])}",
+        "checks": ", ".join(
+            f"{statuses[one]} {one}" for one in ("good", "look", "poor") if statuses[one]
+        ),
+        "poor": "; ".join(poor),
+    }

@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.errors import AnalysisError
 from hopdata.maps.truth.landings import score_states, state_errors, true_rows
-from hopdata.maps.truth.scaling import map_error_table, scaling_table, score_maps, score_scaling
+from hopdata.maps.truth.scaling import scaling_table, score_scaling
 
 SCALES = (1.0, 0.5, 0.25, 0.125)
 MATRIX = np.random.default_rng(1).normal(size=(11, 8))
@@ -194,53 +193,7 @@ def test_touchdowns_find_their_true_landing_by_time():
     assert rows.tolist() == [3, 10, -1, -1]
 
 
-def test_ols_finds_a_linear_map_exactly_and_a_noisy_one_the_better_the_more_landings():
-    true, exact = study()
-    rows = np.arange(COUNT)
-    table = map_error_table(measured(true, 0.001), true, rows, exact, time_unit_s=0.02, seed=1)
-    clean, noisy = (table[table["source"] == source] for source in ("noise_free", "measured"))
-    assert clean["median"].max() < 1e-9
-    pooled = noisy[noisy["model"] == "pooled"]
-    assert pooled["landings"].tolist() == [30, 60, 120, 240, 480, COUNT]
-    assert np.all(np.diff(pooled["median"]) < 0)
-    assert (pooled["draws"] == [200] * 5 + [1]).all()
-    assert ((table["q05"] <= table["median"]) & (table["median"] <= table["q95"])).all()
-
-
-def test_a_map_of_one_schedule_is_compared_with_its_own():
-    true, exact = study(kink=0.4)
-    table = map_error_table(
-        measured(true), true, np.arange(COUNT), exact, time_unit_s=0.02, seed=1
-    ).set_index(["source", "model"])
-    assert table.loc[("noise_free", "specialised"), "median"].max() < 1e-9
-    assert table.loc[("noise_free", "pooled"), "median"].min() > 0.01
-
-
-def test_the_same_seed_gives_the_same_table():
-    true, exact = study()
-    made = [
-        map_error_table(
-            measured(true, 0.001), true, np.arange(COUNT), exact, time_unit_s=0.02, seed=seed
-        )
-        for seed in (1, 1, 2)
-    ]
-    assert made[0].equals(made[1])
-    assert not made[0].equals(made[2])
-
-
-def test_without_a_true_landing_there_is_nothing_to_compare():
-    true, exact = study()
-    with pytest.raises(AnalysisError, match="found none"):
-        map_error_table(measured(true), true, np.full(COUNT, -1), exact, time_unit_s=0.02, seed=1)
-
-
-def test_the_entries_name_source_model_and_number():
-    true, exact = study()
-    rows = np.arange(COUNT)
-    noisy = measured(true, 0.001)
-    table = map_error_table(noisy, true, rows, exact, time_unit_s=0.02, seed=1)
-    entries = score_maps(table) | score_states(state_errors(noisy, true, rows))
+def test_the_entries_name_the_section():
+    true, _ = study()
+    entries = score_states(state_errors(measured(true, 0.001), true, np.arange(COUNT)))
     assert entries["velocity_rms_post"]["value"] == pytest.approx(1.0, rel=0.05)
-    assert entries["map_error_measured_pooled_120"]["value"] > 0
-    all_of_them = entries["map_error_noise_free_pooled_all"]
-    assert f"one map for all schedules, {COUNT} landings, without noise" in all_of_them["what"]

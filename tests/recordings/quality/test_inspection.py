@@ -294,7 +294,7 @@ def test_a_spike_is_a_row_with_its_size(clean, faulty):
     row = faults.iloc[0]
     assert (row["recording"], row["marker"]) == ("faulty", faulty.markers[0])
     assert row["start_s"] == pytest.approx(20.0)
-    assert float(row["remark"].split()[0]) == pytest.approx(50 * np.sqrt(3), abs=3)
+    assert float(row["remark"].split(" is ")[1].split()[0]) == pytest.approx(50 * np.sqrt(3), abs=3)
 
 
 def test_dropped_frames_stand_without_a_marker(clean):
@@ -305,7 +305,7 @@ def test_dropped_frames_stand_without_a_marker(clean):
     dropped = faults[faults["kind"] == "dropped"]
     assert list(dropped["marker"]) == [""]
     assert dropped["start_s"].iloc[0] == pytest.approx(9.99)
-    assert dropped["remark"].iloc[0] == "3 frames"
+    assert dropped["remark"].iloc[0] == "3 frames dropped after this one"
 
 
 def test_a_pause_is_no_fault(clean):

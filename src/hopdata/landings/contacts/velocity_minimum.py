@@ -137,7 +137,8 @@ def example_touchdown(recordings: Sequence[Recording], table: pd.DataFrame) -> p
     -------
     pandas.DataFrame
         recording, index, time_s (from the pre section), foot, height_m, velocity_m_s (by the filter
-        of the printed method). The touchdown is the one of median spread in the commonest schedule.
+        of the printed method). The touchdown is the one of median spread in the surer half of those
+        of the commonest schedule.
 
     Raises
     ------
@@ -149,7 +150,9 @@ def example_touchdown(recordings: Sequence[Recording], table: pd.DataFrame) -> p
         raise AnalysisError("touchdowns: expected at least one usable one to show, found none")
     counts = used["schedule"].value_counts(sort=False)
     commonest = min(counts.index[counts == counts.max()])
-    ranked = used[used["schedule"] == commonest].sort_values(["spread_s", "recording", "index"])
+    alike = used[used["schedule"] == commonest]
+    sure = alike[alike["probability"] >= alike["probability"].median()]
+    ranked = (alike if sure.empty else sure).sort_values(["spread_s", "recording", "index"])
     row = ranked.iloc[(len(ranked) - 1) // 2]
     recording = next(r for r in recordings if r.name == row["recording"])
     time = recording.time

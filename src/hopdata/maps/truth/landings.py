@@ -156,22 +156,6 @@ def score_contacts(
     }
 
 
-def count_touchdowns(table: pd.DataFrame) -> Entries:
-    """Count the touchdowns used, and the excluded ones by reason."""
-    excluded = table["excluded"].astype(bool)
-    usable = int((~excluded).sum())
-    entries = {"touchdowns_usable": entry(usable, "touchdowns", "Touchdowns used in the study")}
-    if "class" in table:
-        ambiguous = int((~excluded & _ambiguous(table)).sum())
-        what = "Used touchdowns whose order is ambiguous"
-        entries["touchdowns_ambiguous"] = entry(ambiguous, "touchdowns", what)
-    reasons = table.loc[excluded, "reason"].astype("string").fillna("no reason given")
-    for reason, count in sorted(reasons.value_counts().items()):
-        name = "excluded_" + str(reason).replace(" ", "_")
-        entries[name] = entry(int(count), "touchdowns", f"Touchdowns excluded: {reason}")
-    return entries
-
-
 def _ambiguous(table: pd.DataFrame) -> BoolArray:
     """Mark the touchdowns of the class ambiguous, (n,); none in a table without classes."""
     classes = table.get("class", np.zeros(len(table)))
@@ -192,8 +176,7 @@ def score_sections(known: Mapping[str, KnownRecording], sections: Mapping[str, A
     height, all_up, all_down = (np.concatenate(part) for part in zip(*pooled, strict=True))
     tail = sections["tail_fraction"]
     true = {"pre": quantile(height[~all_up], 1 - tail), "post": quantile(height[~all_down], tail)}
-    travel = 1e3 * (sections["pre_height_m"] - sections["post_height_m"])
-    entries = {"body_travel": entry(travel, "mm", "Height between the pre and the post section")}
+    entries: Entries = {}
     for name, height_m in true.items():
         entries[f"section_{name}_true"] = entry(height_m, "m", f"{name} section, true foot states")
         if sections["decided"][f"{name}_height_m"] == "data":

@@ -134,8 +134,8 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
     differences, mean = contrasts(orders, counts)
     if not len(differences):
         raise AnalysisError(
-            f"contact orders with {LEAST_CLASS} touchdowns or more: expected at least 2, found "
-            f"{len(orders)}"
+            f"{'only one' if len(orders) else 'no'} contact order has {LEAST_CLASS} touchdowns or "
+            "more, and two are compared"
             if feet <= ALL_SETS_UP_TO
             else f"no two feet each come first in {LEAST_CLASS} touchdowns"
         )

@@ -125,7 +125,7 @@ def outlook(effect: EffectSize, needed: int, power: float) -> str:
     seen = (
         "Nothing could have been seen here: a difference would have to be larger than the map"
         if effect.detectable > 1.0
-        else f"These data show a difference of {_percent(effect.detectable)} in "
+        else f"A true difference of {_percent(effect.detectable)} would be found in "
         f"{100 * power:g} % of such studies"
     )
     return (

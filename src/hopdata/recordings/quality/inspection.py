@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
-from hopdata.errors import RecordingError
+from hopdata.errors import RecordingError, counted
 from hopdata.recording import Recording
 from hopdata.recordings.plausibility import notes
 from hopdata.recordings.quality import rigid
@@ -55,6 +55,32 @@ class Faults:
         """Number of faults of all kinds."""
         parts = (self.swaps, self.spikes, self.jumps, self.frozen)
         return sum(map(len, parts))
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """One thing that looks wrong.
+
+    Parameters
+    ----------
+    kind : str
+        ``swap, spike, jump, frozen, dropped, irregular, backward`` or ``rate``.
+    markers : tuple of str
+        Those concerned; none for the time stamps.
+    start, stop : int
+        First frame, and the one after the last, from 0.
+    time_s : float
+        Time after the first frame, s.
+    text : str
+        What was found.
+    """
+
+    kind: str
+    markers: tuple[str, ...]
+    start: int
+    stop: int
+    time_s: float
+    text: str
 
 
 @dataclass(frozen=True)
@@ -126,6 +152,45 @@ class Inspection:
         timing = self.timing
         of_stamps = len(timing.drops) + len(timing.irregular) + len(timing.backward)
         return self.faults.count + of_stamps + self.has_wrong_rate
+
+    def suspects(self) -> list[Suspect]:
+        """List all faults, the earliest first."""
+        found = [
+            Suspect(kind, markers, start, stop, float(self.time[start] - self.time[0]), text)
+            for kind, markers, start, stop, text in self._faults()
+        ]
+        return sorted(found, key=lambda s: (s.start, s.kind, s.markers))
+
+    def _faults(self) -> Iterator[tuple[str, tuple[str, ...], int, int, str]]:
+        timing = self.timing
+        for swap in self.faults.swaps:
+            names = (" and " if len(swap.markers) == 2 else ", ").join(swap.markers)
+            until = "to the end" if swap.stop is None else f"to frame {swap.stop}"
+            text = f"{names} exchanged {until} (by {' and '.join(swap.found_by)})"
+            yield "swap", swap.markers, swap.start, swap.stop or len(self.time), text
+        for spike in self.faults.spikes:
+            length = counted(spike.stop - spike.start, "frame")
+            text = f"{spike.marker} is {1e3 * spike.size:.1f} mm off for {length}"
+            yield "spike", (spike.marker,), spike.start, spike.stop, text
+        for jump in self.faults.jumps:
+            text = f"{jump.marker} jumps by {1e3 * jump.size:.1f} mm"
+            yield "jump", (jump.marker,), jump.start, jump.stop, text
+        for one in self.faults.frozen:
+            text = f"{one.marker} repeats one position in {one.stop - one.start} frames"
+            yield "frozen", (one.marker,), one.start, one.stop, text
+        if self.has_wrong_rate:
+            found, stated = f"{timing.rate_hz:g} Hz", f"{self.rate_hz:g} Hz"
+            text = f"the time stamps run at {found}, and the frame rate stated is {stated}"
+            yield "rate", (), 0, 1, text
+        stamps = [
+            *(("dropped", k, f"{counted(n, 'frame')} dropped after this one")
+              for k, n in timing.drops.tolist()),
+            *(("irregular", k, "irregular step of the time stamps after this one")
+              for k in timing.irregular),
+            *(("backward", k, "the next time stamp is not later") for k in timing.backward),
+        ]  # fmt: skip
+        for kind, frame, text in stamps:
+            yield kind, (), int(frame), int(frame) + 1, text
 
 
 @one_blas_thread()
@@ -275,10 +340,11 @@ def fault_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
     backward``. A pause, in which nothing was recorded (`joining.is_pause`), is no fault.
     """
     rows = [
-        (recording.name, kind, marker, _time(recording, start), _time(recording, stop), remark)
+        (recording.name, s.kind, marker, s.time_s, _time(recording, s.stop), s.text)
         for recording, found in inspections
-        for kind, marker, start, stop, remark in _faults(found)
-        if not (kind == "dropped" and is_pause(recording.time, recording.rate_hz)[start])
+        for s in found.suspects()
+        if not (s.kind == "dropped" and is_pause(recording.time, recording.rate_hz)[s.start])
+        for marker in s.markers or ("",)
     ]
     return pd.DataFrame(rows, columns=list(FAULT_COLUMNS))
 
@@ -287,26 +353,6 @@ def remark_table(recordings: Iterable[Recording]) -> pd.DataFrame:
     """One row a remark on a recording, as `hopdata check` notes them: a guessed unit, for one."""
     rows = [(recording.name, note) for recording in recordings for note in notes(recording)]
     return pd.DataFrame(rows, columns=list(REMARK_COLUMNS))
-
-
-def _faults(found: Inspection) -> Iterator[tuple[str, str, int, int, str]]:
-    faults, timing, n = found.faults, found.timing, len(found.time)
-    for swap in faults.swaps:
-        ends = n if swap.stop is None else swap.stop
-        for marker in swap.markers:
-            others = ", ".join(name for name in swap.markers if name != marker)
-            yield "swap", marker, swap.start, ends, f"with {others}"
-    for spike in faults.spikes:
-        yield "spike", spike.marker, spike.start, spike.stop, f"{1e3 * spike.size:.1f} mm"
-    for jump in faults.jumps:
-        yield "jump", jump.marker, jump.start, jump.stop, f"{1e3 * jump.size:.1f} mm"
-    for frozen in faults.frozen:
-        yield "frozen", frozen.marker, frozen.start, frozen.stop, ""
-    for frame, missing in timing.drops.tolist():
-        yield "dropped", "", frame, frame + 1, f"{missing} frame{'s' if missing > 1 else ''}"
-    for kind, frames in (("irregular", timing.irregular), ("backward", timing.backward)):
-        for frame in frames:
-            yield kind, "", int(frame), int(frame) + 1, "time stamp"
 
 
 def _time(recording: Recording, frame: int) -> float:
