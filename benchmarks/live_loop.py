@@ -38,7 +38,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from loopback_server import Faults, LoopbackServer, Outage
+from loopback_server import Faults, LoopbackServer, Outage, UdpSwings
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
@@ -50,7 +50,7 @@ from hopdata.steering.frame_changes import frame_changes
 from hopdata.steering.live.buffer import Status
 from hopdata.steering.live.drive import Drive, drive
 from hopdata.steering.live.loop import Decision
-from hopdata.steering.live.safety import Limits, UdpBoom, UdpSwings
+from hopdata.steering.live.safety import Limits, UdpBoom
 from hopdata.steering.models.training import trained_process
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry

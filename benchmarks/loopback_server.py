@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import math
 import socket
+import struct
 import threading
 import time
 import xml.etree.ElementTree as ET
@@ -21,16 +22,11 @@ from hopdata.errors import ConfigError, require_choice
 from hopdata.steering.live.buffer import LoopThread
 from hopdata.steering.live.packets import (
     COMMAND,
-    COMPONENT,
-    COMPONENT_3D,
-    COMPONENT_3D_RESIDUAL,
     DATA,
     ERROR,
     EVENT,
-    FRAME,
     HEADER,
     LOOPBACK,
-    MARKERS,
     VERSION,
     XML,
     LiveError,
@@ -43,6 +39,12 @@ NO_MORE_DATA = 4
 EVENT_CAPTURE_STARTED = 3
 
 # Packets as the server writes them; those of `hopdata.steering.live.packets` are read.
+# A data packet holds a frame's stamp and number, and components: size, type, and here markers.
+
+COMPONENT_3D, COMPONENT_3D_RESIDUAL = 1, 9
+FRAME = struct.Struct("<qII")
+COMPONENT = struct.Struct("<II")
+MARKERS = struct.Struct("<Ihh")
 
 
 @dataclass(frozen=True)
@@ -245,6 +247,68 @@ def listening_socket(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port), family=family)
     except (OSError, OverflowError) as error:
         raise PortError(f"cannot listen on {host}, port {port}: {error}") from error
+
+
+# The robot's side: what `hopdata.steering.live.safety.UdpBoom` sends.
+
+LONGEST_LINE = 200
+
+
+class UdpSwings:
+    """Receives the lines of `UdpBoom`, on the loopback address unless told otherwise.
+
+    Lines that cannot be read are left out and counted in `garbled`; those whose number is not above
+    all before, since they come late, twice or out of order, in `outdated`.
+
+    Raises
+    ------
+    PortError
+        If the port cannot be listened on.
+    """
+
+    def __init__(self, port: int = 0, *, host: str = LOOPBACK) -> None:
+        self.garbled = self.outdated = 0
+        self._number = -1  # of the newest so far
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            raise PortError(f"cannot listen on {host}, port {port}: {error}") from error
+        self.port: int = self._socket.getsockname()[1]
+
+    def newest(self) -> float | None:
+        """Return the last swing that has come since the last call, rad, or None; never waits."""
+        swing = None
+        while True:
+            try:
+                line = self._socket.recv(LONGEST_LINE)
+            except BlockingIOError:
+                return swing
+            found = _swing(line)
+            if found is None:
+                self.garbled += 1
+            elif found[0] <= self._number:
+                self.outdated += 1
+            else:
+                self._number, swing = found
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+def _swing(line: bytes) -> tuple[int, float] | None:
+    """Return number and swing, rad, of a line."""
+    words = line.split()
+    if len(words) != 3 or words[0] != b"swing" or not words[1].isdigit():
+        return None
+    try:
+        rad = float(words[2])
+    except ValueError:
+        return None
+    return (int(words[1]), rad) if math.isfinite(rad) else None
 
 
 # Answers of the server to the commands of a client, as the client of version 1.25 expects them.

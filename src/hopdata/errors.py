@@ -53,6 +53,12 @@ def _plain(name: str) -> str:
     return " ".join(name.split()).casefold()
 
 
+def require(holds: bool, key: str, wanted: str, found: object) -> None:
+    """Raise a `ConfigError` that names `key` unless what was found is as wanted."""
+    if not holds:
+        raise ConfigError(f"{key}: expected {wanted}, found {found}")
+
+
 def require_choice(key: str, value: str, choices: Iterable[str]) -> None:
     """Raise a `ConfigError` that names `key` unless `value` is one of `choices`."""
     choices = tuple(choices)

@@ -102,8 +102,7 @@ def check_shape(name: str, value: ArrayLike, length: int) -> FloatArray:
 
 def check_params(params: ArrayLike, name: str = "params") -> FloatArray:
     """Return the parameters as a vector."""
-    vector = numbers_of(name, params)
-    return vector if vector.ndim == 1 else vector.ravel()
+    return numbers_of(name, params).ravel()
 
 
 def check_memory(memory: ArrayLike | None, length: int) -> FloatArray:

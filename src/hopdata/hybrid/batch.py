@@ -6,8 +6,9 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +28,7 @@ from hopdata.hybrid.workspace import FIRST_PATIENCE
 CHUNK = 64  # numbers that a thread takes at a time: results do not depend on it
 # Systems from which lanes repay their compilation, 5 to 10 s, by 10 to 20 us saved of each.
 LARGE = 500_000
+BETWEEN_S = 0.1  # words on stderr
 
 
 def run_in_threads(
@@ -51,31 +53,28 @@ def run_in_threads(
         How many numbers a thread takes at a time.
     """
     chunks = [(first, min(first + chunk, total)) for first in range(done, total, chunk)]
-    shown = _Progress(total) if progress else None
+    start, last = time.monotonic(), -inf
     for count in _counts(run, chunks, min(workers or available_cores(), len(chunks))):
-        done += count
-        if shown is not None:
-            shown.show(done)
+        done, now = done + count, time.monotonic()
+        if progress and (done == total or now - last > BETWEEN_S):
+            last, end = now, "\n" if done == total else ""
+            line = f"\r{done} of {total} integrations, {now - start:.1f} s"
+            print(line, end=end, file=sys.stderr, flush=True)
 
 
 def _counts(
     run: Callable[[int, int], int], chunks: list[tuple[int, int]], workers: int
 ) -> Iterator[int]:
-    """Run the chunks; yield how many numbers are done, as each chunk ends."""
+    """Run the chunks; yield how many numbers are done, as each chunk ends.
+
+    After an exception or Ctrl-C, no more are begun.
+    """
     if workers <= 1:
         yield from (run(*chunk) for chunk in chunks)
         return
-    with ThreadPoolExecutor(workers) as pool:
-        yield from _in_any_order(pool, [pool.submit(run, *chunk) for chunk in chunks])
-
-
-def _in_any_order(pool: ThreadPoolExecutor, jobs: list[Future[int]]) -> Iterator[int]:
-    """Yield results as they come; after an exception or Ctrl-C, start no more jobs."""
-    waiting = set(jobs)
+    pool = ThreadPoolExecutor(workers)
     try:
-        while waiting:
-            ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            yield from (job.result() for job in ready)
+        yield from (job.result() for job in as_completed(pool.submit(run, *c) for c in chunks))
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
@@ -85,21 +84,6 @@ def available_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-class _Progress:
-    """A line on stderr that says how many are done, at most ten times a second."""
-
-    def __init__(self, total: int) -> None:
-        self._total, self._start, self._last = total, time.monotonic(), 0.0
-
-    def show(self, done: int) -> None:
-        now = time.monotonic()
-        if done < self._total and now - self._last < 0.1:
-            return
-        self._last = now
-        line = f"\r{done} of {self._total} integrations, {now - self._start:.1f} s"
-        print(line, end="\n" if done == self._total else "", file=sys.stderr, flush=True)
 
 
 @dataclass(frozen=True, repr=False)

@@ -199,7 +199,5 @@ def describe(status: int, *, time: float, guard: str, rates: tuple[float, float]
     rates : tuple of float
         Rates of that guard's event function just before its last two flips, 1/s.
     """
-    if status == FINISHED:
-        return SENTENCES[status]
     below, above = rates
     return SENTENCES[status].format(at=f"t = {time:.17g}", guard=guard, below=below, above=above)

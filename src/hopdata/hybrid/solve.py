@@ -106,10 +106,7 @@ def solve(
     """
     if not isinstance(system, System):
         raise TypeError(f"system: expected a System, found {system!r}")
-    try:
-        work = system.idle.pop()
-    except IndexError:
-        work = system.new_workspace()
+    work = system.take_workspace()
     try:
         usual = jacobian is dense_output is debug is False and events == "all"
         usual, sink = usual and t_eval is memory is first_step is None, None

@@ -81,11 +81,12 @@ class System:
     undo: Callback | None = None
 
     def __post_init__(self) -> None:
-        _check_callback("field", self.field)
-        self._check_guards()
-        for name in ("on_event", "jacobian", "affine"):
-            if getattr(self, name) is not None:
+        all_at_once = self.guard_names and self.guard is None
+        needed = ("field", "guards") if all_at_once else ("field",)
+        for name in SIGNATURES:
+            if name in needed or getattr(self, name) is not None:
                 _check_callback(name, getattr(self, name))
+        self._check_guards()
         if self.undo is not None:
             _check_callback("on_event", self.undo)
         for name in ("n_extra_modes", "n_memory"):
@@ -117,14 +118,8 @@ class System:
     def _check_guards(self) -> None:
         if self.guards is not None and self.guard is not None:
             raise ValueError("guards, guard: expected one of them, found both")
-        if self.guard is not None:
-            _check_callback("guard", self.guard)
-        elif self.guards is not None or self.guard_names:
-            _check_callback("guards", self.guards)
-        if self.rate_bound is not None:
-            _check_callback("rate_bound", self.rate_bound)
-            if self.guard is None:
-                raise ValueError("rate_bound: expected guards declared one by one, by @guard")
+        if self.rate_bound is not None and self.guard is None:
+            raise ValueError("rate_bound: expected guards declared one by one, by @guard")
         if len(set(self.guard_names)) < len(self.guard_names):
             raise ValueError(f"guard_names: expected different names, found {self.guard_names}")
         if (self.guards or self.guard) is not None and not self.guard_names:
@@ -222,20 +217,12 @@ class System:
         """Workspaces of integrations that have ended, for the next."""
         return Pool()
 
-    def new_workspace(self) -> Workspace:
-        """Return memory for one integration, for when none is idle."""
-        logged = self.n_extra_modes if self.guard is not None else self.n_modes
-        return Workspace(
-            self.addresses, self.rules, self.n_states, self.n_modes, self.n_memory,
-            self.guard_names, logged, self.way, self.n_shown,
-        )  # fmt: skip
-
     def take_workspace(self) -> Workspace:
         """Return memory for one integration, an idle one if there is any."""
         try:
             return self.idle.pop()
         except IndexError:
-            return self.new_workspace()
+            return Workspace(self)
 
 
 def _check_callback(name: str, callback: Callback | None) -> None:

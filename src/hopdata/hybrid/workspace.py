@@ -15,7 +15,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import FloatArray
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import check_memory, check_params, check_shape, set_tolerance
 from hopdata.hybrid.compiled.callbacks import Caught
@@ -47,20 +47,8 @@ class Workspace:
 
     Parameters
     ----------
-    addresses : tuple of int
-        Machine code, in the order of the desk.
-    rules : (2, n_guards) array of int
-        Directions and terminal flags.
-    n_states, n_modes, n_memory : int
-        Lengths of state, mode, and the scene's memory.
-    guard_names : tuple of str
-        For the log of events.
-    n_logged_modes : int
-        Length of the last part of the mode that the log of events keeps.
-    way : float
-        Of time: -1 if the system's own runs backward.
-    n_shown : int, optional
-        How many of the states are the user's, by default all.
+    system : System
+        What is integrated.
 
     Attributes
     ----------
@@ -81,23 +69,13 @@ class Workspace:
 
     methods: MethodTable
 
-    def __init__(
-        self,
-        addresses: tuple[int, ...],
-        rules: IntArray,
-        n_states: int,
-        n_modes: int,
-        n_memory: int,
-        guard_names: tuple[str, ...],
-        n_logged_modes: int,
-        way: float = 1.0,
-        n_shown: int | None = None,
-    ) -> None:
-        n_guards = len(guard_names)
-        self.desk = np.array(addresses, dtype=np.int64)
-        self._n_states, self._n_params, self._n_memory = n_states, UNKNOWN, n_memory
-        self._n_modes, self._rows_per_step, self._n_shown = n_modes, 1, n_shown or n_states
-        self._no_memory = (0.0,) * n_memory
+    def __init__(self, system: Any) -> None:
+        n_states, n_modes, n_guards = system.n_states, system.n_modes, system.n_guards
+        n_logged = system.n_extra_modes if system.guard is not None else n_modes
+        self.desk = np.array(system.addresses, dtype=np.int64)
+        self._n_states, self._n_params, self._n_memory = n_states, UNKNOWN, system.n_memory
+        self._n_modes, self._rows_per_step, self._n_shown = n_modes, 1, system.n_shown
+        self._no_memory = (0.0,) * system.n_memory
         self._make_desk(0)
         self.desk[layout.PATIENCE] = FIRST_PATIENCE
         self._make_clockwork(n_modes)
@@ -111,14 +89,14 @@ class Workspace:
         self.ready_for: object = NOTHING
         self.tangent: FloatArray | None = None
         self._spare = 2 * n_guards  # for the events of one more instant
-        self._widths = 1 + n_states, 3 + 2 * n_states + n_logged_modes
+        self._widths = 1 + n_states, 3 + 2 * n_states + n_logged
         self._make_records(FIRST_ROWS, FIRST_EVENTS)
         self._wanted, self._samples = np.empty(0), np.empty((0, n_states))
         self._kept: list[tuple[memoryview, memoryview]] = []  # chunks that are full
         self._form = Form(
-            n_states, n_modes, self._widths[1], guard_names, way, n_shown or n_states
-        )  # fmt: skip
-        self._lay_out(layout.RULES, rules, self._atol)
+            n_states, n_modes, self._widths[1], system.guard_names, system.way, system.n_shown
+        )
+        self._lay_out(layout.RULES, system.rules, self._atol)
         self._lay_out(layout.GUARD_TABLE, self._guards, self._flags, self._lists, self._wake_at)
         self._lay_out(layout.WANTED, self._wanted, self._samples)
 

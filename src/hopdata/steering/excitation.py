@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.errors import ConfigError
+from hopdata.errors import require
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +41,7 @@ class ControlGrid:
 
     def __post_init__(self) -> None:
         for name in ("n_angles", "n_steps", "repeats"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name}: expected at least 1, found {getattr(self, name)}")
+            require(getattr(self, name) >= 1, name, "at least 1", getattr(self, name))
 
     @property
     def step_rad(self) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import ConfigError
+from hopdata.errors import require
 from hopdata.scenes.hopper_control import HopperDrag
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.scenes.scene import Variant
@@ -69,15 +69,9 @@ class SteeredHopper:
     hop_limit_s: float = 3.0
 
     def __post_init__(self) -> None:
-        if len(self.preload_shares) != self.hopper.n_legs:
-            raise ConfigError(
-                f"preload_shares: expected one for each of {self.hopper.n_legs} legs, "
-                f"found {len(self.preload_shares)}"
-            )
-        if not 0 < self.swing_limit_rad <= np.pi:
-            raise ConfigError(
-                f"swing_limit_rad: expected more than 0, at most pi, found {self.swing_limit_rad}"
-            )
+        legs, shares, limit = self.hopper.n_legs, len(self.preload_shares), self.swing_limit_rad
+        require(shares == legs, "preload_shares", f"one for each of {legs} legs", shares)
+        require(0 < limit <= np.pi, "swing_limit_rad", "more than 0, at most pi", limit)
 
     @property
     def preloads_n(self) -> FloatArray:
@@ -258,8 +252,8 @@ class Board:
     drag_n: float = 4.0
 
     def __post_init__(self) -> None:
-        if not np.isclose(np.hypot(*self.direction), 1.0):
-            raise ConfigError(f"obstacle.direction: expected a unit vector, found {self.direction}")
+        unit = bool(np.isclose(np.hypot(*self.direction), 1.0))
+        require(unit, "obstacle.direction", "a unit vector", self.direction)
 
     @property
     def drag(self) -> HopperDrag:

@@ -10,10 +10,11 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, pd
 from hopdata.blas import one_blas_thread
-from hopdata.errors import AnalysisError, ConfigError, RecordingError
+from hopdata.errors import AnalysisError, RecordingError, require
 from hopdata.recording import Recording
 from hopdata.rigid import relative
 from hopdata.steering import robot as plant
+from hopdata.steering.control.objectives import is_finite
 from hopdata.steering.excitation import (
     EXCITATION,
     TRIAL,
@@ -104,15 +105,10 @@ def record_trial(
 
 def _numbers(swings_rad: Iterable[float]) -> FloatArray:
     swings = list(swings_rad) if isinstance(swings_rad, Iterable) else swings_rad
-    try:
-        numbers = np.array(swings, dtype=float)
-    except (TypeError, ValueError):
-        numbers = np.array([np.nan])
-    if numbers.ndim != 1 or not len(numbers) or not np.isfinite(numbers).all():
-        raise ConfigError(
-            f"swings_rad: expected a list of one finite number or more, found {str(swings)[:60]}"
-        )
-    return numbers
+    count = len(swings) if isinstance(swings, list) else 0
+    sound = count > 0 and is_finite(swings, (count,))
+    require(sound, "swings_rad", "a list of one finite number or more", str(swings)[:60])
+    return np.array(swings, dtype=float)
 
 
 def true_stances(robot: plant.SteeredHopper, trial: Trial, motion: pd.DataFrame) -> pd.DataFrame:

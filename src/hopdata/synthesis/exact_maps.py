@@ -21,7 +21,7 @@ from hopdata.errors import AnalysisError
 from hopdata.hybrid import Solution, System, solve
 from hopdata.hybrid.first_order import project_onto_section
 from hopdata.hybrid.first_order.linearise import Instant, field_at, guards_at, linearise
-from hopdata.hybrid.first_order.saltation import CrossingTree
+from hopdata.hybrid.first_order.saltation import BouligandDerivative
 from hopdata.hybrid.layout import TERMINATED
 from hopdata.scenes.body import N_STATES, flight_mode, rotation_matrices
 from hopdata.scenes.scene import Control, Scene
@@ -213,7 +213,7 @@ def section_jacobians(
     system, vector = scene.system(control), scene.vector(variant=control)
     flight = _flown(system, vector, (float(fall.pre_time_s[0]), landing.contact_time_s), pre)
     start = Instant(landing.contact_time_s, flight.y_end, flight_mode(system, -1.0), vector)
-    tree = CrossingTree(system, start, range(scene.n_legs), np.ones(system.n_states))
+    tree = BouligandDerivative(system, start, range(scene.n_legs), np.ones(system.n_states))
     before = _slopes(flight) @ landings.section_tangents(pre, centre)
     orders = _orders(tree, landing, apex_states, vector)
     maps, outcomes = [], []
@@ -234,7 +234,10 @@ def section_jacobians(
 
 
 def _orders(
-    tree: CrossingTree, landing: SimultaneousLanding, apex_states: FloatArray, vector: FloatArray
+    tree: BouligandDerivative,
+    landing: SimultaneousLanding,
+    apex_states: FloatArray,
+    vector: FloatArray,
 ) -> tuple[tuple[int, ...], ...]:
     """Return the orders, sorted: all of up to three feet, and of more those that occur.
 

@@ -178,7 +178,7 @@ def test_differences_of_the_flow_approach_it_in_every_direction(name):
     for v in rng.normal(size=(12, len(case[1]))):
         v = v / np.linalg.norm(v)
         order = d.order(v)
-        end = d.tree.node(order).here.instant.y
+        end = d.node(order).here.instant.y
         error = []
         for eps in (1e-4, 1e-5):
             image, guards = carried_through(case, case[1] + eps * v, 0.02)
@@ -198,7 +198,7 @@ def test_differences_of_the_flow_approach_it_in_every_direction(name):
 @pytest.mark.parametrize(("name", "linear"), [("octant", 0), ("hopper", 1), ("coupling", 0)])
 def test_only_a_c1_flow_has_one_matrix_for_all_directions(name, linear):
     d = derivative(CASES[name]())
-    v = np.random.default_rng(12).normal(size=(d.tree.system.n_states, 50))
+    v = np.random.default_rng(12).normal(size=(d.system.n_states, 50))
     first = d.pieces()[0].matrix
     off = np.linalg.norm(first @ v - d(v), axis=0) / np.linalg.norm(v, axis=0)
     assert (off.max() < 1e-13) == bool(linear)
@@ -210,7 +210,7 @@ def test_pieces_meet_continuously_unless_the_state_jumps(name):
     """Between the insides of two cones a straight line of deviations has no jump of D_v."""
     d = derivative(CASES[name]())
     rng, steps = np.random.default_rng(13), np.linspace(0, 1, 2001)
-    a, b = rng.normal(size=(2, d.tree.system.n_states))
+    a, b = rng.normal(size=(2, d.system.n_states))
     images = d(np.outer(a, 1 - steps) + np.outer(b, steps))
     jump = np.linalg.norm(np.diff(images, axis=1), axis=0).max()
     limit = 3 * np.linalg.norm(b - a) / 2000 * max(np.linalg.norm(p.matrix, 2) for p in d.pieces())

@@ -144,12 +144,11 @@ def test_bounds():
     assert Finding.above("a", 1.1, 1.0, "").passed
     assert not Finding.at_most("a", np.nan, 1.0, "").passed
     assert not Finding.above("a", np.nan, 1.0, "").passed
-    assert not Finding.not_computed("a", "x", "why").passed
 
 
 def test_columns_are_aligned():
     table = Finding.table(
-        [Finding.at_most("short", 0.123456, 1, "one"), Finding.not_computed("longer", "x", "two")]
+        [Finding.at_most("short", 0.123456, 1, "one"), Finding("longer", False, np.nan, "x", "two")]
     )
     assert table.split("\n") == [
         "     condition  found  needed  the number is",

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from loopback import LONG_S, our_threads, wait_until
 
-from hopdata.steering.live.buffer import FrameBuffer, LoopThread, StatusLog
+from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopThread, StatusLog
 
 
 def write(buffer, k):
-    buffer.write(np.full((4, 3), float(k)), epoch=0, number=k, time_s=k, arrival_s=k, captured_s=k)
+    buffer.write(Frame(0, k, k, k, k, np.full((4, 3), float(k))))
 
 
 def test_the_newest_frames_are_kept():
@@ -28,7 +28,7 @@ def test_the_newest_frames_are_kept():
 
 def test_what_is_written_is_a_copy_that_nobody_can_change():
     buffer, markers = FrameBuffer(2), np.zeros((4, 3))
-    buffer.write(markers, epoch=0, number=1, time_s=0, arrival_s=0, captured_s=0)
+    buffer.write(Frame(0, 1, 0, 0, 0, markers))
     markers[:] = 1
     assert not buffer.newest().markers.any()
     with pytest.raises(ValueError):

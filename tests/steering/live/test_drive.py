@@ -12,12 +12,12 @@ import pandas as pd
 import pytest
 from live_loop import LiveHopper
 from loopback import BRISK, LONG_S, our_threads, wait_until
-from loopback_server import Faults, LoopbackServer, Outage
+from loopback_server import Faults, LoopbackServer, Outage, UdpSwings
 
 from hopdata.errors import ConfigError
 from hopdata.steering.live.drive import drive
 from hopdata.steering.live.packets import ConnectionLostError, LabelError
-from hopdata.steering.live.safety import Limits, UdpBoom, UdpSwings
+from hopdata.steering.live.safety import Limits, UdpBoom
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
 from hopdata.steering.robot import SteeredHopper
 

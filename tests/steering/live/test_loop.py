@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from loopback import LONG_S, our_threads, wait_until
 
-from hopdata.steering.live.buffer import FrameBuffer, LoopCounts, StatusLog
+from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, StatusLog
 from hopdata.steering.live.loop import ControlLoop, Decision, write_logs
 from hopdata.steering.live.safety import Limits, Rest
 from hopdata.steering.observation.tracking import MISFIT, SEEN
@@ -82,14 +82,8 @@ class Bench:
         markers = np.array(
             [[x, 2.0, 0.0 if stance else 0.3], [boom, 0, 0], [mixed_up, misfit, tilt]]
         )
-        self.buffer.write(
-            markers,
-            epoch=epoch,
-            number=round(self.time_s / PERIOD_S),
-            time_s=self.time_s,
-            arrival_s=now,
-            captured_s=now - age_s,
-        )
+        number = round(self.time_s / PERIOD_S)
+        self.buffer.write(Frame(epoch, number, self.time_s, now, now - age_s, markers))
 
     def decided(self, count=1):
         wait_until(lambda: len(self.loop.decisions()) >= count)

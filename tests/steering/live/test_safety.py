@@ -4,10 +4,11 @@ import time
 import numpy as np
 import pytest
 from loopback import wait_until
+from loopback_server import UdpSwings
 
 from hopdata.errors import ConfigError
 from hopdata.steering.live.packets import PortError
-from hopdata.steering.live.safety import Limits, UdpBoom, UdpSwings
+from hopdata.steering.live.safety import Limits, UdpBoom
 
 
 @pytest.fixture

@@ -115,7 +115,7 @@ def protected(function: Function, signature: Signature) -> Function:
     After the first exception the function is not called again: its arrays are filled with NaN, and
     an event handler stops, so that the driver soon gives up.
     """
-    first, silent = True, signature.native.return_type == types.none
+    first = True
 
     def call(*arguments: Any) -> Any:
         nonlocal first
@@ -126,10 +126,7 @@ def protected(function: Function, signature: Signature) -> Function:
             if first:
                 first = False
                 return _checked(function, signature, arguments)
-            result = function(*arguments)
-            if silent and result is None:
-                return None
-            return _converted(result, function, signature)
+            return _converted(function(*arguments), function, signature)
         except BaseException as error:
             if caught is None:
                 raise
@@ -190,11 +187,6 @@ def trampoline(function: Function, signature: Signature) -> Any:
     )
     scope["call"] = intrinsic(scope["call"])
     return scope["trampoline"]
-
-
-def compiled_trampoline(function: Function, signature: Signature) -> Any:
-    """Return the trampoline's machine code, with its address."""
-    return numba.cfunc(signature.native)(trampoline(function, signature))
 
 
 Function = Callable[..., Any]
@@ -279,7 +271,8 @@ class Callback:
     def address(self) -> int:
         """Address of the machine code."""
         if self._compiled is None:
-            self._back = compiled_trampoline(self._protected, self.signature)
+            compiler: Any = numba.cfunc(self.signature.native)
+            self._back = compiler(trampoline(self._protected, self.signature))
             return int(self._back.address)
         return int(self._compiled.address)
 

@@ -49,8 +49,7 @@ def check_declaration(function: Any, signature: Signature) -> None:
         parameters = list(inspect.signature(function).parameters.values())
     except (TypeError, ValueError):  # some built-in functions do not tell
         return
-    _check_count(function, signature, parameters)
-    _check_names(function, signature, [one.name for one in parameters])
+    _check_arguments(function, signature, parameters)
     if isinstance(function, FunctionType):
         _check_arrays(function, signature, parameters)
 
@@ -66,30 +65,26 @@ def return_error(function: Function, signature: Signature, found: str) -> TypeEr
     return TypeError(f"{place(function, signature)} returns {what}; {wanted}")
 
 
-def _check_count(
+def _check_arguments(
     function: Function, signature: Signature, parameters: list[inspect.Parameter]
 ) -> None:
+    """Look at the number of arguments, and whether they are, by name, another decorator's."""
     kinds = {one.kind for one in parameters}
-    needed = [one for one in parameters if one.default is one.empty and one.kind in _POSITIONAL]
     taken = [one for one in parameters if one.kind in _POSITIONAL]
-    wanted, open_ended = len(signature.arguments), inspect.Parameter.VAR_POSITIONAL in kinds
-    if len(needed) > wanted or (len(taken) < wanted and not open_ended):
-        n = len(taken)
-        raise TypeError(
-            f"{place(function, signature)} takes {n} argument{'s' * (n != 1)}; "
-            f"expected {_call(function, signature)}{_hint(parameters)}"
-        )
-
-
-def _check_names(function: Function, signature: Signature, names: list[str]) -> None:
-    """Tell a function whose arguments are, by name and order, those of another decorator."""
-    found = tuple(names)
-    kinds = [kind.name for kind in SIGNATURES.values() if kind.arguments == found]
-    if kinds and signature.name not in kinds:
-        raise TypeError(
-            f"{place(function, signature)} has the arguments of @{kinds[0]}; "
-            f"expected {_call(function, signature)}"
-        )
+    needed = sum(one.default is one.empty for one in taken)
+    n, wanted = len(taken), len(signature.arguments)
+    open_ended = inspect.Parameter.VAR_POSITIONAL in kinds
+    names = tuple(one.name for one in parameters)
+    theirs = [kind.name for kind in SIGNATURES.values() if kind.arguments == names]
+    found = ""
+    if needed > wanted or (n < wanted and not open_ended):
+        found = f"takes {n} argument{'s' * (n != 1)}"
+    elif theirs and signature.name not in theirs:
+        found = f"has the arguments of @{theirs[0]}"
+    if found:
+        hint = f" (its arguments are those of @{theirs[0]})" if theirs and "takes" in found else ""
+        call = signature.call(function_name(function))
+        raise TypeError(f"{place(function, signature)} {found}; expected {call}{hint}")
 
 
 def _check_arrays(
@@ -121,16 +116,6 @@ def _first_use(function: FunctionType, name: str) -> str | None:
                 if used == name:
                     return str(action)
     return None
-
-
-def _call(function: Function, signature: Signature) -> str:
-    return signature.call(function_name(function))
-
-
-def _hint(parameters: list[inspect.Parameter]) -> str:
-    found = tuple(one.name for one in parameters)
-    others = [kind.name for kind in SIGNATURES.values() if kind.arguments == found]
-    return f" (its arguments are those of @{others[0]})" if others else ""
 
 
 _POSITIONAL = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
@@ -198,8 +183,6 @@ _ADVICE = "use only numbers, NumPy and functions decorated by @numba.njit in it"
 
 def _undefined(function: Function) -> list[str]:
     """Return the global names that the function's own code reads and nobody has defined."""
-    import dis
-
     if not hasattr(function, "__code__"):
         return []
     known = {**vars(builtins), **function.__globals__}

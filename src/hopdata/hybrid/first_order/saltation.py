@@ -55,12 +55,17 @@ def saltation_matrix(
         If the event function does not change along f-.
     """
     f, g, slope = (np.asarray(v, dtype=np.float64) for v in (before, after, gradient))
-    rate = slope @ f + time_rate
-    if rate == 0 or not np.isfinite(rate):
-        raise NotTransversalError(f"expected a rate of the guard other than 0, found {rate}")
+    rate = _rate(f, slope, time_rate)
     kept = np.eye(len(f)) if reset is None else np.asarray(reset, dtype=np.float64)
     moved = kept @ f + (0.0 if reset_rate is None else np.asarray(reset_rate, dtype=np.float64))
     return kept + np.outer(g - moved, slope) / rate
+
+
+def _rate(f: FloatArray, slope: FloatArray, time_rate: float) -> float:
+    rate = float(slope @ f) + time_rate
+    if rate == 0 or not np.isfinite(rate):
+        raise NotTransversalError(f"expected a rate of the guard other than 0, found {rate}")
+    return rate
 
 
 def crossing(
@@ -155,49 +160,6 @@ class Node:
             return -(self.here.gradients @ self.product) / self.here.guard_rates[:, None]
 
 
-class CrossingTree:
-    """The crossings of some guards in any order from one state; each is computed when asked for."""
-
-    def __init__(
-        self, system: System, start: Instant, guards: Sequence[int], scale: FloatArray
-    ) -> None:
-        self.system, self.guards, self.scale = system, tuple(guards), scale
-        here = local.linearise(system, start, scale)
-        self._nodes: dict[tuple[int, ...], Node] = {(): Node(here, np.eye(system.n_states))}
-
-    def node(self, order: tuple[int, ...]) -> Node:
-        """Return the node after the crossings in this order; raise if one is not transversal."""
-        if order not in self._nodes:
-            before = self.node(order[:-1])
-            self._require_approach(before.here, order[-1])
-            matrix, here = crossing(self.system, before.here, order[-1], self.scale)
-            self._nodes[order] = Node(here, matrix @ before.product)
-        return self._nodes[order]
-
-    def order(self, deviation: FloatArray) -> tuple[int, ...]:
-        """Return the order in which the neighbour at a deviation (n,) crosses the guards.
-
-        It is exact to first order: the neighbour follows one constant field after the other. Of
-        guards crossed together the first named comes first.
-        """
-        order: tuple[int, ...] = ()
-        while len(order) < len(self.guards):
-            delays = self.node(order).delays @ deviation
-            waiting = [guard for guard in self.guards if guard not in order]
-            order = (*order, min(waiting, key=lambda guard: delays[guard]))
-        return order
-
-    def _require_approach(self, here: Linearisation, guard: int) -> None:
-        """Raise unless the guard is approached from the side on which its lock is."""
-        rate = here.guard_rates[guard]
-        if not -here.instant.mode[guard] * rate > 0:
-            name = self.system.guard_names[guard]
-            raise NotTransversalError(
-                f"guard {name}: expected to be approached, found a rate of {rate:.3g} on the side "
-                f"{here.instant.mode[guard]:+d} in mode {here.instant.mode.tolist()}"
-            )
-
-
 @dataclass(frozen=True)
 class CrossingOrder:
     """One order of the guards.
@@ -208,48 +170,104 @@ class CrossingOrder:
         Numbers of the guards, the first crossed first.
     matrix : (n, n) array
         Product of the saltation matrices.
-    direction : (n,) array or None
+    direction : (n,) array
         A deviation of unit length whose trajectory crosses in this order, and that keeps well clear
-        of other orders; None if there is none but in the borders of other orders.
+        of other orders.
     state : (n,) array
         State after the crossings: it depends on the order only where handlers change the state.
     """
 
     guards: tuple[int, ...]
     matrix: FloatArray
-    direction: FloatArray | None
+    direction: FloatArray
     state: FloatArray
 
 
-def crossing_orders(tree: CrossingTree, *, seed: int = 0) -> tuple[CrossingOrder, ...]:
-    """Return the orders that occur among the deviations, with their matrices.
+class BouligandDerivative:
+    """The crossings of some guards in any order from one state; each is computed when asked for.
 
-    An order occurs if a set of deviations with an interior crosses in it. With up to six guards
-    all orders are tried; with more, those are returned in which 720 random deviations cross.
+    Called with deviations v from that state, (n,) or (n, m), at the instant at which the nominal
+    trajectory meets the guards, it returns D_v, of the same shape: where the neighbour is relative
+    to the nominal trajectory once both have crossed all guards, carried back to that instant by the
+    last field. It is linear on each cone of deviations whose trajectories cross the guards in one
+    order, and continuous from cone to cone (Burden, Sastry, Koditschek and Revzen 2016;
+    dissertation, section 1.2).
     """
-    if factorial(len(tree.guards)) <= MOST_ORDERS:
-        every = (_order(tree, guards) for guards in permutations(tree.guards))
-        return tuple(order for order in every if order.direction is not None)
-    draws = np.random.default_rng(seed).normal(size=(MOST_ORDERS, tree.system.n_states))
-    found = {tree.order(v): v / np.linalg.norm(v) for v in draws * tree.scale}
-    return tuple(_crossing_order(tree, guards, v) for guards, v in found.items())
 
+    def __init__(
+        self, system: System, start: Instant, guards: Sequence[int], scale: FloatArray
+    ) -> None:
+        self.system, self.guards, self.scale = system, tuple(guards), scale
+        here = local.linearise(system, start, scale)
+        self._nodes: dict[tuple[int, ...], Node] = {(): Node(here, np.eye(system.n_states))}
 
-def _crossing_order(
-    tree: CrossingTree, guards: tuple[int, ...], direction: FloatArray | None
-) -> CrossingOrder:
-    last = tree.node(guards)
-    return CrossingOrder(guards, last.product, direction, last.here.instant.y)
+    def __call__(self, deviations: ArrayLike) -> FloatArray:
+        """Return the directional derivatives D_v."""
+        v = np.asarray(deviations, dtype=np.float64)
+        n = self.system.n_states
+        if v.ndim not in (1, 2) or len(v) != n:
+            raise ValueError(f"deviations: expected ({n},) or ({n}, m), found {v.shape}")
+        if v.ndim == 1:
+            return self.node(self.order(v)).product @ v
+        return np.array([self(column) for column in v.T]).reshape(v.T.shape).T
 
+    def node(self, order: tuple[int, ...]) -> Node:
+        """Return the node after the crossings in this order; raise if one is not transversal."""
+        if order not in self._nodes:
+            before = self.node(order[:-1])
+            self._require_approach(before.here, order[-1])
+            matrix, here = crossing(self.system, before.here, order[-1], self.scale)
+            self._nodes[order] = Node(here, matrix @ before.product)
+        return self._nodes[order]
 
-def _order(tree: CrossingTree, guards: tuple[int, ...]) -> CrossingOrder:
-    delays = [tree.node(guards[:i]).delays[guard] for i, guard in enumerate(guards)]
-    scaled = np.array(delays) * tree.scale
-    direction = _inside_cone(np.diff(scaled, axis=0), float(np.abs(scaled).max()))
-    if direction is not None:
-        direction = direction * tree.scale
-        direction = direction / np.linalg.norm(direction)
-    return _crossing_order(tree, guards, direction)
+    def order(self, deviation: ArrayLike) -> tuple[int, ...]:
+        """Return the order in which the neighbour at a deviation (n,) crosses the guards.
+
+        It is exact to first order: the neighbour follows one constant field after the other. Of
+        guards crossed together the first named comes first.
+        """
+        order: tuple[int, ...] = ()
+        while len(order) < len(self.guards):
+            delays = self.node(order).delays @ np.asarray(deviation, dtype=np.float64)
+            waiting = [guard for guard in self.guards if guard not in order]
+            order = (*order, min(waiting, key=lambda guard: delays[guard]))
+        return order
+
+    def pieces(self, *, seed: int = 0) -> tuple[CrossingOrder, ...]:
+        """Return the orders that occur among the deviations, with their matrices.
+
+        An order occurs if a set of deviations with an interior crosses in it. With up to six guards
+        all orders are tried; with more, those are returned in which 720 random deviations cross.
+        """
+        if factorial(len(self.guards)) <= MOST_ORDERS:
+            inside = {guards: self._inside(guards) for guards in permutations(self.guards)}
+        else:
+            draws = np.random.default_rng(seed).normal(size=(MOST_ORDERS, self.system.n_states))
+            inside = {self.order(v): v for v in draws * self.scale}
+        found = []
+        for order, v in inside.items():
+            last = self.node(order)
+            if v is not None:
+                direction, state = v / np.linalg.norm(v), last.here.instant.y
+                found.append(CrossingOrder(order, last.product, direction, state))
+        return tuple(found)
+
+    def _inside(self, guards: tuple[int, ...]) -> FloatArray | None:
+        """Return a deviation that crosses in this order and keeps clear of others, if any."""
+        delays = [self.node(guards[:i]).delays[guard] for i, guard in enumerate(guards)]
+        scaled = np.array(delays) * self.scale
+        found = _inside_cone(np.diff(scaled, axis=0), float(np.abs(scaled).max()))
+        return None if found is None else found * self.scale
+
+    def _require_approach(self, here: Linearisation, guard: int) -> None:
+        """Raise unless the guard is approached from the side on which its lock is."""
+        rate = here.guard_rates[guard]
+        if not -here.instant.mode[guard] * rate > 0:
+            name = self.system.guard_names[guard]
+            raise NotTransversalError(
+                f"guard {name}: expected to be approached, found a rate of {rate:.3g} on the side "
+                f"{here.instant.mode[guard]:+d} in mode {here.instant.mode.tolist()}"
+            )
 
 
 def _inside_cone(rows: FloatArray, size: float) -> FloatArray | None:
@@ -270,50 +288,6 @@ def _inside_cone(rows: FloatArray, size: float) -> FloatArray | None:
     weights, _ = nnls(sums, np.append(np.zeros(rows.shape[1]), 1.0))
     inside = unit.T @ weights
     return inside if np.linalg.norm(inside) > NARROW else None
-
-
-# The Bouligand derivative of a flow through a state at which several guards meet.
-#
-# It is linear on each cone of deviations whose trajectories cross the guards in one order, and
-# continuous from cone to cone (Burden, Sastry, Koditschek and Revzen 2016; dissertation,
-# section 1.2).
-
-
-@dataclass(frozen=True)
-class BouligandDerivative:
-    """A piecewise linear map of deviations from the state at which guards meet.
-
-    Call it with deviations v, (n,) or (n, m), at the instant at which the nominal trajectory meets
-    the guards. It returns D_v, of the same shape: where the neighbour is relative to the nominal
-    trajectory once both have crossed all guards, carried back to that instant by the last field.
-    """
-
-    tree: CrossingTree
-
-    def __call__(self, deviations: ArrayLike) -> FloatArray:
-        """Return the directional derivatives D_v."""
-        v = np.asarray(deviations, dtype=np.float64)
-        if v.ndim not in (1, 2) or len(v) != self.tree.system.n_states:
-            raise ValueError(
-                f"deviations: expected ({self.tree.system.n_states},) or "
-                f"({self.tree.system.n_states}, m), found {v.shape}"
-            )
-        if v.ndim == 1:
-            return self.tree.node(self.order(v)).product @ v
-        images = [self(column) for column in v.T]
-        return np.array(images).reshape(v.T.shape).T
-
-    def order(self, deviation: ArrayLike) -> tuple[int, ...]:
-        """Return the order in which the neighbour at a deviation (n,) crosses the guards.
-
-        It is exact to first order: the neighbour follows one constant field after the other. Of
-        guards crossed together the first named comes first.
-        """
-        return self.tree.order(np.asarray(deviation, dtype=np.float64))
-
-    def pieces(self) -> tuple[CrossingOrder, ...]:
-        """Return the orders that occur, with their matrices."""
-        return crossing_orders(self.tree)
 
 
 def bouligand_derivative(
@@ -349,7 +323,7 @@ def bouligand_derivative(
     sizes = local.state_scale(system, scale)
     start = local.instant(system, state, params=params, mode=mode, t=t)
     chosen = local.active_guards(system, local.linearise(system, start, sizes), guards, sizes)
-    return BouligandDerivative(CrossingTree(system, start, chosen, sizes))
+    return BouligandDerivative(system, start, chosen, sizes)
 
 
 # Derivative of the state at which trajectories meet a section, from that of the flow.
@@ -384,7 +358,4 @@ def project_onto_section(
         If the event function does not change along f.
     """
     phi, f, slope = (np.asarray(v, dtype=np.float64) for v in (flow, rate, gradient))
-    speed = slope @ f + time_rate
-    if speed == 0 or not np.isfinite(speed):
-        raise NotTransversalError(f"expected a rate of the guard other than 0, found {speed}")
-    return phi - np.outer(f, slope @ phi) / speed
+    return phi - np.outer(f, slope @ phi) / _rate(f, slope, time_rate)

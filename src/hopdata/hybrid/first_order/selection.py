@@ -56,11 +56,6 @@ class Finding:
         """Return a finding that passes if the value is above a bound."""
         return cls(condition, bool(value > bound), float(value), f"> {bound:g}", detail)
 
-    @classmethod
-    def not_computed(cls, condition: str, needed: str, why: str) -> Finding:
-        """Return a finding that fails since there is nothing to compute."""
-        return cls(condition, False, float("nan"), needed, why)
-
     def cells(self) -> tuple[str, ...]:
         """Return the row of a table."""
         value = "-" if isnan(self.value) else f"{self.value:.3g}"
@@ -247,34 +242,15 @@ def check_event_selected(
         for name in ("margins", "rates", "kept")
     )
     jump, wrong_way = (max(getattr(view, name) for view in views) for name in ("jump", "wrong_way"))
-    return EventSelection(
-        tuple(system.guard_names[k] for k in active),
-        len(views),
-        len(views[0].modes),
-        margins,
-        rates,
-        kept,
-        jump,
-        wrong_way,
-        _findings(margins, rates, kept, jump, wrong_way, margin),
-    )
-
-
-def _findings(
-    margins: FloatArray,
-    rates: FloatArray,
-    kept: FloatArray,
-    jump: float,
-    wrong_way: float,
-    margin: float,
-) -> tuple[Finding, ...]:
-    worst = int(np.argmin(margins))
-    slowest = f"smallest normalised rate of a guard in any mode (it is {rates[worst]:.3g} a second)"
-    return (
+    slowest = f"(it is {rates[int(np.argmin(margins))]:.3g} a second)"
+    findings = (
         Finding.at_most(
             "trajectories are continuous", jump, UNCHANGED, "largest jump of a coordinate"
         ),
-        Finding.above("each guard is crossed", float(margins.min()), margin, slowest),
+        Finding.above(
+            "each guard is crossed", float(margins.min()), margin,
+            f"smallest normalised rate of a guard in any mode {slowest}",
+        ),
         Finding.at_most(
             "each guard is crossed only once", wrong_way, UNCHANGED,
             "largest step of a handler against a lock",
@@ -284,3 +260,10 @@ def _findings(
             "smallest ratio of a guard's rate after its crossing to that before",
         ),
     )  # fmt: skip
+    return EventSelection(
+        tuple(system.guard_names[k] for k in active),
+        len(views),
+        len(views[0].modes),
+        *(margins, rates, kept, jump, wrong_way),
+        findings,
+    )

@@ -256,7 +256,6 @@ H = np.array(
 EVALUATIONS = STAGES + 1  # with a given Jacobian and a field that does not depend on time
 DEGREE = 4
 DENSE_ERROR = 1  # of the interpolant, in units of the estimated error of the step
-BASIS = "alternating"
 ORDER = 5
 FILL_JACOBIAN: Any = None
 TIME_DERIVATIVE: Any = None

@@ -9,13 +9,13 @@ is in the cache, with generic code where it is not; its own is made when the sce
 
 from __future__ import annotations
 
-import difflib
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
+from hopdata.errors import did_you_mean
 from hopdata.hybrid import layout
 from hopdata.hybrid.methods import method as made
 from hopdata.hybrid.methods.explicit import DOP853, DOPRI5
@@ -57,8 +57,7 @@ def check_method(name: str, scene: Scene, jacobian: bool) -> tuple[str, ...]:
         If there is no method of this name, or it does not suit the scene.
     """
     if not isinstance(name, str) or name not in CHOICES:
-        near = difflib.get_close_matches(str(name), CHOICES, n=1)
-        hint = f"; did you mean '{near[0]}'?" if near else ""
+        hint = did_you_mean(str(name), CHOICES)
         raise ValueError(f"method: expected one of {', '.join(CHOICES)}, found {name!r}{hint}")
     if name == "taylor" and scene.affine is None:
         raise ValueError("method: 'taylor' expects a System with an @affine function, found none")

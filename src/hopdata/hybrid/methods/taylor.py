@@ -1,4 +1,4 @@
-# ruff: noqa: ARG001 (methods are all called alike)
+# ruff: noqa: ARG001, F401 (methods are all called alike; names stand in the code of a step)
 """Taylor series of the flow of an affine mode, y' = A y + b, exact but for rounding.
 
 The derivatives follow from one another by a product with A, so a step of degree 32 costs 32 small
@@ -124,33 +124,7 @@ def step_function(n: int) -> FunctionType:
     state. The returned error is that of degree 32 all the same, which is what limits a step.
     """
     arguments = "t, dt, rtol, s, mode, params, atol, field"
-    return compose("step", arguments, _step_code(n), {"N": n, **KNOWN})
-
-
-KNOWN = {
-    "A": A,
-    "B": B,
-    "DEGREE": DEGREE,
-    "EARLY": EARLY,
-    "END": END,
-    "EPS": EPS,
-    "INFO": INFO,
-    "K1": K1,
-    "KEND": KEND,
-    "P1": P1,
-    "SCRATCH": SCRATCH,
-    "SHARES": SHARES,
-    "SHARP": SHARP,
-    "SLOPE": SLOPE,
-    "WEIGHT": WEIGHT,
-    "Y": Y,
-    "fma": fma,
-    "inf": inf,
-    "left_out": left_out,
-    "may_end_early": may_end_early,
-    "sum_of_terms": sum_of_terms,
-    "weight": weight,
-}
+    return compose("step", arguments, _step_code(n), {**globals(), "N": n})
 
 
 def _each(n: int, *lines: str) -> list[str]:
@@ -230,8 +204,6 @@ def _step_code(n: int) -> list[str]:
         "return left_out(k, last, before, older) * sharper",
     ]
 
-
-BASIS = "power"
 
 FARTHEST_TURN = 4.5  # radians: nine tenths of z with z^33 / 33! = 64 EPS, the tolerance of a step
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import ConfigError, HopdataError
+from hopdata.errors import HopdataError, require
 from hopdata.rigid import wrapped
 
 
@@ -20,8 +20,7 @@ class ToPoint:
     point_m: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if not _is_finite(self.point_m, shape=(2,)):
-            raise ConfigError(f"point_m: expected two finite numbers, found {self.point_m}")
+        require(is_finite(self.point_m, (2,)), "point_m", "two finite numbers", self.point_m)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +30,8 @@ class ToHeading:
     heading_rad: float = 0.0
 
     def __post_init__(self) -> None:
-        if not _is_finite(self.heading_rad):
-            raise ConfigError(f"heading_rad: expected a finite number, found {self.heading_rad}")
+        heading = self.heading_rad
+        require(is_finite(heading), "heading_rad", "a finite number", heading)
 
 
 Objective: TypeAlias = ToPoint | ToHeading
@@ -54,12 +53,10 @@ class Horizon:
     swing_limit_rad: float = 3 * np.pi / 8
 
     def __post_init__(self) -> None:
-        if self.hops not in range(1, 17):
-            raise ConfigError(f"hops: expected 1 to 16, found {self.hops}")
-        if not (_is_finite(self.swing_limit_rad) and 0 < self.swing_limit_rad <= np.pi):
-            raise ConfigError(
-                f"swing_limit_rad: expected more than 0, at most pi, found {self.swing_limit_rad}"
-            )
+        require(self.hops in range(1, 17), "hops", "1 to 16", self.hops)
+        limit = self.swing_limit_rad
+        sound = is_finite(limit) and 0 < limit <= np.pi
+        require(sound, "swing_limit_rad", "more than 0, at most pi", limit)
 
 
 def errors_left(objective: Objective, poses: ArrayLike) -> FloatArray:
@@ -76,7 +73,7 @@ def objective_value(objective: Objective, poses: ArrayLike) -> FloatArray:
     return np.asarray(errors_left(objective, poses).sum(axis=0))
 
 
-def _is_finite(value: object, shape: tuple[int, ...] = ()) -> bool:
+def is_finite(value: object, shape: tuple[int, ...] = ()) -> bool:
     """Whether a value is so many numbers, and all are finite."""
     try:
         numbers = np.asarray(value, dtype=float)
@@ -145,18 +142,11 @@ def checked_state(pose: ArrayLike, boom_angle_rad: float) -> tuple[FloatArray, f
     PlanningError
         Unless there are three finite coordinates, not absurdly large, and a finite angle.
     """
-    try:
-        state = np.array(pose, dtype=float)
-        boom = float(boom_angle_rad)
-    except (TypeError, ValueError) as error:
-        raise PlanningError(
-            f"plan: expected a pose of three numbers and a boom angle, "
-            f"found {pose!r} and {boom_angle_rad!r}"
-        ) from error
-    if state.shape != (3,) or not np.all(np.isfinite(state)):
+    if not is_finite(pose, (3,)):
         raise PlanningError(f"plan: expected a pose of three finite numbers, found {pose!r}")
+    if not is_finite(boom_angle_rad):
+        raise PlanningError(f"plan: expected a finite boom angle, found {boom_angle_rad!r}")
+    state = np.array(pose, dtype=float)
     if np.abs(state).max() > FARTHEST:
         raise PlanningError(f"plan: expected a pose within {FARTHEST:.0f} m, found {pose!r}")
-    if not np.isfinite(boom):
-        raise PlanningError(f"plan: expected a finite boom angle, found {boom_angle_rad!r}")
-    return state, boom % (2 * np.pi)
+    return state, float(boom_angle_rad) % (2 * np.pi)

@@ -22,13 +22,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
-from hopdata.errors import AnalysisError, ConfigError
+from hopdata.errors import AnalysisError, require
 from hopdata.rigid import relative
 from hopdata.steering.control import objectives
 from hopdata.steering.control.printed import predicted_poses
 from hopdata.steering.models.process import TURN
 from hopdata.steering.models.tabulated import (
-    LEAST_NODES,
     FrameChangeMap,
     TabulatedMap,
     tabulated,
@@ -55,13 +54,6 @@ class _Grid:
     boom_angles: int
     swings: int
     width: float
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if isinstance(value, int) and value < LEAST_NODES:
-                raise ConfigError(f"{name}: expected {LEAST_NODES} at least, found {value}")
-            if not value > 0:
-                raise ConfigError(f"{name}: expected more than 0, found {value}")
 
     def stage_cost(self, error: FloatArray) -> FloatArray:
         """Cost of stances with these errors."""
@@ -293,8 +285,7 @@ def planner(
 ) -> Planner:
     """Compute the cost-to-go, which takes a few seconds, and return the planner that uses it."""
     objective, horizon = objective or objectives.ToPoint(), horizon or objectives.Horizon(hops=2)
-    if horizon.hops not in SWINGS_TRIED:
-        raise ConfigError(f"hops: expected one of {sorted(SWINGS_TRIED)}, found {horizon.hops}")
+    require(horizon.hops in SWINGS_TRIED, "hops", f"one of {sorted(SWINGS_TRIED)}", horizon.hops)
     limit = horizon.swing_limit_rad
     if not (isinstance(model, TabulatedMap) and model.swing_limit_rad == limit):
         model = tabulated(model, limit)

@@ -7,7 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from hopdata.arrays import FloatArray
@@ -20,8 +20,6 @@ class Frame:
 
     Parameters
     ----------
-    index : int
-        Place among all frames written so far, from 0.
     epoch : int
         Counts the connections; camera times of two epochs have nothing to do with each other.
     number : int
@@ -34,15 +32,17 @@ class Frame:
         When it was captured, on the monotonic clock, s: camera time and the shortest delay seen.
     markers : (M, 3) array
         m, NaN for those not seen; not to be written.
+    index : int
+        Place among all frames written so far, from 0; the buffer counts them.
     """
 
-    index: int
     epoch: int
     number: int
     time_s: float
     arrival_s: float
     captured_s: float
     markers: FloatArray
+    index: int = -1
 
 
 class FrameBuffer:
@@ -64,22 +64,11 @@ class FrameBuffer:
         """How many frames have been written so far."""
         return self._written
 
-    def write(
-        self,
-        markers: FloatArray,
-        *,
-        epoch: int,
-        number: int,
-        time_s: float,
-        arrival_s: float,
-        captured_s: float,
-    ) -> None:
+    def write(self, frame: Frame) -> None:
         """Put in a frame, in place of the oldest one."""
-        markers = markers.copy()
+        markers, index = frame.markers.copy(), self._written
         markers.flags.writeable = False
-        index = self._written
-        frame = Frame(index, epoch, number, time_s, arrival_s, captured_s, markers)
-        self._slots[index % len(self._slots)] = frame
+        self._slots[index % len(self._slots)] = replace(frame, markers=markers, index=index)
         self._written = index + 1
         self.wake()
 

@@ -56,15 +56,8 @@ PORT = 22223  # where a Qualisys system listens for little-endian clients
 
 ERROR, COMMAND, XML, DATA, EVENT = 0, 1, 2, 3, 6
 PACKET_TYPES = range(10)
-EVENT_CODES = range(1, 18)
-COMPONENT_3D, COMPONENT_3D_RESIDUAL = 1, 9
-COMPONENT_TYPES = range(1, 20)
-MARKER_BYTES = {COMPONENT_3D: 12, COMPONENT_3D_RESIDUAL: 16}
 
 HEADER = struct.Struct("<II")
-FRAME = struct.Struct("<qII")
-COMPONENT = struct.Struct("<II")
-MARKERS = struct.Struct("<Ihh")
 
 LONGEST = 1 << 16  # bytes of a packet other than XML: a thousand markers with room to spare
 LONGEST_XML = 1 << 24
@@ -72,48 +65,24 @@ LONGEST_XML = 1 << 24
 
 def header_fault(size: int, kind: int) -> str:
     """Say what is wrong with a header, or return an empty string."""
-    if kind not in PACKET_TYPES:
-        return f"packet of type {kind}, where 0 to {PACKET_TYPES[-1]} was expected"
     longest = LONGEST_XML if kind == XML else LONGEST
-    if not HEADER.size <= size <= longest:
-        return f"packet of {size} bytes, where {HEADER.size} to {longest} was expected"
-    return ""
+    if kind in PACKET_TYPES and HEADER.size <= size <= longest:
+        return ""
+    return f"packet of type {kind} and {size} bytes, where {HEADER.size} to {longest} are sound"
 
 
 def payload_fault(kind: int, payload: bytes) -> str:
-    """Say what is wrong with the payload of a packet that has a sound header, or return ""."""
-    if kind in (ERROR, COMMAND, XML) and not payload.endswith(b"\0"):
-        return "text without its end"
-    if kind == EVENT and (len(payload) != 1 or payload[0] not in EVENT_CODES):
-        return "an unknown event"
-    return _data_fault(payload) if kind == DATA else ""
+    """Say why the client cannot read the payload of a frame or an event, or return ""."""
+    from qtm_rt.packet import QRTEvent, QRTPacket
 
-
-def _data_fault(payload: bytes) -> str:
-    if len(payload) < FRAME.size:
-        return "a frame cut short"
-    count, at = FRAME.unpack_from(payload)[2], FRAME.size
-    for _ in range(min(count, len(payload))):
-        fault, size = _component_fault(payload, at)
-        if fault:
-            return fault
-        at += size
-    return "" if at == len(payload) else "bytes after the last component of a frame"
-
-
-def _component_fault(payload: bytes, at: int) -> tuple[str, int]:
-    if at + COMPONENT.size > len(payload):
-        return "a component cut short", 0
-    size, kind = COMPONENT.unpack_from(payload, at)
-    if kind not in COMPONENT_TYPES or not COMPONENT.size <= size <= len(payload) - at:
-        return f"a component of type {kind} with {size} bytes", 0
-    if kind in MARKER_BYTES:
-        if size < COMPONENT.size + MARKERS.size:
-            return "markers cut short", 0
-        markers = MARKERS.unpack_from(payload, at + COMPONENT.size)[0]
-        if size != COMPONENT.size + MARKERS.size + markers * MARKER_BYTES[kind]:
-            return f"{markers} markers in a component of {size} bytes", 0
-    return "", size
+    try:
+        if kind == DATA:
+            QRTPacket(payload).get_3d_markers()
+        elif kind == EVENT:
+            QRTEvent(*payload)
+    except Exception as error:
+        return f"{'a frame' if kind == DATA else 'an event'} that cannot be read: {error}"
+    return ""
 
 
 # What we read of a Qualisys system's settings: labels and frame rate, in XML.
@@ -143,14 +112,11 @@ def read_parameters(document: str | bytes) -> StreamParameters:
     """
     try:
         root = ET.fromstring(document)
-    except ET.ParseError as error:
+        frequency = root.findtext("./General/Frequency")
+        rate = float(frequency) if frequency else None
+    except (ET.ParseError, ValueError) as error:
         raise GarbageError(f"settings of the stream: expected XML ({error})") from error
     names = [label.findtext("Name", "") for label in root.findall("./The_3D/Label")]
-    frequency = root.findtext("./General/Frequency")
-    try:
-        rate = float(frequency) if frequency else None
-    except ValueError:
-        rate = None
     upwards = root.findtext("./The_3D/AxisUpwards", "").strip().upper()
     return StreamParameters(tuple(names), rate if rate and rate > 0 else None, upwards)
 
@@ -199,105 +165,30 @@ def find_labels(wanted: Sequence[str], labels: Sequence[str]) -> list[int]:
 
 # Bytes are screened before the client of the protocol sees them.
 #
-# The client trusts what it is sent: a header that says "0 bytes" makes it read that packet for
-# ever, an unknown event or a damaged component ends its connection, and an absurd size makes it
-# wait for data that never come. So whole packets are cut out here and checked, and it gets sound
-# ones only.
-
-LOOK_AGAIN_S = 0.02
+# The client trusts what it is sent: a header that says "0 bytes", as a server of something else may
+# send, makes it read that packet for ever, an unknown event ends its connection, and an absurd size
+# makes it wait for data that never come. So whole packets are cut out here, and tried.
 
 
-class Screen(asyncio.Protocol):
-    """Stands between a connection and the protocol that reads it.
+class Line(asyncio.Protocol):
+    """A connection, screened; to the client it is the event loop that makes futures and connects.
 
-    A damaged payload is left out and reported; when it is lost where packets begin, the connection
-    is closed, and `error` says why.
+    A frame or an event that cannot be read is left out and reported; when it is lost where packets
+    begin, the connection is closed, and `error` says why; as it does if there is none. `lost` is
+    set when the connection is gone.
 
     Parameters
     ----------
-    inner : asyncio.Protocol
-        Gets whole, sound packets.
     on_garbled : callable
         Called with what is wrong with each packet that is left out.
     """
 
-    def __init__(self, inner: asyncio.Protocol, on_garbled: Callable[[str], None]) -> None:
-        self.error: GarbageError | None = None
-        self.lost = asyncio.Event()
-        self._inner, self._on_garbled = inner, on_garbled
-        self._transport: asyncio.BaseTransport | None = None
-        self._bytes = bytearray()
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Pass on that the connection stands."""
-        self._transport = transport
-        self._inner.connection_made(transport)
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Pass on that the connection is gone."""
-        self._transport = None
-        self._inner.connection_lost(exc)
-        self.lost.set()
-
-    def data_received(self, data: bytes) -> None:
-        """Cut out whole packets, check them and pass on the sound ones."""
-        if self.error is not None:
-            return
-        self._bytes += data
-        while self.error is None and len(self._bytes) >= HEADER.size:
-            size, kind = HEADER.unpack_from(self._bytes)
-            fault = header_fault(size, kind)
-            if fault:
-                self._give_up(fault)
-            elif len(self._bytes) < size:
-                return
-            else:
-                whole = bytes(self._bytes[:size])
-                del self._bytes[:size]
-                self._pass_on(kind, whole)
-
-    def close(self) -> None:
-        """Close the connection at once."""
-        if isinstance(self._transport, asyncio.Transport):
-            self._transport.abort()
-
-    def _pass_on(self, kind: int, whole: bytes) -> None:
-        fault = payload_fault(kind, whole[HEADER.size :])
-        if fault:
-            self._on_garbled(fault)
-            return
-        try:
-            self._inner.data_received(whole)
-        except Exception as error:  # the client keeps what it could not read, and is of no more use
-            self._give_up(f"a packet that the client cannot read ({error!r})")
-
-    def _give_up(self, fault: str) -> None:
-        self.error = GarbageError(f"the stream is not of the protocol: {fault}")
-        self._bytes.clear()
-        self.close()
-
-
-class ScreenedLoop:
-    """What the client asks of an event loop: futures, and a connection, which is screened.
-
-    After `create_connection`, `screen` is the screen, or `failure` says why there is none.
-    """
-
     def __init__(self, on_garbled: Callable[[str], None]) -> None:
-        self.screen: Screen | None = None
-        self.failure: OSError | None = None
+        self.error: Exception | None = None
+        self.lost = asyncio.Event()
         self._on_garbled = on_garbled
-
-    async def until_lost(self) -> None:
-        """Wait until there is no connection any more, if there ever was one."""
-        while self.screen is None:
-            await asyncio.sleep(LOOK_AGAIN_S)
-        await self.screen.lost.wait()
-
-    def close(self) -> None:
-        """Close the connection at once, if there is one."""
-        if self.screen is not None:
-            self.screen.close()
+        self._transport: Any = None
+        self._bytes = bytearray()
 
     def create_future(self) -> asyncio.Future[Any]:
         """Return a future of the running loop."""
@@ -306,14 +197,44 @@ class ScreenedLoop:
     async def create_connection(
         self, factory: Callable[[], asyncio.Protocol], host: str, port: int
     ) -> tuple[asyncio.BaseTransport, asyncio.Protocol]:
-        """Connect, with a screen in front of the protocol that the factory makes."""
-        inner = factory()
-        self.screen = Screen(inner, self._on_garbled)
-        screen = self.screen
+        """Connect the protocol that the factory makes, and stand before it."""
+        self._client = factory()
         try:
             loop = asyncio.get_running_loop()
-            transport, _ = await loop.create_connection(lambda: screen, host, port)
+            transport, _ = await loop.create_connection(lambda: self, host, port)
         except OSError as error:
-            self.failure = error
+            self.error = error
             raise
-        return transport, inner
+        return transport, self._client
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Pass on that the connection stands."""
+        self._transport = transport
+        self._client.connection_made(transport)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Pass on that the connection is gone."""
+        self._client.connection_lost(exc)
+        self.lost.set()
+
+    def data_received(self, data: bytes) -> None:
+        """Cut out whole packets, and pass on those that can be read."""
+        self._bytes += data
+        while self.error is None and len(self._bytes) >= HEADER.size:
+            size, kind = HEADER.unpack_from(self._bytes)
+            fault = header_fault(size, kind)
+            if fault:
+                self.error = GarbageError(f"the stream is not of the protocol: {fault}")
+                self.close()
+            elif len(self._bytes) < size:
+                return
+            else:
+                whole = bytes(self._bytes[:size])
+                del self._bytes[:size]
+                fault = payload_fault(kind, whole[HEADER.size :])
+                self._on_garbled(fault) if fault else self._client.data_received(whole)
+
+    def close(self) -> None:
+        """Close the connection at once, if there is one."""
+        if self._transport is not None:
+            self._transport.abort()

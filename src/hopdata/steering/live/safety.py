@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import socket
 import threading
 import time
@@ -13,10 +12,9 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from hopdata.errors import ConfigError
+from hopdata.errors import require
 from hopdata.steering.live.packets import LOOPBACK, PortError
 
-LONGEST_LINE = 200
 PORTS = 1 << 16
 
 
@@ -67,51 +65,6 @@ class UdpBoom:
         self.close()
 
 
-class UdpSwings:
-    """Receives the lines of `UdpBoom`, on the loopback address unless told otherwise.
-
-    Lines that cannot be read are left out and counted in `garbled`; those whose number is not above
-    all before, since they come late, twice or out of order, in `outdated`.
-
-    Raises
-    ------
-    PortError
-        If the port cannot be listened on.
-    """
-
-    def __init__(self, port: int = 0, *, host: str = LOOPBACK) -> None:
-        self.garbled = self.outdated = 0
-        self._number = -1  # of the newest so far
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        try:
-            self._socket.bind((host, port))
-        except OSError as error:
-            self._socket.close()
-            raise PortError(f"cannot listen on {host}, port {port}: {error}") from error
-        self.port: int = self._socket.getsockname()[1]
-
-    def newest(self) -> float | None:
-        """Return the last swing that has come since the last call, rad, or None; never waits."""
-        swing = None
-        while True:
-            try:
-                line = self._socket.recv(LONGEST_LINE)
-            except BlockingIOError:
-                return swing
-            found = _swing(line)
-            if found is None:
-                self.garbled += 1
-            elif found[0] <= self._number:
-                self.outdated += 1
-            else:
-                self._number, swing = found
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._socket.close()
-
-
 def _address(host: str, port: int) -> tuple[str, int]:
     if not (isinstance(port, int) and 0 < port < PORTS):
         raise PortError(f"port: expected a whole number from 1 to {PORTS - 1}, found {port!r}")
@@ -122,18 +75,6 @@ def _address(host: str, port: int) -> tuple[str, int]:
             f"host: expected an IPv4 address or the name of one, found {host!r}: {error}"
         ) from error
     return str(found[0][4][0]), port
-
-
-def _swing(line: bytes) -> tuple[int, float] | None:
-    """Return number and swing, rad, of a line."""
-    words = line.split()
-    if len(words) != 3 or words[0] != b"swing" or not words[1].isdigit():
-        return None
-    try:
-        rad = float(words[2])
-    except ValueError:
-        return None
-    return (int(words[1]), rad) if math.isfinite(rad) else None
 
 
 # What the control loop will not go beyond.
@@ -177,10 +118,8 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name in ("pose_age_s", "command_s", "hop_s", "fence_m", "tilt_rad"):
-            if not getattr(self, name) > 0:
-                raise ConfigError(f"{name}: expected more than 0, found {getattr(self, name)}")
-        if not 0 <= self.swing_rad <= np.pi:
-            raise ConfigError(f"swing_rad: expected 0 to pi, found {self.swing_rad}")
+            require(getattr(self, name) > 0, name, "more than 0", getattr(self, name))
+        require(0 <= self.swing_rad <= np.pi, "swing_rad", "0 to pi", self.swing_rad)
 
 
 # Bringing the boom to rest.

@@ -6,13 +6,21 @@ import asyncio
 import math
 import time
 from collections.abc import Awaitable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 
 from hopdata.steering.live import packets
-from hopdata.steering.live.buffer import FrameBuffer, LoopThread, Status, StatusLog, StreamCounts
+from hopdata.steering.live.buffer import (
+    Frame,
+    FrameBuffer,
+    LoopThread,
+    Status,
+    StatusLog,
+    StreamCounts,
+)
 
 # How long a stream waits for what.
 
@@ -224,7 +232,7 @@ class MarkerStream:
     async def _session(self) -> None:
         """Connect and read until the connection is lost, which always ends in an exception."""
         self.states.report("connecting")
-        line = packets.ScreenedLoop(self._note_garbled)
+        line = packets.Line(self._note_garbled)
         try:
             connection = await self._answer(line, self._connect(line))
             asked = connection.get_parameters(["general", "3d"])
@@ -239,7 +247,7 @@ class MarkerStream:
         finally:
             line.close()
 
-    async def _connect(self, line: packets.ScreenedLoop) -> Any:
+    async def _connect(self, line: packets.Line) -> Any:
         connection = await self._client.connect(
             self.host,
             port=self.port,
@@ -249,15 +257,15 @@ class MarkerStream:
             on_event=self._on_event,
         )
         if connection is None:
-            reason = line.failure or f"it does not speak version {packets.VERSION} of the protocol"
+            reason = line.error or f"it does not speak version {packets.VERSION} of the protocol"
             raise packets.ConnectionLostError(
                 f"cannot connect to {self.host}, port {self.port}: {reason}"
             )
         return connection
 
-    async def _answer(self, line: packets.ScreenedLoop, work: Awaitable[Result]) -> Result:
+    async def _answer(self, line: packets.Line, work: Awaitable[Result]) -> Result:
         """Wait for an answer, but no longer than there is a connection, or patience."""
-        task, lost = asyncio.ensure_future(work), asyncio.ensure_future(line.until_lost())
+        task, lost = asyncio.ensure_future(work), asyncio.ensure_future(line.lost.wait())
         try:
             await asyncio.wait(
                 {task, lost},
@@ -273,14 +281,11 @@ class MarkerStream:
             task.cancel()
             lost.cancel()
 
-    async def _watch(self, line: packets.ScreenedLoop) -> None:
-        lost = asyncio.ensure_future(line.until_lost())
-        try:
-            while not lost.done():
-                await asyncio.wait({lost}, timeout=self.patience.stale_s / 2)
-                self._look_at_age()
-        finally:
-            lost.cancel()
+    async def _watch(self, line: packets.Line) -> None:
+        while not line.lost.is_set():
+            with suppress(TimeoutError):
+                await asyncio.wait_for(line.lost.wait(), self.patience.stale_s / 2)
+            self._look_at_age()
         raise _loss(line)
 
     def _look_at_age(self) -> None:
@@ -332,24 +337,15 @@ class MarkerStream:
         self._last_good_s = arrival_s
         if self.states.status.state != "streaming":
             self.states.report("streaming")
-        self.buffer.write(
-            markers,
-            epoch=self._epoch,
-            number=number,
-            time_s=time_s,
-            arrival_s=arrival_s,
-            captured_s=captured,
-        )
+        self.buffer.write(Frame(self._epoch, number, time_s, arrival_s, captured, markers))
 
     def _note_garbled(self, fault: str) -> None:
         self.counts.garbled += 1
         self.last_fault = fault
 
 
-def _loss(line: packets.ScreenedLoop) -> packets.LiveError:
-    if line.screen is not None and line.screen.error is not None:
-        return line.screen.error
-    return packets.ConnectionLostError("the server has hung up")
+def _loss(line: packets.Line) -> Exception:
+    return line.error or packets.ConnectionLostError("the server has hung up")
 
 
 def _client() -> Any:

@@ -16,9 +16,6 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError
 from hopdata.steering.models.process import TURN, input_rows
 
-LEAST_NODES = 4  # of an axis
-
-
 # What a controller asks of a model: frame changes of many hops at once.
 #
 # Conventions of all models: the frame change is (x, y, heading) in the frame of the first stance;
@@ -50,26 +47,10 @@ class TabulatedMap:
         plus the limit.
     swing_limit_rad : float
         The limit.
-
-    Raises
-    ------
-    ValueError
-        If the grid is too coarse or the values are not all finite.
     """
 
     values: FloatArray
     swing_limit_rad: float
-
-    def __post_init__(self) -> None:
-        shape = self.values.shape
-        if len(shape) != 3 or shape[-1] != 3 or min(shape[:-1]) < LEAST_NODES:
-            raise ValueError(
-                f"values: expected (A, S, 3) of at least {LEAST_NODES} nodes each, found {shape}"
-            )
-        if not np.isfinite(self.values).all():
-            raise ValueError("values: expected finite frame changes, found some that are not")
-        if not self.swing_limit_rad > 0:
-            raise ValueError(f"swing_limit_rad: expected more than 0, found {self.swing_limit_rad}")
 
     @cached_property
     def _spline(self) -> Any:
@@ -99,6 +80,8 @@ class TabulatedMap:
         ------
         AnalysisError
             If a swing is beyond the limit, or the number of inputs is wrong.
+        ValueError
+            From scipy, if an axis has fewer than four nodes or the values are not all finite.
         """
         angles, swings = input_rows(inputs, 2)
         largest = float(np.abs(swings).max(initial=0.0))

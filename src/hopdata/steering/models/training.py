@@ -12,7 +12,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.blas import one_blas_thread
-from hopdata.errors import AnalysisError, ConfigError, chosen, require_choice
+from hopdata.errors import AnalysisError, chosen, require, require_choice
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models.process import (
     SMOOTHNESSES,
@@ -74,14 +74,12 @@ class ProcessOptions:
     restarts: int = 1
 
     def __post_init__(self) -> None:
-        if self.smoothness not in SMOOTHNESSES:
-            known = ", ".join(map(str, SMOOTHNESSES))
-            raise ConfigError(f"smoothness: expected one of {known}, found {self.smoothness}")
+        known = ", ".join(map(str, SMOOTHNESSES))
+        require(self.smoothness in SMOOTHNESSES, "smoothness", f"one of {known}", self.smoothness)
         require_choice("history", self.history, HISTORIES)
         for name in ("variance", "noise", "length_scale", "length_unit_m"):
             value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise ConfigError(f"{name}: expected more than 0, found {value}")
+            require(value is None or value > 0, name, "more than 0", value)
 
 
 RECOMMENDED = ProcessOptions()

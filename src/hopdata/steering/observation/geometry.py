@@ -139,9 +139,7 @@ def _from_json(content: dict[str, Any]) -> HopperGeometry:
     for name in ("noise_m", "stance_below_m", "flight_above_m"):
         given[name] = float(content[name])
     if circle is not None:
-        centre, normal = (np.array(circle[key], dtype=float) for key in ("centre_m", "normal"))
-        if centre.shape != (3,) or normal.shape != (3,):
-            raise ValueError("a circle whose centre and normal are not three numbers each")
+        centre, normal = (np.array(circle[key], float).reshape(3) for key in ("centre_m", "normal"))
         circle = BoomCircle(centre, normal, float(circle["radius_m"]))
     return HopperGeometry(**given | {"body_names": names, "body_m": body, "circle": circle})
 
