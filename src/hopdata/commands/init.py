@@ -214,7 +214,7 @@ def _draft(
         reasons["input.vertical_axis"] = f"{inspection.up.reason}."
     if options.rate is not None:
         settings["input"]["rate_hz"] = options.rate
-        reasons["input.rate_hz"] = "As given; the file does not state it."
+        reasons["input.rate_hz"] = "As given."
     if roles.other_feet:
         settings["sections"] = {"frames": "landings"}
         others = "; ".join(", ".join(group) for group in roles.other_feet)

@@ -170,7 +170,7 @@ def import_recording(
     vertical_axis : {"x", "y", "z", "-x", "-y", "-z"}
         Axis of the file that points up.
     rate_hz : float, optional
-        Frame rate, for files that do not state it.
+        Frame rate, for files that do not state it, or not the true one (`raw.overrule_rate`).
     most_unpacked_mb : float
         Memory that a packed file (MAT, HDF5) may ask for, MB.
     least_score : float
