@@ -118,7 +118,7 @@ def test_a_foot_that_stays_high_is_noted():
     positions[:, 4, 2] += 0.5 * body_over_feet(recording())[2]
     (note,) = notes(recording(positions=positions))
     assert f"foot '{NAMES[4]}' comes no nearer to the floor than" in note
-    assert f"above '{NAMES[3]}'; does it touch the ground?" in note
+    assert f"above '{NAMES[3]}'; does it touch the ground, or does the floor slope?" in note
 
 
 def hopping(offset_m, noise_m, *, n_frames=400):

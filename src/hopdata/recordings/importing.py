@@ -101,9 +101,8 @@ def _starts(
     if not moved:
         return starts, ()
     return starts, (
-        f"{paths[0]}: joined with {len(paths) - 1} more; {len(moved)} of them "
-        f"({', '.join(moved)}) do not say when they began and are put {PAUSE_S:g} s after the file "
-        "before",
+        f"{paths[0]}: joined with {len(paths) - 1} more; nothing says when {', '.join(moved)} began: "
+        f"put {PAUSE_S:g} s after the file before",
     )
 
 
