@@ -26,7 +26,7 @@ def test_help_has_examples_and_exit_codes(command, capsys):
     [
         (
             ["insepct", "x"],
-            ["expected one of inspect, init, check, run, plan", "did you mean 'inspect'?"],
+            ["expected one of inspect, view, init, check, run, plan", "did you mean 'inspect'?"],
         ),
         (["inspect"], ["the following arguments are required: FILE"]),
         (["inspect", "x.tsv", "--unit", "cm"], ["expected one of mm, m", "found 'cm'"]),

@@ -256,7 +256,7 @@ def _changes(
             f"record more: about {needed} landings are wanted for verdict.margin, some "
             f"{minutes:.2g} minutes more at this pace"
         )
-    orders = forecast.touchdowns.loc[~forecast.touchdowns["excluded"], "class"]
+    orders = forecast.touchdowns.loc[~forecast.touchdowns["excluded"], "schedule"]
     alike = orders.value_counts(normalize=True).max() > MOST_ALIKE
     if ("orders" in forecast.reason and alike) or "no two feet" in forecast.reason:
         changes.append(
