@@ -101,8 +101,8 @@ def _starts(
     if not moved:
         return starts, ()
     return starts, (
-        f"{paths[0]}: joined with {len(paths) - 1} more; nothing says when {', '.join(moved)} began: "
-        f"put {PAUSE_S:g} s after the file before",
+        f"{paths[0]}: joined with {len(paths) - 1} more; nothing says when {', '.join(moved)} "
+        f"began: put {PAUSE_S:g} s after the file before",
     )
 
 

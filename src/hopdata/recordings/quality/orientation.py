@@ -386,10 +386,12 @@ def _pull_down(raw: RawRecording, up: str, metres: float) -> float:
     if not len(seen):
         return np.nan
     last = np.isfinite(seen).sum(axis=1, keepdims=True) - 1
-    least = np.take_along_axis(np.sort(seen, axis=1), 3 * last // 4, axis=1)
-    middle, least = (-np.quantile(x, 0.02) * metres / GRAVITY_M_S2
-                     for x in (np.nanmedian(seen, axis=1), least))  # fmt: skip
-    return float(least if middle > FALLING[1] else middle)
+    quarter = np.take_along_axis(np.sort(seen, axis=1), 3 * last // 4, axis=1)
+    middle, least = (
+        float(-np.quantile(pulled, 0.02) * metres / GRAVITY_M_S2)
+        for pulled in (np.nanmedian(seen, axis=1), quarter)
+    )
+    return least if middle > FALLING[1] else middle
 
 
 def _rate_by_stamps(raw: RawRecording) -> float:
