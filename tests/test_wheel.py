@@ -77,7 +77,7 @@ def test_another_recording_in_the_samples_place_is_refused(installed, tmp_path):
     recording.write_bytes(b"mine")
     result = hopdata_run(installed, tmp_path)
     assert result.returncode == 1
-    assert "hopper.h5: expected the bundled sample, found another file" in result.stderr
+    assert "hopper.h5: expected the bundled one, found another file" in result.stderr
     assert recording.read_bytes() == b"mine"
 
 

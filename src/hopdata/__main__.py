@@ -179,7 +179,7 @@ def _add_file(command: argparse.ArgumentParser) -> None:
     add("--unit", choices=("mm", "m"), help="unit of the file; else guessed")
     what = "direction of the file that is up, as in --vertical-axis=-z; else guessed"
     add("--vertical-axis", choices=("x", "y", "z", "-x", "-y", "-z"), help=what)
-    what = "frame rate, if the file does not state it"
+    what = "frame rate, if the file does not state it, or not the true one"
     add("--rate", type=_positive, metavar="HZ", help=what)
     what = "memory a packed file may ask for, as input.most_unpacked_mb; %(default)g"
     add("--most-unpacked-mb", type=_positive, metavar="MB", default=2000.0, help=what)

@@ -47,6 +47,17 @@ def test_a_unit_that_the_format_prescribes_is_not_noted(check, tmp_path):
     assert check(export(tmp_path)) == []
 
 
+def test_a_rate_that_is_not_sure_is_asked_for_by_the_key_that_answers(check, tmp_path, capsys):
+    file = export(tmp_path, frequency="50", counters=False)
+    question = "input.rate_hz: 50 or 100? 50 is not sure"
+    (note,) = check(file)
+    assert note.startswith(f"note: {file}: {question}")
+    main(["inspect", str(file)])
+    assert question in " ".join(capsys.readouterr().out.split())
+    (note,) = check(file, unit="auto, rate_hz: 100")
+    assert note == f"note: {file}: frame rate: 100 Hz as in input.rate_hz; the file states 50"
+
+
 def test_whole_millimetres_are_noted(check, tmp_path):
     (note,) = check(export(tmp_path, np.round(hopping(1)[1], 3)))
     assert "coordinates are rounded to 1 mm, which adds noise of 0.29 mm" in note

@@ -41,7 +41,7 @@ def test_a_file_in_mm_with_y_up_becomes_a_sound_study(folder, capsys):
     assert main(["init", "monday.tsv", "-o", "config/mine.yaml"]) == 0
     out = capsys.readouterr().out
     assert "config/mine.yaml: written" in out
-    assert "snakemake --cores 2 --configfile config/mine.yaml" in out
+    assert "hopdata run config/mine.yaml" in out
     config = load_config("config/mine.yaml")
     assert config["study"] == "mine"
     assert config["recordings"][0]["name"] == "monday"
@@ -202,7 +202,7 @@ def test_a_draft_is_a_configuration():
 def test_comments_say_how_to_run_what_was_guessed_and_what_is_left():
     text = draft_config(DRAFT, path="config/x.yaml")
     for part in (
-        "# Run:   snakemake --cores 2 --configfile config/x.yaml",
+        "# Run:   hopdata run config/x.yaml",
         "# TO DO: look at frame 3",
         "  # Rigid.\n  body:",
         "  # The markers fall along it.\n  vertical_axis: y",
@@ -239,4 +239,4 @@ def test_names_that_yaml_takes_for_something_else_stay_names(name):
 def test_the_commands_of_a_draft_can_be_pasted():
     text = draft_config(DRAFT, path="my studies/x.yaml")
     assert "hopdata check 'my studies/x.yaml'" in text
-    assert "--configfile 'my studies/x.yaml'" in text
+    assert "hopdata run 'my studies/x.yaml'" in text

@@ -144,6 +144,17 @@ def test_of_two_runs_in_one_folder_the_second_says_so(folder, capfd):
     assert Path("a").exists()
 
 
+def test_a_bundled_configuration_is_brought_with_the_files_that_it_names(folder, monkeypatch):
+    monkeypatch.setattr("hopdata.commands.run.run_workflow", lambda *_, **__: 1)
+    for name, more in (("group", "config/group.tsv"), ("sample_control", "data/sample/control.h5")):
+        assert main(["run", f"config/{name}.yaml"]) == 1
+        for file in (f"config/{name}.yaml", more):
+            assert Path(file).read_bytes() == (ROOT / file).read_bytes()
+        Path(more).write_text("mine")
+        main(["run", f"config/{name}.yaml"])
+        assert Path(more).read_text() == "mine"
+
+
 @pytest.mark.workflow
 def test_a_study_runs_without_home_in_an_odd_folder_in_the_c_locale(tmp_path):
     folder = tmp_path / "Grüße und Maße"

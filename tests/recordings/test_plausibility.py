@@ -20,6 +20,7 @@ def recording(n_frames=100, rate_hz=100.0, **changes):
         markers=NAMES,
         roles=ROLES,
         rate_hz=rate_hz,
+        source="trial.tsv",
     )
     return replace(sound, **changes)
 
@@ -28,7 +29,7 @@ def refused(faulty):
     with pytest.raises(RecordingError) as caught:
         check_plausible(faulty)
     message = str(caught.value)
-    assert message.startswith("recording 'trial': ")
+    assert message.startswith("trial.tsv: ")
     assert "expected" in message
     assert "found" in message
     assert "\n" not in message
@@ -110,7 +111,7 @@ def test_a_marker_never_seen_is_refused_and_one_often_unseen_is_noted():
     often = recording(positions=positions)
     check_plausible(often)
     np.testing.assert_allclose(fraction_seen(often), [1, 1, 1, 1, 0.8])
-    assert notes(often) == ["recording 'trial': marker 'toe' is missing in 20.0 % of frames"]
+    assert notes(often) == ["trial.tsv: marker 'toe' is missing in 20.0 % of frames"]
 
 
 def test_a_foot_that_stays_high_is_noted():
@@ -118,7 +119,7 @@ def test_a_foot_that_stays_high_is_noted():
     positions[:, 4, 2] += 0.5 * body_over_feet(recording())[2]
     (note,) = notes(recording(positions=positions))
     assert f"foot '{NAMES[4]}' comes no nearer to the floor than" in note
-    assert f"above '{NAMES[3]}'; does it touch the ground?" in note
+    assert f"above '{NAMES[3]}'; does it touch the ground, or does the floor slope?" in note
 
 
 def hopping(offset_m, noise_m, *, n_frames=400):
@@ -155,23 +156,21 @@ def test_dropped_frames_are_noted():
     time = np.arange(103) / 100.0
     time = np.delete(time, [10, 50, 51])
     assert notes(recording(time=time)) == [
-        "recording 'trial': 3 frames are missing between the time stamps"
+        "trial.tsv: 3 frames are missing between the time stamps"
     ]
     time = np.delete(np.arange(101) / 100.0, 10)
-    assert notes(recording(time=time)) == [
-        "recording 'trial': 1 frame is missing between the time stamps"
-    ]
+    assert notes(recording(time=time)) == ["trial.tsv: 1 frame is missing between the time stamps"]
 
 
 def test_pauses_are_no_missing_frames():
     time = np.arange(100) / 100.0
     time[40:] += 7200.0
     assert notes(recording(time=time)) == [
-        "recording 'trial': 1 pause of 7200.01 s in which nothing was recorded"
+        "trial.tsv: 1 pause of 7200.01 s in which nothing was recorded"
     ]
     time[70:] += PAUSE_S - 0.01  # as between files that do not say when they began
     assert notes(recording(time=time)) == [
-        "recording 'trial': 2 pauses of 7201.01 s in all in which nothing was recorded"
+        "trial.tsv: 2 pauses of 7201.01 s in all in which nothing was recorded"
     ]
 
 
@@ -226,7 +225,7 @@ def test_whole_millimetres_are_noted(step, text, kind):
     rounded = recording(positions=positions.astype(kind).astype(float))
     check_plausible(rounded)
     assert notes(rounded) == [
-        f"recording 'trial': coordinates are rounded to {text} (standard deviation) to each; "
+        f"trial.tsv: coordinates are rounded to {text} (standard deviation) to each; "
         "export more digits"
     ]
     positions[50, 1, 2] += 3e-4

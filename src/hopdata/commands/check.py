@@ -57,7 +57,7 @@ def check(options: argparse.Namespace) -> int:
             mistakes.append(str(error))
             continue
         print("\n".join([_summary(recording, config), *known]))
-        remarks += [*notes(recording), *_suspects(recording)]
+        remarks += [*notes(recording), *_suspects(recording, config["input"]["rate_hz"])]
         sound.append(recording)
     for remark in remarks:
         print(f"note: {remark}")
@@ -91,15 +91,16 @@ def _foretell(config: dict[str, Any], recordings: list[Recording]) -> None:
         raise AnalysisError(forecast.reason)
 
 
-def _suspects(recording: Recording) -> list[str]:
-    """Say in a line what looks wrong with the study's markers, if anything does."""
+def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:
+    """Say in a line what looks wrong with the study's markers, and ask for a rate not given."""
     from hopdata.recordings.quality.inspection import inspect
 
     with terminal.progress_line() as progress:
         progress(f"looking for faults in {recording.source}")
         found = inspect(recording)
     told = f"{recording.source}: {terminal.answer(found)} 'hopdata inspect' lists them"
-    return [told] if found.faults.count else []
+    asked = [] if rate_hz else terminal.question("input.rate_hz", found.rate)
+    return [f"{recording.source}: {one}" for one in asked] + [told] * bool(found.faults.count)
 
 
 def _summary(recording: Recording, config: dict[str, Any]) -> str:

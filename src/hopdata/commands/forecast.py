@@ -24,16 +24,18 @@ from hopdata.landings.states.assemble import STATELESS
 from hopdata.landings.touchdowns import HIDDEN_PRE, LOW_FLIGHT, NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import landings_needed
 from hopdata.recording import Recording, fraction_seen
+from hopdata.recordings.plausibility import MIN_BODY_MARKERS
 
 FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
 MOST_FRAMES = 120_000  # looked at; of longer studies the middle of each recording
 LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
+MOST_ALIKE = 0.8  # of the landings in one contact order, beyond which more of them hardly help
 #: The bound of a study without a difference is some 0.75 to 1 of what it detects.
 BOUND_SHARE = 0.75
 
 _HIDDEN_BODY = (
     "{body} is hidden as the body passes a section: with four body markers or more gaps are filled "
-    "from the others (filling.longest_s), or take it off markers.body"
+    "from the others (filling.longest_s){or_else}"
 )
 _OTHERWISE = "set sections.{side}_height_m, or sections.frames to landings"
 #: What to change where a reason costs landings.
@@ -204,7 +206,9 @@ def _changes(
         foot = feet[int(number[1]) - 1] if number else ""
         texts = [text for key, text in CHANGES.items() if key in reason]
         if texts and count >= LEAST_SHARE * forecast.landings:
-            changes.append(texts[0].format(foot=foot, body=min(seen, key=lambda name: seen[name])))
+            or_else = ", or take it off markers.body" * (len(body) > MIN_BODY_MARKERS)
+            hidden = min(seen, key=lambda name: seen[name])
+            changes.append(texts[0].format(foot=foot, body=hidden, or_else=or_else))
     margin = config["verdict"]["margin"]
     enough = forecast.detectable is not None and forecast.detectable <= margin
     needed = landings_needed(forecast.used, forecast.detectable or 0.0, margin, len(feet))
@@ -215,7 +219,9 @@ def _changes(
             f"record more: about {needed} landings are wanted for verdict.margin, some "
             f"{minutes:.2g} minutes more at this pace"
         )
-    if "contact order" in forecast.reason or "no two feet" in forecast.reason:
+    orders = forecast.touchdowns.loc[~forecast.touchdowns["excluded"], "schedule"]
+    alike = orders.value_counts(normalize=True).max() > MOST_ALIKE
+    if ("contact order" in forecast.reason and alike) or "no two feet" in forecast.reason:
         changes.append(
             "vary how the body lands (push, tilt, speed) until other feet come first, or name feet "
             "that do: maps of one contact order cannot be compared"

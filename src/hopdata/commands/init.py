@@ -91,7 +91,7 @@ def draft_config(draft: Draft, *, path: str) -> str:
         *_comment("Every value with a reason is a guess: check it. All other keys keep their "
                   "defaults; docs/configuration.md lists them."),
         *_comment(f"Check: hopdata check {shlex.quote(path)}"),
-        *_comment(f"Run:   snakemake --cores 2 --configfile {shlex.quote(path)}"),
+        *_comment(f"Run:   hopdata run {shlex.quote(path)}"),
         *(line for remark in draft.remarks for line in _comment(f"TO DO: {remark}")),
         "",
         f"study: {scalar(draft.study)}  # results go to results/{draft.study}",
@@ -194,7 +194,7 @@ def init(options: argparse.Namespace) -> int:
         print(f"next: fill in what is missing in {out} (TO DO), then hopdata check {quoted}")
         return terminal.PROBLEM
     print("These are guesses: correct in the file what is not so.")
-    print(f"next: hopdata check {quoted}\n      snakemake --cores 2 --configfile {quoted}")
+    print(f"next: hopdata check {quoted}\n      hopdata run {quoted}")
     return terminal.OK
 
 
@@ -214,7 +214,7 @@ def _draft(
         reasons["input.vertical_axis"] = f"{inspection.up.reason}."
     if options.rate is not None:
         settings["input"]["rate_hz"] = options.rate
-        reasons["input.rate_hz"] = "As given; the file does not state it."
+        reasons["input.rate_hz"] = "As given."
     if roles.other_feet:
         settings["sections"] = {"frames": "landings"}
         others = "; ".join(", ".join(group) for group in roles.other_feet)

@@ -78,7 +78,7 @@ def inspected(options: argparse.Namespace) -> Inspection:
             rate = guess_rate(raw, unit, is_stated=False)
             try_it = f": --rate {rate.value} or {rate.other}?" if rate.value else ""
             raise RecordingError(f"{error}; {rate.reason}{try_it}") from None
-        guessed = {"unit": options.unit, "up": options.vertical_axis}
+        guessed = {"unit": options.unit, "up": options.vertical_axis, "rate_hz": options.rate}
         return inspect_recording(raw, **guessed, progress=progress)
 
 

@@ -35,8 +35,12 @@ def run(options: argparse.Namespace) -> int:
         return _run_again(options)
     config = options.config
     if config is None:
-        _bring_sample()
+        _bring(SAMPLE)
         config = SNAKEFILE.parent / SAMPLE_CONFIG
+    elif not config.exists() and (bundled := SNAKEFILE.parent / config).is_file():
+        named = re.findall(r"(?:config|data/sample)/\w+\.\w+", bundled.read_text(encoding="utf-8"))
+        for file in dict.fromkeys([config, *map(Path, named)]):
+            _bring(file)
     if isinstance(content := read_yaml(config), dict) and "samples" in content:
         from hopdata.group import read_group
 
@@ -154,16 +158,16 @@ def _keep(log: Path, said: list[str]) -> None:
         pass
 
 
-def _bring_sample() -> None:
-    """Copy the bundled recording to where its configuration, as any, names it."""
-    source = SNAKEFILE.parent / SAMPLE
-    if not SAMPLE.exists():
-        print(f"{SAMPLE}: copied from the installation", flush=True)
-        SAMPLE.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(source, SAMPLE)
-    elif not filecmp.cmp(source, SAMPLE, shallow=False):
+def _bring(file: Path) -> None:
+    """Copy a bundled file to where its configuration, as any, names it."""
+    source = SNAKEFILE.parent / file
+    if not file.exists():
+        print(f"{file}: copied from the installation", flush=True)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source, file)
+    elif not filecmp.cmp(source, file, shallow=False):
         raise ConfigError(
-            f"{SAMPLE}: expected the bundled sample, found another file; go to another folder"
+            f"{file}: expected the bundled one, found another file; go to another folder"
         )
 
 

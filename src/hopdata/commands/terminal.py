@@ -14,6 +14,7 @@ from hopdata.errors import HopdataError, counted
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
+    from hopdata.recordings.quality.orientation import Guess
     from hopdata.recordings.quality.stretches import MarkerGaps
 
 # What a command's exit code says; argparse itself ends with 2 on a wrong command line.
@@ -99,13 +100,9 @@ def notes(inspection: Inspection) -> list[str]:
     guesses = {
         "input.unit": inspection.unit,
         "input.vertical_axis": inspection.up,
-        "frame rate (Hz)": inspection.rate,
+        "input.rate_hz": inspection.rate,
     }
-    questions = [
-        f"{key}: {guess.value} or {guess.other}? {guess.value} is not sure ({guess.reason})"
-        for key, guess in guesses.items()
-        if not guess.is_sure
-    ]
+    questions = [one for key, guess in guesses.items() for one in question(key, guess)]
     lost = [
         f"{gaps.marker} is unseen in {100 * gaps.share:.0f} % of the frames; on a foot it would "
         "lose landings, and those of other legs would count in their place: take one that is seen"
@@ -113,6 +110,12 @@ def notes(inspection: Inspection) -> list[str]:
         if LONG_UNSEEN < gaps.share < 1
     ]
     return [*questions, *inspection.remarks, *lost]
+
+
+def question(key: str, guess: Guess) -> list[str]:
+    """Ask for a key with its two candidates, unless the guess is sure."""
+    asked = f"{key}: {guess.value} or {guess.other}? {guess.value} is not sure ({guess.reason})"
+    return [] if guess.is_sure else [asked]
 
 
 def _rigid(inspection: Inspection) -> list[str]:

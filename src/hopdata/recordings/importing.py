@@ -101,9 +101,8 @@ def _starts(
     if not moved:
         return starts, ()
     return starts, (
-        f"{paths[0]}: joined with {len(paths) - 1} more; {len(moved)} of them "
-        f"({', '.join(moved)}) do not say when they began and are put {PAUSE_S:g} s after the file "
-        "before",
+        f"{paths[0]}: joined with {len(paths) - 1} more; nothing says when {', '.join(moved)} "
+        f"began: put {PAUSE_S:g} s after the file before",
     )
 
 
@@ -170,7 +169,7 @@ def import_recording(
     vertical_axis : {"x", "y", "z", "-x", "-y", "-z"}
         Axis of the file that points up.
     rate_hz : float, optional
-        Frame rate, for files that do not state it.
+        Frame rate, for files that do not state it, or not the true one (`raw.overrule_rate`).
     most_unpacked_mb : float
         Memory that a packed file (MAT, HDF5) may ask for, MB.
     least_score : float

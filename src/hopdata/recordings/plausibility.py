@@ -250,7 +250,10 @@ def notes(recording: Recording) -> list[str]:
     ]
     heights, feet = recording.feet[:, :, 2], recording.names("foot")
     high = HIGH_FOOT * body_over_feet(recording)[2]
-    more += [f"{one}; does it touch the ground?" for one in high_feet(heights, feet, above_m=high)]
+    more += [
+        f"{one}; does it touch the ground, or does the floor slope?"
+        for one in high_feet(heights, feet, above_m=high)
+    ]
     more += [f"{one}; is one a copy of the other?" for one in feet_as_one(heights, feet)]
     more += [*_rounding(recording), *_missing_times(recording)]
     return [*recording.remarks, *(f"{recording.place}: {remark}" for remark in more)]

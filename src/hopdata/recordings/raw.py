@@ -6,7 +6,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import count
 from types import MappingProxyType
@@ -32,6 +32,7 @@ _BY_PROGRAM = re.compile(r"(.*:)?(\*\d+|unlabel+ed.*)", re.IGNORECASE)
 FASTEST_HZ = 1e5  # as in the schema of input.rate_hz
 MOST_UNPACKED_MB = 2000.0  # as the default of input.most_unpacked_mb in the schema
 RATE_TOLERANCE = 1e-3  # relative; files round their rate, but not by more than this
+SLACK = 0.02  # relative, of the rate by rounded time stamps
 
 
 class RateUnknownError(RecordingError):
@@ -68,6 +69,8 @@ class RawRecording:
         Whether it does; otherwise `unit` is only what is usual.
     remarks : tuple of str
         What the file says that does not hold and could be put right, one line each, counted.
+    has_stamps : bool
+        Whether `time` stands in the file; otherwise it is counted from the frames at `rate_hz`.
     """
 
     markers: tuple[str, ...]
@@ -82,10 +85,11 @@ class RawRecording:
     started: datetime | None = None
     unit_is_stated: bool = True
     remarks: tuple[str, ...] = ()
+    has_stamps: bool = True
 
 
 def resolve_rate(place: str, *, stated: float | None, given: float | None) -> float:
-    """Agree on the frame rate between the file and the configuration.
+    """Take the frame rate from the file or, if it states none, from the configuration.
 
     Parameters
     ----------
@@ -99,8 +103,7 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
     Raises
     ------
     RecordingError
-        If neither is known (`RateUnknownError`), the two disagree, or the rate is not positive or
-        beyond any camera's.
+        If neither is known (`RateUnknownError`), or a rate is not positive or beyond any camera's.
     """
     if stated is not None and not (math.isfinite(stated) and stated > 0):
         raise RecordingError(f"{place}: frame rate: expected more than 0 Hz, found {stated:g} Hz")
@@ -110,18 +113,50 @@ def resolve_rate(place: str, *, stated: float | None, given: float | None) -> fl
         )
     if given is not None and not (math.isfinite(given) and given > 0):
         raise RecordingError(f"input.rate_hz: expected more than 0 Hz, found {given:g} Hz")
-    if stated is None and given is None:
+    rate = given if stated is None else stated
+    if rate is None:
         raise RateUnknownError(
             f"{place}: frame rate: expected a number in the file or in input.rate_hz, found neither"
         )
-    if stated is None or given is None:
-        return float(stated if given is None else given)  # type: ignore[arg-type]
-    if abs(given - stated) > RATE_TOLERANCE * stated:
-        raise RecordingError(
-            f"{place}: frame rate: expected {stated:g} Hz as the file states, "
-            f"found input.rate_hz: {given:g}; leave that key out"
-        )
-    return stated
+    return float(rate)
+
+
+def overrule_rate(place: str, raw: RawRecording, given: float | None) -> RawRecording:
+    """Let the configuration overrule the frame rate that a file states, but not time stamps.
+
+    Parameters
+    ----------
+    place : str
+        The file, for message and remark.
+    raw : RawRecording
+        As read, at the rate that the file states.
+    given : float or None
+        ``input.rate_hz`` of the configuration, Hz.
+
+    Raises
+    ------
+    RecordingError
+        If the time stamps run at another rate than `given`.
+    """
+    if given is None or abs(given - raw.rate_hz) <= RATE_TOLERANCE * raw.rate_hz:
+        return raw
+    told = f"{place}: frame rate: {given:g} Hz as in input.rate_hz; the file states {raw.rate_hz:g}"
+    if raw.has_stamps:
+        own = 1 / float(np.median(np.diff(raw.time))) if len(raw.time) > 1 else raw.rate_hz
+        if not abs(own - given) <= SLACK * given:
+            raise RecordingError(
+                f"{place}: frame rate: expected {own:.4g} Hz as its time stamps run, found "
+                f"input.rate_hz: {given:g}; leave that key out, or correct the time in the export"
+            )
+        return replace(raw, rate_hz=given, remarks=(*raw.remarks, told))
+    longer = raw.rate_hz / given
+    return replace(
+        raw,
+        time=raw.time * longer,
+        rate_hz=given,
+        events=tuple(Event(event.label, event.time_s * longer) for event in raw.events),
+        remarks=(*raw.remarks, told),
+    )
 
 
 def metric(place: str, stated: str) -> tuple[str, float]:

@@ -107,7 +107,7 @@ def _highlights(group: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     unanswered = sum(bool(row["reason"]) for row in rows)
     cards = [
         ("Subjects", show.count(len({row["subject"] for row in rows})), f"{len(rows)} studies"),
-        ("Studies with an answer", show.count(len(rows) - unanswered), said or "none"),
+        ("Studies judged", show.count(len(rows) - unanswered), said or "none"),
     ]
     if effect is None:
         return cards

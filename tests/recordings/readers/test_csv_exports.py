@@ -47,7 +47,7 @@ def test_motive_solved_markers_only_where_there_are_no_others(tmp_path):
 
 
 def test_motive_rate_of_the_configuration_must_agree(tmp_path):
-    with pytest.raises(RecordingError, match=r"expected 100 Hz as the file states"):
+    with pytest.raises(RecordingError, match=r"expected 100 Hz as its time stamps run"):
         read(tmp_path, motive(track(), NAMES), rate_hz=120.0)
 
 

@@ -257,10 +257,32 @@ def test_an_external_time_base_needs_a_rate(tmp_path):
     np.testing.assert_allclose(read(tmp_path, bare, rate_hz=50.0).time, np.arange(12) / 50)
 
 
-def test_a_rate_that_contradicts_the_file_is_refused(tmp_path):
+def test_a_rate_that_contradicts_the_time_stamps_is_refused(tmp_path):
+    file = write(tmp_path, qtm_text(POSITIONS))
     with pytest.raises(RecordingError, match=r"expected 100 Hz .* found input.rate_hz: 200"):
-        read(tmp_path, qtm_text(POSITIONS), rate_hz=200.0)
-    assert read(tmp_path, qtm_text(POSITIONS), rate_hz=100.0).rate_hz == 100
+        read_raw(file, rate_hz=200.0)
+    assert read_raw(file, rate_hz=100.0).remarks == ()
+
+
+def test_a_rate_that_the_time_stamps_bear_out_overrules_the_header(tmp_path):
+    raw = read_raw(write(tmp_path, qtm_text(POSITIONS, frequency="50", rows=data_rows(POSITIONS))),
+                   rate_hz=100.0)  # fmt: skip
+    assert raw.rate_hz == 100
+    np.testing.assert_allclose(raw.time, np.arange(12) / 100)
+    assert raw.remarks[-1].endswith("100 Hz as in input.rate_hz; the file states 50")
+
+
+def test_without_time_stamps_the_configuration_overrules_the_rate_with_a_remark(tmp_path):
+    text = write(tmp_path, qtm_text(POSITIONS, counters=False))
+    struct = qtm_struct(POSITIONS, NAMES, events=EVENTS)
+    for file in (text, write_mat5(tmp_path / "trial.mat", struct)):
+        raw = read_raw(file, rate_hz=200.0)
+        assert raw.rate_hz == 200
+        np.testing.assert_allclose(raw.time, np.arange(12) / 200)
+        told = f"{file}: frame rate: 200 Hz as in input.rate_hz; the file states 100"
+        assert raw.remarks[-1] == told
+        assert read_raw(file, rate_hz=100.0).remarks == read_raw(file).remarks
+    assert [event.time_s for event in raw.events] == [0.02, 0.04]  # those of their frames
 
 
 LINES = qtm_text(POSITIONS).split("\r\n")  # 11 header lines, column row, 12 frames

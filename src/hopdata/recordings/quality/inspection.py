@@ -200,6 +200,7 @@ def inspect_recording(
     *,
     unit: str | None = None,
     up: str | None = None,
+    rate_hz: float | None = None,
     progress: Progress = lambda _step: None,
 ) -> Inspection:
     """Measure a recording.
@@ -210,6 +211,8 @@ def inspect_recording(
         As read; its positions are left as they are.
     unit, up : str, optional
         Unit, and the direction that is up, if the user knows them.
+    rate_hz : float, optional
+        Frame rate, Hz, with which `raw` was read, if the user knows it.
     progress : callable
         Told each step, in words, before it begins.
 
@@ -243,9 +246,10 @@ def inspect_recording(
         jumps=find_jumps(missed, raw.markers, explained=explained),
         frozen=frozen,
     )
+    rate = guess_rate(raw, unit_guess.value)
+    rate = rate if rate_hz is None else Guess(f"{raw.rate_hz:g}", "as given")
     return Inspection(
-        raw.markers, raw.time, positions, raw.rate_hz, unit_guess, up_guess,
-        guess_rate(raw, unit_guess.value), gaps,
+        raw.markers, raw.time, positions, raw.rate_hz, unit_guess, up_guess, rate, gaps,
         timing, pairs, clusters, noise, faults, raw.remarks,
     )  # fmt: skip
 

@@ -37,7 +37,7 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
     path : path
         The ``_motion.tsv`` file; ``_channels.tsv`` stands beside it.
     rate_hz : float, optional
-        Frame rate; must be that of the json file, if it states one.
+        Frame rate, for a file that does not state it.
 
     Raises
     ------
@@ -99,6 +99,7 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
     return raw.RawRecording(
         markers, time, positions, rate, unit=unit, unit_is_stated=stated not in _MISSING,
         stated_up=_stated_up(path), remarks=renamed + late + (flat,) * bool(lacking),
+        has_stamps=bool(stamped),
     )  # fmt: skip
 
 

@@ -48,7 +48,7 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
     path : path
         The ``.c3d`` file.
     rate_hz : float, optional
-        Frame rate; must be the file's.
+        Frame rate, for a file that does not state it.
 
     Raises
     ------
@@ -91,6 +91,7 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
         events=events or header.events,
         stated_up=_stated_up(parameters),
         remarks=parameters.remarks + remarks + more + unread,
+        has_stamps=False,
     )
 
 

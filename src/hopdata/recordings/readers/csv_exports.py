@@ -71,7 +71,7 @@ def read_export(
     path : path
         The file.
     rate_hz : float, optional
-        Frame rate; must be the file's, if it states one. Keypoints from video state none.
+        Frame rate, for a file that does not state it, as keypoints from video.
     least_score : float
         Keypoints with a smaller likelihood or score count as unseen.
 
@@ -237,7 +237,7 @@ def _recording(
     markers, renamed = raw.distinct_names(str(path), names, may_lack=True)
     return raw.RawRecording(
         markers, time, positions, rate, unit=of_unit, unit_is_stated=bool(unit[1]),
-        remarks=remarks + left_out + renamed + late,
+        remarks=remarks + left_out + renamed + late, has_stamps=len(counters) > 1,
     )  # fmt: skip
 
 

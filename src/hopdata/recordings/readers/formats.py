@@ -17,6 +17,7 @@ from hopdata.recordings.raw import (
     events_outside,
     irregular,
     largest,
+    overrule_rate,
     resolve_rate,
 )
 from hopdata.recordings.readers.text import require_file
@@ -55,7 +56,7 @@ def read_raw(
     path : path
         A file whose suffix is one of `suffixes`.
     rate_hz : float, optional
-        Frame rate, for files that do not state it.
+        Frame rate, for files that do not state it, or not the true one.
     most_unpacked_mb : float
         Memory that a packed file (MAT, HDF5) may ask for, MB.
     least_score : float
@@ -73,7 +74,7 @@ def read_raw(
             f"found '{path.suffix}'"
         )
     require_file(path)
-    raw = _read(path, rate_hz, most_unpacked_mb, least_score)
+    raw = overrule_rate(str(path), _read(path, rate_hz, most_unpacked_mb, least_score), rate_hz)
     _check_finite(path, raw)
     more = irregular(str(path), raw.time, raw.rate_hz)
     more += events_outside(str(path), raw.events, raw.time, raw.rate_hz)

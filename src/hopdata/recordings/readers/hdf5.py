@@ -284,7 +284,7 @@ def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> It
     except OSError as error:
         with open(path, "rb") as begin:
             is_ours = begin.read(len(SIGNATURE)) == SIGNATURE
-        what = "cut short or damaged" if is_ours else "not an HDF5 file"
+        what = "cut short or damaged, copy it anew" if is_ours else "not an HDF5 file"
         raise RecordingError(
             f"{path}: {what}: expected one that can be opened, found: {error}"
         ) from error

@@ -36,7 +36,7 @@ def read_qtm_mat(
     path : path
         The ``.mat`` file, version 5 to 7.3.
     rate_hz : float, optional
-        Frame rate; must be the file's.
+        Frame rate, for a file that does not state it.
     most_unpacked_mb : float
         Memory that the file may ask for, MB.
 
@@ -79,6 +79,7 @@ def read_qtm_mat(
         events=_events(export, place),
         started=qtm_header.moment(export.get("Timestamp")),
         remarks=remarks,
+        has_stamps=False,
     )
 
 
@@ -226,6 +227,7 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
         events=tuple(header.events),
         started=qtm_header.moment((header.values.get("TIME_STAMP") or [""])[0]),
         remarks=header.remarks + renamed + wrong + remarks + _event_remarks(header, rate),
+        has_stamps="Time" in counters,
     )
 
 

@@ -61,7 +61,7 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
     path : path
         The ``.trc`` file.
     rate_hz : float, optional
-        Frame rate; must be the file's, if it states one.
+        Frame rate, for a file that does not state it.
 
     Raises
     ------
