@@ -62,12 +62,12 @@ class Stepper:
         self.s[Y], self.s[K1] = self.s[END], self.s[KEND]
 
     def interpolate(self, theta):
-        """State at the fraction `theta` of the last step, by the rule of the method's basis."""
+        """State at the fraction `theta` of the last step, in powers of it or alternating ones."""
         known = self.t, self.dt, self.s, self.mode, self.params
         degree = self.interpolant_code(*known, NO_ADDRESS)
-        total = np.zeros(self.n)
+        powers, total = self.method.__name__.endswith("taylor"), np.zeros(self.n)
         for k in range(degree - 1, 0, -1):
-            other = theta if self.method.BASIS == "power" or k % 2 == 0 else 1.0 - theta
+            other = theta if powers or k % 2 == 0 else 1.0 - theta
             total = other * (total + self.s[P1 + k])
         return self.s[Y] + theta * (self.s[P1] + total)
 

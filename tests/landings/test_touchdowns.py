@@ -261,7 +261,7 @@ def test_the_printed_method_is_selectable(scene):
     np.testing.assert_allclose(frames, frames.round(), atol=1e-6)
 
 
-def test_example_is_of_median_spread_in_the_commonest_schedule(scene, table):
+def test_example_is_of_median_spread_in_the_surer_half_of_the_commonest_schedule(scene, table):
     example = example_touchdown([scene.recording], table)
     assert list(example.columns) == [
         "recording",
@@ -274,7 +274,9 @@ def test_example_is_of_median_spread_in_the_commonest_schedule(scene, table):
     row = table.iloc[example["index"].iloc[0]]
     counts = table["schedule"].value_counts()
     assert counts[row["schedule"]] == counts.max()
-    of_kind = table.loc[table["schedule"] == row["schedule"], "spread_s"]
+    alike = table[(table["schedule"] == row["schedule"]) & ~table["excluded"]]
+    of_kind = alike.loc[alike["probability"] >= alike["probability"].median(), "spread_s"]
+    assert row["probability"] >= alike["probability"].median()
     assert abs((of_kind < row["spread_s"]).sum() - (of_kind > row["spread_s"]).sum()) <= 1
     assert example["time_s"].min() >= -0.05
     assert example["time_s"].max() <= row["t_post_s"] - row["t_pre_s"] + 0.05

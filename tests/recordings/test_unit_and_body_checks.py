@@ -36,7 +36,7 @@ def test_sound_recordings_pass(seed, rate_hz, noise_m):
     ],
 )
 def test_a_wrong_unit_is_told_by_how_things_fall(seed, factor, told):
-    sound = recording(seed)
+    sound = recording(seed, source="trial.tsv")
     with pytest.raises(RecordingError) as caught:
         check_fall(replace(sound, positions=factor * sound.positions))
     message = str(caught.value)
@@ -47,7 +47,7 @@ def test_a_wrong_unit_is_told_by_how_things_fall(seed, factor, told):
 
 @pytest.mark.parametrize("vertical_axis", FILE_AXES)
 def test_an_axis_that_points_down_is_told_by_how_things_fall(vertical_axis):
-    turned = recording(vertical_axis=vertical_axis)
+    turned = recording(vertical_axis=vertical_axis, source="trial.tsv")
     turned = replace(turned, positions=turned.positions * [1, -1, -1])
     up = {"x": "-x", "y": "-y", "z": "-z", "-x": "x", "-y": "y", "-z": "z"}[vertical_axis]
     told = f"the markers fall against {up}: set input.vertical_axis: {up}$"

@@ -129,7 +129,7 @@ def verdict(**changes: object) -> dict[str, object]:
     return {
         "conclusion": "no difference",
         "sentence": "No difference larger than 0.12 of the map, at 95 % confidence.",
-        "outlook": "A difference of 7.5 % would be found; to see 10 % you would need about 600.",
+        "outlook": "7.5 % would be found; to see 10 % you would need about 600 landings.",
         "compared": "6 contact orders",
         "n_feet": 3,
         "n_landings": 986,
