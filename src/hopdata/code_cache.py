@@ -99,7 +99,7 @@ def _alone_in(folder: Path | None) -> Iterator[None]:
 
             if folder is not None:
                 folder.mkdir(parents=True, exist_ok=True)
-                fcntl.flock(stack.enter_context((folder / "lock").open("w")), fcntl.LOCK_EX)
+                fcntl.flock(stack.enter_context((folder / "lock").open("a")), fcntl.LOCK_EX)
         yield
 
 

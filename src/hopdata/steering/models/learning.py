@@ -288,11 +288,16 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
     """
     hops = changes.used()
     left_out = f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
+    least = training.LEAST_HOPS + LEFT_TO_TEST
+    if len(hops) < least:
+        raise AnalysisError(
+            f"steering: expected at least {least} hops that can be used, to learn from and to test "
+            f"on, found {len(hops)} {left_out}"
+        )
     if len(hops) < training_hops + LEFT_TO_TEST:
         raise AnalysisError(
-            "steering.model.training_hops: expected at most "
-            f"{max(0, len(hops) - LEFT_TO_TEST)}, two fewer than the {len(hops)} hops that can be "
-            f"used, found {training_hops} {left_out}"
+            f"steering.model.training_hops: expected at most {len(hops) - LEFT_TO_TEST}, two fewer "
+            f"than the {len(hops)} hops that can be used, found {training_hops} {left_out}"
         )
     return hops
 
