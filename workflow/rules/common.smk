@@ -126,6 +126,11 @@ def each_recording(pattern):
     return expand(pattern, recording=RECORDINGS)
 
 
+def of_first(rule_output):
+    """The file of the first seed, whose runs and model a steering study shows."""
+    return expand(rule_output, seed=1, allow_missing=True)[0]
+
+
 def touchdowns_by(method):
     """Tables of touchdowns by one method, one a recording."""
     return each_recording(f"{RESULTS}/landings/{method}/{{recording}}.csv")

@@ -95,11 +95,6 @@ rule steering_experiments:
         "../scripts/steering_experiments.py"
 
 
-def of_first(rule_output):
-    """The file of the first seed, whose runs and model are shown."""
-    return expand(rule_output, seed=1, allow_missing=True)[0]
-
-
 rule steering_horizons:
     """What its horizon alone does to the printed controller."""
     input:
