@@ -31,7 +31,7 @@ from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.states.pairs import Pairs
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.maps.truth.landings import match_landings
+from hopdata.maps.truth.scoring import match_landings
 from hopdata.recording import Recording, Truth
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.synthesis.landings import SectionHeights

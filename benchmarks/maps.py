@@ -34,7 +34,7 @@ from machine import quartiles
 
 from hopdata.maps.affine import affine_test_errors, mean_test_errors
 from hopdata.maps.draws import distinct_draws, named_generator
-from hopdata.maps.subspaces.grassmann import arc_length, orthonormalised, principal_angles
+from hopdata.maps.subspaces import arc_length, orthonormalised, principal_angles
 
 OURS, SKLEARN = "hopdata", "scikit-learn LinearRegression, loop"
 Methods = dict[str, Callable[..., np.ndarray]]

@@ -72,7 +72,7 @@ from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.assemble import assemble_pairs, exclude_stateless
 from hopdata.landings.states.pairs import Pairs
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.maps.truth.landings import state_errors, true_rows
+from hopdata.maps.truth.scoring import state_errors, true_rows
 from hopdata.recording import Recording, Truth
 from hopdata.recordings.plausibility import check_fall, check_rigid
 from hopdata.recordings.quality.inspection import Faults, Inspection, inspect_recording

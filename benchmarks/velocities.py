@@ -32,7 +32,7 @@ from hopdata.landings.states.coefficients import SectionStates, cross
 from hopdata.landings.states.fits import Tracks, alone, section_states
 from hopdata.landings.touchdowns import touchdown_table
 from hopdata.maps.coordinates import rigid_states, split_states
-from hopdata.maps.truth.landings import match_landings
+from hopdata.maps.truth.scoring import match_landings
 from hopdata.recording import Recording, Truth
 from hopdata.rigid import body_shape
 from hopdata.synthesis.landings import SectionHeights

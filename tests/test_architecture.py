@@ -9,7 +9,7 @@ import hopdata
 from house_size import rooms
 
 PACKAGE = Path(hopdata.__file__).parent
-SHARED = {"arrays", "blas", "code_cache", "errors", "jobs", "recording", "rigid"}
+SHARED = {"arrays", "code_cache", "errors", "jobs", "recording", "rigid"}
 MAY_USE = {
     "hybrid": set(),
     "scenes": {"hybrid"},

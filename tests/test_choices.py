@@ -18,7 +18,7 @@ from hopdata.landings.contacts import kink_law as kink_recording
 from hopdata.landings.sections import select as sections
 from hopdata.landings.states import assemble as pair_assembly
 from hopdata.landings.states import fits as states
-from hopdata.maps.truth import landings as landing_scores
+from hopdata.maps.truth import scoring as landing_scores
 from hopdata.recordings import (
     external as external_contacts,
 )

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from matplotlib.text import Text
 
 from hopdata.commands.init import Draft, draft_config
-from hopdata.config import load_config
+from hopdata.config.loading import load_config
 from hopdata.errors import ConfigError, RecordingError
 from hopdata.figures.overlay import contact_overlay_figure
 from hopdata.figures.quality import recording_gaps_figure

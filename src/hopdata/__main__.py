@@ -1,7 +1,5 @@
 """`python -m hopdata` is the command `hopdata`."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

@@ -15,8 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from hopdata.arrays import pd
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import one_blas_thread, pd
 from hopdata.errors import AnalysisError, RecordingError, did_you_mean
 from hopdata.recording import Recording, Truth, marker_names, require_distinct
 
@@ -465,8 +464,7 @@ class Study:
     def _of_maps(self) -> tuple[Contents, list[Any]]:
         from hopdata.maps.corrected.estimates import estimate_maps
         from hopdata.maps.prediction import bootstrap_prediction
-        from hopdata.maps.subspaces.constraint import bootstrap_subspaces
-        from hopdata.maps.subspaces.distances import measure_distances
+        from hopdata.maps.subspaces import bootstrap_subspaces, measure_distances
 
         config, pairs = self.config, self.pairs
         seed: Contents = {"seed": config["seed"]}

@@ -10,8 +10,6 @@ among the temporary files. Where there is none, functions are compiled anew in e
 Removing them is always safe.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import sys

@@ -1,7 +1,5 @@
 """Errors a user can act on: each says where, what was expected and what was found."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable, Mapping
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """A group: subjects in a table, each a study of its own, and a page of them all."""
 
-from __future__ import annotations
-
 import logging
 import re
 import traceback

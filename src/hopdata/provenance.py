@@ -1,7 +1,5 @@
 """Where a result comes from: code, versions, inputs, seeds and the time that each stage took."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import platform

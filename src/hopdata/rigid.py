@@ -1,7 +1,5 @@
 """A rigid set of markers laid over what is seen of it, frame by frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from hopdata.maps.subspaces.grassmann import orthonormalised, principal_angles
+from hopdata.maps.subspaces import orthonormalised, principal_angles
 from maps import (
     DISTANCES,
     NOISE_SDS,

@@ -10,7 +10,7 @@ from made_up_jumps import STYLES, jumping
 
 from hopdata.__main__ import main
 from hopdata.commands.init import Draft, draft_config, scalar, study_name
-from hopdata.config import load_config
+from hopdata.config.loading import load_config
 
 
 @pytest.fixture

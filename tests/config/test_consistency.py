@@ -4,8 +4,8 @@ import copy
 
 import pytest
 
-from hopdata.config import load_config
 from hopdata.config.consistency import feet_of
+from hopdata.config.loading import load_config
 from hopdata.errors import ConfigError
 
 SOUND = {

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hopdata.config import load_config
-from hopdata.config.loading import key_lines, place_of
+from hopdata.config.loading import key_lines, load_config, place_of
 from hopdata.config.schema import hint
 from hopdata.errors import ConfigError
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hopdata.config import files_of, load_config, simulation_of
-from hopdata.config.loading import read_yaml
+from hopdata.config.consistency import files_of, simulation_of
+from hopdata.config.loading import load_config, read_yaml
 from hopdata.config.schema import in_words, load_schema
 from hopdata.errors import ConfigError
 from hopdata.scenes import SCENES, scene_class
@@ -456,8 +456,8 @@ STAGES = {
     "states": ("hopdata.landings.states.assemble", "assemble_pairs", set()),
     "units": ("hopdata.maps.units", "choose_units", set()),
     "prediction": ("hopdata.maps.prediction", "bootstrap_prediction", set()),
-    "subspaces": ("hopdata.maps.subspaces.constraint", "bootstrap_subspaces", set()),
-    "distances": ("hopdata.maps.subspaces.distances", "measure_distances", set()),
+    "subspaces": ("hopdata.maps.subspaces", "bootstrap_subspaces", set()),
+    "distances": ("hopdata.maps.subspaces", "measure_distances", set()),
     "scaling_study": ("hopdata.synthesis.scaling", "study_landings", set()),
     "figures": ("hopdata.figures.style", "save_figure", set()),
 }

@@ -19,7 +19,7 @@ from hopdata.landings.floor_surface import (
 from hopdata.landings.sections.select import select_sections
 from hopdata.landings.states.assemble import assemble_pairs
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.maps.truth.landings import match_landings
+from hopdata.maps.truth.scoring import match_landings
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.raw import rotate_up
 from hopdata.recordings.readers.hdf5 import read_recording, read_truth, write_recording

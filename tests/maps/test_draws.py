@@ -5,8 +5,7 @@ from hopdata.errors import AnalysisError
 from hopdata.maps.affine import affine_test_errors
 from hopdata.maps.draws import MOST_ONE_BY_ONE, distinct_draws, named_generator, rare_notes
 from hopdata.maps.prediction import bootstrap_prediction
-from hopdata.maps.subspaces.constraint import bootstrap_subspaces
-from hopdata.maps.subspaces.distances import measure_distances
+from hopdata.maps.subspaces import bootstrap_subspaces, measure_distances
 
 
 def test_a_named_stream_depends_on_seed_and_names_only():

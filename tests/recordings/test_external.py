@@ -86,7 +86,6 @@ MISTAKES = {
         {"label_column": "foot", "time_column": "t"},
         ["expected 'left' among lft, right", "did you mean 'lft'"],
     ),
-    "no time column": ("foot,t\nleft,1\n", {"label_column": "foot"}, ["contacts.time_column"]),
 }
 
 

@@ -45,7 +45,7 @@ def touchdowns(
             "excluded": bad,
             "reason": np.where(bad, rng.choice(reasons, n), ""),
         }
-    )
+    ).assign(**{"class": lambda table: table["schedule"]})
 
 
 def sections() -> dict[str, object]:

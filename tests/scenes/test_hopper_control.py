@@ -213,9 +213,3 @@ def test_a_control_has_several_and_the_stronger_the_more(name, weak, strong, apa
     little, much = (spread(Control(**{name: value})) for value in (weak, strong))
     assert little == pytest.approx(apart, abs=1e-3)
     assert much > 1.3 * little
-
-
-@pytest.mark.parametrize("fraction", [-0.1, 1.1, np.nan])
-def test_impulse_is_a_fraction(fraction):
-    with pytest.raises(ValueError, match="impulse"):
-        Control(impulse=fraction)

@@ -37,12 +37,3 @@ def test_the_default_hopper_can_lift_off_and_a_weak_one_cannot():
     strong.require_take_off("key")
     with pytest.raises(ConfigError, match=r"key: .* > 8.83 N, the weight per leg, found 7.75 N"):
         weak.require_take_off("key")
-
-
-@pytest.mark.parametrize(
-    ("values", "key"),
-    [({"n_legs": 1}, "n_legs"), ({"mass_kg": 0.0}, "mass_kg"), ({"friction": -0.1}, "friction")],
-)
-def test_a_value_out_of_range_is_refused_by_name(values, key):
-    with pytest.raises(ConfigError, match=key):
-        HopperParameters(**values)

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hopdata.analysis import synthesize
 from hopdata.errors import ConfigError
 from hopdata.landings.sections.select import select_sections
 from hopdata.landings.touchdowns import touchdown_table
-from hopdata.maps.truth.landings import match_landings
+from hopdata.maps.truth.scoring import match_landings
 from hopdata.scenes import SCENES, scene_class
 from hopdata.scenes.body import flight_mode, rotation_matrices
 from hopdata.scenes.quadruped import (
@@ -236,6 +237,21 @@ def test_an_unknown_scene_is_answered_with_those_there_are():
         simulate_recording({"scene": "pronk"}, seed=1)
 
 
-def test_a_parameter_out_of_range_is_refused_by_name():
-    with pytest.raises(ConfigError, match=r"quadruped\.mass_kg: expected above 0, found 0"):
-        Quadruped(mass_kg=0.0)
+@pytest.mark.parametrize(
+    ("scene", "key", "value", "wanted"),
+    [
+        ("quadruped", "mass_kg", 0.0, "a number above 0, found 0.0"),
+        ("hopper", "n_legs", 1, "a whole number at least 2 and at most 6, found 1"),
+        ("hopper", "mass_kg", 0.0, "a number above 0, found 0.0"),
+        ("hopper", "friction", -0.1, "a number at least 0, found -0.1"),
+    ],
+)
+def test_a_parameter_out_of_range_is_refused_by_name(scene, key, value, wanted):
+    with pytest.raises(ConfigError, match=rf"simulation\.{scene}\.{key}: expected {wanted}"):
+        synthesize(scene, simulation={scene: {key: value}})
+
+
+@pytest.mark.parametrize("fraction", [-0.1, 1.1])
+def test_an_impulse_is_a_fraction(fraction):
+    with pytest.raises(ConfigError, match=r"simulation\.control\.impulse: expected a number"):
+        synthesize(simulation={"control": {"impulse": fraction}})

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hopdata.config import load_config
+from hopdata.config.loading import load_config
 from hopdata.errors import AnalysisError, RecordingError
 from hopdata.recording import Recording
 from hopdata.steering.excitation import ControlGrid, eulerian_excitation

@@ -6,8 +6,9 @@ from pathlib import Path
 
 from snakemake.io import strip_wildcard_constraints
 
-from hopdata import config as configuration
-from hopdata.config import files_of, load_config, simulation_of
+from hopdata.config import consistency
+from hopdata.config.consistency import files_of, simulation_of
+from hopdata.config.loading import load_config
 from hopdata.config.schema import load_schema
 from hopdata.errors import HopdataError
 from hopdata.figures.catalogue import FIGURES as CATALOGUE
@@ -58,7 +59,7 @@ MAY_HAVE_TRUTH = any(
 )
 SCORED_METHODS = METHODS if MAY_HAVE_TRUTH else [METHOD]
 SIMULATIONS = {entry["name"]: simulation_of(STUDY, entry["name"]) for entry in STUDY["recordings"]}
-SIMULATED = configuration.is_simulated(STUDY)
+SIMULATED = consistency.is_simulated(STUDY)
 # What is known from elsewhere of the contacts in each recording, where anything is.
 EXTERNAL = {
     entry["name"]: {block: entry[block] for block in ("contacts", "forces")}
@@ -66,7 +67,7 @@ EXTERNAL = {
     if entry["contacts"]["file"] or entry["forces"]["file"]
 }
 EXCLUDED = {entry["name"]: entry["exclude"] for entry in STUDY["recordings"]}
-FILLS = configuration.fills(STUDY)
+FILLS = consistency.fills(STUDY)
 # Levelled recordings, with their short gaps filled where that is asked for.
 READY = f"{RESULTS}/ready/{{recording}}.h5"
 # Their descents and contacts.

@@ -12,7 +12,7 @@ rule contacts:
     resources:
         **needs(mb_a_mb=40, minutes=30),
     params:
-        options=configuration.contact_options(STUDY),
+        options=consistency.contact_options(STUDY),
         code=code("contacts"),
     script:
         "../scripts/contacts.py"
@@ -75,7 +75,7 @@ rule quality:
         **needs(mb_a_mb=60, minutes=20),
     params:
         sections=STUDY["sections"],
-        noise_m=configuration.expected_noise_m(STUDY),
+        noise_m=consistency.expected_noise_m(STUDY),
         code=code("quality"),
     script:
         "../scripts/quality.py"

@@ -2,8 +2,8 @@
 
 from hopdata.jobs import reported, write_json, write_table
 from hopdata.landings.states.pairs import read_pairs
-from hopdata.maps.subspaces.constraint import bootstrap_subspaces
-from hopdata.maps.subspaces.distances import measure_distances
+from hopdata.maps.subspaces import bootstrap_subspaces
+from hopdata.maps.subspaces import measure_distances
 
 with reported(snakemake.log[0]):
     pairs, params, output = read_pairs(snakemake.input.pairs), snakemake.params, snakemake.output

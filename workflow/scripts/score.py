@@ -4,7 +4,7 @@ from pathlib import Path
 
 from hopdata.jobs import read_json, read_table, read_tables, reported, write_json
 from hopdata.landings.floor_surface import FloorModel
-from hopdata.maps.truth.landings import known_recording
+from hopdata.maps.truth.scoring import known_recording
 from hopdata.maps.truth.scoring import score
 from hopdata.recordings.readers.hdf5 import read_truth
 

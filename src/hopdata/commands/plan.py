@@ -1,7 +1,5 @@
 """``hopdata plan``: how many landings show which difference, from a pilot."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``hopdata run``, ``clean``, ``doctor``: the workflow, what it leaves behind, what it needs."""
 
-from __future__ import annotations
-
 import argparse
 import filecmp
 import json

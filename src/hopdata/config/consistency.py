@@ -1,7 +1,5 @@
 """What the schema cannot see: whether the parts of a configuration fit each other."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import reduce

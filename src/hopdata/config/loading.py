@@ -1,7 +1,5 @@
 """Load a configuration: read, fill in the defaults, check against the schema and with itself."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy

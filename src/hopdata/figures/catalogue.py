@@ -4,8 +4,6 @@ A figure is added by writing its function in one of this room's modules and its 
 job that draws it; its caption stands in ``workflow/captions/<name>.md``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial

@@ -1,7 +1,5 @@
 """Figure 2.5: how far apart the constraint subspaces of the mode schedules are."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

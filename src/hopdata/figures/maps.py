@@ -1,12 +1,9 @@
 """The landing map as a picture, and the scaling study: maps as landings draw together."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -78,20 +75,18 @@ def matrices_figure(estimates: pd.DataFrame, exact: pd.DataFrame | None = None) 
     for axes, matrices, label in groups:
         limit = max(float(np.abs(matrix).max()) for matrix in matrices.values())
         for one, (title, matrix) in zip(axes, matrices.items(), strict=True):
-            image = _draw_map_matrices(one, matrix, limit)
-            one.set_title(title)
+            image = _draw_matrix(one, matrix, limit)
+            one.set(title=title, xlabel="state before")
         figure.colorbar(
             image, ax=list(axes), location="bottom", label=label, shrink=0.8, aspect=30, pad=0.02
         )
     panels[0].set_yticks(range(len(OUTPUTS)), list(OUTPUTS.values()))
     panels[0].set_ylabel("state after the landing")
-    for one in panels:
-        one.set_xlabel("state before")
     style.letters(panels)
     return figure
 
 
-def _draw_map_matrices(axes: Axes, matrix: NDArray[np.float64], limit: float) -> Any:
+def _draw_matrix(axes: Axes, matrix: NDArray[np.float64], limit: float) -> Any:
     image = axes.imshow(matrix, cmap=COLOURS, vmin=-limit, vmax=limit, aspect="auto")
     axes.set_xticks(range(len(INPUTS)), list(INPUTS.values()), rotation=90)
     axes.tick_params(length=0)
@@ -139,15 +134,13 @@ def scaling_study_figure(table: pd.DataFrame) -> Figure:
     """
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 78.0)
     panels = figure.subplots(1, 3)
-    cases = list(dict.fromkeys(table["case"]))
+    cases, scales = list(dict.fromkeys(table["case"])), sorted(set(table["scale"]))
     for axes, (column, label) in zip(panels, PANELS.items(), strict=True):
         for case in cases:
             _draw_case(axes, table[table["case"] == case], case, column)
-        axes.xaxis.set_major_locator(ticker.FixedLocator(sorted(set(table["scale"]))))
-        axes.xaxis.set_minor_locator(ticker.NullLocator())
-        axes.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: _fraction(value)))
-        axes.set_xlabel("scale of the deviations")
-        axes.set_ylabel(label)
+        axes.set_xticks(scales, [_fraction(scale) for scale in scales])
+        axes.set_xticks([], minor=True)
+        axes.set(xlabel="scale of the deviations", ylabel=label)
         axes.grid(axis="y", which="major")
     style.letters(panels)
     _draw_guides(panels[0], table)

@@ -1,7 +1,5 @@
 """Models of the frame change: Figure 3.3, the learning curve, and the smoothness of the kernel."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -102,8 +100,6 @@ def _axes(panels: Any) -> None:
             axes.axvline(turn, color=style.INK, linewidth=0.6, linestyle=(0, (4, 2)))
         axes.set_xticks([turn * np.pi for turn in turns], labels)
         axes.set_yticks([-1, 0, 1])
-    for axes in panels[0]:
-        axes.tick_params(labelbottom=False)
     for axes in panels[-1]:
         axes.set_xlabel("boom angle φ (rad)")
     for axes in panels[:, 0]:
@@ -143,11 +139,9 @@ def learning_curve_figure(table: pd.DataFrame) -> Figure:
     panels = figure.subplots(1, len(PANELS))
     for axes, (component, label) in zip(panels, PANELS.items(), strict=True):
         _draw_learning_curve(axes, table[table["component"] == component])
-        axes.set_title(label)
-        axes.set_xscale("log")
+        axes.set(title=label, xscale="log", xlabel="hops learned from")
         axes.xaxis.set_major_locator(ticker.FixedLocator(sorted(table["hops"].unique())))
         style.plain_numbers(axes.xaxis)
-        axes.set_xlabel("hops learned from")
     panels[0].set_ylabel("rms error of a hop")
     style.letters(panels)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
@@ -209,14 +203,12 @@ def kernel_smoothness_figure(table: pd.DataFrame) -> Figure:
             chosen = (table["data"] == data) & (table["component"] == component)
             _draw_smoothness(axes, table[chosen])
         line[0].set_ylabel(f"{DATA[data]}\nR² of other hops")
-    for axes, title in zip(panels[0], COLUMNS.values(), strict=True):
-        axes.set_title(title)
-    for axes in panels[-1]:
-        axes.set_xlabel("smoothness ν of the kernel")
+    for upper, lower, title in zip(panels[0], panels[-1], COLUMNS.values(), strict=True):
+        upper.set_title(title)
+        lower.set_xlabel("smoothness ν of the kernel")
     panels[0, 0].set_xticks(range(len(SMOOTHNESSES)), list(SMOOTHNESSES.values()))
     panels[0, 0].set_yticks([0, 0.25, 0.5, 0.75, 1])
-    for axes, name in zip(panels.ravel(), "abcdef", strict=False):
-        style.letter(axes, name)
+    style.letters(panels.flat)
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
 

@@ -1,7 +1,5 @@
 """Contacts found beside those known from elsewhere: errors, their distribution, one landing."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 
@@ -100,8 +98,7 @@ def _draw_errors(axes: Axes, contacts: pd.DataFrame, columns: tuple[str, ...]) -
             )  # fmt: skip
     axes.axhline(0.0, color="#bbbbbb", linewidth=0.6, zorder=0)
     axes.margins(y=0.12)
-    axes.set_xlabel("time in the recording (s)")
-    axes.set_ylabel("contact found less\nexternal contact (ms)")
+    axes.set(xlabel="time in the recording (s)", ylabel="contact found less\nexternal contact (ms)")
 
 
 def _draw_shares(
@@ -113,22 +110,16 @@ def _draw_shares(
             continue
         share = (np.arange(len(errors)) + 0.5) / len(errors) * 100
         axes.step(share, errors, where="mid", **style.foot_line(number))
-        _draw_bias(axes, _overall(summary, column), number)
+        _draw_bias(axes, summary[summary["column"].astype(str) == column], number)
     axes.axhline(0.0, color="#bbbbbb", linewidth=0.6, zorder=0)
-    axes.set_xlim(0, 100)
-    axes.set_xlabel("share of the contacts (%)")
+    axes.set(xlim=(0, 100), xlabel="share of the contacts (%)")
 
 
-def _overall(summary: pd.DataFrame, column: str) -> Mapping[str, float]:
-    """Row of all recordings together, or of the only one."""
-    rows = summary[summary["column"].astype(str) == column]
-    together = rows[rows["recording"] == ALL]
-    chosen = (together if len(together) else rows).iloc[-1]
-    return {key: float(chosen[key]) for key in ("bias_s", "bias_low_s", "bias_high_s")}
-
-
-def _draw_bias(axes: Axes, measures: Mapping[str, float], number: int) -> None:
-    bias, low, high = (measures[key] * 1e3 for key in ("bias_s", "bias_low_s", "bias_high_s"))
+def _draw_bias(axes: Axes, summary: pd.DataFrame, number: int) -> None:
+    """Draw the bias of a column with its interval: of all recordings, or of the only one."""
+    together = summary[summary["recording"] == ALL]
+    row = (together if len(together) else summary).iloc[-1]
+    bias, low, high = (1e3 * float(row[key]) for key in ("bias_s", "bias_low_s", "bias_high_s"))
     axes.errorbar(
         50 + 3 * number, bias, yerr=style.interval(bias, low, high),
         fmt=MARKERS[number % len(MARKERS)], color=style.INK, ms=4, mew=0.7, capsize=2.5, zorder=4,

@@ -1,7 +1,5 @@
 """Figure 2.4: how well six models of the landing predict, over the bootstraps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

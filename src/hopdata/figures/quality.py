@@ -1,7 +1,5 @@
 """Where each marker was seen, how stable the sections are, and what drifts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from textwrap import wrap
 from typing import Any
@@ -142,8 +140,7 @@ def _draw_sections(axes: Axes, stability: pd.DataFrame) -> None:
         axes.text(0.0, float(row), "none", **look)
     style.name_rows(axes, list(others["variant"]))
     reach = 1.08 * max(map(abs, axes.get_xlim()))
-    axes.set_xlim(-reach, reach)
-    axes.set_xlabel("change of the section (mm)")
+    axes.set(xlim=(-reach, reach), xlabel="change of the section (mm)")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
 
 
@@ -165,7 +162,7 @@ def _draw_drift(axes: Axes, drift: pd.DataFrame) -> None:
     names = ["\n".join(wrap(q, max(12, (len(q) + 1) // 2 + 4))) for q in quantities]
     style.name_rows(axes, names)
     reach = max(1.0, *map(abs, axes.get_xlim()))
-    axes.set_xlim(-reach, reach)
-    axes.set_xlabel("median of a part from that of all\n(in spreads between touchdowns)")
+    told = "median of a part from that of all\n(in spreads between touchdowns)"
+    axes.set(xlim=(-reach, reach), xlabel=told)
     if 0 < len(parts) <= MOST_IN_LEGEND:
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(len(parts), 2))

@@ -1,7 +1,5 @@
 """Figure 2.3: one touchdown, from foot heights to the order of contacts."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

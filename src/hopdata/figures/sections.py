@@ -1,7 +1,5 @@
 """Figure 2.2: how foot heights and body height choose the Poincaré sections."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """A run as a short film: from above, with path, body and boom, and from the side."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -89,14 +87,11 @@ def _stage(places: Any, stances: pd.DataFrame) -> tuple[Figure, Any, dict[str, A
     low = np.fmin(np.nanmin(places, axis=(0, 1))[:2], 0) - MARGIN_M
     high = np.fmax(np.nanmax(places, axis=(0, 1))[:2], 0) + MARGIN_M
     middle, half = (low + high) / 2, max(high - low) / 2
-    above.set_xlim(middle[0] - half, middle[0] + half)
-    above.set_ylim(middle[1] - half, middle[1] + half)
-    above.set_aspect("equal")
-    above.set_ylabel("y (m)")
-    side.set_ylim(-0.05, 1.1 * float(np.nanmax(places[..., 2])))
+    (left, bottom), (right, top) = middle - half, middle + half
+    above.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", ylabel="y (m)")
+    highest = 1.1 * float(np.nanmax(places[..., 2]))
+    side.set(ylim=(-0.05, highest), xlabel="x (m)", ylabel="height (m)")
     side.axhline(0.0, color=style.INK, linewidth=0.8)
-    side.set_ylabel("height (m)")
-    side.set_xlabel("x (m)")
     above.plot(0, 0, marker="*", color=style.VERMILION, mec="white", ms=12)
     moving = _moving(above, side)
     moving["board"] = _board_ends(stances, 4 * half)
@@ -211,12 +206,9 @@ def steering_outcomes_figure(
         if name in set(runs["controller"]):
             rates.plot([], [], mark, color=colour, ms=4, label=label)
     rates.set_yticks(range(len(tasks)), [TASKS[task] for task in tasks])
-    rates.set_ylim(len(tasks) - 0.5, -0.5)
-    rates.set_xlim(-3, 103)
+    rates.set(ylim=(len(tasks) - 0.5, -0.5), xlim=(-3, 103), xlabel="runs that succeeded (%)")
     rates.axvline(90, color=style.INK, linewidth=0.6, linestyle=(0, (4, 2)), label="asked")
-    rates.set_xlabel("runs that succeeded (%)")
-    hops.set_xlabel("hops to the goal")
-    hops.set_xlim(left=0)
+    hops.set(xlabel="hops to the goal", xlim=(0, None))
     hops.tick_params(labelleft=False)
     for axes in (rates, hops):
         axes.tick_params(axis="y", length=0)
@@ -225,9 +217,7 @@ def steering_outcomes_figure(
     _, colour, mark = LOOKS["printed"]
     shares = 100 * horizons["succeeded"] / horizons["runs"]
     ahead.plot(horizons["horizon"], shares, mark + "-", color=colour, ms=4)
-    ahead.set_ylim(-3, 103)
-    ahead.set_xlabel("horizon (hops)")
-    ahead.set_ylabel("to the origin (%)")
+    ahead.set(ylim=(-3, 103), xlabel="horizon (hops)", ylabel="to the origin (%)")
     figure.legend(*rates.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     style.letters((rates, hops, ahead))
     return figure
@@ -332,8 +322,7 @@ def _draw_arena(axes: Axes, curves: pd.DataFrame, turn: bool) -> None:
     axes.plot(start["x_m"], start["y_m"], "o", label="start", **hollow)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.08)
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
+    axes.set(xlabel="x (m)", ylabel="y (m)")
 
 
 def _draw_headings(axes: Axes, measured: pd.DataFrame) -> None:

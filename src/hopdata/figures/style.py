@@ -1,7 +1,5 @@
 """One look for all figures: paper sizes, colours that colour-blind readers can tell apart."""
 
-from __future__ import annotations
-
 import os
 import re
 import warnings

@@ -1,7 +1,5 @@
 """The verdict as one picture: the answer, how sure it is, and what it says of a landing."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, pd
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
 from hopdata.landings.states.fits import WINDOWS_S
 from hopdata.recording import Recording
 from hopdata.recordings.quality.stretches import runs, seen

@@ -7,15 +7,12 @@ rest still fix the floor all over the ground that they step on: few steps cannot
 that each keep to a place of their own, since a slope is then the same as a mount height.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import BoolArray, FloatArray, one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.landings import floor_surface
 from hopdata.landings.sections.modes import ground_mode, robust_rms

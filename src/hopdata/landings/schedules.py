@@ -1,7 +1,5 @@
 """Mode schedules: the order of the contacts, how probable it is, and how far apart they lie."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import sqrt
 

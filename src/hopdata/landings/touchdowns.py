@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import BoolArray, FloatArray, pd
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings import schedules
 from hopdata.landings.contacts import descents

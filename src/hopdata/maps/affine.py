@@ -5,8 +5,6 @@ leaves is fitted again. In that basis the normal equations of each replicate are
 of the identity, so that they cost one small matrix product and lose no digits.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray

@@ -9,8 +9,6 @@ Angles are those of the body relative to its mean attitude, about axes that turn
 so they stay small and free of singularities for any body that lands on its feet.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations, combinations_with_replacement
 from math import comb

@@ -1,7 +1,5 @@
 """Random draws of the bootstraps: one independent, named stream for each thing that is drawn."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Mapping
 

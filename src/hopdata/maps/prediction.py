@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import FloatArray, pd
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.maps.affine import affine_test_errors, mean_test_errors, pooled_basis
 from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
 

@@ -8,15 +8,12 @@ After Sec. 2.2.4 of the dissertation, which prints 29.13 mm and 27 ms but not th
   the unspecialised affine map, each landing predicted from all the others.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import leave_one_out_residuals
 
@@ -83,8 +80,6 @@ def choose_units(
         If there are fewer than three landings, or if the data do not vary at all.
     """
     x, y = np.asarray(x, float), np.asarray(y, float)
-    if len(x) < 3:
-        raise AnalysisError(f"units: at least 3 usable landings are needed, found {len(x)}")
     errors, predictor = prediction_errors(x, y)
     half = y.shape[1] // 2
     position, velocity = _rms(errors[:, :half]), _rms(errors[:, half:])

@@ -1,7 +1,5 @@
 """What another device knows of a recording: contact instants, or forces under the feet."""
 
-from __future__ import annotations
-
 import codecs
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +10,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError, chosen, did_you_mean
-from hopdata.recordings.readers.qtm_header import KEYS
+from hopdata.recordings.readers.qtm import KEYS
 from hopdata.recordings.readers.text import ColumnTable, listed, open_table
 
 
@@ -156,15 +154,10 @@ def _contact_times(path: Path, column: Column, instants: FloatArray) -> ContactT
 
 
 def _labelled(
-    path: Path, columns: Sequence[Column], label_column: str, time_column: str | None
+    path: Path, columns: Sequence[Column], label_column: str, time_column: str
 ) -> dict[str, FloatArray]:
     """Instants by label, from a table with one row a contact."""
     table = open_table(path)
-    if time_column is None:
-        raise RecordingError(
-            f"{path}: contacts.time_column: expected the column of the instants beside "
-            f"contacts.label_column, found null; the columns are {listed(table.names)}"
-        )
     labels, times = np.array(table.texts(label_column)), table.numbers(time_column)
     return _by_label(f"{path}, column '{label_column}'", columns, labels, times)
 

@@ -1,7 +1,5 @@
 """From a file and the configuration to the canonical `Recording`: metres, z up, roles in order."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Mapping, Sequence
@@ -11,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import RecordingError, did_you_mean, require_choice
 from hopdata.recording import Event, Recording, Truth
 from hopdata.recordings.quality.orientation import choose_unit, speak_for_silent, unit_remarks

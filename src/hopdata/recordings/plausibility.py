@@ -3,8 +3,6 @@
 Each check looks at the canonical recording (metres, z up) and raises one clear message.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from hopdata.arrays import FloatArray

@@ -1,7 +1,5 @@
 """What a reader hands over: all markers of one file, in the file's own unit and axes."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter
@@ -10,6 +8,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import count
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -256,6 +255,65 @@ def distinct_names(
         )
         taken.update(distinct)
     return tuple(distinct), tuple(remarks)
+
+
+def assembled(
+    place: str,
+    named: tuple[tuple[str, ...], tuple[str, ...]],
+    positions: FloatArray,
+    *,
+    number: FloatArray,
+    stamps: FloatArray | None = None,
+    unit: tuple[str, str] = ("", ""),
+    rates_hz: tuple[float | None, float | None],
+    rate_place: str = "",
+    remarks: tuple[str, ...] = (),
+    **others: Any,
+) -> RawRecording:
+    """Make a recording of what stands in a file: settle its unit, rate and time.
+
+    Parameters
+    ----------
+    place : str
+        The file, for messages.
+    named : tuple
+        What `distinct_names` returned.
+    positions : (N, M, 3) array
+        In the unit stated; multiplied in place.
+    number : (N,) array
+        Number of each frame, from 1.
+    stamps : (N,) array, optional
+        Time of each frame as printed, s.
+    unit : tuple of str
+        Where the file states its unit, and how it spells it; empty if it does not.
+    rates_hz : tuple
+        Rate that the file states, and ``input.rate_hz``, Hz, or None. If stamps alone tell the
+        rate, it is theirs.
+    rate_place : str
+        Where the rate should stand, by default the file.
+    remarks : tuple of str
+        Those of the reader.
+    **others
+        Further fields of the recording.
+
+    Raises
+    ------
+    RecordingError
+        If the unit is none, or no rate is known.
+    """
+    of_unit, factor = metric(*unit) if unit[1] else (USUAL_UNIT, 1.0)
+    positions *= factor
+    stated, given = rates_hz
+    if stated is None and stamps is not None:
+        stated = rate_of(stamps, number)
+    rate = resolve_rate(rate_place or place, stated=stated, given=given)
+    time: FloatArray = (number - 1.0) / rate
+    late: tuple[str, ...] = ()
+    if stamps is not None:
+        time, late = settle(place, stamps, number, rate)
+    others = {"unit_is_stated": bool(unit[1]), "has_stamps": stamps is not None, **others}
+    said = (*remarks, *named[1], *late)
+    return RawRecording(named[0], time, positions, rate, of_unit, remarks=said, **others)
 
 
 def frame_count(place: str, key: str, stated: float | None, n_rows: int) -> tuple[str, ...]:

@@ -77,16 +77,16 @@ def _counts(inputs: ReportInputs) -> dict[str, Any]:
 
 
 def _heights(sections: Mapping[str, Any]) -> dict[str, str | bool | None]:
-    pre, post = sections.get("pre_height_m"), sections.get("post_height_m")
-    travel = None if show.is_missing(pre) or show.is_missing(post) else float(pre) - float(post)  # type: ignore[arg-type]
+    pre, post = (show.scaled(sections.get(f"{side}_height_m"), 1.0) for side in ("pre", "post"))
+    travel = None if pre is None or post is None else pre - post
     return {
         "pre": _shown(pre, 1e3, "mm"),
         "post": _shown(post, 1e3, "mm"),
         "travel": _shown(travel, 1e3, "mm"),
-        "min_threshold": _tenths_of_mm(sections.get("min_foot_threshold_m")),
+        "min_threshold": _shown(sections.get("min_foot_threshold_m"), 1e3, "mm", decimals=1),
         "landings_only": sections.get("frames") == "landings",
         "moved": "contacts" in (sections.get("decided") or {}).values(),
-        "max_threshold": _tenths_of_mm(sections.get("max_foot_threshold_m")),
+        "max_threshold": _shown(sections.get("max_foot_threshold_m"), 1e3, "mm", decimals=1),
     }
 
 
@@ -97,15 +97,11 @@ def _units(units: Mapping[str, Any]) -> dict[str, str | None]:
 
 
 def _models(inputs: ReportInputs) -> dict[str, Any]:
-    medians = _medians(inputs.prediction, "model", tables.MODEL_NAMES)
+    medians, names = _medians(inputs.prediction, "model", tables.MODEL_NAMES), tables.MODEL_NAMES
     return {
         "medians": medians,
-        "fitted": show.words(
-            [tables.MODEL_NAMES[m] for m in tables.MODEL_NAMES if medians[m] is not None]
-        ),
-        "not_fitted": show.words(
-            [tables.MODEL_NAMES[m] for m in tables.MODEL_NAMES if medians[m] is None]
-        ),
+        "fitted": show.words([names[m] for m in names if medians[m] is not None]),
+        "not_fitted": show.words([names[m] for m in names if medians[m] is None]),
     }
 
 
@@ -149,25 +145,15 @@ def _by_name(truth: Mapping[str, Mapping[str, Any]], prefix: str) -> dict[str, s
 
 
 def _percent(entry: Mapping[str, Any] | None) -> str | None:
-    if entry is None or show.is_missing(entry.get("value")):
+    return _shown((entry or {}).get("value"), 100, "%", decimals=1)
+
+
+def _shown(value: Any, factor: float, unit: str, *, decimals: int | None = None) -> str | None:
+    """Format with its unit, to three digits or so many decimals; None if it is missing."""
+    if (number := show.scaled(value, factor)) is None:
         return None
-    return show.with_unit(f"{100 * entry['value']:.1f}", "%")
-
-
-def _tenths_of_mm(height_m: Any) -> str | None:
-    return (
-        None
-        if show.is_missing(height_m)
-        else show.with_unit(show.fixed(float(height_m) * 1e3, 1), "mm")
-    )
-
-
-def _shown(value: Any, factor: float, unit: str) -> str | None:
-    return (
-        None
-        if show.is_missing(value)
-        else show.with_unit(show.significant(float(value) * factor), unit)
-    )
+    text = show.significant(number) if decimals is None else show.fixed(number, decimals)
+    return show.with_unit(text, unit)
 
 
 GAPS = "recording_gaps"
@@ -240,6 +226,7 @@ def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[st
     possible = f"of {show.count(math.factorial(feet))} possible, in the touchdowns used"
     of_all = [possible] if feet > 1 else []
     apart = [f"median spread of contacts {facts['spread']}"] if facts["spread"] else []
+    weigh = "position and velocity errors weigh alike"
     cards = [
         ("Difference of the maps", facts["verdict"]["difference"], facts["verdict"]["remark"]),
         ("Quality of the data", *quality.summary(inputs.quality)),
@@ -247,11 +234,7 @@ def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[st
         ("Touchdowns used", show.count(facts["n_used"]), _of_landings(facts)),
         ("Contact orders seen", show.count(facts["n_schedules"]), "; ".join(of_all + apart)),
         ("Travel through the touchdown", facts["travel"], between if facts["travel"] else ""),
-        (
-            "Units of length and time",
-            facts["units"],
-            "position and velocity errors weigh alike" if facts["units"] else "",
-        ),
+        ("Units of length and time", facts["units"], weigh if facts["units"] else ""),
         ("Affine model over mean", *_gain(inputs.prediction)),
     ]
     if inputs.prediction is not None:

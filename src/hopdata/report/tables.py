@@ -143,10 +143,10 @@ def schedules_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
         (
             str(schedule).replace(">", " → "),
             show.count(len(group)),
-            show.count((group["class"] == "ambiguous").sum()) if "class" in group else show.MISSING,
+            show.count((group["class"] == "ambiguous").sum()),
             show.fixed(100 * len(group) / len(used), 1),
-            show.fixed(show.scaled(_median(group, "spread_s"), 1e3), 2),
-            show.fixed(_mean(group, "probability"), 3),
+            show.fixed(1e3 * group["spread_s"].median(), 2),
+            show.fixed(group["probability"].mean(), 3),
         )
         for schedule, group in groups[:MOST_SCHEDULES]
     ]
@@ -182,14 +182,6 @@ def exclusions_table(touchdowns: pd.DataFrame | None) -> show.Table | None:
 def excluded(touchdowns: pd.DataFrame) -> pd.Series:
     """Whether each touchdown was excluded, also where CSV made text of the booleans."""
     return touchdowns["excluded"].astype(str).str.lower().isin(("true", "1", "1.0"))
-
-
-def _mean(group: pd.DataFrame, column: str) -> float | None:
-    return float(group[column].mean()) if column in group else None
-
-
-def _median(group: pd.DataFrame, column: str) -> float | None:
-    return float(group[column].median()) if column in group else None
 
 
 # Tables of prediction, distances, accuracy and time.

@@ -1,7 +1,5 @@
 """The verdict on the page: what it can and cannot show; and the page of a group of verdicts."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -11,8 +11,6 @@ The compiled helpers work on scalars, so that they allocate nothing inside a vec
 compiled with the field that calls them, in whose cache they are kept.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -16,8 +16,6 @@ meanwhile, which puts energy back. Each leg adds its own force, whatever the oth
 depends on position alone: these two make the flow through a landing continuously differentiable.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any

@@ -12,8 +12,6 @@ A control breaks what makes the landing continuously differentiable in one of th
 - Delay: contact is at gap + tau dgap/dt = 0. Guards depend on velocity.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import cache

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, ClassVar, Self
 import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
-from hopdata.errors import ConfigError
 from hopdata.scenes.scene import Scene, Variant
 
 if TYPE_CHECKING:
@@ -92,16 +91,6 @@ class HopperParameters(Scene):
     tilt_limit_rad: float = 1.0
     gravity_m_s2: float = 9.81
 
-    def __post_init__(self) -> None:
-        if self.n_legs < 2:
-            raise ConfigError(f"hopper.n_legs: expected at least 2, found {self.n_legs}")
-        for name in _POSITIVE:
-            if not getattr(self, name) > 0:
-                raise ConfigError(f"hopper.{name}: expected > 0, found {getattr(self, name)}")
-        for name in _NOT_NEGATIVE:
-            if not getattr(self, name) >= 0:
-                raise ConfigError(f"hopper.{name}: expected >= 0, found {getattr(self, name)}")
-
     @property
     def total_mass_kg(self) -> float:
         """Mass of chassis and counterweight."""
@@ -178,12 +167,4 @@ _SCALARS = (
     *("release_extension_m", "leg_length_m"),
     *("boom_radius_m", "boom_offset_m", "boom_height_m", "boom_angle_rad"),
     *("boom_swing_rad", "boom_start_s", "boom_duration_s", "tilt_limit_rad"),
-)
-_POSITIVE = (
-    *("mass_kg", "inertia_x_kg_m2", "inertia_y_kg_m2", "inertia_z_kg_m2", "stiffness_n_m"),
-    *("foot_radius_m", "leg_length_m", "slip_velocity_m_s", "boom_duration_s", "tilt_limit_rad"),
-)
-_NOT_NEGATIVE = (
-    *("counterweight_mass_kg", "damping_n_s_m", "preload_n", "friction"),
-    *("release_extension_m", "gravity_m_s2"),
 )

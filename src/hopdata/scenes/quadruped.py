@@ -16,8 +16,6 @@ landing is continuously differentiable; with a coupling kappa all forces are mul
 1 + kappa (s - 4), s legs down, and it is not.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields
 from typing import ClassVar
@@ -38,7 +36,7 @@ from hopdata.scenes.body import (
     rotation_entries,
     vertical_rate,
 )
-from hopdata.scenes.scene import Scene, Variant, parameter, require_in_range
+from hopdata.scenes.scene import Scene, Variant, parameter
 
 N_LEGS = 4
 APEX, FALLEN, RELEASED = N_LEGS, N_LEGS + 1, N_LEGS + 2
@@ -195,9 +193,6 @@ class Quadruped(Scene):
         1.0, "Tilt beyond which the quadruped has fallen.", "rad", exclusiveMinimum=0, maximum=np.pi
     )
     gravity_m_s2: float = parameter(9.81, "Acceleration due to gravity.", "m/s²", minimum=0)
-
-    def __post_init__(self) -> None:
-        require_in_range(self, "quadruped")
 
     def rest_feet(self) -> FloatArray:
         """Feet at rest length, (4, 3), body frame, m."""

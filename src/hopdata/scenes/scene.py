@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
-from operator import ge, gt, le, lt
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 import numpy as np
@@ -54,10 +53,6 @@ class Control:
     coupling: float = 0.0
     impulse: float = 0.0
     delay_s: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.impulse <= 1:
-            raise ValueError(f"impulse: expected 0 to 1, found {self.impulse}")
 
     @property
     def numbers(self) -> tuple[float, ...]:
@@ -183,21 +178,3 @@ def parameter(default: float, description: str, unit: str = "", **bounds: float)
     """
     told = {"description": description} | ({"x-unit": unit} if unit else {})
     return field(default=default, metadata={**told, **bounds})
-
-
-def require_in_range(scene: Any, name: str) -> None:
-    """Raise a `ConfigError` at the first parameter beyond its bounds."""
-    for one in fields(scene):
-        value = getattr(scene, one.name)
-        for bound, (words, holds) in _BOUNDS.items():
-            limit = one.metadata.get(bound)
-            if limit is not None and not holds(value, limit):
-                raise ConfigError(f"{name}.{one.name}: expected {words} {limit:g}, found {value}")
-
-
-_BOUNDS = {
-    "minimum": ("at least", ge),
-    "exclusiveMinimum": ("above", gt),
-    "maximum": ("at most", le),
-    "exclusiveMaximum": ("below", lt),
-}

@@ -5,8 +5,6 @@ State: its height above the floor, m, and velocity, m/s. The leg touches the flo
 is the contact length, in both directions: one two-way guard.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where the markers are, given the body's motion and contacts, and what a camera sees of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

@@ -8,8 +8,6 @@ Feet on one rigid body do not touch in any order: of six, a dozen or so of the 7
 the simultaneous contact. The others have a product of matrices too, but no landing obeys it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from itertools import permutations

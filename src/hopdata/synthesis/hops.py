@@ -1,7 +1,5 @@
 """Single hops, from apex to apex, by the event-driven integrator."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

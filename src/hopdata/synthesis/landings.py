@@ -1,7 +1,5 @@
 """True landings of a simulated body: its states at the two sections, and what is read of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from typing import Any

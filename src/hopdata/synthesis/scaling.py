@@ -5,8 +5,6 @@ best linear map falls with the square of the scale if there is one, and with the
 each order of the contacts has its own.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.recording import Truth
 from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES

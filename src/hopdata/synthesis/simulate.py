@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread
+from hopdata.errors import require
 from hopdata.recording import Recording, Truth
 from hopdata.scenes import STANDARD, scene_class
 from hopdata.scenes.scene import Control, Scene
@@ -49,14 +49,11 @@ class Simulation:
     control: Control = field(default_factory=Control)
 
     def __post_init__(self) -> None:
-        trials.require(self.hops >= 1, "simulation.hops", "at least 1", self.hops)
-        longer = self.duration_s is None or self.duration_s > 0
-        trials.require(longer, "simulation.duration_s", "> 0", self.duration_s)
         self.scene.require_take_off(f"simulation.{self.name}")
         for strength, value in asdict(self.control).items():
             known = f"0, since the scene {self.name} knows {' and '.join(self.scene.controls)} only"
             alright = value == 0 or strength in self.scene.controls
-            trials.require(alright, f"simulation.control.{strength}", known, value)
+            require(alright, f"simulation.control.{strength}", known, value)
 
     @classmethod
     def of(cls, values: Mapping[str, Any] | None) -> Simulation:
@@ -107,12 +104,6 @@ class MotionCapture:
     floor: trials.FloorOptions = field(default_factory=trials.FloorOptions)
     gaps: trials.GapOptions = field(default_factory=trials.GapOptions)
     markers: trials.MarkerOptions = field(default_factory=trials.MarkerOptions)
-
-    def __post_init__(self) -> None:
-        trials.require(self.rate_hz > 0, "motion_capture.rate_hz", "> 0", self.rate_hz)
-        for name in ("noise_m", "resolution_m"):
-            value = getattr(self, name)
-            trials.require(value >= 0, f"motion_capture.{name}", ">= 0", value)
 
 
 @one_blas_thread()

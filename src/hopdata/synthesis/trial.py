@@ -1,7 +1,5 @@
 """A trial: hop after hop, each kicked at its apex, with an operator who keeps it in the arena."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -145,12 +143,6 @@ def refuse_unknown(values: Iterable[str], known: Iterable[str], where: str) -> N
     for key in values:
         if key not in known:
             raise ConfigError(f"{where}.{key}: no such key{did_you_mean(key, known)}")
-
-
-def require(holds: bool, key: str, expected: str, found: Any) -> None:
-    """Raise a ConfigError that names the key, unless the condition holds."""
-    if not holds:
-        raise ConfigError(f"{key}: expected {expected}, found {found}")
 
 
 def _frozen(value: Any) -> Any:

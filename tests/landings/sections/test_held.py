@@ -7,7 +7,7 @@ import pytest
 from section_fakes import hopper
 
 from hopdata.landings.contacts.find import find_landings
-from hopdata.landings.sections.held import (
+from hopdata.landings.sections.select import (
     LEFT_LOSS,
     holds,
     landing_heights,

@@ -2,12 +2,13 @@ import numpy as np
 import pytest
 
 from hopdata.errors import AnalysisError
-from hopdata.maps.subspaces.constraint import (
+from hopdata.maps.subspaces import (
+    arc_length,
     bootstrap_subspaces,
     leading_subspaces,
     pooled_frame,
+    principal_angles,
 )
-from hopdata.maps.subspaces.grassmann import arc_length, principal_angles
 
 
 def section_normals(n_markers):

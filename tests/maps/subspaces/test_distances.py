@@ -2,17 +2,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.maps.subspaces.distances import (
+from hopdata.maps.subspaces import (
+    arc_length,
     auc,
     measure_distances,
-    pair_mean_error,
-    summarise_distances,
-)
-from hopdata.maps.subspaces.grassmann import (
-    arc_length,
     noised_identity,
     orthonormalised,
+    pair_mean_error,
     random,
+    summarise_distances,
 )
 
 

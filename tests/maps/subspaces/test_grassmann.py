@@ -2,7 +2,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from hopdata.maps.subspaces.grassmann import (
+from hopdata.maps.subspaces import (
     arc_length,
     noised_identity,
     orthonormalised,

@@ -1,6 +1,6 @@
 import numpy as np
 
-from hopdata.maps.truth.landings import MATCH_WITHIN_S, match_landings
+from hopdata.maps.truth.scoring import MATCH_WITHIN_S, match_landings
 
 
 def test_each_landing_is_matched_once_with_the_closest():

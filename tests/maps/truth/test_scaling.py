@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.maps.truth.landings import score_states, state_errors, true_rows
 from hopdata.maps.truth.scaling import scaling_table, score_scaling
+from hopdata.maps.truth.scoring import score_states, state_errors, true_rows
 
 SCALES = (1.0, 0.5, 0.25, 0.125)
 MATRIX = np.random.default_rng(1).normal(size=(11, 8))

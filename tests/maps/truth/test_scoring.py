@@ -5,13 +5,15 @@ import pandas as pd
 import pytest
 
 from hopdata.landings.schedules import schedule_names
-from hopdata.maps.truth.landings import (
+from hopdata.maps.truth.scoring import (
     KnownRecording,
+    score,
     score_contacts,
+    score_distances,
     score_floor,
+    score_predictions,
     score_sections,
 )
-from hopdata.maps.truth.scoring import score, score_distances, score_predictions
 
 FEET = ("a", "b", "c")
 

@@ -171,7 +171,7 @@ def test_the_file_s_order_is_kept():
 
 
 def test_the_sample_s_roles_are_those_of_its_configuration(sample_path):
-    from hopdata.config import load_config
+    from hopdata.config.loading import load_config
     from hopdata.recordings.readers.formats import read_raw
 
     config = load_config(sample_path.parents[2] / "config/config.yaml", check_files=False)

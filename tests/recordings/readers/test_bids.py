@@ -55,7 +55,6 @@ def test_the_nearer_json_holds(tmp_path):
         ("channels.tsv", "\tmm", "\tft", "expected mm, cm, m or inches, found 'ft'"),
         ("motion.json", "100.0", '"fast"', "SamplingFrequency: expected a number, found 'fast'"),
         ("motion.json", "100.0", "", "motion.json: expected json, found"),
-        ("motion.json", "SamplingFrequency", "Rate", "expected a number in the file or in input.r"),
         (
             "motion.tsv",
             "\t0.05000\n",
@@ -73,6 +72,18 @@ def test_faults_are_named(tmp_path, suffix, old, new, said):
     place.write_text(text.replace(old, new))
     with pytest.raises(RecordingError, match=said):
         read_raw(file)
+
+
+def test_a_rate_that_is_not_stated_is_that_of_the_time_stamps(tmp_path):
+    for latency, name in ((True, "timed"), (False, "untimed")):
+        file = write_bids(tmp_path / name, TRACK, NAMES, latency=latency)
+        stated = file.with_name(f"{NAME}_motion.json")
+        stated.write_text(stated.read_text().replace("SamplingFrequency", "Rate"))
+        if latency:
+            assert read_raw(file).rate_hz == 100.0
+            continue
+        with pytest.raises(RecordingError, match=r"expected a number in the file or in input\.r"):
+            read_raw(file)
 
 
 def test_channels_that_are_not_there(tmp_path):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hopdata.config import load_config
+from hopdata.config.loading import load_config
 from hopdata.steering.control.objectives import ToHeading, ToPoint, errors_left
 from hopdata.steering.experiments.tasks import (
     ARRIVED,

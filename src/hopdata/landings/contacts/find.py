@@ -8,8 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, IntArray, pd
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts import descents, joined, kink_law
 from hopdata.landings.contacts.kink import KinkFits

@@ -6,8 +6,6 @@ made from. The states here have hysteresis: a height counts as clear of the grou
 frames above the threshold that also reaches three times as high.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

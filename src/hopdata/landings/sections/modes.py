@@ -6,8 +6,6 @@ counts are multiplied by the transfer function of the Gaussian and divided by th
 spline, of order (spacing / bandwidth)^4, and the grid is made as fine as that asks for.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, pd
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, ConfigError, did_you_mean, require_choice
 from hopdata.landings.contacts.descents import longest_gap_s, longest_gaps
 from hopdata.landings.schedules import AMBIGUOUS, TREATMENTS

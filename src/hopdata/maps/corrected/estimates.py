@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray, pd
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import affine_predictions
 from hopdata.maps.coordinates import (

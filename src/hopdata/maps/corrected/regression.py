@@ -8,8 +8,6 @@ All is in the coordinates of a rigid body on a section: 8 inputs, 11 outputs
 (`hopdata.maps.coordinates`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 

@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray, pd
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.maps.truth.maps import (
     Entries,
     entry,

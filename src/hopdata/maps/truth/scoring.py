@@ -7,19 +7,333 @@ Everything here compares what the pipeline found with what the simulator knew. E
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from hopdata.arrays import pd
-from hopdata.blas import one_blas_thread
-from hopdata.maps.truth.landings import (
-    KnownRecording,
-    score_contacts,
-    score_floor,
-    score_sections,
-    score_states,
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.arrays import BoolArray, FloatArray, IntArray, one_blas_thread, pd
+from hopdata.errors import chosen
+from hopdata.landings.schedules import AMBIGUOUS, schedule_names
+from hopdata.landings.sections.frames import landing_frames
+from hopdata.landings.sections.select import FRAMES
+from hopdata.maps.coordinates import split_states
+from hopdata.maps.truth.maps import (
+    Entries,
+    entry,
+    mean,
+    quantile,
+    score_estimates,
+    score_verdict,
 )
-from hopdata.maps.truth.maps import Entries, entry, score_estimates, score_verdict
 from hopdata.maps.truth.scaling import score_scaling
+
+if TYPE_CHECKING:
+    from hopdata.landings.floor_surface import FloorModel
+    from hopdata.recording import Truth
+
+# Which touchdown found is which true landing: one to one, by time.
+
+#: A touchdown and a true landing are the same if their mean contact instants are this close.
+MATCH_WITHIN_S = 0.1
+
+
+def match_landings(found: FloatArray, true: FloatArray) -> IntArray:
+    """Match touchdowns with landings by their mean contact instants.
+
+    Parameters
+    ----------
+    found : (m, n) array
+        Contact instants of the touchdowns, s; NaN where a foot has none.
+    true : (L, n) array
+        Contact instants of the landings, s.
+
+    Returns
+    -------
+    (m,) array
+        Number of the landing, -1 for a touchdown without one. Of several touchdowns near one
+        landing only the closest is matched.
+    """
+    landing = np.full(len(found), -1)
+    if not (len(found) and len(true)):
+        return landing
+    gaps = np.abs(_mean_instant(found)[:, None] - _mean_instant(true))
+    gaps[np.isnan(gaps)] = np.inf
+    nearest, gap = gaps.argmin(axis=1), gaps.min(axis=1)
+    for row in np.argsort(gap, kind="stable")[::-1]:  # the closest claims last, and so keeps it
+        if gap[row] <= MATCH_WITHIN_S:
+            landing[landing == nearest[row]] = -1
+            landing[row] = nearest[row]
+    return landing
+
+
+def _mean_instant(instants: FloatArray) -> FloatArray:
+    count = np.isfinite(instants).sum(axis=1)
+    total = np.nansum(instants, axis=1)
+    return np.divide(total, count, out=np.full(len(instants), np.nan), where=count > 0)
+
+
+@dataclass(frozen=True)
+class KnownRecording:
+    """What is known of one synthetic recording with L landings, N frames and n feet.
+
+    Attributes
+    ----------
+    contact_times
+        (L, n) true contact instants in s, NaN where a foot did not touch.
+    complete
+        (L,) whether all feet came to stand together.
+    foot_down
+        (N, n) whether each foot truly stands, per frame.
+    body_height
+        (N,) true mean height of the body markers above the floor, m.
+    floor_at_contacts, floor_model
+        (L, n) true floor heights at the contact points and those of the fitted model, m; None
+        where no model was fitted.
+    """
+
+    contact_times: FloatArray
+    complete: NDArray[np.bool_]
+    foot_down: NDArray[np.bool_]
+    body_height: FloatArray
+    floor_at_contacts: FloatArray | None = None
+    floor_model: FloatArray | None = None
+
+
+def known_recording(truth: Truth, floor: FloorModel) -> KnownRecording:
+    """Join the truth of a recording and the floor that was fitted to it."""
+    found = floor.height(truth.contact_points[..., 0], truth.contact_points[..., 1])
+    same = ("contact_times", "complete", "foot_down", "body_height", "floor_at_contacts")
+    return KnownRecording(**{name: getattr(truth, name) for name in same}, floor_model=found)
+
+
+# Entries on contacts: unit, and what each is.
+_OF_CONTACTS = {
+    "labels_right": ("1", "Share of right mode schedules among the touchdowns used"),
+    "labels_right_unambiguous": ("1", "The same share among those not ambiguous"),
+    "labels_right_of_all": ("1", "Right mode schedules over all true landings"),
+    "contact_rms": ("ms", "Rms error of the contact instants after the common bias"),
+    "contact_bias": ("ms", "Mean of found minus true contact instants"),
+    "landings_not_used": ("landings", "True landings excluded or missed"),
+    "unmatched": ("touchdowns", "Touchdowns used without a true landing"),
+}
+
+
+def score_contacts(
+    known: Mapping[str, KnownRecording], table: pd.DataFrame, *, feet: Sequence[str], method: str
+) -> Entries:
+    """Score the mode schedules and contact instants of one method.
+
+    Two shares of right schedules are given: of the touchdowns used, and of all true landings,
+    where an excluded or missed landing counts as not right. Touchdowns of recordings without a
+    truth are not scored; one without a true landing nearby, or beside a closer one, is wrong.
+
+    Parameters
+    ----------
+    known
+        Recording name -> what is known of it; L landings in all.
+    table
+        Touchdowns of all recordings.
+    feet
+        Names of the n feet, in the order of the truth.
+    method
+        Suffix of the entries' names.
+    """
+    usable = table[~table["excluded"].astype(bool) & table["recording"].isin(list(known))]
+    found = usable[[f"contact_{foot}_s" for foot in feet]].to_numpy(float)
+    true = _true_contacts(known, usable["recording"].to_numpy(str), found)
+    labels = usable["schedule"].astype("string").fillna("").to_numpy(str)
+    right = (labels == np.array(schedule_names(true), dtype=str)) & (labels != "")
+    sure = ~_ambiguous(usable)
+    n_landings = sum(int(_landed(item).sum()) for item in known.values())
+    matched = int(np.isfinite(true).any(axis=1).sum())
+    errors = found - true
+    errors = errors[np.isfinite(errors)]
+    bias = mean(errors)
+    rms = np.sqrt(mean((errors - bias) ** 2))
+    of_all = right.sum() / n_landings if n_landings else float("nan")
+    who = f"{method.replace('_', ' ')} method"
+    values = (mean(right), mean(right[sure]), of_all, 1e3 * rms, 1e3 * bias)
+    counts = (n_landings - matched, len(usable) - matched)
+    return {
+        f"{name}_{method}": entry(value, unit, f"{what}, {who}")
+        for (name, (unit, what)), value in zip(_OF_CONTACTS.items(), values + counts, strict=True)
+    }
+
+
+def _ambiguous(table: pd.DataFrame) -> BoolArray:
+    """Mark the touchdowns of the class ambiguous, (n,); none in a table without classes."""
+    classes = table.get("class", np.zeros(len(table)))
+    return np.asarray(classes == AMBIGUOUS, dtype=bool)
+
+
+def score_sections(known: Mapping[str, KnownRecording], sections: Mapping[str, Any]) -> Entries:
+    """Compare the sections with those that the true foot states give by the same rule.
+
+    Parameters
+    ----------
+    known
+        Recording name -> what is known of it.
+    sections
+        Content of ``sections.json``. A height that the configuration gave has no error.
+    """
+    pooled = [_true_frames(item, sections["frames"]) for item in known.values()]
+    height, all_up, all_down = (np.concatenate(part) for part in zip(*pooled, strict=True))
+    tail = sections["tail_fraction"]
+    true = {"pre": quantile(height[~all_up], 1 - tail), "post": quantile(height[~all_down], tail)}
+    entries: Entries = {}
+    for name, height_m in true.items():
+        entries[f"section_{name}_true"] = entry(height_m, "m", f"{name} section, true foot states")
+        if sections["decided"][f"{name}_height_m"] == "data":
+            error = 1e3 * (sections[f"{name}_height_m"] - height_m)
+            what = f"{name} section found minus that of the true foot states"
+            entries[f"section_{name}_error"] = entry(error, "mm", what)
+    return entries
+
+
+def _true_frames(item: KnownRecording, frames: str) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """Body height and foot states of the frames that the section rule looks at."""
+    keep = np.isfinite(item.body_height)
+    n_down = item.foot_down.sum(axis=1)
+    all_up, all_down = n_down == 0, n_down == item.foot_down.shape[1]
+    if chosen("sections.frames", frames, FRAMES):
+        keep, landed = landing_frames(item.body_height, all_up, all_down)
+        all_up, all_down = all_up & ~landed, all_down | landed
+    return item.body_height[keep], all_up[keep], all_down[keep]
+
+
+def score_floor(known: Mapping[str, KnownRecording]) -> Entries:
+    """Compare the floor models with the floor, each after its mean difference is removed."""
+    differences = []
+    for item in known.values():
+        if item.floor_at_contacts is not None and item.floor_model is not None:
+            difference = item.floor_model - item.floor_at_contacts
+            difference = difference[np.isfinite(difference)]
+            differences.append(difference - mean(difference))
+    if not differences:
+        return {}
+    rms = np.sqrt(mean(np.concatenate(differences) ** 2))
+    what = "Rms of fitted minus true floor height at the contacts, mean difference removed"
+    return {"floor_residual_rms": entry(1e3 * rms, "mm", what)}
+
+
+def _landed(item: KnownRecording) -> BoolArray:
+    """Mark the landings in which all feet came to stand, (L,)."""
+    touched = np.isfinite(item.contact_times).sum(axis=1) == item.contact_times.shape[1]
+    return np.logical_and(touched, item.complete)
+
+
+def _true_contacts(
+    known: Mapping[str, KnownRecording], recordings: NDArray[np.str_], found: FloatArray
+) -> FloatArray:
+    """Return the true instants (m, n) of the landings that were found; NaN without one."""
+    true = np.full_like(found, np.nan)
+    for name, item in known.items():
+        rows = np.flatnonzero(recordings == name)
+        instants = item.contact_times[_landed(item)]
+        landing = match_landings(found[rows], instants)
+        true[rows[landing >= 0]] = instants[landing[landing >= 0]]
+    return true
+
+
+# Errors of the states at the sections, of a study whose true landings are known.
+
+
+def true_rows(
+    pairs: Any,
+    table: pd.DataFrame,
+    true: Any,
+    contacts: Mapping[str, FloatArray],
+    feet: Sequence[str],
+) -> IntArray:
+    """Return the row of `true` that each row of `pairs` is, (n,), -1 where there is none.
+
+    Parameters
+    ----------
+    pairs, true
+        Measured and true `Pairs`; the index of the latter is the number of the landing.
+    table
+        The study's touchdowns.
+    contacts
+        Recording -> true contact instants (L, feet), s.
+    feet
+        Names of the feet, in the order of the truth.
+    """
+    keyed = table.set_index(["recording", "index"])[[f"contact_{foot}_s" for foot in feet]]
+    keys = list(zip(pairs.recording.tolist(), pairs.index.tolist(), strict=True))
+    found = keyed.loc[keys].to_numpy(float)
+    numbers = zip(true.recording.tolist(), true.index.tolist(), strict=True)
+    places = {key: row for row, key in enumerate(numbers)}
+    rows = np.full(len(found), -1)
+    for name, instants in contacts.items():
+        mine = np.flatnonzero(pairs.recording == name)
+        landing = match_landings(found[mine], instants)
+        rows[mine] = [places.get((name, int(number)), -1) for number in landing]
+    return rows
+
+
+@one_blas_thread()
+def state_errors(pairs: Any, true: Any, rows: IntArray) -> pd.DataFrame:
+    """Return the errors of the states at the sections.
+
+    Each touchdown's home frame is where it lies best on the true states, at both sections at once:
+    a shift in the plane and a turn about the vertical.
+
+    Returns
+    -------
+    DataFrame
+        Columns section (``pre``, ``post``), landings, position_rms_mm, velocity_rms_mm_s; per
+        coordinate of a marker.
+    """
+    known = np.flatnonzero(rows >= 0)
+    mine = [split_states(states[known]) for states in (pairs.x, pairs.y)]
+    truly = [split_states(states[rows[known]]) for states in (true.x, true.y)]
+    turn = _plane_turns(
+        np.concatenate([state[0] for state in truly], axis=1),
+        np.concatenate([state[0] for state in mine], axis=1),
+    )
+    offset = np.zeros((len(known), 1, 3))
+    both = [(m[0] - t[0] @ turn)[..., :2] for m, t in zip(mine, truly, strict=True)]
+    offset[..., :2] = np.concatenate(both, axis=1).mean(axis=1, keepdims=True)
+    table = []
+    for section, measured, known_state in zip(("pre", "post"), mine, truly, strict=True):
+        position = measured[0] - known_state[0] @ turn - offset
+        velocity = measured[1] - known_state[1] @ turn
+        table.append((section, len(known), 1e3 * _rms(position), 1e3 * _rms(velocity)))
+    columns = ["section", "landings", "position_rms_mm", "velocity_rms_mm_s"]
+    return pd.DataFrame(table, columns=columns)
+
+
+def _plane_turns(source: FloatArray, target: FloatArray) -> FloatArray:
+    """Return the turns (n, 3, 3), for rows on the left, that bring points (n, k, 3) to others."""
+    a, b = (p[..., :2] - p[..., :2].mean(axis=1, keepdims=True) for p in (source, target))
+    along = (a * b).sum(axis=(1, 2))
+    across = (a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]).sum(axis=1)
+    length = np.hypot(along, across)
+    turn = np.tile(np.eye(3), (len(a), 1, 1))
+    turn[:, 0, 0] = turn[:, 1, 1] = along / length
+    turn[:, 0, 1], turn[:, 1, 0] = across / length, -across / length
+    return turn
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
+
+
+def score_states(errors: pd.DataFrame) -> Entries:
+    """Say how good positions and velocities at the sections are."""
+    entries: Entries = {}
+    for row in errors.to_dict("records"):
+        where = f"at the {row['section']} section, per coordinate"
+        for kind, unit, plural in (
+            ("position", "mm", "positions"),
+            ("velocity", "mm/s", "velocities"),
+        ):
+            value = row[f"{kind}_rms_{unit.replace('/', '_')}"]
+            what = f"Rms error of the marker {plural} {where}"
+            entries[f"{kind}_rms_{row['section']}"] = entry(value, unit, what)
+    return entries
 
 
 @one_blas_thread()

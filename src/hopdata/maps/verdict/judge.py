@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import Shown
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import Shown, one_blas_thread
 from hopdata.errors import AnalysisError, require_choice
 from hopdata.maps.draws import named_generator
 from hopdata.maps.verdict.effect import (

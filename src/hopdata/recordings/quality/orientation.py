@@ -1,7 +1,5 @@
 """The unit of a file and the axis that points up, each with the reason for it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType

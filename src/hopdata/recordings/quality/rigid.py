@@ -1,7 +1,5 @@
 """Rigid clusters of markers and the noise of a marker, both from distances between pairs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations

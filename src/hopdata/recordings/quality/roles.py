@@ -1,7 +1,5 @@
 """Which marker is on the body, which on a foot, which on the boom: by motion and by name."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Markers that come to rest at their lowest again and again, as feet do."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations

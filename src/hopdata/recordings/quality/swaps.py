@@ -1,7 +1,5 @@
 """Markers that are elsewhere for some frames, jump to another place, or exchange their names."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any

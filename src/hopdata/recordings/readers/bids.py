@@ -4,8 +4,6 @@ The brain imaging data structure lets a json file stand in a folder above as wel
 whose names have the parts of its own.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any
@@ -72,35 +70,31 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
             f"{', '.join(sorted(units))}"
         )
     stated = units.pop()
-    unit, factor = (raw.USUAL_UNIT, 1.0)
-    if stated not in _MISSING:
-        unit, factor = raw.metric(f"{channels}: units", stated)
     told = _told(path, "motion")
     stamped = [kinds.index("LATENCY")] if "LATENCY" in kinds else []
     _, numbers, stamps = _rows(path, len(kinds)).numbers([], at.ravel().tolist(), stamped)
     missing = told.get("MissingValues")
     if missing is not None and is_number(str(missing)):
         numbers[numbers == float(missing)] = np.nan
-    numbers *= factor
     positions = numbers.reshape(len(numbers), -1, 3)
     blank_unseen(positions)
-    rate = raw.resolve_rate(f"{path}: SamplingFrequency", stated=_rate(path, told), given=rate_hz)
-    number = np.arange(1.0, len(numbers) + 1)
-    late: tuple[str, ...] = ()
-    time = (number - 1) / rate
-    if stamped:
-        if np.isnan(stamps).any():
-            row = int(np.argmax(np.isnan(stamps)))
-            raise RecordingError(f"{path}, line {row + 1}: LATENCY: expected a time, found none")
-        time, late = raw.settle(str(path), stamps[:, 0].copy(), number, rate)
+    if np.isnan(stamps).any():
+        row = int(np.argmax(np.isnan(stamps)))
+        raise RecordingError(f"{path}, line {row + 1}: LATENCY: expected a time, found none")
     lacking = len(places) - len(points)
     flat = f"{channels}: {lacking} points without three coordinates are left out"
-    markers, renamed = raw.distinct_names(str(channels), list(points), may_lack=True)
-    return raw.RawRecording(
-        markers, time, positions, rate, unit=unit, unit_is_stated=stated not in _MISSING,
-        stated_up=_stated_up(path), remarks=renamed + late + (flat,) * bool(lacking),
-        has_stamps=bool(stamped),
-    )  # fmt: skip
+    return raw.assembled(
+        str(path),
+        raw.distinct_names(str(channels), list(points), may_lack=True),
+        positions,
+        number=np.arange(1.0, len(numbers) + 1),
+        stamps=stamps[:, 0].copy() if stamped else None,
+        unit=(f"{channels}: units", "" if stated in _MISSING else stated),
+        rates_hz=(_rate(path, told), rate_hz),
+        rate_place=f"{path}: SamplingFrequency",
+        remarks=(flat,) * bool(lacking),
+        stated_up=_stated_up(path),
+    )
 
 
 def _rows(path: Path, width: int) -> Rows:

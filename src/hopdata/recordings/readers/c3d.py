@@ -4,8 +4,6 @@ The format is that of the C3D user guide (c3d.org). The file is not believed: ea
 states is held against the bytes that are there before anything is read.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from dataclasses import dataclass
@@ -67,31 +65,22 @@ def read_c3d(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
         raise RecordingError(f"{path}: expected markers, found none")
     n_frames, remarks = count_frames(header, parameters, size - header.data_start)
     markers, kept, more = _markers(parameters, n_points)
-    stated_unit = "".join(parameters.texts("POINT", "UNITS")[:1])
-    unit, factor = raw.USUAL_UNIT, 1.0
-    if stated_unit:
-        unit, factor = raw.metric(parameters.place("POINT", "UNITS"), stated_unit)
     numbers = _numbers(path, header, parameters, n_frames)
     if _all_invalid(numbers, header):
         remarks += (
             f"{path}: all residuals are below 0, as of points unseen; they are not believed",
         )
-    positions = _positions(header, numbers, kept)
-    positions *= factor
-    rate = raw.resolve_rate(f"{path}: header", stated=frame_rate(header, parameters), given=rate_hz)
-    time = (first_frame(header, parameters) - 1 + np.arange(n_frames)) / rate
     events, unread = _events(parameters)
-    return raw.RawRecording(
-        markers,
-        time,
-        positions,
-        rate,
-        unit=unit,
-        unit_is_stated=bool(stated_unit),
+    return raw.assembled(
+        f"{path}: header",
+        (markers, more),
+        _positions(header, numbers, kept),
+        number=first_frame(header, parameters) + np.arange(n_frames, dtype=float),
+        unit=(parameters.place("POINT", "UNITS"), "".join(parameters.texts("POINT", "UNITS")[:1])),
+        rates_hz=(frame_rate(header, parameters), rate_hz),
+        remarks=parameters.remarks + remarks + unread,
         events=events or header.events,
         stated_up=_stated_up(parameters),
-        remarks=parameters.remarks + remarks + more + unread,
-        has_stamps=False,
     )
 
 

@@ -4,8 +4,6 @@ Layout after the C3D user guide (c3d.org), "The parameter section". Every length
 against the section before it is used, so that a file cannot make the reader run away.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -6,8 +6,6 @@ coordinates; the rest is for the reader of QTM's exports and of plain tables. Wh
 the cells may be a comma, a semicolon or a tab; then a comma is one of decimals.
 """
 
-from __future__ import annotations
-
 import codecs
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,9 +15,8 @@ from pathlib import Path
 
 from hopdata.errors import RecordingError
 from hopdata.recordings import raw
-from hopdata.recordings.readers import qtm_header, text
+from hopdata.recordings.readers import bids, qtm, text
 from hopdata.recordings.readers.keypoints import AXES, Columns, keypoints
-from hopdata.recordings.readers.qtm import read_qtm_tsv
 
 _KINDS = {"Marker", "Rigid Body", "Rigid Body Marker", "Bone", "Bone Marker"}
 _TRAJECTORIES = "trajectories"
@@ -81,6 +78,8 @@ def read_export(
         Naming the file, the line, what was expected and what was found.
     """
     path = Path(path)
+    if path.name.endswith(bids.ENDS):
+        return bids.read_bids(path, rate_hz=rate_hz)
     with text.readable(path) as file:
         lines = list(islice(file, _MOST_HEADER_LINES))
     if any(b"\0" in line for line in lines):
@@ -101,12 +100,12 @@ def read_export(
         at, places = 1, list(range(len(rows[1])))
         columns = [("", _at(first, k), axis) for k, axis in enumerate(rows[1])]
     elif (
-        qtm_header.columns_of(first)[1] is None
+        qtm.columns_of(first)[1] is None
         and sum(name.endswith(("_x", "_y", "_z")) for name in first) >= 3
     ):
         at, places, columns = 0, list(range(len(first))), [(c,) for c in first]
-    elif path.suffix.lower() != ".csv" or qtm_header.is_known(first):
-        return read_qtm_tsv(path, rate_hz=rate_hz)
+    elif path.suffix.lower() != ".csv" or qtm.is_known(first):
+        return qtm.read_qtm_tsv(path, rate_hz=rate_hz)
     else:
         raise RecordingError(
             f"{path}, line 1: expected an export of Motive (Format Version), Vicon Nexus (a "
@@ -155,7 +154,7 @@ def _motive(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
         unit=(f"{place}: Length Units", keys.get("Length Units", "")), remarks=remarks,
         counters=("frame", "time"),
     )  # fmt: skip
-    return replace(found, started=qtm_header.moment(keys.get("Capture Start Time")))
+    return replace(found, started=qtm.moment(keys.get("Capture Start Time")))
 
 
 def _nexus(sheet: _Sheet, rate_hz: float | None) -> raw.RawRecording:
@@ -221,24 +220,18 @@ def _recording(
             raise RecordingError(
                 f"{sheet.line(axes_at)}: expected X, Y, Z of '{name}', found {', '.join(axes)}"
             )
-    of_unit, factor = raw.metric(*unit) if unit[1] else (raw.USUAL_UNIT, 1.0)
     columns = [place + k for place in starts for k in range(3)]
-    rows = sheet.below(last_header, is_section=True)
-    counted, positions = rows.markers(counters, columns, factor=factor)
-    number, stamps = counted[:, 0].copy(), counted[:, -1].copy()
-    stated, given = rates_hz
-    if stated is None and len(counters) > 1:
-        stated = raw.rate_of(stamps, number)
-    rate = raw.resolve_rate(str(path), stated=stated, given=given)
-    time = (number - 1.0) / rate
-    late: tuple[str, ...] = ()
-    if len(counters) > 1:
-        time, late = raw.settle(str(path), stamps, number, rate)
-    markers, renamed = raw.distinct_names(str(path), names, may_lack=True)
-    return raw.RawRecording(
-        markers, time, positions, rate, unit=of_unit, unit_is_stated=bool(unit[1]),
-        remarks=remarks + left_out + renamed + late, has_stamps=len(counters) > 1,
-    )  # fmt: skip
+    counted, positions = sheet.below(last_header, is_section=True).markers(counters, columns)
+    return raw.assembled(
+        str(path),
+        raw.distinct_names(str(path), names, may_lack=True),
+        positions,
+        number=counted[:, 0].copy(),
+        stamps=counted[:, 1].copy() if len(counters) > 1 else None,
+        unit=unit,
+        rates_hz=rates_hz,
+        remarks=remarks + left_out,
+    )
 
 
 def _at(row: Row, place: int) -> str:

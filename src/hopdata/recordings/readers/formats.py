@@ -1,9 +1,8 @@
 """Which reader a file's suffix calls for; the readers are imported when they are needed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 
@@ -13,12 +12,10 @@ from hopdata.errors import RecordingError
 from hopdata.recordings.raw import (
     MOST_UNPACKED_MB,
     RawRecording,
-    distinct_names,
     events_outside,
     irregular,
     largest,
     overrule_rate,
-    resolve_rate,
 )
 from hopdata.recordings.readers.text import require_file
 
@@ -26,20 +23,29 @@ LARGEST = 1e9  # mm or m: no camera sees so far
 
 
 LEAST_SCORE = 0.6  # as the default of input.least_score in the schema
-TEXTS, HDF5 = (".tsv", ".txt", ".csv"), (".h5", ".hdf5")
-SUFFIXES = (*TEXTS, ".mat", ".c3d", ".trc", *HDF5)
+
+# The reader of each suffix, and which limits it is given.
+_EXPORT = ("hopdata.recordings.readers.csv_exports:read_export", ("least_score",))
+_HDF5 = ("hopdata.recordings.readers.keypoints:read_hdf5", ("most_unpacked_mb", "least_score"))
+READERS: dict[str, tuple[str, tuple[str, ...]]] = {
+    **dict.fromkeys((".tsv", ".txt", ".csv"), _EXPORT),
+    ".mat": ("hopdata.recordings.readers.mat:read_qtm_mat", ("most_unpacked_mb",)),
+    ".c3d": ("hopdata.recordings.readers.c3d:read_c3d", ()),
+    ".trc": ("hopdata.recordings.readers.trc:read_trc", ()),
+    **dict.fromkeys((".h5", ".hdf5"), _HDF5),
+}
 
 
 @cache
 def _others() -> dict[str, EntryPoint]:
     """Return the readers of installed packages (``hopdata.readers``) by their suffix."""
     found = {one.name: one for one in entry_points(group="hopdata.readers")}
-    return {suffix: one for suffix, one in found.items() if suffix not in SUFFIXES}
+    return {suffix: one for suffix, one in found.items() if suffix not in READERS}
 
 
 def suffixes() -> tuple[str, ...]:
     """File suffixes that can be read."""
-    return (*SUFFIXES, *_others())
+    return (*READERS, *_others())
 
 
 def read_raw(
@@ -74,62 +80,25 @@ def read_raw(
             f"found '{path.suffix}'"
         )
     require_file(path)
-    raw = overrule_rate(str(path), _read(path, rate_hz, most_unpacked_mb, least_score), rate_hz)
+    limits = {"most_unpacked_mb": most_unpacked_mb, "least_score": least_score}
+    raw = overrule_rate(str(path), _read(path, rate_hz, **limits), rate_hz)
     _check_finite(path, raw)
     more = irregular(str(path), raw.time, raw.rate_hz)
     more += events_outside(str(path), raw.events, raw.time, raw.rate_hz)
     return replace(raw, remarks=raw.remarks + more)
 
 
-def _read(path: Path, rate_hz: float | None, most_mb: float, least_score: float) -> RawRecording:
+def _read(path: Path, rate_hz: float | None, **limits: float) -> RawRecording:
     suffix = path.suffix.lower()
+    raw: RawRecording
     if suffix in _others():
-        raw: RawRecording = _others()[suffix].load()(path, rate_hz)
-        return raw
-    if suffix == ".c3d":
-        from hopdata.recordings.readers.c3d import read_c3d
-
-        return read_c3d(path, rate_hz=rate_hz)
-    if suffix == ".trc":
-        from hopdata.recordings.readers.trc import read_trc
-
-        return read_trc(path, rate_hz=rate_hz)
-    if suffix == ".mat":
-        from hopdata.recordings.readers.qtm import read_qtm_mat
-
-        return read_qtm_mat(path, rate_hz=rate_hz, most_unpacked_mb=most_mb)
-    if suffix in HDF5:
-        return _hdf5(path, rate_hz, most_mb=most_mb, least_score=least_score)
-    from hopdata.recordings.readers.bids import ENDS, read_bids
-    from hopdata.recordings.readers.csv_exports import read_export
-
-    if path.name.endswith(ENDS):
-        return read_bids(path, rate_hz=rate_hz)
-    return read_export(path, rate_hz=rate_hz, least_score=least_score)
-
-
-def _hdf5(path: Path, rate_hz: float | None, *, most_mb: float, least_score: float) -> RawRecording:
-    from hopdata.recordings.readers.hdf5 import read_recording
-    from hopdata.recordings.readers.keypoints import keypoints, pandas_table
-
-    if (table := pandas_table(path, most_mb)) is not None:
-        return keypoints(path, *table, rate_hz, least_score)
-    own = read_recording(path, most_unpacked_mb=most_mb)
-    if own.filled is not None:  # what was filled in was not seen
-        own.positions[own.filled] = np.nan
-    names, renamed = distinct_names(str(path), own.markers)
-    return RawRecording(
-        names,
-        own.time,
-        own.positions,
-        resolve_rate(str(path), stated=own.rate_hz, given=rate_hz),
-        unit="m",
-        vertical_axis=own.vertical_axis,
-        roles=own.roles,
-        events=own.events,
-        stated_up="z",
-        remarks=own.remarks + renamed,
-    )
+        raw = _others()[suffix].load()(path, rate_hz)
+    else:
+        place, taken = READERS[suffix]
+        module, _, name = place.partition(":")
+        given = {limit: limits[limit] for limit in taken}
+        raw = getattr(import_module(module), name)(path, rate_hz=rate_hz, **given)
+    return raw
 
 
 def _check_finite(path: Path, raw: RawRecording) -> None:

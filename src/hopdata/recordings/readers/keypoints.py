@@ -64,7 +64,6 @@ def keypoints(
             f"{path}: expected keypoints with coordinates x, y and z, found {found}; triangulate "
             "the cameras first (Anipose, or DeepLabCut's 3-D project)"
         )
-    rate = raw.resolve_rate(str(path), stated=None, given=rate_hz)
     positions = values[:, [[at[n, axis] for axis in AXES] for n in names]]
     blank_unseen(positions)
     scored = [(m, at[n, s]) for m, n in enumerate(names) for s in SCORES if (n, s) in at]
@@ -78,11 +77,39 @@ def keypoints(
             f"{path}: {unsure.sum()} of {unsure.size} places have a score below {least_score:g} "
             "(input.least_score) and count as unseen",
         )
-    markers, renamed = raw.distinct_names(str(path), names, may_lack=True)
+    return raw.assembled(
+        str(path),
+        raw.distinct_names(str(path), names, may_lack=True),
+        positions,
+        number=np.arange(1.0, len(values) + 1),
+        rates_hz=(None, rate_hz),
+        remarks=remarks,
+    )
+
+
+def read_hdf5(
+    path: str | Path, *, rate_hz: float | None = None, most_unpacked_mb: float, least_score: float
+) -> raw.RawRecording:
+    """Read a recording of ours or a table of keypoints, whichever an HDF5 file holds."""
+    path = Path(path)
+    if (table := pandas_table(path, most_unpacked_mb)) is not None:
+        return keypoints(path, *table, rate_hz, least_score)
+    own = hdf5.read_recording(path, most_unpacked_mb=most_unpacked_mb)
+    if own.filled is not None:  # what was filled in was not seen
+        own.positions[own.filled] = np.nan
+    names, renamed = raw.distinct_names(str(path), own.markers)
     return raw.RawRecording(
-        markers, np.arange(len(values)) / rate, positions, rate, unit=raw.USUAL_UNIT,
-        unit_is_stated=False, remarks=renamed + remarks,
-    )  # fmt: skip
+        names,
+        own.time,
+        own.positions,
+        raw.resolve_rate(str(path), stated=own.rate_hz, given=rate_hz),
+        unit="m",
+        vertical_axis=own.vertical_axis,
+        roles=own.roles,
+        events=own.events,
+        stated_up="z",
+        remarks=own.remarks + renamed,
+    )
 
 
 def pandas_table(path: Path, most_unpacked_mb: float) -> tuple[Columns, FloatArray] | None:

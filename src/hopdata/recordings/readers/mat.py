@@ -1,10 +1,12 @@
-"""MAT files: their variables as dicts, lists, texts and arrays, by SciPy and, from 7.3 on, h5py.
+"""MAT files, by SciPy and, from 7.3 on, h5py; and what QTM exports into them.
 
 Either library makes an array of whatever size a file claims. So the claims of a damaged file are
 held against its bytes, and against the memory that it may ask for, before a library reads it.
-"""
 
-from __future__ import annotations
+Of QTM's one struct, named after the file, are read: ``FrameRate``, ``Frames``, ``StartFrame``,
+``Timestamp``, ``Events`` and ``Trajectories.Labeled`` with ``Labels``, ``Data`` (marker, x y z
+residual, frame), in mm.
+"""
 
 import io
 import warnings
@@ -16,10 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.errors import RecordingError
-from hopdata.recordings.raw import require_unpacked
+from hopdata.arrays import FloatArray
+from hopdata.errors import RecordingError, did_you_mean
+from hopdata.recording import Event
+from hopdata.recordings import raw
 from hopdata.recordings.readers.hdf5 import SIGNATURE, checked_attribute, require_sound, whole_array
-from hopdata.recordings.readers.text import one_line
+from hopdata.recordings.readers.qtm import moment
+from hopdata.recordings.readers.text import blank_unseen, one_line
 
 Element = tuple[int, int, int]  # its type, and where its content starts and stops
 
@@ -82,7 +87,7 @@ def _version_5(data: bytes, most_mb: float) -> dict[str, Any]:
         raise ValueError(f"byte 126: expected 'IM' or 'MI', found {data[126:128]!r}")
     body = b"".join(_unpacked(data, order, most_mb))
     count = sum(_count(body, element, order) for element in _elements(body, 0, len(body), order))
-    require_unpacked(8 * count, most_mb)  # a float each, in the end
+    raw.require_unpacked(8 * count, most_mb)  # a float each, in the end
     header = b"MATLAB 5.0 MAT-file".ljust(124) + np.array(0x100, f"{order}u2").tobytes()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # that a variable cannot be read: it may not be needed
@@ -116,7 +121,7 @@ def _unpacked(data: bytes, order: str, most_mb: float) -> Iterator[bytes]:
         piece = stream.decompress(data[start:stop], 8)
         size = int(np.frombuffer(piece.ljust(8, b"\0"), f"{order}u4")[1])
         total += size
-        require_unpacked(total, most_mb)
+        raw.require_unpacked(total, most_mb)
         piece += stream.decompress(stream.unconsumed_tail, size + 8)
         if not stream.eof or len(piece) != 8 + size:
             raise ValueError(
@@ -208,3 +213,154 @@ def _version_73(path: Path, most_mb: float) -> dict[str, Any]:
     with h5py.File(path, "r") as file:
         require_sound(file, most_mb)
         return {name: decoded(file[name]) for name in file if not name.startswith("#")}
+
+
+# QTM's exports: one struct, in either kind of MAT file.
+
+
+def read_qtm_mat(
+    path: str | Path,
+    *,
+    rate_hz: float | None = None,
+    most_unpacked_mb: float = raw.MOST_UNPACKED_MB,
+) -> raw.RawRecording:
+    """Read the labelled trajectories of a MAT file that QTM exported.
+
+    A marker counts as unseen where a coordinate is NaN, or where all three are 0.
+
+    Parameters
+    ----------
+    path : path
+        The ``.mat`` file, version 5 to 7.3.
+    rate_hz : float, optional
+        Frame rate, for a file that does not state it.
+    most_unpacked_mb : float
+        Memory that the file may ask for, MB.
+
+    Returns
+    -------
+    RawRecording
+        Positions in mm along the file's axes.
+
+    Raises
+    ------
+    RecordingError
+        Naming the file, the field, what was expected and what was found.
+    """
+    path = Path(path)
+    name, export = _export(path, read_mat(path, most_unpacked_mb))
+    place = f"{path}: {name}"
+    labelled = _field(_field(export, "Trajectories", place), "Labeled", f"{place}.Trajectories")
+    inner = f"{place}.Trajectories.Labeled"
+    data = _positions(labelled, inner)
+    labels = _labels(labelled, inner)
+    if len(labels) != len(data):
+        raise RecordingError(
+            f"{inner}.Labels: expected {len(data)} as in Data, found {len(labels)}"
+        )
+    positions: FloatArray = np.array(np.moveaxis(data[:, :3], 2, 0), np.float64, order="C")
+    _check_counts(export, labelled, positions, place)
+    blank_unseen(positions)
+    start = _number(export, "StartFrame", place)
+    return raw.assembled(
+        f"{place}.FrameRate",
+        raw.distinct_names(f"{inner}.Labels", labels),
+        positions,
+        number=np.arange(len(positions), dtype=float) + (1.0 if start is None else start),
+        unit=(place, "mm"),
+        rates_hz=(_number(export, "FrameRate", place), rate_hz),
+        events=_events(export, place),
+        started=moment(export.get("Timestamp")),
+    )
+
+
+def _export(path: Path, variables: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Name and content of the one struct with trajectories."""
+    for name, value in variables.items():
+        if isinstance(value, dict) and "Trajectories" in value:
+            return name, value
+    found = ", ".join(variables) or "none"
+    raise RecordingError(
+        f"{path}: expected a struct with the field Trajectories, found the variables {found}"
+    )
+
+
+def _field(struct: Any, name: str, place: str) -> Any:
+    if not isinstance(struct, dict):
+        raise RecordingError(f"{place}: expected a struct, found {_kind(struct)}")
+    if name not in struct:
+        raise RecordingError(
+            f"{place}: expected the field {name}, found {', '.join(struct) or 'none'}"
+            f"{did_you_mean(name, struct)}"
+        )
+    return struct[name]
+
+
+def _positions(labelled: Any, place: str) -> FloatArray:
+    """Return ``Data`` as (M, 4, N); MATLAB drops a last axis of length 1."""
+    data = _field(labelled, "Data", place)
+    if not isinstance(data, np.ndarray) or data.dtype.kind not in "iuf":
+        raise RecordingError(f"{place}.Data: expected numbers, found {_kind(data)}")
+    if data.ndim == 2:
+        data = data[:, :, None]
+    if data.ndim != 3 or data.shape[1] not in (3, 4) or not data.size:
+        raise RecordingError(
+            f"{place}.Data: expected markers x 4 x frames, found {' x '.join(map(str, data.shape))}"
+        )
+    checked: FloatArray = data
+    return checked
+
+
+def _labels(labelled: Any, place: str) -> list[str]:
+    labels = _field(labelled, "Labels", place)
+    labels = [labels] if isinstance(labels, str) else labels
+    if not isinstance(labels, list) or not all(isinstance(text, str) for text in labels):
+        raise RecordingError(f"{place}.Labels: expected a cell of texts, found {_kind(labels)}")
+    return [text.strip(" \0") for text in labels]
+
+
+def _check_counts(export: Any, labelled: Any, positions: FloatArray, place: str) -> None:
+    n_frames, n_markers = positions.shape[:2]
+    inner = f"{place}.Trajectories.Labeled"
+    claims = ((export, "Frames", n_frames, place), (labelled, "Count", n_markers, inner))
+    for struct, key, found, where in claims:
+        stated = _number(struct, key, where)
+        if stated is not None and stated != found:
+            cut = "; was the file cut short?" if key == "Frames" and stated > found else ""
+            raise RecordingError(
+                f"{where}.{key}: expected {stated:g} as stated, found {found}{cut}"
+            )
+
+
+def _number(struct: dict[str, Any], name: str, place: str) -> float | None:
+    """Return a finite number of a struct; None if it is absent or empty."""
+    value = struct.get(name)
+    if value is None or (isinstance(value, np.ndarray) and not value.size):
+        return None
+    if not isinstance(value, np.ndarray) or value.size != 1 or not np.isfinite(value).all():
+        raise RecordingError(f"{place}.{name}: expected a number, found {_kind(value)}")
+    return float(value.item())
+
+
+def _events(export: dict[str, Any], place: str) -> tuple[Event, ...]:
+    """Events: an array of structs, in version 7.3 a struct of lists."""
+    found = export.get("Events")
+    if isinstance(found, dict) and any(isinstance(value, list) for value in found.values()):
+        lists = [value if isinstance(value, list) else [value] for value in found.values()]
+        found = [dict(zip(found, entries, strict=False)) for entries in zip(*lists, strict=False)]
+    events, place = [], f"{place}.Events"
+    for event in [found] if isinstance(found, dict) else found if isinstance(found, list) else []:
+        label, time = _field(event, "Label", place), _number(event, "Time", place)
+        if not isinstance(label, str) or time is None:
+            raise RecordingError(
+                f"{place}: expected a Label and a Time each, found {_kind(label)} and {time}"
+            )
+        events.append(Event(label.split("\0")[0].strip(), time))
+    return tuple(events)
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"an array of {' x '.join(map(str, value.shape))} {value.dtype}"
+    names: dict[type, str] = {dict: "a struct", list: "a list", str: "text"}
+    return names.get(type(value), "something else")

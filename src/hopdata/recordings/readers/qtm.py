@@ -1,12 +1,15 @@
-"""Reader of QTM's MAT exports: one struct, named after the file, in either kind of MAT file.
+"""QTM's motion-data exports (TSV), and plain tables with a column row.
 
-What is read: ``FrameRate``, ``Frames``, ``StartFrame``, ``Timestamp``, ``Events`` and
-``Trajectories.Labeled`` with ``Labels``, ``Data`` (marker, x y z residual, frame), in mm, and
-``TrajectoryTypes``.
+Layout after Qualisys' manual, "Motion data (.tsv)": one key a line, values after tabs, keys in any
+order; ``EVENT`` and ``TRAJECTORY_TYPES`` are optional, ``FILE_VERSION`` came with 2.0.0, and the
+column row (``Frame  Time  <name> X ...``) stands only where the exporter was told to write it.
 """
 
-from __future__ import annotations
-
+import re
+from dataclasses import dataclass, field
+from datetime import datetime
+from itertools import islice
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -16,168 +19,296 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
 from hopdata.recordings import raw
-from hopdata.recordings.readers import qtm_header
-from hopdata.recordings.readers.mat import read_mat
-from hopdata.recordings.readers.text import Rows, blank_unseen
+from hopdata.recordings.readers.text import (
+    TEXT_TABLE_MISSING,
+    Rows,
+    decoded,
+    is_number,
+    mark_between,
+    pointed,
+    readable,
+    split_line,
+    trimmed,
+)
+
+KEYS = (
+    *("FILE_VERSION", "NO_OF_FRAMES", "NO_OF_CAMERAS", "NO_OF_MARKERS", "FREQUENCY"),
+    *("NO_OF_ANALOG", "ANALOG_FREQUENCY", "DESCRIPTION", "TIME_STAMP", "DATA_INCLUDED"),
+    *("EVENT", "MARKER_NAMES", "TRAJECTORY_TYPES"),
+)
+_DECISIVE = {"NO_OF_FRAMES", "NO_OF_MARKERS", "FREQUENCY", "DATA_INCLUDED", "MARKER_NAMES"}
+_SECONDS, _LENGTHS = {"s", "sec", "#"}, {"mm", "cm", "m", "in"}
+COUNTERS = ("Frame", "Time")  # columns that may stand before the coordinates
+
+_KEY = re.compile(r"[A-Z][A-Z0-9]*(_[A-Z0-9]+)*")
 
 
-def read_qtm_mat(
-    path: str | Path,
-    *,
-    rate_hz: float | None = None,
-    most_unpacked_mb: float = raw.MOST_UNPACKED_MB,
-) -> raw.RawRecording:
-    """Read the labelled trajectories of a MAT file that QTM exported.
+@dataclass
+class QtmHeader:
+    """What stands before the first row of numbers.
 
-    A marker counts as unseen where a coordinate is NaN, or where all three are 0.
+    ``values`` maps a key to its fields and ``lines`` to its line number; ``columns`` is the column
+    row (empty if there is none); the numbers start at byte ``offset``, after ``n_lines`` lines,
+    with the fields ``first_row``.
+    """
 
-    Parameters
-    ----------
-    path : path
-        The ``.mat`` file, version 5 to 7.3.
-    rate_hz : float, optional
-        Frame rate, for a file that does not state it.
-    most_unpacked_mb : float
-        Memory that the file may ask for, MB.
+    path: Path
+    values: dict[str, list[str]] = field(default_factory=dict)
+    lines: dict[str, int] = field(default_factory=dict)
+    events: list[Event] = field(default_factory=list)
+    event_frames: list[float] = field(default_factory=list)
+    columns: list[str] = field(default_factory=list)
+    first_row: list[str] = field(default_factory=list)
+    n_lines: int = 0
+    offset: int = 0
+    remarks: tuple[str, ...] = ()
+    unit: str = ""
+    mark: str = "\t"
 
-    Returns
-    -------
-    RawRecording
-        Positions in mm along the file's axes.
+    def place(self, key: str) -> str:
+        """File and line of `key`, for messages."""
+        return f"{self.path}, line {self.lines[key]}" if key in self.lines else str(self.path)
+
+    def number(self, key: str) -> float | None:
+        """Value of `key` as a number; None if the key is absent.
+
+        Raises
+        ------
+        RecordingError
+            If the value is not a number.
+        """
+        if key not in self.values:
+            return None
+        text = pointed((self.values[key] or [""])[0])
+        try:
+            return float(text)
+        except ValueError:
+            raise RecordingError(
+                f"{self.place(key)}: {key}: expected a number, found '{text}'"
+            ) from None
+
+
+def read_header(path: Path) -> QtmHeader:
+    """Read the header of the file at `path`, up to the first row of numbers.
 
     Raises
     ------
     RecordingError
-        Naming the file, the field, what was expected and what was found.
+        If the file cannot be read, a line is neither a key, nor a column row, nor numbers, or there
+        are no numbers.
     """
-    path = Path(path)
-    name, export = _export(path, read_mat(path, most_unpacked_mb))
-    place = f"{path}: {name}"
-    labelled = _field(_field(export, "Trajectories", place), "Labeled", f"{place}.Trajectories")
-    inner = f"{place}.Trajectories.Labeled"
-    data = _positions(labelled, inner)
-    labels = _labels(labelled, inner)
-    if len(labels) != len(data):
-        raise RecordingError(
-            f"{inner}.Labels: expected {len(data)} as in Data, found {len(labels)}"
-        )
-    positions: FloatArray = np.array(np.moveaxis(data[:, :3], 2, 0), np.float64, order="C")
-    _check_counts(export, labelled, positions, place)
-    blank_unseen(positions)
-    rate = raw.resolve_rate(
-        f"{place}.FrameRate", stated=_number(export, "FrameRate", place), given=rate_hz
-    )
-    start = _number(export, "StartFrame", place)
-    first = 1.0 if start is None else start
-    markers, remarks = raw.distinct_names(f"{inner}.Labels", labels)
-    return raw.RawRecording(
-        markers,
-        np.asarray((first - 1 + np.arange(len(positions))) / rate, dtype=np.float64),
-        positions,
-        rate,
-        unit="mm",
-        events=_events(export, place),
-        started=qtm_header.moment(export.get("Timestamp")),
-        remarks=remarks,
-        has_stamps=False,
-    )
+    header = QtmHeader(path)
+    with readable(path) as file:
+        header.mark = mark_between([decoded(line) for line in islice(file, 5)])
+        file.seek(0)
+        for line in file:
+            fields = split_line(path, line, header.mark)
+            if _starts_the_numbers(header, fields):
+                header.first_row = fields
+                return header
+            header.n_lines += 1
+            header.offset += len(line)
+            _take(header, fields)
+    if not header.offset:
+        raise RecordingError(f"{path}: expected a QTM motion-data export, found an empty file")
+    raise RecordingError(f"{path}: expected rows of numbers after the header, found none")
 
 
-def _export(path: Path, variables: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Name and content of the one struct with trajectories."""
-    for name, value in variables.items():
-        if isinstance(value, dict) and "Trajectories" in value:
-            return name, value
-    found = ", ".join(variables) or "none"
+def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
+    """Tell whether this row is the first of the numbers."""
+    if fields == [""]:
+        return False
+    first = next((f for f in fields if f not in TEXT_TABLE_MISSING), None)
+    if first is None or is_number(pointed(first)):
+        return first is not None or len(fields) > 1
+    if header.columns and _units(fields):
+        return False
+    is_key = _KEY.fullmatch(fields[0]) and fields[0] not in TEXT_TABLE_MISSING
+    if is_key or is_column_row(fields):
+        return False
     raise RecordingError(
-        f"{path}: expected a struct with the field Trajectories, found the variables {found}"
+        f"{header.path}, line {header.n_lines + 1}: expected a header key or numbers, "
+        f"found '{first[:40]}'{_no_tabs(first) or did_you_mean(first.upper(), KEYS)}"
     )
 
 
-def _field(struct: Any, name: str, place: str) -> Any:
-    if not isinstance(struct, dict):
-        raise RecordingError(f"{place}: expected a struct, found {_kind(struct)}")
-    if name not in struct:
-        raise RecordingError(
-            f"{place}: expected the field {name}, found {', '.join(struct) or 'none'}"
-            f"{did_you_mean(name, struct)}"
+def _no_tabs(line: str) -> str:
+    """Hint at the separator, if a line is a known key with something else than a tab behind it."""
+    key = re.split(r"[;, ]", line, maxsplit=1)[0]
+    return "; separate the fields by tabs" if key != line and key.upper() in KEYS else ""
+
+
+def _units(fields: list[str]) -> set[str]:
+    """Units of a row below the names of columns: one of length, and perhaps seconds; else none."""
+    found = {field.strip("[]()").lower() for field in fields} - {"", "-"}
+    return found if found <= _SECONDS | _LENGTHS and len(found & _LENGTHS) == 1 else set()
+
+
+def _take(header: QtmHeader, fields: list[str]) -> None:
+    """Put one line that is not numbers into the header."""
+    key = fields[0]
+    if header.columns and _units(fields):
+        header.unit = (_units(fields) - _SECONDS).pop()
+    elif is_column_row(fields):
+        counters = {name.lower(): name for name in COUNTERS}
+        header.columns = [counters.get(name.lower(), name) for name in trimmed(fields)]
+    elif key == "EVENT":
+        event, frame = _event(header, fields[1:])
+        header.events.append(event)
+        header.event_frames.append(frame)
+    elif key in header.values and header.values[key] != fields[1:]:
+        told = (
+            f"{header.path}, line {header.n_lines}: expected {key} once, "
+            f"found it with another value in line {header.lines[key]}"
         )
-    return struct[name]
+        if key in _DECISIVE:
+            raise RecordingError(told)
+        header.remarks += (f"{told}; the first is taken",)
+    elif key:
+        header.values[key] = fields[1:]
+        header.lines[key] = header.n_lines
 
 
-def _positions(labelled: Any, place: str) -> FloatArray:
-    """Return ``Data`` as (M, 4, N); MATLAB drops a last axis of length 1."""
-    data = _field(labelled, "Data", place)
-    if not isinstance(data, np.ndarray) or data.dtype.kind not in "iuf":
-        raise RecordingError(f"{place}.Data: expected numbers, found {_kind(data)}")
-    if data.ndim == 2:
-        data = data[:, :, None]
-    if data.ndim != 3 or data.shape[1] not in (3, 4) or not data.size:
+def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
+    """Read the rest of an ``EVENT`` row: label, frame, time."""
+    place = f"{header.path}, line {header.n_lines}"
+    try:
+        label, frame, seconds = trimmed(fields)
+        event, number = Event(label, float(seconds)), float(frame)
+        if not isfinite(event.time_s + number):
+            raise ValueError
+    except ValueError:
         raise RecordingError(
-            f"{place}.Data: expected markers x 4 x frames, found {' x '.join(map(str, data.shape))}"
-        )
-    checked: FloatArray = data
-    return checked
+            f"{place}: EVENT: expected a label, a frame and a time, found {fields}"
+        ) from None
+    return event, number
 
 
-def _labels(labelled: Any, place: str) -> list[str]:
-    labels = _field(labelled, "Labels", place)
-    labels = [labels] if isinstance(labels, str) else labels
-    if not isinstance(labels, list) or not all(isinstance(text, str) for text in labels):
-        raise RecordingError(f"{place}.Labels: expected a cell of texts, found {_kind(labels)}")
-    return [text.strip(" \0") for text in labels]
+def columns_of(fields: list[str]) -> tuple[list[str], list[str] | None]:
+    """Counters and names of markers of a row of columns; None if the others are no coordinates."""
+    names = {name.lower(): name for name in COUNTERS}
+    counters = [names[f.lower()] for f in fields[: len(COUNTERS)] if f.lower() in names]
+    return counters, coordinate_stems(trimmed(fields)[len(counters) :])
 
 
-def _check_counts(export: Any, labelled: Any, positions: FloatArray, place: str) -> None:
-    n_frames, n_markers = positions.shape[:2]
-    inner = f"{place}.Trajectories.Labeled"
-    claims = ((export, "Frames", n_frames, place), (labelled, "Count", n_markers, inner))
-    for struct, key, found, where in claims:
-        stated = _number(struct, key, where)
-        if stated is not None and stated != found:
-            cut = "; was the file cut short?" if key == "Frames" and stated > found else ""
-            raise RecordingError(
-                f"{where}.{key}: expected {stated:g} as stated, found {found}{cut}"
-            )
+def is_known(fields: list[str]) -> bool:
+    """Tell whether a first row is one of QTM's exports: a key, names of columns or numbers."""
+    first = fields[0]
+    return first in KEYS or is_column_row(fields) or is_number(pointed(first))
 
 
-def _number(struct: dict[str, Any], name: str, place: str) -> float | None:
-    """Return a finite number of a struct; None if it is absent or empty."""
-    value = struct.get(name)
-    if value is None or (isinstance(value, np.ndarray) and not value.size):
+def is_column_row(fields: list[str]) -> bool:
+    """Tell whether a row names counters or coordinates."""
+    return fields[0].title() in COUNTERS or coordinate_stems(fields[:3]) is not None
+
+
+def coordinate_stems(columns: list[str]) -> list[str] | None:
+    """Marker names of columns that come in threes of ``<name> X``, ``Y``, ``Z``, else None.
+
+    Axes may be small letters. Between name and axis may stand a space, a point, an underscore or
+    nothing. Spaces about a name are none of its letters, as in the row of marker names.
+    """
+    stems = []
+    for i in range(0, len(columns) - 2, 3):
+        x, y, z = columns[i : i + 3]
+        if x[-1:] + y[-1:] + z[-1:] not in ("XYZ", "xyz") or not x[:-1] == y[:-1] == z[:-1]:
+            return None
+        stems.append(x[:-1])
+    if not stems or len(columns) % 3:
         return None
-    if not isinstance(value, np.ndarray) or value.size != 1 or not np.isfinite(value).all():
-        raise RecordingError(f"{place}.{name}: expected a number, found {_kind(value)}")
-    return float(value.item())
+    ends = {stem[-1:] for stem in stems}
+    separated = len(ends) == 1 and ends <= set(" ._")
+    return [(stem[:-1] if separated else stem).strip() for stem in stems]
 
 
-def _events(export: dict[str, Any], place: str) -> tuple[Event, ...]:
-    """Events: an array of structs, in version 7.3 a struct of lists."""
-    found = export.get("Events")
-    if isinstance(found, dict) and any(isinstance(value, list) for value in found.values()):
-        lists = [value if isinstance(value, list) else [value] for value in found.values()]
-        found = [dict(zip(found, entries, strict=False)) for entries in zip(*lists, strict=False)]
-    events, place = [], f"{place}.Events"
-    for event in [found] if isinstance(found, dict) else found if isinstance(found, list) else []:
-        label, time = _field(event, "Label", place), _number(event, "Time", place)
-        if not isinstance(label, str) or time is None:
-            raise RecordingError(
-                f"{place}: expected a Label and a Time each, found {_kind(label)} and {time}"
-            )
-        events.append(Event(label.split("\0")[0].strip(), time))
-    return tuple(events)
+# Which column of a QTM export holds what.
 
 
-def _kind(value: Any) -> str:
-    if isinstance(value, np.ndarray):
-        return f"an array of {' x '.join(map(str, value.shape))} {value.dtype}"
-    names: dict[type, str] = {dict: "a struct", list: "a list", str: "text"}
-    return names.get(type(value), "something else")
+def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...]]:
+    """Place of the marker names, the names, the counters before the coordinates, and remarks.
+
+    Names are those of ``MARKER_NAMES``, or of the column row; a file of nothing but numbers has
+    ``marker1``, ``marker2`` and so on.
+
+    Raises
+    ------
+    RecordingError
+        If there are none, or they do not fit the columns or one another.
+    """
+    here, width = f"{header.path}, line {header.n_lines}", len(header.first_row)
+    counters, stems = columns_of(header.columns) if header.columns else ([], None)
+    if header.columns and stems is None:
+        rest = header.columns[len(counters) :]
+        odd = next((i for i in range(0, len(rest), 3) if not coordinate_stems(rest[i : i + 3])), 0)
+        raise RecordingError(
+            f"{here}, column {1 + len(counters) + odd}: expected the columns X, Y, Z of a marker, "
+            f"found {', '.join(repr(c) for c in rest[odd : odd + 3]) or 'none'}"
+        )
+    place, names = here, stems or []
+    if "MARKER_NAMES" in header.values:
+        place, names = header.place("MARKER_NAMES"), trimmed(header.values["MARKER_NAMES"])
+    elif not (header.columns or header.values):
+        place, names = f"{header.path}, line 1", _numbered_names(header)
+    if not names:
+        hint = did_you_mean("MARKER_NAMES", set(header.values) - set(KEYS))
+        raise RecordingError(
+            f"{header.path}: expected MARKER_NAMES or a column row, found neither{hint}"
+        )
+    stated = header.number("NO_OF_MARKERS")
+    remarks: tuple[str, ...] = ()
+    if stated not in (None, len(names)):
+        told = f"{place}: expected {stated:g} marker names (NO_OF_MARKERS), found {len(names)}"
+        if width in (3 * stated, 3 * stated + 2) and len(names) < stated:  # the last have no name
+            names += [""] * int(stated - len(names))
+        elif width not in (3 * len(names), 3 * len(names) + 2):
+            raise RecordingError(told)
+        remarks = (f"{told}; the columns are those of {len(names)} markers",)
+    for stem, name in zip(stems or (), names, strict=False):
+        if stem != name:
+            raise RecordingError(f"{here}: columns: expected '{name} X', found '{stem} X'")
+    spare = width - 3 * len(names) - len(counters)
+    if stems is None:
+        counters = [*COUNTERS] if spare >= len(COUNTERS) else []
+        spare -= len(counters)
+    if (stems and len(stems) != len(names)) or spare < 0 or any(header.first_row[width - spare :]):
+        raise RecordingError(
+            f"{header.path}, line {header.n_lines + 1}: expected {3 * len(names)} columns (X, Y, Z "
+            f"of {len(names)} markers), or two more for Frame and Time, found {width}"
+        )
+    return place, names, counters, remarks
+
+
+def _numbered_names(header: QtmHeader) -> list[str]:
+    """Names of the markers of a file that has neither header nor column row."""
+    n_columns = len(header.first_row)
+    if n_columns % 3 == 0 and not header.first_row[-1] and all(header.first_row[:2]):
+        raise RecordingError(
+            f"{header.path}, line 1: expected a column row, since {n_columns} columns of which the "
+            "last is empty can be read in two ways, found none; export with the column row"
+        )
+    return [f"marker{i + 1}" for i in range(n_columns // 3)]
+
+
+# The date and time that QTM writes into its exports.
+
+_FORMS = ("%Y-%m-%d, %H:%M:%S.%f", "%Y-%m-%d, %H:%M:%S")
+
+
+def moment(text: Any) -> datetime | None:
+    """Return when the measurement began; None if the text is no date, or in a form of its own."""
+    if not isinstance(text, str):
+        return None
+    for form in _FORMS:
+        try:
+            return datetime.strptime(text.split("\t")[0].strip(), form)
+        except ValueError:
+            continue
+    return None
 
 
 # Reader of QTM motion-data exports (TSV) and of plain tables with a column row: mm.
 
-KEYS_OF_EXPORTS = frozenset(qtm_header.KEYS)  # which are in mm; of a bare table nothing says so
+KEYS_OF_EXPORTS = frozenset(KEYS)  # which are in mm; of a bare table nothing says so
 
 
 def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
@@ -203,9 +334,9 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
     RecordingError
         Naming the file, the line, what was expected and what was found.
     """
-    header = qtm_header.read_header(Path(path))
+    header = read_header(Path(path))
     _check_kind(header)
-    place, names, counters, wrong = qtm_header.layout(header)
+    place, names, counters, wrong = layout(header)
     markers, renamed = raw.distinct_names(place, names, may_lack=True)
     n_columns, width = len(counters) + 3 * len(names), len(header.first_row)
     rows = Rows(header.path, header.n_lines, header.offset, width, header.mark)
@@ -213,7 +344,8 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
         raw.metric(str(header.path), header.unit) if header.unit else (raw.USUAL_UNIT, 1.0)
     )
     columns = range(len(counters), n_columns)
-    counted, positions = rows.markers(counters, columns, factor=factor)
+    counted, positions = rows.markers(counters, columns)
+    positions *= factor
     key = "NO_OF_FRAMES"
     wrong += raw.frame_count(header.place(key), key, header.number(key), len(positions))
     time, rate, remarks = _time_and_rate(header, counted, counters, rate_hz)
@@ -225,13 +357,13 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
         unit=unit,
         unit_is_stated=bool(header.unit) or not KEYS_OF_EXPORTS.isdisjoint(header.values),
         events=tuple(header.events),
-        started=qtm_header.moment((header.values.get("TIME_STAMP") or [""])[0]),
+        started=moment((header.values.get("TIME_STAMP") or [""])[0]),
         remarks=header.remarks + renamed + wrong + remarks + _event_remarks(header, rate),
         has_stamps="Time" in counters,
     )
 
 
-def _check_kind(header: qtm_header.QtmHeader) -> None:
+def _check_kind(header: QtmHeader) -> None:
     kind = (header.values.get("DATA_INCLUDED") or ["3D"])[0]
     if kind != "3D":
         raise RecordingError(
@@ -241,7 +373,7 @@ def _check_kind(header: qtm_header.QtmHeader) -> None:
 
 
 def _time_and_rate(
-    header: qtm_header.QtmHeader, table: FloatArray, counters: list[str], given_hz: float | None
+    header: QtmHeader, table: FloatArray, counters: list[str], given_hz: float | None
 ) -> tuple[FloatArray, float, tuple[str, ...]]:
     """Time stamps (N,) in s, the rate in Hz, and remarks."""
     stamps = table[:, counters.index("Time")].copy() if "Time" in counters else None
@@ -270,13 +402,13 @@ def _time_and_rate(
 
 
 def _stated_rate(
-    header: qtm_header.QtmHeader, external: bool, stamps: FloatArray | None, number: FloatArray
+    header: QtmHeader, external: bool, stamps: FloatArray | None, number: FloatArray
 ) -> float | None:
     """Frame rate by the header or, without it, by the time stamps; None if neither tells."""
     if external:
         return None
     if header.values:
-        near = did_you_mean("FREQUENCY", set(header.values) - set(qtm_header.KEYS))
+        near = did_you_mean("FREQUENCY", set(header.values) - set(KEYS))
         if near and "FREQUENCY" not in header.values:
             raise RecordingError(
                 f"{header.path}: header: expected the key FREQUENCY, found none{near}"
@@ -286,7 +418,7 @@ def _stated_rate(
     return None if stamps is None else raw.rate_of(stamps, number)
 
 
-def _event_remarks(header: qtm_header.QtmHeader, rate_hz: float) -> tuple[str, ...]:
+def _event_remarks(header: QtmHeader, rate_hz: float) -> tuple[str, ...]:
     """Remark on events whose time is not that of their frame, from 1."""
     off = sum(
         abs(event.time_s * rate_hz - (frame - 1)) > 1

@@ -1,7 +1,5 @@
 """Text tables: lines of fields, rows of numbers below a header, and columns by name."""
 
-from __future__ import annotations
-
 import codecs
 import csv
 import io
@@ -218,7 +216,7 @@ class Rows:
         return tuple(table[:n] for table in tables)
 
     def markers(
-        self, counters: Sequence[str], coordinates: Sequence[int], *, factor: float = 1.0
+        self, counters: Sequence[str], coordinates: Sequence[int]
     ) -> tuple[FloatArray, FloatArray]:
         """Read what the first columns count, (N, C), and positions (N, M, 3), NaN where unseen.
 
@@ -236,7 +234,6 @@ class Rows:
             raise RecordingError(
                 f"{self.line(row)}: {counters[column]}: expected a number, found a missing value"
             )
-        flat *= factor
         positions = flat.reshape(len(flat), -1, 3)
         blank_unseen(positions)
         return counted, positions

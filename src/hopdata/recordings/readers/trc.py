@@ -1,7 +1,5 @@
 """Reader of TRC files, the marker format of OpenSim and Cortex: often y up, in m or mm."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from itertools import islice
@@ -70,27 +68,20 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
     """
     path = Path(path)
     header = _read_header(path)
-    place, stated_unit = f"{path}, line 3", header.values.get("Units", "")
-    unit, factor = raw.USUAL_UNIT, 1.0
-    if stated_unit:
-        unit, factor = raw.metric(f"{place}: Units", stated_unit)
-    columns = range(2, 2 + 3 * len(header.markers))
-    counted, positions = header.rows.markers(COUNTERS, columns, factor=factor)
+    place, columns = f"{path}, line 3", range(2, 2 + 3 * len(header.markers))
+    counted, positions = header.rows.markers(COUNTERS, columns)
     number, stamps = counted.T.copy()
-    stated = header.number("DataRate")
-    if stated is None:
-        stated = raw.rate_of(stamps, number)
-    rate = raw.resolve_rate(f"{place}: DataRate", stated=stated, given=rate_hz)
-    time, remarks = raw.settle(str(path), stamps, number, rate)
-    counted_rows = raw.frame_count(place, "NumFrames", header.number("NumFrames"), len(time))
-    return raw.RawRecording(
-        header.markers,
-        time,
+    n_frames = header.number("NumFrames")
+    return raw.assembled(
+        str(path),
+        (header.markers, header.remarks),
         positions,
-        rate,
-        unit=unit,
-        unit_is_stated=bool(stated_unit),
-        remarks=header.remarks + counted_rows + remarks,
+        number=number,
+        stamps=stamps,
+        unit=(f"{place}: Units", header.values.get("Units", "")),
+        rates_hz=(header.number("DataRate"), rate_hz),
+        rate_place=f"{place}: DataRate",
+        remarks=raw.frame_count(place, "NumFrames", n_frames, len(number)),
     )
 
 

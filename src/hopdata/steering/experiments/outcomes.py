@@ -6,8 +6,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, pd
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.rigid import wrapped
 from hopdata.steering.experiments import tasks
 from hopdata.steering.models.tabulated import FrameChangeMap

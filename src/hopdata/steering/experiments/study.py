@@ -11,8 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import pd
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import one_blas_thread, pd
 from hopdata.rigid import composed, inverse
 from hopdata.steering.control.objectives import Controller, errors_left
 from hopdata.steering.excitation import FLOOR, child

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray, pd
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.steering.excitation import TRAINING, child
 from hopdata.steering.frame_changes import FrameChanges

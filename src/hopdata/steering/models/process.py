@@ -13,8 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import AnalysisError, RecordingError
 from hopdata.jobs import whole_file
 

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import AnalysisError, chosen, require, require_choice
 from hopdata.steering.frame_changes import FrameChanges
 from hopdata.steering.models.process import (

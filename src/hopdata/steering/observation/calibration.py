@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hopdata.arrays import FloatArray
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
 from hopdata.rigid import RigidFit, rigid_fit

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hopdata.arrays import FloatArray, pd
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.recording import Recording
 from hopdata.steering.frame_changes import FrameChanges, frame_changes, joined

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from hopdata.blas import one_blas_thread
+from hopdata.arrays import one_blas_thread
 from hopdata.errors import AnalysisError
 from hopdata.maps.verdict import judge
 

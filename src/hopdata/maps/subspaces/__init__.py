@@ -1,1 +1,0 @@
-"""Constraint subspaces of the mode schedules and the Grassmann distances between them."""
