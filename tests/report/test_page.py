@@ -23,7 +23,7 @@ from hopdata.landings.checks import check_study
 from hopdata.landings.touchdowns import NO_FOOT_LANDED
 from hopdata.report.inputs import ReportFigure, ReportInputs, read_figures
 from hopdata.report.page import build_report, study_facts
-from hopdata.report.quality import summary as quality_summary
+from hopdata.report.tables import quality_summary
 
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 LOADING = {"src", "href", "srcset", "action", "data", "poster"}

@@ -10,8 +10,8 @@ from fake_study import full_study
 
 from hopdata.recording import Recording
 from hopdata.report.page import build_report
-from hopdata.report.quality import excluded_table, lights
 from hopdata.report.scene import UNSEEN, landings_scene, recording_scene, small_plot
+from hopdata.report.tables import excluded_table, lights
 
 ROLES = {"feet": ["toe</script>", "heel"], "body": ["hip"]}
 MARKERS = [*ROLES["feet"], "hip"]
@@ -33,7 +33,7 @@ def landings(excluded=False):
         "recording": "fall", "index": [0, 1], "t_pre_s": [0.2, 0.8], "t_post_s": [0.4, np.nan],
         "contact_toe</script>_s": [0.3, 0.9], "contact_heel_s": [0.32, np.nan],
         "schedule": ["1>2", "1>2"], "spread_s": 0.02, "excluded": [excluded, True],
-        "reason": ["", "foot 2 was not seen"],
+        "reason": ["", "foot 2 was not seen"], "class": "1>2", "probability": 0.99,
     }  # fmt: skip
     return pd.DataFrame(table)
 

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
-from hopdata.errors import AnalysisError
 from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
 
 #: Arc lengths below this need the sines: an error e in each cosine moves a length d by k e / d.
@@ -151,21 +150,8 @@ def pooled_frame(x: FloatArray, y: FloatArray) -> FloatArray:
     ----------
     x, y
         (n, 6B) normalised pairs of all usable landings.
-
-    Raises
-    ------
-    AnalysisError
-        If there are fewer than two landings, or if one has a value that is not finite.
     """
-    if len(x) < 2:
-        raise AnalysisError(f"subspaces: at least 2 usable landings are needed, found {len(x)}")
     pairs = np.hstack([x, y])
-    unknown = np.flatnonzero(~np.isfinite(pairs).all(axis=1))
-    if unknown.size:
-        raise AnalysisError(
-            f"subspaces: expected finite pairs, found others in {unknown.size} landings, the first "
-            f"in row {unknown[0]}"
-        )
     centred = pairs - pairs.mean(0)
     right = np.linalg.svd(np.linalg.qr(centred, mode="r"), full_matrices=True)[2]
     return np.asarray(right[:-SECTION_COMPONENTS].T)

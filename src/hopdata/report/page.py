@@ -8,7 +8,7 @@ from typing import Any
 
 from hopdata.arrays import pd
 from hopdata.report import formatting as show
-from hopdata.report import quality, tables, verdict
+from hopdata.report import tables, verdict
 from hopdata.report.inputs import Picture, ReportFigure, ReportInputs, as_yaml, picture_of, rendered
 from hopdata.report.scene import landings_scene
 from hopdata.report.steering import steering_content
@@ -198,7 +198,7 @@ def build_report(inputs: ReportInputs) -> str:
         study=inputs.study,
         facts=facts,
         highlights=_highlights(facts, inputs),
-        lights=quality.lights(inputs.quality),
+        lights=tables.lights(inputs.quality),
         scene=landings_scene(inputs.levelled, inputs.touchdowns),
         pictures=_pictures(shown, facts),
         all_seen=all_seen,
@@ -229,7 +229,7 @@ def _highlights(facts: Mapping[str, Any], inputs: ReportInputs) -> list[tuple[st
     weigh = "position and velocity errors weigh alike"
     cards = [
         ("Difference of the maps", facts["verdict"]["difference"], facts["verdict"]["remark"]),
-        ("Quality of the data", *quality.summary(inputs.quality)),
+        ("Quality of the data", *tables.quality_summary(inputs.quality)),
         ("Recordings", show.count(facts["n_recordings"]), frames),
         ("Touchdowns used", show.count(facts["n_used"]), _of_landings(facts)),
         ("Contact orders seen", show.count(facts["n_schedules"]), "; ".join(of_all + apart)),
@@ -297,19 +297,19 @@ def _pictures(
 
 def _tables(inputs: ReportInputs) -> dict[str, show.Table | None]:
     return {
-        "quality": quality.quality_table(inputs.quality),
-        "faults": quality.faults_table(inputs.faults),
-        "remarks": quality.remarks_table(inputs.remarks),
-        "excluded": quality.excluded_table(inputs.touchdowns, inputs.levelled),
+        "quality": tables.quality_table(inputs.quality),
+        "faults": tables.faults_table(inputs.faults),
+        "remarks": tables.remarks_table(inputs.remarks),
+        "excluded": tables.excluded_table(inputs.touchdowns, inputs.levelled),
         "recordings": tables.recordings_table(inputs.recordings),
         "filled": tables.filled_table(inputs.filled, inputs.touchdowns),
         "floor": tables.floor_table(inputs.floors),
         "sections": tables.sections_table(inputs.sections),
         "schedules": tables.schedules_table(inputs.touchdowns),
         "exclusions": tables.exclusions_table(inputs.touchdowns),
-        "overlay": quality.agreement_table(inputs.overlay),
-        "unmatched": quality.unmatched_table(inputs.overlay),
-        "thresholds": quality.thresholds_table(inputs.overlay),
+        "overlay": tables.agreement_table(inputs.overlay),
+        "unmatched": tables.unmatched_table(inputs.overlay),
+        "thresholds": tables.thresholds_table(inputs.overlay),
         "prediction": tables.prediction_table(inputs.prediction),
         "distances": tables.distances_table(inputs.distances),
         "truth": tables.truth_table(inputs.truth),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 from hopdata.arrays import pd
@@ -142,17 +141,7 @@ EXPERIMENT_FIGURES = (
 )
 
 
-@dataclass(frozen=True)
-class SteeringContent:
-    """The sections as the templates need them."""
-
-    highlights: list[tuple[str, str, str]]
-    pictures: Mapping[str, list[Picture]]
-    tables: Mapping[str, show.Table | None]
-    notes: Sequence[str] = field(default_factory=tuple)
-
-
-def steering_content(inputs: SteeringInputs) -> SteeringContent:
+def steering_content(inputs: SteeringInputs) -> dict[str, Any]:
     """Make tables and pictures ready to print.
 
     Raises
@@ -165,10 +154,10 @@ def steering_content(inputs: SteeringInputs) -> SteeringContent:
     for figure in inputs.figures:
         place = "experiments" if figure.name in EXPERIMENT_FIGURES else "model"
         pictures[place].append(picture_of(figure, facts))
-    return SteeringContent(
-        highlights=_highlights(inputs),
-        pictures=pictures,
-        tables={
+    return {
+        "highlights": _highlights(inputs),
+        "pictures": pictures,
+        "tables": {
             "outcomes": outcomes_table(inputs.outcomes),
             "horizons": horizons_table(inputs.horizons),
             "observed": observed_table(inputs.counts),
@@ -176,8 +165,8 @@ def steering_content(inputs: SteeringInputs) -> SteeringContent:
             "model": model_table(inputs.scores),
             "truth": result_tables.truth_table(inputs.truth),
         },
-        notes=tuple(inputs.notes),
-    )
+        "notes": inputs.notes,
+    }
 
 
 def build_steering_report(inputs: SteeringInputs) -> str:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from synthetic_landings import POST_HEIGHT_M, PRE_HEIGHT_M, simulate
 
-from hopdata.errors import AnalysisError, ConfigError
+from hopdata.errors import AnalysisError
 from hopdata.landings.states.assemble import STATELESS, assemble_pairs, exclude_stateless
 from hopdata.landings.states.pairs import DESCRIPTIONS, read_pairs, write_pairs
 from hopdata.landings.touchdowns import touchdown_table
@@ -144,11 +144,9 @@ def test_standard_errors_turn_with_the_home_frame(angle):
 
 
 def test_mistakes_are_named(tmp_path):
-    with pytest.raises(ConfigError, match="did you mean 'body3'"):
-        pairs(home_marker="boddy3")
     with pytest.raises(AnalysisError, match="found none"):
         pairs(table=TABLE.assign(excluded=True))
-    with pytest.raises(AnalysisError, match="no such file"):
+    with pytest.raises(AnalysisError, match=r"none\.h5: not a file of pairs: .*No such file"):
         read_pairs(tmp_path / "none.h5")
     (tmp_path / "text.h5").write_text("not HDF5")
     with pytest.raises(AnalysisError, match="not a file of pairs"):

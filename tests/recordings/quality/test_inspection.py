@@ -19,13 +19,8 @@ from hopdata.commands.terminal import listing
 from hopdata.errors import RecordingError
 from hopdata.recording import Recording
 from hopdata.recordings.quality.inspection import (
-    fault_table,
-    gap_table,
-    inspect,
     inspect_recording,
-    marker_table,
     recording_tables,
-    remark_table,
 )
 from hopdata.recordings.quality.roles import guess_roles
 from hopdata.recordings.raw import RawRecording
@@ -267,10 +262,10 @@ def faulty(clean):
 
 
 def test_a_clean_recording_has_no_gaps_and_no_faults(clean):
-    found = [(clean, inspect(clean))]
-    assert gap_table(found).empty
-    assert fault_table(found).empty
-    table = marker_table(found)
+    tables = recording_tables([clean])
+    assert tables["gaps"].empty
+    assert tables["faults"].empty
+    table = tables["markers"]
     assert list(table["marker"]) == list(clean.markers)
     assert (table["missing"] == 0).all()
     assert np.allclose(table["noise_m"], 6e-4, rtol=0.15)
@@ -278,18 +273,18 @@ def test_a_clean_recording_has_no_gaps_and_no_faults(clean):
 
 
 def test_gaps_from_the_first_frame(faulty):
-    gaps = gap_table([(faulty, inspect(faulty))])
+    gaps = recording_tables([faulty])["gaps"]
     assert list(gaps["marker"]) == [faulty.markers[1], faulty.markers[4]]
     assert np.allclose(gaps["start_s"], [1.0, 39.9])
     assert np.allclose(gaps["stop_s"], [1.3, 40.0])
     assert list(gaps["frames"]) == [30, 10]
-    markers = marker_table([(faulty, inspect(faulty))]).set_index("marker")
+    markers = recording_tables([faulty])["markers"].set_index("marker")
     assert markers.loc[faulty.markers[1], "longest_s"] == pytest.approx(0.3)
     assert markers["missing"].sum() == 40
 
 
 def test_a_spike_is_a_row_with_its_size(clean, faulty):
-    faults = fault_table([(clean, inspect(clean)), (faulty, inspect(faulty))])
+    faults = recording_tables([clean, faulty])["faults"]
     assert list(faults["kind"]) == ["spike"]
     row = faults.iloc[0]
     assert (row["recording"], row["marker"]) == ("faulty", faulty.markers[0])
@@ -301,7 +296,7 @@ def test_dropped_frames_stand_without_a_marker(clean):
     time = clean.time.copy()
     time[1000:] += 0.03
     late = Recording("late", time, clean.positions, clean.markers, clean.roles, clean.rate_hz)
-    faults = fault_table([(late, inspect(late))])
+    faults = recording_tables([late])["faults"]
     dropped = faults[faults["kind"] == "dropped"]
     assert list(dropped["marker"]) == [""]
     assert dropped["start_s"].iloc[0] == pytest.approx(9.99)
@@ -312,17 +307,17 @@ def test_a_pause_is_no_fault(clean):
     time = clean.time.copy()
     time[1000:] += 1.0  # as between joined files
     paused = Recording("paused", time, clean.positions, clean.markers, clean.roles, clean.rate_hz)
-    assert fault_table([(paused, inspect(paused))]).empty
+    assert recording_tables([paused])["faults"].empty
 
 
 def test_remarks_stand_with_their_recording(clean, tmp_path):
     guessed = replace(clean, name="guessed", remarks=("a.trc: unit: taken for mm",))
-    table = remark_table([clean, guessed])
+    table = recording_tables([clean, guessed])["remarks"]
     assert list(table.itertuples(index=False, name=None)) == [("guessed", guessed.remarks[0])]
     path = tmp_path / "guessed.h5"
     write_recording(path, guessed)
-    assert remark_table([read_recording(path)]).equals(table)
-    assert list(remark_table([clean]).columns) == ["recording", "remark"]
+    assert recording_tables([read_recording(path)])["remarks"].equals(table)
+    assert list(recording_tables([clean])["remarks"].columns) == ["recording", "remark"]
 
 
 def test_all_tables_of_some_recordings(clean, faulty):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread, pd
-from hopdata.errors import AnalysisError, ConfigError, did_you_mean, require_choice
+from hopdata.errors import AnalysisError, require_choice
 from hopdata.landings.contacts.descents import longest_gap_s, longest_gaps
 from hopdata.landings.schedules import AMBIGUOUS, TREATMENTS
 from hopdata.landings.states.coefficients import SectionStates
@@ -183,7 +183,7 @@ def assemble_pairs(
     if ambiguous == "pool":
         table = table.assign(schedule=table["schedule"].where(table["class"] != AMBIGUOUS, ""))
     for recording in recordings:
-        marker = _marker_number(recording, home_marker)
+        marker = recording.names("body").index(home_marker) if home_marker else 0
         used = table[(table["recording"] == recording.name) & ~table["excluded"].astype(bool)]
         if len(used):
             sections = (pre_height_m, post_height_m)
@@ -228,18 +228,6 @@ def _why_few(recording: Recording, table: pd.DataFrame) -> str:
         f"{recording.name}: the body never sinks through the pre section, its heights are "
         f"{heights.min():.4g} to {heights.max():.4g} m"
     )
-
-
-def _marker_number(recording: Recording, home_marker: str | None) -> int:
-    names = recording.names("body")
-    if home_marker is None:
-        return 0
-    if home_marker not in names:
-        raise ConfigError(
-            f"home.marker: expected one of the body markers {', '.join(names)}, found "
-            f"{home_marker!r}{did_you_mean(home_marker, names)}"
-        )
-    return names.index(home_marker)
 
 
 def _states(
@@ -313,14 +301,7 @@ def _rows(positions: FloatArray, velocities: FloatArray) -> FloatArray:
 
 
 def _joined(parts: Sequence[Pairs]) -> Pairs:
-    first = parts[0]
-    for part in parts:
-        if part.body_markers != first.body_markers:
-            raise AnalysisError(
-                f"pairs: expected the body markers {', '.join(first.body_markers)} in every "
-                f"recording, found {', '.join(part.body_markers)}"
-            )
     arrays: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in DESCRIPTIONS
     }
-    return replace(first, **arrays)
+    return replace(parts[0], **arrays)

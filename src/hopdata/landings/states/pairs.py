@@ -136,8 +136,6 @@ def read_pairs(path: str | Path) -> Pairs:
     """
     import h5py
 
-    if not Path(path).is_file():
-        raise AnalysisError(f"{path}: no such file")
     try:
         with h5py.File(path, "r") as file:
             text = {name: file[name].asstr()[:].astype(str) for name in TEXTS}

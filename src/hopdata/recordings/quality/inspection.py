@@ -280,15 +280,12 @@ def _told_elsewhere(
 
 # Gaps, faults and noise of the recordings of a study; times are from the first frame.
 
-GAP_COLUMNS = ("recording", "marker", "role", "start_s", "stop_s", "frames")
-REMARK_COLUMNS = ("recording", "remark")
-FAULT_COLUMNS = ("recording", "kind", "marker", "start_s", "stop_s", "remark")
-MARKER_COLUMNS = (
-    *("recording", "marker", "role", "duration_s", "frames"),
-    *("missing", "gaps", "longest_s", "noise_m"),
-)
-
-Inspected = tuple[Recording, Inspection]
+COLUMNS = {
+    "markers": "recording marker role duration_s frames missing gaps longest_s noise_m",
+    "gaps": "recording marker role start_s stop_s frames",
+    "faults": "recording kind marker start_s stop_s remark",
+    "remarks": "recording remark",
+}
 
 
 def inspect(recording: Recording) -> Inspection:
@@ -301,61 +298,33 @@ def inspect(recording: Recording) -> Inspection:
 
 @one_blas_thread()
 def recording_tables(recordings: Iterable[Recording]) -> dict[str, pd.DataFrame]:
-    """Inspect recordings; return their tables ``markers``, ``gaps``, ``faults``, ``remarks``."""
-    recordings = list(recordings)
-    inspections = [(recording, inspect(recording)) for recording in recordings]
-    return {
-        "markers": marker_table(inspections),
-        "gaps": gap_table(inspections),
-        "faults": fault_table(inspections),
-        "remarks": remark_table(recordings),
-    }
+    """Inspect recordings.
 
-
-def marker_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
-    """One row a marker of each recording: frames missing, longest gap, noise of a coordinate."""
-    rows = [
-        (
-            *(recording.name, gaps.marker, role, found.duration_s, gaps.n_frames, gaps.missing),
-            *(gaps.count, gaps.longest / recording.rate_hz, noise),
-        )
-        for recording, found in inspections
-        for role, gaps, noise in zip(recording.roles, found.gaps, found.noise_m, strict=True)
-    ]
-    return pd.DataFrame(rows, columns=list(MARKER_COLUMNS))
-
-
-def gap_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
-    """One row a gap of each marker, from its first missing frame to the next seen one."""
-    rows = [
-        (recording.name, gaps.marker, role, *(_time(recording, i) for i in ends), ends[1] - ends[0])
-        for recording, found in inspections
-        for role, gaps in zip(recording.roles, found.gaps, strict=True)
-        for ends in gaps.stretches.tolist()
-    ]
-    return pd.DataFrame(rows, columns=list(GAP_COLUMNS))
-
-
-def fault_table(inspections: Iterable[Inspected]) -> pd.DataFrame:
-    """One row a fault and marker: swaps, spikes, jumps, frozen stretches, faults of the stamps.
-
-    Kinds are ``swap, spike, jump, frozen``, and without a marker ``dropped, irregular,
-    backward``. A pause, in which nothing was recorded (`joining.is_pause`), is no fault.
+    Returns
+    -------
+    dict
+        ``markers``, a row a marker: frames missing, longest gap, noise of a coordinate. ``gaps``,
+        from the first missing frame to the next seen one. ``faults``, a row a fault and marker:
+        ``swap, spike, jump, frozen``, and without a marker ``dropped, irregular, backward``; a
+        pause, in which nothing was recorded, is none. ``remarks``, as `hopdata check` notes them.
     """
-    rows = [
-        (recording.name, s.kind, marker, s.time_s, _time(recording, s.stop), s.text)
-        for recording, found in inspections
-        for s in found.suspects()
-        if not (s.kind == "dropped" and is_pause(recording.time, recording.rate_hz)[s.start])
-        for marker in s.markers or ("",)
-    ]
-    return pd.DataFrame(rows, columns=list(FAULT_COLUMNS))
-
-
-def remark_table(recordings: Iterable[Recording]) -> pd.DataFrame:
-    """One row a remark on a recording, as `hopdata check` notes them: a guessed unit, for one."""
-    rows = [(recording.name, note) for recording in recordings for note in notes(recording)]
-    return pd.DataFrame(rows, columns=list(REMARK_COLUMNS))
+    rows: dict[str, list[tuple[Any, ...]]] = {table: [] for table in COLUMNS}
+    for recording in recordings:
+        name, found = recording.name, inspect(recording)
+        pauses = is_pause(recording.time, recording.rate_hz)
+        for role, gaps, noise in zip(recording.roles, found.gaps, found.noise_m, strict=True):
+            numbers = (found.duration_s, gaps.n_frames, gaps.missing, gaps.count)
+            longest_s = gaps.longest / recording.rate_hz
+            rows["markers"].append((name, gaps.marker, role, *numbers, longest_s, noise))
+            for start, stop in gaps.stretches.tolist():
+                ends = (_time(recording, start), _time(recording, stop))
+                rows["gaps"].append((name, gaps.marker, role, *ends, stop - start))
+        for one in found.suspects():
+            if not (one.kind == "dropped" and pauses[one.start]):
+                told = (one.time_s, _time(recording, one.stop), one.text)
+                rows["faults"] += [(name, one.kind, m, *told) for m in one.markers or ("",)]
+        rows["remarks"] += [(name, note) for note in notes(recording)]
+    return {k: pd.DataFrame(rows[k], columns=names.split()) for k, names in COLUMNS.items()}
 
 
 def _time(recording: Recording, frame: int) -> float:
