@@ -6,8 +6,6 @@ edges of a directed graph in which as many edges enter each angle as leave it, s
 circuit: a sequence without a superfluous hop.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

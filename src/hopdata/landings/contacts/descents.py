@@ -1,7 +1,5 @@
 """Where to look for a contact: the last descent of each foot to its lowest level."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A foot of several markers: as low as the lowest, and down as soon as the first of them is."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any

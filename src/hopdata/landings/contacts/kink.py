@@ -15,8 +15,6 @@ reach from flat (free curvature) to sharp (known gravity); `kink_learning` takes
 recording itself.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ contact, and the creep of the foot that stands. The code is plain loops with one
 function, since Numba compiles it on a user's first run.
 """
 
-from __future__ import annotations
-
 from math import exp, isnan, log, sqrt
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Kink fits of a whole recording, whose laws of flight and stance are learned from it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 

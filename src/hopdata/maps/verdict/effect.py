@@ -14,8 +14,6 @@ signs draw that error whatever the scatter of the landings (Hemerik, Goeman and 
 smooth terms beyond those fitted may have left in enters as normal draws of its size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations

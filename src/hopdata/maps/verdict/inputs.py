@@ -7,8 +7,6 @@ the vertical in the body. So all coordinates turn together, linearly, with whate
 are given in, and nothing that follows depends on it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ It follows from the interval of the one size (`effect`): a difference if the int
 zero, none if the bound is within the margin, and else no answer.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field
 from typing import Any
 

@@ -10,8 +10,6 @@ of all, show which way and how far they go. They are taken three quarters of tha
 much is granted as a standard error in its direction (`KinkFit.change`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a controller is to reach, and how far it looks ahead."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 

@@ -1,7 +1,5 @@
 """The controller as printed: direct single shooting with L-BFGS-B (Sec. 3.4.3)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 

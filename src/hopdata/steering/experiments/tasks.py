@@ -1,7 +1,5 @@
 """The experiments: what is asked, from where, and who steers (dissertation, Sec. 3.5)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias

@@ -1,7 +1,5 @@
 """A ring of the newest frames: one thread writes, others read, and no reader holds it up."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 import time

@@ -6,8 +6,6 @@ and a type. The component "3D" holds the labelled markers, in the order of the l
 marker that is not seen is NaN. (Qualisys, QTM Real-time Server Protocol Documentation.)
 """
 
-from __future__ import annotations
-
 import asyncio
 import struct
 import xml.etree.ElementTree as ET

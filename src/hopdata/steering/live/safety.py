@@ -1,7 +1,5 @@
 """What moves the boom, what the loop will not go beyond, and the watch that brings it to rest."""
 
-from __future__ import annotations
-
 import logging
 import socket
 import threading

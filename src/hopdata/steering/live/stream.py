@@ -1,7 +1,5 @@
 """The thread that reads the motion-capture stream into a buffer, and comes back after losses."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import time

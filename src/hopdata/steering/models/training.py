@@ -1,7 +1,5 @@
 """From a table of frame changes to a trained process."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass

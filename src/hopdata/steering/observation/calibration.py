@@ -1,7 +1,5 @@
 """Calibration: the geometry of a hopper from a recording of it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread

@@ -1,7 +1,5 @@
 """What calibration finds out about a hopper and live use reads: its markers, its boom, its hops."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property

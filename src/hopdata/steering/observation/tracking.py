@@ -1,7 +1,5 @@
 """One frame of markers to pose, boom angle and height, for live use."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
