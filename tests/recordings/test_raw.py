@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hopdata.recordings.raw import FILE_AXES, along_file, opposite, rotate_up, settle
+from hopdata.recordings.raw import FILE_AXES, along_file, opposite, rate_of, rotate_up, settle
 
 
 @pytest.mark.parametrize("axis", FILE_AXES)
@@ -40,10 +40,15 @@ def test_rounded_stamps_of_a_part_of_a_recording(rate_hz, decimals, first):
     np.testing.assert_allclose(time, number / rate_hz, atol=0.5001 * 10.0**-decimals)
 
 
-def test_a_dropped_frame_stays_as_it_is():
-    stamps = np.delete(np.round(np.arange(300) / 150, 3), 100)
-    time, _ = settle("a.trc", stamps, np.arange(299.0), 150.0)
-    np.testing.assert_array_equal(time, stamps)
+@pytest.mark.parametrize(("rate_hz", "decimals"), [(100, 2), (100, 3), (150, 3), (250, 4)])
+def test_rows_that_were_cut_out_stay_out_and_leave_the_rate(rate_hz, decimals):
+    true = np.delete(np.arange(900) / rate_hz, [100, *range(300, 420), 600, 601])
+    stamps, counted = np.round(true, decimals), np.arange(len(true), dtype=float)
+    assert rate_of(stamps, counted) == rate_hz
+    time, remarks = settle("a.tsv", stamps, counted, float(rate_hz))
+    np.testing.assert_allclose(time, true, atol=0.5001 * 10.0**-decimals)
+    np.testing.assert_allclose(np.diff(time) * rate_hz, np.round(np.diff(true) * rate_hz))
+    assert remarks == ()
 
 
 @pytest.mark.parametrize(("rate_hz", "decimals"), [(100, 2), (100, 3), (150, 3), (360, 3)])

@@ -400,6 +400,7 @@ def settle(
         s.
     remarks : tuple of str
     """
+    number = _with_missing_rows(stamps, number)
     fitting = _fitting_grid(stamps, number, rate_hz)
     if fitting is not None:
         return fitting, ()
@@ -461,9 +462,30 @@ def rate_of(stamps: FloatArray, number: FloatArray, *, whole: bool = True) -> fl
     """
     if len(stamps) < 2 or not (stamps[-1] > stamps[0] and number[-1] > number[0]):
         return None
+    number = _with_missing_rows(stamps, number)
     rate = (number[-1] - number[0]) / (stamps[-1] - stamps[0])
     nearest = np.round(rate)
     return float(nearest if whole and abs(rate - nearest) < RATE_TOLERANCE * rate else rate)
+
+
+def _with_missing_rows(stamps: FloatArray, number: FloatArray) -> FloatArray:
+    """Let frame numbers (N,) go on by as many frames as are missing by the time stamps, s.
+
+    Rows may have been cut out of a table whose frames are counted by its rows.
+    """
+    steps, frames = np.diff(stamps), np.diff(number)
+    if not (frames > 0).all() or not stamps[-1] > stamps[0]:
+        return number
+    rate = (number[-1] - number[0]) / (stamps[-1] - stamps[0])
+    if on_the_grid(stamps, stamps[0] + (number - number[0]) / rate, rate):
+        return number
+    low, usual, high = np.quantile(steps / frames, [0.1, 0.5, 0.9])
+    missing = steps / frames - usual > max(0.5 * usual, 1.5 * (high - low))
+    if usual <= 0 or not missing.any():
+        return number
+    rate = frames[~missing].sum() / steps[~missing].sum()
+    frames[missing] = np.round(steps[missing] * rate)
+    return np.concatenate([number[:1], number[0] + np.cumsum(frames)])
 
 
 def irregular(place: str, time: FloatArray, rate_hz: float) -> tuple[str, ...]:
