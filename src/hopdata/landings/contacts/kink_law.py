@@ -168,7 +168,13 @@ TELLING_GAIN, STANCE_GAIN, TELLING_GAIN_PER_FIT = 20.0, 6.0, 0.15
 UNDETERMINED_S, UNDETERMINED_SHARE, ODD_ONE_OF = 0.015, 0.025, 10
 AT_BOUND_S = 1e-3  # so near to the earliest instant it is the bound that was found
 SOFTNESS_S = (0.001, 0.002, 0.003, 0.0045, 0.0065, 0.009, 0.013)
-SOFTNESS_ODDS, LEAST_WEIGHT = 3.0, 0.01  # of a soft contact, against a hard one
+SOFTNESS_ODDS, SURE_OF_SOFT = 6.0, 2.0  # of soft against hard; and sds away from it to be sure
+SOFTNESS_NODES = 1001  # where compliances are weighed
+LEAST_STEP_S = 3e-4  # between compliances that are tried, s
+# The likelihood takes the law that was learned for known, and so is too sure of the compliance by
+# this factor; and no foot stops exactly as an exponential, which the other share of it allows for.
+OVERSURE, SHAPE_SHARE = 1.3, 0.03
+JUMP_S = 1e-3  # an instant that moves by more than the compliance explains is in a gap, and unsure
 SOFTER_S = (0.0, 0.003, 0.006, 0.009, 0.013)  # compliances of the laws for such a foot
 
 
@@ -259,33 +265,52 @@ def _with_softness(feet: FootHeights, fits: KinkFits, law: Law, *, alike: bool) 
     """Add to the errors what is not known of the compliance, and return what is common of it.
 
     Few landings cannot tell a hard contact from a soft one, which moves all instants of a foot. The
-    likelihoods of other compliances, of all feet `alike` or of each, weigh how far: what a foot's
-    landings share is its common error (n,), s; what they do not is in the standard errors.
+    likelihoods of other compliances, of all feet `alike` or of each, say what it may be. Feet that
+    are alike, and sure to be soft, get the instants of the mean compliance. How far a foot's
+    landings may be off alike is its common error (n,), s; what they do not share is in `unit_se`.
     """
-    some = some_landings(fits.instant, STANCE_LANDINGS)
-    near = {share * law.compliance_s for share in (0.9, 1.1)}
-    trials = [replace(law, compliance_s=time_s) for time_s in {*SOFTNESS_S, *near} - {0.0}]
-    own = _log_likelihood(feet, some, law)
-    gains = np.array([np.nansum(_log_likelihood(feet, some, one) - own, axis=0) for one in trials])
+    some, own_s = some_landings(fits.instant, STANCE_LANDINGS), law.compliance_s
+    step_s = max(0.1 * own_s, LEAST_STEP_S)
+    others = {time_s for time_s in (0.0, *SOFTNESS_S) if abs(time_s - own_s) > 1.5 * step_s}
+    trials_s = np.array(sorted({max(own_s - step_s, 0.0), own_s, own_s + step_s, *others}))
+    trials = [replace(law, compliance_s=time_s) for time_s in trials_s.tolist()]
+    found = [feet.fits(some, one) for one in trials]
+    moves = np.abs(np.diff([one.instant for one in found], axis=0))
+    steady = (moves < 2 * np.diff(trials_s)[:, None, None] + JUMP_S).all(axis=0)
+    each = np.array([one.evidence for one in found]) / (-2 * law.noise_m**2)
+    gains = np.where(steady, each, 0.0).sum(axis=1)
     if alike:
         gains[:] = gains.sum(axis=1, keepdims=True)
-    most = np.maximum(gains.max(axis=0), 0.0)
-    odds = SOFTNESS_ODDS / len(SOFTNESS_S) * np.exp(gains - most)
-    weights = odds / (odds.sum(axis=0) + np.exp(-most))
-    common, spread = np.zeros(len(most)), np.zeros(fits.instant.shape)
-    for weight, one in zip(weights, trials, strict=True):
-        if weight.max() > LEAST_WEIGHT:
-            moved = feet.fits(fits.instant, one, widely=True).instant - fits.instant
-            known = [one[np.isfinite(one)] for one in moved.T]
-            shift = np.array([np.median(each) if len(each) else 0.0 for each in known])
-            common += weight * shift**2
-            centre = shift.mean() if alike else shift  # feet that move otherwise may change places
-            spread += weight * np.nan_to_num(moved - centre) ** 2
-    error = np.sqrt(fits.unit_se**2 + spread / law.noise_m**2)
-    landings = np.isfinite(fits.instant).any(axis=1).sum()
-    if alike and 0 < landings < FEW:  # the law's own error, of what it was learned from
-        error *= np.sqrt(1 + 1 / landings)
-    return replace(fits, unit_se=error), np.sqrt(common)
+    mean, sd = _compliance(trials_s, gains)
+    away = np.where(trials_s == own_s, np.inf, np.abs(trials_s - own_s))
+    other = trials[int(np.argmin(np.abs(away - np.hypot(mean - own_s, sd).max())))]
+    moved = feet.fits(fits.instant, other, widely=True).instant - fits.instant
+    moved /= other.compliance_s - own_s
+    known = [one[np.isfinite(one)] for one in moved.T]
+    shift = np.array([np.median(one) if len(one) else 0.0 for one in known])
+    moved = np.where(np.isfinite(moved), moved, shift)
+    better = np.where(alike & (mean > SURE_OF_SOFT * sd), mean, own_s)
+    instant, doubt = fits.instant + moved * (better - own_s), np.hypot(mean - better, sd)
+    centre = shift.mean() if alike else shift  # feet that move otherwise may change places
+    error = np.hypot(fits.unit_se, (moved - centre) * doubt / law.noise_m)
+    if alike:  # the law's own error, of what it was learned from
+        error *= np.sqrt(1 + 1 / max(np.isfinite(instant).any(axis=1).sum(), 1))
+    common = np.hypot(shift * doubt, SHAPE_SHARE * mean)
+    return replace(fits, instant=instant, unit_se=error), common
+
+
+def _compliance(trials_s: FloatArray, gains: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean and sd (n,) of compliances, s, by the log likelihoods (K, n) of trials (K,)."""
+    from scipy.interpolate import CubicSpline
+
+    time_s = np.linspace(0, trials_s[-1], SOFTNESS_NODES)
+    gain = CubicSpline(trials_s, gains)(time_s) / OVERSURE**2
+    prior = np.full(len(time_s), SOFTNESS_ODDS / len(time_s))
+    prior[0] = 1.0
+    weights = prior[:, None] * np.exp(gain - gain.max(axis=0))
+    weights /= weights.sum(axis=0)
+    mean = time_s @ weights
+    return mean, np.sqrt(((time_s[:, None] - mean) ** 2 * weights).sum(axis=0))
 
 
 def single_fits(feet: FootHeights, near: FloatArray, *, noise_m: float, gravity: str) -> Softly:
