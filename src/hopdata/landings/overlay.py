@@ -93,7 +93,6 @@ def likely_offset(first: FloatArray, second: FloatArray, *, window_s: float) -> 
 
 MATCHED, MISSED, INVENTED = "matched", "missed", "invented"
 OTHER_FOOT, NOT_COMPARED = "other foot", "not compared"
-ALONE, OF_OTHERS, OUTSIDE = -1, -2, -3  # external contacts without a partner
 LATE_S = 0.1  # a foot may land so long after the post section and belong to the same touchdown
 NO_DESCENT = "no descent through the pre section"
 COLUMNS = (
@@ -152,14 +151,27 @@ def compare_contacts(
             f"contacts within {window_s:g} s of those found, found none among {len(instants)} and "
             f"{len(found)}{hint}"
         )
-    partner = np.where(inside, np.where(others, OF_OTHERS, ALONE), OUTSIDE)
-    partner[judged[at]] = shown[of]
-    rows = [
-        _external_row(float(instant), int(one), found, touchdowns)
-        for instant, one in zip(external.instant, partner, strict=True)
-    ]
-    left = np.setdiff1d(np.arange(len(found)), shown[of])
-    rows += [_unmatched_row(found.iloc[i].to_dict(), bool(known[i])) for i in left]
+    partner = dict(zip(judged[at].tolist(), shown[of].tolist(), strict=True))
+    rows: list[dict[Any, Any]] = []
+    of_ours: list[dict[Any, Any]] = found.to_dict("records")
+    for k, instant in enumerate(external.instant.tolist()):
+        row: dict[Any, Any] = {"external_s": instant, "excluded": False}
+        if not inside[k]:
+            row |= {"status": NOT_COMPARED, "reason": "outside the recording"}
+        elif others[k]:
+            row |= {"status": OTHER_FOOT, "reason": "all feet of this column are in the air"}
+        elif k in partner:
+            row |= {"status": MATCHED, **of_ours[partner[k]]}
+        else:
+            row |= {"status": MISSED, **_descent_at(touchdowns, instant)}
+        rows.append(row)
+    for i in np.setdiff1d(np.arange(len(found)), shown[of]):
+        row = of_ours[i]
+        if known[i]:
+            row["status"] = NOT_COMPARED if row["excluded"] else INVENTED
+        else:
+            row |= {"status": NOT_COMPARED, "reason": "outside the external data"}
+        rows.append(row)
     table = pd.DataFrame(rows, columns=list(COLUMNS[4:]))
     table["index"] = table["index"].astype("Int64")
     table["difference_s"] = table["found_s"] - table["external_s"]
@@ -203,28 +215,6 @@ def _by_others(recording: Recording, external: ContactTimes) -> BoolArray:
         at = np.interp(external.instant, recording.time[seen], height[seen])
         lowest = np.minimum(lowest, at)
     return lowest > external.other_feet_above_m
-
-
-def _external_row(
-    instant: float, partner: int, found: pd.DataFrame, touchdowns: pd.DataFrame
-) -> dict[Any, Any]:
-    """One contact that is known from outside, beside that found, or why there is none."""
-    row: dict[Any, Any] = {"external_s": instant, "excluded": False}
-    if partner == OUTSIDE:
-        return row | {"status": NOT_COMPARED, "reason": "outside the recording"}
-    if partner == OF_OTHERS:
-        reason = "all feet of this column are in the air"
-        return row | {"status": OTHER_FOOT, "reason": reason}
-    if partner >= 0:
-        return row | {"status": MATCHED, **found.iloc[partner].to_dict()}
-    return row | {"status": MISSED, **_descent_at(touchdowns, instant)}
-
-
-def _unmatched_row(row: dict[Any, Any], known: bool) -> dict[Any, Any]:
-    """One contact found that no external one stands beside."""
-    if not known:
-        return row | {"status": NOT_COMPARED, "reason": "outside the external data"}
-    return row | {"status": NOT_COMPARED if row["excluded"] else INVENTED}
 
 
 def _descent_at(touchdowns: pd.DataFrame, instant: float) -> dict[str, Any]:

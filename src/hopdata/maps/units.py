@@ -94,7 +94,7 @@ def choose_units(
         length_unit_m=length,
         time_unit_s=time,
         length_rule=_LENGTH_RULE if length_m is None else "given",
-        time_rule=_time_rule(predictor) if time_s is None else "given",
+        time_rule=_TIME_RULE.format(predictor) if time_s is None else "given",
         rms_position_error_m=position,
         rms_velocity_error_m_s=velocity,
         predictor=predictor,
@@ -121,11 +121,8 @@ def prediction_errors(x: FloatArray, y: FloatArray) -> tuple[FloatArray, str]:
     return errors, "affine"
 
 
+_TIME_RULE = "rms position error over rms velocity error, leave-one-out {} predictor"
 _LENGTH_RULE = "rms norm of the centred post-section positions of all body markers"
-
-
-def _time_rule(predictor: str) -> str:
-    return f"rms position error over rms velocity error, leave-one-out {predictor} predictor"
 
 
 def _rms(values: FloatArray) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from hopdata.arrays import pd
@@ -17,11 +18,6 @@ from hopdata.report.steering import steering_content
 
 COUNTS = ("n_descents", "n_landings", "n_not_landed", "n_used", "n_excluded", "n_schedules")
 NO_FOOT_LANDED = "no foot landed"  # the reason in the table of touchdowns
-
-
-def two_decimals(value: Any) -> str:
-    """Format a distance in rad."""
-    return show.fixed(value, 2)
 
 
 def study_facts(inputs: ReportInputs) -> dict[str, Any]:
@@ -39,13 +35,14 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         (rad) by name, ``fitted`` and ``not_fitted`` as text, ``labels_right`` by method (%), and
         ``study``.
     """
+    rad = partial(show.fixed, decimals=2)
     return {
         "study": inputs.study,
         **_counts(inputs),
         **_heights(inputs.sections or {}),
         **_units(inputs.units or {}),
         **_models(inputs),
-        "distances": _medians(inputs.distances, "kind", tables.KIND_NAMES, two_decimals),
+        "distances": _medians(inputs.distances, "kind", tables.KIND_NAMES, rad),
         "labels_right": _labels_right(inputs.truth or {}),
         "slopes": _by_name(inputs.truth or {}, "scaling_slope_"),
         "estimate_errors": _by_name(inputs.truth or {}, "map_estimate_error_"),

@@ -276,16 +276,14 @@ def cross(sums: Moments, fit: Coefficients, near: FloatArray, height_m: float) -
         near + u * sums.scale,
         turned(place, sums.direction, back=True),
         turned(speed, sums.direction, back=True),
-        *(turned_covariance(c, sums.direction, back=True) for c in covariances),
+        *(_turned_back(covariance, sums.direction) for covariance in covariances),
     )
 
 
-def turned_covariance(
-    covariance: FloatArray, direction: FloatArray, *, back: bool = False
-) -> FloatArray:
-    """Turn covariances (L, B, 3, 3) into frames with these x axes (L, 2), or back."""
-    once = turned(covariance, direction, back=back)
-    return turned(np.swapaxes(once, 2, 3), direction, back=back)
+def _turned_back(covariance: FloatArray, direction: FloatArray) -> FloatArray:
+    """Turn covariances (L, B, 3, 3) from frames with these x axes (L, 2) into the world."""
+    once = turned(covariance, direction, back=True)
+    return turned(np.swapaxes(once, 2, 3), direction, back=True)
 
 
 def _whole(sums: Moments, fitted: FloatArray) -> FloatArray:

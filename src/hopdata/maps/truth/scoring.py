@@ -145,7 +145,7 @@ def score_contacts(
     true = _true_contacts(known, usable["recording"].to_numpy(str), found)
     labels = usable["schedule"].astype("string").fillna("").to_numpy(str)
     right = (labels == np.array(schedule_names(true), dtype=str)) & (labels != "")
-    sure = ~_ambiguous(usable)
+    sure = (usable["class"] != AMBIGUOUS).to_numpy()
     n_landings = sum(int(_landed(item).sum()) for item in known.values())
     matched = int(np.isfinite(true).any(axis=1).sum())
     errors = found - true
@@ -160,12 +160,6 @@ def score_contacts(
         f"{name}_{method}": entry(value, unit, f"{what}, {who}")
         for (name, (unit, what)), value in zip(_OF_CONTACTS.items(), values + counts, strict=True)
     }
-
-
-def _ambiguous(table: pd.DataFrame) -> BoolArray:
-    """Mark the touchdowns of the class ambiguous, (n,); none in a table without classes."""
-    classes = table.get("class", np.zeros(len(table)))
-    return np.asarray(classes == AMBIGUOUS, dtype=bool)
 
 
 def score_sections(known: Mapping[str, KnownRecording], sections: Mapping[str, Any]) -> Entries:
