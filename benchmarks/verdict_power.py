@@ -16,10 +16,11 @@ with a difference, with its 95 % interval (Wilson); `interval_covers` and `bound
 whose interval or one-sided bound holds the true difference, and `detectable` is the median size
 that they say is found in 80 %. ``verdict_promise.csv`` says in what share it is found: by a probit
 fit to the studies of each control, for the exact difference and for that which the fit shows.
-``group_power.csv`` is of groups: each subject is the first 400 landings of a study, drawn with
-replacement from those of one kind; `mixed` takes half of them from C1 and half from a control.
-`true_rms` is the rms of the subjects' exact differences, `shown_rms` what their studies show of it
-on average.
+``group_power.csv`` is of groups: each subject is 400 or 1,000 landings of a study, drawn with
+replacement from those of one kind; `mixed` takes half of them from C1 and half from a control, and
+`paired` is the difference of the squares between the two as conditions, with the share in which it
+is found and covered. `true_rms` is the rms of the exact differences, `shown_rms` what their
+studies show of it on average.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ from hopdata.landings.states.fits import WINDOWS_S, section_states
 from hopdata.maps.truth.maps import input_root, marker_motions
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import contrasts, relative_size
-from hopdata.maps.verdict.group import judge_group
+from hopdata.maps.verdict.group import GroupVerdict, compare_conditions, judge_group
 from hopdata.maps.verdict.inputs import LEAST_CLASS, contact_orders
 from hopdata.scenes.body import N_STATES
 from hopdata.scenes.hopper_parameters import HopperParameters
@@ -253,8 +254,12 @@ FIRST_SEED = 4000
 GAIT_HOPS, TRIALS = 12_000, 4
 INSTANT_NOISE_S = 0.0006
 FEW = 1000
-GROUPS, SUBJECTS, SUBJECT_LANDINGS = 40, (4, 8, 16), 400
-GROUP_KINDS = ("C1", "kappa 0.1")
+GROUPS, SUBJECTS, SUBJECT_LANDINGS = 200, (4, 8, 16, 30), (400, 1000)
+GROUP_KINDS = (
+    *("C1", "C1 larger kicks", "C1 stiffer legs", "C1 drifting", "C1 quadruped", "kappa 0.05"),
+    *("kappa 0.1", "eps 0.2", "tau 10 ms", "quadruped kappa 0.1"),
+)
+MIXED = ("C1", "kappa 0.1")
 
 HOPPER_SECTIONS = SectionHeights(0.502, 0.2774, np.array(MarkerOptions().body_m))
 FOUR_MARKERS = [[0.2, 0.03, 0.05], [-0.05, 0.12, 0.075], [-0.2, -0.07, 0.055], [0.06, -0.1, 0.09]]
@@ -550,50 +555,72 @@ def promise(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def subject(name: str, seed: int, folder: Path) -> dict[str, Any]:
-    """Return the verdict on the few landings of one subject as a row."""
-    return judged(name, np.load(simulate(name, seed, folder)), seed, 0, SUBJECT_LANDINGS)
+def subjects(name: str, seed: int, folder: Path) -> list[dict[str, Any]]:
+    """Return the verdicts on the subjects that a study holds, each on few landings."""
+    study = np.load(simulate(name, seed, folder))
+    return [
+        judged(name, study, seed, first, asked)
+        for asked in SUBJECT_LANDINGS
+        for first in range(0, min(2000, kinds()[name].hops) - asked + 1, asked)
+    ]
 
 
 def groups(studies: pd.DataFrame) -> pd.DataFrame:
-    """Return one row a kind and number of subjects."""
-    by_kind = dict(list(studies.groupby("condition", sort=False)))
+    """Return one row a kind, number of landings and number of subjects."""
     rng, rows = np.random.default_rng(FIRST_SEED), []
-    for name in [*GROUP_KINDS, "mixed"]:
-        parts = [by_kind[one] for one in (GROUP_KINDS if name == "mixed" else [name])]
-        pool = pd.concat(parts)
-        true, shown = (
-            float(np.sqrt(max(0.0, x)))
-            for x in ((pool["true_effect"] ** 2).mean(), pool["squared"].mean())
-        )
-        for subjects in SUBJECTS:
-            found = []
-            for number in range(GROUPS):
-                drawn = pd.concat(
-                    part.iloc[rng.integers(0, len(part), subjects // len(parts))] for part in parts
-                )
-                drawn = drawn.assign(subject=[f"s{one}" for one in range(len(drawn))])
-                found.append(judge_group(drawn, seed=number))
-            rows.append(
-                {
-                    "kind": name,
-                    "subjects": subjects,
-                    "groups": GROUPS,
-                    "studies": len(pool),
-                    "true_rms": true,
-                    "shown_rms": shown,
-                    "found_alone": float(np.mean(pool["low"] > 0)),
-                    "found_share": np.mean([one.conclusion == "different" for one in found]),
-                    "none_share": np.mean([one.conclusion == "no difference" for one in found]),
-                    "covers_true": np.mean([one.low <= true <= one.high for one in found]),
-                    "covers_shown": np.mean([one.low <= shown <= one.high for one in found]),
-                    "bound_covers": np.mean([one.upper_bound >= true for one in found]),
-                    "estimate_median": np.median([one.estimate for one in found]),
-                    "bound_median": np.median([one.upper_bound for one in found]),
-                    "i2_median": np.median([one.combined.i2 for one in found]),
-                }
-            )
+    for asked, of_size in studies.groupby("asked"):
+        by_kind = dict(list(of_size.groupby("condition", sort=False)))
+        for name, count in product([*by_kind, "mixed", "paired"], SUBJECTS):
+            parts = [by_kind[one] for one in (MIXED if name in ("mixed", "paired") else [name])]
+            pool = pd.concat(parts)
+            true = (pool["true_effect"] ** 2).mean()
+            row = {"kind": name, "landings": asked, "subjects": count, "studies": len(pool)}
+            row |= {"groups": GROUPS, "found_alone": float(np.mean(pool["low"] > 0))}
+            if name == "paired":
+                rows.append(row | _paired(parts, count, rng))
+                continue
+            found = [
+                judge_group(_drawn(parts, count // len(parts), rng), seed=number)
+                for number in range(GROUPS)
+            ]
+            rows.append(row | _summed(found, np.sqrt(true), pool["squared"].mean()))
     return pd.DataFrame(rows)
+
+
+def _drawn(parts: list[pd.DataFrame], each: int, rng: np.random.Generator) -> pd.DataFrame:
+    drawn = pd.concat(part.iloc[rng.integers(0, len(part), each)] for part in parts)
+    return drawn.assign(subject=[f"s{one}" for one in range(len(drawn))])
+
+
+def _summed(found: list[GroupVerdict], true: float, shown: float) -> dict[str, float]:
+    return {
+        "true_rms": true,
+        "shown_rms": float(np.sqrt(max(0.0, shown))),
+        "found_share": np.mean([one.conclusion == "different" for one in found]),
+        "none_share": np.mean([one.conclusion == "no difference" for one in found]),
+        "covers_true": np.mean([one.low <= true <= one.high for one in found]),
+        "bound_covers": np.mean([one.upper_bound >= true for one in found]),
+        "estimate_median": np.median([one.estimate for one in found]),
+        "low_median": np.median([one.low for one in found]),
+        "high_median": np.median([one.high for one in found]),
+        "bound_median": np.median([one.upper_bound for one in found]),
+        "i2_median": np.median([one.combined.i2 for one in found]),
+    }
+
+
+def _paired(parts: list[pd.DataFrame], subjects: int, rng: np.random.Generator) -> dict[str, float]:
+    true = np.subtract(*((part["true_effect"] ** 2).mean() for part in parts))
+    tables = []
+    for _ in range(GROUPS):
+        both = [_drawn([part], subjects, rng) for part in parts]
+        tables.append(compare_conditions(pd.concat(both)).iloc[0])
+    table = pd.DataFrame(tables)
+    return {
+        "true_rms": np.sqrt(abs(true)),
+        "found_share": np.mean(table["p_value"] < 0.05),
+        "covers_true": np.mean((table["low"] <= true) & (true <= table["high"])),
+        "estimate_median": np.sqrt(table["difference"].abs().median()),
+    }
 
 
 def main() -> None:
@@ -617,7 +644,8 @@ def main() -> None:
         rows = [row for file in files for row in json.loads(file.read_text())]
         if set(GROUP_KINDS) <= set(names) and not args.simulated:
             drawn = [(name, seed, folder) for name in GROUP_KINDS for seed in seeds]
-            found = groups(pd.DataFrame(pool.map(subject, *zip(*drawn, strict=True))))
+            small = pool.map(subjects, *zip(*drawn, strict=True))
+            found = groups(pd.DataFrame([row for study in small for row in study]))
             found.to_csv(args.out.with_name("group_power.csv"), index=False, float_format="%.4g")
     table = pd.DataFrame(rows)
     order = {name: number for number, name in enumerate(names)}

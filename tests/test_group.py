@@ -76,7 +76,13 @@ def test_a_mistake_common_to_all_is_told_once_with_its_line(group):
 
 
 def row(subject, squared, reason=""):
-    sizes = {"squared": squared, "squared_error": 0.02, "along_error": 0.1, "granted_squared": 0.0}
+    sizes = {
+        "squared": squared,
+        "squared_error": 0.02,
+        "along_error": 0.1,
+        "granted_squared": 0.0,
+        "moved_squared": 0.0,
+    }
     return {"subject": subject, "condition": "", "further": {}, "reason": reason, **sizes}
 
 

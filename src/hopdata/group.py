@@ -24,6 +24,7 @@ SIZES = (
     "squared_error",
     "along_error",
     "granted_squared",
+    "moved_squared",
 )
 
 logger = logging.getLogger("hopdata")
@@ -181,6 +182,7 @@ def put_together(rows: Sequence[Mapping[str, Any]], group: Mapping[str, Any]) ->
         effect = judge_group(answered, seed=group["seed"], **group["verdict"])
     except AnalysisError as error:
         return {"conclusion": "cannot tell", "sentence": f"{error}.", "effect": None, **found}
-    found["conditions"] = compare_conditions(answered).to_dict("records")
+    sure = group["verdict"]["confidence"]
+    found["conditions"] = compare_conditions(answered, confidence=sure).to_dict("records")
     told = {"conclusion": effect.conclusion, "sentence": effect.sentence}
     return {**told, "effect": asdict(effect), **found}

@@ -43,14 +43,15 @@ def test_every_frame_is_drawn_once_and_coloured_by_its_threshold(drawn):
 
 def test_dashes_stand_at_thresholds_and_sections(drawn):
     _, limits, figure = drawn
-    keys = ("min_foot_threshold_m", "max_foot_threshold_m")
-    for (scatter, beside, above), key in zip(panels(figure), keys, strict=True):
+    keys = (("min_foot_threshold_m", "pre_height_m"), ("max_foot_threshold_m", "post_height_m"))
+    both = sorted(1000 * limits[section] for _, section in keys)
+    for (scatter, beside, above), (key, section) in zip(panels(figure), keys, strict=True):
         flat = [line.get_ydata()[0] for line in scatter.lines if np.ptp(line.get_ydata()) == 0]
         assert flat == pytest.approx([1000 * limits[key]])
         assert beside.lines[-1].get_ydata()[0] == flat[0]
-        upright = [line.get_xdata()[0] for line in above.lines[-2:]]
-        expected = [1000 * limits["post_height_m"], 1000 * limits["pre_height_m"]]
-        assert upright == pytest.approx(expected)
+        assert above.lines[-1].get_xdata()[0] == pytest.approx(1000 * limits[section])
+        between = above.patches[-1].get_bbox()
+        assert [between.x0, between.x1] == pytest.approx(both)
 
 
 def test_no_text_lies_over_another(drawn):

@@ -90,12 +90,28 @@ def test_the_two_commonest_orders_are_drawn_with_their_maps():
         assert sum("map" in text for text in drawn) == maps + 1, "and what a map is"
 
 
+@pytest.mark.parametrize("conclusion", EFFECTS)
+@pytest.mark.parametrize("true", [0.0, 0.05, 0.21, 0.7])
+def test_the_true_difference_of_a_simulated_study_is_marked(conclusion, true):
+    truth = pd.DataFrame({"true_effect": [true]})
+    figure = verdict_figure(verdict(conclusion), touchdowns(), truth)
+    axes = figure.axes[0]
+    (mark,) = [line for line in axes.lines if line.get_marker() == "^"]
+    assert mark.get_xdata()[0] == pytest.approx(100 * true)
+    assert axes.get_xlim()[1] > 100 * true
+    found = f"{100 * EFFECTS[conclusion][0]:g} %"
+    assert f"true: {100 * true:g} %, estimated: {found}" in texts(axes)
+    assert text_faults(figure) == []
+    unknown = verdict_figure(verdict(conclusion), touchdowns(), truth.iloc[:0]).axes[0]
+    assert not [line for line in unknown.lines if line.get_marker() == "^"]
+
+
 def test_an_endless_interval_is_cut_and_ends_in_an_arrowhead():
     effect = {"estimate": 0.1, "low": 0.0, "high": 1e3, "upper_bound": 900.0, "detectable": 3.0}
     figure = verdict_figure(verdict("cannot tell", effect=effect), touchdowns())
     axes = figure.axes[0]
     assert axes.get_xlim()[1] < 400
-    assert any(line.get_marker() == ">" and line.get_ydata()[0] == 1 for line in axes.lines)
+    assert any(line.get_marker() == ">" and line.get_ydata()[0] > 1 for line in axes.lines)
     assert text_faults(figure) == []
 
 

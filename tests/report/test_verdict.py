@@ -18,6 +18,16 @@ def test_where_a_difference_was_found_nothing_is_said_to_be_excluded():
     assert remark == "of the map, 95\u00a0% interval"
 
 
+def test_the_true_difference_of_a_simulation_stands_beside_the_estimate():
+    truth = {"verdict_true_effect": {"value": 0.0512, "unit": "1", "what": ""}}
+    facts = verdict_facts(verdict(), truth)
+    assert facts["true"] == "5.1\u00a0%"
+    assert facts["remark"].endswith("; true in this simulation: 5.1\u00a0%")
+    page = Page(build_report(full_study(truth=truth)))
+    assert "true in this simulation: 5.1 %" in page.text
+    assert verdict_facts(verdict(), {"verdict_true_effect": {"value": None}})["true"] is None
+
+
 def test_without_an_answer_or_a_verdict_the_same_keys_are_there():
     assert verdict_facts(no_answer()).keys() == verdict_facts(verdict()).keys()
     assert verdict_facts(None).keys() == verdict_facts(verdict()).keys()
@@ -45,6 +55,15 @@ def test_a_study_without_an_answer_has_a_page_that_says_why():
         "Difference of the maps not known cannot tell",
     ):
         assert words in page.text
+
+
+def test_the_answer_is_not_told_again_by_its_picture():
+    """Where there is no number the picture would be the sentence once more."""
+    told = no_answer()
+    page = Page(build_report(full_study(verdict=told)))
+    assert page.text.count(told["sentence"]) == 1
+    page = Page(build_report(full_study()))
+    assert page.text.count(verdict()["sentence"]) == 1
 
 
 def test_notes_stand_under_the_verdict():

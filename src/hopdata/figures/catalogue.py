@@ -70,7 +70,11 @@ FIGURES: dict[str, dict[str, Drawing]] = {
         ),
     },
     "maps": {
-        "verdict": Drawing("verdict:verdict_figure", ("verdict.json", *_table("touchdowns"))),
+        "verdict": Drawing(
+            "verdict:verdict_figure",
+            ("verdict.json", *_table("touchdowns")),
+            truth=_table("verdict_errors"),
+        ),
         "fig2_4_prediction": Drawing(
             "prediction:prediction_figure", (*_table("prediction_summary"), "tables/units.json")
         ),
@@ -81,9 +85,7 @@ FIGURES: dict[str, dict[str, Drawing]] = {
             "maps:matrices_figure", _table("map_estimates"), truth=_table("exact_map")
         ),
     },
-    "truth": {
-        "scaling_study": Drawing("maps:scaling_study_figure", _table("scaling_study")),
-    },
+    "truth": {"scaling_study": Drawing("maps:scaling_study_figure", _table("scaling_study"))},
     "overlay": {
         "contact_overlay": Drawing(
             "overlay:contact_overlay_figure",

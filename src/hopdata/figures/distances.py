@@ -20,6 +20,10 @@ KINDS: dict[str, tuple[str, str, Any]] = {
 }
 QUANTILES = ("q05", "q25", "median", "q75", "q95")
 MOST_STEPS = 2000
+NOT_DECIDED = (
+    "Cross-class right of in-class does not mean\ndifferent maps: noise and one map that bends\n"
+    "move them, too. The verdict decides."
+)
 
 
 @style.styled
@@ -41,10 +45,11 @@ def distances_figure(distances: pd.DataFrame, summary: pd.DataFrame) -> Figure:
     """
     if not distances["distance_rad"].notna().any():
         return style.message_figure("No distances: no mode schedule holds enough touchdowns.")
-    figure = style.paper_figure(style.SINGLE_COLUMN_MM, 92.0)
+    figure = style.paper_figure(style.SINGLE_COLUMN_MM, 102.0)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.7, 1))
     _draw_study(upper, lower, distances, summary)
     style.letters((upper, lower))
+    figure.supxlabel(NOT_DECIDED, fontsize=style.pt(7))
     figure.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
@@ -83,10 +88,8 @@ def _draw_box(axes: Axes, place: int, kind: str, row: Any) -> None:
     _, colour, _ = KINDS[kind]
     values = [float(row.get(quantile, np.nan)) for quantile in QUANTILES]
     if not np.all(np.isfinite(values)):
-        axes.text(
-            0.5, place, "none", transform=axes.get_yaxis_transform(), ha="center", va="center",
-            color=style.GREY,
-        )  # fmt: skip
+        look: Any = {"ha": "center", "va": "center", "color": style.GREY}
+        axes.text(0.5, place, "none", transform=axes.get_yaxis_transform(), **look)
         return
     style.box(axes, place, values, colour, widths=0.55, orientation="horizontal")
 

@@ -27,6 +27,11 @@ PLACES = {name: i + 0.4 * (name not in AFFINE) for i, name in enumerate(MODELS)}
 # Free part of the axis beyond the boxes, of their range: no whisker lies on its line.
 ROOM = 0.04
 QUANTILES = ("p2_5", "q25", "median", "q75", "p97_5")
+ASKED = "How far each model misses the state after a landing (lower is better)"
+NOT_DECIDED = (
+    "“specialised” below “all” does not mean different maps: one map that bends does that, too. "
+    "The verdict decides."
+)
 
 
 @style.styled
@@ -57,12 +62,18 @@ def prediction_figure(summary: pd.DataFrame, units: Mapping[str, Any]) -> Figure
     axes.set_ylim(_round_limits([rows[name][q] for name in fitted for q in QUANTILES]))
     for name, place in PLACES.items():
         if name in fitted:
-            _draw_box(axes, place, rows[name], style.BLUE if name in AFFINE else style.ORANGE)
+            colour, numbers = style.BLUE if name in AFFINE else style.ORANGE, rows[name]
+            style.box(axes, place, [float(numbers[q]) for q in QUANTILES], colour, widths=0.5)
+            _write_share(axes, place, rows[name], rows.get("mean"))
         else:
-            axes.text(
-                place, 0.5, "not fitted:\ntoo few\ntouchdowns", ha="center", va="center",
-                transform=axes.get_xaxis_transform(), color=style.GREY, bbox=style.ON_WHITE,
-            )  # fmt: skip
+            look: Any = {
+                "ha": "center",
+                "va": "center",
+                "color": style.GREY,
+                "bbox": style.ON_WHITE,
+            }
+            words = "not fitted:\ntoo few\ntouchdowns"
+            axes.text(place, 0.5, words, transform=axes.get_xaxis_transform(), **look)
     _label(axes, rows, units)
     return figure
 
@@ -71,11 +82,14 @@ def _is_fitted(row: Mapping[Any, Any] | None) -> bool:
     return row is not None and all(np.isfinite(row.get(q, np.nan)) for q in QUANTILES)
 
 
-def _draw_box(axes: Axes, place: float, row: Mapping[Any, Any], colour: str) -> None:
-    style.box(axes, place, [float(row[quantile]) for quantile in QUANTILES], colour, widths=0.5)
-    median = float(row["median"])
+def _write_share(
+    axes: Axes, place: float, row: Mapping[Any, Any], mean: Mapping[Any, Any] | None
+) -> None:
+    """Write the median beside its box, as a share of that of the mean where there is one."""
+    median, whole = (float((one or {}).get("median", np.nan)) for one in (row, mean))
+    text = f"{significant(100 * median / whole)} %" if whole > 0 else significant(median)
     at = (place + 0.25, median)
-    style.note(axes, significant(median), at, (2.5, 0), va="center", bbox=style.ON_WHITE)
+    style.note(axes, text, at, (2.5, 0), va="center", bbox=style.ON_WHITE, fontsize=7)
 
 
 def _label(axes: Axes, rows: Mapping[str, Mapping[Any, Any]], units: Mapping[str, Any]) -> None:
@@ -83,7 +97,9 @@ def _label(axes: Axes, rows: Mapping[str, Mapping[Any, Any]], units: Mapping[str
     axes.set_xticks(list(PLACES.values()), ticks)
     axes.tick_params(axis="x", length=0)
     axes.set_xlim(-0.5, max(PLACES.values()) + 0.7)
-    axes.set_xlabel("model (touchdowns to train / to test in each bootstrap)")
+    shares = "; %: of the error of the mean (all)" if _is_fitted(rows.get("mean")) else ""
+    axes.set_xlabel(f"model (touchdowns to train / to test in each bootstrap){shares}")
+    axes.set_title(f"{ASKED}\n{NOT_DECIDED}", loc="left")
     axes.set_ylabel(f"combined prediction MSE (units²)\n{units_text(units)}")
     # The range is often below one decade.
     axes.yaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))

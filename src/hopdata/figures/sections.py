@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from hopdata.figures import style
 
@@ -22,9 +24,11 @@ class _Side:
     """One half of the figure: a foot height, its threshold and the frames that it singles out."""
 
     letter: str
+    section: str
     foot: str  # whose height decides
     where: str  # all feet are in the frames singled out
     otherwise: str  # some feet are in the others
+    below: str  # the section, what is so
     colour: str
 
     @property
@@ -33,8 +37,8 @@ class _Side:
 
 
 SIDES = (
-    _Side("a", "min_foot", "up", "down", style.BLUE),
-    _Side("b", "max_foot", "down", "up", style.VERMILION),
+    _Side("a", "pre", "min_foot", "up", "down", "feet begin to touch", style.BLUE),
+    _Side("b", "post", "max_foot", "down", "up", "all feet are down", style.VERMILION),
 )
 
 
@@ -58,7 +62,8 @@ def sections_figure(
     Returns
     -------
     Figure
-        Two halves of 2 x 2 axes that share their height axes; the scatter is rasterised.
+        Two halves, one a section, of 2 x 2 axes that share their height axes; what lies between
+        the sections is yellow, as in Fig. 2.3. The scatter is rasterised.
     """
     if frames.empty:
         return style.message_figure("No frame to draw: the recording holds no complete frames.")
@@ -66,7 +71,7 @@ def sections_figure(
     halves: Any = figure.subfigures(1, 2, wspace=0.02)
     for half, side in zip(halves, SIDES, strict=True):
         _draw_side(half, side, frames, densities, sections)
-    figure.legend(handles=_legend_handles(), loc="outside lower center", ncols=4)
+    figure.legend(handles=_legend_handles(), loc="outside lower center", ncols=5)
     return figure
 
 
@@ -90,16 +95,13 @@ def _draw_side(
     _draw_foot_density(beside, side, densities)
     _draw_body_density(above, side, densities)
     _draw_threshold((scatter, beside), threshold)
-    _draw_sections((scatter, above), sections)
-    _describe(half.add_subplot(grid[0, 0]), side)
-
-
-def _describe(axes: Axes, side: _Side) -> None:
-    """Say in the empty corner what the two densities of this half are."""
-    axes.set_axis_off()
-    axes.text(0, 1, side.letter, fontweight="bold", fontsize=style.pt(8), va="top")
-    what = f"body height\nwhile {side.condition}\nand otherwise"
-    axes.text(1, 0.5, what, ha="right", va="center")
+    _draw_sections((scatter, above), sections, side)
+    height = _height(sections, f"{side.section}_height_m")
+    said = "not found" if height is None else f"below {height:.0f} mm {side.below}"
+    half.suptitle(
+        f"{side.letter}   {side.section.capitalize()} section: {said}", color=side.colour, x=0.02,
+        ha="left", fontsize=style.pt(8), fontweight="bold",
+    )  # fmt: skip
 
 
 def _draw_scatter(axes: Axes, side: _Side, frames: pd.DataFrame, threshold: float | None) -> None:
@@ -154,26 +156,26 @@ def _draw_threshold(both: tuple[Axes, Axes], threshold: float | None) -> None:
     style.note(both[0], text, (1, threshold), (2, 0), xycoords=where, va="center")
 
 
-def _draw_sections(both: tuple[Axes, Axes], sections: Mapping[str, Any]) -> None:
-    """Draw both sections; their labels lean away from each other so that they never overlap."""
-    for name, key, lean in (("post", "post_height_m", "right"), ("pre", "pre_height_m", "left")):
-        height = _height(sections, key)
-        if height is None:
-            continue
-        for axes in both:
-            axes.axvline(height, **DASHED)
-        style.note(
-            both[1], f"{name} {height:.0f} mm", (height, 1), (3 if lean == "right" else -3, 2),
-            xycoords=("data", "axes fraction"), ha=lean, va="bottom",
-        )  # fmt: skip
+def _draw_sections(both: tuple[Axes, Axes], sections: Mapping[str, Any], side: _Side) -> None:
+    """Draw the section of a half, and what lies between the two."""
+    heights = {name: _height(sections, f"{name}_height_m") for name in ("post", "pre")}
+    own, known = heights[side.section], [one for one in heights.values() if one is not None]
+    for axes in both:
+        if len(known) == len(heights):
+            axes.axvspan(*known, color=style.YELLOW, alpha=0.35, linewidth=0, zorder=-1)
+        if own is not None:
+            axes.axvline(own, **DASHED)
 
 
-def _legend_handles() -> list[Line2D]:
-    dots = [(side.colour, f"frame with {side.condition}") for side in SIDES]
-    dots.append((style.GREY, "other frame"))
-    handles = [Line2D([], [], color=c, marker="o", ls="", ms=3, label=text) for c, text in dots]
-    handles.append(Line2D([], [], label="threshold, Poincaré section", **DASHED))
-    return handles
+def _legend_handles() -> list[Artist]:
+    dots = [(side.colour, side.condition) for side in SIDES]
+    dots.append((style.GREY, "other frames"))
+    handles: list[Artist] = [
+        Line2D([], [], color=c, marker="o", ls="", ms=3, label=text) for c, text in dots
+    ]
+    handles.append(Line2D([], [], label="threshold, section", **DASHED))
+    between: Any = {"facecolor": style.YELLOW, "alpha": 0.35, "linewidth": 0}
+    return [*handles, Patch(label="transition, pre to post", **between)]
 
 
 def _height(sections: Mapping[str, Any], key: str) -> float | None:

@@ -25,7 +25,9 @@ LONGEST = 3.0
 
 
 @style.styled
-def verdict_figure(verdict: Mapping[str, Any], touchdowns: pd.DataFrame) -> Figure:
+def verdict_figure(
+    verdict: Mapping[str, Any], touchdowns: pd.DataFrame, truth: pd.DataFrame | None = None
+) -> Figure:
     """Draw the verdict on a study.
 
     Parameters
@@ -34,6 +36,8 @@ def verdict_figure(verdict: Mapping[str, Any], touchdowns: pd.DataFrame) -> Figu
         Contents of ``verdict.json``; see docs/verdict.md.
     touchdowns : DataFrame
         The touchdown table, of which the two commonest orders of contact are drawn.
+    truth : DataFrame, optional
+        The ``true_effect`` of a simulated study, which is marked on the axis.
 
     Returns
     -------
@@ -46,7 +50,13 @@ def verdict_figure(verdict: Mapping[str, Any], touchdowns: pd.DataFrame) -> Figu
             textwrap.fill(_said(verdict), 90), width_mm=style.DOUBLE_COLUMN_MM
         )
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, ROW_MM + 6.0)
-    _draw_row(figure, verdict, touchdowns)
+    true = None if truth is None or truth.empty else float(truth["true_effect"].iloc[0])
+    top = _top(verdict) if true is None else max(_top(verdict), 112.0 * true)
+    left = _draw_row(figure, verdict, touchdowns, top)
+    if true is not None:
+        left.plot(100.0 * true, 0.0, "^", color=style.BLUE, markersize=5, clip_on=False, zorder=5)
+        words = f"true: {_percent(true)}, estimated: {_percent(verdict['effect']['estimate'])}"
+        _write(left, words, (100.0 * true, 0.0), 4, style.BLUE, top)
     return figure
 
 
@@ -71,22 +81,20 @@ def verdicts_figure(*content: Any, names: Sequence[str]) -> Figure:
         if verdict.get("effect") is None:
             part.text(0.5, 0.5, textwrap.fill(_said(verdict), 90), ha="center", va="center")
         else:
-            _draw_row(part, verdict, touchdowns, top=max(tops))
+            _draw_row(part, verdict, touchdowns, max(tops))
     return figure
 
 
 def _draw_row(
-    figure: Figure | SubFigure,
-    verdict: Mapping[str, Any],
-    touchdowns: pd.DataFrame,
-    top: float | None = None,
-) -> None:
+    figure: Figure | SubFigure, verdict: Mapping[str, Any], touchdowns: pd.DataFrame, top: float
+) -> Axes:
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
-    _draw_size(left, verdict, _top(verdict) if top is None else top)
+    _draw_size(left, verdict, top)
     _draw_landings(right, verdict["conclusion"], touchdowns)
     figure.supxlabel(textwrap.fill(_said(verdict), SENTENCE_WIDTH), fontsize=style.pt(7))
     style.letter(left, "a")
     style.letter(right, "b")
+    return left
 
 
 def _top(verdict: Mapping[str, Any]) -> float:
@@ -109,23 +117,23 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     low, end = 100.0 * effect["low"], 100.0 * _end(verdict["conclusion"], effect)
     sure, power = (f"{100 * float(verdict[key]):g} %" for key in ("confidence", "power"))
     axes.set_title(in_short(verdict), color=colour, fontsize=style.pt(10), fontweight="bold")
-    axes.plot([low, min(end, top)], [1.0, 1.0], color=colour, linewidth=7, solid_capstyle="butt")
+    axes.plot([low, min(end, top)], [1.15, 1.15], color=colour, linewidth=7, solid_capstyle="butt")
     if end > top:
-        axes.plot(top, 1.0, ">", color=colour, markersize=9, clip_on=False)
+        axes.plot(top, 1.15, ">", color=colour, markersize=9, clip_on=False)
     if low > 0:
         found = 100.0 * effect["estimate"]
-        axes.plot(found, 1.0, "|", color="white", markersize=7, markeredgewidth=2)
+        axes.plot(found, 1.15, "|", color="white", markersize=7, markeredgewidth=2)
     words = f"{sure} interval" if low > 0 else f"could still hide here, at {sure} confidence"
-    _write(axes, words, (low, 1.0), 7, colour, top)
+    _write(axes, words, (low, 1.15), 7, colour, top)
     axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
-    _write(axes, f"smaller than {margin:g} %\ncounts as none", (margin, 1.7), -3, style.INK, top)
+    _write(axes, f"smaller than {margin:g} %\ncounts as none", (margin, 1.8), -3, style.INK, top)
     words = "nothing could have been seen"
     if seen < top:
         words = f"a difference from here on\nis found in {power} of studies"
-        axes.plot([seen, top], [0.35, 0.35], color=style.PURPLE, linewidth=1.2)
-        axes.plot(seen, 0.35, "|", color=style.PURPLE, markersize=8, markeredgewidth=1.5)
-        axes.plot(top, 0.35, ">", color=style.PURPLE, markersize=4, clip_on=False)
-    _write(axes, words, (min(seen, top), 0.35), -13, style.PURPLE, top)
+        axes.plot([seen, top], [0.55, 0.55], color=style.PURPLE, linewidth=1.2)
+        axes.plot(seen, 0.55, "|", color=style.PURPLE, markersize=8, markeredgewidth=1.5)
+        axes.plot(top, 0.55, ">", color=style.PURPLE, markersize=4, clip_on=False)
+    _write(axes, words, (min(seen, top), 0.55), -13, style.PURPLE, top)
     axes.set_ylim(0.0, 2.15)
     axes.set_xlim(0.0, top)
     axes.set_yticks([])
@@ -241,25 +249,16 @@ def group_figure(group: Mapping[str, Any]) -> Figure:
     sizes = [row["estimate"] for row in rows] + [group["margin"]]
     ends = [_end(row["conclusion"], row) for row in (*rows, *whole)]
     top = min(max(ends), LONGEST * max(*sizes, sorted(ends)[len(ends) // 2]))
-    for place, row in enumerate((*rows, *whole)):
-        colour = ANSWERS[row["conclusion"]][1]
-        y, is_whole = place + 0.5 * (place == len(rows)), place == len(rows)
-        end = min(ends[place], top)
-        axes.plot(
-            [100 * row["low"], 100 * end], [y, y], color=colour, linewidth=4 - 2.5 * (not is_whole)
-        )
-        axes.plot(
-            100 * row["estimate"],
-            y,
-            "D" if is_whole else "s",
-            color=colour,
-            markersize=5,
-            clip_on=False,
-        )
-        if end < ends[place]:
-            axes.plot(100 * top, y, ">", color=colour, markersize=4, clip_on=False)
-    axes.axvline(100 * group["margin"], color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
     places = [*range(len(rows)), *([len(rows) + 0.5] if whole else [])]
+    for y, row, end in zip(places, (*rows, *whole), ends, strict=True):
+        of_all = y == len(rows) + 0.5
+        look: dict[str, Any] = {"color": ANSWERS[row["conclusion"]][1], "clip_on": False}
+        ends_shown = [100 * row["low"], 100 * min(end, top)]
+        axes.plot(ends_shown, [y, y], linewidth=4.0 if of_all else 1.5, **look)
+        axes.plot(100 * row["estimate"], y, "D" if of_all else "s", markersize=5, **look)
+        if end > top:
+            axes.plot(100 * top, y, ">", markersize=4, **look)
+    axes.axvline(100 * group["margin"], color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
     axes.set_yticks(places, [style.label_of(row["name"]) for row in (*rows, *whole)])
     axes.set_ylim(places[-1] + 0.8, -0.8)
     axes.set_xlim(0.0, 102.0 * top)

@@ -46,7 +46,7 @@ def study_facts(inputs: ReportInputs) -> dict[str, Any]:
         "labels_right": _labels_right(inputs.truth or {}),
         "slopes": _by_name(inputs.truth or {}, "scaling_slope_"),
         "estimate_errors": _by_name(inputs.truth or {}, "map_estimate_error_"),
-        "verdict": verdict.verdict_facts(inputs.verdict),
+        "verdict": verdict.verdict_facts(inputs.verdict, inputs.truth),
     }
 
 

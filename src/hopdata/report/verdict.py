@@ -16,15 +16,17 @@ MEANING = (
 )
 
 
-def verdict_facts(verdict: Verdict | None) -> dict[str, Any]:
+def verdict_facts(
+    verdict: Verdict | None, truth: Mapping[str, Mapping[str, Any]] | None = None
+) -> dict[str, Any]:
     """Return texts on the verdict: all keys are always there, None where it is not known.
 
     Returns
     -------
     dict
         ``sentence``; ``outlook``, what these data could have shown; ``difference``, the effect with
-        its interval; ``remark``, the bound that decides; ``confidence``, ``power``; ``found``,
-        whether there is an effect at all.
+        its interval; ``true``, what it is in a simulation; ``remark``, the bound that decides;
+        ``confidence``, ``power``; ``found``, whether there is an effect at all.
     """
     known: Verdict = verdict or {}
     effect = known.get("effect")
@@ -33,6 +35,7 @@ def verdict_facts(verdict: Verdict | None) -> dict[str, Any]:
         "outlook": known.get("outlook"),
         "found": effect is not None,
         "difference": None,
+        "true": None,
         "remark": "",
         "confidence": _share(known.get("confidence")),
         "power": _share(known.get("power")),
@@ -42,10 +45,13 @@ def verdict_facts(verdict: Verdict | None) -> dict[str, Any]:
     keys = ("estimate", "low", "high", "upper_bound")
     estimate, low, high, bound = (show.significant(100 * effect[key], 2) for key in keys)
     excluded = f"; larger than {bound} % excluded (one-sided), {100 * known['margin']:g} % wanted"
+    true: Any = (truth or {}).get("verdict_true_effect", {}).get("value")
+    facts["true"] = None if show.is_missing(true) else _percent(float(true))
     return facts | {
         "difference": show.with_unit(f"{estimate} ({low} to {high})", "%"),
         "remark": f"of the map, {facts['confidence']} interval"
-        + ("" if known["conclusion"] == "different" else excluded),
+        + ("" if known["conclusion"] == "different" else excluded)
+        + (f"; true in this simulation: {facts['true']}" if facts["true"] else ""),
     }
 
 
@@ -67,7 +73,8 @@ CONDITIONS: show.Columns = {
     "rms of the first (%)": show.decimals("size_a", 1, 100.0),
     "rms of the second (%)": show.decimals("size_b", 1, 100.0),
     "difference of squares (%²)": show.decimals("difference", 1, 1e4),
-    "its error (%²)": show.decimals("error", 1, 1e4),
+    "from (%²)": show.decimals("low", 1, 1e4),
+    "to (%²)": show.decimals("high", 1, 1e4),
     "p": show.decimals("p_value", 3),
     "p after Holm": show.decimals("p_holm", 3),
 }

@@ -26,6 +26,7 @@ def studies(sizes, seed, condition="", left=0.0):
             "squared_error": NOISE**2 * np.sqrt(2.0 / DIRECTIONS),
             "along_error": noise,
             "granted_squared": left**2,
+            "moved_squared": left**2,
         }
     )
 
@@ -51,6 +52,20 @@ def test_a_difference_is_found_and_covered():
     assert np.mean([one.low <= 0.2 <= one.high for one in found]) > 0.9
 
 
+@pytest.mark.parametrize("along", [-0.06, 0.06])
+def test_what_smooth_terms_leave_along_a_difference_is_covered_in_large_groups(along):
+    """The kinks of all landings are off by twice as much as those reported, in every subject."""
+    found = []
+    for seed in range(40):
+        table = studies(np.full(30, 0.3 + along), seed)
+        table["moved_squared"] = (0.3 + 2.0 * along) ** 2 - (0.3 + along) ** 2
+        found.append(judge_group(table, seed=seed))
+    assert np.mean([one.low <= 0.3 <= one.high for one in found]) > 0.9
+    assert all(one.conclusion == "different" for one in found)
+    blind = judge_group(studies(np.full(30, 0.3 + along), 0), seed=0)
+    assert not blind.low <= 0.3 <= blind.high, "nothing but the way gone tells of it"
+
+
 def test_heterogeneity_is_told_from_noise():
     mixed = judge_group(studies(np.tile([0.0, 0.5], 6), 1), seed=1).combined
     alike = judge_group(studies(np.full(12, 0.2), 1), seed=1).combined
@@ -59,9 +74,10 @@ def test_heterogeneity_is_told_from_noise():
     assert alike.i2 < 0.5
 
 
-def test_a_single_outlier_does_not_rule_by_its_own_variance():
-    """Equal studies of another size have equal weight, so the mean is the plain one."""
+def test_large_differences_do_not_weigh_less_for_their_larger_errors():
+    """Errors grow with the size that chance gave: weighted by them the mean would be too small."""
     table = studies(np.linspace(0.0, 0.4, 9), 3)
+    table["squared_error"] = 0.01 + table["squared"].abs()
     assert judge_group(table, seed=1).combined.mean == pytest.approx(table["squared"].mean())
 
 
@@ -72,6 +88,17 @@ def test_conditions_are_compared_within_subjects():
     assert table.loc[("a", "b"), "difference"] == pytest.approx(-0.15, abs=0.05)
     assert table.loc[("a", "b"), "p_holm"] < 0.01
     assert table.loc[("a", "c"), "p_holm"] > 0.05
+
+
+def test_conditions_that_bend_otherwise_have_a_wider_interval():
+    rows = [studies(np.full(30, 0.3), 1, "a"), studies(np.full(30, 0.34), 2, "b")]
+    alike = compare_conditions(pd.concat(rows)).iloc[0]
+    assert alike["high"] < 0
+    assert alike["p_value"] < 0.05
+    rows[1]["moved_squared"] = 0.03
+    bent = compare_conditions(pd.concat(rows)).iloc[0]
+    assert bent["high"] > 0.02
+    assert bent["p_value"] == alike["p_value"]
 
 
 def test_conditions_that_few_subjects_share_are_not_compared():

@@ -19,12 +19,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
 from hopdata.maps.affine import affine_predictions
-from hopdata.maps.coordinates import (
-    output_weights,
-    rigid_states,
-    section_coordinates,
-    split_states,
-)
+from hopdata.maps.coordinates import output_weights, rigid_states, section_coordinates, split_states
 from hopdata.maps.corrected.marker_noise import InputErrors, MarkerNoise, input_errors, marker_noise
 from hopdata.maps.corrected.regression import LinearMap, corrected_map, curved_map, ols_map
 from hopdata.rigid import INPUT_NAMES, OUTPUT_NAMES, body_shape

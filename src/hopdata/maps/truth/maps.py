@@ -18,11 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hopdata.arrays import FloatArray, one_blas_thread, pd
-from hopdata.maps.coordinates import (
-    output_weights,
-    rigid_states,
-    section_coordinates,
-)
+from hopdata.maps.coordinates import output_weights, rigid_states, section_coordinates
 from hopdata.maps.corrected.estimates import coefficient_table
 from hopdata.maps.verdict.effect import contrasts, relative_size
 from hopdata.maps.verdict.inputs import contact_orders, marker_root
@@ -275,17 +271,13 @@ def score_verdict(errors: pd.DataFrame) -> Entries:
     if errors.empty:
         return {}
     row = errors.iloc[0]
-    columns = {
+    inside = bool(row["low"] <= row["true_effect"] <= row["high"])
+    named = {
         "true_effect": "True relative difference of the maps of the contact orders",
-        "estimate": "Relative difference of these maps that the verdict found",
+        "effect": "Relative difference of these maps that the verdict found",
         "p_value": "p-value of the verdict's test of the kinks",
     }
-    true, found, chance = (entry(float(row[key]), "1", what) for key, what in columns.items())
-    inside = bool(row["low"] <= row["true_effect"] <= row["high"])
+    numbers = row.rename({"estimate": "effect"})
     covers = entry(inside, "yes/no", "Whether the verdict's interval holds the true difference")
-    return {
-        "verdict_true_effect": true,
-        "verdict_effect": found,
-        "verdict_p_value": chance,
-        "verdict_interval_covers": covers,
-    }
+    found = {f"verdict_{k}": entry(float(numbers[k]), "1", what) for k, what in named.items()}
+    return {**found, "verdict_interval_covers": covers}

@@ -28,12 +28,7 @@ from hopdata.maps.coordinates import (
     kink_slopes,
     number_of_free_terms,
 )
-from hopdata.maps.verdict.inputs import (
-    LEAST_CLASS,
-    POSITIONS,
-    SectionLandings,
-    contact_orders,
-)
+from hopdata.maps.verdict.inputs import LEAST_CLASS, POSITIONS, SectionLandings, contact_orders
 from hopdata.maps.verdict.model import FARTHER, WINDOW, KinkFit, symmetric_root
 
 _AT_ONCE = 4000  # sign patterns in memory
@@ -66,6 +61,9 @@ class EffectSize:
         of `squared` is `squared_error`^2 + 4 e^2 `along_error`^2.
     granted_squared
         Square of what is granted for smooth terms beyond those fitted, without bias likewise.
+    moved_squared
+        `squared` of the kinks of all landings less that of those reported, likewise; counted twice
+        where landings are too few for third-order terms, so that these are left, too.
     """
 
     estimate: float
@@ -78,6 +76,11 @@ class EffectSize:
     squared_error: float
     along_error: float
     granted_squared: float
+    moved_squared: float
+
+    def sizes(self) -> tuple[float, float, float, float]:
+        """Return estimate, interval and bound."""
+        return self.estimate, self.low, self.high, self.upper_bound
 
 
 def contrasts(orders: IntArray, counts: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -143,11 +146,7 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
         if feet <= ALL_SETS_UP_TO
         else f"landings with one or the other of two feet first ({len(differences)} pairs of feet)"
     )
-    return (
-        np.tensordot(differences, slopes, axes=1),
-        np.tensordot(mean, slopes, axes=1),
-        what,
-    )
+    return (np.tensordot(differences, slopes, axes=1), np.tensordot(mean, slopes, axes=1), what)
 
 
 def squared_size(
@@ -261,23 +260,30 @@ def effect_size(
 
         return _crossing(excess)
 
+    def unbiased(whole: float) -> float:
+        """Return the squared size of the kinks less the change times `whole`, without its noise."""
+        kinks = root @ (fit.coefficients - whole * fit.change).ravel()
+        return float(
+            kinks @ kinks - np.sum(((fit.scores - whole * fit.change_scores) @ root.T) ** 2)
+        )
+
     shift = float(np.linalg.norm(granted))
     floor = below(float(np.median(null)), level / 2.0)
     low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
-    noise = float(np.sum((fit.scores @ root.T) ** 2))
+    squared = unbiased(0.0)
     p_value = (1 + int(np.sum(null >= statistic))) / (1 + flips)
-    estimate = float(np.sqrt(max(0.0, statistic - noise)))
     return EffectSize(
-        estimate=estimate,
+        estimate=float(np.sqrt(max(0.0, squared))),
         low=low**2 / (low + shift) if p_value < level and low > 0.0 else 0.0,
         high=below(typical, level / 2.0, 0.0) + shift,
         upper_bound=below(typical, level, 0.0) + shift,
         detectable=_detectable(null, draws, level, power),
         p_value=p_value,
-        squared=statistic - noise,
+        squared=squared,
         squared_error=float(np.std(np.sum(draws.null**2, axis=1))),
         along_error=float(np.std(draws.full @ found) / size),
         granted_squared=shift**2 - float(np.sum((FARTHER * fit.change_scores @ root.T) ** 2)),
+        moved_squared=(unbiased(1.0 + FARTHER) - squared) * (2.0 if fit.degree < 3 else 1.0),
     )
 
 

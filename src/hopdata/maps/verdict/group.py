@@ -2,12 +2,16 @@
 
 A size is never negative, so sizes of subjects without a difference do not average to none. Its
 square has an unbiased estimate that may be negative, T less what noise adds; that is what is
-averaged, and the mean's root is the rms size over subjects. Between-subject variance by Paule and
-Mandel, errors by Hartung and Knapp, not below those of the model (Röver, Knapp and Friede 2015).
+averaged, and the mean's root is the rms size over subjects. All subjects weigh alike: a study in
+which chance made the difference large has a large error, too, and weights by it would make the mean
+too small. Between-subject variance by Paule and Mandel, errors by Hartung and Knapp, not below
+those of the model (Röver, Knapp and Friede 2015).
 
 What smooth terms leave in the kinks of a study it leaves in those of every subject alike, and does
-not average out: so what the subjects' verdicts grant, less what noise adds to it, is granted to the
-group as well.
+not average out. Where there is no difference that is the square of a normal draw of what the
+subjects' verdicts grant, less what noise adds to it. Beside a difference it may lie along it: the
+square is then off by a normal draw of what has been taken from it already, on the way from the
+kinks of all landings to those reported.
 """
 
 from __future__ import annotations
@@ -20,9 +24,11 @@ import numpy as np
 from hopdata.arrays import FloatArray, pd
 from hopdata.errors import AnalysisError
 from hopdata.maps.draws import named_generator
-from hopdata.maps.verdict.judge import CANNOT_TELL, DIFFERENT, NO_DIFFERENCE
+from hopdata.maps.verdict.judge import CANNOT_TELL, DIFFERENT, NO_DIFFERENCE, sentence
 
 _DRAWS = 20_000
+#: What is granted to a group, in units of what is granted to its subjects.
+GRANTED = 1.25
 LEAST_SUBJECTS = 3  # of fewer a variance between subjects cannot be told
 
 
@@ -109,14 +115,16 @@ def combine(squared: FloatArray, variance: FloatArray) -> Combined:
     )
 
 
-def variances(members: pd.DataFrame) -> FloatArray:
-    """Return the variances of (n,) squared sizes, all for the mean size.
-
-    Each for its own size would give those that chance made small the most weight.
-    """
+def variance(members: pd.DataFrame) -> float:
+    """Return the variance of the squared size of a study like these, for their mean size."""
     size = max(0.0, float(members["squared"].mean()))
-    null, along = (members[name].to_numpy(float) for name in ("squared_error", "along_error"))
-    return np.asarray(null**2 + 4.0 * size * along**2)
+    null, along = members["squared_error"], members["along_error"]
+    return float((null**2).mean() + 4.0 * size * (along**2).mean())
+
+
+def _at_most(values: pd.Series) -> float:
+    """Return the size of a mean, and its standard error beyond: no value of it is known well."""
+    return abs(float(values.mean())) + float(values.std(ddof=1)) / float(np.sqrt(len(values)))
 
 
 def judge_group(
@@ -127,8 +135,8 @@ def judge_group(
     Parameters
     ----------
     members
-        One row an answered study: `subject`, and `squared`, `squared_error`, `along_error` and
-        `granted_squared` of its verdict.
+        One row an answered study: `subject`, and `squared`, `squared_error`, `along_error`,
+        `granted_squared` and `moved_squared` of its verdict.
     seed
         Of the draws of the sum of two errors.
     margin, confidence
@@ -139,76 +147,64 @@ def judge_group(
     AnalysisError
         If there are too few subjects.
     """
+    from scipy.stats import norm
+
     # Of a subject with several conditions their mean, whose errors are independent.
-    parts = members.assign(variance=variances(members)).groupby("subject", sort=False)
-    subjects = parts[["squared", "variance", "granted_squared"]].mean()
-    of_means = subjects["variance"] / parts.size()
-    found = combine(subjects["squared"].to_numpy(float), of_means.to_numpy(float))
-    # With an error of its own: a mean of squares, none of which is known well.
-    allowed = subjects["granted_squared"].to_numpy(float)
-    least_known = allowed.mean() + allowed.std(ddof=1) / np.sqrt(len(allowed))
-    granted = float(np.sqrt(max(0.0, least_known)))
+    parts = members.groupby("subject", sort=False)
+    subjects = parts[["squared", "granted_squared", "moved_squared"]].mean()
+    of_mean = variance(members) * float((1.0 / parts.size()).mean())
+    found = combine(subjects["squared"].to_numpy(float), np.full(len(subjects), of_mean))
+    granted = GRANTED * float(np.sqrt(_at_most(subjects["granted_squared"])))
+    moved = _at_most(subjects["moved_squared"])
     generator = named_generator(seed, "group")
     chance = found.error * generator.standard_t(found.n - 1, _DRAWS)
-    left = (granted * generator.standard_normal(_DRAWS)) ** 2
+    left = generator.standard_normal(_DRAWS)
     share = (1.0 - confidence) / 2.0
-    least = found.mean - float(np.quantile(chance + left, 1.0 - share))
-    low, high, bound = (
-        float(np.sqrt(max(0.0, square)))
-        for square in (least, *(max(found.mean, 0.0) - np.quantile(chance, [share, 2.0 * share])))
-    )
-    high, bound = high + granted, bound + granted
+    least = found.mean - float(np.quantile(chance + (granted * left) ** 2, 1.0 - share))
+    low = least / float(np.sqrt(least + moved * norm.isf(share))) if least > 0 else 0.0
+    up = np.quantile(chance + moved * left, [1.0 - share, 1.0 - 2.0 * share])
+    high, bound = (float(np.sqrt(max(found.mean, 0.0) + one)) for one in up)
     estimate = float(np.sqrt(max(0.0, found.mean)))
     conclusion = DIFFERENT if low > 0 else NO_DIFFERENCE if bound <= margin else CANNOT_TELL
-    size, ends, most = (f"{100 * one:.2g} %" for one in (estimate, low, bound))
-    sure, of_all = f"{100 * confidence:g} %", f"Over {found.n} subjects"
-    what = "the maps of the contact orders"
-    said = {
-        DIFFERENT: f"{of_all} {what} are different: by {size} of the map ({sure} interval {ends} "
-        f"to {100 * high:.2g} %).",
-        NO_DIFFERENCE: f"{of_all} no difference between {what} larger than {most} of the map, at "
-        f"{sure} confidence.",
-        CANNOT_TELL: f"{of_all} the data cannot tell: no difference between {what} was found, but "
-        f"one of up to {most} of the map cannot be excluded, and {100 * margin:g} % was wanted.",
-    }
-    return GroupVerdict(conclusion, said[conclusion], estimate, low, high, bound, granted, found)
+    sizes = (estimate, low, high, bound)
+    said = sentence(conclusion, sizes, "the contact orders", confidence, margin)
+    said = f"Over {found.n} subjects {said[0].lower()}{said[1:]}"
+    return GroupVerdict(conclusion, said, *sizes, granted, found)
 
 
-def compare_conditions(members: pd.DataFrame) -> pd.DataFrame:
+def compare_conditions(members: pd.DataFrame, *, confidence: float = 0.95) -> pd.DataFrame:
     """Compare the conditions within subjects, two at a time.
 
     Returns
     -------
     DataFrame
         A row for each two conditions that `LEAST_SUBJECTS` have both of: `n`, the rms `size_a` and
-        `size_b` over these subjects, the mean difference of the squares with its error, the
-        p-value, and the same after Holm for the number of rows.
+        `size_b` over these subjects, the mean difference of the squares with its interval `low` to
+        `high`, which allows for what smooth terms leave, the p-value of none if these leave as much
+        in both, and the same after Holm for the number of rows.
     """
+    from scipy.stats import norm, t
     from statsmodels.stats.multitest import multipletests
 
     rows = []
     by_condition = {
-        name: part.assign(variance=variances(part)).set_index("subject")[["squared", "variance"]]
+        name: (part.set_index("subject")[["squared", "moved_squared"]], variance(part))
         for name, part in members.groupby("condition", sort=False)
     }
     for a, b in combinations(by_condition, 2):
-        both = by_condition[a].join(by_condition[b].add_suffix("_b"), how="inner")
+        (one, of_one), (other, of_other) = by_condition[a], by_condition[b]
+        both = one.join(other.add_suffix("_b"), how="inner")
         if len(both) < LEAST_SUBJECTS:
             continue
-        one, variance, other, variance_b = both.to_numpy(float).T
-        found = combine(one - other, variance + variance_b)
-        sizes = (np.sqrt(max(0.0, float(part.mean()))) for part in (one, other))
-        rows.append((a, b, found.n, *sizes, found.mean, found.error, found.p_value))
-    names = (
-        "condition_a",
-        "condition_b",
-        "n",
-        "size_a",
-        "size_b",
-        "difference",
-        "error",
-        "p_value",
-    )
-    table = pd.DataFrame(rows, columns=names)
+        differences = both["squared"] - both["squared_b"]
+        found = combine(differences.to_numpy(float), np.full(len(both), of_one + of_other))
+        left = _at_most(both["moved_squared"] - both["moved_squared_b"])
+        share = (1.0 - confidence) / 2.0
+        near = np.hypot(t.isf(share, found.n - 1) * found.error, norm.isf(share) * left)
+        sizes = (np.sqrt(max(0.0, both[name].mean())) for name in ("squared", "squared_b"))
+        ends = (found.mean, found.mean - near, found.mean + near, found.p_value)
+        rows.append((a, b, found.n, *sizes, *ends))
+    names = ["condition_a", "condition_b", "n", "size_a", "size_b", "difference", "low", "high"]
+    table = pd.DataFrame(rows, columns=[*names, "p_value"])
     holm = multipletests(table["p_value"], method="holm")[1] if rows else []
     return table.assign(p_holm=holm)

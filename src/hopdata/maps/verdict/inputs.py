@@ -92,11 +92,7 @@ def section_landings(x: FloatArray, y: FloatArray, instants: FloatArray) -> Sect
     if spreads.min() < _CONSTANT * np.median(spreads) or not widths[-1] > _FLAT * widths[0]:
         raise AnalysisError("the states before the landing do not vary in all their coordinates")
     expected = expected_contacts(inputs, instants / spread)
-    return SectionLandings(
-        inputs - inputs.mean(axis=0),
-        outputs - outputs.mean(axis=0),
-        expected,
-    )
+    return SectionLandings(inputs - inputs.mean(axis=0), outputs - outputs.mean(axis=0), expected)
 
 
 def expected_contacts(x: FloatArray, instants: FloatArray) -> FloatArray:

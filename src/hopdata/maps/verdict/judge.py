@@ -4,6 +4,7 @@ It follows from the interval of the one size (`effect`): a difference if the int
 zero, none if the bound is within the margin, and else no answer.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -96,15 +97,15 @@ def conclude(effect: EffectSize, margin: float) -> str:
 
 
 def sentence(
-    conclusion: str, effect: EffectSize, compared: str, confidence: float, margin: float
+    conclusion: str, sizes: Sequence[float], compared: str, confidence: float, margin: float
 ) -> str:
-    """Say a conclusion in one sentence."""
+    """Say a conclusion in one sentence; `sizes` are estimate, low, high and upper bound."""
     require_choice("conclusion", conclusion, CONCLUSIONS)
-    sure, bound = f"{100 * confidence:g} %", _percent(effect.upper_bound)
+    sure, (size, low, high, bound) = f"{100 * confidence:g} %", map(_percent, sizes)
     if conclusion == DIFFERENT:
         return (
-            f"The maps of {compared} are different: by {_percent(effect.estimate)} of the "
-            f"map ({sure} interval {_percent(effect.low)} to {_percent(effect.high)})."
+            f"The maps of {compared} are different: by {size} of the map ({sure} interval {low} to "
+            f"{high})."
         )
     if conclusion == NO_DIFFERENCE:
         return (
@@ -192,7 +193,7 @@ def judge(
     needed = landings_needed(asked["n_landings"], effect.detectable, ASKED, asked["n_feet"])
     return Verdict(
         conclusion,
-        sentence(conclusion, effect, what, confidence, margin),
+        sentence(conclusion, effect.sizes(), what, confidence, margin),
         outlook(effect, needed, power),
         what,
         n_window=len(fit.rows),

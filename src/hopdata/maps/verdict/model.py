@@ -54,6 +54,8 @@ class KinkFit:
         (all kinks, K) orthonormal combinations of the kinks that the data tell from smooth terms.
     rows
         (n,) numbers of the landings in the window.
+    degree
+        Highest order of the smooth terms.
     """
 
     coefficients: FloatArray
@@ -64,6 +66,7 @@ class KinkFit:
     change_scores: FloatArray
     seen: FloatArray
     rows: NDArray[np.int64]
+    degree: int
 
 
 def fit_kinks(landings: SectionLandings) -> KinkFit:
@@ -98,6 +101,7 @@ def fit_kinks(landings: SectionLandings) -> KinkFit:
         near[1] - whole[1],
         seen,
         rows,
+        degree,
     )
 
 
