@@ -34,6 +34,7 @@ def fit(size, seed, curvature=0.0, largest=False):
         change_scores=np.zeros_like(scores),
         seen=np.eye(KINKS),
         rows=np.arange(LANDINGS),
+        degree=3,
     )
 
 
