@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from hopdata.figures.catalogue import draw
+from hopdata.figures.style import draw
 from hopdata.jobs import reported
 
 with reported(snakemake.log[0]):

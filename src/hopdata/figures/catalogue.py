@@ -11,8 +11,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from hopdata.jobs import read_json, read_table
-
 # A date or a library version in a file would change its bytes without a change of the data.
 #: Formats of figures, and what is written into a file beside the picture.
 FORMATS: Mapping[str, Mapping[str, str | None]] = {
@@ -140,27 +138,6 @@ def tables_of(name: str, *, simulated: bool = False) -> tuple[str, ...]:
 def source_of(name: str) -> Path:
     """Return the module that draws a figure."""
     return Path(__file__).with_name(f"{_drawing(name).place.partition(':')[0]}.py")
-
-
-def draw(name: str, files: list[str], base: str | Path, **options: Any) -> None:
-    """Draw a figure from its files and save it.
-
-    Parameters
-    ----------
-    name : str
-        Of `FIGURES`.
-    files : list of path
-        As from `tables_of`, in that order.
-    base : path
-        Path of the figure without its suffix.
-    options
-        Of `hopdata.figures.style.save_figure`.
-    """
-    # It loads matplotlib, which a planned run does without.
-    from hopdata.figures.style import save_figure
-
-    content = [read_json(path) if path.endswith(".json") else read_table(path) for path in files]
-    save_figure(function_of(name)(*content), base, **options)
 
 
 def function_of(name: str) -> Callable[..., Any]:

@@ -25,8 +25,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from hopdata.errors import ConfigError, chosen, require_choice
-from hopdata.figures.catalogue import FORMATS
-from hopdata.jobs import whole_file
+from hopdata.figures.catalogue import FORMATS, function_of
+from hopdata.jobs import read_json, read_table, whole_file
 
 # Lines with bands, and logarithmic axes with plain numbers: what figures of errors share.
 
@@ -380,6 +380,24 @@ def save_figure(
             metadata: dict[str, Any] = dict(FORMATS[suffix])
             figure.savefig(draft, format=suffix, dpi=dpi, metadata=metadata)
     return targets
+
+
+def draw(name: str, files: Sequence[str], base: str | Path, **options: Any) -> None:
+    """Draw a figure of the catalogue from its files and save it.
+
+    Parameters
+    ----------
+    name : str
+        Of `catalogue.FIGURES`.
+    files : sequence of path
+        As from `catalogue.tables_of`, in that order.
+    base : path
+        Path of the figure without its suffix.
+    options
+        Of `save_figure`.
+    """
+    content = [read_json(path) if path.endswith(".json") else read_table(path) for path in files]
+    save_figure(function_of(name)(*content), base, **options)
 
 
 @contextmanager
