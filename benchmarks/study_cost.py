@@ -6,23 +6,32 @@ The study of config/thesis.yaml is run in a folder of its own, all stages, on tw
 same with recordings ten times as long. `study_cost.csv` has a row for each: frames, hops used, wall
 and processor time, the largest memory of one stage, and the times of a hop relative to the first
 row. `study_cost_stages.csv` beside it has the processor time of each stage, recordings added up.
+
+With `--frames 1e6 1e7` the study is that of one recording of so many frames instead: the bundled
+one again and again, with fresh noise and after a pause, as files of one day that were joined.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import yaml
 
+from hopdata.recordings.readers.hdf5 import read_recording, write_recording
+
 ROOT = Path(__file__).resolve().parents[1]
 FACTORS = (1, 10)
+PAUSE_S = 2.0
 
 
 def scaled_config(factor: float, base: float = 1.0) -> dict[str, Any]:
@@ -35,8 +44,28 @@ def scaled_config(factor: float, base: float = 1.0) -> dict[str, Any]:
     return config
 
 
-def run_study(config: dict[str, Any], folder: Path, cores: int) -> float:
-    """Run a study in an empty folder and return the wall time, s."""
+def long_config(frames: int, folder: Path) -> dict[str, Any]:
+    """Return the study of one recording of so many frames, which is written into the folder."""
+    config: dict[str, Any] = yaml.safe_load((ROOT / "config/config.yaml").read_text("utf-8"))
+    one = read_recording(ROOT / "data/sample/hopper.h5")
+    rng, n = np.random.default_rng(config["seed"]), len(one.time)
+    time_s, positions = np.empty(frames), np.empty((frames, *one.positions.shape[1:]), np.float32)
+    for number, first in enumerate(range(0, frames, n)):
+        part = slice(0, min(n, frames - first))
+        into = slice(first, first + part.stop)
+        time_s[into] = one.time[part] + number * (np.ptp(one.time) + PAUSE_S)
+        positions[into] = one.positions[part]
+        positions[into] += rng.normal(
+            0.0, config["report"]["expected_noise_m"], positions[into].shape
+        )
+    write_recording(folder / "long.h5", replace(one, time=time_s, positions=positions))
+    config["recordings"][0]["file"] = str(folder / "long.h5")
+    del config["simulation"]
+    return {**config, "input": {"most_unpacked_mb": 1e5}}
+
+
+def run_study(config: dict[str, Any], folder: Path, cores: int) -> tuple[float, float]:
+    """Run a study in an empty folder; return wall time, s, and the largest process, MB."""
     file = folder / "study.yaml"
     file.write_text(yaml.safe_dump(config), encoding="utf-8")
     command = [
@@ -45,36 +74,44 @@ def run_study(config: dict[str, Any], folder: Path, cores: int) -> float:
         "--quiet", "all",
     ]  # fmt: skip
     start = time.perf_counter()
-    subprocess.run(command, check=True)
-    return time.perf_counter() - start
+    with subprocess.Popen(command) as study:
+        _, status, usage = os.wait4(study.pid, 0)
+        study.returncode = os.waitstatus_to_exitcode(status)
+    if study.returncode:
+        raise subprocess.CalledProcessError(study.returncode, command)
+    return time.perf_counter() - start, usage.ru_maxrss * 1024 / 1e6
 
 
 def stage_costs(results: Path) -> pd.DataFrame:
-    """Processor time, s, and memory, MB, of each job, from what the workflow noted."""
+    """Processor time, s, of each job, from what the workflow noted."""
     rows = []
     for file in sorted((results / "benchmarks").rglob("*.tsv")):
         noted = pd.read_csv(file, sep="\t").iloc[0]
         stage = file.stem.split("_trial")[0]
-        rows.append((stage, float(noted["cpu_time"]), float(noted["max_rss"])))
-    return pd.DataFrame(rows, columns=["stage", "cpu_s", "peak_mb"])
+        rows.append((stage, float(noted["cpu_time"])))
+    return pd.DataFrame(rows, columns=["stage", "cpu_s"])
 
 
-def measure(factor: float, base: float, cores: int) -> tuple[dict[str, float], pd.DataFrame]:
+def measure(
+    factor: float, base: float, cores: int, frames: int = 0
+) -> tuple[dict[str, float], pd.DataFrame]:
     """Run one size; return its row, and the processor time of its stages."""
     with tempfile.TemporaryDirectory() as temporary:
-        config = scaled_config(factor, base)
-        wall = run_study(config, Path(temporary), cores)
+        folder = Path(temporary)
+        config = long_config(frames, folder) if frames else scaled_config(factor, base)
+        wall, peak = run_study(config, folder, cores)
         results = Path(temporary) / "results" / config["study"]
         jobs = stage_costs(results)
         touchdowns = pd.read_csv(results / "tables/touchdowns.csv")
         hops = int((~touchdowns["excluded"].astype(bool)).sum())
+        markers = pd.read_csv(results / "tables/markers.csv").drop_duplicates("recording")
     row = {
         "times": factor,
-        "duration_s": sum(r["simulation"]["duration_s"] for r in config["recordings"]),
+        "frames": int(markers["frames"].sum()),
         "hops": hops,
         "wall_s": wall,
         "cpu_s": jobs["cpu_s"].sum(),
-        "peak_mb": jobs["peak_mb"].max(),
+        "peak_mb": peak,
     }
     return row, jobs.groupby("stage", as_index=False)["cpu_s"].sum().assign(times=factor, hops=hops)
 
@@ -86,14 +123,18 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, required=True, help="CSV file to write")
     parser.add_argument("--base", type=float, default=1.0, help="length of the first, in studies")
+    parser.add_argument("--frames", type=float, nargs="+", help="of one recording")
     parser.add_argument("--cores", type=int, default=2)
     args = parser.parse_args()
-    rows, stages = zip(*(measure(k, args.base, args.cores) for k in FACTORS), strict=True)
+    sizes = [(int(n), n / args.frames[0]) for n in args.frames or ()]
+    found = [measure(k, args.base, args.cores, n) for n, k in sizes or [(0, k) for k in FACTORS]]
+    rows, stages = zip(*found, strict=True)
     table = pd.DataFrame(rows)
     for kind in ("wall", "cpu"):
         per_hop = table[f"{kind}_s"] / table["hops"]
         table[f"{kind}_ms_per_hop"] = 1e3 * per_hop
         table[f"{kind}_per_hop_ratio"] = per_hop / per_hop[0]
+    table["peak_bytes_per_frame"] = 1e6 * table["peak_mb"] / table["frames"]
     by_stage = pd.concat(stages)
     by_stage["cpu_ms_per_hop"] = 1e3 * by_stage["cpu_s"] / by_stage["hops"]
     args.out.parent.mkdir(parents=True, exist_ok=True)

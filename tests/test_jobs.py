@@ -1,10 +1,11 @@
 import json
+import resource
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from hopdata.errors import AnalysisError
+from hopdata.errors import AnalysisError, StorageError
 from hopdata.jobs import (
     read_json,
     read_table,
@@ -14,6 +15,8 @@ from hopdata.jobs import (
     write_json,
     write_table,
 )
+from hopdata.recording import Recording
+from hopdata.recordings.readers.hdf5 import write_recording
 
 
 def test_a_users_mistake_is_one_line_and_exit_code_1(tmp_path, capsys):
@@ -71,6 +74,33 @@ def test_a_file_is_whole_or_not_there(tmp_path):
         fail_halfway()
     assert target.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["table.csv"]
+
+
+def of_numbers(path):
+    write_table(path, pd.DataFrame({"x": np.arange(20_000) / 7}))
+
+
+def of_a_recording(path):
+    rng = np.random.default_rng(1)
+    time, positions = np.arange(50_000) / 100, rng.normal(size=(50_000, 2, 3))
+    write_recording(
+        path, Recording.from_arrays(time, positions, ["a", "b"], feet=["a"], body=["b"])
+    )
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of h5py
+@pytest.mark.parametrize("write", [of_numbers, of_a_recording])
+def test_a_full_disk_is_told_in_a_line_and_nothing_is_left(tmp_path, write):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
+    try:
+        with pytest.raises(StorageError, match=r"out: expected room to write it, found: File too"):
+            write(tmp_path / "out")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert list(tmp_path.iterdir()) == []
+    write(tmp_path / "out")
+    assert (tmp_path / "out").stat().st_size > 100_000
 
 
 def test_json_refuses_nan_and_comes_back(tmp_path):

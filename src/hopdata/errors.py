@@ -33,6 +33,10 @@ class AnalysisError(HopdataError):
     """The data are sound but do not suffice for the analysis asked for."""
 
 
+class StorageError(HopdataError, OSError):
+    """There is no room for a file."""
+
+
 def printable(text: str) -> str:
     """Return a text of a user as it can stand in a message: one line, nothing that steers."""
     return "".join(c if c.isprintable() else " " if c.isspace() else "?" for c in text)

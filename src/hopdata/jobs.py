@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import glob
 import json
 import logging
@@ -16,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from hopdata.arrays import pd
-from hopdata.errors import HopdataError
+from hopdata.errors import HopdataError, StorageError
 
 TEXT_COLUMNS = (
     *("recording", "schedule", "schedule_a", "schedule_b", "reason"),
@@ -47,6 +48,7 @@ def reported(log: str | Path) -> Iterator[None]:
     Path(log).parent.mkdir(parents=True, exist_ok=True)
     handler = logging.FileHandler(log, mode="w", encoding="utf-8", errors="backslashreplace")
     handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+    logging.raiseExceptions = False  # a full disk takes no log, and the error itself is told
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)
     try:
@@ -68,6 +70,11 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`, which takes its place only if the block succeeds.
 
     What processes that were killed have left of the same file is removed first.
+
+    Raises
+    ------
+    StorageError
+        If the disk is full, or the quota or the limit of a file's size is reached.
     """
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -77,6 +84,14 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     try:
         yield temporary
         os.replace(temporary, target)
+    except (OSError, RuntimeError) as error:  # h5py's has the number in its words alone
+        told = re.search(r"errno = (\d+)", str(error))
+        code = int(told[1]) if told else getattr(error, "errno", None)
+        if code not in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):
+            raise
+        raise StorageError(
+            f"{path}: expected room to write it, found: {os.strerror(code)}; nothing of it is kept"
+        ) from error
     finally:
         temporary.unlink(missing_ok=True)
 

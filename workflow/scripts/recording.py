@@ -21,10 +21,10 @@ with reported(snakemake.log[0]):
     for note in notes(recording):
         logger.warning("%s", note)
     floor = fit_floor(recording, **params.floor)
-    ready = level(recording, floor)
+    write_recording(snakemake.output.recording, recording, truth=truth)
+    ready = level(recording, floor, overwrite=True)  # a long one fits into memory once
     ready = join_feet(ready, params.feet)
     if params.fills:
-        ready = fill_gaps(ready, longest_s=params.longest_s)
-    write_recording(snakemake.output.recording, recording, truth=truth)
+        ready = fill_gaps(ready, longest_s=params.longest_s, overwrite=True)
     write_recording(snakemake.output.ready, ready)
     write_json(snakemake.output.floor, floor.to_dict())

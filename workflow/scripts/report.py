@@ -13,22 +13,26 @@ TABLES = ("touchdowns", "prediction", "distances", "faults", "remarks")
 
 with reported(snakemake.log[0]):
     source = snakemake.input
-    recordings = [read_recording(path) for path in source.recordings]
+    read = map(read_recording, source.recordings)  # of which none is kept
+    facts = [(describe_recording(r), r.source, r.source_sha256) for r in read]
+    recordings = [described for described, _, _ in facts]
     stage_times = [Path(path) for path in snakemake.params.stage_times if Path(path).exists()]
-    record = provenance(
-        snakemake.params.study, {r.source: r.source_sha256 for r in recordings}, stage_times
-    )
+    digests = {file: sha256 for _, file, sha256 in facts}
+    record = provenance(snakemake.params.study, digests, stage_times)
     page = build_report(
         ReportInputs(
             study=snakemake.params.study["study"],
             figures=read_figures(source.figures, source.captions),
-            recordings=[describe_recording(r) for r in recordings],
+            recordings=recordings,
             levelled=[read_recording(path) for path in source.levelled],
             filled=read_table(source.filled[0]) if source.filled else None,
             sections=read_json(source.sections),
             units=read_json(source.units),
             provenance=record,
-            floors={r.name: read_json(p) for r, p in zip(recordings, source.floors, strict=True)},
+            floors={
+                one["name"]: read_json(path)
+                for one, path in zip(recordings, source.floors, strict=True)
+            },
             truth=read_json(source.truth),
             verdict=read_json(source.verdict),
             overlay={Path(path).stem: read_table(path) for path in source.overlay},

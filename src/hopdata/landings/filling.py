@@ -87,11 +87,10 @@ def learn_shape(body: FloatArray) -> BodyShape | None:
     BodyShape or None
         None with fewer than four markers or than `LEAST_FRAMES` frames with the whole body.
     """
-    n_markers = body.shape[1]
-    whole = body[np.isfinite(body).all(axis=(1, 2))]
-    if n_markers <= LEAST_SEEN or len(whole) < LEAST_FRAMES:
+    whole = np.flatnonzero(seen(body).all(axis=1))
+    if body.shape[1] <= LEAST_SEEN or len(whole) < LEAST_FRAMES:
         return None
-    frames = whole[:: -(-len(whole) // SAMPLE_FRAMES)]
+    frames = body[whole[:: -(-len(whole) // SAMPLE_FRAMES)]]
     points = frames[0] - frames[0].mean(axis=0)
     for _ in range(ALIGNMENTS):
         fit = rigid_fit(frames, points)
@@ -119,16 +118,14 @@ def rigid_places(body: FloatArray, wanted: BoolArray, shape: BodyShape) -> Float
         m; NaN where not wanted, where fewer than three others are seen or they lie too near a line
         to tell the place, and where they do not fit the shape.
     """
-    places, frames = np.full(body.shape, np.nan), np.flatnonzero(wanted.any(axis=1))
-    fit = rigid_fit(body[frames], shape.points)
-    patterns, which = np.unique(seen(body[frames]), axis=0, return_inverse=True)
+    fit = rigid_fit(body, shape.points)
+    patterns, which = np.unique(seen(body), axis=0, return_inverse=True)
     gains = [[noise_gain(shape.points[p], target) for target in shape.points] for p in patterns]
     told = np.array(gains).reshape(patterns.shape) <= LARGEST_GAIN
-    use = wanted[frames] & told[which.reshape(-1)]
+    use = wanted & told[which.reshape(-1)]
     use &= (fit.residual_m <= LARGEST_MISFIT * shape.misfit_m)[:, None]
     there = np.einsum("nij,bj->nbi", fit.rotation, shape.points) + fit.centre[:, None]
-    places[frames] = np.where(use[..., None], there, np.nan)
-    return places
+    return np.where(use[..., None], there, np.nan)
 
 
 def noise_gain(points: FloatArray, target: FloatArray) -> float:
@@ -158,7 +155,9 @@ TOO_MUCH_FILLED = "too much of the body filled in"
 
 
 @one_blas_thread()
-def fill_gaps(recording: Recording, *, longest_s: float = 0.1) -> Recording:
+def fill_gaps(
+    recording: Recording, *, longest_s: float = 0.1, overwrite: bool = False
+) -> Recording:
     """Fill short gaps of the body markers.
 
     A marker is placed by three or more others of the body in the same frame. Feet are never filled:
@@ -170,21 +169,24 @@ def fill_gaps(recording: Recording, *, longest_s: float = 0.1) -> Recording:
         Levelled: feet rest at height 0.
     longest_s : float
         Longest gap that is filled, s; gaps that are longer stay as they are.
+    overwrite : bool
+        Write the places into the positions of the recording itself.
 
     Returns
     -------
     Recording
         The same, with the places and with `filled` marking them. What was seen is not touched.
     """
-    bodies = recording.indices("body")
-    body = recording.body.copy()
+    positions = recording.positions if overwrite else recording.positions.copy()
+    filled = np.zeros(positions.shape[:2], bool)
     longest = int(longest_s * recording.rate_hz + 1e-6)
-    wanted = _short_gaps(~seen(body), longest)
-    if (shape := learn_shape(body)) is not None:
-        body = np.where(wanted[..., None], rigid_places(recording.body, wanted, shape), body)
-    positions, filled = recording.positions.copy(), np.zeros(recording.positions.shape[:2], bool)
-    positions[:, bodies] = body
-    filled[:, bodies] = seen(body) & ~seen(recording.body)
+    wanted = _short_gaps(~seen(recording.body), longest)
+    frames = np.flatnonzero(wanted.any(axis=1))
+    if len(frames) and (shape := learn_shape(recording.body)) is not None:
+        places = rigid_places(recording.body[frames], wanted[frames], shape)
+        at, marker = np.nonzero(seen(places))
+        bodies = np.array(recording.indices("body"))[marker]
+        positions[frames[at], bodies], filled[frames[at], bodies] = places[at, marker], True
     return replace(recording, positions=positions, filled=filled)
 
 

@@ -129,6 +129,7 @@ def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
     return np.asarray(found)
 
 
+_MOST_OF_PLANE = 200_000  # rests, evenly taken, that tell whether the floor slopes
 _OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
 
 
@@ -228,7 +229,9 @@ def fit_floor(
 
 
 @one_blas_thread()
-def level(recording: Recording, floor: floor_surface.FloorModel) -> Recording:
+def level(
+    recording: Recording, floor: floor_surface.FloorModel, *, overwrite: bool = False
+) -> Recording:
     """Take the floor off a recording, so that feet at rest have height 0.
 
     Parameters
@@ -237,6 +240,8 @@ def level(recording: Recording, floor: floor_surface.FloorModel) -> Recording:
         Its feet are those of `floor`, in the same order.
     floor : FloorModel
         What to take off.
+    overwrite : bool
+        Work in the memory of the recording, whose positions are lost.
 
     Returns
     -------
@@ -246,7 +251,7 @@ def level(recording: Recording, floor: floor_surface.FloorModel) -> Recording:
     """
     if recording.names("foot") != floor.feet:
         raise ValueError(f"feet: expected {floor.feet}, found {recording.names('foot')}")
-    positions = recording.positions.copy()
+    positions = recording.positions if overwrite else recording.positions.copy()
     for first in range(0, len(positions), floor_surface.CHUNK):
         part = positions[first : first + floor_surface.CHUNK]
         part[:, :, 2] -= floor.height(part[:, :, 0], part[:, :, 1])
@@ -262,16 +267,21 @@ def _centre_and_scale(places: FloatArray) -> tuple[FloatArray, float]:
 
 def _near_floor(rest: floor_surface.RestPoints, reach_m: float) -> BoolArray:
     """Find the rests within reach of a level floor, or of a plane where the floor slopes, (P,)."""
-    heights, feet = rest.points[:, 2], len(rest.start_m)
-    columns = np.hstack([np.eye(feet)[rest.foot], rest.points[:, :2]])
-    plane, near = np.append(rest.start_m, [0.0, 0.0]), np.abs(rest.above_mode) <= reach_m
+    near = np.abs(rest.above_mode) <= reach_m
+    few = slice(None, None, -(-len(near) // _MOST_OF_PLANE) or 1)
+    heights, columns = rest.points[few, 2], _columns_of_plane(rest, few)
+    told = near[few]
     for _ in range(_ROUNDS):
-        found = np.linalg.lstsq(columns[near], heights[near])[0]
-        if np.hypot(found[-2], found[-1]) < np.tan(np.deg2rad(NOTED_SLOPE_DEG)):
+        plane = np.linalg.lstsq(columns[told], heights[told])[0]
+        if np.hypot(plane[-2], plane[-1]) < np.tan(np.deg2rad(NOTED_SLOPE_DEG)):
             break
-        plane = found
-        near = np.abs(heights - columns @ plane) <= reach_m
+        told = np.abs(heights - columns @ plane) <= reach_m
+        near = np.abs(rest.points[:, 2] - _columns_of_plane(rest) @ plane) <= reach_m
     return np.asarray(near)
+
+
+def _columns_of_plane(rest: floor_surface.RestPoints, rows: slice = slice(None)) -> FloatArray:
+    return np.hstack([np.eye(len(rest.start_m))[rest.foot[rows]], rest.points[rows, :2]])
 
 
 def _require_rest(recording: Recording, rest: floor_surface.RestPoints, speed_m_s: float) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import FloatArray, IntArray
+from hopdata.arrays import FloatArray
 from hopdata.landings.sections.modes import ground_mode, robust_rms
 from hopdata.recording import Recording
 
@@ -29,7 +29,7 @@ class RestPoints:
     ----------
     points : (P, 3) array
         Marker positions, m, z up.
-    foot : (P,) array of int
+    foot : (P,) array of int8
         Which foot each belongs to, 0-based in the order of the recording.
     time : (P,) array
         When, s.
@@ -38,7 +38,7 @@ class RestPoints:
     """
 
     points: FloatArray
-    foot: IntArray
+    foot: NDArray[np.int8]
     time: FloatArray
     start_m: FloatArray
 
@@ -95,10 +95,11 @@ def rest_points(
         frames.append(slow)
         if len(frames[foot]) >= _LEAST_FRAMES:
             start[foot] = ground_mode(height[frames[foot]]).height_m
-    foot_of = np.repeat(np.arange(n_feet), [len(f) for f in frames])
+        else:
+            frames[foot] = slow[:0]
+    foot_of = np.repeat(np.arange(n_feet, dtype=np.int8), [len(f) for f in frames])
     frame_of = np.concatenate([np.empty(0, dtype=np.int64), *frames])
-    rest = RestPoints(recording.feet[frame_of, foot_of], foot_of, recording.time[frame_of], start)
-    return rest.take(np.isfinite(rest.above_mode))
+    return RestPoints(recording.feet[frame_of, foot_of], foot_of, recording.time[frame_of], start)
 
 
 def thinned(rest: RestPoints, max_points: int) -> RestPoints:
@@ -107,8 +108,9 @@ def thinned(rest: RestPoints, max_points: int) -> RestPoints:
     Whole instants, so that the choice does not depend on the order of the feet.
     """
     step = max(1, -(-len(rest.foot) // max_points))
-    _, instant = np.unique(rest.time, return_inverse=True)
-    return rest.take(instant % step == 0)
+    kept = np.unique(rest.time)[::step]
+    place = np.searchsorted(kept[1:], rest.time, side="right")
+    return rest.take(kept[place] == rest.time if len(kept) else slice(0))
 
 
 def vertical_speed(time: FloatArray, height: FloatArray, *, lag: int) -> FloatArray:

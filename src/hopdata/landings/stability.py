@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -167,7 +168,8 @@ def _variants(
         changed = {"bandwidth_m": factor * bandwidth}
         yield "bandwidth", f"bandwidth × {factor:g}", recordings, changed
     for number, frame in dict.fromkeys(_farthest_frames(recordings, sections)):
-        yield ("second", *_without_second(recordings, number, frame), {})
+        with _without_second(recordings, number, frame) as (told, parts):
+            yield "second", told, parts, {}
 
     def halves(recording: Recording) -> tuple[slice, slice]:
         middle = len(recording.time) // 2
@@ -197,18 +199,26 @@ def _farthest_frames(
             yield number, int(np.flatnonzero(there)[0])
 
 
+@contextmanager
 def _without_second(
     recordings: Sequence[Recording], number: int, frame: int
-) -> tuple[str, list[Recording]]:
-    """Return the recordings with the second around a frame unseen, and what to call that."""
+) -> Iterator[tuple[str, list[Recording]]]:
+    """Yield the recordings with the second around a frame unseen, and what to call that.
+
+    It is put back afterwards: of a long recording memory may hold no second one.
+    """
     bad = recordings[number]
     time = bad.time[frame]
     unseen = np.abs(bad.time - time) <= HALF_A_SECOND
-    positions = np.where(unseen[:, None, None], np.nan, bad.positions)
+    kept = bad.positions[unseen]
     parts = list(recordings)
-    parts[number] = replace(bad, positions=positions)
+    parts[number] = replace(bad)  # which keeps no heights of before
     of_which = f" of {bad.name}" if len(recordings) > 1 else ""
-    return f"without {time:.1f} ± {HALF_A_SECOND:g} s{of_which}", parts
+    bad.positions[unseen] = np.nan
+    try:
+        yield f"without {time:.1f} ± {HALF_A_SECOND:g} s{of_which}", parts
+    finally:
+        bad.positions[unseen] = kept
 
 
 def _row(kind: str, variant: str, found: Sections) -> tuple[str, str, float, float, float, str]:

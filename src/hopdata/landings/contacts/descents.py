@@ -1,5 +1,6 @@
 """Where to look for a contact: the last descent of each foot to its lowest level."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from hopdata.errors import AnalysisError
 
 # Descents of the body, each of which may be a landing, and where they cross the sections.
 
+BLOCK = 50_000  # frames that are gone through at a time
 _SWING = 0.3  # least swing of a descent, as a share of the body's range from 2 % to 98 %
 #: A foot may touch so long before the pre section, s: the flight is continued to it.
 CONTINUED_S = 0.01
@@ -34,7 +36,7 @@ def descents(body: FloatArray, *, longest: float = np.inf) -> list[tuple[int, in
     for part in np.split(seen, np.flatnonzero(np.diff(seen) > longest) + 1):
         apex: int | None = None
         turn, falling = int(part[0]), False  # the highest (lowest) frame since the last turn
-        for frame, height in zip(part.tolist(), body[part].tolist(), strict=True):
+        for frame, height in _one_by_one(part, body):
             beyond = height < body[turn] if falling else height > body[turn]
             if beyond:
                 turn = frame
@@ -46,6 +48,13 @@ def descents(body: FloatArray, *, longest: float = np.inf) -> list[tuple[int, in
         if apex is not None:
             found.append((apex, turn))
     return found
+
+
+def _one_by_one(frames: IntArray, heights: FloatArray) -> Iterator[tuple[int, float]]:
+    """Yield frames and their heights as Python's numbers, of which few are made at a time."""
+    for first in range(0, len(frames), BLOCK):
+        block = frames[first : first + BLOCK]
+        yield from zip(block.tolist(), heights[block].tolist(), strict=True)
 
 
 @dataclass(frozen=True)
@@ -116,19 +125,26 @@ def find_transitions(
         spans = time[np.array(descents(height), dtype=np.int64).reshape(-1, 2)]
     seen = ~np.isnan(height)
     t, h = time[seen], height[seen]
-    rows = [_crossings(t, h, first, last, pre_height_m, post_height_m) for first, last in spans]
+    steps = np.diff(t, prepend=-np.inf, append=np.inf)  # step k ends in frame k
+    levels = pre_height_m, post_height_m
+    rows = [_crossings(t, h, steps, first, last, *levels) for first, last in spans]
     return Transitions(*np.array(rows).reshape(-1, 4).T)
 
 
 def _crossings(
-    t: FloatArray, h: FloatArray, first_s: float, last_s: float, pre_m: float, post_m: float
+    t: FloatArray,
+    h: FloatArray,
+    steps: FloatArray,
+    first_s: float,
+    last_s: float,
+    pre_m: float,
+    post_m: float,
 ) -> tuple[float, float, float, float]:
     """Instants of both crossings between two instants, and the gaps about them, s."""
     start, stop = int(np.searchsorted(t, first_s)), int(np.searchsorted(t, last_s, side="right"))
     above = np.flatnonzero(h[start:stop] >= pre_m) + start
     below = np.flatnonzero(h[start:stop] <= post_m) + start
     top, t_pre, t_post = start, first_s, np.nan
-    steps = np.diff(t, prepend=-np.inf, append=np.inf)  # step k ends in frame k
     gap_pre = steps[start : start + 2].max()  # about a top below the section, which may be higher
     if len(above):
         top = int(above[above < below[0]][-1] if len(below) else above[-1])
@@ -148,7 +164,7 @@ def _crossing(t: FloatArray, h: FloatArray, index: int, level: float) -> float:
 
 def schmitt_edges(h: FloatArray, *, high: float, low: float) -> tuple[IntArray, IntArray]:
     """Find where a Schmitt trigger on `h` goes down (h <= low) and where up (h >= high)."""
-    level = np.where(h >= high, 1, np.where(h <= low, -1, 0))
+    level = (h >= high).astype(np.int8) - (h <= low)
     decided = np.flatnonzero(level)
     signs = level[decided]
     turns = np.flatnonzero(np.diff(signs)) + 1
@@ -208,13 +224,10 @@ def _all_up_to_all_down(
     feet: FloatArray, down_height_m: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Last frames with all feet up, and first frames with all of them down after these."""
-    seen = np.flatnonzero(~np.isnan(feet).all(axis=1))
-    lowest, highest = np.nanmin(feet[seen], axis=1), np.nanmax(feet[seen], axis=1)
-    up, down = lowest >= CLEARLY_UP * down_height_m, highest <= down_height_m
-    ends, _ = schmitt_edges(up.astype(float) - down, high=1.0, low=-1.0)
-    if len(ends) == 0:
-        return ends, ends
-    return seen[last_at_or_before(np.flatnonzero(up), ends)], seen[ends]
+    up = np.fmin.reduce(feet, axis=1) >= CLEARLY_UP * down_height_m
+    down = np.fmax.reduce(feet, axis=1) <= down_height_m  # NaN, of no foot, is neither
+    ends, _ = schmitt_edges(up.astype(np.int8) - down, high=1, low=-1)
+    return (last_at_or_before(np.flatnonzero(up), ends) if len(ends) else ends), ends
 
 
 def longest_gap_s(time: FloatArray) -> float:
@@ -235,8 +248,12 @@ def _have_a_descent(found: FloatArray, spans: FloatArray) -> BoolArray:
     """Tell which landings (H, 2) have a descent: each has one, the nearest that it holds."""
     have = np.zeros(len(found), dtype=bool)
     middle = found.mean(axis=1)
-    for begin, end in spans:
-        near = np.flatnonzero((found[:, 0] <= end) & (found[:, 1] >= begin) & ~have)
+    first, stop = (  # both columns are in the order of time
+        np.searchsorted(column, instants, side=side)
+        for column, instants, side in zip(found.T[::-1], spans.T, ("left", "right"), strict=True)
+    )
+    for (begin, end), low, high in zip(spans, first, stop, strict=True):
+        near = low + np.flatnonzero(~have[low:high])
         if len(near) > 0:
             have[near[np.argmin(np.abs(middle[near] - 0.5 * (begin + end)))]] = True
     return have
@@ -246,10 +263,12 @@ LANDED, ALREADY_DOWN, NOT_LANDED, MISSING, POOR_FIT = range(5)
 NEAR_FLOOR = 0.15  # of the descent: where a foot counts as nearly down
 ON_ITS_WAY = 0.4  # of the descent: from here on its mean speed is taken
 LEAST_FRAMES = 5
+LANDINGS = 2000  # looked at together
 #: A foot comes to stand at its lowest frames but three; it touches no higher above than its skin
 #: gives, m, and its fastest fall in a time that no contact is softer than, s.
 RESTING_FRAME, SKIN_M, SOFTEST_S = 3, 0.004, 0.01
 GAP = 1.5  # frames: what is longer hides something
+MOST_FRAMES = 200_000  # that noise is estimated from
 LEAST_NOISE_M = 5e-5  # no cameras do better; what has no noise is not exactly like the model
 
 
@@ -258,13 +277,15 @@ def height_noise(heights: FloatArray) -> float:
 
     From third differences: those of a smooth motion all but vanish, those of white noise have
     variance 20 sigma^2; the median is not moved by the few frames about the contacts. Where only
-    every k-th frame is seen they are taken over k frames. Never less than `LEAST_NOISE_M`.
+    every k-th frame is seen they are taken over k frames. Of a longer recording `MOST_FRAMES` are
+    looked at, evenly spaced. Never less than `LEAST_NOISE_M`.
     """
     seen = np.flatnonzero(~np.isnan(heights).all(axis=1))
     step = int(np.median(np.diff(seen))) if len(seen) > 1 else 1
     if len(heights) <= 3 * step:
         return float("nan")
-    z0, z1, z2, z3 = (heights[k * step : len(heights) - (3 - k) * step] for k in range(4))
+    every = -(-len(heights) // MOST_FRAMES)
+    z0, z1, z2, z3 = (heights[k * step : len(heights) - (3 - k) * step : every] for k in range(4))
     third = z3 - 3 * z2 + 3 * z1 - z0
     third = np.abs(third[~np.isnan(third)])
     if third.size == 0:
@@ -312,19 +333,19 @@ def approaches(
     shape = (len(transitions), heights.shape[1])
     near, earliest = np.full(shape, np.nan), np.full(shape, np.nan)
     status = np.full(shape, NOT_LANDED, dtype=np.int64)
-    rows = np.flatnonzero(transitions.complete)
-    if len(rows):
+    complete = np.flatnonzero(transitions.complete)
+    longest = [GAP * _frame(time, one) for one in heights.T]
+    for rows in np.split(complete, range(LANDINGS, len(complete), LANDINGS)):
         start = np.searchsorted(time, transitions.t_pre[rows] - lead_s)
         stop = np.searchsorted(time, transitions.t_post[rows] + trail_s)
         frames = start[:, None] + np.arange(int(np.max(stop - start, initial=1)))
         inside = frames < stop[:, None]
         frames = np.minimum(frames, len(time) - 1)
-        for foot in range(shape[1]):
+        ends = transitions.t_pre[rows], transitions.t_post[rows]
+        for foot in range(shape[1] if len(rows) else 0):
             z = np.where(inside, heights[frames, foot], np.nan)
-            ends = transitions.t_pre[rows], transitions.t_post[rows]
-            longest = GAP * _frame(time, heights[:, foot])
             near[rows, foot], earliest[rows, foot], status[rows, foot] = _descents(
-                time[frames], z, ends, longest, noise_m, down_height_m
+                time[frames], z, ends, longest[foot], noise_m, down_height_m
             )
     return near, earliest, status
 

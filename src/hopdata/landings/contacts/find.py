@@ -98,9 +98,10 @@ def find_landings(
     spans = np.concatenate([spans, hidden])
     order = np.argsort(spans[:, 0], kind="stable")
     gap = np.full(len(spans), np.nan)
+    markers = [marker for foot in parts for marker in foot]
     contacts = find_contacts(
         time,
-        recording.positions[:, [marker for foot in parts for marker in foot], 2],
+        heights if len(markers) == len(feet) else recording.positions[:, markers, 2],
         descents.Transitions(spans[order, 0], spans[order, 1], gap, gap),
         down_height_m=down_m,
         lead_s=0.0,

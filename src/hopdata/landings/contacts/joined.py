@@ -27,6 +27,8 @@ def join_feet(recording: Recording, feet: Sequence[Mapping[str, Any]]) -> Record
         With a foot at the place of the first of its markers: where the lowest of them is, NaN where
         one is not seen. Its markers follow it, with the role ``part``.
     """
+    if not feet:
+        return recording
     order: list[tuple[str, str, list[int]]] = []  # name, role, and the markers that it is made of
     taken = {marker: foot for foot in feet for marker in foot["markers"]}
     for number, (marker, role) in enumerate(zip(recording.markers, recording.roles, strict=True)):

@@ -21,6 +21,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 
+BLOCK = 10_000  # fits whose frames are cut out together
 GRID_FRAMES, GRID_S = 0.5, 2e-3  # steps of the search: so many frames, and no less than so long
 
 
@@ -126,8 +127,7 @@ def kink_fits(
     landings, n = near.shape
     wanted = np.flatnonzero(~np.isnan(near.ravel()))
     centre = near.ravel()[wanted]
-    before_s, after_s = windows_s
-    times, z = _windows(time, heights, wanted % n, centre, before_s, after_s)
+    before_s = windows_s[0]
     contact, columns = _other_contacts(earlier, wanted, n)
     contact = (contact - centre[:, None]) / before_s
     reach = search_s / before_s
@@ -139,21 +139,26 @@ def kink_fits(
     foot = np.arange(len(wanted))[:, None], columns
     rows = np.full((len(wanted), 7 + 2 * len(units)), np.nan)
     step_s = max(GRID_FRAMES * frame_s, GRID_S)
-    fit_all(
-        (times - centre[:, None]) / before_s,
-        z,
-        bounds,
-        reach,
-        max(int(np.ceil(2 * search_s / step_s)), 2),
-        (contact < reach).sum(axis=1),
-        contact,
-        compliance_s / before_s,
-        creeps,
-        (priors.mean / units[2:])[wanted % n][foot],
-        ((noise_m / priors.sd * units[2:]) ** 2)[wanted % n][foot],
-        noise_m**2,
-        rows,
-    )
+    means = (priors.mean / units[2:])[wanted % n][foot]
+    weights = ((noise_m / priors.sd * units[2:]) ** 2)[wanted % n][foot]
+    for first in range(0, len(wanted), BLOCK):
+        part = slice(first, first + BLOCK)
+        times, z = _windows(time, heights, wanted[part] % n, centre[part], *windows_s)
+        fit_all(
+            (times - centre[part, None]) / before_s,
+            z,
+            bounds[part],
+            reach,
+            max(int(np.ceil(2 * search_s / step_s)), 2),
+            (contact[part] < reach).sum(axis=1),
+            contact[part],
+            compliance_s / before_s,
+            creeps,
+            means[part],
+            weights[part],
+            noise_m**2,
+            rows[part],
+        )
     return _unpack(rows, wanted, (landings, n), columns, units, centre)
 
 
@@ -212,12 +217,11 @@ def _unpack(
     """Name the kernel's columns, put them in the order of the feet and bring them to SI units."""
     size = len(units)
     own = np.concatenate([np.tile([0, 1], (len(wanted), 1)), 2 + columns], axis=1)
-    sorted_rows = rows.copy()
-    np.put_along_axis(sorted_rows[:, 7 : 7 + size], own, rows[:, 7 : 7 + size], axis=1)
-    np.put_along_axis(sorted_rows[:, 7 + size :], own, rows[:, 7 + size :], axis=1)
-    sorted_rows[:, 0] = centre + rows[:, 0] / units[1]
+    for part in (slice(7, 7 + size), slice(7 + size, None)):
+        np.put_along_axis(rows[:, part], own, rows[:, part].copy(), axis=1)
+    rows[:, 0] = centre + rows[:, 0] / units[1]
     flat = np.full((shape[0] * shape[1], rows.shape[1]), np.nan)
-    flat[wanted] = sorted_rows
+    flat[wanted] = rows
     out = flat.reshape(*shape, rows.shape[1])
     instant, variance, misfit, dof, before, after, evidence = np.moveaxis(out[:, :, :7], 2, 0)
     value = out[:, :, 7 : 7 + size] * units

@@ -51,9 +51,10 @@ def savitzky_golay_velocity(
     weights = derivative_weights(window)
     out = np.full(values.shape, np.nan)
     inner = len(values) - 2 * half
-    if inner > 0:
-        out[half : half + inner] = sum(w * values[k : k + inner] for k, w in enumerate(weights))
-    return out * rate_hz
+    for each, into in zip(values.T, out.T, strict=True) if inner > 0 else ():
+        into[half : half + inner] = sum(w * each[k : k + inner] for k, w in enumerate(weights))
+    out *= rate_hz
+    return out
 
 
 def derivative_weights(window: int) -> FloatArray:

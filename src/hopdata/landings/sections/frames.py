@@ -8,8 +8,10 @@ frames above the threshold that also reaches three times as high.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hopdata.arrays import BoolArray, FloatArray
 from hopdata.landings.contacts.descents import descents
@@ -96,8 +98,13 @@ def pool_frames(
             keep, landed = landing_frames(h.body, all_up, all_down)
             all_up, all_down = all_up & ~landed, all_down | landed
         parts.append((h.body[keep], all_up[keep], all_down[keep]))
-    body, up, down = (np.concatenate(part) for part in zip(*parts, strict=True))
+    body, up, down = (pooled(part) for part in zip(*parts, strict=True))
     return Frames(body, up, down)
+
+
+def pooled(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Join arrays along the first axis; a single one as it is, since it may be large."""
+    return np.concatenate(parts) if len(parts) > 1 else parts[0]
 
 
 def clear_of_ground(height: FloatArray, *, threshold_m: float, ground_m: float) -> BoolArray:

@@ -17,6 +17,7 @@ from hopdata.errors import AnalysisError
 _NODES_PER_BANDWIDTH = 32  # spacing of the fine grid; aliasing below 1e-8 of the peak
 _REACH = 8.0  # bandwidths after which the kernel is nothing (exp(-32) = 1e-14)
 _MAX_FINE_NODES = 2**23
+BLOCK = 100_000  # samples at a time
 
 
 def normal_bandwidth(samples: ArrayLike) -> float:
@@ -64,7 +65,7 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
     """
     from scipy.fft import next_fast_len
 
-    values, nodes = finite(samples), np.asarray(grid, dtype=np.float64)
+    values, nodes = np.asarray(samples).ravel(), np.asarray(grid, dtype=np.float64)
     spacing = float(nodes[-1] - nodes[0]) / (len(nodes) - 1)
     refine = max(1, int(np.ceil(spacing * _NODES_PER_BANDWIDTH / bandwidth)))
     step = spacing / refine
@@ -75,29 +76,36 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
             f"bandwidth: {bandwidth:g} is too small for a grid from {nodes[0]:g} to {nodes[-1]:g}"
         )
     n_fine = next_fast_len(n_inside + 2 * margin, real=True)
-    counts = _spread((values - nodes[0]) / step + margin, n_fine)
-    smooth = np.fft.irfft(np.fft.rfft(counts) * _transfer(n_fine, bandwidth / step), n_fine)
+    counts, n_finite = np.zeros((4, n_fine)), 0
+    for first in range(0, len(values), BLOCK):
+        part = finite(values[first : first + BLOCK])
+        _spread((part - nodes[0]) / step + margin, counts)
+        n_finite += part.size
+    spread = sum(counts) / 6.0
+    smooth = np.fft.irfft(np.fft.rfft(spread) * _transfer(n_fine, bandwidth / step), n_fine)
     inside = smooth[margin : margin + n_inside : refine]
-    return np.maximum(inside, 0.0) / (values.size * step)
+    return np.maximum(inside, 0.0) / (n_finite * step)
 
 
 def finite(samples: ArrayLike) -> FloatArray:
     """Return the finite values of `samples`, flat."""
-    values = np.asarray(samples, dtype=np.float64).ravel()
+    values = np.asarray(samples, dtype=np.float64)
     return values[np.isfinite(values)]
 
 
-def _spread(place: FloatArray, n_fine: int) -> FloatArray:
-    """Spread unit counts at fractional places over four nodes each by the cubic B-spline."""
-    place = place[(place >= 1) & (place < n_fine - 3)]
+def _spread(place: FloatArray, counts: FloatArray) -> None:
+    """Spread unit counts at fractional places over four nodes each by the cubic B-spline.
+
+    What falls on the first to the last of the four is added to the rows of `counts`, one sample
+    after the other: so the sums do not depend on how many come at a time.
+    """
+    place = place[(place >= 1) & (place < counts.shape[1] - 3)]
     below = place.astype(np.int64)
     u = place - below
     v = 1.0 - u
     weights = (v**3, 4 - 3 * u * u * (1 + v), 4 - 3 * v * v * (1 + u), u**3)
-    counts = np.zeros(n_fine)
-    for offset, weight in enumerate(weights, start=-1):
-        counts += np.bincount(below + offset, weights=weight, minlength=n_fine)
-    return counts / 6.0
+    for row, (count, weight) in enumerate(zip(counts, weights, strict=True)):
+        np.add.at(count, below + (row - 1), weight)
 
 
 def _transfer(n_fine: int, bandwidth_steps: float) -> FloatArray:
@@ -160,13 +168,15 @@ def ground_mode(heights: ArrayLike, *, bandwidth_m: float | None = None) -> Grou
     AnalysisError
         Fewer than 20 finite heights.
     """
-    values = np.sort(finite(heights))
+    values = finite(heights)
+    values.sort()
     if values.size < _LEAST_SAMPLES:
         raise AnalysisError(
             f"ground mode: expected at least {_LEAST_SAMPLES} frames with foot heights, "
             f"found {values.size}"
         )
-    place = _densest(values[values <= _upper_end_of_lowest_mode(values)])
+    n_low = np.searchsorted(values, _upper_end_of_lowest_mode(values), side="right")
+    place = _densest(values[:n_low])
     sigma = _left_flank(values, place)
     for _ in range(3):
         n_ground = 2 * max(int(np.searchsorted(values, place)), 1)

@@ -12,7 +12,7 @@ from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED
 from hopdata.landings.contacts.find import contacts_of, find_landings
-from hopdata.landings.sections.frames import Frames, Heights, heights_of, pool_frames
+from hopdata.landings.sections.frames import Frames, Heights, heights_of, pool_frames, pooled
 from hopdata.landings.sections.modes import (
     GroundMode,
     finite,
@@ -165,9 +165,11 @@ def select_sections(
     """
     require_choice("sections.frames", frames, FRAMES)
     heights = [heights_of(recording) for recording in recordings]
-    feet = [np.concatenate([getattr(h, f) for h in heights]) for f in ("min_foot", "max_foot")]
-    feet.append(np.concatenate([r.feet[:, :, 2].ravel() for r in recordings]))
-    *modes, every = (ground_mode(h, bandwidth_m=bandwidth_m) for h in feet)
+    modes = [
+        ground_mode(pooled([getattr(h, foot) for h in heights]), bandwidth_m=bandwidth_m)
+        for foot in ("min_foot", "max_foot")
+    ]
+    every = ground_mode(pooled([r.feet[:, :, 2] for r in recordings]), bandwidth_m=bandwidth_m)
     knees = [max(m.knee(threshold_sigmas), m.height_m + LEAST_KNEE_M) for m in modes]
     given = {
         "min_foot_threshold_m": min_foot_threshold_m,
@@ -195,19 +197,19 @@ def select_sections(
         n_frames=sum(int(h.seen.sum()) for h in heights),
         n_used=0,
     )
-    pooled = sections.pooled(heights)
+    frames_used = sections.pooled(heights)
     if pre_height_m is None or post_height_m is None:
-        _require_hopping(pooled, sections)
+        _require_hopping(frames_used, sections)
     pre, post = pre_height_m, post_height_m
     if pre is None:  # hardly ever exceeded while some foot is down
-        highest_body = np.quantile(pooled.body[~pooled.all_up], 1.0 - tail_fraction)
+        highest_body = np.quantile(frames_used.body[~frames_used.all_up], 1.0 - tail_fraction)
         pre = float(highest_body - 0.5 * excess[0] * (min_foot_threshold_m is None))
     if post is None:  # hardly ever reached while some foot is up
-        lowest_body = np.quantile(pooled.body[~pooled.all_down], tail_fraction)
+        lowest_body = np.quantile(frames_used.body[~frames_used.all_down], tail_fraction)
         post = float(lowest_body - 0.5 * excess[1] * (max_foot_threshold_m is None))
     landings = landings or {one.name: find_landings(one) for one in recordings}
     known = np.concatenate([landing_heights(one, landings[one.name]) for one in recordings])
-    found = {**_held(known, pre, post, sections), "n_used": len(pooled.body)}
+    found = {**_held(known, pre, post, sections), "n_used": len(frames_used.body)}
     _require_order(found["pre_height_m"], found["post_height_m"])
     return replace(sections, **found)
 
@@ -408,8 +410,8 @@ def _foot_curves(
     heights: Sequence[Heights], sections: Sections, nodes: int
 ) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Densities of the lowest and the highest foot, on one grid."""
-    lowest = finite(np.concatenate([h.min_foot for h in heights]))
-    highest = finite(np.concatenate([h.max_foot for h in heights]))
+    lowest = finite(pooled([h.min_foot for h in heights]))
+    highest = finite(pooled([h.max_foot for h in heights]))
     widths = [_FOOT_BANDWIDTH * m.sigma_m for m in (sections.min_foot_mode, sections.max_foot_mode)]
     least = _FINEST * float(highest.max() - lowest.min())
     widths = [max(width, least) for width in widths]  # heights without noise

@@ -256,8 +256,10 @@ def inspect_recording(
 def _turned(positions: FloatArray, metres: float, up: str) -> FloatArray:
     """Return (N, M, 3) positions in m and z up, NaN for what is infinite.
 
-    In memory one marker follows the other, since that is how the checks go through them.
+    Those that are so are not copied: of a long recording memory may hold no second one.
     """
+    if metres == 1.0 and up == "z" and not np.isinf(positions).any():
+        return positions
     tracks = np.empty((positions.shape[1], len(positions), 3))
     for m, track in enumerate(tracks):
         track[:] = rotate_up(positions[:, m] * metres, up)

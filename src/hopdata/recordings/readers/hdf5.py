@@ -300,7 +300,7 @@ def opened(path: str | Path, fault: str, most_unpacked_mb: float = np.inf) -> It
 
 def _write_content(file: h5py.File, recording: Recording) -> None:
     _dataset(file, "time", recording.time)
-    _dataset(file, "positions", recording.positions.astype(np.float32))
+    _dataset(file, "positions", recording.positions, np.float32)
     if recording.filled is not None:
         _dataset(file, "filled", recording.filled)
     file.attrs["markers"] = list(recording.markers)
@@ -334,16 +334,20 @@ def _read_events(file: h5py.File) -> tuple[Event, ...]:
 def _write_truth(group: h5py.Group, truth: Truth) -> None:
     for key in _TRUTH_DATASETS:
         array = getattr(truth, key)
-        _dataset(group, key, array.astype(np.float32) if key == "body_height" else array)
+        _dataset(group, key, array, np.float32 if key == "body_height" else None)
     for key in _TRUTH_ATTRIBUTES:
         group.attrs[key] = getattr(truth, key)
 
 
-def _dataset(group: h5py.Group, name: str, array: NDArray[Any]) -> None:
+def _dataset(group: h5py.Group, name: str, array: NDArray[Any], dtype: type | None = None) -> None:
     """Store an array in chunks that run along its first axis, which compresses best."""
     if array.size == 0:
         group.create_dataset(name, data=array, track_times=False)
         return
     chunks = (max(1, min(CHUNK_FRAMES, len(array))), *(1 for _ in array.shape[1:]))
     packed = {"shuffle": True, "compression": "gzip", "compression_opts": COMPRESSION}
-    group.create_dataset(name, data=array, chunks=chunks, track_times=False, **packed)
+    kind = {"shape": array.shape, "dtype": dtype or array.dtype}
+    stored = group.create_dataset(name, **kind, chunks=chunks, track_times=False, **packed)
+    for first in range(0, len(array), CHUNK_FRAMES):  # in no memory of the array's size
+        part = slice(first, first + CHUNK_FRAMES)
+        stored[part] = array[part].astype(stored.dtype, copy=False)
