@@ -7,9 +7,13 @@ RUN pip install --no-cache-dir --require-hashes --only-binary :all: -r requireme
  && pip install --no-cache-dir --require-hashes --no-build-isolation -r requirements.lock
 COPY . .
 RUN pip install --no-cache-dir --no-build-isolation --no-deps . && rm -r /build
-# Machine code is compiled once, here, where whoever runs the image can read it.
-ENV NUMBA_CACHE_DIR=/opt/hopdata-code MPLCONFIGDIR=/tmp/matplotlib
-RUN python -c "from hopdata.hybrid import solve; from hopdata.scenes.small import VerticalHopper as V; v = V(mass_kg=1.0, stiffness_n_m=1e3); solve(v.system(), (0.0, 0.1), [2.0, 0.0], params=v.params)"
+# Machine code is compiled once, here: by the sample's study, which also tries the image, and by a call of the
+# integrator. It is looked for only in a folder that whoever runs the image may write to; nor has he a home.
+ENV NUMBA_CACHE_DIR=/opt/hopdata-code MPLCONFIGDIR=/tmp/matplotlib XDG_CACHE_HOME=/tmp/cache
+WORKDIR /trial
+RUN hopdata run --cores 2 && rm -rf /trial/* /tmp/cache
+RUN python -c "from hopdata.hybrid import solve; from hopdata.scenes.small import VerticalHopper as V; v = V(mass_kg=1.0, stiffness_n_m=1e3); solve(v.system(), (0.0, 0.1), [2.0, 0.0], params=v.params)" \
+ && chmod -R a+rwX "$NUMBA_CACHE_DIR"
 WORKDIR /study
 ENTRYPOINT ["hopdata"]
 CMD ["--help"]

@@ -20,7 +20,7 @@ unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
 	@echo "make test       run all tests (PYTEST_ARGS='-k name' selects)"
-	@echo "make test-cluster the sample through a SLURM of one node, two jobs killed (as root, with slurm-wlm)"
+	@echo "make test-cluster the sample and a group through a SLURM of one node, jobs killed (as root, with slurm-wlm)"
 	@echo "make both-sides the study of the dissertation's size: C1, not C1, half the spread, and all side by side"
 	@echo "make benchmarks error and run time beside other libraries, into results/benchmarks"
 	@echo "make lint       ruff, mypy, snakefmt and snakemake --lint"

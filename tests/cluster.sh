@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
-# The sample through a SLURM of one node on this machine, by profiles/slurm. A job dies by kill -9, and one
-# that holds a group is cancelled: the results are a local run's to the bytes. As root, where no SLURM is set
-# up: its configuration must lie in /etc/slurm, and is taken away again.
+# The sample, then a group of four subjects, through a SLURM of one node on this machine, by profiles/slurm.
+# A job dies by kill -9, and one that holds several is cancelled: the results are a local run's to the bytes.
+# As root, where no SLURM is set up: its configuration must lie in /etc/slurm, and is taken away again.
+#
+#   tests/cluster.sh [sample] [group]
 set -euo pipefail
 cd "$(dirname "$0")/.."
 bin=$(realpath "${VENV:-.venv}")/bin conf=/etc/slurm/slurm.conf
@@ -39,21 +41,37 @@ until [ "$(sinfo -h -o %T 2>/dev/null)" = idle ]; do sleep 1; done
 sed 's/PARTITION/short/; s/ACCOUNT/lab/; s/^# slurm-status/slurm-status/' profiles/slurm/config.yaml \
   >"$work/profile/config.yaml"
 run() { # folder, options
-  mkdir "$work/$1" && ln -s "$PWD/data" "$work/$1/data"
-  "$bin/snakemake" --configfile config/config.yaml --directory "$work/$1" "${@:2}" >"$work/$1.log" 2>&1 ||
+  mkdir "$work/$1" && ln -s "$PWD/data" "$work/$1/data" && cp -r config "$work/$1/config"
+  sed -i '6,$d' "$work/$1/config/group.tsv"
+  (cd "$work/$1" && "$bin/snakemake" "${what[@]}" "${@:2}") >"$work/$1.log" 2>&1 ||
     stop "$work/$1.log: expected a study that ends, found: $(tail -n 3 "$work/$1.log")"
 }
-run local --cores 2
-run cluster --profile "$work/profile" --slurm-init-seconds-before-status-checks 3 & study=$!
 at_work() { # stage
   until pgrep -f "$work/cluster/.snakemake/scripts/.*\.$1\.py"; do kill -0 $study || exit 1; sleep 0.2; done
 }
-kill -9 $(at_work verdict) && say "killed the verdict"
-at_work quality >/dev/null
-scancel "$(squeue -h -o "%i %k" | sed -n 's/ rule_page.*//p')" && say "cancelled the group of the page"
-wait $study
-[ "$(grep -c "Trying to restart" "$work/cluster.log")" = 2 ] || stop "$work/cluster.log: expected 2 retries"
-# All but times, and where it ran.
-diff -rq -x logs -x benchmarks -x report.html -x provenance.json "$work"/{local,cluster}/results/sample
-rm -r "$work"/{local,cluster}
-say "$(grep -c "submitted with SLURM" "$work/cluster.log") submissions, the bytes of a local run"
+both() { # retries, what is killed
+  run local --cores 2
+  run cluster --profile "$work/profile" --slurm-init-seconds-before-status-checks 3 & study=$!
+  "$2"
+  wait $study
+  [ "$(grep -c "Trying to restart" "$work/cluster.log")" = "$1" ] || stop "$work/cluster.log: expected $1 retries"
+  # All but times, and where it ran.
+  diff -rq -x logs -x benchmarks -x report.html -x provenance.json "$work"/{local,cluster}/results
+  rm -r "$work"/{local,cluster}
+  say "$(grep -c "submitted with SLURM" "$work/cluster.log") submissions, the bytes of a local run"
+}
+sample() {
+  kill -9 $(at_work verdict) && say "killed the verdict"
+  at_work quality >/dev/null
+  scancel "$(squeue -h -o "%i %k" | sed -n 's/ rule_page.*//p')" && say "cancelled the group of the page"
+}
+group() {
+  kill -9 "$(at_work member | head -n 1)" && say "killed a subject"
+}
+for part in ${@:-sample group}; do
+  case $part in
+  sample) what=(--snakefile "$PWD/Snakefile" --configfile config/config.yaml) && both 2 sample ;;
+  group) what=(--snakefile "$PWD/workflow/group.smk" --configfile config/group.yaml) && both 1 group ;;
+  *) stop "expected sample or group, found $part" ;;
+  esac
+done

@@ -117,7 +117,7 @@ STAGES = {
 def test_memory_holds_a_recording_once(levelled, stage, small_blocks, small_samples, tmp_path):
     """By what twice the frames take more: all else is the same for any length."""
     ready, landings = levelled
-    taken, lengths = [], (25_000, 50_000)
+    taken, lengths = [], (15_000, 30_000)
     for frames in lengths:
         part = ready.part(slice(frames))
         part = replace(part, positions=part.positions.copy())

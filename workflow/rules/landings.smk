@@ -10,7 +10,7 @@ rule contacts:
         f"{RESULTS}/benchmarks/contacts_{{recording}}.tsv"
     priority: 1  # more waits for it than for a figure
     resources:
-        **needs(mb_a_mb=40, minutes=30),
+        **needs(mb_a_mb=10, minutes=30),
     params:
         options=consistency.contact_options(STUDY),
         code=code("contacts"),
@@ -38,7 +38,7 @@ rule pairs:
         f"{RESULTS}/benchmarks/pairs.tsv"
     priority: 1  # more waits for it than for a figure
     resources:
-        **needs(mb_a_mb=40, minutes=30),
+        **needs(mb_a_mb=10, minutes=30),
     params:
         sections={key: value for key, value in STUDY["sections"].items() if key != "grid_nodes"},
         nodes=STUDY["sections"]["grid_nodes"],
@@ -72,7 +72,7 @@ rule quality:
     benchmark:
         f"{RESULTS}/benchmarks/quality.tsv"
     resources:
-        **needs(mb_a_mb=60, minutes=20),
+        **needs(mb_a_mb=10, minutes=20),
     params:
         sections=STUDY["sections"],
         noise_m=consistency.expected_noise_m(STUDY),

@@ -31,7 +31,7 @@ rule recording:
     benchmark:
         f"{RESULTS}/benchmarks/recording_{{recording}}.tsv"
     resources:
-        **needs(mb_a_mb=60, minutes=20),
+        **needs(mb_a_mb=10, minutes=20),
     params:
         markers=STUDY["markers"],
         feet=STUDY["feet"],
@@ -60,7 +60,7 @@ rule inspection:
     benchmark:
         f"{RESULTS}/benchmarks/inspection.tsv"
     resources:
-        **needs(mb_a_mb=60, minutes=20),
+        **needs(mb_a_mb=10, minutes=20),
     params:
         code=code("inspection"),
     script:

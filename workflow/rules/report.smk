@@ -46,7 +46,7 @@ rule report:
     log:
         f"{RESULTS}/logs/report.log",
     resources:
-        **needs(mb_a_mb=40, minutes=10),
+        **needs(mb_a_mb=10, minutes=10),
     params:
         study=STUDY,
         stage_times=stage_times(RESULTS) + (stage_times(STEERING) if IN_REPORT else []),
