@@ -15,7 +15,7 @@ with reported(snakemake.log[0]):
     source = snakemake.input
     read = map(read_recording, source.recordings)  # of which none is kept
     facts = [(describe_recording(r), r.source, r.source_sha256) for r in read]
-    recordings = [described for described, _, _ in facts]
+    recordings, names = [one for one, *_ in facts], [one["name"] for one, *_ in facts]
     stage_times = [Path(path) for path in snakemake.params.stage_times if Path(path).exists()]
     digests = {file: sha256 for _, file, sha256 in facts}
     record = provenance(snakemake.params.study, digests, stage_times)
@@ -29,10 +29,7 @@ with reported(snakemake.log[0]):
             sections=read_json(source.sections),
             units=read_json(source.units),
             provenance=record,
-            floors={
-                one["name"]: read_json(path)
-                for one, path in zip(recordings, source.floors, strict=True)
-            },
+            floors=dict(zip(names, map(read_json, source.floors), strict=True)),
             truth=read_json(source.truth),
             verdict=read_json(source.verdict),
             overlay={Path(path).stem: read_table(path) for path in source.overlay},

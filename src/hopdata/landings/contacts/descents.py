@@ -248,10 +248,8 @@ def _have_a_descent(found: FloatArray, spans: FloatArray) -> BoolArray:
     """Tell which landings (H, 2) have a descent: each has one, the nearest that it holds."""
     have = np.zeros(len(found), dtype=bool)
     middle = found.mean(axis=1)
-    first, stop = (  # both columns are in the order of time
-        np.searchsorted(column, instants, side=side)
-        for column, instants, side in zip(found.T[::-1], spans.T, ("left", "right"), strict=True)
-    )
+    first = np.searchsorted(found[:, 1], spans[:, 0])  # both columns are in the order of time
+    stop = np.searchsorted(found[:, 0], spans[:, 1], side="right")
     for (begin, end), low, high in zip(spans, first, stop, strict=True):
         near = low + np.flatnonzero(~have[low:high])
         if len(near) > 0:
