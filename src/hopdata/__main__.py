@@ -23,8 +23,7 @@ exit codes:
   2    a wrong command line
   130  interrupted
 """
-OVERVIEW = (
-    """\
+OVERVIEW = f"""\
 from a file to a report:
   hopdata inspect monday.tsv                what is in it, and what looks wrong
   hopdata view monday.tsv                   turn it in 3-D
@@ -32,9 +31,7 @@ from a file to a report:
   hopdata check config/monday.yaml          does it all fit?
   hopdata run config/monday.yaml            results/monday/report.html
 
-"""
-    + EXIT_CODES
-)
+{EXIT_CODES}"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -121,9 +118,8 @@ def _view_options(command: argparse.ArgumentParser) -> None:
 
 def _init_options(command: argparse.ArgumentParser) -> None:
     _add_file(command)
-    command.add_argument(
-        "-o", "--out", type=Path, metavar="CONFIG", help="file to write; else config/FILE.yaml"
-    )
+    what = "file to write; else config/FILE.yaml"
+    command.add_argument("-o", "--out", type=Path, metavar="CONFIG", help=what)
     command.add_argument("--force", action="store_true", help="replace CONFIG if it is there")
 
 
@@ -142,9 +138,7 @@ def _run_options(command: argparse.ArgumentParser) -> None:
     what = "make the study of this provenance.json again, and compare"
     command.add_argument("--from", dest="provenance", type=Path, metavar="FILE", help=what)
     command.add_argument("--dry-run", action="store_true", help="only say what would be done")
-    command.add_argument(
-        "--force", action="store_true", help="do all anew, also what is up to date"
-    )
+    command.add_argument("--force", action="store_true", help="do all anew, up to date or not")
 
 
 def _clean_options(command: argparse.ArgumentParser) -> None:
@@ -152,9 +146,6 @@ def _clean_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("config", nargs="?", type=Path, metavar="CONFIG", help=what)
     command.add_argument("--all", action="store_true", help="every study in this folder")
     command.add_argument("--dry-run", action="store_true", help="only say what would be removed")
-
-
-def _no_options(_command: argparse.ArgumentParser) -> None: ...
 
 
 def _plan_options(command: argparse.ArgumentParser) -> None:
@@ -262,14 +253,14 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
         "say what this installation has, and what it lacks",
         "Versions, cores, memory, workflow, compiled code, space. Exit code 1 if anything lacks.",
         "  hopdata doctor\n",
-        _no_options,
+        lambda _: None,
     ),
     "completion": (
         "hopdata.__main__:completion",
         "print what makes a shell complete the commands",
         "Print a line for bash, or for zsh after bashcompinit.",
         '  eval "$(hopdata completion)"      in ~/.bashrc\n',
-        _no_options,
+        lambda _: None,
     ),
     "config-docs": (
         "hopdata.commands.init:config_docs",

@@ -13,15 +13,16 @@ import time
 from importlib import metadata
 from pathlib import Path
 
-from hopdata.commands.terminal import OK, PROBLEM, progress_line
+from hopdata.analysis import SNAKEFILE
+from hopdata.commands.terminal import OK, PROBLEM
 from hopdata.errors import ConfigError
 from hopdata.provenance import REPORTED_PACKAGES, package_digest
+from hopdata.report.quality import summary
 
-# In a checkout this link leads to its own Snakefile; in a wheel the file is beside the others.
-SNAKEFILE = (Path(__file__).parents[1] / "_workflow" / "Snakefile").resolve()
 GROUP = SNAKEFILE.parent / "workflow" / "group.smk"
 SAMPLE, SAMPLE_CONFIG = Path("data/sample/hopper.h5"), Path("config/config.yaml")
-_DONE = re.compile(r"(\d+) of (\d+) steps \(\S+\) done")
+# What Snakemake says of a job: that it begins, that it is done, and how many are.
+_SAID = re.compile(r" +jobid: (\d+)|Finished jobid: (\d+) \(Rule: (\w+)\)|(\d+) of (\d+) steps \(")
 _LAST_LINES = 12
 
 
@@ -54,6 +55,9 @@ def run(options: argparse.Namespace) -> int:
     is_dry = {"-n", "--dry-run", "--dryrun"} & set(passed)
     if page.exists() and answer.exists() and not is_dry:
         print(json.loads(answer.read_text(encoding="utf-8"))["sentence"])
+        if (checks := answer.with_name("quality.json")).exists():
+            good, others = summary(json.loads(checks.read_text(encoding="utf-8")))
+            print(f"quality of the data: {good}{others and f'; {others}'}")
         print(page)
     return OK
 
@@ -111,22 +115,23 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     # In this order: any number of files may follow --configfile, and a target would be one.
     places = ["--configfile", str(config), "--snakefile", str(snakefile), "--nocolor"]
     command = [sys.executable, "-m", "snakemake", *places, *options]
-    said = []
-    with (
-        subprocess.Popen(
-            command, stderr=subprocess.PIPE, encoding="utf-8", errors="replace"
-        ) as snakemake,
-        progress_line(everywhere=True) as progress,
-    ):
-        start = time.monotonic()
+    said, begun, last = [], {"": time.monotonic()}, ""
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, encoding="utf-8", errors="replace"
+    ) as snakemake:
         try:
             for line in snakemake.stderr or ():
                 said.append(line)
-                if found := _DONE.match(line):
-                    progress(
-                        f"{study}: "
-                        + _how_far(int(found[1]), int(found[2]), time.monotonic() - start)
-                    )
+                if not (found := _SAID.match(line)):
+                    continue
+                begins, ends, rule, done, number = found.groups()
+                if begins:
+                    begun[begins] = time.monotonic()
+                elif ends:
+                    last = f"{rule} {time.monotonic() - begun.get(ends, begun['']):.0f} s"
+                else:
+                    far = _how_far(int(done), int(number), time.monotonic() - begun[""], last)
+                    print(f"{study}: {far}", file=sys.stderr, flush=True)
             code = snakemake.wait()
         except KeyboardInterrupt:  # Snakemake got it too: it ends its jobs and unlocks the folder
             snakemake.wait()
@@ -140,11 +145,12 @@ def run_workflow(config: Path, study: str, *options: str, snakefile: Path = SNAK
     return code
 
 
-def _how_far(done: int, number: int, seconds: float) -> str:
+def _how_far(done: int, number: int, seconds: float, last: str) -> str:
     """Say how many jobs are done, and how long the others take if they are like these."""
-    left = seconds * (number - done) / done
+    left = seconds * (number - done) / done or seconds
     words = f"{left:.0f} s" if left < 100 else f"{left / 60:.0f} min"
-    return f"{done} of {number} jobs done" + (f", about {words} left" if left else "")
+    said = f"{last}, about {words} left" if done < number else f"after {words}"
+    return f"{done} of {number} jobs done, {said}"
 
 
 def _keep(log: Path, said: list[str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import textwrap
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import isfinite
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 from hopdata.errors import HopdataError, counted
 
 if TYPE_CHECKING:
+    from hopdata.arrays import FloatArray
     from hopdata.recordings.quality.inspection import Inspection
     from hopdata.recordings.quality.orientation import Guess
     from hopdata.recordings.quality.stretches import MarkerGaps
@@ -23,9 +25,16 @@ OK, PROBLEM, INTERRUPTED = 0, 1, 130
 
 
 WIDTH, COLUMNS, MOST_SUSPECTS = 100, 50, 20
+KINDS = {
+    "frozen": "frozen marker",
+    "dropped": "dropout",
+    "rate": "wrong frame rate",
+    "irregular": "irregular time stamp",
+    "backward": "backward time stamp",
+}
 LONG_UNSEEN = 0.2  # of the frames
-SEEN, PARTLY, UNSEEN = "█", "▒", "·"
-PLAIN = {SEEN: "#", PARTLY: "+", UNSEEN: "."}
+HEIGHTS, PARTLY, UNSEEN = "▁▂▃▄▅▆▇█", "▒", "·"
+PLAIN = str.maketrans(HEIGHTS + PARTLY + UNSEEN, "#" * len(HEIGHTS) + "+.")
 
 
 def listing(inspection: Inspection, file: str, *, encoding: str = "utf-8") -> str:
@@ -47,9 +56,7 @@ def listing(inspection: Inspection, file: str, *, encoding: str = "utf-8") -> st
     try:
         text.encode(encoding)
     except (UnicodeEncodeError, LookupError):
-        for drawn, plain in PLAIN.items():
-            text = text.replace(drawn, plain)
-        text = text.encode("ascii", errors="replace").decode("ascii")
+        text = text.translate(PLAIN).encode("ascii", errors="replace").decode("ascii")
     return text
 
 
@@ -58,22 +65,9 @@ def answer(inspection: Inspection) -> str:
     n = inspection.n_problems
     if not n:
         return "No swapped or frozen markers, spikes, jumps, dropped frames or irregular stamps."
-    kinds: dict[str, int] = {}
-    for suspect in inspection.suspects():
-        kinds[suspect.kind] = kinds.get(suspect.kind, 0) + 1
-    parts = ", ".join(f"{count} {_plural(kind, count)}" for kind, count in kinds.items())
+    kinds = Counter(suspect.kind for suspect in inspection.suspects())
+    parts = ", ".join(counted(count, KINDS.get(kind, kind)) for kind, count in kinds.items())
     return f"{counted(n, 'suspect')}: {parts}."
-
-
-def _plural(kind: str, count: int) -> str:
-    words = {
-        "frozen": "frozen marker{}",
-        "dropped": "place{} with dropped frames",
-        "rate": "wrong frame rate{}",
-        "irregular": "irregular time stamp{}",
-        "backward": "backward time stamp{}",
-    }
-    return words.get(kind, f"{kind}{{}}").format("s" if count > 1 else "")
 
 
 def _facts(inspection: Inspection) -> list[str]:
@@ -132,29 +126,38 @@ def _rigid(inspection: Inspection) -> list[str]:
 
 
 def _gaps(inspection: Inspection) -> list[str]:
-    """One bar a marker, and its gaps in numbers."""
+    """One line of heights a marker, and its gaps in numbers."""
+    import numpy as np
+
     width = max(map(len, inspection.markers), default=0)
     n_columns = max(1, min(COLUMNS, len(inspection.time)))
     column = inspection.duration_s / n_columns
-    lines = [f"  gaps (a column is {column:.3g} s; {SEEN} seen, {PARTLY} partly, {UNSEEN} unseen)"]
-    for gaps in inspection.gaps:
+    signs = f"{HEIGHTS[0]} low to {HEIGHTS[-1]} high, {PARTLY} partly unseen, {UNSEEN} unseen"
+    lines = [f"  height and gaps (a column is {column:.3g} s; {signs})"]
+    heights = inspection.positions[:, :, 2]
+    low, high = np.nanquantile(heights, [0.01, 0.99]) if np.isfinite(heights).any() else (0, 1)
+    levels = (len(HEIGHTS) * (heights - low) / max(high - low, 1e-9)).clip(0, len(HEIGHTS) - 1)
+    for gaps, level in zip(inspection.gaps, levels.T, strict=True):
         longest = f"{counted(gaps.longest, 'frame')} ({gaps.longest / inspection.rate_hz:.3g} s)"
         share = f"{float(f'{100 * gaps.share:.2g}'):g} % unseen"
         numbers = f"{counted(gaps.count, 'gap')}, longest {longest}, {share}"
         numbers = "never seen" if gaps.share == 1 else numbers if gaps.count else "no gap"
-        lines.append(f"  {gaps.marker:{width}} {_bar(gaps, n_columns)} {numbers}")
+        lines.append(f"  {gaps.marker:{width}} {_bar(gaps, level, n_columns)} {numbers}")
     return lines
 
 
-def _bar(gaps: MarkerGaps, n_columns: int) -> str:
-    """Draw one bar; a column is partly seen if a single frame in it is missing."""
+def _bar(gaps: MarkerGaps, level: FloatArray, n_columns: int) -> str:
+    """Draw one line; a column is partly unseen if a single frame in it is missing."""
     import numpy as np
 
     unseen = np.zeros(gaps.n_frames, dtype=bool)
     for start, stop in gaps.stretches:
         unseen[start:stop] = True
-    columns = np.array_split(unseen, n_columns)
-    return "".join(UNSEEN if c.all() else PARTLY if c.any() else SEEN for c in columns)
+    columns = zip(np.array_split(unseen, n_columns), np.array_split(level, n_columns), strict=True)
+    return "".join(
+        UNSEEN if c.all() else PARTLY if c.any() else HEIGHTS[round(float(z.mean()))]
+        for c, z in columns
+    )
 
 
 def _suspects(inspection: Inspection) -> list[str]:
@@ -178,18 +181,13 @@ CLEAR_LINE = "\r\033[K"
 
 
 @contextmanager
-def progress_line(*, everywhere: bool = False) -> Iterator[Callable[[str], None]]:
-    """Yield what shows the step at hand, in words; an empty line is left behind.
-
-    With `everywhere` each step is a plain line where stderr is no terminal.
-    """
+def progress_line() -> Iterator[Callable[[str], None]]:
+    """Yield what shows the step at hand on a terminal, in words; an empty line is left behind."""
     shown = sys.stderr.isatty()
 
     def show(text: str) -> None:
         if shown:
             print(f"{CLEAR_LINE}{text}", end="", file=sys.stderr, flush=True)
-        elif everywhere and text:
-            print(text, file=sys.stderr, flush=True)
 
     try:
         yield lambda step: show(step + " ..." * shown)
