@@ -68,20 +68,22 @@ def test_nothing_is_imported_before_it_is_used():
         _ = hd.analyze
 
 
-ARRAYS = {"time": np.arange(5.0), "positions": np.zeros((5, 2, 3)), "markers": ["toe", "hip"]}
+ARRAYS = {"time": np.arange(5) / 100, "positions": np.zeros((5, 2, 3)), "markers": ["toe", "hip"]}
 
 
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
-        ({"time": [0.0, 0.1, 0.1, 0.2, 0.3]}, "time: expected two frames or more, each later"),
+        ({"time": [0.0, 0.1, 0.1, 0.2, 0.3]}, "each later than the one before by at most 0.5 s"),
+        ({"time": 10 * np.arange(5)}, "found shape (5,), [ 0. 10.] at frame 1"),
+        ({"time": [0, 1e-3, np.nan, 3e-3, 4e-3]}, "[0.001   nan] at frame 2"),
         ({"positions": np.zeros((5, 3, 2))}, "positions: expected shape (5, 2, 3)"),
         ({"markers": ["toe"]}, "positions: expected shape (5, 1, 3)"),
         ({"markers": ["toe", "toe"]}, "markers: expected each name once, found toe, toe"),
         ({"positions": [[1], [1, 2]]}, "positions: expected an array of numbers, found setting"),
         ({"time": ["noon"]}, "time: expected an array of numbers, found could not convert"),
         ({"body": 3}, "body: expected a list of marker names, found 3"),
-        ({"feet": ["to"]}, "feet: expected any of ('toe', 'hip'), found 'to'; did you mean 'toe'"),
+        ({"feet": ["to"]}, "feet: expected one of toe, hip, found 'to'; did you mean 'toe'"),
     ],
 )
 def test_wrong_arrays_are_told_by_name(changed, told):

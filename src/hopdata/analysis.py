@@ -28,6 +28,7 @@ Contents = dict[str, Any]
 #: In a checkout this link leads to its own Snakefile; in a wheel the file is beside the others.
 SNAKEFILE = Path(__file__).with_name("_workflow").joinpath("Snakefile").resolve()
 Progress = Callable[[str], object]
+Simulate = Callable[..., tuple[Recording, Truth]]
 
 
 def read(
@@ -61,11 +62,17 @@ def read(
     ------
     RecordingError
         If the file cannot be read or lacks a marker.
+
+    Examples
+    --------
+    >>> feet, body = ["foot1", "foot2", "foot3"], ["body1", "body2", "body3"]
+    >>> read("data/sample/hopper.h5", feet=feet, body=body)
+    <Recording 'hopper': 6 markers, 106,334 frames at 100 Hz, 100 % seen>
     """
     from hopdata.recordings.importing import import_recording
 
     first = Path(file if isinstance(file, str | Path) else file[0])
-    markers = {"feet": _names("feet", feet), "body": _names("body", body)}
+    markers = {"feet": [*marker_names("feet", feet)], "body": [*marker_names("body", body)]}
     options = {"vertical_axis": _vertical_axis(first, markers, options), **options}
     return import_recording(file, name=name or first.stem, markers=markers, **options)[0]
 
@@ -100,7 +107,7 @@ def study(
 
     given: tuple[Recording, ...] = ()
     content: Mapping[str, Any]
-    roles = {"feet": _names("feet", feet), "body": _names("body", body)}
+    roles = {"feet": [*marker_names("feet", feet)], "body": [*marker_names("body", body)]}
     if isinstance(source, Recording):
         if feet or body:
             raise RecordingError("feet, body: expected none, since the recording has its roles")
@@ -190,6 +197,12 @@ def synthesize(
     ------
     ConfigError
         If there is no such scene or a value is out of range.
+
+    Examples
+    --------
+    >>> recording, truth = synthesize("quadruped", simulation={"hops": 5}, seed=1)
+    >>> truth.contact_times.shape  # of each landing and foot
+    (5, 4)
     """
     from hopdata.config.loading import load_config
     from hopdata.synthesis import simulate_recording
@@ -202,15 +215,11 @@ def synthesize(
     return _simulated(load_config(content), 0, simulate_recording)
 
 
-def _simulated(config: Contents, number: int, simulate: Any) -> tuple[Recording, Truth]:
+def _simulated(config: Contents, number: int, simulate: Simulate) -> tuple[Recording, Truth]:
     from hopdata.config.consistency import simulation_of
 
     name, seed = config["recordings"][number]["name"], (config["seed"], number)
-    camera = config["motion_capture"]
-    made: tuple[Recording, Truth] = simulate(
-        simulation_of(config, name), camera, seed=seed, name=name
-    )
-    return made
+    return simulate(simulation_of(config, name), config["motion_capture"], seed=seed, name=name)
 
 
 def plan(
@@ -238,15 +247,13 @@ def plan(
     from hopdata.maps.verdict.effect import landings_needed
 
     verdict = pilot.verdict if isinstance(pilot, Study) else pilot
+    if not min(differences, default=0) > 0:
+        raise AnalysisError(f"differences: expected numbers above 0, found {differences}")
     if verdict.effect is None:
         raise AnalysisError(f"pilot: expected an answer to plan from: {verdict.sentence}")
     known = (verdict.n_landings, verdict.effect.detectable)
     needed = [landings_needed(*known, size, verdict.n_feet) for size in differences]
     return pd.DataFrame({"difference": list(differences), "landings": needed})
-
-
-def _names(key: str, names: Sequence[str]) -> list[str]:
-    return list(marker_names(key, names))
 
 
 @dataclass(frozen=True, repr=False)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import BoolArray, FloatArray, Shown
-from hopdata.errors import RecordingError, did_you_mean, require_choice
+from hopdata.errors import RecordingError, require_choice
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,7 @@ class Event:
     time_s: float
 
 
+SLOWEST_S = 0.5  # between frames; more are milliseconds
 ROLES = ("body", "foot", "part", "boom", "other")  # a part is a marker of the foot before it
 
 
@@ -154,18 +155,28 @@ class Recording(Shown):
 
         Raises
         ------
-        RecordingError
+        HopdataError
             If shapes, times or names do not fit together.
+
+        Examples
+        --------
+        >>> time, markers = np.arange(5) / 100, ["toe", "hip1", "hip2", "hip3"]
+        >>> still = np.tile([[0, 0, 0], [0, 0, 1], [0.1, 0, 1], [0, 0.1, 1]], (5, 1, 1))
+        >>> Recording.from_arrays(time, still, markers, feet=["toe"], body=markers[1:])
+        <Recording 'recording': 4 markers, 5 frames at 100 Hz, 100 % seen>
         """
         stamps, places = _numbers("time", time), _numbers("positions", positions)
         known, of_foot, of_body = (
             marker_names(*named) for named in (("markers", markers), ("feet", feet), ("body", body))
         )
         wanted = (*stamps.shape, len(known), 3)
-        if stamps.ndim != 1 or len(stamps) < 2 or not (np.diff(stamps) > 0).all():
+        steps = np.diff(stamps) if stamps.ndim == 1 and len(stamps) > 1 else np.empty(0)
+        if not len(steps) or not (steps > 0).all() or np.median(steps) > SLOWEST_S:
+            wrong = 1 + int(np.argmin(steps > 0)) if len(steps) else 0
+            here = f"{stamps.flat[max(wrong - 1, 0) : wrong + 1]} at frame {wrong}"
             raise RecordingError(
-                f"time: expected two frames or more, each later than the one before, (N,), s, "
-                f"found an array of shape {stamps.shape}"
+                "time: expected two frames or more, (N,), s, each later than the one before by at "
+                f"most {SLOWEST_S} s, found shape {stamps.shape}, {here}"
             )
         if places.shape != wanted:
             raise RecordingError(
@@ -173,9 +184,7 @@ class Recording(Shown):
             )
         for key, chosen in (("feet", of_foot), ("body", of_body)):
             for one in chosen:
-                if one not in known:
-                    near = did_you_mean(one, known)
-                    raise RecordingError(f"{key}: expected any of {known}, found '{one}'{near}")
+                require_choice(key, one, known)
         roles = ("body" if m in of_body else "foot" if m in of_foot else "other" for m in known)
         rate_hz = 1.0 / float(np.median(np.diff(stamps)))
         return cls(name, stamps, places, known, tuple(roles), rate_hz)

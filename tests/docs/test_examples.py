@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
+import doctest
 import re
 import runpy
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 DOCS = Path(__file__).parents[2] / "docs"
+
+
+SOURCE = DOCS.parent / "src"
+SHOWN = [path for path in SOURCE.rglob("*.py") if "\n    >>> " in path.read_text(encoding="utf-8")]
+
+
+@pytest.mark.parametrize("path", SHOWN, ids=lambda path: path.stem)
+def test_the_examples_in_docstrings_are_right(path, monkeypatch):
+    monkeypatch.chdir(DOCS.parent)
+    name = ".".join(path.relative_to(SOURCE).with_suffix("").parts)
+    result = doctest.testmod(import_module(name))
+    assert result.attempted
+    assert not result.failed
 
 
 def test_two_legs(capsys):

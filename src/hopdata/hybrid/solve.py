@@ -103,6 +103,14 @@ def solve(
     Exception
         Whatever the system's functions raise, and KeyboardInterrupt: what was reached is its
         attribute `solution`.
+
+    Examples
+    --------
+    >>> from hopdata.scenes.small import VerticalHopper
+    >>> hopper = VerticalHopper(mass_kg=1.0, stiffness_n_m=1000.0)
+    >>> hops = solve(hopper.system(), (0.0, 1.0), [2.0, 0.0], params=hopper.params)
+    >>> hops.events.time.round(6), hops.events.direction  # touchdown, lift-off
+    (array([0.451524, 0.555292]), array([-1,  1]))
     """
     if not isinstance(system, System):
         raise TypeError(f"system: expected a System, found {system!r}")
