@@ -15,7 +15,7 @@ BIN := $(VENV)/bin
 export PYTHONNOUSERSITE := 1
 unexport PYTHONPATH PYTHONDONTWRITEBYTECODE
 
-.PHONY: figures both-sides test test-cluster benchmarks lint format docs sample lock release clean help
+.PHONY: figures both-sides test test-cluster benchmarks lint format docs site sample lock release clean help
 
 help:
 	@echo "make figures    run the study in CONFIG ($(CONFIG)) on CORES ($(CORES)) cores"
@@ -26,6 +26,7 @@ help:
 	@echo "make lint       ruff, mypy, snakefmt and snakemake --lint"
 	@echo "make format     let ruff and snakefmt rewrite the files"
 	@echo "make docs       write docs/configuration.md from the schema"
+	@echo "make site       the documentation as pages, into build/site; tutorials are run, links checked"
 	@echo "make sample     simulate the recordings of data/sample again"
 	@echo "make lock       resolve requirements*.lock again (needs uv)"
 	@echo "make release    wheel and sdist, twice to the same bytes, tried in a fresh environment, with digests"
@@ -71,6 +72,11 @@ format: $(VENV)/.dev
 docs: $(VENV)/.run
 	$(BIN)/hopdata config-docs --out docs/configuration.md
 
+site: $(VENV)/.docs
+	rm -rf build/site
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -c docs . build/site
+	@echo "open build/site/index.html"
+
 sample: $(VENV)/.run
 	$(BIN)/snakemake --cores 1 results/sample/simulated/hopper.h5
 	cp results/sample/simulated/hopper.h5 data/sample/
@@ -104,6 +110,10 @@ $(VENV)/.dev: requirements-dev.lock requirements-build.lock pyproject.toml | $(V
 	@echo "Preparing $(VENV) from requirements-dev.lock"
 	$(call install,requirements-dev.lock)
 
+# Sphinx and what runs the pages' code, beside what hopdata needs.
+$(VENV)/.docs: requirements-docs.lock | $(VENV)/.run
+	$(call install,requirements-docs.lock)
+
 # The libraries that the benchmarks compare with are many and large: nothing else needs them.
 $(VENV)/.bench: requirements-bench.lock requirements-build.lock pyproject.toml | $(VENV)/pyvenv.cfg
 	@echo "Preparing $(VENV) from requirements-bench.lock"
@@ -114,6 +124,8 @@ lock:
 	$(LOCK) pyproject.toml -o requirements.lock
 	$(LOCK) pyproject.toml --extra test --extra lint -c requirements.lock -o requirements-dev.lock
 	$(LOCK) pyproject.toml --extra bench -c requirements-dev.lock -o requirements-bench.lock
+	printf 'furo>=2024.8\nipykernel>=6.29\nmyst-nb>=1.2\nsphinx>=8.2\nxarray>=2024.1\n' | \
+	  $(LOCK) - -c requirements-dev.lock -o requirements-docs.lock
 # What builds hopdata, and connection-pool of Snakemake, which is published as source only.
 	printf 'hatchling>=1.27,<2\nsetuptools\n' | $(LOCK) - -c requirements-dev.lock -o requirements-build.lock
 
@@ -133,4 +145,4 @@ release: $(VENV)/.dev
 	  venv/bin/hopdata run --cores $(CORES) && rm -r $$work || exit 1; done
 
 clean:
-	rm -rf dist $(VENV) results .snakemake .pytest_cache .mypy_cache .ruff_cache
+	rm -rf build dist $(VENV) results .snakemake .pytest_cache .mypy_cache .ruff_cache

@@ -95,8 +95,8 @@ def test_what_made_a_result_is_named_alike(installed):
 
 
 def test_the_pages_example_of_a_module_is_planned(tmp_path):
-    """The block of docs/first_study.md, with one path changed, beside rules of another workflow."""
-    page = (ROOT / "docs/first_study.md").read_text()
+    """The block of docs/cluster.md, with one path changed, beside rules of another workflow."""
+    page = (ROOT / "docs/cluster.md").read_text()
     block = re.search(r"```python\n(module landing:.*?)```", page, re.DOTALL)[1]
     assert '"../hopdata/Snakefile"' in block
     block = block.replace("../hopdata/Snakefile", str(ROOT / "Snakefile"))

@@ -1,0 +1,67 @@
+"""The site: the pages that stand in docs/ and beside it, and those of them whose code is run.
+
+Its root is the checkout, so that README, docs and benchmarks link to each other as they do there.
+"""
+
+import sys
+from pathlib import Path
+
+from hopdata import __version__ as release
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "docs"))  # executed_pages
+
+#: The contents at the side: the pages by their use.
+PAGES = {
+    "Learn": [
+        "first_study", "notebook", "own_recording", "plan", "steering", "integrator", "new_scene",
+    ],
+    "Do": ["results", "group", "live", "cluster", "formats", "configuration", "../CONTRIBUTING"],
+    "Look up": ["gallery", "api", "glossary", "../CHANGELOG"],
+    "Understand": [
+        "c1", "verdict", "contacts", "limits", "integrator_choices", "architecture", "decisions",
+        "../benchmarks/README", "../benchmarks/last_run/README",
+    ],
+}  # fmt: skip
+
+project, author = "hopdata", "The hopdata developers"
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+root_doc = "README"
+include_patterns = ["*.md", "docs/*.md", "benchmarks/README.md", "benchmarks/last_run/README.md"]
+exclude_patterns = [".*", "src", "tests", "results", "workflow", "data", "dist"]
+
+nb_custom_formats = {".md": ["executed_pages.notebook", {}, False]}
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 240  # s, of a cell
+myst_heading_anchors = 4
+myst_enable_extensions = ["deflist"]
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+
+html_theme = "furo"
+html_title = f"hopdata {release}"
+html_copy_source = False
+
+
+def _contents(_app, page, source):
+    """Put the contents, which GitHub would show as they stand, below the first page."""
+    if page == root_doc:
+        for title, pages in PAGES.items():
+            rows = "\n".join(f"/docs/{one}" if one[0] != "." else one[2:] for one in pages)
+            source[0] += f"\n```{{toctree}}\n:hidden:\n:caption: {title}\n\n{rows}\n```\n"
+
+
+def _first_page(app, failed):
+    if not failed:
+        to = f'<meta http-equiv="refresh" content="0; url={root_doc}.html">'
+        Path(app.outdir, "index.html").write_text(f"<!doctype html>{to}\n", encoding="utf-8")
+
+
+def setup(app):
+    """Connect what Sphinx calls."""
+    app.connect("source-read", _contents)
+    app.connect("build-finished", _first_page)

@@ -1,0 +1,43 @@
+"""Pages as notebooks: where a page says so, its blocks of Python and of the shell are run."""
+
+import re
+
+from nbformat import NotebookNode
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook
+
+#: The line that says so; it does not show.
+RUNS = "<!-- The code of this page is run when the site is built. -->"
+BLOCK = re.compile(r"^```(python|console)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+# Each page works in a folder of its own, with the checkout's recordings and configurations.
+BEGIN = """
+import os, shutil, sys, tempfile
+from pathlib import Path
+os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+root = Path.cwd() if Path("Snakefile").exists() else Path.cwd().parent
+os.chdir(tempfile.mkdtemp())
+shutil.copytree(root / "config", "config")
+Path("data").symlink_to(root / "data")
+%config InlineBackend.figure_formats = ["svg"]
+"""
+
+
+def notebook(text: str) -> NotebookNode:
+    """Return a page in Markdown as a notebook."""
+    if RUNS not in text:
+        page = new_notebook(cells=[new_markdown_cell(text)])
+        page.metadata["mystnb"] = {"execution_mode": "off"}
+        return page
+    cells = [new_code_cell(BEGIN, metadata={"tags": ["remove-cell"]})]
+    words, *blocks = BLOCK.split(text)
+    cells.append(new_markdown_cell(words))
+    for kind, code, words in zip(*[iter(blocks)] * 3, strict=True):
+        lines = code.rstrip().splitlines()
+        cells.append(new_code_cell("\n".join(["%%bash -e"] * (kind == "console") + lines)))
+        cells.append(new_markdown_cell(words))
+    page = new_notebook(cells=cells)
+    page.metadata["kernelspec"] = {
+        "name": "python3",
+        "display_name": "Python 3",
+        "language": "python",
+    }
+    return page
