@@ -17,7 +17,7 @@ from hopdata.analysis import SNAKEFILE
 from hopdata.commands.terminal import OK, PROBLEM
 from hopdata.errors import ConfigError
 from hopdata.provenance import REPORTED_PACKAGES, package_digest
-from hopdata.report.quality import summary
+from hopdata.report.tables import quality_summary
 
 GROUP = SNAKEFILE.parent / "workflow" / "group.smk"
 SAMPLE, SAMPLE_CONFIG = Path("data/sample/hopper.h5"), Path("config/config.yaml")
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     if page.exists() and answer.exists() and not is_dry:
         print(json.loads(answer.read_text(encoding="utf-8"))["sentence"])
         if (checks := answer.with_name("quality.json")).exists():
-            good, others = summary(json.loads(checks.read_text(encoding="utf-8")))
+            good, others = quality_summary(json.loads(checks.read_text(encoding="utf-8")))
             print(f"quality of the data: {good}{others and f'; {others}'}")
         print(page)
     return OK
