@@ -31,6 +31,7 @@ include_patterns = ["*.md", "docs/*.md", "benchmarks/README.md", "benchmarks/las
 exclude_patterns = [".*", "src", "tests", "results", "workflow", "data", "dist"]
 
 nb_custom_formats = {".md": ["executed_pages.notebook", {}, False]}
+nb_merge_streams = True
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 240  # s, of a cell
@@ -38,6 +39,7 @@ myst_heading_anchors = 4
 myst_enable_extensions = ["deflist"]
 
 autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
 autodoc_typehints = "none"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
@@ -45,6 +47,7 @@ napoleon_use_rtype = False
 html_theme = "furo"
 html_title = f"hopdata {release}"
 html_copy_source = False
+html_show_copyright = False
 
 
 def _contents(_app, page, source):

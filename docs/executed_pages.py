@@ -17,7 +17,8 @@ root = Path.cwd() if Path("Snakefile").exists() else Path.cwd().parent
 os.chdir(tempfile.mkdtemp())
 shutil.copytree(root / "config", "config")
 Path("data").symlink_to(root / "data")
-%config InlineBackend.figure_formats = ["svg"]
+from IPython.core.pylabtools import select_figure_formats
+select_figure_formats(get_ipython(), {"svg"})
 """
 
 
