@@ -65,6 +65,10 @@ def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
     config = {"markers": markers, "verdict": verdict, "feet": []}
     found = forecast.Forecast(touchdowns, 1.0, reason="contact orders: expected 2, found 0")
     lines = forecast.told(found, config, [])
+    assert found.vain == "its verdict is out of reach"
+    unsure = forecast.Forecast(touchdowns.assign(**{"class": "ambiguous"}), 1.0, 0.1)
+    assert unsure.vain == "100 % of its contact orders are unsure"
+    assert forecast.Forecast(touchdowns, 1.0, 0.1).vain == ""
     changes = starting([line.strip() for line in lines], "change")
     assert sum(one.startswith("vary how the body lands") for one in changes) == varies
 

@@ -36,6 +36,16 @@ def test_contacts_stand_in_order_with_their_errors():
         assert (high - low) / 2 == pytest.approx(0.9)
 
 
+def test_a_contact_that_is_not_determined_looks_so():
+    row = touchdown(3)
+    figure = schedule_figure(example(row), row | {"se_foot2_s": 0.03})
+    contact = figure.axes[1]
+    drawn = [contact.containers[row["schedule"].split(">").index(foot)] for foot in "123"]
+    assert [one[0].get_markerfacecolor() == "white" for one in drawn] == [False, True, False]
+    assert [text.get_text() for text in contact.texts].count("not determined") == 1
+    assert text_faults(figure) == []
+
+
 def test_the_transition_is_shaded_from_pre_to_post():
     row = touchdown(3)
     for axes in schedule_figure(example(row), row).axes[::2]:

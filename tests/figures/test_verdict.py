@@ -85,7 +85,7 @@ def test_answer_interval_and_what_could_be_seen_are_those_given(conclusion, word
 def test_the_two_commonest_orders_are_drawn_with_their_maps():
     for conclusion, maps in (("different", 2), ("no difference", 1), ("cannot tell", 1)):
         drawn = texts(verdict_figure(verdict(conclusion), touchdowns()).axes[1])
-        assert {"feet 2 > 1 > 3", "feet 3 > 1 > 2"} <= set(drawn)
+        assert {"feet 2 → 1 → 3", "feet 3 → 1 → 2"} <= set(drawn)
         assert drawn.index("2nd") < drawn.index("1st") < drawn.index("3rd"), "2 touches first"
         assert sum("map" in text for text in drawn) == maps + 1, "and what a map is"
 

@@ -67,14 +67,13 @@ def check(options: argparse.Namespace) -> int:
         mistakes.append(str(error))
     if mistakes:
         raise RecordingError(*mistakes)
-    if len(sound) == len(config["recordings"]):
-        _foretell(config, sound)
-    print(f"{options.config} is sound")
+    but = _foretell(config, sound) if len(sound) == len(config["recordings"]) else ""
+    print(f"{options.config} " + (f"can be run, but {but}" if but else "is sound"))
     return terminal.OK
 
 
-def _foretell(config: dict[str, Any], recordings: list[Recording]) -> None:
-    """Say what the study will find.
+def _foretell(config: dict[str, Any], recordings: list[Recording]) -> str:
+    """Say what the study will find, and return why it is hardly worth running, if it is.
 
     Raises
     ------
@@ -89,6 +88,7 @@ def _foretell(config: dict[str, Any], recordings: list[Recording]) -> None:
     print("\n".join(told(forecast, config, recordings)))
     if forecast.stops:
         raise AnalysisError(forecast.reason)
+    return forecast.vain
 
 
 def _suspects(recording: Recording, rate_hz: float | None) -> list[str]:

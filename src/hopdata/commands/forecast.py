@@ -30,6 +30,7 @@ FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
 MOST_FRAMES = 120_000  # looked at; of longer studies the middle of each recording
 LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
 MOST_ALIKE = 0.8  # of the landings in one contact order, beyond which more of them hardly help
+MOST_UNSURE = 0.5  # of the orders, beyond which they tell little
 #: The bound of a study without a difference is some 0.75 to 1 of what it detects.
 BOUND_SHARE = 0.75
 
@@ -104,6 +105,15 @@ class Forecast:
         """Share of the landings used whose order is less probable than the study asks for."""
         used = self.touchdowns[~self.touchdowns["excluded"]]
         return float((used["class"] == AMBIGUOUS).mean()) if len(used) else 0.0
+
+    @property
+    def vain(self) -> str:
+        """Why little is to be learned from the study; empty if there is much."""
+        if self.unsure > MOST_UNSURE:
+            return f"{100 * self.unsure:.0f} % of its contact orders are unsure"
+        if self.detectable is None or self.detectable > 1:
+            return "its verdict is out of reach"
+        return ""
 
     def left_out(self) -> dict[str, int]:
         """Return how many landings each reason costs, the most costly first."""

@@ -12,6 +12,7 @@ from hopdata.figures import style
 
 ARROW = " → "
 LONGEST_IN_ONE_LINE = 4
+UNDETERMINED_MS = 15.0  # as UNDETERMINED_S of the contacts: an error that says that none was seen
 
 
 def touchdown_of(example: pd.DataFrame, touchdowns: pd.DataFrame) -> dict[str, Any]:
@@ -121,7 +122,11 @@ def _draw_contacts(
     for row, number in enumerate(order):
         instant, error = contacts[feet[number]]
         look: Any = {"fmt": "o", "color": style.foot_colour(number), "ms": 2.2, "capsize": 3.5}
-        axes.errorbar(instant, row, xerr=error, **look)
+        if error >= UNDETERMINED_MS:
+            look |= {"mfc": "white", "capsize": 0, "alpha": 0.6}
+            axes.text(instant, row - 0.12, "not determined", ha="center", color=style.INK)
+        bars = axes.errorbar(instant, row, xerr=error, **look).lines[2]
+        bars[0].set_linestyle("--" if error >= UNDETERMINED_MS else "-")
         if not np.isfinite(instant):
             axes.text(0.5, row, "no contact", transform=axes.get_yaxis_transform(), ha="center")
     axes.set_yticks(range(len(feet)), [f"{style.label_of(feet[i])} ({i + 1})" for i in order])

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from hopdata.figures import style
+from hopdata.figures.schedule import ARROW
 
 ROW_MM, MEMBER_MM = 58.0, 4.2
 SENTENCE_WIDTH = 105
@@ -188,13 +189,13 @@ def _draw_landings(axes: Axes, conclusion: str, touchdowns: pd.DataFrame) -> Non
     colour, levels = ANSWERS[conclusion][1], [ground + 0.9 for ground in grounds]
     for order, ground, level in zip(orders, grounds, levels, strict=True):
         _draw_landing(axes, [order.index(foot) for foot in sorted(order, key=int)], ground)
-        name = f"feet {' > '.join(order)}"
+        name = f"feet {ARROW.join(order)}"
         axes.text(0.5 * WIDTH, ground - 0.65, name, ha="center", va="top")
         goal = level if conclusion == "different" else float(np.mean(levels))
         look = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.4}
         axes.annotate("", (6.0, goal), (WIDTH + 0.5, level), arrowprops=look)
     words = {
-        "different": [f"map of\n{' > '.join(order)}" for order in orders],
+        "different": [f"map of\n{ARROW.join(order)}" for order in orders],
         "no difference": ["one map\nfor every order"],
         "cannot tell": ["one map,\nor several?"],
     }[conclusion]
