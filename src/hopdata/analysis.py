@@ -73,13 +73,15 @@ def read(
 
     first = Path(file if isinstance(file, str | Path) else file[0])
     markers = {"feet": [*marker_names("feet", feet)], "body": [*marker_names("body", body)]}
-    options = {"vertical_axis": _vertical_axis(first, markers, options), **options}
+    options = {"vertical_axis": _guessed(first, markers, options)[0], **options}
     return import_recording(file, name=name or first.stem, markers=markers, **options)[0]
 
 
-def _vertical_axis(file: Path, markers: Contents, options: Contents) -> str:
-    """Return the axis of a file that is up as ``hopdata init`` guesses it, if it is not given."""
+def _guessed(file: Path, markers: Contents, options: Contents) -> tuple[str, list[str]]:
+    """Return what ``hopdata init`` guesses: the axis of a file that is up, and other feet in it."""
     from hopdata.recordings.quality.orientation import guess_unit_and_up
+    from hopdata.recordings.quality.roles import feet_between
+    from hopdata.recordings.raw import METRES_PER_UNIT, rotate_up
     from hopdata.recordings.readers.formats import read_raw
 
     limits = {k: v for k, v in options.items() if k in ("rate_hz", "most_unpacked_mb")}
@@ -90,7 +92,10 @@ def _vertical_axis(file: Path, markers: Contents, options: Contents) -> str:
             + " and ".join(f"{key}={names}" for key, names in markers.items())
         )
     unit, up = options.get("unit", "auto"), options.get("vertical_axis")
-    return guess_unit_and_up(raw, unit=None if unit == "auto" else unit, up=up)[1].value
+    found, axis = guess_unit_and_up(raw, unit=None if unit == "auto" else unit, up=up)
+    feet = [name for name in markers["feet"] if name in raw.markers]
+    positions = rotate_up(raw.positions * METRES_PER_UNIT.get(found.value, 1.0), axis.value)
+    return axis.value, feet_between(raw.markers, positions, raw.rate_hz, feet)
 
 
 def study(
@@ -127,9 +132,12 @@ def study(
         entry = {"name": Path(source).stem, "file": str(source)}
         content = {"study": entry["name"], "recordings": [entry]}
         options = dict(keys.get("input", {}))
-        up = _vertical_axis(Path(source), roles, options)
+        up, others = _guessed(Path(source), roles, options)
         keys["input"] = {**options, "vertical_axis": up}
         progress(f"reading {source} with {up} up")
+        if others and "frames" not in keys.get("sections", {}):
+            keys["sections"] = {**keys.get("sections", {}), "frames": "landings"}
+            progress(f"sections.frames: landings, since other feet land too ({', '.join(others)})")
     markers = {"markers": roles} if any(roles.values()) else {}
     config = load_config({**content, **markers, **keys})
     for recording in given:

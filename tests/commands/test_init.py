@@ -35,6 +35,21 @@ def test_the_sample_gets_the_roles_of_its_own_configuration(sample_path, folder,
     assert "is sound" in capsys.readouterr().out
 
 
+def test_feet_are_found_on_a_slope(folder, capsys):
+    positions = hopping(1)[1]
+    gone = 0.005 * np.cumsum(positions[:, 3, 2] > 0.01)  # in flight
+    positions[:, :6, :2] += np.stack([gone, np.sin(2 * gone)], axis=1)[:, None]
+    export(folder, positions)
+    main(["init", "monday.tsv", "-o", "config/level.yaml"])
+    assert "floor that slopes" not in capsys.readouterr().out
+    positions[:, :6, 2] += np.tan(np.deg2rad(8)) * positions[:, :6, 0]
+    export(folder, positions)
+    main(["init", "monday.tsv", "-o", "config/slope.yaml"])
+    assert "; on a floor that slopes" in capsys.readouterr().out
+    for name in ("level", "slope"):
+        assert load_config(f"config/{name}.yaml")["markers"]["feet"] == ["toe1", "toe2", "toe3"]
+
+
 def test_a_file_in_mm_with_y_up_becomes_a_sound_study(folder, capsys):
     positions = hopping(1)[1][..., [1, 2, 0]]  # z of the world is the file's y
     export(folder, positions)

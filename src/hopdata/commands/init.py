@@ -10,13 +10,13 @@ import shlex
 import textwrap
 import unicodedata
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hopdata.commands import terminal
 from hopdata.commands.inspect import inspected
-from hopdata.errors import HopdataError, printable
+from hopdata.errors import AnalysisError, HopdataError, printable
 
 if TYPE_CHECKING:
     from hopdata.recordings.quality.inspection import Inspection
@@ -166,13 +166,11 @@ READABLE_UNITS = ("mm", "m")
 
 def init(options: argparse.Namespace) -> int:
     """Write a configuration with guessed roles; exit code 1 if something must be filled in."""
-    from hopdata.recordings.quality.roles import guess_roles
-
     out = options.out or Path("config", f"{study_name(options.file.stem)}.yaml")
     if out.exists() and not options.force:
         raise HopdataError(f"{out}: expected no such file yet, found one; --force replaces it")
     inspection = inspected(options)
-    roles = guess_roles(inspection)
+    roles = _roles(inspection)
     asked = [
         f"markers.{key}: {', '.join(getattr(roles, key))}, or {other}?"
         for key, other in roles.unsure.items()
@@ -196,6 +194,30 @@ def init(options: argparse.Namespace) -> int:
     print("These are guesses: correct in the file what is not so.")
     print(f"next: hopdata check {quoted}\n      hopdata run {quoted}")
     return terminal.OK
+
+
+def _roles(inspection: Inspection) -> Roles:
+    """Guess the roles, if no feet are found, once more on a floor that may slope."""
+    from hopdata.landings.floor import fit_floor, level
+    from hopdata.recording import Recording
+    from hopdata.recordings.quality.roles import guess_roles, part_by_name
+
+    roles, names = guess_roles(inspection), inspection.markers
+    feet = [name for name in names if part_by_name(name) == "foot"]
+    others = [name for name in names if name not in feet]
+    if len(roles.feet) > 1 or len(feet) < 2 or not others:
+        return roles
+    whole = (inspection.time, inspection.positions, names)
+    recording = Recording.from_arrays(*whole, feet=feet, body=others)
+    try:
+        flat = level(recording, fit_floor(recording)).positions
+    except AnalysisError:
+        return roles
+    found = guess_roles(replace(inspection, positions=flat))
+    if found.problems:
+        return roles
+    found.reasons["feet"] += "; on a floor that slopes"
+    return found
 
 
 def _draft(

@@ -4,7 +4,12 @@ from made_up_hopper import MARKERS, hopping, with_gap, with_spike, with_swap
 from made_up_jumps import STYLES, jumping
 
 from hopdata.recordings.quality.inspection import inspect_recording
-from hopdata.recordings.quality.roles import guess_roles, part_by_name, place_by_name
+from hopdata.recordings.quality.roles import (
+    feet_between,
+    guess_roles,
+    part_by_name,
+    place_by_name,
+)
 from hopdata.recordings.raw import RawRecording
 
 
@@ -138,8 +143,24 @@ def test_roles_by_motion_alone(seed):
 def test_feet_on_one_shoe_at_different_heights_are_told_apart():
     positions = hopping(1)[1]
     assert "one rigid part" not in roles(positions).reasons["feet"]
-    positions[:, 3, 2] += 0.03
-    assert "one rigid part, and 30 mm apart in height" in roles(positions).reasons["feet"]
+    positions[:, 3, 2] += 0.02
+    assert "one rigid part; 20 mm apart in height" in roles(positions).reasons["feet"]
+    positions[:, 3, 2] += 0.02
+    found = roles(positions)
+    assert found.feet == ("toe2", "toe3")
+    assert "left out, higher on it: toe1" in found.reasons["feet"]
+
+
+def test_feet_that_land_in_between_are_named():
+    positions = hopping(1)[1]
+    names = (*MARKERS, "paw1", "paw2")
+    paws = positions[:, 3:5].copy()
+    paws[:, :, 2] += np.where(positions[:, 3, 2] > 0.02, 0.0, 0.1)[:, None]  # down in flight
+    paws[:, :, 2] -= np.where(positions[:, 3, 2] > 0.02, positions[:, 3, 2], 0.0)[:, None]
+    both = np.concatenate([positions, paws], axis=1)
+    toes = ("toe1", "toe2", "toe3")
+    assert feet_between(names, both, 100.0, toes) == ["paw1", "paw2"]
+    assert feet_between(MARKERS, positions, 100.0, toes) == []
 
 
 def test_a_fixed_marker_below_the_floor_is_not_the_floor():

@@ -2,6 +2,7 @@
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -73,6 +74,7 @@ TOGETHER = 0.5  # share of the shorter rests in which both rest: feet that land 
 STILL_M = 0.003  # a marker that stays within this is fixed in the world
 MOST_FIXED = 0.25  # share of the markers; where more stay, somebody stands still
 UNEVEN_M = 0.01  # markers of one part that rest further apart in height are not all on its sole
+SOLE_M = 0.025  # above the lowest of one part: higher markers are not on its sole
 BEND = 0.04  # relative spread of a distance up to which named body markers are taken as a body
 
 
@@ -124,7 +126,7 @@ def guess_roles(inspection: Inspection) -> Roles:
         for m, name in enumerate(markers)
         if m not in others and (fixed[m] or part_by_name(name) == "boom")
     )
-    resting = _resting(inspection, rests, fixed)
+    resting = _resting(markers, positions[:, :, 2], rests, fixed)
     candidates = [m for m in resting if markers[m] not in boom and m not in others]
     groups = _together(candidates, rests)
     reasons, problems = {}, []
@@ -133,8 +135,9 @@ def guess_roles(inspection: Inspection) -> Roles:
         reasons["boom"] = "stays fixed in the world" if stays else "by name"
     group = _chosen(groups, markers, positions)
     if len(group) >= LEAST_FEET:
-        reasons["feet"] = _feet_reason(group, rests) + _one_part(group, inspection)
-        reasons["feet"] += _beyond_most(group, groups, markers)
+        beyond = _beyond_most(group, groups, markers)
+        group, on_one = _sole(group, inspection)
+        reasons["feet"] = _feet_reason(group, rests) + on_one + beyond
     else:
         problems.append(_no_feet(group, inspection))
     taken = {m for g in groups for m in g} | {markers.index(name) for name in boom} | others
@@ -182,12 +185,36 @@ def _fixed(positions: FloatArray) -> BoolArray:
     return fixed & (fixed.mean() <= MOST_FIXED)
 
 
-def _resting(inspection: Inspection, rests: BoolArray, fixed: BoolArray) -> list[int]:
+def feet_between(
+    markers: tuple[str, ...], positions: FloatArray, rate_hz: float, feet: Sequence[str]
+) -> list[str]:
+    """Return the markers that rest on the floor again and again, but not when these feet do.
+
+    Parameters
+    ----------
+    markers : tuple of str
+        The M names of the whole file.
+    positions : (N, M, 3) array
+        In m, z up.
+    rate_hz : float
+        Frame rate, Hz.
+    feet : sequence of str
+        Names of the feet that are followed.
+    """
+    rests = at_rest(positions[:, :, 2], rate_hz)
+    resting = _resting(markers, positions[:, :, 2], rests, _fixed(positions))
+    groups = _together(sorted({*resting, *(markers.index(name) for name in feet)}), rests)
+    other = [[markers[m] for m in group] for group in groups]
+    return [name for group in other if not {*group} & {*feet} for name in group]
+
+
+def _resting(
+    markers: tuple[str, ...], heights: FloatArray, rests: BoolArray, fixed: BoolArray
+) -> list[int]:
     """Markers that rest near the floor, again and again but not always, or that land there.
 
     Where the floor is does not depend on markers that are fixed in the world: they may be below it.
     """
-    heights = inspection.positions[:, :, 2]
     low = lowest(heights)
     known = np.flatnonzero(np.isfinite(low))
     if fixed[known].all():
@@ -195,7 +222,7 @@ def _resting(inspection: Inspection, rests: BoolArray, fixed: BoolArray) -> list
     floor = low[known[~fixed[known]]].min()
     top = max(float(np.nanmedian(heights[:, m])) for m in known)
     share = rests.sum(axis=0) / max(len(rests), 1)
-    parts = [part_by_name(name) for name in inspection.markers]
+    parts = [part_by_name(name) for name in markers]
     near = [
         m
         for m in known.tolist()
@@ -376,19 +403,21 @@ def _feet_reason(group: list[int], rests: BoolArray) -> str:
     return f"rest near the floor {often} times, {share:.0f} % of the time{apart}"
 
 
-def _one_part(group: list[int], inspection: Inspection) -> str:
-    """Say if the feet are one rigid part, such as a shoe, and not all of them on its sole."""
-    two_sides = len({place_by_name(inspection.markers[m]) for m in group}) < len(group)
+def _sole(group: list[int], inspection: Inspection) -> tuple[list[int], str]:
+    """Of feet that are one rigid part, such as a shoe, keep those low on it, and say so."""
+    markers = inspection.markers
+    two_sides = len({place_by_name(markers[m]) for m in group}) < len(group)
     one = any(set(group) <= set(cluster.markers) for cluster in inspection.clusters)
-    if two_sides or not one:
-        return ""
-    apart = float(np.ptp(lowest(inspection.positions[:, group, 2])))
-    if apart < UNEVEN_M:
-        return ""
-    return (
-        f"; all on one rigid part, and {1e3 * apart:.0f} mm apart in height: keep those where it "
-        "touches the ground"
-    )
+    low = lowest(inspection.positions[:, group, 2])
+    kept = [m for m, height in zip(group, low, strict=True) if height < low.min() + SOLE_M]
+    if two_sides or not one or np.ptp(low) < UNEVEN_M:
+        return group, ""
+    kept = kept if len(kept) >= LEAST_FEET else group
+    told = "; all on one rigid part"
+    if left := [markers[m] for m in group if m not in kept]:
+        told += f", left out, higher on it: {', '.join(left)}"
+    apart = 1e3 * float(np.ptp(lowest(inspection.positions[:, kept, 2])))
+    return kept, f"{told}; {apart:.0f} mm apart in height: keep those where it touches the ground"
 
 
 def _beyond_most(group: list[int], groups: list[list[int]], markers: tuple[str, ...]) -> str:
