@@ -54,6 +54,5 @@ rule all:
         FIGURES,
         rules.pairs.output,
         rules.quality.output,
-        rules.linear_maps.output,
-        rules.distances.output,
+        rules.maps.output,
         rules.verdict.output,

@@ -43,7 +43,7 @@ def test_all_figures_and_the_report_are_there(sample):
     assert page.count("<figure") >= len(FIGURES)
     record = json.loads((results / "provenance.json").read_text())
     assert record["study"] == "sample"
-    assert len(record["stage_seconds"]) == 11
+    assert len(record["stage_seconds"]) == 9
     assert not any("simulate" in stage for stage in record["stage_seconds"])
 
 
@@ -58,7 +58,7 @@ def test_a_key_of_the_last_stage_runs_only_that_stage(sample):
         config.setdefault("distances", {})["noise_sd"] = 0.2
 
     planned = planned_rules(sample, "--configfile", edit_config(sample, edit))
-    assert planned == {"all", "distances", "figures_maps", "score", "report"}
+    assert planned == {"all", "maps", "figures_maps", "score", "report"}
 
 
 def test_a_key_of_the_verdict_runs_only_the_verdict(sample):
@@ -101,8 +101,8 @@ def test_an_edited_library_module_runs_the_stages_that_use_it(sample):
     planned = planned_rules(sample)
     shutil.rmtree(library)
     library.symlink_to(ROOT / "src")
-    assert {"pairs", "linear_maps", "distances", "report"} <= planned
-    assert not {"recording", "contacts"} & planned
+    assert {"pairs", "maps", "report"} <= planned
+    assert "recording" not in planned
 
 
 def test_one_process_has_the_same_bytes(sample, tmp_path, monkeypatch):

@@ -1,23 +1,3 @@
-rule contacts:
-    """Descents of the body in one recording, and when each foot touched in them."""
-    input:
-        recording=READY,
-    output:
-        landings=CONTACTS,
-    log:
-        f"{RESULTS}/logs/contacts_{{recording}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/contacts_{{recording}}.tsv"
-    priority: 1  # more waits for it than for a figure
-    resources:
-        **needs(mb_a_mb=10, minutes=30),
-    params:
-        options=consistency.contact_options(STUDY),
-        code=code("contacts"),
-    script:
-        "../scripts/contacts.py"
-
-
 rule pairs:
     """The Poincare sections, touchdowns between them by each method, states at both in home frames."""
     input:

@@ -1,51 +1,32 @@
-rule linear_maps:
-    """Affine maps of each schedule: bootstrapped prediction errors; one map of all, three ways."""
+rule maps:
+    """Linear maps of each schedule, prediction errors, constraint subspaces and their distances."""
     input:
         pairs=rules.pairs.output.pairs,
     output:
         errors=f"{RESULTS}/tables/prediction_errors.csv",
-        summary=f"{RESULTS}/tables/prediction_summary.csv",
-        notes=f"{RESULTS}/maps/prediction_notes.json",
+        prediction=f"{RESULTS}/tables/prediction_summary.csv",
+        prediction_notes=f"{RESULTS}/maps/prediction_notes.json",
         estimates=f"{RESULTS}/tables/map_estimates.csv",
         maps=f"{RESULTS}/maps/map_estimates.json",
         estimate_notes=f"{RESULTS}/maps/map_estimates_notes.json",
+        distances=f"{RESULTS}/tables/distances.csv",
+        distance_summary=f"{RESULTS}/tables/distance_summary.csv",
+        distance_notes=f"{RESULTS}/maps/distances_notes.json",
     log:
-        f"{RESULTS}/logs/linear_maps.log",
+        f"{RESULTS}/logs/maps.log",
     benchmark:
-        f"{RESULTS}/benchmarks/linear_maps.tsv"
+        f"{RESULTS}/benchmarks/maps.tsv"
     priority: 1  # more waits for it than for a figure
     resources:
-        **needs(mb_a_mb=60, minutes=20),
+        **needs(mb_a_mb=60, minutes=50),
     params:
         prediction=STUDY["prediction"],
-        seed=STUDY["seed"],
-        code=code("linear_maps"),
-    script:
-        "../scripts/linear_maps.py"
-
-
-rule distances:
-    """Constraint subspaces of each schedule, arc lengths within and between, and two baselines."""
-    input:
-        pairs=rules.pairs.output.pairs,
-    output:
-        distances=f"{RESULTS}/tables/distances.csv",
-        summary=f"{RESULTS}/tables/distance_summary.csv",
-        notes=f"{RESULTS}/maps/distances_notes.json",
-    log:
-        f"{RESULTS}/logs/distances.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/distances.tsv"
-    priority: 1  # more waits for it than for a figure
-    resources:
-        **needs(mb_a_mb=60, minutes=30),
-    params:
         subspaces=STUDY["subspaces"],
-        options=STUDY["distances"],
+        distances=STUDY["distances"],
         seed=STUDY["seed"],
-        code=code("distances"),
+        code=code("maps"),
     script:
-        "../scripts/distances.py"
+        "../scripts/maps.py"
 
 
 rule true_sections:
@@ -119,7 +100,7 @@ rule estimate_errors:
         pairs=rules.pairs.output.pairs,
         touchdowns=rules.pairs.output.touchdowns,
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
-        estimates=rules.linear_maps.output.maps,
+        estimates=rules.maps.output.maps,
         maps=rules.true_sections.output.maps,
         true_pairs=rules.true_sections.output.pairs,
         units=rules.pairs.output.units,
@@ -164,8 +145,8 @@ rule score:
         recordings=each_recording(f"{RESULTS}/recordings/{{recording}}.h5"),
         floors=each_recording(f"{RESULTS}/ready/{{recording}}.json"),
         sections=rules.pairs.output.sections,
-        prediction=rules.linear_maps.output.summary,
-        distances=rules.distances.output.summary,
+        prediction=rules.maps.output.prediction,
+        distances=rules.maps.output.distance_summary,
     output:
         truth=f"{RESULTS}/truth.json",
     log:

@@ -19,19 +19,20 @@ rule simulate:
 
 
 rule recording:
-    """Any supported file in metres, z up, with known roles; then level, short gaps filled."""
+    """Any supported file in metres, z up; then level, short gaps filled; its descents and contacts."""
     input:
         source=lambda wildcards: (SOURCES[wildcards.recording] or rules.simulate.output.recording),
     output:
         recording=f"{RESULTS}/recordings/{{recording}}.h5",
-        ready=f"{RESULTS}/ready/{{recording}}.h5",
+        ready=READY,
         floor=f"{RESULTS}/ready/{{recording}}.json",
+        landings=CONTACTS,
     log:
         f"{RESULTS}/logs/recording_{{recording}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/recording_{{recording}}.tsv"
     resources:
-        **needs(mb_a_mb=10, minutes=20),
+        **needs(mb_a_mb=10, minutes=50),
     params:
         markers=STUDY["markers"],
         feet=STUDY["feet"],
@@ -41,13 +42,14 @@ rule recording:
         floor=STUDY["floor"],
         fills=FILLS,
         longest_s=STUDY["filling"]["longest_s"],
+        contacts=consistency.contact_options(STUDY),
         code=code("recording"),
     script:
         "../scripts/recording.py"
 
 
 rule inspection:
-    """What is wrong with the recordings themselves; it runs beside the search for landings."""
+    """What is wrong with the recordings themselves; it runs beside the search for sections."""
     input:
         recordings=each_recording(rules.recording.output.recording),
     output:

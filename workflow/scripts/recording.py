@@ -1,12 +1,13 @@
-"""Bring one recording into the form that the analysis reads: metres, z up, level, gaps filled."""
+"""Bring one recording into the form that the analysis reads, level, and find its contacts."""
 
-from hopdata.jobs import logger, reported, write_json
+from hopdata.jobs import logger, reported, write_json, write_table
+from hopdata.landings.contacts.find import find_landings
 from hopdata.landings.contacts.joined import join_feet
 from hopdata.landings.filling import fill_gaps
 from hopdata.landings.floor import fit_floor, level
 from hopdata.recordings.importing import import_recording
 from hopdata.recordings.plausibility import check_plausible, notes
-from hopdata.recordings.readers.hdf5 import write_recording
+from hopdata.recordings.readers.hdf5 import read_recording, write_recording
 
 with reported(snakemake.log[0]):
     params = snakemake.params
@@ -28,3 +29,6 @@ with reported(snakemake.log[0]):
         ready = fill_gaps(ready, longest_s=params.longest_s, overwrite=True)
     write_recording(snakemake.output.ready, ready)
     write_json(snakemake.output.floor, floor.to_dict())
+    del recording, truth, ready  # before it is read as later stages read it
+    ready = read_recording(snakemake.output.ready)
+    write_table(snakemake.output.landings, find_landings(ready, **params.contacts))

@@ -233,17 +233,13 @@ def _transitions(
     recording: Recording, spans: FloatArray, hidden: BoolArray, sections: tuple[float, float]
 ) -> descents.Transitions:
     """Where landings cross the sections, pre and post; the spans themselves of the hidden ones."""
+    seen = _seen(recording)
     found = descents.find_transitions(
-        recording.time,
-        recording.body_height,
-        pre_height_m=sections[0],
-        post_height_m=sections[1],
-        spans=spans,
+        *seen, pre_height_m=sections[0], post_height_m=sections[1], spans=spans
     )
-    gap = descents.longest_gaps(_seen(recording)[0], spans)
-    mine = (found.t_pre, found.t_post, found.gap_pre, found.gap_post)
+    gap = descents.longest_gaps(seen[0], spans)
     theirs = (spans[:, 0], spans[:, 1], gap, gap)
-    both = zip(mine, theirs, strict=True)
+    both = zip(vars(found).values(), theirs, strict=True)
     return descents.Transitions(*(np.where(hidden, own, other) for other, own in both))
 
 

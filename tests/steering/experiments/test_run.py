@@ -9,8 +9,8 @@ from seen_hopper import ROBOT, Swings, gaps, sight, start
 from hopdata.rigid import wrapped
 from hopdata.steering.control.objectives import PlanningError
 from hopdata.steering.experiments.run import MEASURED, PREDICTED, run_task
-from hopdata.steering.experiments.study import simulated
-from hopdata.steering.experiments.tasks import FELL, Task, board_for
+from hopdata.steering.experiments.study import board_for, simulated
+from hopdata.steering.experiments.tasks import FELL, Task
 from hopdata.steering.trial import POSE
 
 TASK = Task(manoeuvre="origin", near=0.01, hops=8)

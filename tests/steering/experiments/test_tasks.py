@@ -3,13 +3,13 @@ import pytest
 
 from hopdata.config.loading import load_config
 from hopdata.steering.control.objectives import ToHeading, ToPoint, errors_left
+from hopdata.steering.experiments.study import board_for
 from hopdata.steering.experiments.tasks import (
     ARRIVED,
     FELL,
     LATE,
     UNTOUCHED,
     Task,
-    board_for,
     decided,
     draw_starts,
     goal_of,

@@ -63,8 +63,6 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
     ValueError
         A bandwidth so small against the grid that the work would be unreasonable.
     """
-    from scipy.fft import next_fast_len
-
     values, nodes = np.asarray(samples).ravel(), np.asarray(grid, dtype=np.float64)
     spacing = float(nodes[-1] - nodes[0]) / (len(nodes) - 1)
     refine = max(1, int(np.ceil(spacing * _NODES_PER_BANDWIDTH / bandwidth)))
@@ -75,16 +73,25 @@ def kde(samples: ArrayLike, *, bandwidth: float, grid: ArrayLike) -> FloatArray:
         raise ValueError(
             f"bandwidth: {bandwidth:g} is too small for a grid from {nodes[0]:g} to {nodes[-1]:g}"
         )
-    n_fine = next_fast_len(n_inside + 2 * margin, real=True)
+    n_fine = _fast_length(n_inside + 2 * margin)
     counts, n_finite = np.zeros((4, n_fine)), 0
     for first in range(0, len(values), BLOCK):
         part = finite(values[first : first + BLOCK])
         _spread((part - nodes[0]) / step + margin, counts)
         n_finite += part.size
     spread = sum(counts) / 6.0
-    smooth = np.fft.irfft(np.fft.rfft(spread) * _transfer(n_fine, bandwidth / step), n_fine)
+    cycles = np.arange(n_fine // 2 + 1) / n_fine
+    # Transfer function of the Gaussian over that of the spline, at the FFT's frequencies.
+    transfer = np.exp(-2.0 * (np.pi * cycles * (bandwidth / step)) ** 2) / np.sinc(cycles) ** 4
+    smooth = np.fft.irfft(np.fft.rfft(spread) * transfer, n_fine)
     inside = smooth[margin : margin + n_inside : refine]
     return np.maximum(inside, 0.0) / (n_finite * step)
+
+
+def _fast_length(least: int) -> int:
+    """Return the first product of powers of 2, 3 and 5 from `least` on, whose FFT is fast."""
+    odd = (3**k * 5**m for k in range(15) for m in range(10))
+    return min(one << (-(-least // one) - 1).bit_length() for one in odd)
 
 
 def finite(samples: ArrayLike) -> FloatArray:
@@ -106,12 +113,6 @@ def _spread(place: FloatArray, counts: FloatArray) -> None:
     weights = (v**3, 4 - 3 * u * u * (1 + v), 4 - 3 * v * v * (1 + u), u**3)
     for row, (count, weight) in enumerate(zip(counts, weights, strict=True)):
         np.add.at(count, below + (row - 1), weight)
-
-
-def _transfer(n_fine: int, bandwidth_steps: float) -> FloatArray:
-    """Transfer function of the Gaussian over that of the spline, at the FFT's frequencies."""
-    cycles = np.arange(n_fine // 2 + 1) / n_fine
-    return np.exp(-2.0 * (np.pi * cycles * bandwidth_steps) ** 2) / np.sinc(cycles) ** 4
 
 
 # The ground mode: where the heights of feet on the ground pile up, and how far they scatter.

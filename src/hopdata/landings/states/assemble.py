@@ -113,19 +113,26 @@ def track_means(
 
     Short gaps are bridged by a straight line; NaN where one is longer than `longest_gap_s`.
     """
-    from scipy.interpolate import make_interp_spline
-
     means = np.full((len(t_pre), *tracks.shape[1:]), np.nan)
     longest_gap = longest_gap_s(time) * (1 + 1e-9)
     for b, seen in enumerate(np.asarray(np.isfinite(tracks).all(axis=2)).T):
         t = time[seen]
         if len(t) < 2:
             continue
-        whole = make_interp_spline(t, tracks[seen, b], k=1).antiderivative()
-        share = (whole(t_post) - whole(t_pre)) / (t_post - t_pre)[:, None]
+        track, step = tracks[seen, b], np.diff(t)[:, None]
+        before, after = (_integral(t, track, step, at) for at in (t_pre, t_post))
+        share = (after - before) / (t_post - t_pre)[:, None]
         gap = longest_gaps(t, np.column_stack([t_pre, t_post]))
         means[:, b] = np.where(gap[:, None] <= longest_gap, share, np.nan)
     return means
+
+
+def _integral(t: FloatArray, track: FloatArray, step: FloatArray, at: FloatArray) -> FloatArray:
+    """Integral of a track that is linear between its frames, from the first of them to `at`."""
+    whole = np.cumsum(np.vstack([0 * track[:1], 0.5 * step * (track[1:] + track[:-1])]), axis=0)
+    k = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(step) - 1)
+    u = (at - t[k])[:, None] / step[k]
+    return whole[k] + step[k] * u * (track[k] + 0.5 * u * (track[k + 1] - track[k]))
 
 
 logger = logging.getLogger(__name__)

@@ -124,9 +124,7 @@ class Setting:
         if not impeded:
             return None
         ahead_m = self.options["board_ahead_m" if manoeuvre == tasks.ORIGIN else "turn_ahead_m"]
-        return tasks.board_for(
-            manoeuvre, start.pose, drag_n=self.options["drag_n"], ahead_m=ahead_m
-        )
+        return board_for(manoeuvre, start.pose, drag_n=self.options["drag_n"], ahead_m=ahead_m)
 
     def run(self, policy: tasks.Policy, start: tasks.Start, frames: Frames | None = None) -> Run:
         """Let a controller steer from a start; `frames` takes what the cameras see."""
@@ -288,3 +286,32 @@ def _curves(run: Run) -> pd.DataFrame:
         curve[POSE] = made[columns]
         curves.append(curve.assign(board_m=made["board_m"] if name == "measured" else np.nan))
     return pd.concat(curves)
+
+
+def board_for(
+    manoeuvre: str, start: ArrayLike, *, drag_n: float, ahead_m: float, reach_m: float = 0.38
+) -> Board:
+    """Return the board in the way: across the line to the origin, or across the first heading.
+
+    It is as long as the floor. So whoever comes to the origin has pushed it, and so has whoever
+    turns round, if it is no farther than the hopper must go forward for that.
+
+    Parameters
+    ----------
+    manoeuvre : str
+    start : (3,) array
+        Pose at the release, m, m, rad.
+    drag_n : float
+        Friction of the board on the floor, N.
+    ahead_m : float
+        How far the hopper comes before it meets it, m.
+    reach_m : float
+        How far ahead of its centre the hopper touches it, m.
+    """
+    pose = np.asarray(start, dtype=float)
+    way = np.array([np.cos(pose[2]), np.sin(pose[2])])
+    if manoeuvre == tasks.ORIGIN:
+        way = -pose[:2] / np.hypot(pose[0], pose[1])
+    place = float(pose[:2] @ way) + ahead_m + reach_m
+    direction = (float(way[0]), float(way[1]))
+    return Board(direction=direction, place_m=place, reach_m=reach_m, drag_n=drag_n)

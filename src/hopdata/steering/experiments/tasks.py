@@ -22,7 +22,6 @@ from hopdata.steering.control.planner import planner
 from hopdata.steering.control.printed import PrintedController
 from hopdata.steering.excitation import START, child
 from hopdata.steering.models.tabulated import FrameChangeMap, TabulatedMap, tabulated
-from hopdata.steering.robot import Board
 
 ORIGIN, TURN = "origin", "turn"
 
@@ -82,36 +81,6 @@ def goal_of(manoeuvre: str, start: ArrayLike) -> Objective:
     if manoeuvre == ORIGIN:
         return ToPoint(point_m=(0.0, 0.0))
     return ToHeading(heading_rad=float(wrapped(float(np.asarray(start)[2]) + np.pi)))
-
-
-def board_for(
-    manoeuvre: str, start: ArrayLike, *, drag_n: float, ahead_m: float, reach_m: float = 0.38
-) -> Board:
-    """Return the board in the way: across the line to the origin, or across the first heading.
-
-    It is as long as the floor. So whoever comes to the origin has pushed it, and so has whoever
-    turns round, if it is no farther than the hopper must go forward for that.
-
-    Parameters
-    ----------
-    manoeuvre : str
-    start : (3,) array
-        Pose at the release, m, m, rad.
-    drag_n : float
-        Friction of the board on the floor, N.
-    ahead_m : float
-        How far the hopper comes before it meets it, m.
-    reach_m : float
-        How far ahead of its centre the hopper touches it, m.
-    """
-    pose = np.asarray(start, dtype=float)
-    way = np.array([np.cos(pose[2]), np.sin(pose[2])])
-    if manoeuvre == ORIGIN:
-        way = -pose[:2] / np.hypot(pose[0], pose[1])
-    place = float(pose[:2] @ way) + ahead_m + reach_m
-    return Board(
-        direction=(float(way[0]), float(way[1])), place_m=place, reach_m=reach_m, drag_n=drag_n
-    )
 
 
 def judged(task: Task, errors: ArrayLike, *, fell: bool = False, touched: bool = True) -> Outcome:
