@@ -131,8 +131,8 @@ def _counts(sample: Any) -> dict[str, Any]:
 def _errors(sample: Any, units: FloatArray) -> dict[str, Any]:
     how = {"root": input_root(sample.x), "units": units}
     pooled, own = _fit(sample, np.arange(len(sample.x)), units), _fits(sample, units)
-    variance, own_variance = pooled.variance, _mean_square([fit for fit in own if fit.freedom > 0])
-    p, maps = sample.x.shape[1], np.array([fit.slopes for fit in own])
+    variance, own_variance = _mean_square([pooled]), _mean_square(own)
+    p, maps = sample.x.shape[1], np.array([slopes for slopes, *_ in own])
     exact = sample.exact_maps
     return {
         "schedules": len(own),
@@ -142,30 +142,22 @@ def _errors(sample: Any, units: FloatArray) -> dict[str, Any]:
         "pooled_over_specialised": float(variance / own_variance) if own else np.nan,
         "map_difference": largest_difference(maps[..., :p], **how) if own else np.nan,
         "exact_difference": largest_difference(exact, **how),
-        "map_error": relative_difference(pooled.slopes[:, :p], exact.mean(axis=0), **how),
+        "map_error": relative_difference(pooled[0][:, :p], exact.mean(axis=0), **how),
     }
 
 
-class _Fit:
-    """An affine map by least squares, of inputs and preloads."""
-
-    def __init__(self, x: FloatArray, y: FloatArray, units: FloatArray) -> None:
-        spread = x.std(axis=0)
-        spread[spread == 0] = 1.0
-        design = np.column_stack([np.ones(len(x)), (x - x.mean(axis=0)) / spread])
-        solved, _, rank, _ = np.linalg.lstsq(design, y, rcond=None)
-        self.slopes: FloatArray = (solved[1:] / spread[:, None]).T
-        self.squares = float((((y - design @ solved) / units) ** 2).sum())
-        self.freedom = (len(x) - int(rank)) * y.shape[1]
-
-    @property
-    def variance(self) -> float:
-        return self.squares / self.freedom if self.freedom > 0 else float("nan")
+#: Slopes of an affine map of inputs and preloads, sum of the squares it leaves, their freedom.
+_Fit = tuple[FloatArray, float, int]
 
 
 def _fit(sample: Any, rows: NDArray[np.int64], units: FloatArray) -> _Fit:
-    inputs = np.hstack([sample.x, sample.preloads_n])[rows]
-    return _Fit(inputs, sample.y[rows], units)
+    x, y = np.hstack([sample.x, sample.preloads_n])[rows], sample.y[rows]
+    spread = x.std(axis=0)
+    spread[spread == 0] = 1.0
+    design = np.column_stack([np.ones(len(x)), (x - x.mean(axis=0)) / spread])
+    solved, _, rank, _ = np.linalg.lstsq(design, y, rcond=None)
+    squares = float((((y - design @ solved) / units) ** 2).sum())
+    return (solved[1:] / spread[:, None]).T, squares, (len(x) - int(rank)) * y.shape[1]
 
 
 def _fits(sample: Any, units: FloatArray) -> list[_Fit]:
@@ -180,8 +172,9 @@ def _needed(sample: Any) -> int:
 
 
 def _mean_square(fits: list[_Fit]) -> float:
-    freedom = sum(fit.freedom for fit in fits)
-    return sum(fit.squares for fit in fits) / freedom if freedom else float("nan")
+    """Return the mean square that fits with freedom leave; NaN if there are none."""
+    free = [(squares, freedom) for _, squares, freedom in fits if freedom > 0]
+    return sum(s for s, _ in free) / sum(f for _, f in free) if free else float("nan")
 
 
 def _slope(scale: FloatArray, rms: FloatArray) -> float:
