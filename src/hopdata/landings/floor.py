@@ -130,7 +130,6 @@ def _low_surface(heights: FloatArray, columns: FloatArray) -> FloatArray:
 
 
 _MOST_OF_PLANE = 200_000  # rests, evenly taken, that tell whether the floor slopes
-_OUTLIER_SIGMAS = 4.685  # where Tukey's biweight at 95 % efficiency gives a point no weight
 
 
 @one_blas_thread()
@@ -209,7 +208,7 @@ def fit_floor(
     fit = regress(used)
     raised &= np.abs(fit.residuals) <= rest_band_m
     rms = robust_rms(fit.residuals[used])
-    inlier = used & (np.abs(fit.residuals) <= _OUTLIER_SIGMAS * rms)
+    inlier = used & (np.abs(fit.residuals) <= floor_surface.BIWEIGHT * rms)
     ground = rest.points - fit.offsets_m[rest.foot][:, None] * [0.0, 0.0, 1.0]
     return floor_surface.FloorModel(
         terms=fit.terms,

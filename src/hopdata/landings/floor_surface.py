@@ -17,7 +17,7 @@ from hopdata.recording import Recording
 
 _LEAST_FRAMES = 20
 _SHORT_FRAMES = 1000  # of a jump or two: a foot that rests in too few of them may be less still
-_BIWEIGHT, _MAD_OF_NORMAL = 4.685, 0.6744897501960817
+BIWEIGHT = 4.685  # deviations at which Tukey's weight, 95 % efficient, ends
 _PAUSE_S = 0.1
 
 
@@ -333,10 +333,10 @@ def robust_regression(columns: FloatArray, values: FloatArray) -> FloatArray:
     found = np.linalg.lstsq(columns, values, rcond=None)[0]
     for _ in range(100):
         residuals = values - columns @ found
-        scale = np.median(np.abs(residuals)) / _MAD_OF_NORMAL
+        scale = robust_rms(residuals)
         if scale <= np.finfo(float).eps * np.abs(values).max(initial=0.0):  # a perfect fit
             break
-        root = np.clip(1 - (residuals / scale / _BIWEIGHT) ** 2, 0, None)  # of the weights
+        root = np.clip(1 - (residuals / scale / BIWEIGHT) ** 2, 0, None)  # of the weights
         before = found
         found = np.linalg.lstsq(columns * root[:, None], values * root, rcond=None)[0]
         if np.abs(found - before).max() <= 1e-10 * scale:
