@@ -89,7 +89,7 @@ def draft_config(draft: Draft, *, path: str) -> str:
     lines = [
         *_comment(f"Study of {draft.file}, drafted by hopdata init from what is in the file."),
         *_comment("Every value with a reason is a guess: check it. All other keys keep their "
-                  "defaults; docs/configuration.md lists them."),
+                  "defaults; `hopdata config-docs` lists them."),
         *_comment(f"Check: hopdata check {shlex.quote(path)}"),
         *_comment(f"Run:   hopdata run {shlex.quote(path)}"),
         *(line for remark in draft.remarks for line in _comment(f"TO DO: {remark}")),
