@@ -15,6 +15,7 @@ os.environ.update(
     JAX_PLATFORMS="cpu",
     JAX_ENABLE_X64="1",
     JAX_CPU_ENABLE_ASYNC_DISPATCH="0",
+    EQX_ON_ERROR="nan",  # under `vmap`, diffrax looks for roots where no event is, too
     XLA_FLAGS="--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
 )
 # isort: split

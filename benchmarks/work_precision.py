@@ -1,5 +1,5 @@
 # ruff: noqa: ARG001, ARG005 (the integrators prescribe the signatures)
-"""Error and time of the integrator beside its peers on six scenes, at all tolerances.
+"""Error and time of the integrator beside its peers on eight scenes, at all tolerances.
 
     python benchmarks/work_precision.py --out work_precision.csv
 
@@ -9,18 +9,21 @@ turns; times are of one trajectory, in CPU time of the process (other programs c
 median and quartiles over the turns. What a solver compiles or builds is not in them but in
 `compile_s`, the first call's excess over the second with all that goes before it, on the clock.
 `setting` is the relative and absolute tolerance, or MuJoCo's time step, s. `error_max` is the
-largest deviation of the final state from the exact one. A solver that fails, or is not installed,
-has a row that says so.
+largest deviation of the final state from the exact one, `events_lost` the number of events that
+were not found (negative: too many), empty where a solver does not tell. A solver that fails, or is
+not installed, has a row that says so.
 
 `head_to_head.csv`: each solver runs at the loosest of its tolerances, a decade apart, with which
 the final state errs by at most 1e-9; of each package the fastest takes part, of ours one in calls
 of its own and one in a batch. They are timed in turn, and each turn gives a ratio: whatever slows
 the machine down for a while slows down both.
 
-`batches.csv` is of ten thousand pendulums, x'' = -sin x from rest at x0 in [-2, 2] (seed 0) for
-10 s, at a tolerance of 1e-9; the guard x = 0 is crossed three times or so. Times are CPU time of
-the process for one system (of the clock where it has two threads), the median of the repeats, which
-all solvers take in turn, without what is compiled before. Errors are of the final state, against
+`batches.csv` is of ten thousand systems at a tolerance of 1e-9, with random starts (seed 0):
+pendulums, x'' = -sin x from rest at x0 in [-2, 2] for 10 s, with the guard x = 0, crossed three
+times or so; and, by us alone, hoppers in one dimension and plates on 35 springs. Times are CPU
+time of the process for one system (of the clock where it has two threads), the median of the
+repeats, which all solvers take in turn, without what is compiled before. Errors are of the final
+state, against
 our driver's at the tightest tolerance; `events_lost` counts systems whose number of events is not
 its. heyoka's batch steps eight systems together, with an event callback in Python, or none and no
 events; diffrax runs under `vmap`, with fewer systems. `lanes` is how many systems run in a lane
@@ -44,12 +47,14 @@ from typing import Any
 import machine  # noqa: F401  first, since it sets the number of threads
 import numpy as np
 import pandas as pd
-from peers import FloatArray, Problem, Solver, problems, solvers_of
+from peers import PLATE_SPAN, FloatArray, Found, Problem, Solver, problems, solvers_of
+from plate_scene import Plate
 
 from hopdata.arrays import IntArray
 from hopdata.hybrid import System, field, guards, solve_batch
 from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.hybrid.lanes.vectors import WIDTH
+from hopdata.scenes.small import VerticalHopper
 
 # Times at equal error, and their ratios.
 
@@ -111,9 +116,10 @@ BLOCK_S = 500e-6  # calls in a row, at least so long, for one timing
 MOST_TRIES = 20
 BUDGET_S = 0.06  # for all timings of a solver at a setting, ...
 FEWEST = 3  # ... but at least so many
+LONGEST_S = 0.5  # of a run: what takes longer is timed once, and not tried at tighter tolerances
 COLUMNS = (
-    "scene", "package", "way", "method", "setting", "error_max", "time_median_us", "time_q25_us",
-    "time_q75_us", "timings", "compile_s", "status",
+    "scene", "package", "way", "method", "setting", "error_max", "events_lost", "time_median_us",
+    "time_q25_us", "time_q75_us", "timings", "compile_s", "status",
 )  # fmt: skip
 
 
@@ -123,8 +129,9 @@ class Entry:
 
     solver: Solver
     setting: float
-    run: Callable[[], FloatArray] | None = None
+    run: Callable[[], Found] | None = None
     error: float = np.nan
+    events_lost: float = np.nan
     compile_s: float = np.nan
     calls: int = 1
     wanted: int = 0
@@ -147,7 +154,9 @@ def entered(solver: Solver, problem: Problem, setting: float, turns: int) -> Ent
     entry, start = Entry(solver, setting), time.perf_counter()
     try:
         entry.run = solver.prepare(setting)
-        entry.error = float(np.abs(entry.run() - problem.end).max())
+        end, count = entry.run()
+        entry.error = float(np.abs(end - problem.end).max())
+        entry.events_lost = np.nan if count is None else problem.events - count
         first = time.perf_counter() - start
         warm = least_time(entry.run)
     except Exception as error:  # whatever a peer raises is its result
@@ -155,13 +164,16 @@ def entered(solver: Solver, problem: Problem, setting: float, turns: int) -> Ent
         return entry
     entry.compile_s = max(first - warm, 0.0)
     entry.calls = max(1, round(BLOCK_S / warm))
-    entry.wanted = int(np.clip(BUDGET_S / (entry.calls * warm), FEWEST, turns))
+    if warm > LONGEST_S:
+        entry.times = [warm / solver.trajectories]
+    else:
+        entry.wanted = int(np.clip(BUDGET_S / (entry.calls * warm), FEWEST, turns))
     if not entry.error < FAR_OFF:
         entry.status = "far off: perhaps an event was lost"
     return entry
 
 
-def least_time(run: Callable[[], FloatArray]) -> float:
+def least_time(run: Callable[[], Found]) -> float:
     """Return the shortest of some calls, s: the first are slower than those in a row will be."""
     times = []
     while sum(times) < BLOCK_S and len(times) < MOST_TRIES:
@@ -175,15 +187,17 @@ def measure(problem: Problem, turns: int) -> list[tuple[object, ...]]:
     """Return the rows of a scene."""
     solvers, absent = solvers_of(problem)
     rows: list[tuple[object, ...]] = [
-        (problem.name, package, package, "", *[np.nan] * 5, 0, np.nan, f"absent: {reason}")
+        (problem.name, package, package, "", *[np.nan] * 6, 0, np.nan, f"absent: {reason}")
         for package, reason in absent.items()
     ]
+    slow: set[Solver] = set()
     for settings in zip_longest(*(solver.settings for solver in solvers)):
         entries = [
             entered(solver, problem, setting, turns)
             for solver, setting in zip(solvers, settings, strict=True)
-            if setting is not None
+            if setting is not None and solver not in slow
         ]
+        slow |= {one.solver for one in entries if one.times and one.wanted == 0}
         for turn in range(turns):
             for entry in entries:
                 if turn < entry.wanted:
@@ -197,8 +211,8 @@ def row(problem: Problem, entry: Entry) -> tuple[object, ...]:
     s, us = entry.solver, 1e6 * np.array(entry.times or [np.nan])
     low, median, high = np.percentile(us, [25, 50, 75])
     return (
-        problem.name, s.package, s.way, s.method, entry.setting, entry.error, median, low, high,
-        len(entry.times), entry.compile_s, entry.status,
+        problem.name, s.package, s.way, s.method, entry.setting, entry.error, entry.events_lost,
+        median, low, high, len(entry.times), entry.compile_s, entry.status,
     )  # fmt: skip
 
 
@@ -213,6 +227,8 @@ def loosest(solver: Solver, problem: Problem) -> Entry | None:
         entry = entered(solver, problem, setting, TRIAL)
         if entry.run is not None and entry.error <= EQUAL_ERROR:
             return entry
+        if entry.run is not None and entry.wanted == 0:  # it takes too long already
+            return None
     return None
 
 
@@ -277,13 +293,14 @@ def print_ratios(at_equal_error: pd.DataFrame) -> None:
         )
 
 
-# Batches: ten thousand pendulums and their events, in lanes and by the driver, and by peers.
+# Batches: ten thousand systems and their events, in lanes and by the driver, and by peers.
 
 SPAN, TOLERANCE, EIGHT = (0.0, 10.0), 1e-9, 8
 BATCH_REPEATS = 7
+MOSTLY = 0.9  # of the systems must be done in lanes for a row of lanes to be one
 FEW = 200  # of them by diffrax, whose systems all take as many steps as the slowest
-Found = tuple[FloatArray, IntArray | None]  # final states and numbers of events
-Run = Callable[[], Found]
+Several = tuple[FloatArray, IntArray | None]  # final states and numbers of events
+Run = Callable[[], Several]
 
 
 @field
@@ -299,13 +316,38 @@ def bottom(t, y, dy, mode, params, h, hdot):
 SWING = System(pendulum, bottom, n_states=2, guard_names=("bottom",))
 
 
-def batch_by_us(y0: FloatArray, lanes: bool, workers: int, tolerance: float = TOLERANCE) -> Found:
+@dataclass(frozen=True)
+class Many:
+    """A system, its span and parameters, and many starts."""
+
+    system: System
+    span: tuple[float, float]
+    y0: FloatArray
+    params: tuple[float, ...] = ()
+
+
+def scenes_of_batches(count: int) -> dict[str, Many]:
+    """Return so many pendulums, hoppers and plates."""
+    rng = np.random.default_rng(0)
+    swings, drops = np.zeros((count, 2)), np.zeros((count, 2))
+    swings[:, 0], drops[:, 0] = rng.uniform(-2.0, 2.0, count), rng.uniform(1.5, 2.5, count)
+    hopper, plate = VerticalHopper(), Plate()
+    falls = plate.initial_states(count, 0)
+    return {
+        "pendulum": Many(SWING, SPAN, swings),
+        "vertical_hopper": Many(hopper.system(), (0.0, 2.0), drops, hopper.params),
+        "plate": Many(plate.system(sums=True), PLATE_SPAN, falls, plate.params),
+    }
+
+
+def batch_by_us(many: Many, lanes: bool, workers: int, tolerance: float = TOLERANCE) -> Several:
     batch = solve_batch(
-        SWING, SPAN, y0, rtol=tolerance, atol=tolerance, lanes=lanes, workers=workers,
+        many.system, many.span, many.y0, params=many.params, rtol=tolerance, atol=tolerance,
+        lanes=lanes, workers=workers,
         method="dop853" if lanes or tolerance < TOLERANCE else "auto",
     )  # fmt: skip
     assert batch.success
-    assert not lanes or batch.lanes.all(), batch.lanes_reason
+    assert not lanes or batch.lanes.mean() > MOSTLY, batch.lanes_reason
     return batch.y_end, batch.n_events
 
 
@@ -328,7 +370,7 @@ def batch_by_heyoka(y0: FloatArray, together: int, events: bool) -> Run:
         some = np.ascontiguousarray(y0[:together].T)
         one = hy.taylor_adaptive_batch(equations, some, tol=TOLERANCE, nt_events=seen)
 
-    def run() -> Found:
+    def run() -> Several:
         ends = np.empty_like(y0)
         counts[:] = 0
         for first[0] in range(0, len(y0), together):
@@ -361,26 +403,30 @@ def batch_by_diffrax(y0: FloatArray) -> Run:
         _, y, count = trajectory(
             problem, METHODS["Dopri8"](), FINDERS["bisection"], signed * start, TOLERANCE
         )
-        return signed * y, count - 1
+        return signed * y, count
 
     assert y0[0, 0] > 0
     call = jax.jit(jax.vmap(one))
 
-    def run() -> Found:
+    def run() -> Several:
         ends, counts = jax.block_until_ready(call(y0))
         return np.asarray(ends), np.asarray(counts)
 
     return run
 
 
-def batch_solvers(y0: FloatArray) -> dict[tuple[str, int, int, int], Callable[[], Run]]:
+def batch_solvers(many: Many) -> dict[tuple[str, int, int, int], Callable[[], Run]]:
     """Return what makes each run, by its name, lanes, threads and systems."""
-    n = len(y0)
+    y0, n = many.y0, len(many.y0)
+    ours: dict[tuple[str, int, int, int], Callable[[], Run]] = {
+        ("hopdata, driver", 1, 1, n): lambda: partial(batch_by_us, many, False, 1),
+        ("hopdata, lanes", WIDTH, 1, n): lambda: partial(batch_by_us, many, True, 1),
+        ("hopdata, lanes", WIDTH, 2, n): lambda: partial(batch_by_us, many, True, 2),
+    }
+    if many.system is not SWING:
+        return ours
     some = y0[y0[:, 0] > 0][:FEW]
-    return {
-        ("hopdata, driver", 1, 1, n): lambda: partial(batch_by_us, y0, False, 1),
-        ("hopdata, lanes", WIDTH, 1, n): lambda: partial(batch_by_us, y0, True, 1),
-        ("hopdata, lanes", WIDTH, 2, n): lambda: partial(batch_by_us, y0, True, 2),
+    return ours | {
         ("heyoka", 1, 1, n): lambda: batch_by_heyoka(y0, 1, True),
         ("heyoka, batch", EIGHT, 1, n): lambda: batch_by_heyoka(y0, EIGHT, True),
         ("heyoka, batch, no events", EIGHT, 1, n): lambda: batch_by_heyoka(y0, EIGHT, False),
@@ -388,14 +434,14 @@ def batch_solvers(y0: FloatArray) -> dict[tuple[str, int, int, int], Callable[[]
     }
 
 
-def batches(systems: int) -> pd.DataFrame:
-    """Return one row a way to integrate so many pendulums."""
-    y0 = np.zeros((systems, 2))
-    y0[:, 0] = np.random.default_rng(0).uniform(-2.0, 2.0, systems)
-    right, events = batch_by_us(y0, False, 1, SMALLEST_RTOL)
+def batches(scene: str, many: Many) -> list[dict[str, object]]:
+    """Return one row a way to integrate so many systems."""
+    right, events = batch_by_us(many, False, 1, SMALLEST_RTOL)
+    assert events is not None
     runs, rows = {}, {}
-    for key, make in batch_solvers(y0).items():
-        row = dict(zip(("solver", "lanes", "threads", "systems"), key, strict=True))
+    for key, make in batch_solvers(many).items():
+        names = ("scene", "solver", "lanes", "threads", "systems")
+        row: dict[str, object] = dict(zip(names, (scene, *key), strict=True))
         start = time.perf_counter()
         try:
             runs[key] = make()
@@ -404,7 +450,8 @@ def batches(systems: int) -> pd.DataFrame:
             runs.pop(key, None)
             rows[key] = row | {"status": f"{type(error).__name__}: {error}".splitlines()[0]}
             continue
-        chosen = slice(None) if len(ends) == len(y0) else np.flatnonzero(y0[:, 0] > 0)[: len(ends)]
+        few = np.flatnonzero(many.y0[:, 0] > 0)[: len(ends)]  # as diffrax has them
+        chosen = slice(None) if len(ends) == len(right) else few
         off = np.abs(ends - right[chosen]).max(axis=1)
         lost = np.nan if counts is None else int((counts != events[chosen]).sum())
         rows[key] = row | {
@@ -420,7 +467,7 @@ def batches(systems: int) -> pd.DataFrame:
             times[key].append(1e6 * (clock() - start) / key[3])
     for key, found in times.items():
         rows[key]["us_per_system"], rows[key]["us_least"] = np.median(found), min(found)
-    return pd.DataFrame(list(rows.values()))
+    return list(rows.values())
 
 
 def main() -> None:
@@ -429,7 +476,7 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=15, help="most timings of each solver")
     parser.add_argument("--race-turns", type=int, default=60, help="timings of the best of each")
     parser.add_argument("--scenes", nargs="*", help="names of scenes; all by default")
-    parser.add_argument("--systems", type=int, default=10_000, help="pendulums, a multiple of 8")
+    parser.add_argument("--systems", type=int, default=10_000, help="in a batch, a multiple of 8")
     given = parser.parse_args()
     out: Path = given.out
     out.parent.mkdir(parents=True, exist_ok=True)
@@ -444,7 +491,8 @@ def main() -> None:
     print_ratios(at_equal_error)
     races = pd.DataFrame([line for one in chosen for line in race(one, given.race_turns)])
     races.to_csv(out.with_name("head_to_head.csv"), index=False)
-    together = batches(given.systems)
+    many = scenes_of_batches(given.systems)
+    together = pd.DataFrame([row for name, one in many.items() for row in batches(name, one)])
     together.to_csv(out.with_name("batches.csv"), index=False)
     print(together.to_string(index=False))
     shown = ["scene", "package", "way", "method", "error_max", "time_median_us", "over_call_median"]

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from importlib import import_module
 from typing import Any
 
@@ -25,7 +25,7 @@ from exact import INITIAL_STATE, T_SPAN, hopper_end, octant, octant_end, plate_e
 from plate_scene import Plate
 
 from hopdata.arrays import FloatArray
-from hopdata.hybrid import System, guards, solve, solve_batch
+from hopdata.hybrid import Solution, System, guards, solve, solve_batch
 from hopdata.hybrid import field as _field
 from hopdata.hybrid.arguments import SMALLEST_RTOL
 from hopdata.scenes.small import VerticalHopper
@@ -33,14 +33,15 @@ from hopdata.scenes.small import VerticalHopper
 # What every peer offers: named solvers that take a tolerance and give something to run.
 
 
-Run = Callable[[], FloatArray]
+Found = tuple[FloatArray, int | None]  # the final state, and how many events there were
+Run = Callable[[], Found]
 
 # Where only the nearest guard is watched, an event is placed this far behind the surface, so that
 # the guard which has just flipped starts on the right side of zero. It moves an instant by this
 # over the speed of crossing: nothing beside the errors that are compared.
 HYSTERESIS = 1e-14
 MOST_EVENTS = 10_000
-TOLERANCES = tuple(10.0**-k for k in range(4, 14))
+TOLERANCES = tuple(10.0**-k for k in range(3, 14))
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,8 @@ class Solver:
         The integration method.
     prepare : callable
         Takes the tolerance (relative and absolute) and returns a function that integrates the
-        scene once and returns the final state; all that can be done beforehand is done in it.
+        scene once and returns the final state and the number of events, None where it is not known;
+        all that can be done beforehand is done in it.
     trajectories : int
         How often one call of that function integrates the scene.
     settings : tuple of float
@@ -132,6 +134,11 @@ class Problem:
     def locks(self) -> FloatArray:
         """Locks at the start, (n_guards,)."""
         return np.where(self.heights(self.start) > 0, 1.0, -1.0)
+
+    @cached_property
+    def events(self) -> int:
+        """Number of events, by our own tightest tolerance."""
+        return tight_solution(self.system, self.t_span, self.y0, self.params).n_events
 
     def heights(self, y: FloatArray) -> FloatArray:
         """Return all event functions, (n_guards,)."""
@@ -241,11 +248,13 @@ def plate_problem() -> Problem:
     )  # fmt: skip
 
 
-# Three systems that are not ours: piecewise smooth, each with the lock of a guard in its field.
+# Five systems that are not ours: piecewise smooth, each with the lock of a guard in its field.
 
 TILT = 0.25  # of a rocking block, rad: from its edge to its centre of mass
 LOW, HIGH, CURRENT, SLOW = 0.125, 0.625, 0.5, 0.1  # where McKean's neuron bends; its drive and rate
 INNER, OUTER, ALPHA, BETA = -8 / 7, -5 / 7, 15.6, 28.0  # slopes and numbers of Chua's circuit
+SUPPLY, WANTED, GAIN, LOAD, CARRIER = 2.0, 0.9, 1.5, 0.8, 9.0  # of a buck converter, scaled
+BACKLASH, DAMPING, TORQUE, WOBBLE = 0.5, 0.1, 0.3, 0.7  # of a pair of gears
 
 
 @_field
@@ -268,6 +277,26 @@ def chua_field(t, y, mode, params, dy):
     dy[1], dy[2] = y[0] - y[1] + y[2], -BETA * y[1]
 
 
+@_field
+def converter_field(t, y, mode, params, dy):
+    closed = 0.5 * (1.0 - mode[0])
+    dy[0], dy[1] = closed * SUPPLY - y[1], y[0] - y[1] / LOAD
+    dy[2], dy[3] = CARRIER * y[3], -CARRIER * y[2]
+
+
+@_field
+def gears_field(t, y, mode, params, dy):
+    low, high = 1.0 * (mode[0] < 0), 1.0 * (mode[1] > 0)
+    mesh = (low + high) * y[0] + (low - high) * BACKLASH
+    dy[0], dy[1] = y[1], TORQUE + WOBBLE * y[2] - DAMPING * y[1] - mesh
+    dy[2], dy[3] = y[3], -y[2]
+
+
+@guards
+def carrier_guard(t, y, dy, mode, params, h, hdot):
+    h[0], hdot[0] = GAIN * (y[1] - WANTED) - y[2], GAIN * dy[1] - dy[2]
+
+
 @guards
 def zero_guard(t, y, dy, mode, params, h, hdot):
     h[0], hdot[0] = y[0], dy[0]
@@ -280,7 +309,11 @@ def two_guards(t, y, dy, mode, params, h, hdot):
 
 
 def others() -> list[Problem]:
-    """Return Housner's rocking block (without loss), McKean's neuron and Chua's circuit.
+    """Return a rocking block, a neuron, a circuit, a switched converter and a pair of gears.
+
+    Housner's block loses nothing; McKean's neuron and Chua's circuit are as they are known. The
+    buck converter is switched where its error meets a sine, and the gears have backlash and are
+    driven by a sine: each carries its sine as two states.
 
     Their ends are our own at the tightest tolerance: no solver's error is told below 1e-12.
     """
@@ -295,6 +328,20 @@ def others() -> list[Problem]:
         return lambda y, c: (
             ALPHA * (y[1] - y[0] - c[0] * y[0] - c[1]), y[0] - y[1] + y[2], -BETA * y[1],
         )  # fmt: skip
+
+    def converter_slope(_: Any) -> Formula:
+        return lambda y, c: (
+            c[0] - y[1], y[0] - y[1] / LOAD, CARRIER * y[3], -CARRIER * y[2],
+        )  # fmt: skip
+
+    def gears_slope(_: Any) -> Formula:
+        return lambda y, c: (
+            y[1], TORQUE + WOBBLE * y[2] - DAMPING * y[1] - c[0] * y[0] - c[1], y[3], -y[2],
+        )  # fmt: skip
+
+    def gears_coefficients(locks: Any) -> Any:
+        low, high = (1 - locks[0]) / 2, (1 + locks[1]) / 2
+        return low + high, (low - high) * BACKLASH
 
     def neuron_coefficients(locks: Any) -> Any:
         low, high = (locks[0] + 1) / 2, (locks[1] + 1) / 2
@@ -311,21 +358,33 @@ def others() -> list[Problem]:
                  neuron_field, two_guards),
         _problem("chua", 5.0, (0.7, 0.0, 0.0), (-1.0, 1.0), chua_slope, chua_coefficients,
                  chua_field, two_guards),
+        _problem("buck_converter", 6.0, (0.0, 0.0, 0.0, 1.0), (0.0,), converter_slope,
+                 lambda locks: (SUPPLY * (1 - locks[0]) / 2,), converter_field, carrier_guard,
+                 lambda _: lambda y, k: GAIN * (y[1] - WANTED) - y[2] + 0.0 * k),
+        _problem("gears", 20.0, (0.0, 0.0, 0.0, 1.0), (-BACKLASH, BACKLASH), gears_slope,
+                 gears_coefficients, gears_field, two_guards),
     ]  # fmt: skip
 
 
 def _problem(
     name: str, end: float, y0: tuple[float, ...], places: tuple[float, ...],
     slope: Callable[[Any], Formula], coefficients: Formula, rates: Any, surfaces: Any,
+    height: Callable[[Any], Formula] | None = None,
 ) -> Problem:  # fmt: skip
     at = np.array(places)
     names = tuple(f"guard{k}" for k in range(len(places)))
     system = System(rates, surfaces, n_states=len(y0), guard_names=names)
-    tight = {"params": places, "rtol": SMALLEST_RTOL, "atol": 1e-15, "method": "dop853"}
     return Problem(
-        name, (0.0, end), y0, len(places), slope, lambda _: lambda y, k: y[0] - at[k],
-        coefficients, system, places, solve(system, (0.0, end), y0, **tight).y_end,
+        name, (0.0, end), y0, len(places), slope, height or (lambda _: lambda y, k: y[0] - at[k]),
+        coefficients, system, places, tight_solution(system, (0.0, end), y0, places).y_end,
     )  # fmt: skip
+
+
+def tight_solution(
+    system: System, span: tuple[float, float], y0: tuple[float, ...], params: tuple[float, ...]
+) -> Solution:
+    """Return what our driver gives at the tightest tolerance."""
+    return solve(system, span, y0, params=params, rtol=SMALLEST_RTOL, atol=1e-15, method="dop853")
 
 
 def problems() -> list[Problem]:
@@ -380,13 +439,13 @@ def prepare(problem: Problem, system: System, method: str, tolerance: float) -> 
     system.compile(method)
     span, y0, params = problem.t_span, problem.y0, problem.params
 
-    def run() -> FloatArray:
+    def run() -> Found:
         solution = solve(
             system, span, y0, params=params, rtol=tolerance, atol=tolerance, method=method
         )
         if solution.status != 0:
             raise LostEventError(solution.message)
-        return solution.y_end
+        return solution.y_end, solution.n_events
 
     return run
 
@@ -396,11 +455,11 @@ def prepare_batch(problem: Problem, system: System, method: str, tolerance: floa
     system.compile(method)
     states, span, params = np.tile(problem.start, (BATCH, 1)), problem.t_span, problem.params
 
-    def run() -> FloatArray:
+    def run() -> Found:
         batch = solve_batch(
             system, span, states, params=params, rtol=tolerance, atol=tolerance, method=method,
             workers=1,
         )  # fmt: skip
-        return batch.y_end[-1]
+        return batch.y_end[-1], int(batch.n_events[-1])
 
     return run

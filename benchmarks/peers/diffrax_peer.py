@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix
 
-from peers import HYSTERESIS, MOST_EVENTS, FloatArray, LostEventError, Problem, Run, Solver
+from peers import HYSTERESIS, MOST_EVENTS, Found, LostEventError, Problem, Run, Solver
 
 jax.config.update("jax_enable_x64", True)
 
@@ -46,11 +46,11 @@ def prepare(problem: Problem, method: str, finder: str, tolerance: float) -> Run
     call, start = compiled_trajectory(problem, method, finder), jnp.array(problem.start)
     traced = jnp.asarray(tolerance)
 
-    def run() -> FloatArray:
+    def run() -> Found:
         now, y, count = jax.block_until_ready(call(start, traced))
         if not now >= problem.t_span[1]:
             raise LostEventError(f"stopped at {float(now)} after {int(count)} events")
-        return np.asarray(y)
+        return np.asarray(y), int(count)
 
     return run
 
@@ -77,7 +77,7 @@ def trajectory(problem: Problem, method: Any, finder: Any, y0: Any, tolerance: A
     event = diffrax.Event(nearest, finder, direction=False)
 
     def to_next_event(carry: Any) -> Any:
-        now, y, locks, count = carry
+        now, y, locks, count, solves = carry
         solution = diffrax.diffeqsolve(
             diffrax.ODETerm(rate), method, now, jnp.where(now < end, end, now + 1.0), None, y,
             args=(problem.coefficients(locks), locks),
@@ -86,12 +86,12 @@ def trajectory(problem: Problem, method: Any, finder: Any, y0: Any, tolerance: A
             max_steps=MOST_STEPS, throw=False,
         )  # fmt: skip
         now, y = solution.ts[-1], solution.ys[-1]
-        locks = jnp.where(locks * height(y, guards) <= 0, -locks, locks)
-        return now, y, locks, count + 1
+        crossed = locks * height(y, guards) <= 0
+        return now, y, jnp.where(crossed, -locks, locks), count + crossed.sum(), solves + 1
 
     def unfinished(carry: Any) -> Any:
-        return (carry[0] < end) & (carry[3] < MOST_EVENTS)
+        return (carry[0] < end) & (carry[4] < MOST_EVENTS)
 
-    start = (jnp.asarray(problem.t_span[0]), y0, jnp.array(problem.locks), 0)
-    now, y, _, count = jax.lax.while_loop(unfinished, to_next_event, start)
+    start = (jnp.asarray(problem.t_span[0]), y0, jnp.array(problem.locks), 0, 0)
+    now, y, _, count, _ = jax.lax.while_loop(unfinished, to_next_event, start)
     return now, y, count

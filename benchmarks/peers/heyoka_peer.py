@@ -13,7 +13,7 @@ from typing import Any
 import heyoka as hy
 import numpy as np
 
-from peers import FloatArray, LostEventError, Problem, Run, Solver
+from peers import FloatArray, Found, LostEventError, Problem, Run, Solver
 
 if hasattr(hy.llvm_state, "set_diskcache_enabled"):
     hy.llvm_state.set_diskcache_enabled(False)  # so that `compile_s` is what a new system costs
@@ -33,7 +33,7 @@ class Coefficients:
         self.problem = problem
         self.start = sum(1 << k for k, lock in enumerate(problem.locks) if lock > 0)
         self.known: dict[int, FloatArray] = {}
-        self.locks = self.start
+        self.locks, self.events = self.start, 0
 
     def now(self) -> FloatArray:
         """Return the coefficients for the present locks."""
@@ -50,6 +50,7 @@ def at_event(guard: int, coefficients: Coefficients, pars: list[FloatArray]) -> 
     bit = 1 << guard
 
     def callback(_: Any, sign: int) -> bool:
+        coefficients.events += 1
         if sign > 0:
             coefficients.locks |= bit
         else:
@@ -79,13 +80,13 @@ def prepare(problem: Problem, tolerance: float) -> Run:
     pars.append(integrator.pars)
     state, start, end = integrator.state, problem.start, problem.t_span[1]
 
-    def run() -> FloatArray:
-        coefficients.locks = coefficients.start
+    def run() -> Found:
+        coefficients.locks, coefficients.events = coefficients.start, 0
         state[:], pars[0][:], integrator.time = start, first, problem.t_span[0]
         integrator.reset_cooldowns()
         outcome = integrator.propagate_until(end)[0]
         if outcome != REACHED_END:
             raise LostEventError(str(outcome))
-        return state.copy()
+        return state.copy(), coefficients.events
 
     return run

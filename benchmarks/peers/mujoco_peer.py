@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike
 from plate_scene import Plate
 
 from hopdata.scenes.small import VerticalHopper
-from peers import FloatArray, Problem, Run, Solver
+from peers import FloatArray, Found, Problem, Run, Solver
 
 try:
     import mujoco
@@ -295,9 +295,9 @@ def prepare(problem: Problem, spring: str, integrator: str, timestep_s: float) -
     )
     count = steps(setting, problem.t_span[1] - problem.t_span[0])
 
-    def run() -> FloatArray:
+    def run() -> Found:
         simulation.start(problem.y0)
         simulation.step_in_c(count)
-        return np.array(simulation.state())
+        return np.array(simulation.state()), None
 
     return run

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from scipy.integrate import solve_ivp
 
-from peers import HYSTERESIS, MOST_EVENTS, FloatArray, LostEventError, Problem, Run, Solver
+from peers import HYSTERESIS, MOST_EVENTS, FloatArray, Found, LostEventError, Problem, Run, Solver
 
 # The functions of a scene, compiled by Numba for the peers that take callbacks.
 
@@ -34,7 +34,8 @@ class Compiled:
     nearest : callable
         ``nearest(y, data)`` is least distance to a guard, positive until one is crossed.
     flip : callable
-        ``flip(y, data)`` flips the locks of the guards that are crossed, and sets the coefficients.
+        ``flip(y, data)`` flips the locks of the guards that are crossed, sets the coefficients, and
+        returns how many have flipped.
     """
 
     data: FloatArray
@@ -70,14 +71,15 @@ def compiled(problem: Problem) -> Compiled:
         return least + HYSTERESIS
 
     @njit(error_model="numpy")
-    def flip(y: FloatArray, data: FloatArray) -> None:
-        locks = data[first:]
+    def flip(y: FloatArray, data: FloatArray) -> int:
+        locks, count = data[first:], 0
         for k in range(n_guards):
             if locks[k] * height(y, k) <= 0.0:
-                locks[k] = -locks[k]
+                locks[k], count = -locks[k], count + 1
         values = coefficients(locks)
         for i in range(first):
             data[i] = values[i]
+        return count
 
     return Compiled(np.concatenate([start, problem.locks]), field, fill, nearest, flip)
 
@@ -112,12 +114,13 @@ def begin_plain(problem: Problem) -> tuple[Any, Any, Any]:
 
     events = [guard(k) for k in range(problem.n_guards)]
 
-    def at_event(_: FloatArray, times: list[FloatArray]) -> None:
+    def at_event(_: FloatArray, times: list[FloatArray]) -> int:
         for k, found in enumerate(times):
             if len(found) > 0:
                 locks[k] = -locks[k]
                 events[k].direction = -locks[k]
         state["c"] = tuple(map(float, problem.coefficients(locks)))
+        return sum(len(found) > 0 for found in times)
 
     return lambda _, y: rate(y.tolist(), state["c"]), events, at_event
 
@@ -138,9 +141,9 @@ def prepare(problem: Problem, begin: Begin, method: str, tolerance: float) -> Ru
     ivp: Any = solve_ivp
     end = problem.t_span[1]
 
-    def run() -> FloatArray:
+    def run() -> Found:
         slope, events, at_event = begin()
-        now, y = problem.t_span[0], problem.start
+        now, y, count = problem.t_span[0], problem.start, 0
         for _ in range(MOST_EVENTS):
             part = ivp(
                 slope, (now, end), y, method=method, events=events, rtol=tolerance, atol=tolerance
@@ -149,8 +152,8 @@ def prepare(problem: Problem, begin: Begin, method: str, tolerance: float) -> Ru
             if part.status < 0:
                 raise LostEventError(part.message)
             if part.status == 0:
-                return y
-            at_event(np.ascontiguousarray(y), part.t_events)
+                return y, count
+            count += at_event(np.ascontiguousarray(y), part.t_events)
         raise LostEventError(f"more than {MOST_EVENTS} events")
 
     return run

@@ -16,7 +16,7 @@ from numba import carray, njit, types
 from numba.extending import intrinsic
 from sksundae.cvode import CVODE
 
-from peers import MOST_EVENTS, FloatArray, LostEventError, Problem, Run, Solver
+from peers import MOST_EVENTS, FloatArray, Found, LostEventError, Problem, Run, Solver
 from peers.scipy_peer import Compiled, compiled
 
 # CVODE in C: compiled callbacks, and a compiled loop over the events.
@@ -105,13 +105,14 @@ def compiled_loop(flip: Any) -> Any:
     def loop(
         memory: int, vector: int, y: FloatArray, data: FloatArray, time: FloatArray, end: float
     ) -> int:
-        for _ in range(MOST_EVENTS):
+        count = 0
+        while count < MOST_EVENTS:
             reinit(memory, time[0], vector)
             stop(memory, end)
             flag = advance(memory, end, vector, time.ctypes, NORMAL)
             if flag != ROOT_RETURN:
-                return flag
-            flip(y, data)
+                return flag if flag < 0 else count
+            count += flip(y, data)
         return -99
 
     return loop
@@ -140,12 +141,12 @@ def prepare_library(problem: Problem, functions: Compiled, method: str, toleranc
     loop = compiled_loop(functions.flip)
     kept = (rates, roots)  # else their machine code would go with them
 
-    def run(_: object = kept) -> FloatArray:
+    def run(_: object = kept) -> Found:
         y[:], data[:], time[0] = problem.y0, functions.data, problem.t_span[0]
-        flag = loop(memory, vector, y, data, time, problem.t_span[1])
-        if flag < 0:
-            raise LostEventError(f"CVode returned {flag}")
-        return y.copy()
+        count = loop(memory, vector, y, data, time, problem.t_span[1])
+        if count < 0:
+            raise LostEventError(f"CVode returned {count}")
+        return y.copy(), count
 
     return run
 
@@ -182,9 +183,9 @@ def prepare_wrapped(problem: Problem, functions: Compiled, method: str, toleranc
         max_num_steps=100_000,
     )  # fmt: skip
 
-    def run() -> FloatArray:
+    def run() -> Found:
         data[:] = functions.data
-        now, y = start, problem.start
+        now, y, count = start, problem.start, 0
         for _ in range(MOST_EVENTS):
             solver.init_step(now, y)
             part = solver.step(end, tstop=end)
@@ -192,8 +193,8 @@ def prepare_wrapped(problem: Problem, functions: Compiled, method: str, toleranc
             if part.status < 0:
                 raise LostEventError(part.message)
             if now >= end:
-                return y
-            functions.flip(y, data)
+                return y, count
+            count += functions.flip(y, data)
         raise LostEventError(f"more than {MOST_EVENTS} events")
 
     return run
