@@ -247,6 +247,8 @@ SCENE_NAMES = {
     "rocking_block": "rocking block (Housner)",
     "neuron": "neuron (McKean)",
     "chua": "Chua's circuit",
+    "buck_converter": "buck converter",
+    "gears": "gears with backlash",
 }
 MOST_ACROSS = 3  # panels
 

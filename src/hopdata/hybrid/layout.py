@@ -97,11 +97,13 @@ COUNT_SLOTS = 23
 
 
 # Slots of the desk: addresses of the callbacks and of the driver, room for rows and events, steps
-# until Python may look up, address and width of each array, then what is asked for (numbers with a
-# fraction in the memory of integers; how many rows each step is written down in). Behind it stand
-# the initial state and the parameters: a caller writes all that it asks for in one go.
+# until Python may look up, addresses of the code for Jacobians (0 if none is wanted) and of the
+# desk itself, address and width of each array, then what is asked for (numbers with a fraction in
+# the memory of integers; how many rows each step is written down in). Behind it stand the initial
+# state and the parameters: a caller writes all that it asks for in one go.
 FIELD, GUARDS, GUARD, RATE_BOUND, ON_EVENT, RUN, N_ROWS, N_LOG_ROWS, PATIENCE = numbers(9)
-DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 9, 19, 8
+FIRST_ORDER, HERE = numbers(2, 9)
+DESK_ARRAYS, N_DESK_ARRAYS, N_DESK_ASKED = 11, 19, 8
 DESK_ASKED = DESK_ARRAYS + 2 * N_DESK_ARRAYS
 T_START, T_END, RTOL, MAX_STEP, FIRST_STEP = numbers(5, DESK_ASKED)
 MAX_STEPS, MAX_EVENTS, ROWS_PER_STEP = numbers(3, DESK_ASKED + 5)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hopdata.hybrid.arguments import check_flag
 from hopdata.hybrid.compiled.callbacks import Callback
 from hopdata.hybrid.compiled.kernel import SIGNATURES
-from hopdata.hybrid.driver.loop import driver_entry, many_entry, run_address
+from hopdata.hybrid.driver.loop import compiled_first_order, driver_entry, many_entry, run_address
 from hopdata.hybrid.methods.method import Scene
 from hopdata.hybrid.methods.table import MethodTable
 from hopdata.hybrid.workspace import Pool, Workspace
@@ -204,7 +204,9 @@ class System:
             If there is no method of this name, or it does not suit the system.
         """
         driver_entry(), many_entry()
-        self.methods(method, check_flag("jacobian", jacobian)).compile_all()
+        if check_flag("jacobian", jacobian):
+            compiled_first_order()
+        self.methods(method, jacobian).compile_all()
         self.idle.append(self.take_workspace())
 
     @cached_property

@@ -19,7 +19,7 @@ from hopdata.arrays import FloatArray
 from hopdata.hybrid import layout
 from hopdata.hybrid.arguments import check_memory, check_params, check_shape, set_tolerance
 from hopdata.hybrid.compiled.callbacks import Caught
-from hopdata.hybrid.driver.loop import driver_entry
+from hopdata.hybrid.driver.loop import compiled_first_order, driver_entry
 from hopdata.hybrid.methods.table import MethodTable, tangent_table
 from hopdata.hybrid.solution import EventLog, Form, Solution, event_log
 
@@ -125,6 +125,7 @@ class Workspace:
         desk = block[:first].view(np.int64)
         desk[: len(self.desk)] = self.desk
         self.desk, self.desk_address = desk, block.ctypes.data
+        self.desk[layout.HERE] = self.desk_address
         self._start, self._params = block[first : first + n], block[first + n :]
         self._block = block.data.cast("B")
         self._write = struct.Struct(f"{OPTIONS}{len(block) - first}d").pack_into
@@ -214,7 +215,7 @@ class Workspace:
             self._begin_tangent(methods)
         elif self.tangent is not None:
             self.tangent = None
-            self.desk[layout.TANGENT_TABLE] = 0
+            self.desk[layout.TANGENT_TABLE] = self.desk[layout.FIRST_ORDER] = 0
         if self._kept:
             self._kept = []
             if max(len(self._rows), len(self._log)) > LARGEST_KEPT:
@@ -232,6 +233,7 @@ class Workspace:
             self.tangent = tangent_table(methods, len(self.state))
             self._identity = self.tangent[: len(self.state)].copy()
             self._lay_out(layout.TANGENT_TABLE, self.tangent)
+            self.desk[layout.FIRST_ORDER] = compiled_first_order().address
         else:
             self.tangent[: len(self.state)] = self._identity
 
@@ -242,7 +244,7 @@ class Workspace:
     def _take(self, methods: MethodTable) -> None:
         """Lay out what other methods than before need."""
         self.methods, self.tangent = methods, None
-        self.desk[layout.TANGENT_TABLE] = 0
+        self.desk[layout.TANGENT_TABLE] = self.desk[layout.FIRST_ORDER] = 0
         self._lay_out(layout.METHOD_TABLE, methods.rows)
         needed = layout.W1 + methods.work_rows
         if len(self._states) < needed:

@@ -8,7 +8,7 @@ from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatTable, IntTable
-from hopdata.hybrid.driver.jacobian import carry_reset, keep, on_another, saltate, saltate_handlers
+from hopdata.hybrid.driver.jacobian import HANDLERS, RESET, SALTATE, first_order, keep, on_another
 from hopdata.hybrid.driver.problem import (
     Problem,
     eval_field,
@@ -94,7 +94,7 @@ def fire_one(p: Problem, m: Memory, log: Log, k: int) -> int:
         m.counts[at.JUMPS] += 1
         wake_all(m)
         if p.first_order:
-            carry_reset(p, m, log.floats, row, k, direction)
+            first_order(p, RESET, 0.0, row, k, direction)
     first = at.LOG_STATES + 2 * n
     n_logged = log.floats.width - first
     for i in range(n_logged):
@@ -160,10 +160,12 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
         return at.ZENO
     later = False
     while True:
-        pushed = p.first_order and later and not on_another(m, resolution)
+        pushed = p.first_order != 0 and later and not on_another(m, resolution)
         alone, jumped = pushed or m.counts[at.N_DUE] == 1, m.counts[at.JUMPS] > jumps
         if p.first_order:
-            wrong = at.TIE_IN_JACOBIAN if jumped and not pushed else saltate(p, m, pushed)
+            wrong = at.TIE_IN_JACOBIAN
+            if pushed or not jumped:
+                wrong = int(first_order(p, SALTATE, 0.0, int(pushed), 0, 0))
             if wrong != at.RUNNING:
                 keep_culprit(m)
                 return wrong
@@ -171,11 +173,11 @@ def fire_all(p: Problem, m: Memory, log: Log) -> int:
         if status == at.RUNNING:
             status = fire_due(p, m, log)
         ended = status == at.TERMINATED
-        if status == at.RUNNING or (ended and p.first_order):
+        if status == at.RUNNING or (ended and p.first_order != 0):
             status = refresh(p, m)
-        if p.first_order and status == at.RUNNING:
+        if p.first_order != 0 and status == at.RUNNING:
             tied = not alone and m.counts[at.JUMPS] > jumps
-            if not saltate_handlers(p, m, alone) or tied:
+            if first_order(p, HANDLERS, 0.0, int(alone), 0, 0) == 0.0 or tied:
                 return at.TIE_IN_JACOBIAN
         if ended and status == at.RUNNING:
             status = at.TERMINATED

@@ -13,6 +13,7 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
+from numba import types
 
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled import kernel as code
@@ -23,6 +24,22 @@ from hopdata.hybrid.driver.problem import Problem, blur, next_due
 from hopdata.hybrid.driver.stepping import SAFETY, SHRINK_MOST, tolerance
 from hopdata.hybrid.layout import Memory
 from hopdata.hybrid.methods.tangent import ABSOLUTELY_TINY, FIFTH_ROOT_OF_EPS
+
+# The driver calls this code by its address: it is compiled when a Jacobian is first asked for.
+CARRY, RESET, SALTATE, HANDLERS = range(4)
+FIRST_ORDER_NATIVE = types.float64(
+    types.int64, types.int64, types.float64, types.int64, types.int64, types.int64
+)
+call_first_order = code.caller(
+    FIRST_ORDER_NATIVE, *((kind, code.VALUE) for kind in FIRST_ORDER_NATIVE.args)
+)
+
+
+@kernel
+def first_order(p: Problem, part: int, dt: float, which: int, k: int, way: int) -> float:
+    """Have a part of this module done: see `driver.loop`."""
+    return call_first_order(p.first_order, p.here, part, dt, which, k, way)
+
 
 # The flow's Jacobian over a step: by the method's own tangent, or by that for short steps.
 

@@ -38,7 +38,17 @@ from hopdata.hybrid.driver.dense import (
 )
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import Log, fire_all, settle_locks
-from hopdata.hybrid.driver.jacobian import carry_jacobian
+from hopdata.hybrid.driver.jacobian import (
+    CARRY,
+    FIRST_ORDER_NATIVE,
+    RESET,
+    SALTATE,
+    carry_jacobian,
+    carry_reset,
+    first_order,
+    saltate,
+    saltate_handlers,
+)
 from hopdata.hybrid.driver.problem import (
     Problem,
     copy_row,
@@ -59,7 +69,7 @@ desk_problem = memory.reader(
     field=at.FIELD, guards=at.GUARDS, guard=at.GUARD, rate_bound=at.RATE_BOUND,
     on_event=at.ON_EVENT, methods=at.METHOD_TABLE, params=at.PARAMS, mode=at.MODE, rules=at.RULES,
     rtol=at.RTOL, atol=at.ATOL, max_step=at.MAX_STEP, t_end=at.T_END, tangent=at.TANGENT_TABLE,
-    first_order=at.TANGENT_TABLE, t_start=at.T_START, first_step=at.FIRST_STEP,
+    first_order=at.FIRST_ORDER, here=at.HERE, t_start=at.T_START, first_step=at.FIRST_STEP,
     max_steps=at.MAX_STEPS, max_events=at.MAX_EVENTS, start_state=at.START_STATE, kept=at.KEPT,
 )  # fmt: skip
 desk_memory = memory.reader(
@@ -123,7 +133,7 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
     dt, n_due = end_at_first_flip(p, m, dt)
     if dt > 0.0:
         if p.first_order:
-            shrink = carry_jacobian(p, m, dt)
+            shrink = first_order(p, CARRY, dt, 0, 0, 0)
             if not shrink >= 1.0:
                 m.clock[at.NEXT_DT] = shrink * dt
                 m.counts[at.REJECTED] += 1
@@ -241,6 +251,20 @@ def _run(desk: int, flags: int) -> int:
     return run(memory.int_vector(desk, at.DESK_SLOTS), flags)
 
 
+def _first_order(desk: int, part: int, dt: float, which: int, k: int, way: int) -> float:
+    """Do a part of what the flow's Jacobian takes: `which` is a row of the log, or a truth."""
+    slots = memory.int_vector(desk, at.DESK_SLOTS)
+    p, m = desk_problem(slots), desk_memory(slots)
+    if part == CARRY:
+        return carry_jacobian(p, m, dt)
+    if part == SALTATE:
+        return float(saltate(p, m, which != 0))
+    if part == RESET:
+        carry_reset(p, m, desk_log(slots).floats, which, k, way)
+        return 1.0
+    return 1.0 if saltate_handlers(p, m, which != 0) else 0.0
+
+
 def _enter(desk: int, flags: int) -> int:
     """Run the driver on the desk at this address, if what is asked for there can be done."""
     slots = memory.int_vector(desk, at.DESK_SLOTS)
@@ -255,7 +279,7 @@ def compiled_run() -> Any:
     digest, started = driver_digest(), time.monotonic()
     known = is_in_cache(_run, digest)
     if not known:
-        _say("compiling the integrator, some 20 s of one core; later processes load it")
+        _say("compiling the integrator, some 15 s of one core; later processes load it")
 
     def compile_it(cached: bool) -> Any:
         return cfunc(RUN_NATIVE, cache=cached, **code.ENTRY)(_run)
@@ -275,6 +299,16 @@ def _say(what: str) -> None:
 def run_address() -> int:
     """Return the address of the driver."""
     return int(compiled_run().address)
+
+
+@cache
+def compiled_first_order() -> Any:
+    """Return the machine code that carries Jacobians: the driver calls it by its address."""
+
+    def compile_it(cached: bool) -> Any:
+        return cfunc(FIRST_ORDER_NATIVE, cache=cached, **code.ENTRY)(_first_order)
+
+    return compiled_in_cache(_first_order, driver_digest(), compile_it)
 
 
 def compiled_entry(function: Callable[..., Any], native: Any) -> Any:

@@ -30,7 +30,8 @@ class Problem(NamedTuple):
     max_step: float
     t_end: float
     tangent: FloatTable  # the flow's Jacobian, and room for it
-    first_order: bool  # whether it is wanted
+    first_order: int  # address of the code that carries it; 0 where it is not wanted
+    here: int  # address of the desk
     t_start: float
     first_step: float  # 0: to be chosen
     max_steps: int

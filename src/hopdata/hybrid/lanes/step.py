@@ -271,62 +271,6 @@ def rises(low: Any, high: Any, slack: Any) -> Any:
 
 
 @kernel
-def judge(t: Any, h: Any, run_s: float, r: Any) -> tuple[Any, Any, Any, Any]:
-    """Judge all guards in the steps.
-
-    Returns where that cannot be done, where one is past its surface, where one is at its surface
-    at the end, and how far the end is from there, in steps. Margins are positive on the side that
-    the lock names. Each half of the step has a cubic, which lies between its Bezier points: they
-    show that a guard stays clear, or that it falls through zero once.
-    """
-    unclear, far, touching, soonest = mask_of(0), mask_of(0), mask_of(0), spread(inf)
-    r.aim[6] = 1.0
-    resolution = resolution_of(t, h)
-    for g in range(len(r.h0)):
-        lock, left = r.lock[g], r.leaving[g] > 0.5
-        per_step = lock * h
-        m0, d0 = where(left, 0.0, lock * r.h0[g]), per_step * r.rate0[g]
-        mc, dc = lock * r.h[g], per_step * r.rate[g]
-        m1, d1 = lock * r.h1[g], per_step * r.rate1[g]
-        rise = m1 - m0
-        bend, twist = 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
-        error = absolute(mc - (m0 + PLACE * (d0 + PLACE * (bend + PLACE * twist))))
-        slope = d0 + PLACE * (2.0 * bend + 3.0 * PLACE * twist)
-        error = error + 0.25 * absolute(dc - slope)
-        slack, size = 0.25 * error, largest(absolute(m0), absolute(m1))
-        noise = ROUNDING * largest(size, r.size[g]) + resolution * absolute(r.rate1[g])
-        p1, p2, q1, q2 = m0 + FIRST * d0, mc - FIRST * dc, mc + REST * dc, m1 - REST * d1
-        clear = least(least(p1, p2), least(mc, least(q1, q2))) > slack
-        again = rises(p1, p2, slack) | rises(p2, mc, slack)
-        again = again | rises(mc, q1, slack) | rises(q1, q2, slack) | (left & ~(p1 > slack))
-        near = largest(-NEAR * d1, noise)
-        touches = (d1 < 0.0) & (absolute(m1) <= near)
-        past = (m1 <= 0.0) & ~touches
-        told = (clear & ~past) | ((past | touches) & ~again)
-        along = absolute(r.along[g])
-        straight = absolute(r.inside[g] - r.along[g]) <= AFFINE * along
-        straight = straight & (absolute(r.along1[g] - r.along[g]) <= AFFINE * along) & (along > 0.0)
-        change = largest(largest(m0, mc), m1) - least(least(m0, mc), m1)
-        rough = error > OWN * change + FLOOR * (absolute(m0) + absolute(m1)) + noise
-        rough = rough & (h > FINE * LONGEST * run_s)
-        slow = (h > LONGEST * run_s) & (error > MOVES * change)
-        unclear = unclear | ~told | (~straight & (rough | slow | (h > LONGEST_IF_SURE * run_s)))
-        far, touching = far | past, touching | touches
-        if bits(touches) != 0:
-            soonest = where(touches, least(soonest, -m1 / d1), soonest)
-        if bits(past) != 0:
-            early = mc <= 0.0
-            fall = where(early, m0 - mc, mc - m1)
-            place = where(early, PLACE * m0, (1.0 - PLACE) * mc) / fall  # on the chord
-            place = where(early & left, 0.5 * PLACE, place)  # it begins on its surface
-            place = where(early, place, PLACE + place)
-            sooner = past & (place < r.aim[6])
-            for i, value in enumerate((m0, d0, mc, dc, m1, d1, place)):
-                r.aim[i] = where(sooner, value, r.aim[i])
-    return unclear, far, touching, soonest
-
-
-@kernel
 def root(go: Any, r: Any) -> Any:
     """Return where the first guard falls through zero, as a part of the step.
 
@@ -361,6 +305,14 @@ def wanted_rates(r: Any) -> None:
     """Put rates of the states along one way into `work` (see `driver.windows`)."""
     for i in range(len(r.y)):
         r.work[i] = ((i + 1) * GOLDEN & MASK) * PER_MASK - 0.43
+
+
+@kernel
+def straight(g: int, r: Any) -> Any:
+    """Tell where the rate of a guard along one way is the same all over the step."""
+    along = absolute(r.along[g])
+    same = absolute(r.inside[g] - r.along[g]) <= AFFINE * along
+    return same & (absolute(r.along1[g] - r.along[g]) <= AFFINE * along) & (along > 0.0)
 
 
 # The slope at the end of a step, by those at its start, inside and at its end.
@@ -536,13 +488,75 @@ def first_step(t: Any, longest: Any, rtol: float, atol: FloatArray, r: Any) -> A
 
 
 def look(t: Any, h: Any, r: Any) -> None:
-    """Evaluate the guards inside and at the end of the steps, and their rates along one way."""
+    """Evaluate the guards inside and at the end of the steps."""
     GUARDS(fma(PLACE, h, t), r.inner, state(r.k, INSIDE * N), r, r.h, r.rate)
     GUARDS(t + h, r.end, state(r.k, STAGES * N), r, r.h1, r.rate1)
+
+
+def look_along(t: Any, h: Any, r: Any) -> None:
+    """Evaluate the guards' rates along one way at the start, inside and at the end of the steps."""
     wanted_rates(r)
     GUARDS(t, r.y, r.work, r, r.other_h, r.along)
     GUARDS(fma(PLACE, h, t), r.inner, r.work, r, r.other_h, r.inside)
     GUARDS(t + h, r.end, r.work, r, r.other_h, r.along1)
+
+
+def judge(t: Any, h: Any, fine: Any, run_s: float, r: Any) -> tuple[Any, Any, Any, Any]:
+    """Judge all guards in the steps that are `fine`.
+
+    Returns where that cannot be done, where one is past its surface, where one is at its surface
+    at the end, and how far the end is from there, in steps. Margins are positive on the side that
+    the lock names. Each half of the step has a cubic, which lies between its Bezier points: they
+    show that a guard stays clear, or that it falls through zero once.
+    """
+    unclear, far, touching, soonest = mask_of(0), mask_of(0), mask_of(0), spread(inf)
+    r.aim[6], looked = 1.0, False
+    resolution = resolution_of(t, h)
+    for g in range(len(r.h0)):
+        lock, left = r.lock[g], r.leaving[g] > 0.5
+        per_step = lock * h
+        m0, d0 = where(left, 0.0, lock * r.h0[g]), per_step * r.rate0[g]
+        mc, dc = lock * r.h[g], per_step * r.rate[g]
+        m1, d1 = lock * r.h1[g], per_step * r.rate1[g]
+        rise = m1 - m0
+        bend, twist = 3.0 * rise - 2.0 * d0 - d1, d0 + d1 - 2.0 * rise
+        error = absolute(mc - (m0 + PLACE * (d0 + PLACE * (bend + PLACE * twist))))
+        slope = d0 + PLACE * (2.0 * bend + 3.0 * PLACE * twist)
+        error = error + 0.25 * absolute(dc - slope)
+        slack, size = 0.25 * error, largest(absolute(m0), absolute(m1))
+        noise = ROUNDING * largest(size, r.size[g]) + resolution * absolute(r.rate1[g])
+        p1, p2, q1, q2 = m0 + FIRST * d0, mc - FIRST * dc, mc + REST * dc, m1 - REST * d1
+        clear = least(least(p1, p2), least(mc, least(q1, q2))) > slack
+        again = rises(p1, p2, slack) | rises(p2, mc, slack)
+        again = again | rises(mc, q1, slack) | rises(q1, q2, slack) | (left & ~(p1 > slack))
+        near = largest(-NEAR * d1, noise)
+        touches = (d1 < 0.0) & (absolute(m1) <= near)
+        past = (m1 <= 0.0) & ~touches
+        told = (clear & ~past) | ((past | touches) & ~again)
+        change = largest(largest(m0, mc), m1) - least(least(m0, mc), m1)
+        rough = error > OWN * change + FLOOR * (absolute(m0) + absolute(m1)) + noise
+        rough = rough & (h > FINE * LONGEST * run_s)
+        slow = (h > LONGEST * run_s) & (error > MOVES * change)
+        doubtful = (rough | slow | (h > LONGEST_IF_SURE * run_s)) & told & fine
+        if bits(doubtful) != 0:
+            if not looked:
+                look_along(t, h, r)
+                looked = True
+            doubtful = doubtful & ~straight(g, r)
+        unclear = unclear | ~told | doubtful
+        far, touching = far | past, touching | touches
+        if bits(touches) != 0:
+            soonest = where(touches, least(soonest, -m1 / d1), soonest)
+        if bits(past) != 0:
+            early = mc <= 0.0
+            fall = where(early, m0 - mc, mc - m1)
+            place = where(early, PLACE * m0, (1.0 - PLACE) * mc) / fall  # on the chord
+            place = where(early & left, 0.5 * PLACE, place)  # it begins on its surface
+            place = where(early, place, PLACE + place)
+            sooner = past & (place < r.aim[6])
+            for i, value in enumerate((m0, d0, mc, dc, m1, d1, place)):
+                r.aim[i] = where(sooner, value, r.aim[i])
+    return unclear, far, touching, soonest
 
 
 def land(
@@ -710,7 +724,7 @@ def run(
         look(t, h, r)
         live = mask_of(active)
         fine = (error <= 1.0) & live
-        unclear, far, touching, soonest = judge(t, h, run_s, r)
+        unclear, far, touching, soonest = judge(t, h, fine, run_s, r)
         crossed, accepted = fine & ~unclear & far, fine & ~unclear & ~far
         aimed, landing = bits(crossed), bits(accepted & touching)
         factor = SAFETY * rough_power(error + TINY_ERROR, -1.0 / ORDER)
