@@ -27,7 +27,7 @@ from hopdata.hybrid.compiled import memory
 from hopdata.hybrid.compiled.digest import driver_digest
 from hopdata.hybrid.compiled.kernel import kernel, kernel_apart, kernel_in_loop
 from hopdata.hybrid.compiled.memory import FloatVector, IntVector, address_of, view
-from hopdata.hybrid.driver import stepping
+from hopdata.hybrid.driver import jacobian, stepping
 from hopdata.hybrid.driver.dense import (
     Output,
     rewrite_row,
@@ -38,17 +38,6 @@ from hopdata.hybrid.driver.dense import (
 )
 from hopdata.hybrid.driver.end_step import end_at_first_flip
 from hopdata.hybrid.driver.instant import Log, fire_all, settle_locks
-from hopdata.hybrid.driver.jacobian import (
-    CARRY,
-    FIRST_ORDER_NATIVE,
-    RESET,
-    SALTATE,
-    carry_jacobian,
-    carry_reset,
-    first_order,
-    saltate,
-    saltate_handlers,
-)
 from hopdata.hybrid.driver.problem import (
     Problem,
     copy_row,
@@ -133,7 +122,7 @@ def advance(p: Problem, m: Memory, out: Output, log: Log) -> int:
     dt, n_due = end_at_first_flip(p, m, dt)
     if dt > 0.0:
         if p.first_order:
-            shrink = first_order(p, CARRY, dt, 0, 0, 0)
+            shrink = jacobian.first_order(p, jacobian.CARRY, dt, 0, 0, 0)
             if not shrink >= 1.0:
                 m.clock[at.NEXT_DT] = shrink * dt
                 m.counts[at.REJECTED] += 1
@@ -255,14 +244,14 @@ def _first_order(desk: int, part: int, dt: float, which: int, k: int, way: int) 
     """Do a part of what the flow's Jacobian takes: `which` is a row of the log, or a truth."""
     slots = memory.int_vector(desk, at.DESK_SLOTS)
     p, m = desk_problem(slots), desk_memory(slots)
-    if part == CARRY:
-        return carry_jacobian(p, m, dt)
-    if part == SALTATE:
-        return float(saltate(p, m, which != 0))
-    if part == RESET:
-        carry_reset(p, m, desk_log(slots).floats, which, k, way)
+    if part == jacobian.CARRY:
+        return jacobian.carry_jacobian(p, m, dt)
+    if part == jacobian.SALTATE:
+        return float(jacobian.saltate(p, m, which != 0))
+    if part == jacobian.RESET:
+        jacobian.carry_reset(p, m, desk_log(slots).floats, which, k, way)
         return 1.0
-    return 1.0 if saltate_handlers(p, m, which != 0) else 0.0
+    return 1.0 if jacobian.saltate_handlers(p, m, which != 0) else 0.0
 
 
 def _enter(desk: int, flags: int) -> int:
@@ -306,7 +295,7 @@ def compiled_first_order() -> Any:
     """Return the machine code that carries Jacobians: the driver calls it by its address."""
 
     def compile_it(cached: bool) -> Any:
-        return cfunc(FIRST_ORDER_NATIVE, cache=cached, **code.ENTRY)(_first_order)
+        return cfunc(jacobian.FIRST_ORDER_NATIVE, cache=cached, **code.ENTRY)(_first_order)
 
     return compiled_in_cache(_first_order, driver_digest(), compile_it)
 

@@ -24,19 +24,8 @@ from hopdata.arrays import FloatArray, IntArray
 from hopdata.hybrid import layout as at
 from hopdata.hybrid.compiled.kernel import MODE, ON_EVENT, STATE, VALUE, caller, kernel
 from hopdata.hybrid.compiled.memory import row
+from hopdata.hybrid.driver import windows
 from hopdata.hybrid.driver.loop import END_STATE
-from hopdata.hybrid.driver.windows import (
-    AFFINE,
-    FINE,
-    FLOOR,
-    GOLDEN,
-    LONGEST,
-    LONGEST_IF_SURE,
-    MASK,
-    MOVES,
-    OWN,
-    PER_MASK,
-)
 from hopdata.hybrid.lanes.vectors import (
     ALL,
     WIDTH,
@@ -301,18 +290,11 @@ def root(go: Any, r: Any) -> Any:
 
 
 @kernel
-def wanted_rates(r: Any) -> None:
-    """Put rates of the states along one way into `work` (see `driver.windows`)."""
-    for i in range(len(r.y)):
-        r.work[i] = ((i + 1) * GOLDEN & MASK) * PER_MASK - 0.43
-
-
-@kernel
 def straight(g: int, r: Any) -> Any:
     """Tell where the rate of a guard along one way is the same all over the step."""
     along = absolute(r.along[g])
-    same = absolute(r.inside[g] - r.along[g]) <= AFFINE * along
-    return same & (absolute(r.along1[g] - r.along[g]) <= AFFINE * along) & (along > 0.0)
+    same = absolute(r.inside[g] - r.along[g]) <= windows.AFFINE * along
+    return same & (absolute(r.along1[g] - r.along[g]) <= windows.AFFINE * along) & (along > 0.0)
 
 
 # The slope at the end of a step, by those at its start, inside and at its end.
@@ -495,7 +477,8 @@ def look(t: Any, h: Any, r: Any) -> None:
 
 def look_along(t: Any, h: Any, r: Any) -> None:
     """Evaluate the guards' rates along one way at the start, inside and at the end of the steps."""
-    wanted_rates(r)
+    for i in range(N):
+        r.work[i] = windows.way(i)
     GUARDS(t, r.y, r.work, r, r.other_h, r.along)
     GUARDS(fma(PLACE, h, t), r.inner, r.work, r, r.other_h, r.inside)
     GUARDS(t + h, r.end, r.work, r, r.other_h, r.along1)
@@ -534,10 +517,10 @@ def judge(t: Any, h: Any, fine: Any, run_s: float, r: Any) -> tuple[Any, Any, An
         past = (m1 <= 0.0) & ~touches
         told = (clear & ~past) | ((past | touches) & ~again)
         change = largest(largest(m0, mc), m1) - least(least(m0, mc), m1)
-        rough = error > OWN * change + FLOOR * (absolute(m0) + absolute(m1)) + noise
-        rough = rough & (h > FINE * LONGEST * run_s)
-        slow = (h > LONGEST * run_s) & (error > MOVES * change)
-        doubtful = (rough | slow | (h > LONGEST_IF_SURE * run_s)) & told & fine
+        rough = error > windows.OWN * change + windows.FLOOR * (absolute(m0) + absolute(m1)) + noise
+        rough = rough & (h > windows.FINE * windows.LONGEST * run_s)
+        slow = (h > windows.LONGEST * run_s) & (error > windows.MOVES * change)
+        doubtful = (rough | slow | (h > windows.LONGEST_IF_SURE * run_s)) & told & fine
         if bits(doubtful) != 0:
             if not looked:
                 look_along(t, h, r)
