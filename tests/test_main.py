@@ -170,6 +170,20 @@ def test_help_does_not_import_numpy():
     assert result.returncode == 0, result.stderr
 
 
+def test_a_configuration_is_loaded_without_what_is_slow_to_load():
+    """Each start of a study does it, also where there is nothing to do."""
+    code = (
+        "import sys\nfrom hopdata.config.loading import load_config\nimport yaml\n"
+        "load_config(yaml.safe_load(open('config/config.yaml')))\n"
+        "heavy = {'numba', 'pandas', 'scipy', 'matplotlib', 'h5py'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False
+    )
+    assert result.returncode == 0, result.stderr
+
+
 def test_an_interrupt_ends_without_a_traceback(tmp_path):
     pipe = tmp_path / "config.yaml"
     os.mkfifo(pipe)  # reading it waits for a writer, for ever

@@ -1,9 +1,16 @@
 import numpy as np
 import pytest
+from scipy.fft import next_fast_len
 from scipy.stats import gaussian_kde
 
 from hopdata.errors import AnalysisError
-from hopdata.landings.sections.modes import finite, ground_mode, kde, normal_bandwidth
+from hopdata.landings.sections.modes import (
+    _fast_length,
+    finite,
+    ground_mode,
+    kde,
+    normal_bandwidth,
+)
 
 
 def feet(rng, n=30000, sigma=0.0006, ground=0.0):
@@ -150,3 +157,8 @@ def test_normal_bandwidth_is_not_widened_by_a_few_far_away():
     values = np.random.default_rng(2).normal(0.0, 1.0, 1000)
     far = np.concatenate([values, np.full(10, 1e3)])
     assert normal_bandwidth(far) == pytest.approx(normal_bandwidth(values), rel=0.05)
+
+
+def test_lengths_of_transforms_are_those_of_scipy():
+    for least in (*range(1, 2000), *np.random.default_rng(3).integers(2000, 2**23, 500).tolist()):
+        assert _fast_length(least) == next_fast_len(least, real=True)

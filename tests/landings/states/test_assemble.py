@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import make_interp_spline
 
 from hopdata.errors import AnalysisError
 from hopdata.landings.states.assemble import home_frames, track_means
@@ -27,6 +28,18 @@ def test_mean_of_a_line_does_not_depend_on_the_frames():
     tracks[12:15] = np.nan
     np.testing.assert_allclose(track_means(TIME, tracks, begin, end), means, rtol=1e-14)
     assert np.isnan(track_means(TIME, tracks * np.nan, begin, end)).all()
+
+
+def test_means_are_those_of_a_spline_of_degree_one():
+    generator = np.random.default_rng(8)
+    time = np.arange(600) / 250
+    tracks = np.cumsum(generator.normal(size=(600, 2, 3)), axis=0)
+    begin = generator.uniform(0.0, 2.0, 50)
+    end = begin + generator.uniform(0.001, 0.3, 50)
+    means = track_means(time, tracks, begin, end)
+    whole = make_interp_spline(time, tracks, k=1).antiderivative()
+    expected = (whole(end) - whole(begin)) / (end - begin)[:, None, None]
+    np.testing.assert_allclose(means, expected, rtol=0, atol=1e-10)
 
 
 def test_a_long_gap_is_not_bridged():
