@@ -537,6 +537,34 @@ def foot_strikes_figure(table: pd.DataFrame) -> Figure:
     return figure
 
 
+# What a study costs by the length of its recordings.
+
+
+@style.styled
+def study_cost_figure(table: pd.DataFrame) -> Figure:
+    """Draw the largest process, and the processor time of a frame, over the number of frames.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row a size: ``frames``, ``peak_mb``, ``cpu_us_per_frame``.
+    """
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 60.0)
+    memory, times = figure.subplots(1, 2)
+    memory.plot(table["frames"], table["peak_mb"], "o-", color=style.BLUE)
+    memory.axhline(3000.0, color=style.GREY, linestyle=":")
+    memory.set_ylabel("largest process (MB)")
+    times.plot(table["frames"], table["cpu_us_per_frame"], "o-", color=style.BLUE)
+    times.set_ylabel("processor time of a frame (µs)")
+    for axes in (memory, times):
+        axes.set_xscale("log")
+        axes.margins(y=0.1)
+        axes.set_ylim(bottom=0.0)
+        axes.set_xlabel("frames")
+    style.letters((memory, times))
+    return figure
+
+
 # Figures of the frame change, which a study draws too.
 
 
@@ -561,6 +589,7 @@ FIGURES: dict[str, Callable[..., Figure]] = {
     "kernel_smoothness": models.kernel_smoothness_figure,
     "verdict_power": verdict_power_figure,
     "foot_strikes": foot_strikes_figure,
+    "study_cost": study_cost_figure,
 }
 
 

@@ -134,7 +134,7 @@ def main() -> None:
         per_hop = table[f"{kind}_s"] / table["hops"]
         table[f"{kind}_ms_per_hop"] = 1e3 * per_hop
         table[f"{kind}_per_hop_ratio"] = per_hop / per_hop[0]
-    table["peak_bytes_per_frame"] = 1e6 * table["peak_mb"] / table["frames"]
+    table["cpu_us_per_frame"] = 1e6 * table["cpu_s"] / table["frames"]
     by_stage = pd.concat(stages)
     by_stage["cpu_ms_per_hop"] = 1e3 * by_stage["cpu_s"] / by_stage["hops"]
     args.out.parent.mkdir(parents=True, exist_ok=True)

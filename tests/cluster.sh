@@ -42,7 +42,7 @@ sed 's/PARTITION/short/; s/ACCOUNT/lab/; s/^# slurm-status/slurm-status/' profil
   >"$work/profile/config.yaml"
 run() { # folder, options
   mkdir "$work/$1" && ln -s "$PWD/data" "$work/$1/data" && cp -r config "$work/$1/config"
-  sed -i '6,$d' "$work/$1/config/group.tsv"
+  sed -i '6,$d' "$work/$1/config/group.tsv" && sed -i 's/hops: .*/hops: 150/' "$work/$1/config/group.yaml"
   (cd "$work/$1" && "$bin/snakemake" "${what[@]}" "${@:2}") >"$work/$1.log" 2>&1 ||
     stop "$work/$1.log: expected a study that ends, found: $(tail -n 3 "$work/$1.log")"
 }

@@ -68,6 +68,7 @@ BENCHMARK_FIGURES = {
     "kernel_smoothness": ["frame_change_kernels.csv"],
     "verdict_power": ["verdict_power.csv"],
     "foot_strikes": ["foot_strikes.csv"],
+    "study_cost": ["study_cost.csv"],
 }
 for program, tables in BENCHMARK_TABLES.items():
 
