@@ -549,6 +549,8 @@ def study_cost_figure(table: pd.DataFrame) -> Figure:
     table : DataFrame
         One row a size: ``frames``, ``peak_mb``, ``cpu_us_per_frame``.
     """
+    if not len(table):
+        return style.message_figure("No study was measured.")
     figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 60.0)
     memory, times = figure.subplots(1, 2)
     memory.plot(table["frames"], table["peak_mb"], "o-", color=style.BLUE)
