@@ -291,8 +291,11 @@ def work_precision_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
     for axes in grid.ravel():
         axes.set(xscale="log", yscale="log")
         axes.grid()
-    for axes in grid[-1]:
+    for axes in panels[-across:]:  # the lowest of each column
         axes.set_xlabel("largest error of the final state\n(SI units; table 4.3 has none)")
+        axes.tick_params(labelbottom=True)
+    for axes in grid.ravel()[len(scenes) :]:
+        axes.set_axis_off()
     for axes in grid[:, 0]:
         axes.set_ylabel("time of a trajectory (µs)")
     _add_legend(figure, list(dict.fromkeys(done["way"])))
