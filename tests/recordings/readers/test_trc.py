@@ -67,6 +67,14 @@ ROWS = TEXT.split("\n")
 FORMS = {
     "a space after the type": (TEXT.replace("PathFileType\t", "PathFileType \t"), ""),
     "spaces for tabs": (line(TEXT, 1, "PathFileType 4 (X/Y/Z) trial.trc"), ""),
+    "blanks for tabs in the rows": (
+        "\n".join([*ROWS[:6], *(row.replace("\t", "  ") for row in ROWS[6:])]),
+        "",
+    ),
+    "blanks for tabs but among names": (
+        "\n".join(row if k == 3 else row.replace("\t", "  ") for k, row in enumerate(ROWS)),
+        "",
+    ),
     "commas for tabs": (line(TEXT, 1, "PathFileType,4,(X/Y/Z),trial.trc"), ""),
     "a tab at the end of the type": (line(TEXT, 1, ROWS[0] + "\t"), ""),
     "keys in other letters": (TEXT.replace("NumFrames", "numFrames"), ""),

@@ -90,7 +90,7 @@ def _read_header(path: Path) -> _Header:
     offset = 0
     with readable(path) as file:
         for line in islice(file, _HEADER_LINES):
-            lines.append(split_line(path, line))
+            lines.append(split_line(path, line, _mark(line) if lines else "\t"))
             offset += len(line)
         first = next(iter(file), b"")
         while first and not first.strip(b"\r\n\t "):
@@ -113,7 +113,8 @@ def _read_header(path: Path) -> _Header:
         raise RecordingError(told)
     markers, remarks = raw.distinct_names(f"{path}, line 4", names, may_lack=True)
     remarks += unknown + (f"{told}, which are taken",) * (stated not in (None, len(names)))
-    fields = split_line(path, first)
+    mark = _mark(first)
+    fields = split_line(path, first, mark)
     width = max(len(fields), 2 + 3 * len(markers))
     unused = sum(map(bool, fields[2 + 3 * len(markers) :]))
     if unused or n_axes > 3 * len(markers):
@@ -121,7 +122,12 @@ def _read_header(path: Path) -> _Header:
             f"{path}: expected {3 * len(markers)} columns of {len(markers)} markers, found "
             f"{max(n_axes, len(trimmed(fields)) - 2)}; the others are not read",
         )
-    return _Header(path, values, markers, Rows(path, len(lines), offset, width), remarks)
+    return _Header(path, values, markers, Rows(path, len(lines), offset, width, mark), remarks)
+
+
+def _mark(line: bytes) -> str:
+    """Return what separates the fields of a line: tabs, or blanks where it has none."""
+    return "\t" if b"\t" in line.strip() else " "
 
 
 def _values(
