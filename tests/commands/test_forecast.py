@@ -104,6 +104,7 @@ def test_feet_that_never_fly_are_an_error_before_any_forecast(check):
     code, lines, errors = check(positions)
     assert (code, lines) == (1, [])
     assert "the feet never leave the ground together" in errors
+    assert "moves" not in errors
 
 
 def test_of_long_studies_the_middle_is_looked_at_and_counts_are_scaled(check, monkeypatch):

@@ -27,7 +27,7 @@ from hopdata.recording import Recording, fraction_seen
 from hopdata.recordings.plausibility import MIN_BODY_MARKERS
 
 FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
-MOST_FRAMES = 120_000  # looked at; of longer studies the middle of each recording
+MOST_FRAMES = 60_000  # looked at; of longer studies the middle of each recording
 LEAST_SHARE = 0.1  # of the landings, which a reason must cost to be worth a change
 MOST_ALIKE = 0.8  # of the landings in one contact order, beyond which more of them hardly help
 MOST_UNSURE = 0.5  # of the orders, beyond which they tell little

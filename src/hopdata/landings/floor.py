@@ -202,8 +202,8 @@ def fit_floor(
     if not used.any():
         raise AnalysisError(
             f"{recording.name}: floor: expected feet at rest within {rest_band_m:g} m of a floor, "
-            "found them at different heights (on a box?); raise floor.rest_band_m, or set "
-            "floor.enabled to false"
+            "found them at different heights (on a box? or does the floor move?); raise "
+            "floor.rest_band_m, or set floor.enabled to false"
         )
     fit = regress(used)
     raised &= np.abs(fit.residuals) <= rest_band_m

@@ -10,7 +10,7 @@ import numpy as np
 
 from hopdata.arrays import BoolArray, FloatArray, Shown, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
-from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED
+from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED, descents
 from hopdata.landings.contacts.find import contacts_of, find_landings
 from hopdata.landings.sections.frames import Frames, Heights, heights_of, pool_frames, pooled
 from hopdata.landings.sections.modes import (
@@ -24,6 +24,7 @@ from hopdata.recording import Recording
 
 FRAMES = {"all": False, "landings": True}  # whether those of landings alone count
 LEAST_KNEE_M = 3e-4  # above the mode: no floor is known better, even without noise
+_MOVING_M = 0.01  # between landings, from which a floor that moves is told
 _LEAST_FRAMES = 5  # with all feet up, and with all down: fewer are not hopping
 
 
@@ -199,7 +200,7 @@ def select_sections(
     )
     frames_used = sections.pooled(heights)
     if pre_height_m is None or post_height_m is None:
-        _require_hopping(frames_used, sections)
+        _require_hopping(frames_used, sections, recordings)
     pre, post = pre_height_m, post_height_m
     if pre is None:  # hardly ever exceeded while some foot is down
         highest_body = np.quantile(frames_used.body[~frames_used.all_up], 1.0 - tail_fraction)
@@ -230,7 +231,7 @@ def _held(landings: FloatArray, pre: float, post: float, sections: Sections) -> 
     return {**moved, "decided": decided, "held": held}
 
 
-def _require_hopping(pooled: Frames, sections: Sections) -> None:
+def _require_hopping(pooled: Frames, sections: Sections, recordings: Sequence[Recording]) -> None:
     """Raise an error unless the feet are all up in some frames and all down in others."""
     n_up, n_down = int(pooled.all_up.sum()), int(pooled.all_down.sum())
     lowest, highest = sections.min_foot_threshold_m, sections.max_foot_threshold_m
@@ -254,9 +255,31 @@ def _require_hopping(pooled: Frames, sections: Sections) -> None:
     raise AnalysisError(
         f"sections: the feet never {where} the ground together: expected at least "
         f"{_LEAST_FRAMES} frames, found {n} of {len(pooled.body)} (threshold {value:.4f} m); "
-        f"check the foot markers and the floor (does it move?), or set sections.{name}"
-        f"{walks if where == 'leave' else ''}"
+        + (
+            _moving_floor(recordings)
+            or f"check the foot markers, or set sections.{name}{walks if where == 'leave' else ''}"
+        )
     )
+
+
+def _moving_floor(recordings: Sequence[Recording]) -> str:
+    """Say how far the floor moves, if all feet stand now higher, now lower, and what to do."""
+    for recording in recordings:
+        nadirs = [nadir for _, nadir in descents(recording.body_height)]
+        stand = recording.feet[nadirs, :, 2]
+        stand = stand[np.isfinite(stand).all(axis=1)]
+        if len(stand) < _LEAST_FRAMES:
+            continue
+        low, high = np.quantile(stand.mean(axis=1), [0.05, 0.95])
+        apart = np.median(np.ptp(stand - np.median(stand, axis=0), axis=1))
+        if high - low > max(_MOVING_M, 2 * apart):
+            return (
+                f"the floor of {recording.name} moves: where the body is lowest all feet stand "
+                f"alike at heights that differ by {1e3 * (high - low):.0f} mm; export positions "
+                "relative to a marker on the floor (the deck of a treadmill), or leave out the "
+                "time in which it moves (recordings[].exclude)"
+            )
+    return ""
 
 
 def _require_both(name: str, threshold_m: float, state: str, frames: BoolArray) -> None:
