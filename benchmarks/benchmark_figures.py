@@ -295,7 +295,7 @@ def work_precision_figure(table: pd.DataFrame, chosen: pd.DataFrame) -> Figure:
         axes.set_xlabel("largest error of the final state\n(SI units; table 4.3 has none)")
         axes.tick_params(labelbottom=True)
     for axes in grid.ravel()[len(scenes) :]:
-        axes.set_axis_off()
+        axes.remove()
     for axes in grid[:, 0]:
         axes.set_ylabel("time of a trajectory (µs)")
     _add_legend(figure, list(dict.fromkeys(done["way"])))
