@@ -17,6 +17,7 @@ from hopdata.arrays import BoolArray, FloatArray
 from hopdata.landings.states.tracks import Moments, turned
 
 FREE = 2  # place and velocity
+BLOCK = 1000  # landings
 STEPS = 40  # of expectation and maximisation
 LEARN_FROM = 300  # landings, evenly taken from all
 LEAST_NOISE_M = 1e-9
@@ -209,9 +210,12 @@ def _in_powers(
     covariance: FloatArray,
     variance: FloatArray,
 ) -> Coefficients:
-    powers = sums.powers
-    known = Coefficients(mean @ powers.T, powers @ covariance @ powers.T, np.sqrt(variance))
-    return known.where(enough)
+    powers, mean = sums.powers, mean @ sums.powers.T
+    for first in range(0, len(mean), BLOCK):  # in no second memory of that size
+        part = slice(first, first + BLOCK)
+        covariance[part] = powers @ covariance[part] @ powers.T
+    mean[~enough], covariance[~enough] = np.nan, np.nan
+    return Coefficients(mean, covariance, np.sqrt(variance))
 
 
 # Fitted tracks where the mean height of the markers passes a section, with standard errors.

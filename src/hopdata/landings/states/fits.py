@@ -133,11 +133,12 @@ def together(tracks: Tracks, window_s: float | None) -> Fit:
     `hopdata.landings.states.coefficients`). Each degree gets the widest window in which it fits; of
     these the one that expects the smallest errors of velocities is taken.
     """
-    found = [_drawn(tracks, degree, width) for degree, width in _choices(tracks, window_s)]
-    known = [each for each in found if each is not None]
-    if not known:
+    found = (_drawn(tracks, degree, width) for degree, width in _choices(tracks, window_s))
+    known = (each for each in found if each is not None)  # of many landings two fill the memory
+    best = min(known, key=_velocity_variance, default=None)
+    if best is None:
         return alone(tracks, window_s)
-    sums, fit = min(known, key=_velocity_variance)
+    sums, fit = best
     reach = max(WINDOW_S, LEAST_FRAMES * tracks.frame_s)
     return sums, fit.where(tracks.sums(reach, 0).frames >= LEAST_CLOSE)
 
