@@ -497,6 +497,48 @@ def _label_sizes(axes: Axes, rows: pd.DataFrame) -> None:
     axes.set_ylabel("estimated difference")
 
 
+# How a controller comes back after the robot has changed.
+
+RETURNS = {
+    "as it was": (style.VERMILION, (0, (4, 2))),
+    "adaptive": (style.BLUE, "-"),
+    "learned anew": (style.GREY, (0, (1, 1.5))),
+}
+LEAST_RUNS = 6  # of which a median is drawn
+
+
+@style.styled
+def adaptation_figure(table: pd.DataFrame) -> Figure:
+    """Draw how far stances are from where they were foretold, by the hops since the change.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row a change, controller and hop: ``change, controller, hop, median_m, runs``.
+
+    Returns
+    -------
+    Figure
+        A panel a change, a line a controller.
+    """
+    changes = list(dict.fromkeys(table["change"]))
+    if not changes:
+        return style.message_figure("No change was made.")
+    figure = style.paper_figure(style.DOUBLE_COLUMN_MM, 62.0)
+    panels = figure.subplots(1, len(changes), sharey=True, squeeze=False)[0]
+    for axes, change in zip(panels, changes, strict=True):
+        for name, (colour, line) in RETURNS.items():
+            rows = table[(table["change"] == change) & (table["controller"] == name)]
+            rows = rows[rows["runs"] >= LEAST_RUNS].sort_values("hop")
+            axes.plot(rows["hop"], 1e3 * rows["median_m"], color=colour, linestyle=line, label=name)
+        axes.set_title(change)
+        axes.set_xlabel("hops since the change")
+    panels[0].set_ylabel("stance from where foretold,\nmedian (mm)")
+    panels[0].set_ylim(bottom=0.0)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
+    return figure
+
+
 # Published foot-strike detectors beside ours: errors, and orders that are right.
 
 
@@ -595,6 +637,7 @@ FIGURES: dict[str, Callable[..., Figure]] = {
     "verdict_power": verdict_power_figure,
     "foot_strikes": foot_strikes_figure,
     "study_cost": study_cost_figure,
+    "adaptation": adaptation_figure,
 }
 
 

@@ -6,7 +6,7 @@ Recordings of the steered hopper, excited at random as printed (Algorithm 1), ar
 capture: markers with noise, poses and boom angles by `hopdata.steering.observation`. Each model
 learns from 100 random hops of one recording, one draw a recording, and is tested on the other hops
 of that recording ("rest"), on a recording with swings of any size ("any swing"), and on the true
-map of a hopper that nothing disturbs ("true map", without its history).
+map of a hopper that nothing disturbs ("true map").
 
 Beside `frame_change_models.csv`:
 
@@ -36,7 +36,6 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.rigid import wrapped
-from hopdata.steering.excitation import ControlGrid, Excitation
 from hopdata.steering.experiments.outcomes import SAME_STANCE_S
 from hopdata.steering.frame_changes import USED, FrameChanges, frame_changes, joined
 from hopdata.steering.models.learning import (
@@ -51,25 +50,23 @@ from hopdata.steering.models.learning import (
     with_intervals,
 )
 from hopdata.steering.models.process import (
+    PRINTED,
+    RECOMMENDED,
     FrameChangeProcess,
     embedded,
     embedded_scales,
     input_rows,
+    trained_process,
+    training_set,
 )
 from hopdata.steering.models.tabulated import TabulatedMap, tabulated
-from hopdata.steering.models.training import (
-    PRINTED,
-    RECOMMENDED,
-    WITH_PREVIOUS_CHANGE,
-    WITH_PREVIOUS_SWING,
-    process_inputs,
-    trained_process,
-)
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.observe import observe_stances
 from hopdata.steering.robot import SteeredHopper
 from hopdata.steering.trial import (
     POSE,
+    ControlGrid,
+    Excitation,
     SteeredTrial,
     TrueFrameChanges,
     record_trial,
@@ -83,10 +80,8 @@ MODELS = {
     "printed": PRINTED,
     "copies": replace(RECOMMENDED, periodic=False),
     "recommended": RECOMMENDED,
-    "previous swing": WITH_PREVIOUS_SWING,
-    "previous change": WITH_PREVIOUS_CHANGE,
 }
-CURVES = ("printed", "recommended", "previous swing", "previous change")
+CURVES = ("printed", "recommended")
 SIZES = (20, 35, 60, 100, 170, 300)
 SCORES = ("r2", "rmse", "coverage")
 BOOM_WINDOW_S = 0.11  # after the stance (printed: 11 frames at 100 Hz)
@@ -374,10 +369,9 @@ def measurement_rows(trials: list[SteeredTrial], seen: list[FrameChanges]) -> li
 
 def on_true_map(process: FrameChangeProcess, true: TrueFrameChanges) -> FloatArray:
     """Predicted less true frame changes, averaged over what came before, (A * S, 3)."""
-    mesh = np.meshgrid(true.boom_angle_rad, true.swing_rad, true.previous_swing_rad, indexing="ij")
-    inputs = [axis.ravel() for axis in mesh[: process.n_inputs]]
-    predicted = process.change(*inputs).reshape(true.change.shape).mean(axis=2)
-    return (predicted - true.average()).reshape(-1, 3)
+    mesh = np.meshgrid(true.boom_angle_rad, true.swing_rad, indexing="ij")
+    predicted = process.change(*(axis.ravel() for axis in mesh))
+    return predicted - true.average().reshape(-1, 3)
 
 
 def true_map_rows(
@@ -396,25 +390,18 @@ def model_rows(
 ) -> Iterator[dict[str, Any]]:
     """Scores of all models, trained on a part of each recording."""
     for draw, hops in enumerate(seen):
-        usable = with_past(hops)
+        usable = hops.used()
         rng = np.random.default_rng(np.random.SeedSequence([seed, draw, 3]))
         train, rest = random_split(len(usable), TRAIN, rng)
         for name, options in MODELS.items():
             process = trained_process(usable.rows(train), options, seed=draw)
-            for test, data in (("rest", usable.rows(rest)), ("any swing", with_past(other))):
-                inputs = process_inputs(data, options.history)
+            for test, data in (("rest", usable.rows(rest)), ("any swing", other.used())):
+                inputs = np.column_stack([data.boom_angle_rad, data.swing_rad])
                 score = prediction_score(process, inputs, data.change)
                 labels = {"model": name, "test": test, "draw": draw}
                 yield from pd.DataFrame({**labels, **score}).to_dict("records")
-            if options.history in ("none", "swing"):
-                labels = {"model": name, "test": "true map", "draw": draw}
-                yield from true_map_rows(process, true, labels)
-
-
-def with_past(hops: FrameChanges) -> FrameChanges:
-    """Return the used hops that have one before them."""
-    used = hops.used()
-    return used.rows(np.isfinite(used.previous_change).all(axis=1))
+            labels = {"model": name, "test": "true map", "draw": draw}
+            yield from true_map_rows(process, true, labels)
 
 
 def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
@@ -434,15 +421,12 @@ def smooth_truth(hops: int, swing_limit_rad: float, seed: int) -> FrameChanges:
             0.12 * np.sin(swing) + 0.03 * np.sin(angle) - 0.02 * np.cos(middle),
         ]
     )
-    unknown = np.full(hops, np.nan)
     return FrameChanges(
         recording=np.full(hops, "smooth truth"),
         time_s=np.arange(hops, dtype=float),
         boom_angle_rad=angle,
         swing_rad=swing,
         change=change + SMOOTH_NOISE * rng.standard_normal(change.shape),
-        previous_swing_rad=unknown,
-        previous_change=np.full((hops, 3), np.nan),
         reason=np.full(hops, USED),
     )
 
@@ -509,10 +493,10 @@ def cost_rows(hops: FrameChanges, other: FrameChanges, seed: int) -> Iterator[di
         process = trained_process(hops, MODELS[name], seed=seed)
         regressors = [regressor_of(process, j) for j in range(3)]
         table = tabulated(process, LIMIT)
-        agreement = disagreement(process, regressors, process_inputs(other.used(), "none"))
+        agreement = disagreement(process, regressors, training_set(other)[0])
         value, gradient = tabulation_errors(table, process)
         for n in (1, 1000):
-            points = np.resize(process_inputs(other.used(), "none"), (n, 2))
+            points = np.resize(training_set(other)[0], (n, 2))
             columns = points.T.copy()
             runs: dict[str, Callable[[], object]] = {
                 "closed form": lambda p=process, c=columns: change_and_gradient(p, *c),
@@ -593,7 +577,7 @@ def main() -> None:
     by = ["model", "test", "component", "unit"]
     write(arguments.out.name, with_intervals(pd.DataFrame(rows), by, SCORES))
     pool = joined(seen)
-    first = with_past(seen[0])
+    first = seen[0].used()
     chosen, _ = random_split(len(first), TRAIN, np.random.default_rng(seed))
     write("frame_change_cost.csv", pd.DataFrame(cost_rows(first.rows(chosen), other, seed)))
     for name, table in zip(("map", "points"), map_tables(first.rows(chosen), seed), strict=True):

@@ -30,9 +30,8 @@ import multiprocessing as mp
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -41,7 +40,6 @@ import pandas as pd
 from loopback_server import Faults, LoopbackServer, Outage, UdpSwings
 from numpy.typing import ArrayLike
 
-from hopdata.arrays import FloatArray
 from hopdata.jobs import write_table
 from hopdata.recording import Recording
 from hopdata.steering.control.objectives import Plan, ToPoint, checked_state, errors_left
@@ -51,132 +49,13 @@ from hopdata.steering.live.buffer import Status
 from hopdata.steering.live.drive import Drive, drive
 from hopdata.steering.live.loop import Decision
 from hopdata.steering.live.safety import Limits, UdpBoom
-from hopdata.steering.models.training import trained_process
+from hopdata.steering.live.simulated import LiveHopper
+from hopdata.steering.models.process import trained_process
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.observation.observe import observe_stances
-from hopdata.steering.robot import (
-    Apex,
-    Board,
-    SteeredHop,
-    SteeredHopper,
-    released,
-    steer_hop,
-    steer_past,
-)
+from hopdata.steering.robot import SteeredHopper
 from hopdata.steering.trial import record_trial
-
-# The simulated hopper as a live robot: markers out, frame by frame, and swings in.
-
-
-@dataclass(frozen=True)
-class TrueHop:
-    """A hop as it truly was: the swing executed in its flight, rad, and the stance that followed.
-
-    `stance_s` is NaN if it fell; an operator then let it go again where it was.
-    """
-
-    start_s: float
-    swing_rad: float
-    stance_s: float
-    pose: tuple[float, float, float]
-    boom_angle_rad: float
-
-
-class LiveHopper:
-    """A source of frames: a hopper that integrates each hop when its first frame is asked for.
-
-    Driven by a server in real time, it so is at most one hop ahead of the clock. The swing of a
-    flight is the last that was commanded before the apex at which it begins; 0 if none was since
-    the apex before.
-
-    Parameters
-    ----------
-    robot : SteeredHopper
-    swings : callable
-        Returns the last swing commanded since it was last called, rad, or None; must not wait.
-    pose : (3,)
-        Where it is let go, m and rad.
-    boom_angle_rad : float
-    rate_hz : float
-        Frame rate, Hz.
-    noise_m : float
-        Standard deviation of the noise on each coordinate, m.
-    board : Board, optional
-        What stands in its way.
-    seed : int or sequence of int
-        Of kicks and noise.
-    """
-
-    def __init__(
-        self,
-        robot: SteeredHopper,
-        swings: Callable[[], float | None],
-        *,
-        pose: ArrayLike = (0.0, 0.0, 0.0),
-        boom_angle_rad: float = np.pi,
-        rate_hz: float = 100.0,
-        noise_m: float = 0.0006,
-        board: Board | None = None,
-        seed: int | Sequence[int] = 0,
-    ) -> None:
-        self.robot, self.board, self.rate_hz, self.noise_m = robot, board, rate_hz, noise_m
-        self.hops: list[TrueHop] = []
-        self._swings, self._apex = swings, released(robot, pose, boom_angle_rad)
-        streams = np.random.SeedSequence(seed).spawn(2)
-        self._kicks, self._noise = (np.random.default_rng(stream) for stream in streams)
-        self._n_frames = 0
-        # Compiles what is not compiled yet, so that the first hop is in time.
-        steer_hop(robot.still(), self._apex, 0.0, rng=np.random.default_rng(0))
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the markers, in the order of the frames."""
-        body = [f"body{k + 1}" for k in range(len(self.robot.markers.body_m))]
-        return (*body, "boom")
-
-    def __iter__(self) -> Iterator[tuple[float, FloatArray]]:
-        """Hop for ever: yields the time, s, and the markers (M, 3), m, of each frame."""
-        while True:
-            hop = self._next_hop()
-            for time_s, markers in zip(hop.frame_time_s, hop.markers, strict=True):
-                noise = self.noise_m * self._noise.standard_normal(markers.shape)
-                yield float(time_s), markers + noise
-
-    def _next_hop(self) -> SteeredHop:
-        swing = self._swings() or 0.0
-        upcoming = self._n_frames + np.arange(np.ceil(self.robot.hop_limit_s * self.rate_hz))
-        hop, self.board = steer_past(
-            self.robot,
-            self._apex,
-            swing,
-            self.board,
-            rng=self._kicks,
-            frame_times_s=upcoming / self.rate_hz,
-        )
-        self._n_frames += len(hop.frame_time_s)
-        self.hops.append(_true_hop(hop))
-        self._apex = hop.end if not hop.stance.fell else self._put_up(hop)
-        return hop
-
-    def _put_up(self, hop: SteeredHop) -> Apex:
-        """Let the hopper go again where it was before it fell."""
-        x, y, yaw = hop.start.state[0], hop.start.state[1], hop.start.state[3]
-        anew = released(self.robot, (x, y, yaw), hop.end.boom_angle_rad)
-        return replace(anew, time_s=hop.end.time_s)
-
-
-def _true_hop(hop: SteeredHop) -> TrueHop:
-    stance = hop.stance
-    x, y, yaw = stance.pose.tolist()
-    return TrueHop(
-        start_s=hop.start.time_s,
-        swing_rad=hop.swing_rad,
-        stance_s=np.nan if stance.fell else stance.time_s,
-        pose=(x, y, yaw),
-        boom_angle_rad=stance.boom_angle_rad,
-    )
-
 
 # Way-points: one point after the other.
 

@@ -39,8 +39,7 @@ from hopdata.scenes.body import rotation_matrices
 from hopdata.scenes.hopper_parameters import HopperParameters
 from hopdata.steering.observation.calibration import algebraic_circle, calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
-from hopdata.steering.observation.live_stances import StanceDetector
-from hopdata.steering.observation.stances import find_stances
+from hopdata.steering.observation.stances import StanceDetector, find_stances
 from hopdata.steering.observation.tracking import HopperTracker, hopper_motion, observe_frame
 from hopdata.synthesis.camera import MarkerTracks, draw_floor, draw_gaps, observe, track_markers
 from hopdata.synthesis.trial import FloorOptions, GapOptions, MarkerOptions, Trial, run_trial

@@ -36,7 +36,7 @@ from hopdata.recordings.quality import orientation as free_fall
 from hopdata.recordings.quality import orientation as length_unit
 from hopdata.scenes import SCENES
 from hopdata.steering.experiments import tasks
-from hopdata.steering.models import training as models
+from hopdata.steering.models import process as models
 
 answer = import_module("hopdata.maps.verdict.judge")  # the package shows a function of that name
 ANY = SimpleNamespace()  # in the place of what is not looked at before the name is
@@ -119,7 +119,6 @@ ASKED = {
         tasks.EXPERIMENTS,
         lambda name: tasks.draw_starts(name, 1, distance_m=1.0, seed=np.random.SeedSequence(0)),
     ),
-    "history": (models.HISTORIES, lambda name: models.process_inputs(ANY, name)),
     "conclusion": (answer.CONCLUSIONS, lambda name: answer.sentence(name, ANY, "", 0.95, 0.1)),
     "integrator": (
         integrators.CHOICES,

@@ -157,6 +157,32 @@ def _plan_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--figure", type=Path, metavar="FILE", help=what)
 
 
+def _drive_options(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("--simulate", action="store_true", help="the simulated hopper, as without --host")
+    add("--host", help="the computer that runs Qualisys Track Manager")
+    add("--port", type=int, default=22223, help="of its real-time server; %(default)s")
+    add("--boom", metavar="HOST:PORT", help="where each swing is sent, as a line over UDP")
+    add("--dry-run", action="store_true", help="send nothing to the boom")
+    what = "folder with geometry.json and model.npz, as results/STUDY/steering/seeds/1"
+    add("--model", type=Path, metavar="FOLDER", help=what)
+    what = "come to this point of the floor, m, as in --to=-0.5,0; else to 0,0"
+    add("--to", type=_point, default=(0.0, 0.0), metavar="X,Y", help=what)
+    add("--heading", type=float, metavar="DEG", help="turn to this heading instead")
+    add("--adaptive", action="store_true", help="correct the model hop by hop")
+    add("--seconds", type=_positive, metavar="S", default=60.0, help="at most; %(default)g")
+    add("--rate", type=_positive, metavar="HZ", default=100.0, help="of the cameras; %(default)g")
+    what = "largest swing that is sent, no more than was recorded; %(default).3g"
+    add("--swing-limit", type=_positive, metavar="RAD", default=1.1780972450961724, help=what)
+    what = "farthest from the origin before the boom rests for good; %(default)g"
+    add("--fence", type=_positive, metavar="M", default=3.0, help=what)
+    add("--log", type=Path, metavar="FILE", default=Path("drive.h5"), help="written as it goes")
+
+
+def _replay_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("log", type=Path, metavar="LOG", help="as `hopdata drive` wrote it")
+
+
 def _config_docs_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", type=Path, metavar="FILE", help="file to write; else stdout")
 
@@ -240,6 +266,24 @@ COMMANDS: dict[str, tuple[str, str, str, str, Callable[[argparse.ArgumentParser]
         "  hopdata plan config/quadruped.yaml --difference 0.08 --figure plan.svg\n",
         _plan_options,
     ),
+    "drive": (
+        "hopdata.commands.drive:drive",
+        "steer a hopper live, simulated or seen by cameras",
+        "Steer a hopper from stance to stance: the simulated one, or a robot that a Qualisys\n"
+        "system sees. Never tried on hardware: docs/live.md says what to do the first time.\n"
+        "The boom rests when anything is wrong, at Enter, Ctrl-C and SIGTERM.",
+        "  hopdata drive                                simulated\n"
+        "  hopdata drive --host 10.0.0.2 --model results/monday/steering/seeds/1 --dry-run\n",
+        _drive_options,
+    ),
+    "replay": (
+        "hopdata.commands.drive:replay",
+        "play the log of a drive into the same controller",
+        "Play the frames of a log into the same observer and controller, and compare the plans.\n"
+        "Exit code 1 if one is not the same to the bit. Nothing is sent.",
+        "  hopdata replay drive.h5\n",
+        _replay_options,
+    ),
     "clean": (
         "hopdata.commands.run:clean",
         "remove the results of a study",
@@ -276,6 +320,14 @@ def completion(_options: argparse.Namespace) -> int:
     """Print what makes a shell (bash; zsh after bashcompinit) complete the commands and files."""
     print(f'complete -o default -W "{" ".join(COMMANDS)}" {Path(sys.argv[0]).name or "hopdata"}')
     return OK
+
+
+def _point(text: str) -> tuple[float, ...]:
+    try:
+        x, y = map(float, text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected X,Y, found '{text}'") from None
+    return x, y
 
 
 def _positive(text: str) -> float:

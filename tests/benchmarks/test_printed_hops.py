@@ -13,9 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_excitation import GRIDS, counts, generator
 
-from hopdata.steering.excitation import ControlGrid
 from hopdata.steering.robot import SteeredHopper
-from hopdata.steering.trial import POSE, record_trial
+from hopdata.steering.trial import POSE, ControlGrid, record_trial
 
 
 @settings(max_examples=20, deadline=None)

@@ -18,21 +18,17 @@ def smooth_change(angle, swing):
     )
 
 
-def chained_hops(n=120, *, noise=0.0, seed=0, memory=0.0):
-    """Hops in one chain; `memory` of the previous swing, m per rad, goes into dx."""
+def chained_hops(n=120, *, noise=0.0, seed=0):
+    """Hops in one chain."""
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     swing = rng.uniform(-LIMIT, LIMIT, n)
     angle = np.append(0.0, np.cumsum(swing))[:-1] % (2 * np.pi)
-    previous = np.append(np.nan, swing[:-1])
     change = smooth_change(angle, swing) + noise * rng.standard_normal((n, 3))
-    change[:, 0] += memory * np.nan_to_num(previous)
     return FrameChanges(
         recording=np.full(n, "chain"),
         time_s=0.6 * np.arange(n),
         boom_angle_rad=angle,
         swing_rad=swing,
         change=change,
-        previous_swing_rad=previous,
-        previous_change=np.vstack([np.full(3, np.nan), change[:-1]]),
         reason=np.full(n, USED),
     )

@@ -70,20 +70,7 @@ def test_wrapped_boom_angles_are_the_same():
     )
 
 
-def test_each_hop_knows_the_one_before():
-    found = collected(*motion())
-    assert np.isnan(found.previous_swing_rad[0])
-    assert np.isnan(found.previous_change[0]).all()
-    np.testing.assert_array_equal(found.previous_swing_rad[1:], found.swing_rad[:-1])
-    np.testing.assert_array_equal(found.previous_change[1:], found.change[:-1])
-
-
-def test_a_missing_pair_breaks_the_chain():
-    found = collected(*motion(), pairs=PAIRS[[0, 2, 3]])
-    assert np.isnan(found.previous_swing_rad).tolist() == [True, True, False]
-
-
-def test_what_is_not_used_is_counted_by_reason_and_is_nobody_s_history():
+def test_what_is_not_used_is_counted_by_reason():
     poses, booms = motion()
     poses[PAIRS[0, 0]] = np.nan
     booms[PAIRS[3, 1]] = np.nan
@@ -91,11 +78,9 @@ def test_what_is_not_used_is_counted_by_reason_and_is_nobody_s_history():
     assert found.reason.tolist() == [NO_POSE, "", "", NO_BOOM]
     assert found.excluded() == {NO_BOOM: 1, NO_POSE: 1}
     assert len(found.used()) == 2
-    assert np.isnan(found.previous_swing_rad[1])
-    assert not np.isnan(found.previous_swing_rad[2])
 
 
-def test_a_robot_that_tips_over_is_not_used_and_nobody_s_history():
+def test_a_robot_that_tips_over_is_not_used():
     poses, booms = motion()
     numbers = np.column_stack([np.arange(4), np.arange(1, 5)])
     booms = np.where(np.arange(320) == STANCES[4], np.nan, booms)
@@ -128,7 +113,6 @@ def test_a_table_comes_back_from_its_file(tmp_path):
     assert back.reason.tolist() == both.reason.tolist()
     assert back.recording.tolist() == ["a"] * 4 + ["b"] * 4
     np.testing.assert_allclose(back.change, both.change, rtol=1e-8, atol=1e-9)
-    np.testing.assert_allclose(back.previous_change, both.previous_change, rtol=1e-8, atol=1e-9)
 
 
 def test_a_table_without_a_column_is_an_error():

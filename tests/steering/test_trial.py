@@ -8,16 +8,17 @@ import pytest
 from hopdata.config.loading import load_config
 from hopdata.errors import AnalysisError, RecordingError
 from hopdata.recording import Recording
-from hopdata.steering.excitation import ControlGrid, eulerian_excitation
 from hopdata.steering.experiments.outcomes import truth_entries
 from hopdata.steering.frame_changes import TILTED, USED, FrameChanges
 from hopdata.steering.models import learning as learning_curve
 from hopdata.steering.models.learning import learn, learning_tables
-from hopdata.steering.models.training import PRINTED, RECOMMENDED, process_of
+from hopdata.steering.models.process import PRINTED, RECOMMENDED, process_of
 from hopdata.steering.observation.observe import observe_recordings
 from hopdata.steering.robot import SteeredHopper, camera_of, robot_of
 from hopdata.steering.trial import (
+    ControlGrid,
     TrueFrameChanges,
+    eulerian_excitation,
     record_trial,
     simulate_excitation,
     true_map_of,
@@ -138,7 +139,6 @@ def hops(n=150, seed=3):
     return FrameChanges(
         recording=np.full(n, "a"), time_s=np.arange(n) * 0.6, boom_angle_rad=angle,
         swing_rad=swing, change=law(angle, swing) + 1e-3 * stream.standard_normal((n, 3)),
-        previous_swing_rad=np.full(n, np.nan), previous_change=np.full((n, 3), np.nan),
         reason=np.full(n, USED, dtype="<U32"),
     )  # fmt: skip
 

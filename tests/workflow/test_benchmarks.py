@@ -110,6 +110,7 @@ def test_the_figure_rules_draw_and_the_page_shows_them(linked, jobs):
         "frame_change_points.csv": "boom_angle_rad,swing_rad,model",
         "frame_change_learning.csv": "model,hops,component,rmse,rmse_q05,rmse_q95",
         "frame_change_kernels.csv": "data,reading,smoothness,component,r2,r2_se",
+        "adaptation_return.csv": "change,controller,hop,median_m,runs",
         "foot_strikes.csv": "condition,method,bias_ms,sd_ms,order_right",
         "study_cost.csv": "frames,peak_mb,cpu_us_per_frame",
         "verdict_power.csv": "condition,strength,found_share,found_low,found_high",

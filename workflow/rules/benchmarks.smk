@@ -36,14 +36,18 @@ BENCHMARK_TABLES = {
         "frame_change_points.csv",
     ],
     "pose": ["pose.csv", "pose_stances.csv", "pose_live.csv", "pose_time.csv"],
+    "adaptation": ["adaptation.csv", "adaptation_return.csv"],
+    "live_faults": ["live_faults.csv"],
     "live_loop": ["live_loop.csv"],
 }
 # Less than a program does by itself, so that all of them are done within forty minutes on two cores.
 BENCHMARK_ARGUMENTS = {
+    "adaptation": "--seeds 1",
     "animals": "--hops 60",
     "first_solve": "--repeats 3",
     "frame_change_models": "--recordings 4 --draws 4",
     "guesses": "--seeds 2",
+    "live_faults": "--hops 500",
     "live_loop": "--seconds 15",
     "maps": "--bootstraps 300 --pairs 5000",
     "pose": "--hops 125 --frames 12000",
@@ -69,6 +73,7 @@ BENCHMARK_FIGURES = {
     "verdict_power": ["verdict_power.csv"],
     "foot_strikes": ["foot_strikes.csv"],
     "study_cost": ["study_cost.csv"],
+    "adaptation": ["adaptation_return.csv"],
 }
 for program, tables in BENCHMARK_TABLES.items():
 

@@ -112,8 +112,6 @@ def _axes(panels: Any) -> None:
 LINES: dict[str, tuple[str, str, Any, str]] = {
     "printed": ("as printed", style.GREY, "-", "o"),
     "recommended": ("periodic, standardised", style.BLUE, "-", "s"),
-    "previous swing": ("and previous swing", style.GREEN, (0, (5, 1.5)), "^"),
-    "previous change": ("and previous frame change", style.VERMILION, (0, (1.5, 1.2)), "D"),
 }
 PANELS = {"dx": "forward (mm)", "dy": "sideways (mm)", "dtheta": "turn (degrees)"}
 

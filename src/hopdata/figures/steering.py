@@ -150,6 +150,7 @@ LOOKS = {
     "random": ("random swings", style.ORANGE, "^"),
     "printed": ("printed controller", style.VERMILION, "s"),
     "planner": ("planner", style.BLUE, "o"),
+    "adaptive": ("planner that goes on learning", style.PURPLE, "P"),
     "ceiling": ("planner that knows the true map", style.GREEN, "D"),
 }
 TASKS = {

@@ -21,7 +21,8 @@ from hopdata.report.inputs import (
 # Tables of the steering study: outcomes, what was observed, how well the model predicts.
 
 CONTROLLERS = {
-    "printed": "printed", "planner": "planner", "random": "random swings", "none": "boom at rest",
+    "printed": "printed", "planner": "planner", "adaptive": "goes on learning",
+    "random": "random swings", "none": "boom at rest",
     "ceiling": "knows the true map",
 }  # fmt: skip
 EXPERIMENTS = {

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hopdata.arrays import FloatArray, IntArray, pd
+from hopdata.arrays import FloatArray, pd
 from hopdata.errors import RecordingError
 from hopdata.rigid import relative, wrapped
 
@@ -44,8 +44,6 @@ class FrameChanges:
         Swing from the first stance to the second.
     change : (n, 3) array
         Pose at the second stance in the frame of the first: x, y, heading; m, m, rad.
-    previous_swing_rad, previous_change : (n,) and (n, 3) arrays
-        Of the hop that ended with the first stance; NaN where there is none that is used.
     reason : (n,) str array
         Why the hop is not used; empty if it is.
     """
@@ -55,8 +53,6 @@ class FrameChanges:
     boom_angle_rad: FloatArray
     swing_rad: FloatArray
     change: FloatArray
-    previous_swing_rad: FloatArray
-    previous_change: FloatArray
     reason: TextArray
 
     def __len__(self) -> int:
@@ -124,15 +120,12 @@ def frame_changes(
         leans = np.asarray(tilts_rad, dtype=float) > UPRIGHT_RAD
         reason[leans[first] | leans[second]] = TILTED
     reason[np.isnan(change).any(axis=1)] = NO_POSE
-    before = _hop_before(first, second, reason == USED)
     return FrameChanges(
         recording=np.full(len(first), recording),
         time_s=np.asarray(time_s, dtype=float)[first],
         boom_angle_rad=booms[first] % (2 * np.pi),
         swing_rad=swing,
         change=change,
-        previous_swing_rad=_taken(swing, before),
-        previous_change=_taken(change, before),
         reason=reason,
     )
 
@@ -144,19 +137,6 @@ def joined(parts: Iterable[FrameChanges]) -> FrameChanges:
     return FrameChanges(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
 
 
-def _hop_before(first: IntArray, second: IntArray, used: NDArray[np.bool_]) -> IntArray:
-    """Row of the used hop that ends where each begins, (P,); -1 if there is none."""
-    ends = {int(end): row for row, end in enumerate(second) if used[row]}
-    return np.array([ends.get(int(start), -1) for start in first], dtype=np.int64)
-
-
-def _taken(values: FloatArray, rows: IntArray) -> FloatArray:
-    """Take rows, NaN for those that are -1."""
-    taken = np.full(values.shape, np.nan)
-    taken[rows >= 0] = values[rows[rows >= 0]]
-    return taken
-
-
 # Tables of frame changes: one hop a row, a unit in the name of each column.
 
 _COLUMNS = {
@@ -165,8 +145,6 @@ _COLUMNS = {
     "boom_angle_rad": ("boom_angle_rad",),
     "swing_rad": ("swing_rad",),
     "change": ("dx_m", "dy_m", "dtheta_rad"),
-    "previous_swing_rad": ("previous_swing_rad",),
-    "previous_change": ("previous_dx_m", "previous_dy_m", "previous_dtheta_rad"),
     "reason": ("reason",),
 }
 

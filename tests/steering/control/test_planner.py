@@ -18,6 +18,7 @@ from hopdata.steering.control.objectives import (
 from hopdata.steering.control.planner import (
     DISCOUNT,
     TOLERANCE,
+    AdaptivePlanner,
     HeadingGrid,
     PointGrid,
     planner,
@@ -137,3 +138,70 @@ def test_a_state_that_is_none_is_refused(to_point):
 def test_a_horizon_that_cannot_be_searched_is_refused():
     with pytest.raises(ConfigError, match="hops: expected one of"):
         planner(TABLE, horizon=Horizon(hops=4))
+
+
+# A planner that goes on learning, on a plant that turns by itself since it was learned.
+
+NOISE, BIAS = np.array([2e-3, 2e-3, 1e-2]), np.array([0.0, 0.01, -0.09])
+
+
+def flown_changed(controller, hops, bias=BIAS, seed=0):
+    """Errors at the stances of the changed plant, and by how much each stance was not foretold."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    pose, boom, swung, errors, missed = START, 3.0, None, [], []
+    for _ in range(hops):
+        plan = controller.plan(pose, boom, swung)
+        swung = plan.swing_rad
+        chance = bias + NOISE * rng.standard_normal(3)
+        pose = composed(pose, ClosedForm().change(boom, swung) + chance)
+        boom += swung
+        errors.append(float(errors_left(ToPoint(), pose)))
+        missed.append(abs(pose[2] - plan.poses[1][2]))
+    return errors, missed
+
+
+def test_it_learns_what_has_changed_and_the_planner_as_it_was_does_not(to_point):
+    _, missed = flown_changed(to_point, 40)
+    assert np.median(missed[20:]) > 0.07
+    errors, missed = flown_changed(AdaptivePlanner(to_point, NOISE), 40)
+    assert np.median(missed[20:]) < 0.02
+    assert min(errors) < 0.11
+
+
+def test_where_nothing_has_changed_little_is_learned(to_point):
+    adaptive = AdaptivePlanner(to_point, NOISE)
+    errors, missed = flown_changed(adaptive, 60, bias=np.zeros(3))
+    assert np.median(missed) < 0.015
+    assert min(errors) < 0.11
+
+
+def test_what_it_remembers_is_bounded(to_point):
+    adaptive = AdaptivePlanner(to_point, NOISE)
+    flown_changed(adaptive, 300)
+    found = adaptive.correction
+    assert found.coefficients.shape == (15, 3)
+    assert np.linalg.eigvalsh(found.covariance).min() > 0
+    assert np.all(np.diag(found.covariance) <= np.diag(found._first) + 1e-9)
+
+
+def test_what_is_not_seen_again_is_forgotten(to_point):
+    adaptive = AdaptivePlanner(to_point, NOISE)
+    flown_changed(adaptive, 40)
+    before = np.abs(adaptive.correction.coefficients).max()
+    flown_changed(adaptive, 300, bias=np.zeros(3))
+    assert np.abs(adaptive.correction.coefficients).max() < 0.3 * before
+
+
+def test_a_single_disturbed_hop_counts_for_little(to_point):
+    correction = AdaptivePlanner(to_point, NOISE).correction
+    for _ in range(40):
+        correction.learn(1.0, 0.2, np.zeros(3))
+    correction.learn(1.0, 0.2, np.array([0.5, 0.5, 1.5]))
+    assert abs(correction.added(correction.functions(1.0, 0.2))[2]) < 0.03
+
+
+def test_a_first_stance_teaches_nothing(to_point):
+    adaptive = AdaptivePlanner(to_point, NOISE)
+    adaptive.plan(START, 3.0, None)
+    adaptive.plan(START + 1.0, 3.0, None)
+    assert not adaptive.correction.coefficients.any()

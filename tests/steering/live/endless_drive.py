@@ -1,4 +1,4 @@
-"""A drive in a process of its own, until it is told to end: port, port of the swings, folder."""
+"""A drive in a process of its own, until it is told to end: port, port of the swings, log."""
 
 import sys
 import threading
@@ -6,11 +6,12 @@ import threading
 from test_drive import LENIENT, Controller, geometry
 
 from hopdata.steering.live.drive import drive
+from hopdata.steering.live.log import DriveLog
 from hopdata.steering.live.safety import UdpBoom
 
-port, swing_port, folder = sys.argv[1:]
+port, swing_port, path = sys.argv[1:]
 with UdpBoom(int(swing_port)) as boom:
     drive(
         geometry(), Controller(), boom, port=int(port), stop=threading.Event(), limits=LENIENT,
-        folder=folder,
+        log=DriveLog(path, 4, setup={}, files={}),
     )  # fmt: skip

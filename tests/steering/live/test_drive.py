@@ -3,21 +3,23 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
-from live_loop import LiveHopper
-from loopback import BRISK, LONG_S, our_threads, wait_until
+from loopback import LONG_S, our_threads, wait_until
 from loopback_server import Faults, LoopbackServer, Outage, UdpSwings
 
 from hopdata.errors import ConfigError
 from hopdata.steering.live.drive import drive
+from hopdata.steering.live.log import DriveLog, read_log
 from hopdata.steering.live.packets import ConnectionLostError, LabelError
 from hopdata.steering.live.safety import Limits, UdpBoom
+from hopdata.steering.live.simulated import LiveHopper
+from hopdata.steering.live.stream import Patience
 from hopdata.steering.observation.geometry import BoomCircle, HopperGeometry
 from hopdata.steering.robot import SteeredHopper
 
@@ -25,6 +27,8 @@ ENDLESS = Path(__file__).with_name("endless_drive.py")
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"  # where the server is
 LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, hop_s=LONG_S)
 SPEED = 4.0
+# Of a machine that pauses nothing is told but what a server that goes away tells at once.
+PATIENT = Patience(stale_s=LONG_S, reconnect_s=LONG_S, retry_s=0.02, longest_retry_s=0.1)
 
 
 def geometry(boom_name="boom"):
@@ -82,7 +86,7 @@ def drive_until(robot, controller, n_stances, **options):
         if len(told) >= n_stances:
             stop.set()
 
-    options = {"limits": LENIENT, "patience": BRISK, "seconds": LONG_S} | options
+    options = {"limits": LENIENT, "patience": PATIENT, "seconds": LONG_S} | options
     return drive(
         geometry(), controller, robot.boom, port=robot.server.port, stop=stop,
         on_decision=listen, **options,
@@ -92,7 +96,8 @@ def drive_until(robot, controller, n_stances, **options):
 def test_the_simulated_hopper_is_driven_through_the_stream(tmp_path):
     controller = Controller()
     with Robot(faults=Faults(dropped=0.01, hidden=0.01), seed=2) as robot:
-        done = drive_until(robot, controller, 7, folder=tmp_path)
+        log = DriveLog(tmp_path / "drive.h5", 4, setup={}, files={})
+        done = drive_until(robot, controller, 7, log=log)
         hops = robot.hopper.hops
     assert our_threads() == []
     true = np.array([h.stance_s for h in hops])
@@ -105,12 +110,11 @@ def test_the_simulated_hopper_is_driven_through_the_stream(tmp_path):
     nearest = [int(np.nanargmin(np.abs(true - d.stance_s))) for d in done.decisions]
     assert nearest == list(range(nearest[0], nearest[0] + len(nearest)))  # none lost, none invented
     commanded = [d.command_rad for d in done.decisions]
-    executed = [h.swing_rad for h in hops if h.swing_rad != 0]
-    assert executed  # on a loaded machine some come too late for their flight
-    assert set(executed) <= set(commanded)
-    written = pd.read_csv(tmp_path / "decisions.csv", keep_default_na=False)
-    np.testing.assert_allclose(written.command_rad, commanded, rtol=1e-12)
-    assert "streaming" in set(pd.read_csv(tmp_path / "stream_states.csv").state)
+    # On a loaded machine some come too late for their flight; test_simulated has none of it.
+    assert {h.swing_rad for h in hops if h.swing_rad != 0} <= set(commanded)
+    written = read_log(tmp_path / "drive.h5")
+    assert list(written.decisions.command_rad) == commanded
+    assert "streaming" in set(written.events.kind)
 
 
 def test_the_swing_of_the_hop_before_is_passed_on():
@@ -153,12 +157,14 @@ def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(tmp_
     heard = []
     with Robot(faults=Faults(dropped=0.05), seed=3) as robot:
         robot.hopper._swings = lambda: 0.0  # those of the process are listened to here
+        ports = robot.server.port, robot.swings.port
         process = subprocess.Popen(
-            [sys.executable, ENDLESS, str(robot.server.port), str(robot.swings.port), tmp_path],
+            [sys.executable, ENDLESS, *map(str, ports), tmp_path / "drive.h5"],
             env={**os.environ, "PYTHONPATH": str(BENCHMARKS)},
         )
         try:
             wait_until(lambda: heard.append(robot.swings.newest()) or len(set(heard)) > 2)
+            told_s = time.monotonic()  # the same clock in all processes
             process.send_signal(getattr(signal, told))
             process.send_signal(getattr(signal, told))  # nobody's patience spoils the end
             # Where the second one comes late, all is written and the handlers are put back.
@@ -168,12 +174,38 @@ def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(tmp_
             process.wait()
         heard.append(robot.swings.newest())
     assert heard[-1] == 0.0
-    decisions = pd.read_csv(tmp_path / "decisions.csv", keep_default_na=False)
-    assert {h for h in heard if h} <= set(decisions.command_rad)
-    assert f"ended by {told}" in pd.read_csv(tmp_path / "stream_states.csv").message.iloc[-1]
-    counts = pd.read_csv(tmp_path / "counts.csv").set_index(["part", "count"]).value
-    assert counts["stream", "frames"] >= counts["loop", "frames"] > 0
-    assert counts["stream", "missing"] > 0
+    log = read_log(tmp_path / "drive.h5")
+    assert {h for h in heard if h} <= set(log.decisions.command_rad)
+    assert f"the drive was ended by {told}" in set(log.events.text)
+    rest = log.events.iloc[-1]
+    assert (rest.kind, rest.text) == ("rest", f"told to end by {told}")
+    assert rest.sent_s > told_s
+    print(f"{told}: at rest {1e3 * (rest.sent_s - told_s):.1f} ms after it")
+    counts = log.counts.set_index("count").value
+    assert counts["stream.frames"] >= counts["loop.frames"] == len(log.frames) > 0
+    assert counts["stream.missing"] > 0
+
+
+def test_a_process_that_is_killed_leaves_a_log_that_can_be_read(tmp_path):
+    path = tmp_path / "drive.h5"
+    with Robot() as robot:
+        robot.hopper._swings = lambda: 0.0
+        process = subprocess.Popen(
+            [sys.executable, ENDLESS, str(robot.server.port), str(robot.swings.port), path],
+            env={**os.environ, "PYTHONPATH": str(BENCHMARKS)},
+        )
+        heard = set()
+        try:
+            wait_until(lambda: heard.add(robot.swings.newest()) or len(heard) > 3)
+            wait_until(lambda: len(read_log(path).decisions) > 2)  # while it is written
+        finally:
+            process.kill()
+            process.wait()
+    log = read_log(path)
+    assert len(log.decisions) > 2
+    assert len(log.frames) > 100
+    assert set(log.decisions.told_s) <= set(log.frames["time_s"])
+    assert not len(log.counts)  # which come at the end
 
 
 @pytest.mark.usefixtures("interruptible")
@@ -222,21 +254,10 @@ def test_no_camera_system_is_a_clear_error():
             port=swings.port,
             stop=threading.Event(),
             first_frame_s=0.3,
-            patience=BRISK,
+            patience=PATIENT,
         )
     swings.close()
     wait_until(lambda: our_threads() == [])
-
-
-def test_a_folder_that_cannot_be_made_is_an_error_before_anything_moves(tmp_path):
-    (tmp_path / "logs").write_text("a file of this name")
-    told = []
-    with pytest.raises(FileExistsError):
-        drive(
-            geometry(), Controller(), SimpleNamespace(swing=told.append), port=1,
-            stop=threading.Event(), folder=tmp_path / "logs",
-        )  # fmt: skip
-    assert not told
 
 
 @pytest.mark.parametrize(
@@ -252,7 +273,7 @@ def test_a_folder_that_cannot_be_made_is_an_error_before_anything_moves(tmp_path
         ({"boom": [].append}, "boom: expected an object with the method swing"),
     ],
 )
-def test_parts_that_cannot_work_are_refused_before_anything_moves(tmp_path, wrong, message):
+def test_parts_that_cannot_work_are_refused_before_anything_moves(wrong, message):
     told = []
     parts = {
         "geometry": geometry(),
@@ -260,6 +281,5 @@ def test_parts_that_cannot_work_are_refused_before_anything_moves(tmp_path, wron
         "boom": SimpleNamespace(swing=told.append),
     } | wrong
     with pytest.raises(ConfigError, match=message):
-        drive(**parts, port=1, stop=threading.Event(), folder=tmp_path / "logs")
+        drive(**parts, port=1, stop=threading.Event())
     assert not told
-    assert not (tmp_path / "logs").exists()

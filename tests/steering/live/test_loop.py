@@ -5,13 +5,12 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
 from loopback import LONG_S, our_threads, wait_until
 
-from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, StatusLog
-from hopdata.steering.live.loop import ControlLoop, Decision, write_logs
-from hopdata.steering.live.safety import Limits, Rest
+from hopdata.steering.live.buffer import Frame, FrameBuffer
+from hopdata.steering.live.loop import ControlLoop
+from hopdata.steering.live.safety import Limits
 from hopdata.steering.observation.tracking import MISFIT, SEEN
 
 PERIOD_S = 0.01
@@ -317,49 +316,6 @@ def test_closing_ends_the_thread_at_once():
     assert time.monotonic() - start < LONG_S
     bench.loop.close()
     Bench().loop.close()
-
-
-PLANNED = Decision(
-    stance_s=1.25,
-    told_s=1.27,
-    epoch=0,
-    pose=(0.1, -0.2, 3.0),
-    boom_angle_rad=2.5,
-    pose_age_s=0.001,
-    boom_age_s=0.011,
-    outcome="planned",
-    command_rad=-0.5,
-    planning_s=0.002,
-    latency_s=0.003,
-    since_stance_s=0.023,
-    reason="",
-)
-
-
-REST = Rest(seen_s=1.0, sent_s=1.01, cause="no frame")
-
-
-def test_the_logs_can_be_read_back(tmp_path):
-    held = Decision(**(vars(PLANNED) | {"outcome": "held", "reason": 'failed: "a, b"'}))
-    log = StatusLog()
-    log.report("connecting")
-    log.report("lost", "the server has hung up")
-    write_logs(tmp_path, [PLANNED, held], log.history(), [REST], loop=LoopCounts(frames=7))
-    table = pd.read_csv(tmp_path / "decisions.csv", keep_default_na=False)
-    assert list(table.columns[:6]) == ["stance_s", "told_s", "epoch", "x_m", "y_m", "heading_rad"]
-    assert list(table.columns[-2:]) == ["since_stance_s", "reason"]
-    assert list(table.outcome) == ["planned", "held"]
-    assert table.y_m[0] == -0.2
-    assert table.reason[1] == 'failed: "a, b"'
-    states = pd.read_csv(tmp_path / "stream_states.csv")
-    assert list(states.state) == ["idle", "connecting", "lost"]
-    assert states.message[2] == "the server has hung up"
-    assert math.isfinite(states.at_s[0])
-    counts = pd.read_csv(tmp_path / "counts.csv")
-    assert counts.iloc[0].tolist() == ["loop", "frames", 7]
-    assert sorted(p.name for p in tmp_path.iterdir()) == [
-        "counts.csv", "decisions.csv", "rests.csv", "stream_states.csv"
-    ]  # fmt: skip
 
 
 # Each cause in the loop: the boom is told to rest, it is said, and how long it took is printed.

@@ -5,7 +5,6 @@ import pytest
 from frame_change_models import SMOOTH_NOISE, smooth_truth
 from steered_hops import LIMIT, chained_hops
 
-from hopdata.errors import AnalysisError
 from hopdata.steering.models.learning import (
     COLUMNS,
     READINGS,
@@ -17,10 +16,9 @@ from hopdata.steering.models.learning import (
     training_table,
     with_intervals,
 )
-from hopdata.steering.models.training import (
+from hopdata.steering.models.process import (
     PRINTED,
     RECOMMENDED,
-    WITH_PREVIOUS_SWING,
     trained_process,
 )
 
@@ -49,7 +47,7 @@ def test_intervals_of_predictions_hold_what_they_should():
 
 def test_the_learning_curve_falls_and_is_the_same_again():
     hops = chained_hops(150, noise=NOISE)
-    options = {"recommended": RECOMMENDED, "previous swing": WITH_PREVIOUS_SWING}
+    options = {"recommended": RECOMMENDED, "printed": PRINTED}
     scores = learning_scores(hops, options, [15, 60], draws=3, seed=1)
     assert len(scores) == 2 * 3 * 2 * 3
     again = learning_scores(hops, options, [15, 60], draws=3, seed=1)
@@ -124,13 +122,7 @@ def test_a_process_that_is_not_periodic_shows_it():
 
 
 def test_training_hops_stand_there_once():
-    for options in (PRINTED, WITH_PREVIOUS_SWING):
+    for options in (PRINTED, RECOMMENDED):
         table = training_table(trained_process(HOPS, options))
-        n = len(HOPS) - (options is WITH_PREVIOUS_SWING)
-        assert len(table) == n
-        np.testing.assert_allclose(table[list(COLUMNS)].iloc[0, 0], 1000 * HOPS.change[-n, 0])
-
-
-def test_a_process_with_history_has_no_map():
-    with pytest.raises(AnalysisError, match="found one of 3 inputs"):
-        map_table(trained_process(HOPS, WITH_PREVIOUS_SWING), LIMIT)
+        assert len(table) == len(HOPS)
+        np.testing.assert_allclose(table[list(COLUMNS)].iloc[0, 0], 1000 * HOPS.change[0, 0])

@@ -1,4 +1,4 @@
-"""Processes: agreement with scikit-learn, gradients, periodicity, history."""
+"""Processes: agreement with scikit-learn, gradients, periodicity."""
 
 from dataclasses import fields, replace
 
@@ -9,34 +9,27 @@ from steered_hops import LIMIT, chained_hops, smooth_change
 
 from hopdata.errors import AnalysisError, ConfigError, RecordingError
 from hopdata.steering.models.process import (
-    SMOOTHNESSES,
-    FrameChangeProcess,
-    correlation,
-    embedded,
-    load_process,
-    save_process,
-)
-from hopdata.steering.models.training import (
     PRINTED,
     RECOMMENDED,
-    WITH_PREVIOUS_CHANGE,
-    WITH_PREVIOUS_SWING,
+    SMOOTHNESSES,
+    FrameChangeProcess,
     ProcessOptions,
+    correlation,
+    embedded,
     fitted_regressor,
     hyper_parameters,
     input_units,
-    process_inputs,
+    load_process,
+    save_process,
     trained_process,
     training_set,
 )
 
 NOISE = np.array([2e-3, 2e-3, 1e-2])
-HOPS = chained_hops(60, noise=NOISE, memory=0.01)
+HOPS = chained_hops(60, noise=NOISE)
 SETUPS = {
     "recommended": RECOMMENDED,
     "printed": PRINTED,
-    "previous swing": WITH_PREVIOUS_SWING,
-    "previous change": WITH_PREVIOUS_CHANGE,
     "one scale": replace(RECOMMENDED, own_scales=False),
     "copies": replace(RECOMMENDED, periodic=False, restarts=0),
     "rough": replace(RECOMMENDED, smoothness=0.5),
@@ -49,8 +42,9 @@ SETUPS = {
 def trained(request):
     """A set-up, its process, and points to ask it about."""
     options = SETUPS[request.param]
-    points = process_inputs(chained_hops(30, seed=9), options.history)
-    return options, trained_process(HOPS, options), points[1:]
+    hops = chained_hops(30, seed=9)
+    points = np.column_stack([hops.boom_angle_rad, hops.swing_rad])
+    return options, trained_process(HOPS, options), points
 
 
 def test_mean_and_sd_are_those_of_scikit_learn(trained):
@@ -116,17 +110,6 @@ def test_a_smooth_map_is_learned_from_100_hops():
     assert (1 - np.mean(error**2, axis=0) / test.change.var(axis=0)).min() > 0.99
 
 
-def test_history_explains_what_the_last_swing_left():
-    hops = chained_hops(100, noise=NOISE / 10, memory=0.02)
-    test = chained_hops(300, seed=5, memory=0.02).rows(np.arange(1, 300))
-    plain = trained_process(hops).change(test.boom_angle_rad, test.swing_rad)
-    aware = trained_process(hops, WITH_PREVIOUS_SWING).change(
-        test.boom_angle_rad, test.swing_rad, test.previous_swing_rad
-    )
-    rms = [np.sqrt(np.mean((found - test.change)[:, 0] ** 2)) for found in (plain, aware)]
-    assert rms[1] < 0.2 * rms[0]
-
-
 def test_units_do_not_matter_to_standardised_processes():
     in_cm = replace(HOPS, change=HOPS.change * [100, 100, 1])
     a, b = trained_process(HOPS), trained_process(in_cm)
@@ -158,12 +141,6 @@ def test_slopes_of_kernels_are_those_of_differences(smoothness):
         ahead, behind = correlation(np.array([s + step, s - step]), smoothness)
         slope = correlation_slope(np.array([s]), smoothness)[0]
         assert slope == pytest.approx((ahead - behind) / (2 * step), rel=1e-6)
-
-
-def test_hops_without_a_hop_before_do_not_teach_history():
-    inputs, outputs = training_set(HOPS, "swing")
-    assert inputs.shape == (59, 3)
-    np.testing.assert_array_equal(outputs, HOPS.change[1:])
 
 
 def test_excluded_hops_teach_nothing():
@@ -198,9 +175,7 @@ def test_hops_alike_without_noise_are_an_error():
         twice.change(0.0, 0.0)
 
 
-@pytest.mark.parametrize(
-    ("key", "value"), [("smoothness", 2.0), ("history", "all"), ("noise", 0.0)]
-)
+@pytest.mark.parametrize(("key", "value"), [("smoothness", 2.0), ("noise", 0.0)])
 def test_options_are_checked(key, value):
     with pytest.raises(ConfigError, match=key):
         ProcessOptions(**{key: value})

@@ -6,12 +6,12 @@ from frame_change_models import change_and_gradient, tabulation_errors
 from steered_hops import LIMIT, chained_hops, smooth_change
 
 from hopdata.errors import AnalysisError
+from hopdata.steering.models.process import trained_process
 from hopdata.steering.models.tabulated import (
     TabulatedMap,
     tabulated,
     turn_nodes,
 )
-from hopdata.steering.models.training import trained_process
 
 
 class Smooth:

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from steered_hopper import steered
 
 from hopdata.steering.observation.calibration import calibrate
-from hopdata.steering.observation.live_stances import StanceDetector
+from hopdata.steering.observation.stances import StanceDetector
 
 NOISE = 0.00035
 CASES = [(angle, rate) for angle in (0.0, np.pi) for rate in (50.0, 100.0, 200.0)]

@@ -122,7 +122,7 @@ class Controller(Protocol):
     ) -> Plan:
         """Plan from a pose (3,) and a boom angle.
 
-        `previous_swing_rad`, of the hop before, is used by models with a history, if known.
+        `previous_swing_rad` is that of the hop before, as measured, if it is known.
 
         Raises
         ------

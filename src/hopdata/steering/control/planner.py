@@ -23,11 +23,12 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import FloatArray
 from hopdata.errors import AnalysisError, require
-from hopdata.rigid import relative
+from hopdata.rigid import relative, wrapped
 from hopdata.steering.control import objectives
 from hopdata.steering.control.printed import predicted_poses
 from hopdata.steering.models.process import TURN
 from hopdata.steering.models.tabulated import (
+    Correction,
     FrameChangeMap,
     TabulatedMap,
     tabulated,
@@ -180,16 +181,28 @@ def _between(closed: FloatArray, places: FloatArray) -> FloatArray:
     return np.asarray(map_coordinates(closed, places, order=1, mode="nearest"))
 
 
-def cost_to_go(model: TabulatedMap, grid: Grid) -> CostToGo:
+def cost_to_go(
+    model: TabulatedMap, grid: Grid, *, begin: CostToGo | None = None, sweeps: int = MOST_SWEEPS
+) -> CostToGo:
     """Return the cost-to-go on a grid by policy iteration.
 
     The best swings are chosen, what they cost is followed over some hops, and they are chosen
     again. Where each swing leads does not change, so that it is worked out once.
 
+    Parameters
+    ----------
+    model : TabulatedMap
+    grid : PointGrid or HeadingGrid
+    begin : CostToGo, optional
+        On the same grid, for a map that was nearly the same: what `sweeps` make of it is returned,
+        whether or not it has settled.
+    sweeps : int
+        How often swings are chosen at most.
+
     Raises
     ------
     AnalysisError
-        If it does not settle.
+        If it does not settle, and began with nothing.
     """
     boom = turn_nodes(grid.boom_angles)[:, None]
     swing = np.linspace(-model.swing_limit_rad, model.swing_limit_rad, grid.swings)
@@ -199,8 +212,8 @@ def cost_to_go(model: TabulatedMap, grid: Grid) -> CostToGo:
     now = grid.stage_cost(grid.errors(left)) + DISCOUNT * grid.beyond(left)
     booms = np.broadcast_to(_boom_places(boom + swing, grid.boom_angles), now.shape)
     places = np.stack([*grid.places(left), booms])
-    values = np.zeros(now.shape[:-1])
-    for _ in range(MOST_SWEEPS):
+    values = np.zeros(now.shape[:-1]) if begin is None else begin.values
+    for _ in range(sweeps):
         costs = now + DISCOUNT * _between(_closed(values), places)
         best = costs.argmin(axis=-1)[..., None]
         before, values = values, np.take_along_axis(costs, best, axis=-1)[..., 0]
@@ -210,6 +223,8 @@ def cost_to_go(model: TabulatedMap, grid: Grid) -> CostToGo:
         chosen = np.take_along_axis(places, best[None], axis=-1)[..., 0]
         for _ in range(SWEEPS_BETWEEN):
             values = stage + DISCOUNT * _between(_closed(values), chosen)
+    if begin is not None:
+        return CostToGo(values, grid)
     raise AnalysisError(
         f"cost-to-go: expected changes below {TOLERANCE} within {MOST_SWEEPS} sweeps"
     )
@@ -291,3 +306,64 @@ def planner(
         model = tabulated(model, limit)
     usual = HeadingGrid if isinstance(objective, objectives.ToHeading) else PointGrid
     return Planner(model, objective, horizon, cost_to_go(model, grid or usual()))
+
+
+# A planner that goes on learning.
+
+COARSE: dict[type, Grid] = {
+    PointGrid: PointGrid(distances=20, bearings=24, boom_angles=16, swings=9),
+    HeadingGrid: HeadingGrid(heading_errors=90, boom_angles=32, swings=17),
+}
+COARSE_ANGLES, COARSE_SWINGS = 64, 17  # of the corrected map
+
+
+class AdaptivePlanner:
+    """Plans with a map that it corrects at each stance by the hop that has just been made.
+
+    The cost-to-go follows the map by one choice of all swings a hop, on a coarse grid. Each run
+    needs a planner of its own, since it remembers.
+
+    Parameters
+    ----------
+    known : Planner
+        What it begins with.
+    noise : (3,) array
+        Standard deviation of the chance of a hop, m, m, rad.
+    """
+
+    def __init__(self, known: Planner, noise: FloatArray) -> None:
+        self.correction = Correction(known.model.swing_limit_rad, np.asarray(noise, dtype=float))
+        limit = known.model.swing_limit_rad
+        self._known = tabulated(known.model, limit, angles=COARSE_ANGLES, swings=COARSE_SWINGS)
+        nodes = np.meshgrid(self._known.boom_angle_rad, self._known.swing_rad, indexing="ij")
+        self._at = self.correction.functions(*nodes)
+        ahead = cost_to_go(self._known, COARSE[type(known.cost_to_go.grid)])
+        self._planner = replace(known, cost_to_go=ahead)
+        self._before: tuple[FloatArray, float] | None = None
+
+    def towards(self, objective: objectives.Objective) -> AdaptivePlanner:
+        """Go on towards another objective of the same kind, with what has been learned."""
+        self._planner = self._planner.towards(objective)
+        return self
+
+    def plan(
+        self, pose: ArrayLike, boom_angle_rad: float, previous_swing_rad: float | None = None, /
+    ) -> objectives.Plan:
+        """Learn from the hop before, if its swing is known, and plan."""
+        here, boom = objectives.checked_state(pose, boom_angle_rad)
+        if self._before is not None and previous_swing_rad is not None:
+            self._learn(*self._before, previous_swing_rad, here)
+        self._before = (here, boom)
+        return self._planner.plan(here, boom)
+
+    def _learn(self, start: FloatArray, boom: float, swing: float, here: FloatArray) -> None:
+        """Correct map and cost-to-go by what a hop has shown."""
+        known, limit = self._known, self._known.swing_limit_rad
+        swing = float(np.clip(swing, -limit, limit))
+        missed = relative(start, here) - known.change(boom, swing)[0]
+        missed[2] = wrapped(missed[2])
+        self.correction.learn(boom, swing, missed)
+        model = TabulatedMap(known.values + self.correction.added(self._at), limit)
+        before = self._planner.cost_to_go
+        ahead = cost_to_go(model, before.grid, begin=before, sweeps=1)
+        self._planner = replace(self._planner, model=model, cost_to_go=ahead)

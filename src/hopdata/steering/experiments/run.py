@@ -12,7 +12,7 @@ from hopdata.arrays import BoolArray, FloatArray, pd
 from hopdata.steering.control.objectives import Controller, Plan, PlanningError, errors_left
 from hopdata.steering.experiments.tasks import Outcome, Start, Task, decided, goal_of, judged
 from hopdata.steering.observation.geometry import HopperGeometry
-from hopdata.steering.observation.live_stances import StanceDetector
+from hopdata.steering.observation.stances import StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker, Observation
 from hopdata.steering.robot import (
     Apex,

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 
 from hopdata.arrays import one_blas_thread, pd
 from hopdata.rigid import composed, inverse
+from hopdata.steering import FLOOR, child
 from hopdata.steering.control.objectives import Controller, errors_left
-from hopdata.steering.excitation import FLOOR, child
 from hopdata.steering.experiments import tasks
 from hopdata.steering.experiments.run import MEASURED, PREDICTED, Frames, Run, Sight, run_task
-from hopdata.steering.models.tabulated import FrameChangeMap
+from hopdata.steering.models.process import FrameChangeProcess
 from hopdata.steering.observation.geometry import HopperGeometry
 from hopdata.steering.robot import Board, SteeredHopper, camera_of, robot_of
 from hopdata.steering.trial import POSE, TrueFrameChanges
@@ -141,7 +141,7 @@ def experiments_of(
     steering: Mapping[str, Any],
     motion_capture: Mapping[str, Any],
     *,
-    model: FrameChangeMap,
+    model: FrameChangeProcess,
     truth: TrueFrameChanges,
     geometry: HopperGeometry,
     seed: np.random.SeedSequence,
@@ -156,7 +156,7 @@ def experiments_of(
         Who steers.
     steering, motion_capture : mapping
         These blocks of the configuration.
-    model : FrameChangeMap
+    model : FrameChangeProcess
         What was learned.
     truth : TrueFrameChanges
         For the policy that knows it.

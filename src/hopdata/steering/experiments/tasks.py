@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from hopdata.arrays import FloatArray
 from hopdata.errors import chosen
 from hopdata.rigid import wrapped
+from hopdata.steering import START, child
 from hopdata.steering.control.objectives import (
     Controller,
     Horizon,
@@ -18,10 +19,10 @@ from hopdata.steering.control.objectives import (
     ToHeading,
     ToPoint,
 )
-from hopdata.steering.control.planner import planner
+from hopdata.steering.control.planner import AdaptivePlanner, Planner, planner
 from hopdata.steering.control.printed import PrintedController
-from hopdata.steering.excitation import START, child
-from hopdata.steering.models.tabulated import FrameChangeMap, TabulatedMap, tabulated
+from hopdata.steering.models.process import FrameChangeProcess
+from hopdata.steering.models.tabulated import TabulatedMap, tabulated
 
 ORIGIN, TURN = "origin", "turn"
 
@@ -157,7 +158,8 @@ def draw_starts(
 
 Policy: TypeAlias = Callable[[Start], Controller]
 
-PRINTED, PLANNER, RANDOM, NONE = CONTROLLERS = ("printed", "planner", "random", "none")
+CONTROLLERS = ("printed", "planner", "adaptive", "random", "none")
+PRINTED, PLANNER, ADAPTIVE, RANDOM, NONE = CONTROLLERS
 CEILING = "ceiling"  # the planner that knows the true map, whose hops are the measure
 
 
@@ -179,7 +181,7 @@ def policies(
     options: Mapping[str, Any],
     manoeuvre: str,
     *,
-    model: FrameChangeMap,
+    model: FrameChangeProcess,
     truth: FloatArray,
     swing_limit_rad: float,
 ) -> dict[str, Policy]:
@@ -192,7 +194,7 @@ def policies(
     options : mapping
         The config's ``steering.control``.
     manoeuvre : {"origin", "turn"}
-    model : FrameChangeMap
+    model : FrameChangeProcess
         What was learned.
     truth : (A, S, 3) array
         What the ceiling knows: the true frame change, averaged over the swing before.
@@ -204,15 +206,22 @@ def policies(
     def steered(controller: PrintedController | Any) -> Policy:
         return lambda start: controller.towards(goal_of(manoeuvre, start.pose))
 
-    def planned(known: TabulatedMap) -> Policy:
+    def planning(known: TabulatedMap) -> Planner:
         ahead = replace(horizon, hops=options["planner_horizon"])
-        return steered(planner(known, goal_of(manoeuvre, np.zeros(3)), horizon=ahead))
+        return planner(known, goal_of(manoeuvre, np.zeros(3)), horizon=ahead)
+
+    def adaptive() -> Policy:
+        known = planning(learned)
+        return lambda start: AdaptivePlanner(
+            known.towards(goal_of(manoeuvre, start.pose)), model.chance
+        )
 
     makers: Mapping[str, Callable[[], Policy]] = {
         PRINTED: lambda: steered(PrintedController(model=learned, horizon=horizon)),
-        PLANNER: lambda: planned(learned),
+        PLANNER: lambda: steered(planning(learned)),
+        ADAPTIVE: adaptive,
         RANDOM: lambda: lambda start: Unheeding(swing_limit_rad, start.streams()[3]),
         NONE: lambda: lambda start: Unheeding(0.0, start.streams()[3]),
-        CEILING: lambda: planned(TabulatedMap(truth, swing_limit_rad)),
+        CEILING: lambda: steered(planning(TabulatedMap(truth, swing_limit_rad))),
     }
     return {name: chosen("controller", name, makers)() for name in names}

@@ -1,26 +1,46 @@
 """Drive a robot: the whole loop of Fig. 3.4, from the cameras to the boom, with its logs."""
 
+from __future__ import annotations
+
+import math
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path
 from types import FrameType
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 from hopdata.errors import ConfigError
 from hopdata.steering.control.objectives import Controller
-from hopdata.steering.live.buffer import LoopCounts, Status, StreamCounts
-from hopdata.steering.live.loop import ControlLoop, Decision, write_logs
+from hopdata.steering.live.buffer import FrameBuffer, LoopCounts, Status, StatusLog, StreamCounts
+from hopdata.steering.live.log import DriveLog
+from hopdata.steering.live.loop import ControlLoop, Decision
 from hopdata.steering.live.packets import PORT
 from hopdata.steering.live.safety import Boom, Limits, Rest
 from hopdata.steering.live.stream import MarkerStream, Patience
 from hopdata.steering.observation.geometry import HopperGeometry
-from hopdata.steering.observation.live_stances import StanceDetector
+from hopdata.steering.observation.stances import StanceDetector
 from hopdata.steering.observation.tracking import HopperTracker
 
+LOOK_S = 0.02  # how often the caller may look, while the threads work
+BUFFERED = 4096  # frames
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")  # those of them that the system has
+
+
+class Stream(Protocol):
+    """Where frames come from; begun and ended as a context."""
+
+    buffer: FrameBuffer
+    counts: StreamCounts
+    states: StatusLog
+
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *_: object) -> None: ...
+    def wait_until_streaming(self, timeout_s: float, /) -> Status:
+        """Wait for the first frame."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -41,6 +61,7 @@ def drive(
     *,
     host: str = "127.0.0.1",
     port: int = PORT,
+    stream: Stream | None = None,
     stop: threading.Event,
     seconds: float | None = None,
     first_frame_s: float = 30.0,
@@ -48,7 +69,8 @@ def drive(
     limits: Limits | None = None,
     patience: Patience | None = None,
     on_decision: Callable[[Decision], None] | None = None,
-    folder: str | Path | None = None,
+    on_look: Callable[[ControlLoop, Stream], None] | None = None,
+    log: DriveLog | None = None,
 ) -> Drive:
     """Plan at each stance of a hopper that a Qualisys system sees, and tell its boom.
 
@@ -68,6 +90,8 @@ def drive(
         Told each swing.
     host, port : str, int
         The camera system; the loopback address unless told otherwise.
+    stream : Stream, optional
+        In place of the camera system.
     stop : threading.Event
         Ends the drive; may be set from any thread.
     seconds : float, optional
@@ -80,16 +104,16 @@ def drive(
         See `Limits` and `Patience`.
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
-    folder : path, optional
-        Where `decisions.csv`, `stream_states.csv`, `rests.csv` and `counts.csv` are written.
+    on_look : callable, optional
+        Called every `LOOK_S` with the loop and the stream, in the caller's thread.
+    log : DriveLog, optional
+        Written as the drive goes on, and closed at its end.
 
     Raises
     ------
     ConfigError
         If the geometry has no boom, the controller no `plan`, or the boom no `swing`; nothing has
-        moved then, nor in the next case.
-    OSError
-        If `folder` cannot be made.
+        moved then.
     LiveError
         If no frame comes, or the camera system is set up otherwise: a marker has another name, z is
         not up, or the frame rate is not `rate_hz`.
@@ -98,16 +122,24 @@ def drive(
         number of the signal: 130, 143 or 129.
     """
     _check_parts(geometry, controller, boom)
-    if folder is not None:
-        Path(folder).mkdir(parents=True, exist_ok=True)  # complains now rather than after the drive
     names = (*geometry.body_names, str(geometry.boom_name))
-    stream = MarkerStream(names, host=host, port=port, rate_hz=rate_hz, patience=patience)
+    if stream is None:
+        stream = MarkerStream(
+            names, host=host, port=port, rate_hz=rate_hz, capacity=BUFFERED, patience=patience
+        )
+    said, counted = stream.states, stream.counts
 
     def fault() -> str:
         """Say whether the stream has been lost after its first frame."""
-        status = stream.states.status
-        gone = stream.counts.frames and status.state in ("lost", "failed", "closed")
+        status = said.status
+        gone = counted.frames and status.state in ("lost", "failed", "closed")
         return f"the stream is {status.state}: {status.message}" if gone else ""
+
+    def decided(decision: Decision) -> None:
+        if log is not None:
+            log.decision(decision)
+        if on_decision is not None:
+            on_decision(decision)
 
     loop = ControlLoop(
         stream.buffer,
@@ -115,16 +147,22 @@ def drive(
         controller,
         boom,
         limits=limits,
-        on_decision=on_decision,
+        on_decision=decided,
+        on_frames=None if log is None else log.frames,
         fault=fault,
         stop=stop,
     )
+    if log is not None:
+        log.start(lambda: log.events(said.history(), loop.watch.rests))
     with _Signals() as signals:
         try:
             with stream, loop, signals.heeded():
                 try:
                     stream.wait_until_streaming(first_frame_s)
-                    stop.wait(seconds)
+                    end_s = math.inf if seconds is None else time.monotonic() + seconds
+                    while time.monotonic() < end_s and not stop.wait(LOOK_S):
+                        if on_look is not None:
+                            on_look(loop, stream)
                 finally:
                     loop.rest(
                         f"told to end by {signals.first.name}" if signals.first else "the end"
@@ -133,13 +171,11 @@ def drive(
             with suppress(Exception):  # the robot may be gone
                 boom.swing(0.0)
             if signals.first is not None:
-                stream.states.report("closed", f"the drive was ended by {signals.first.name}")
-            if folder is not None:
-                states = stream.states.history()
-                counts = {"stream": stream.counts, "loop": loop.counts}
-                write_logs(Path(folder), loop.decisions(), states, loop.watch.rests, **counts)
+                said.report("closed", f"the drive was ended by {signals.first.name}")
+            if log is not None:
+                log.close(time.monotonic(), {"stream": counted, "loop": loop.counts})
     rests = tuple(loop.watch.rests)
-    return Drive(loop.decisions(), stream.states.history(), rests, stream.counts, loop.counts)
+    return Drive(loop.decisions(), said.history(), rests, counted, loop.counts)
 
 
 class _Signals:

@@ -7,23 +7,20 @@ the log.
 
 from __future__ import annotations
 
-import csv
 import math
 import threading
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
-from pathlib import Path
-from typing import Literal, Self
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, Self, TypeAlias
 
 import numpy as np
 
-from hopdata.jobs import guarded, whole_file
 from hopdata.rigid import wrapped
 from hopdata.steering.control.objectives import Controller
-from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, Status, joined
-from hopdata.steering.live.safety import Boom, Limits, Rest, Watch
-from hopdata.steering.observation.live_stances import Stance, StanceDetector
+from hopdata.steering.live.buffer import Frame, FrameBuffer, LoopCounts, joined
+from hopdata.steering.live.safety import Boom, Limits, Watch
+from hopdata.steering.observation.stances import Stance, StanceDetector
 from hopdata.steering.observation.tracking import MISFIT, HopperTracker, Observation
 
 # What was decided at each stance, and why; and the table of it.
@@ -47,12 +44,18 @@ class Decision:
         Newest pose; NaN if there was none.
     boom_angle_rad : float
         Newest boom angle.
+    swung_rad : float
+        Swing since the stance before, as measured; NaN if it is not known.
+    asked_s : float
+        When it was decided, on the loop's clock, s.
     pose_age_s, boom_age_s : float
         How old they were at planning, s.
     outcome : str
         "planned": the command is the controller's. "cut": it is, but cut to the limit. "held": the
         boom was told to stay, for `reason`. "overtaken": nothing was sent, since another stance
         had been seen in the meantime.
+    planned_rad : float
+        Swing that the controller answered; NaN if it was not asked, or failed.
     command_rad : float
         Swing that was sent, rad; NaN if none.
     planning_s : float
@@ -70,9 +73,12 @@ class Decision:
     epoch: int
     pose: tuple[float, float, float]
     boom_angle_rad: float
+    swung_rad: float
+    asked_s: float
     pose_age_s: float
     boom_age_s: float
     outcome: Outcome
+    planned_rad: float
     command_rad: float
     planning_s: float
     latency_s: float
@@ -80,40 +86,7 @@ class Decision:
     reason: str
 
 
-def write_logs(
-    folder: Path,
-    decisions: Iterable[Decision],
-    states: Iterable[Status],
-    rests: Iterable[Rest],
-    **counts: object,
-) -> None:
-    """Write `decisions.csv`, `stream_states.csv`, `rests.csv` and `counts.csv` into a folder.
-
-    They have one row a stance, with the columns of `Decision`; one a change of the stream's state,
-    with its time on the monotonic clock; one a rest of the boom; and one a count of each part that
-    counts.
-    """
-    names = [field.name for field in fields(Decision)]
-    place = names.index("pose")
-    columns = [*names[:place], "x_m", "y_m", "heading_rad", *names[place + 1 :]]
-    rows = [list(vars(decision).values()) for decision in decisions]
-    for row in rows:
-        row[place : place + 1] = row[place]
-    _write(folder / "decisions.csv", columns, rows)
-    changes = [[status.at_s, status.state, status.message] for status in states]
-    _write(folder / "stream_states.csv", ["at_s", "state", "message"], changes)
-    rows = [list(vars(rest).values()) for rest in rests]
-    _write(folder / "rests.csv", ["seen_s", "sent_s", "cause"], rows)
-    counted = [[part, *item] for part, one in counts.items() for item in vars(one).items()]
-    _write(folder / "counts.csv", ["part", "count", "value"], counted)
-
-
-def _write(path: Path, columns: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
-    with whole_file(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerows(map(guarded, row) for row in rows)
-
+Observers: TypeAlias = Callable[[], tuple[HopperTracker, StanceDetector]]
 
 LOOK_UP_S = 0.5
 SAME_CLOCK_S = 0.5
@@ -136,32 +109,40 @@ class ControlLoop:
     limits : Limits
     on_decision : callable, optional
         Called with each decision, in the loop's thread.
+    on_frames : callable, optional
+        Called with the frames that are taken at a time, before they are.
     fault : callable, optional
         Returns what else is a cause to rest, or an empty string.
     stop : threading.Event, optional
         Set when the drive is over: the hopper has left the arena or tips over, or the loop failed.
+    clock : callable
+        Returns the time on which frames were captured, s. Whoever gives another clock may call
+        `take` and `watch.look` himself in place of the threads.
     """
 
     def __init__(
         self,
         buffer: FrameBuffer,
-        observers: Callable[[], tuple[HopperTracker, StanceDetector]],
+        observers: Observers,
         controller: Controller,
         boom: Boom,
         *,
         limits: Limits | None = None,
         on_decision: Callable[[Decision], None] | None = None,
+        on_frames: Callable[[Sequence[Frame]], None] | None = None,
         fault: Callable[[], str] = lambda: "",
         stop: threading.Event | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.limits, self.counts = limits or Limits(), LoopCounts()
         self.last_failure = ""
-        self.watch = Watch(boom, self._cause)
+        self.watch, self._clock = Watch(boom, self._cause, clock), clock
         self._fault, self._told_to_stop = fault, stop or threading.Event()
         self._over = self._failing = ""  # why the drive is over; why the last frame is no use
         self._misfits, self._due_s = 0, math.inf  # when a plan is too late, on our clock
         self._buffer, self._observers = buffer, observers
-        self._controller, self._on_decision = controller, on_decision
+        self._controller, self._on_decision, self._on_frames = controller, on_decision, on_frames
+        self._tracker, self._detector = observers()
         self._decisions: list[Decision] = []
         self._last: Frame | None = None
         self._pose, self._boom_angle = _Newest(), _Newest()
@@ -171,7 +152,6 @@ class ControlLoop:
 
     def start(self) -> Self:
         """Start the thread."""
-        self._tracker, self._detector = self._observers()
         self._seen = self._buffer.written
         self._thread.start()
         self.watch.start()
@@ -201,7 +181,7 @@ class ControlLoop:
 
     def _cause(self) -> str:
         """Return why the boom must rest now, or an empty string."""
-        newest, now, limit = self._buffer.newest(), time.monotonic(), self.limits.pose_age_s
+        newest, now, limit = self._buffer.newest(), self._clock(), self.limits.pose_age_s
         silent_s = -math.inf if newest is None else now - newest.captured_s
         if self._over or self._failing:
             return self._over or self._failing
@@ -238,9 +218,15 @@ class ControlLoop:
                 continue
             self.counts.overrun += frames[0].index - self._seen
             self._seen = frames[-1].index + 1
-            stances = [(s, f) for f in frames if (s := self._observed(f)) is not None]
-            for k, (stance, frame) in enumerate(stances):
-                self._decide(stance, frame, overtaken=k + 1 < len(stances))
+            self.take(frames)
+
+    def take(self, frames: Sequence[Frame]) -> None:
+        """Take frames in, and plan at the last stance among them."""
+        if self._on_frames is not None:
+            self._on_frames(frames)
+        stances = [(s, f) for f in frames if (s := self._observed(f)) is not None]
+        for k, (stance, frame) in enumerate(stances):
+            self._decide(stance, frame, overtaken=k + 1 < len(stances))
 
     def _observed(self, frame: Frame) -> Stance | None:
         """Take a frame in, and return the stance that it establishes, if any."""
@@ -278,15 +264,17 @@ class ControlLoop:
         self.watch.look()  # what was a cause may be none any more
         pose, boom = self._pose, self._boom_angle
         stance_s = frame.captured_s - (frame.time_s - stance.time_s)  # on our own clock
-        asked_s, planned_s = time.monotonic(), math.nan
+        asked_s = self._clock()
         ages = (asked_s - pose.captured_s, asked_s - boom.captured_s)
         in_date = ages[1] <= self.limits.pose_age_s
         swung = self._swung(stance_s, boom.values[0] if in_date else math.nan)
-        refusal = self._refusal(*ages, asked_s - stance_s, overtaken=overtaken)
-        outcome, command, reason = refusal or ("planned", math.nan, "")
+        planned, planning_s = math.nan, math.nan
+        outcome, reason = self._refusal(*ages, asked_s - stance_s, overtaken=overtaken)
+        command = math.nan if outcome == "overtaken" else 0.0
         if outcome == "planned":
-            outcome, command, reason = self._plan(pose, boom, swung, stance_s)
-            planned_s = time.monotonic() - asked_s
+            planned, reason = self._plan(pose, boom, swung, stance_s)
+            planning_s = self._clock() - asked_s
+            outcome, command, reason = self._permitted(planned, reason, stance_s)
         if outcome != "overtaken":
             try:
                 refused = self.watch.swing(command)
@@ -294,7 +282,7 @@ class ControlLoop:
                 refused, reason = "", f"the boom failed: {error!r}"
             if refused:
                 outcome, command, reason = "held", 0.0, refused
-        sent_s = time.monotonic()
+        sent_s = self._clock()
         self._log(
             Decision(
                 stance_s=stance.time_s,
@@ -302,11 +290,14 @@ class ControlLoop:
                 epoch=frame.epoch,
                 pose=pose.values if len(pose.values) == 3 else (math.nan,) * 3,
                 boom_angle_rad=boom.values[0],
+                swung_rad=math.nan if swung is None else swung,
+                asked_s=asked_s,
                 pose_age_s=ages[0],
                 boom_age_s=ages[1],
                 outcome=outcome,
+                planned_rad=planned,
                 command_rad=command,
-                planning_s=planned_s,
+                planning_s=planning_s,
                 latency_s=sent_s - frame.arrival_s,
                 since_stance_s=sent_s - stance_s,
                 reason=reason,
@@ -315,21 +306,21 @@ class ControlLoop:
 
     def _refusal(
         self, pose_age_s: float, boom_age_s: float, stance_age_s: float, *, overtaken: bool
-    ) -> tuple[Outcome, float, str] | None:
-        """Say why there is to be no planning, if so."""
+    ) -> tuple[Outcome, str]:
+        """Say what is to be done, and why there is to be no planning, if so."""
         if overtaken:
-            return "overtaken", math.nan, "another stance has been seen in the meantime"
+            return "overtaken", "another stance has been seen in the meantime"
         if self.watch.cause:
-            return "held", 0.0, self.watch.cause
+            return "held", self.watch.cause
         if stance_age_s > self.limits.command_s:
-            return "held", 0.0, f"the stance was told too late, {stance_age_s:.3f} s after it"
+            return "held", f"the stance was told too late, {stance_age_s:.3f} s after it"
         for name, age in (("pose", pose_age_s), ("boom angle", boom_age_s)):
             if not math.isfinite(age):
-                return "held", 0.0, f"no {name} yet"
+                return "held", f"no {name} yet"
             if age > self.limits.pose_age_s:
                 limit = self.limits.pose_age_s
-                return "held", 0.0, f"stale {name}: {age:.3f} s old, beyond {limit:g} s"
-        return None
+                return "held", f"stale {name}: {age:.3f} s old, beyond {limit:g} s"
+        return "planned", ""
 
     def _swung(self, stance_s: float, boom_angle_rad: float) -> float | None:
         """Return the swing since the stance before, as measured, if that was of the hop before."""
@@ -341,20 +332,24 @@ class ControlLoop:
 
     def _plan(
         self, pose: _Newest, boom: _Newest, swung: float | None, stance_s: float
-    ) -> tuple[Outcome, float, str]:
+    ) -> tuple[float, str]:
+        """Return the controller's swing, or NaN and why there is none."""
         self._due_s = stance_s + self.limits.command_s
         try:
             plan = self._controller.plan(np.array(pose.values), boom.values[0], swung)
-            swing = float(plan.swing_rad)
+            return float(plan.swing_rad), ""
         except Exception as error:
-            return "held", 0.0, f"the controller failed: {error!r}"
+            return math.nan, f"the controller failed: {error!r}"
         finally:
             self._due_s = math.inf
-        late, limit = time.monotonic() - stance_s, self.limits.swing_rad
+
+    def _permitted(self, swing: float, failure: str, stance_s: float) -> tuple[Outcome, float, str]:
+        """Return what of a planned swing may be sent, and why not all, if so."""
+        late, limit = self._clock() - stance_s, self.limits.swing_rad
         if self._stop.is_set():
             return "held", 0.0, "the drive ended while it was planned"
         if not math.isfinite(swing):
-            return "held", 0.0, f"the controller's swing is {swing}"
+            return "held", 0.0, failure or f"the controller's swing is {swing}"
         if late > self.limits.command_s:
             return "held", 0.0, f"planned too late, {late:.3f} s after the stance"
         if abs(swing) > limit:

@@ -26,6 +26,13 @@ class Boom(Protocol):
         """
 
 
+class NoBoom:
+    """Sends nothing."""
+
+    def swing(self, rad: float) -> None:
+        """Leave the boom alone."""
+
+
 class UdpBoom:
     """Sends each swing as a line, `swing <number> <rad>`, in a datagram of its own.
 
@@ -147,6 +154,8 @@ class Watch:
     boom : Boom
     ask : callable
         Returns why the boom must rest, or an empty string.
+    clock : callable
+        Returns the time, s.
 
     Attributes
     ----------
@@ -155,9 +164,11 @@ class Watch:
     rests : list of Rest
     """
 
-    def __init__(self, boom: Boom, ask: Callable[[], str]) -> None:
+    def __init__(
+        self, boom: Boom, ask: Callable[[], str], clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self.cause, self.rests = "", list[Rest]()
-        self._boom, self._ask, self._lock = boom, ask, threading.Lock()
+        self._boom, self._ask, self._clock, self._lock = boom, ask, clock, threading.Lock()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="hopdata-watch", daemon=True)
 
@@ -174,7 +185,7 @@ class Watch:
             cause = self._ask()
         except Exception as error:
             cause = f"the watch failed: {error!r}"
-        seen_s = time.monotonic()
+        seen_s = self._clock()
         with self._lock:
             new, self.cause = bool(cause) and not self.cause, cause
             if not new:
@@ -185,7 +196,7 @@ class Watch:
                 self.cause = ""  # so that it is told again
                 logger.error("the boom failed to rest: %r", error)
                 return
-            self.rests.append(Rest(seen_s, time.monotonic(), cause))
+            self.rests.append(Rest(seen_s, self._clock(), cause))
         logger.warning("the boom rests: %s", cause)
 
     def start(self) -> None:

@@ -10,10 +10,19 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError
-from hopdata.steering.excitation import TRAINING, child
+from hopdata.steering import TRAINING, child
 from hopdata.steering.frame_changes import FrameChanges
-from hopdata.steering.models import training
-from hopdata.steering.models.process import SMOOTHNESSES, TURN, FrameChangeProcess
+from hopdata.steering.models.process import (
+    LEAST_HOPS,
+    PRINTED,
+    RECOMMENDED,
+    SMOOTHNESSES,
+    TURN,
+    FrameChangeProcess,
+    ProcessOptions,
+    process_of,
+    trained_process,
+)
 from hopdata.steering.models.tabulated import COMPONENTS
 
 WIDTH_95 = 1.959963984540054  # half of the central 95 % of a standard normal
@@ -51,13 +60,13 @@ def tested(
     hops: FrameChanges,
     train: FloatArray,
     test: FloatArray,
-    options: training.ProcessOptions,
+    options: ProcessOptions,
     seed: int,
 ) -> tuple[FrameChangeProcess, pd.DataFrame]:
     """Train on some rows of a table of hops, and score on others."""
-    process = training.trained_process(hops.rows(train), options, seed=seed)
+    process = trained_process(hops.rows(train), options, seed=seed)
     rest = hops.rows(test)
-    inputs = training.process_inputs(rest, options.history)
+    inputs = np.column_stack([rest.boom_angle_rad, rest.swing_rad])
     return process, prediction_score(process, inputs, rest.change)
 
 
@@ -69,7 +78,7 @@ def random_split(hops: int, train: int, rng: np.random.Generator) -> tuple[Float
 
 def learning_scores(
     changes: FrameChanges,
-    options: Mapping[str, training.ProcessOptions],
+    options: Mapping[str, ProcessOptions],
     sizes: Sequence[int],
     *,
     draws: int,
@@ -77,8 +86,7 @@ def learning_scores(
 ) -> pd.DataFrame:
     """Train on random hops and test on the rest, for several set-ups and numbers of hops.
 
-    All set-ups have the same draws, from the hops that have one before them, so that they can be
-    compared whether or not they use history.
+    All set-ups have the same draws, so that they can be compared.
 
     Parameters
     ----------
@@ -99,7 +107,6 @@ def learning_scores(
         of each draw.
     """
     hops = changes.used()
-    hops = hops.rows(np.isfinite(hops.previous_change).all(axis=1))
     rows = []
     for size in sizes:
         streams = np.random.SeedSequence([seed, size]).spawn(draws)
@@ -151,7 +158,6 @@ def map_table(
     Parameters
     ----------
     process : FrameChangeProcess
-        Without history.
     swing_limit_rad : float
         Swings go from minus to plus this.
     swings : int
@@ -162,17 +168,7 @@ def map_table(
     DataFrame
         Columns ``boom_angle_rad`` (from -2 pi to 4 pi), ``swing_rad``, the mean ``dx_mm, dy_mm,
         dtheta_deg`` and the same with ``_sd``: standard deviation of the mean, without noise.
-
-    Raises
-    ------
-    AnalysisError
-        If the process has history.
     """
-    if process.n_inputs != 2:
-        raise AnalysisError(
-            f"map: expected a process of boom angle and swing, found one of {process.n_inputs} "
-            "inputs"
-        )
     angle = np.linspace(-TURN, 2 * TURN, 3 * CELLS_PER_TURN + 1)
     swing = np.linspace(-swing_limit_rad, swing_limit_rad, swings)
     points = np.stack(np.meshgrid(angle, swing, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -201,16 +197,16 @@ def training_table(process: FrameChangeProcess) -> pd.DataFrame:
 # variance alone, not on the units. Once the length scale is fitted and the variance is not, the
 # units decide.
 
-_FITTED = replace(training.PRINTED, length_scale=None, noise=None)
-READINGS: Mapping[str, training.ProcessOptions] = {
+_FITTED = replace(PRINTED, length_scale=None, noise=None)
+READINGS: Mapping[str, ProcessOptions] = {
     # The formula: variance and length scale 1, noise 0.1; mm and rad.
-    "printed, all fixed": training.PRINTED,
+    "printed, all fixed": PRINTED,
     # The length scale fitted, the rest as before.
-    "printed, length fitted": replace(training.PRINTED, length_scale=None),
+    "printed, length fitted": replace(PRINTED, length_scale=None),
     # scikit-learn's `Matern(nu) + WhiteKernel(0.1)`: the noise is only where the search begins.
     "printed, length and noise fitted, mm": _FITTED,
     "printed, length and noise fitted, m": replace(_FITTED, length_unit_m=1.0),
-    "standardised, all fitted": training.RECOMMENDED,
+    "standardised, all fitted": RECOMMENDED,
 }
 
 
@@ -220,7 +216,7 @@ def smoothness_scores(
     train: int = 100,
     draws: int,
     seed: int,
-    readings: Mapping[str, training.ProcessOptions] = READINGS,
+    readings: Mapping[str, ProcessOptions] = READINGS,
 ) -> pd.DataFrame:
     """Score the four smoothnesses in each reading of the set-up, on the same random hops.
 
@@ -273,7 +269,7 @@ def learn(
     """
     hops, wanted = hops_to_learn_from(changes, options["training_hops"]), options["training_hops"]
     train, rest = random_split(len(hops), wanted, np.random.default_rng(child(seed, TRAINING)))
-    process, score = tested(hops, train, rest, training.process_of(options), 0)
+    process, score = tested(hops, train, rest, process_of(options), 0)
     return process, score.assign(training_hops=wanted, test_hops=len(hops) - wanted)
 
 
@@ -287,7 +283,7 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
     """
     hops = changes.used()
     left_out = f"(left out of {len(changes)}: {changes.excluded() or 'none'})"
-    least = training.LEAST_HOPS + LEFT_TO_TEST
+    least = LEAST_HOPS + LEFT_TO_TEST
     if len(hops) < least:
         raise AnalysisError(
             f"steering: expected at least {least} hops that can be used, to learn from and to test "
@@ -304,10 +300,8 @@ def hops_to_learn_from(changes: FrameChanges, training_hops: int) -> FrameChange
 # How many hops it takes to learn the frame change, and whether the kernel matters.
 
 MODELS = {
-    "printed": training.PRINTED,
-    "recommended": training.RECOMMENDED,
-    "previous swing": training.WITH_PREVIOUS_SWING,
-    "previous change": training.WITH_PREVIOUS_CHANGE,
+    "printed": PRINTED,
+    "recommended": RECOMMENDED,
 }
 SIZES = (20, 35, 60, 100, 170)
 LEAST_TESTED = 30  # hops left to test on
@@ -353,12 +347,10 @@ def learning_tables(
         learned then.
     """
     used = hops_to_learn_from(changes, training_hops)
-    usable = int(np.isfinite(used.previous_swing_rad).sum())
-    sizes = [size for size in SIZES if size <= usable - LEAST_TESTED]
+    sizes = [size for size in SIZES if size <= len(used) - LEAST_TESTED]
     if not sizes:
         raise AnalysisError(
-            f"learning curve: expected at least {SIZES[0] + LEAST_TESTED} hops that follow a hop, "
-            f"found {usable}"
+            f"learning curve: expected at least {SIZES[0] + LEAST_TESTED} hops, found {len(used)}"
         )
     curve = learning_scores(changes, MODELS, sizes, draws=draws, seed=seed)
     kernels = smoothness_scores(changes, train=training_hops, draws=draws, seed=seed)

@@ -3,7 +3,9 @@
 Models and the plant's true map both become tables.
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -103,3 +105,63 @@ def tabulated(
 def turn_nodes(number: int) -> FloatArray:
     """Angles evenly spaced over a turn from 0, its end left out, rad."""
     return TURN * np.arange(number) / number
+
+
+# What a map misses, learned as it shows: a recursive regression, which forgets.
+
+HARMONICS, DEGREE = 2, 2  # of the boom angle and of the swing, in the correction
+FIRST_SD = 3.0  # of the constant of the correction, in standard deviations of a hop's chance
+FALL_OFF = 0.5  # of that, with each harmonic and each degree
+MEMORY_HOPS = 60.0  # in which a correction that is not seen again is forgotten
+FARTHEST_SD = 8.0  # a hop that misses by more was disturbed, and counts as one that misses by this
+
+
+@dataclass
+class Correction:
+    """What is added to a map: a Bayesian linear model, updated hop by hop (a Kalman filter).
+
+    Its coefficients go back to zero, and their covariance to the first one, over `MEMORY_HOPS`
+    hops: an Ornstein-Uhlenbeck prior. Memory and time of a hop are the same for ever.
+
+    Parameters
+    ----------
+    swing_limit_rad : float
+    noise : (3,) array
+        Standard deviation of the chance of a hop, m, m, rad.
+    """
+
+    swing_limit_rad: float
+    noise: FloatArray
+    coefficients: FloatArray = field(init=False)  # (k, 3), in units of the noise
+    covariance: FloatArray = field(init=False)  # (k, k), the same for all three
+
+    def __post_init__(self) -> None:
+        orders = np.add.outer(np.arange(DEGREE + 1), (np.arange(2 * HARMONICS + 1) + 1) // 2)
+        self._first = np.diag((FIRST_SD * FALL_OFF ** orders.ravel()) ** 2)
+        self.covariance = self._first.copy()
+        self.coefficients = np.zeros((len(self._first), 3))
+
+    def functions(self, boom_angle: ArrayLike, swing: ArrayLike) -> FloatArray:
+        """Return the functions at boom angles and swings (...), (..., k): waves times powers."""
+        boom = np.asarray(boom_angle, dtype=float)
+        turns = [wave(h * boom) for h in range(1, HARMONICS + 1) for wave in (np.cos, np.sin)]
+        waves = np.stack([np.ones_like(boom), *turns], axis=-1)
+        powers = (np.asarray(swing)[..., None] / self.swing_limit_rad) ** np.arange(DEGREE + 1)
+        return np.asarray((powers[..., :, None] * waves[..., None, :]).reshape(*boom.shape, -1))
+
+    def added(self, functions: FloatArray) -> FloatArray:
+        """Return what is added, (..., 3), m, m, rad, where the functions (..., k) are these."""
+        return np.asarray(functions @ self.coefficients * self.noise)
+
+    def learn(self, boom_angle: float, swing: float, missed: FloatArray) -> None:
+        """Take in by how much the map itself missed a hop, (3,)."""
+        kept = np.exp(-1.0 / MEMORY_HOPS)
+        self.coefficients *= kept
+        self.covariance = kept**2 * self.covariance + (1 - kept**2) * self._first
+        at = self.functions(boom_angle, swing)
+        gain = self.covariance @ at
+        spread = float(at @ gain) + 1.0
+        surprise = missed / self.noise - at @ self.coefficients
+        surprise = np.clip(surprise, -FARTHEST_SD * spread**0.5, FARTHEST_SD * spread**0.5)
+        self.coefficients += np.outer(gain / spread, surprise)
+        self.covariance -= np.outer(gain, gain) / spread

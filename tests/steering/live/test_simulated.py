@@ -1,9 +1,13 @@
+import threading
 from itertools import islice
 
 import numpy as np
 import pytest
-from live_loop import LiveHopper
+from loopback import our_threads
+from test_drive import LENIENT, Controller, geometry
 
+from hopdata.steering.live.drive import drive
+from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, SimulatedStream
 from hopdata.steering.robot import Board, SteeredHopper, released, steer_hop
 
 
@@ -70,3 +74,34 @@ def test_a_board_is_pushed_along():
     hopper = LiveHopper(SteeredHopper(), lambda: None, board=board)
     frames(hopper, 80)
     assert hopper.board.place_m > 0.3
+
+
+def test_the_simulated_hopper_is_driven_without_a_server():
+    boom, stop, told = SimulatedBoom(), threading.Event(), []
+    hopper = LiveHopper(SteeredHopper(), boom.newest)
+    done = drive(
+        geometry(), Controller(), boom, stream=SimulatedStream(hopper, speed=2.0), stop=stop,
+        limits=LENIENT, on_decision=lambda d: told.append(d) or len(told) < 5 or stop.set(),
+    )  # fmt: skip
+    assert our_threads() == []
+    true = np.array([h.stance_s for h in hopper.hops])
+    assert all(np.nanmin(np.abs(true - d.stance_s)) < 0.02 for d in done.decisions)
+    assert {h.swing_rad for h in hopper.hops} - {0.0} <= {d.command_rad for d in done.decisions}
+
+
+def test_a_swing_is_used_once_and_the_newest_counts():
+    boom = SimulatedBoom()
+    boom.swing(0.1)
+    boom.swing(0.2)
+    assert boom.newest() == 0.2
+    assert boom.newest() is None
+
+
+def test_a_simulation_that_fails_is_a_lost_stream():
+    boom, stop = SimulatedBoom(), threading.Event()
+    hopper = LiveHopper(SteeredHopper(), boom.newest)
+    hopper._next_hop = None
+    done = drive(
+        geometry(), Controller(), boom, stream=SimulatedStream(hopper), stop=stop, seconds=0.1
+    )
+    assert "the simulation failed" in done.states[1].message

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hopdata.errors import ConfigError
-from hopdata.steering.excitation import ControlGrid, eulerian_excitation
+from hopdata.steering.trial import ControlGrid, eulerian_excitation
 
 GRIDS = st.builds(
     ControlGrid,

@@ -1,0 +1,243 @@
+"""``hopdata drive``: steer a hopper live, simulated or real; ``hopdata replay``: its log again."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hopdata.commands import terminal
+from hopdata.errors import ConfigError, counted
+
+if TYPE_CHECKING:
+    from hopdata.steering.control.objectives import Controller
+    from hopdata.steering.live.drive import Stream
+    from hopdata.steering.live.loop import ControlLoop, Decision
+    from hopdata.steering.live.safety import Boom
+    from hopdata.steering.observation.geometry import HopperGeometry
+
+GEOMETRY, MODEL = "geometry.json", "model.npz"
+LEARNED_HOPS, SEED = 100, 1
+START = (1.0, 0.0, 0.0)  # of the simulated hopper, m, m, rad
+DRAW_S = 0.25
+
+
+def drive(options: argparse.Namespace) -> int:
+    """Drive until the time is up, something ends it, or the operator does."""
+    from hopdata.steering.live.drive import drive as driven
+    from hopdata.steering.live.log import DriveLog
+    from hopdata.steering.live.safety import Limits, NoBoom, UdpBoom
+    from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, SimulatedStream
+    from hopdata.steering.robot import SteeredHopper
+
+    _require_whole(options)
+    with terminal.progress_line(everywhere=True) as progress:
+        files = _files(options.model, progress)
+        progress("planning ahead")
+        limits = Limits(swing_rad=options.swing_limit, fence_m=options.fence)
+        setup = {
+            "simulated": options.host is None, "dry_run": options.dry_run, "to": options.to,
+            "adaptive": options.adaptive,
+            "heading_deg": options.heading, "rate_hz": options.rate, "limits": vars(limits),
+        }  # fmt: skip
+        geometry, controller = _parts(setup, files)
+    boom: Boom
+    stream: Stream | None = None
+    if options.host is None:
+        boom = simulated = SimulatedBoom()
+        hopper = LiveHopper(
+            SteeredHopper(), simulated.newest, pose=START, rate_hz=options.rate, seed=SEED
+        )
+        stream = SimulatedStream(hopper)
+    if options.dry_run:
+        boom = NoBoom()
+    elif options.boom is not None:
+        host, _, port = options.boom.rpartition(":")
+        boom = UdpBoom(int(port), host=host)
+    log = DriveLog(options.log, len(geometry.body_names) + 1, setup=setup, files=files)
+    stop, screen = threading.Event(), Screen(_title(options), options.seconds, limits.command_s)
+    try:
+        done = driven(
+            geometry, controller, boom, host=options.host or "", port=options.port, stream=stream,
+            stop=stop, seconds=options.seconds, rate_hz=options.rate, limits=limits,
+            on_decision=screen.decided, on_look=screen.look, log=log,
+        )  # fmt: skip
+    finally:
+        print(f"log: {options.log}; hopdata replay {options.log} plays it again")
+    print(f"{counted(len(done.decisions), 'stance')}, {counted(len(done.rests), 'rest')}:")
+    for rest in done.rests:
+        print(f"  {rest.cause}")
+    return terminal.OK
+
+
+def replay(options: argparse.Namespace) -> int:
+    """Play a log into the same controller; exit code 1 if a plan differs."""
+    from hopdata.steering.live.log import read_log
+    from hopdata.steering.live.log import replay as replayed
+    from hopdata.steering.live.safety import Limits
+    from hopdata.steering.observation.stances import StanceDetector
+    from hopdata.steering.observation.tracking import HopperTracker
+
+    log = read_log(options.log)
+    geometry, controller = _parts(log.setup, log.files)
+    names, rate_hz = (*geometry.body_names, str(geometry.boom_name)), log.setup["rate_hz"]
+    plans = replayed(
+        log,
+        lambda: (HopperTracker(geometry, names), StanceDetector.of(geometry, rate_hz=rate_hz)),
+        controller,
+        limits=Limits(**log.setup["limits"]),
+    )
+    what = "simulated hopper" if log.setup["simulated"] else "recorded robot"
+    print(f"{options.log}: {what}, {counted(len(log.frames), 'frame')}, ", end="")
+    print(f"{counted(len(log.decisions), 'stance')}, {counted(len(plans), 'plan')}")
+    for event in log.events[log.events["kind"] == "rest"].itertuples():
+        print(f"  at rest at {event.sent_s:.3f} s: {event.text}")
+    for plan in (other := plans[~plans["same"]]).itertuples():
+        print(f"  {plan.told_s:.3f} s: planned {plan.then_rad!r} then, {plan.now_rad!r} now")
+    print(f"{len(plans) - len(other)} of {counted(len(plans), 'plan')} the same to the bit")
+    return terminal.PROBLEM if len(other) else terminal.OK
+
+
+def _require_whole(options: argparse.Namespace) -> None:
+    """Refuse what would move nothing, or something nobody has named."""
+    real = options.host is not None
+    if real and options.model is None:
+        raise ConfigError("--model: expected the folder of what was learned from this robot")
+    if real and (options.boom is None) != options.dry_run:
+        raise ConfigError("--host: expected either --boom HOST:PORT or --dry-run with it")
+    if not real and options.boom is not None:
+        raise ConfigError("--boom: expected --host with it; the simulated hopper has its own boom")
+    port = "" if options.boom is None else options.boom.rpartition(":")[2]
+    if options.boom is not None and not port.isdecimal():
+        raise ConfigError(f"--boom: expected HOST:PORT, found {options.boom!r}")
+
+
+def _files(folder: Path | None, progress: Any) -> dict[str, bytes]:
+    """Return the files of the model; without a folder, of one learned from the simulated hopper."""
+    from hopdata.steering.models.process import load_process, save_process
+    from hopdata.steering.observation.geometry import load_geometry
+
+    with tempfile.TemporaryDirectory() as temporary:
+        if folder is None:
+            progress("learning from the simulated hopper")
+            geometry, process = _learned()
+            folder = Path(temporary)
+            geometry.save(folder / GEOMETRY)
+            save_process(folder / MODEL, process)
+        load_geometry(folder / GEOMETRY)  # which say what is wrong, and with which file
+        load_process(folder / MODEL)
+        return {name: (folder / name).read_bytes() for name in (GEOMETRY, MODEL)}
+
+
+def _learned() -> tuple[Any, Any]:
+    import numpy as np
+
+    from hopdata.steering.models.process import trained_process
+    from hopdata.steering.observation.observe import observe_recordings
+    from hopdata.steering.robot import SteeredHopper
+    from hopdata.steering.trial import ControlGrid, eulerian_excitation, record_trial
+
+    robot, rng = SteeredHopper(), np.random.default_rng(np.random.SeedSequence(SEED))
+    swings = eulerian_excitation(ControlGrid(), rng).swings[: LEARNED_HOPS + 20]
+    recording = record_trial(robot, swings, seed=SEED).recording
+    seen = observe_recordings([recording], swing_limit_rad=robot.swing_limit_rad)
+    return seen.geometry, trained_process(seen.changes.used().rows(np.arange(LEARNED_HOPS)))
+
+
+def _parts(
+    setup: Mapping[str, Any], files: Mapping[str, bytes]
+) -> tuple[HopperGeometry, Controller]:
+    """Return geometry and controller, the same for a drive and for its replay."""
+    from hopdata.steering.control.objectives import Horizon, ToHeading, ToPoint
+    from hopdata.steering.control.planner import AdaptivePlanner, planner
+    from hopdata.steering.models.process import load_process
+    from hopdata.steering.observation.geometry import load_geometry
+
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in files.items():
+            Path(folder, name).write_bytes(content)
+        geometry, process = load_geometry(f"{folder}/{GEOMETRY}"), load_process(f"{folder}/{MODEL}")
+    goal: ToPoint | ToHeading = ToPoint(point_m=tuple(setup["to"]))
+    if setup["heading_deg"] is not None:
+        goal = ToHeading(heading_rad=math.radians(setup["heading_deg"]))
+    limit = setup["limits"]["swing_rad"]
+    controller = planner(process, goal, horizon=Horizon(hops=2, swing_limit_rad=limit))
+    controller.plan(START, math.pi)  # loads what it needs
+    if setup["adaptive"]:
+        return geometry, AdaptivePlanner(controller, process.chance)
+    return geometry, controller
+
+
+def _title(options: argparse.Namespace) -> str:
+    if options.host is None:
+        return "SIMULATED hopper; there is no robot"
+    sent = "dry run, nothing is sent" if options.dry_run else f"boom at {options.boom}"
+    return f"robot seen by {options.host}:{options.port}; {sent}"
+
+
+class Screen:
+    """Shows pose, hop, plan, time left and faults: a picture on a terminal, else a line a hop.
+
+    On a terminal Enter is the operator's key: the boom rests, and the drive is over.
+    """
+
+    def __init__(self, title: str, seconds: float | None, command_s: float) -> None:
+        self._title, self._seconds, self._command_s = title, seconds, command_s
+        self._begun = self._drawn = time.monotonic()
+        self._hops, self._rests, self._last = 0, 0, "no stance yet"
+        self._live, self._lines = sys.stdout.isatty() and sys.stdin.isatty(), 0
+        print(title + ("; Enter or Ctrl-C: the boom rests, and it ends" if self._live else ""))
+
+    def decided(self, decision: Decision) -> None:
+        """Take the decision at a stance; called in the loop's thread."""
+        self._hops += 1
+        x, y, heading = decision.pose
+        spare = 1e3 * (self._command_s - decision.since_stance_s)
+        self._last = (
+            f"hop {self._hops:3d}  x {x:+.2f} m, y {y:+.2f} m, "
+            f"heading {math.degrees(heading) % 360:3.0f} deg, "
+            f"boom {math.degrees(decision.boom_angle_rad) % 360:3.0f} deg\n"
+            f"         swing {decision.command_rad:+.2f} rad {decision.outcome}, planned in "
+            f"{1e3 * decision.planning_s:.1f} ms, {spare:.0f} ms to spare; {decision.reason}"
+        )
+        if not self._live:
+            print(" ".join(self._last.split()), flush=True)
+
+    def look(self, loop: ControlLoop, stream: Stream) -> None:
+        """Heed the operator's key, and show what there is."""
+        if self._live and _enter_pressed():
+            loop.rest("the operator's key")
+        rests, now = loop.watch.rests, time.monotonic()
+        if not self._live:
+            for rest in rests[self._rests :]:
+                print(f"the boom rests: {rest.cause}", flush=True)
+            self._rests = len(rests)
+            return
+        if now < self._drawn + DRAW_S:
+            return
+        self._drawn, passed = now, now - self._begun
+        left = "" if self._seconds is None else f", {max(0.0, self._seconds - passed):.0f} s left"
+        counts = stream.counts
+        lines = [
+            f"{passed:6.0f} s{left}; stream {stream.states.status.state}, {counts.frames} frames, "
+            f"{counts.missing} missing, {counts.garbled} garbled",
+            *self._last.splitlines(),
+            f"faults   {loop.watch.cause or 'none now'}; rests so far: {len(rests)}"
+            + (f", the last: {rests[-1].cause}" if rests else ""),
+        ]
+        up = f"\033[{self._lines}A" if self._lines else ""
+        print(up + "\n".join(f"\033[K{line[: terminal.WIDTH]}" for line in lines), flush=True)
+        self._lines = len(lines)
+
+
+def _enter_pressed() -> bool:
+    import select
+
+    ready = select.select([sys.stdin], [], [], 0.0)[0] if sys.platform != "win32" else []
+    return bool(ready) and sys.stdin.readline() != ""

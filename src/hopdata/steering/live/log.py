@@ -1,0 +1,251 @@
+"""The log of a drive: an HDF5 file that is written as it goes, read back, and played again.
+
+It is written so that others may read it meanwhile (HDF5's SWMR), and so that whatever ends the
+process leaves all but the last moment. `frames` are those that the loop took, in the order and the
+groups (`taken`) in which it took them; `decisions` has the columns of `Decision`; `events` are the
+states of the stream and the rests of the boom; `counts` what was counted.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hopdata.arrays import pd
+from hopdata.errors import RecordingError
+from hopdata.steering.control.objectives import Controller
+from hopdata.steering.live.buffer import Frame, FrameBuffer, Status
+from hopdata.steering.live.loop import ControlLoop, Decision, Observers
+from hopdata.steering.live.safety import Limits, NoBoom, Rest
+
+FORMAT = "hopdata drive 1"
+WRITE_S = 0.25  # how often what has come is written
+CHUNK = 256
+EVENT = np.dtype([("at_s", "f8"), ("sent_s", "f8"), ("kind", "S16"), ("text", "S200")])
+KINDS: dict[str, Any] = {"pose": "(3,)f8", "epoch": "i8", "outcome": "S16", "reason": "S200"}
+DECISION = np.dtype([(one.name, KINDS.get(one.name, "f8")) for one in fields(Decision)])
+
+logger = logging.getLogger(__name__)
+
+
+class DriveLog:
+    """Writes what it is told, in a thread of its own, which holds up nobody.
+
+    Parameters
+    ----------
+    path : path
+        The file, which is written anew.
+    markers : int
+        Number of markers of a frame.
+    setup : mapping
+        What was asked for, kept as JSON.
+    files : mapping
+        Contents of files that the drive was made with, by name.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be made.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        markers: int,
+        *,
+        setup: Mapping[str, object],
+        files: Mapping[str, bytes],
+    ) -> None:
+        import h5py
+
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        self._file = h5py.File(path, "w", libver="latest")
+        self._file.attrs.update(format=FORMAT, setup=json.dumps(dict(setup)))
+        kept = self._file.create_group("files")
+        for name, content in files.items():
+            kept[name] = np.frombuffer(content, dtype=np.uint8)
+        numbers = [(name, "i8") for name in ("taken", "epoch", "number")]
+        times = [(name, "f8") for name in ("time_s", "arrival_s", "captured_s")]
+        types = {
+            "frames": np.dtype([*numbers, *times, ("markers", "f8", (markers, 3))]),
+            "decisions": DECISION,
+            "events": EVENT,
+            "counts": np.dtype([("at_s", "f8"), ("count", "S40"), ("value", "i8")]),
+        }
+        self._waiting: dict[str, list[tuple[Any, ...]]] = {name: [] for name in types}
+        for name, dtype in types.items():
+            self._file.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(CHUNK,))
+        self._file.swmr_mode = True
+        self._taken, self._told = 0, {"states": 0, "rests": 0}
+        self._look: Callable[[], None] = lambda: None
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="hopdata-log", daemon=True)
+
+    def frames(self, frames: Sequence[Frame]) -> None:
+        """Keep frames that the loop has taken at a time."""
+        for f in frames:
+            row = (self._taken, f.epoch, f.number, f.time_s, f.arrival_s, f.captured_s, f.markers)
+            self._waiting["frames"].append(row)
+        self._taken += 1
+
+    def decision(self, decision: Decision) -> None:
+        """Keep a decision."""
+        self._waiting["decisions"].append(tuple(map(_stored, vars(decision).values())))
+
+    def events(self, states: Sequence[Status], rests: Sequence[Rest]) -> None:
+        """Keep those of all states and rests so far that are new."""
+        waiting, told = self._waiting["events"], self._told
+        for s in states[told["states"] :]:
+            waiting.append((s.at_s, np.nan, s.state.encode(), _stored(s.message)))
+        for r in rests[told["rests"] :]:
+            waiting.append((r.seen_s, r.sent_s, b"rest", _stored(r.cause)))
+        told.update(states=len(states), rests=len(rests))
+
+    def start(self, look: Callable[[], None]) -> Self:
+        """Begin to write; `look` is called before each time, to fetch events."""
+        self._look = look
+        self._thread.start()
+        return self
+
+    def close(self, at_s: float, counts: Mapping[str, object]) -> None:
+        """Write the rest, and what each part has counted."""
+        self._stop.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+        for part, counted in counts.items():
+            for name, value in vars(counted).items():
+                self._waiting["counts"].append((at_s, f"{part}.{name}".encode(), value))
+        self._write()
+        self._file.close()
+
+    def _run(self) -> None:
+        while not self._stop.wait(WRITE_S):
+            self._write()
+
+    def _write(self) -> None:
+        try:
+            self._look()
+            for name, rows in self._waiting.items():
+                count = len(rows)  # more may come meanwhile
+                if count:
+                    table = self._file[name]
+                    table.resize(len(table) + count, axis=0)
+                    table[-count:] = np.array(rows[:count], dtype=table.dtype)
+                    del rows[:count]
+                    table.flush()
+        except Exception as error:  # a full disk is no reason to stop a robot in mid-air
+            logger.error("the log could not be written: %r", error)
+
+
+def _stored(value: object) -> object:
+    """Cut a text to what the log has room for, whole letters only."""
+    if not isinstance(value, str):
+        return value
+    return value.encode()[:200].decode(errors="ignore").encode()
+
+
+@dataclass(frozen=True)
+class LoggedDrive:
+    """What a log holds; tables as in the file, texts as text."""
+
+    setup: dict[str, Any]
+    files: dict[str, bytes]
+    frames: NDArray[Any]
+    decisions: pd.DataFrame
+    events: pd.DataFrame
+    counts: pd.DataFrame
+
+
+def read_log(path: str | Path) -> LoggedDrive:
+    """Read a log, also one whose drive goes on or was cut off.
+
+    Raises
+    ------
+    RecordingError
+        If it is missing or something else.
+    """
+    import h5py
+
+    try:
+        with h5py.File(path, "r", libver="latest", swmr=True) as file:
+            if file.attrs["format"] != FORMAT:
+                raise ValueError(f"its format is {file.attrs['format']!r}")
+            names = ("decisions", "events", "counts")
+            return LoggedDrive(
+                json.loads(file.attrs["setup"]),
+                {name: one[:].tobytes() for name, one in file["files"].items()},
+                file["frames"][:],
+                *(_table(file[name][:]) for name in names),
+            )
+    except (OSError, KeyError, ValueError) as error:
+        raise RecordingError(f"{path}: expected the log of a drive, found: {error}") from None
+
+
+def _table(rows: NDArray[Any]) -> pd.DataFrame:
+    names = rows.dtype.names or ()
+    texts = {name for name in names if rows.dtype[name].kind == "S"}
+    return pd.DataFrame(
+        {n: [v.decode() for v in rows[n]] if n in texts else list(rows[n]) for n in names}
+    )
+
+
+# A log played into the loop again.
+
+
+def replay(
+    log: LoggedDrive, observers: Observers, controller: Controller, *, limits: Limits | None = None
+) -> pd.DataFrame:
+    """Play the frames of a log into a loop, in the groups and at the times of then.
+
+    Nothing is sent. The controller is asked where it was asked then, so that one that learns
+    learns the same.
+
+    Returns
+    -------
+    DataFrame
+        One row a stance at which it was asked: ``told_s``, the swing that was planned then and the
+        one planned now (``then_rad, now_rad``), and whether pose and swing are the ``same`` to
+        the bit.
+    """
+    then: dict[tuple[int, float], Any] = {
+        (row["epoch"], row["told_s"]): row for row in log.decisions.to_dict("records")
+    }
+    groups = np.split(log.frames, np.flatnonzero(np.diff(log.frames["taken"])) + 1)
+    buffer = FrameBuffer(max(map(len, groups), default=1) or 1)
+    now, not_asked, rows = [0.0], [""], list[tuple[Any, ...]]()
+
+    def compare(made: Decision) -> None:
+        before = then.get((made.epoch, made.told_s))
+        if before is None or not np.isfinite(before["planning_s"]):
+            return
+        names = ("pose", "boom_angle_rad", "swung_rad", "planned_rad")
+        bits = [np.hstack([np.asarray(of[n], dtype=float) for n in names]).tobytes()
+                for of in (before, vars(made))]  # fmt: skip
+        rows.append((made.told_s, before["planned_rad"], made.planned_rad, bits[0] == bits[1]))
+
+    loop = ControlLoop(
+        buffer, observers, controller, NoBoom(), limits=limits, on_decision=compare,
+        fault=lambda: not_asked[0], clock=lambda: now[0],
+    )  # fmt: skip
+    for group in groups if len(log.frames) else []:
+        frames = [_frame(row) for row in group]
+        made = [then[key] for f in frames if (key := (f.epoch, f.time_s)) in then]
+        now[0] = made[-1]["asked_s"] if made else frames[-1].arrival_s
+        asked = not made or np.isfinite(made[-1]["planning_s"])
+        not_asked[0] = "" if asked else made[-1]["reason"]
+        for frame in frames:
+            buffer.write(frame)
+        loop.take(frames)
+    return pd.DataFrame(rows, columns=["told_s", "then_rad", "now_rad", "same"])
+
+
+def _frame(row: Any) -> Frame:
+    return Frame(*row.item()[1:])

@@ -1,0 +1,196 @@
+"""The simulated hopper in place of a robot: markers come out, swings go in."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from hopdata.arrays import FloatArray
+from hopdata.steering.live.buffer import Frame, FrameBuffer, Status, StatusLog, StreamCounts, joined
+from hopdata.steering.robot import (
+    Apex,
+    Board,
+    SteeredHop,
+    SteeredHopper,
+    released,
+    steer_hop,
+    steer_past,
+)
+
+
+@dataclass(frozen=True)
+class TrueHop:
+    """A hop as it truly was: the swing executed in its flight, rad, and the stance that followed.
+
+    `stance_s` is NaN if it fell; an operator then let it go again where it was.
+    """
+
+    start_s: float
+    swing_rad: float
+    stance_s: float
+    pose: tuple[float, float, float]
+    boom_angle_rad: float
+
+
+class LiveHopper:
+    """A source of frames: a hopper that integrates each hop when its first frame is asked for.
+
+    Driven by a server in real time, it so is at most one hop ahead of the clock. The swing of a
+    flight is the last that was commanded before the apex at which it begins; 0 if none was since
+    the apex before.
+
+    Parameters
+    ----------
+    robot : SteeredHopper
+    swings : callable
+        Returns the last swing commanded since it was last called, rad, or None; must not wait.
+    pose : (3,)
+        Where it is let go, m and rad.
+    boom_angle_rad : float
+    rate_hz : float
+        Frame rate, Hz.
+    noise_m : float
+        Standard deviation of the noise on each coordinate, m.
+    board : Board, optional
+        What stands in its way.
+    seed : int or sequence of int
+        Of kicks and noise.
+    """
+
+    def __init__(
+        self,
+        robot: SteeredHopper,
+        swings: Callable[[], float | None],
+        *,
+        pose: ArrayLike = (0.0, 0.0, 0.0),
+        boom_angle_rad: float = np.pi,
+        rate_hz: float = 100.0,
+        noise_m: float = 0.0006,
+        board: Board | None = None,
+        seed: int | Sequence[int] = 0,
+    ) -> None:
+        self.robot, self.board, self.rate_hz, self.noise_m = robot, board, rate_hz, noise_m
+        self.hops: list[TrueHop] = []
+        self._swings, self._apex = swings, released(robot, pose, boom_angle_rad)
+        streams = np.random.SeedSequence(seed).spawn(2)
+        self._kicks, self._noise = (np.random.default_rng(stream) for stream in streams)
+        self._n_frames = 0
+        # Compiles what is not compiled yet, so that the first hop is in time.
+        steer_hop(robot.still(), self._apex, 0.0, rng=np.random.default_rng(0))
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the markers, in the order of the frames."""
+        body = [f"body{k + 1}" for k in range(len(self.robot.markers.body_m))]
+        return (*body, "boom")
+
+    def __iter__(self) -> Iterator[tuple[float, FloatArray]]:
+        """Hop for ever: yields the time, s, and the markers (M, 3), m, of each frame."""
+        while True:
+            hop = self._next_hop()
+            for time_s, markers in zip(hop.frame_time_s, hop.markers, strict=True):
+                noise = self.noise_m * self._noise.standard_normal(markers.shape)
+                yield float(time_s), markers + noise
+
+    def _next_hop(self) -> SteeredHop:
+        swing = self._swings() or 0.0
+        upcoming = self._n_frames + np.arange(np.ceil(self.robot.hop_limit_s * self.rate_hz))
+        hop, self.board = steer_past(
+            self.robot,
+            self._apex,
+            swing,
+            self.board,
+            rng=self._kicks,
+            frame_times_s=upcoming / self.rate_hz,
+        )
+        self._n_frames += len(hop.frame_time_s)
+        self.hops.append(_true_hop(hop))
+        self._apex = hop.end if not hop.stance.fell else self._put_up(hop)
+        return hop
+
+    def _put_up(self, hop: SteeredHop) -> Apex:
+        """Let the hopper go again where it was before it fell."""
+        x, y, yaw = hop.start.state[0], hop.start.state[1], hop.start.state[3]
+        anew = released(self.robot, (x, y, yaw), hop.end.boom_angle_rad)
+        return replace(anew, time_s=hop.end.time_s)
+
+
+def _true_hop(hop: SteeredHop) -> TrueHop:
+    stance = hop.stance
+    x, y, yaw = stance.pose.tolist()
+    return TrueHop(
+        start_s=hop.start.time_s,
+        swing_rad=hop.swing_rad,
+        stance_s=np.nan if stance.fell else stance.time_s,
+        pose=(x, y, yaw),
+        boom_angle_rad=stance.boom_angle_rad,
+    )
+
+
+class SimulatedBoom:
+    """Keeps the newest swing, until the flight that it is meant for begins."""
+
+    def __init__(self) -> None:
+        self._swing: float | None = None
+
+    def swing(self, rad: float) -> None:
+        """Put a swing in the place of the last."""
+        self._swing = rad
+
+    def newest(self) -> float | None:
+        """Return the swing that has come since the last call, rad, or None."""
+        swing, self._swing = self._swing, None
+        return swing
+
+
+class SimulatedStream:
+    """Streams a hopper in real time; to the loop it is what `MarkerStream` is.
+
+    Parameters
+    ----------
+    hopper : LiveHopper
+    speed : float
+        How many times as fast as real it goes.
+    """
+
+    def __init__(self, hopper: LiveHopper, *, speed: float = 1.0) -> None:
+        self.labels, self.buffer = hopper.labels, FrameBuffer(4096)
+        self.counts, self.states = StreamCounts(), StatusLog()
+        self._hopper, self._speed, self._stop = hopper, speed, threading.Event()
+        self._thread = threading.Thread(target=self._run, name="hopdata-simulated", daemon=True)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        joined(self._thread)
+        self.states.report("closed")
+        self.buffer.wake()
+
+    def wait_until_streaming(self, timeout_s: float = 30.0) -> Status:
+        """Return the state in which frames come."""
+        status = self.states.wait_for("streaming", "lost", timeout_s=timeout_s)
+        return status or self.states.status
+
+    def _run(self) -> None:
+        begun = time.monotonic()
+        try:
+            for number, (time_s, markers) in enumerate(self._hopper):
+                due = begun + time_s / self._speed
+                if self._stop.wait(max(0.0, due - time.monotonic())):
+                    return
+                now = time.monotonic()
+                self.counts.frames += 1
+                if number == 0:
+                    self.states.report("streaming")
+                self.buffer.write(Frame(0, number, time_s, now, due, markers))
+        except Exception as error:
+            self.states.report("lost", f"the simulation failed: {error!r}")
