@@ -37,7 +37,7 @@ def drive(options: argparse.Namespace) -> int:
     from hopdata.steering.robot import SteeredHopper
 
     _require_whole(options)
-    with terminal.progress_line(everywhere=True) as progress:
+    with terminal.progress_line() as progress:
         files = _files(options.model, progress)
         progress("planning ahead")
         limits = Limits(swing_rad=options.swing_limit, fence_m=options.fence)

@@ -27,6 +27,7 @@ ENDLESS = Path(__file__).with_name("endless_drive.py")
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"  # where the server is
 LENIENT = Limits(pose_age_s=LONG_S, command_s=LONG_S, hop_s=LONG_S)
 SPEED = 4.0
+FASTEST_M_S, FASTEST_RAD_S = 0.3, 1.0  # of the hopper when its boom hardly swings
 # Of a machine that pauses nothing is told but what a server that goes away tells at once.
 PATIENT = Patience(stale_s=LONG_S, reconnect_s=LONG_S, retry_s=0.02, longest_retry_s=0.1)
 
@@ -104,8 +105,11 @@ def test_the_simulated_hopper_is_driven_through_the_stream(tmp_path):
     for decision in done.decisions:
         k = int(np.nanargmin(np.abs(true - decision.stance_s)))
         assert abs(true[k] - decision.stance_s) < 0.02
-        np.testing.assert_allclose(decision.pose[:2], hops[k].pose[:2], atol=0.02)
-        assert decision.pose[2] == pytest.approx(hops[k].pose[2], abs=0.05)
+        # A loaded machine takes several frames at a time, and plans with the newest of them.
+        later_s = SPEED * (decision.since_stance_s - decision.pose_age_s)
+        moved_m, turned_rad = FASTEST_M_S * later_s, FASTEST_RAD_S * later_s
+        np.testing.assert_allclose(decision.pose[:2], hops[k].pose[:2], atol=0.02 + moved_m)
+        assert decision.pose[2] == pytest.approx(hops[k].pose[2], abs=0.05 + turned_rad)
         assert np.cos(decision.boom_angle_rad - hops[k].boom_angle_rad) > np.cos(0.02)
     nearest = [int(np.nanargmin(np.abs(true - d.stance_s))) for d in done.decisions]
     assert nearest == list(range(nearest[0], nearest[0] + len(nearest)))  # none lost, none invented
@@ -177,8 +181,8 @@ def test_a_process_that_is_told_to_end_leaves_the_boom_at_rest_and_its_logs(tmp_
     log = read_log(tmp_path / "drive.h5")
     assert {h for h in heard if h} <= set(log.decisions.command_rad)
     assert f"the drive was ended by {told}" in set(log.events.text)
-    rest = log.events.iloc[-1]
-    assert (rest.kind, rest.text) == ("rest", f"told to end by {told}")
+    (rest,) = log.events[log.events.text == f"told to end by {told}"].itertuples()
+    assert rest.kind == "rest"
     assert rest.sent_s > told_s
     print(f"{told}: at rest {1e3 * (rest.sent_s - told_s):.1f} ms after it")
     counts = log.counts.set_index("count").value
