@@ -118,23 +118,23 @@ def _draw_size(axes: Axes, verdict: Mapping[str, Any], top: float) -> None:
     low, end = 100.0 * effect["low"], 100.0 * _end(verdict["conclusion"], effect)
     sure, power = (f"{100 * float(verdict[key]):g} %" for key in ("confidence", "power"))
     axes.set_title(in_short(verdict), color=colour, fontsize=style.pt(10), fontweight="bold")
-    axes.plot([low, min(end, top)], [1.15, 1.15], color=colour, linewidth=7, solid_capstyle="butt")
+    axes.plot([low, min(end, top)], [1.2, 1.2], color=colour, linewidth=7, solid_capstyle="butt")
     if end > top:
-        axes.plot(top, 1.15, ">", color=colour, markersize=9, clip_on=False)
+        axes.plot(top, 1.2, ">", color=colour, markersize=9, clip_on=False)
     if low > 0:
         found = 100.0 * effect["estimate"]
-        axes.plot(found, 1.15, "|", color="white", markersize=7, markeredgewidth=2)
+        axes.plot(found, 1.2, "|", color="white", markersize=7, markeredgewidth=2)
     words = f"{sure} interval" if low > 0 else f"could still hide here, at {sure} confidence"
-    _write(axes, words, (low, 1.15), 7, colour, top)
+    _write(axes, words, (low, 1.2), 7, colour, top)
     axes.axvline(margin, color=style.INK, linewidth=0.8, linestyle=(0, (4, 2)))
     _write(axes, f"smaller than {margin:g} %\ncounts as none", (margin, 1.8), -3, style.INK, top)
     words = "nothing could have been seen"
     if seen < top:
         words = f"a difference from here on\nis found in {power} of studies"
-        axes.plot([seen, top], [0.55, 0.55], color=style.PURPLE, linewidth=1.2)
-        axes.plot(seen, 0.55, "|", color=style.PURPLE, markersize=8, markeredgewidth=1.5)
-        axes.plot(top, 0.55, ">", color=style.PURPLE, markersize=4, clip_on=False)
-    _write(axes, words, (min(seen, top), 0.55), -13, style.PURPLE, top)
+        axes.plot([seen, top], [0.75, 0.75], color=style.PURPLE, linewidth=1.2)
+        axes.plot(seen, 0.75, "|", color=style.PURPLE, markersize=8, markeredgewidth=1.5)
+        axes.plot(top, 0.75, ">", color=style.PURPLE, markersize=4, clip_on=False)
+    _write(axes, words, (min(seen, top), 0.75), -19, style.PURPLE, top)
     axes.set_ylim(0.0, 2.15)
     axes.set_xlim(0.0, top)
     axes.set_yticks([])

@@ -1,5 +1,6 @@
 """Size, interval, bound and what is detectable, where the error of the kinks is known."""
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -58,6 +59,24 @@ def test_false_alarms_are_as_rare_as_said(curvature):
     found = sizes(0.0, curvature)
     assert share(effect.low > 0 for effect in found) <= 0.1  # 0.05 expected, 0.1 in one of 200
     assert share(effect.p_value <= 0.2 for effect in found) >= 0.1
+
+
+@pytest.mark.parametrize("curvature", [0.0, 3.0])
+def test_noise_of_the_change_over_windows_is_not_granted_once_more(curvature):
+    """The kinks have it already; what is more than noise is granted whole."""
+    granted = []
+    for seed in range(60):
+        one, noise = fit(0.0, seed, curvature), fit(0.0, 1000 + seed).scores
+        for sign in (-1.0, 1.0):  # so that noise and change are at right angles on average
+            error = sign * noise.sum(axis=0).reshape(KINKS, OUTPUTS)
+            effect = effect_size(
+                replace(one, change=one.change + error, change_scores=noise),
+                np.eye(len(WEIGHTS)), generator=np.random.default_rng(seed),
+                confidence=0.95, power=0.8, flips=99,
+            )  # fmt: skip
+            granted.append(effect.granted_squared)
+    noise_alone = float(np.sum(WEIGHTS**2))
+    assert np.mean(granted) == pytest.approx(curvature**2, abs=0.2 * noise_alone)
 
 
 @pytest.mark.parametrize("size", [3.0, 6.0, 12.0])

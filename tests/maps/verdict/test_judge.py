@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from kinked_landings import landings
 
+from hopdata.errors import AnalysisError
 from hopdata.maps.verdict import judge
 from hopdata.maps.verdict.effect import EffectSize
 from hopdata.maps.verdict.judge import conclude, outlook
@@ -165,7 +166,19 @@ def _one_frame():
     return replace(data, instants=np.repeat(data.instants[:, :1], 3, axis=1))
 
 
+def _still():
+    """An outcome that is always the same."""
+    data = landings(n=600)
+    return replace(data, after=np.repeat(data.after[:1], 600, axis=0))
+
+
+def _one_foot():
+    data = landings(n=300)
+    return replace(data, instants=data.instants[:, :1])
+
+
 BAD = {
+    "no landing": (lambda: some(landings(n=10), np.arange(0)), "at least 10, found 0"),
     "one landing": (lambda: landings(n=1), "at least 10, found 1"),
     "nine landings": (lambda: landings(n=9), "at least 10, found 9"),
     "too few for curvature": (lambda: landings(n=100), "too few"),
@@ -176,6 +189,9 @@ BAD = {
     "one constant coordinate": (lambda: landings(n=900, constant=0), "do not vary in all"),
     "one constant velocity": (lambda: landings(n=900, constant=4), "do not vary in all"),
     "instants of pure noise": (_guessed, "do not foretell in which order"),
+    "one foot": (_one_foot, "same instant"),
+    "constant outcome": (_still, "an outcome of the landing does not vary"),
+    "outcome equal to input": (lambda: replace(landings(), after=landings().before), "any noise"),
     "NaN": (_unknown, "found 0"),
     "repeated rows": (lambda: some(landings(n=300), np.r_[0:300, 0:40]), "40 of 340"),
 }
@@ -190,6 +206,12 @@ def test_bad_data_get_a_sentence_and_no_number(name):
     assert answer.effect is None
     assert answer.landings_needed is None
     assert answer.notes[-1]["what"] == "verdict"
+
+
+def test_tables_of_unequal_length_are_refused():
+    data = landings(n=300)
+    with pytest.raises(AnalysisError, match=r"expected a row a landing, found \[299, 300\]"):
+        judge(data.before, data.after[:-1], data.instants, **OPTIONS)
 
 
 @pytest.mark.parametrize("apart_s", [0.0, 2e-5])
@@ -211,7 +233,8 @@ def test_noise_that_hides_the_kinks_leaves_the_data_unable_to_tell():
 
 def test_landings_without_an_instant_are_counted_and_left_out():
     data = landings()
-    data.instants[:7, 1] = np.nan
+    data.instants[:6, 1] = np.nan
+    data.before[6, 2] = np.inf
     answer = verdict(data)
     assert answer.n_landings == 893
     assert "7 of 900" in answer.notes[0]["reason"]

@@ -60,7 +60,8 @@ class EffectSize:
         Standard error of the kinks along what was found; with a difference of size e the variance
         of `squared` is `squared_error`^2 + 4 e^2 `along_error`^2.
     granted_squared
-        Square of what is granted for smooth terms beyond those fitted, without bias likewise.
+        Square of the standard deviation granted for smooth terms beyond those fitted, without bias
+        likewise.
     moved_squared
         `squared` of the kinks of all landings less that of those reported, likewise; counted twice
         where landings are too few for third-order terms, so that these are left, too.
@@ -226,9 +227,11 @@ def effect_size(
     difference. For `high` and the bound a statistic below that median counts as the median: an
     estimate smaller than noise alone gives is luck, not knowledge.
 
-    Smooth terms beyond those fitted shift the kinks by the same amount in every study of a system,
-    and may do so along the difference itself. So what is granted for them, all of it taken along
-    the difference, is added to the upper ends, and `low` brought down by it, but not to zero.
+    Smooth terms beyond those fitted shift the kinks by the same amount in every study of a system.
+    Where there is no difference that is a normal draw of as much as the kinks change over the
+    windows, noise apart, since the kinks have that noise already. Beside a difference it may lie
+    along it: so the way that the kinks were taken farther is added to the upper ends, and `low`
+    brought down by it, but not to zero.
 
     Parameters
     ----------
@@ -245,7 +248,9 @@ def effect_size(
     found = root @ fit.coefficients.ravel()
     statistic = float(found @ found)
     size = float(np.sqrt(statistic))
-    granted = FARTHER * root @ fit.change.ravel()
+    change = root @ fit.change.ravel()
+    sure = change @ change - np.sum((fit.change_scores @ root.T) ** 2)  # its square without noise
+    granted = change * np.sqrt(max(0.0, sure) / max(change @ change, np.finfo(float).tiny))
     draws = _draws(fit, root, granted, flips, generator)
     null = np.sum((draws.null + draws.missed) ** 2, axis=1)
     typical = max(statistic, float(np.median(np.sum(draws.null**2, axis=1))))
@@ -267,7 +272,7 @@ def effect_size(
             kinks @ kinks - np.sum(((fit.scores - whole * fit.change_scores) @ root.T) ** 2)
         )
 
-    shift = float(np.linalg.norm(granted))
+    shift = FARTHER * float(np.linalg.norm(change))
     floor = below(float(np.median(null)), level / 2.0)
     low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
     squared = unbiased(0.0)
@@ -282,7 +287,7 @@ def effect_size(
         squared=squared,
         squared_error=float(np.std(np.sum(draws.null**2, axis=1))),
         along_error=float(np.std(draws.full @ found) / size),
-        granted_squared=shift**2 - float(np.sum((FARTHER * fit.change_scores @ root.T) ** 2)),
+        granted_squared=float(sure),
         moved_squared=(unbiased(1.0 + FARTHER) - squared) * (2.0 if fit.degree < 3 else 1.0),
     )
 

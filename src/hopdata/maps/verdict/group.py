@@ -27,8 +27,6 @@ from hopdata.maps.draws import named_generator
 from hopdata.maps.verdict.judge import CANNOT_TELL, DIFFERENT, NO_DIFFERENCE, sentence
 
 _DRAWS = 20_000
-#: What is granted to a group, in units of what is granted to its subjects.
-GRANTED = 1.25
 LEAST_SUBJECTS = 3  # of fewer a variance between subjects cannot be told
 
 
@@ -154,7 +152,7 @@ def judge_group(
     subjects = parts[["squared", "granted_squared", "moved_squared"]].mean()
     of_mean = variance(members) * float((1.0 / parts.size()).mean())
     found = combine(subjects["squared"].to_numpy(float), np.full(len(subjects), of_mean))
-    granted = GRANTED * float(np.sqrt(_at_most(subjects["granted_squared"])))
+    granted = float(np.sqrt(_at_most(subjects["granted_squared"])))
     moved = _at_most(subjects["moved_squared"])
     generator = named_generator(seed, "group")
     chance = found.error * generator.standard_t(found.n - 1, _DRAWS)

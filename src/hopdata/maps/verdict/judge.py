@@ -160,8 +160,15 @@ def judge(
         Of intervals, and of the detectable difference. The test's level is 1 - confidence.
     flips
         Number of random sign patterns.
+
+    Raises
+    ------
+    AnalysisError
+        If the three have not as many rows.
     """
     parts = [np.asarray(part, float) for part in (x, y, instants)]
+    if len(counts := {len(part) for part in parts}) > 1:
+        raise AnalysisError(f"x, y and instants: expected a row a landing, found {sorted(counts)}")
     known = np.asarray(np.isfinite(np.hstack(parts)).all(axis=1))
     notes = _unknown_notes(known)
     asked: dict[str, Any] = {

@@ -6,8 +6,8 @@ monomials of the inputs up to the third order, by least squares.
 
 What a C1 map has besides looks like a kink, the less the nearer the feet come down together. How
 much is learned from the landings: the kinks of those nearest to a simultaneous contact, less those
-of all, show which way and how far they go. They are taken three quarters of that farther, and as
-much is granted as a standard error in its direction (`KinkFit.change`).
+of all, show which way and how far they go. They are taken three quarters of that farther, and what
+of it is no noise is granted as a standard error in its direction (`KinkFit.change`).
 """
 
 from dataclasses import dataclass
@@ -22,8 +22,7 @@ from hopdata.maps.verdict.inputs import SectionLandings
 
 #: Share of the landings, those of least contact spread, whose kinks are compared with those of all.
 WINDOW = 0.85
-#: How much farther the kinks are taken than from all landings to these, in units of that change,
-#: and what is granted for what remains.
+#: How much farther the kinks are taken than from all landings to these, in units of that change.
 FARTHER = 0.75
 
 _FLAT = 1e-9
