@@ -249,8 +249,9 @@ def effect_size(
     statistic = float(found @ found)
     size = float(np.sqrt(statistic))
     change = root @ fit.change.ravel()
-    sure = change @ change - np.sum((fit.change_scores @ root.T) ** 2)  # its square without noise
-    granted = change * np.sqrt(max(0.0, sure) / max(change @ change, np.finfo(float).tiny))
+    whole = float(change @ change)
+    sure = whole - float(np.sum((fit.change_scores @ root.T) ** 2))  # its square without noise
+    granted = change * np.sqrt(max(0.0, sure) / max(whole, float(np.finfo(float).tiny)))
     draws = _draws(fit, root, granted, flips, generator)
     null = np.sum((draws.null + draws.missed) ** 2, axis=1)
     typical = max(statistic, float(np.median(np.sum(draws.null**2, axis=1))))
@@ -265,14 +266,14 @@ def effect_size(
 
         return _crossing(excess)
 
-    def unbiased(whole: float) -> float:
-        """Return the squared size of the kinks less the change times `whole`, without its noise."""
-        kinks = root @ (fit.coefficients - whole * fit.change).ravel()
+    def unbiased(times: float) -> float:
+        """Return the squared size of the kinks less some times the change, without its noise."""
+        kinks = root @ (fit.coefficients - times * fit.change).ravel()
         return float(
-            kinks @ kinks - np.sum(((fit.scores - whole * fit.change_scores) @ root.T) ** 2)
+            kinks @ kinks - np.sum(((fit.scores - times * fit.change_scores) @ root.T) ** 2)
         )
 
-    shift = FARTHER * float(np.linalg.norm(change))
+    shift = FARTHER * float(np.sqrt(whole))
     floor = below(float(np.median(null)), level / 2.0)
     low = min(below(statistic, 1.0 - level), max(floor, below(statistic, 1.0 - level / 2.0)))
     squared = unbiased(0.0)
@@ -287,7 +288,7 @@ def effect_size(
         squared=squared,
         squared_error=float(np.std(np.sum(draws.null**2, axis=1))),
         along_error=float(np.std(draws.full @ found) / size),
-        granted_squared=float(sure),
+        granted_squared=sure,
         moved_squared=(unbiased(1.0 + FARTHER) - squared) * (2.0 if fit.degree < 3 else 1.0),
     )
 
