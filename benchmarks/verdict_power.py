@@ -254,7 +254,7 @@ FIRST_SEED = 7000
 GAIT_HOPS, TRIALS = 12_000, 4
 INSTANT_NOISE_S = 0.0006
 FEW = 1000
-GROUPS, SUBJECTS, SUBJECT_LANDINGS = 100, (4, 8, 16, 30), 400
+GROUPS, SUBJECTS, SUBJECT_LANDINGS = 40, (4, 8, 16, 30), 400
 GROUP_KINDS = (
     *("C1", "C1 larger kicks", "C1 stiffer legs", "C1 drifting", "C1 quadruped", "kappa 0.05"),
     *("kappa 0.1", "eps 0.2", "tau 10 ms", "quadruped kappa 0.1"),
