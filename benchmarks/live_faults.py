@@ -14,8 +14,10 @@ boom's rest, for those that must bring it to rest (a cause is the end of the 100
 the third frame of exchanged markers, 200 ms without a plan, else the first frame that shows it);
 `moved`: swings other than 0 that were sent while the cause lasted, from 50 ms on. The row `all`
 counts stances: `seen` are those about which at most single frames are missing, `lost` of them were
-not told, `invented` ones were not made; `unsafe` are swings beyond the limit, or planned with a
-pose that was off by more than 0.1 m or 0.2 rad, and all that `moved`.
+not told, `invented` ones were not made. Each swing that was sent is judged by the true stance at
+the time of its own: `off_m`, `off_rad` are how far pose (and boom angle) that it was planned with
+were from that stance at most. `unsafe` are swings beyond the limit, those with no true stance
+within 50 ms, those that were off by more than 0.1 m or 0.2 rad, and all that `moved`.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ from hopdata.steering.control.planner import Planner
 from hopdata.steering.live.loop import ControlLoop, Decision
 from hopdata.steering.live.packets import StreamParameters
 from hopdata.steering.live.safety import LOOK_S
-from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom
+from hopdata.steering.live.simulated import LiveHopper, SimulatedBoom, TrueHop
 from hopdata.steering.live.stream import MarkerStream
 from hopdata.steering.observation.calibration import calibrate
 from hopdata.steering.observation.geometry import HopperGeometry
@@ -48,6 +50,7 @@ from hopdata.steering.robot import SteeredHopper
 
 RATE_HZ, DELAY_S = 500.0, 0.003
 ALLOWED_S, NEAR_S, ANEW_S = 0.05, 0.05, 1.0
+AWAY_M, TURNED_RAD = 0.1, 0.2  # farther from its stance a plan is unsafe
 BEFORE_S, AFTER_S = 0.5, 0.1  # of a stance, in which it must be seen
 
 # Each kind: shortest and longest span, s; what must follow: nothing, rest, or the end of the drive.
@@ -97,6 +100,7 @@ class Rehearsal:
     decisions: list[Decision] = field(default_factory=list)
     told_s: list[float] = field(default_factory=list)  # instants of stances, hopper's clock
     begun_s: list[float] = field(default_factory=list)  # of each drive
+    off: list[tuple[float, float]] = field(default_factory=list)  # of swings sent, m and rad
     unsafe: int = 0
 
     def __post_init__(self) -> None:
@@ -246,14 +250,8 @@ class Rehearsal:
         self.told_s.append(self.now_s - decision.since_stance_s - DELAY_S)
         if decision.outcome not in ("planned", "cut") or decision.command_rad == 0:
             return
-        true_s = decision.asked_s - decision.pose_age_s - DELAY_S
-        hop = min(self.hopper.hops[-3:], key=lambda h: abs(np.nan_to_num(h.stance_s) - true_s))
-        if abs(hop.stance_s - true_s) < 2 * NEAR_S:
-            away = np.hypot(*(np.subtract(decision.pose, hop.pose)[:2]))
-            turned = abs(wrapped(decision.pose[2] - hop.pose[2]))
-            self.unsafe += bool(away > 0.1 or turned > 0.2)
-        else:
-            self.unsafe += 1  # a swing for a stance that was not made
+        self.off.append(off_by(decision, self.told_s[-1], self.hopper.hops[-3:]))
+        self.unsafe += bool(self.off[-1][0] > AWAY_M or self.off[-1][1] > TURNED_RAD)
 
     def _next_fault(self) -> None:
         """Note what became of a fault that is over, and draw the next."""
@@ -274,6 +272,19 @@ class Rehearsal:
         single = 1.0 / RATE_HZ
         long = self.chance.uniform(shortest, longest) if longest else single
         self.fault = Fault(kind, begin_s, begin_s + long)
+
+
+def off_by(decision: Decision, told_s: float, hops: list[TrueHop]) -> tuple[float, float]:
+    """Return how far a plan's pose and angles are from those of its stance, told at so many s.
+
+    Infinite if there was no stance then.
+    """
+    hop = min(hops, key=lambda h: abs(np.nan_to_num(h.stance_s) - told_s))
+    if not abs(hop.stance_s - told_s) < NEAR_S:
+        return np.inf, np.inf
+    x, y, turned = np.subtract(decision.pose, hop.pose)
+    angles = wrapped(np.array([turned, decision.boom_angle_rad - hop.boom_angle_rad]))
+    return float(np.hypot(x, y)), float(np.abs(angles).max())
 
 
 def rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
@@ -302,6 +313,7 @@ def rows(done: Rehearsal, took_s: float) -> Iterator[dict[str, object]]:
         "fault": "all", "number": len(done.faults), "hops": len(hops), "drives": len(done.begun_s),
         "falls": int(np.isnan(stance_s).sum()), "seen": int(seen.sum()), "lost": int(lost.sum()),
         "invented": int(invented), "sent": sum(d.command_rad != 0 for d in done.decisions),
+        **dict(zip(("off_m", "off_rad"), np.max(done.off, axis=0, initial=0.0), strict=True)),
         "unsafe": done.unsafe + sum(f.moved for f in done.faults),
         "times_real_time": done.now_s / took_s,
     }  # fmt: skip

@@ -6,11 +6,15 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from benchmark_figures import FIGURES as DRAWN
+from live_faults import off_by
 
 from hopdata.figures.catalogue import FIGURES, source_of
+from hopdata.steering.live.simulated import TrueHop
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.workflow
@@ -153,3 +157,20 @@ def test_what_programs_take_from_each_other_is_there(program):
             if source.is_file():
                 taken = {alias.name for alias in node.names}
                 assert taken <= defined_in(ast.parse(source.read_text())), source.name
+
+
+def test_a_swing_under_faults_is_judged_by_its_own_stance():
+    """Not by when its pose was seen; a pose, boom angle or stance that is wrong is told."""
+    hops = [TrueHop(k - 0.3, 0.5, float(k), (0.1 * k, 0.0, 6.0 + k), 3.0 + k) for k in (1, 2)]
+    hops.append(TrueHop(2.7, 0.5, np.nan, (0.2, 0.0, 8.0), 5.0))  # it fell
+
+    def off(told_s, **wrong):
+        right = {"pose": (0.1, 0.0, 7.0 - 2 * np.pi), "boom_angle_rad": 4.0 - 2 * np.pi}
+        return off_by(SimpleNamespace(pose_age_s=0.2, **right | wrong), told_s, hops)
+
+    assert off(1.01) == pytest.approx((0.0, 0.0))
+    assert off(1.01, pose=(0.1, 0.3, 7.0)) == pytest.approx((0.3, 0.0))
+    assert off(1.01, pose=(0.1, 0.0, 7.3)) == pytest.approx((0.0, 0.3))
+    assert off(1.01, boom_angle_rad=3.7) == pytest.approx((0.0, 0.3))
+    assert off(2.01) == pytest.approx((0.1, 1.0))
+    assert off(1.2) == off(2.9) == (np.inf, np.inf)

@@ -112,6 +112,30 @@ def test_a_stance_is_planned_with_the_newest_pose_and_sent():
     assert 0 <= decision.planning_s <= decision.latency_s
 
 
+def batch(**options):
+    """A loop to which a stance and a later frame come at once, as after a hold-up."""
+    bench = Bench(**options)
+    bench.frame(stance=True, x=1.5, age_s=0.15)
+    bench.frame(x=7.0, boom=1.0)
+    bench.loop.take(bench.buffer.since(0))
+    return bench, *bench.loop.decisions()
+
+
+def test_a_stance_is_planned_with_its_own_pose_not_with_that_of_later_frames():
+    bench, decision = batch()
+    assert bench.controller.asked == [([1.5, 2.0, 0.5], 3.0)]
+    assert bench.boom.swings == [0.25]
+    assert decision.pose_age_s >= 0.15
+
+
+def test_a_later_frame_does_not_make_the_pose_of_a_stance_fresh():
+    bench, decision = batch(limits=replace(LENIENT, pose_age_s=0.1))
+    assert bench.controller.asked == []
+    assert bench.boom.swings == [0.0]
+    assert decision.outcome == "held"
+    assert decision.reason.startswith("stale pose: ")
+
+
 def test_the_swing_of_the_hop_before_is_measured():
     with Bench(limits=replace(LENIENT, hop_s=3 * LONG_S)) as bench:
         for k, boom in enumerate((3.0, -3.0, 1.0)):

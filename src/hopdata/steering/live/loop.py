@@ -41,9 +41,10 @@ class Decision:
     epoch : int
         Which camera clock that is; see `hopdata.steering.live.buffer.Frame`.
     pose : (x_m, y_m, heading_rad)
-        Newest pose; NaN if there was none.
+        Newest pose when the stance was told, not of frames that came with it but are later; NaN if
+        there was none.
     boom_angle_rad : float
-        Newest boom angle.
+        Newest boom angle then.
     swung_rad : float
         Swing since the stance before, as measured; NaN if it is not known.
     asked_s : float
@@ -224,9 +225,9 @@ class ControlLoop:
         """Take frames in, and plan at the last stance among them."""
         if self._on_frames is not None:
             self._on_frames(frames)
-        stances = [(s, f) for f in frames if (s := self._observed(f)) is not None]
-        for k, (stance, frame) in enumerate(stances):
-            self._decide(stance, frame, overtaken=k + 1 < len(stances))
+        told = [(s, f, self._pose, self._boom_angle) for f in frames if (s := self._observed(f))]
+        for k, seen in enumerate(told):
+            self._decide(*seen, overtaken=k + 1 < len(told))
 
     def _observed(self, frame: Frame) -> Stance | None:
         """Take a frame in, and return the stance that it establishes, if any."""
@@ -260,9 +261,10 @@ class ControlLoop:
             tilt = math.degrees(math.acos(max(-1.0, seen.rotation[2, 2])))
             self.rest(f"tips over: leans by {tilt:.0f} degrees")
 
-    def _decide(self, stance: Stance, frame: Frame, *, overtaken: bool) -> None:
+    def _decide(
+        self, stance: Stance, frame: Frame, pose: _Newest, boom: _Newest, *, overtaken: bool
+    ) -> None:
         self.watch.look()  # what was a cause may be none any more
-        pose, boom = self._pose, self._boom_angle
         stance_s = frame.captured_s - (frame.time_s - stance.time_s)  # on our own clock
         asked_s = self._clock()
         ages = (asked_s - pose.captured_s, asked_s - boom.captured_s)
@@ -318,8 +320,7 @@ class ControlLoop:
             if not math.isfinite(age):
                 return "held", f"no {name} yet"
             if age > self.limits.pose_age_s:
-                limit = self.limits.pose_age_s
-                return "held", f"stale {name}: {age:.3f} s old, beyond {limit:g} s"
+                return "held", f"stale {name}: {age:.3f} s old, beyond {self.limits.pose_age_s:g} s"
         return "planned", ""
 
     def _swung(self, stance_s: float, boom_angle_rad: float) -> float | None:
