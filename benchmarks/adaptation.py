@@ -203,8 +203,9 @@ def main() -> None:
     arguments = parser.parse_args()
     numbers = range(arguments.first, arguments.first + arguments.seeds)
     found, back = tables(pair for number in numbers for pair in rows(number))
-    write_table(arguments.out, found)
-    write_table(arguments.out.with_name(f"{arguments.out.stem}_return.csv"), back)
+    out: Path = arguments.out
+    write_table(out, found)
+    write_table(out.with_name(f"{out.stem}_return.csv"), back)
     print(found.to_string())
 
 

@@ -99,7 +99,7 @@ def test_the_last_of_several_threads_gives_the_others_back():
 def test_a_library_that_is_loaded_inside_is_limited_at_the_next_entry():
     program = (
         "import numpy\n"
-        "from hopdata.blas import one_blas_thread\n"
+        "from hopdata.arrays import one_blas_thread\n"
         "from threadpoolctl import threadpool_info\n"
         "threads = lambda: [one['num_threads'] for one in threadpool_info()]\n"
         "before = threads()\n"

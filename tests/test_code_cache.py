@@ -181,7 +181,7 @@ def test_compiling_the_driver_is_said_once(monkeypatch, capsys, tmp_path):
     entry.compiled_run.__wrapped__()
     first, last = capsys.readouterr().err.splitlines()
     assert "compiling the integrator" in first
-    assert "20 s" in first
+    assert "15 s" in first
     assert last.endswith(f"it is kept in {tmp_path}")
     entry.compiled_run.__wrapped__()
     assert capsys.readouterr().err == ""

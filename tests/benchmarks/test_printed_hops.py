@@ -11,7 +11,7 @@ from frame_change_models import (
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_excitation import GRIDS, counts, generator
+from test_trial import GRIDS, counts, rng
 
 from hopdata.steering.robot import SteeredHopper
 from hopdata.steering.trial import POSE, ControlGrid, record_trial
@@ -20,13 +20,13 @@ from hopdata.steering.trial import POSE, ControlGrid, record_trial
 @settings(max_examples=20, deadline=None)
 @given(grid=GRIDS, start=st.integers(0, 30), seed=st.integers(0, 2**32))
 def test_a_random_sequence_ends_when_all_moves_are_made(grid, start, seed):
-    found = random_excitation(grid, generator(seed), start=start)
+    found = random_excitation(grid, rng(seed), start=start)
     assert (counts(grid, found.start, found.steps) >= grid.repeats).all()
     assert (counts(grid, found.start, found.steps[:-1]) < grid.repeats).sum() == 1
 
 
 def test_the_random_sequence_as_printed_is_near_minimal():
-    lengths = [len(random_excitation(ControlGrid(), generator(s)).steps) for s in range(20)]
+    lengths = [len(random_excitation(ControlGrid(), rng(s)).steps) for s in range(20)]
     assert min(lengths) >= 336
     assert np.median(lengths) < 1.25 * 336
 
@@ -37,7 +37,7 @@ def test_the_draw_prefers_angles_with_more_moves_left():
     grid = ControlGrid(n_angles=3, n_steps=1, repeats=1)
     second = []
     for seed in range(4000):
-        steps = random_excitation(grid, generator(seed), limit=2).steps
+        steps = random_excitation(grid, rng(seed), limit=2).steps
         if steps[0] == 1:
             second.append(steps[1])
     back = np.mean(np.array(second) == -1)  # from 1 to 0
@@ -46,12 +46,12 @@ def test_the_draw_prefers_angles_with_more_moves_left():
 
 
 def test_a_limit_cuts_the_sequence():
-    whole, cut = (random_excitation(ControlGrid(), generator(1), limit=n) for n in (None, 100))
+    whole, cut = (random_excitation(ControlGrid(), rng(1), limit=n) for n in (None, 100))
     np.testing.assert_array_equal(cut.steps, whole.steps[:100])
 
 
 def test_a_seed_gives_the_same_sequence_again():
-    first, again = (random_excitation(ControlGrid(), generator(3)).steps for _ in range(2))
+    first, again = (random_excitation(ControlGrid(), rng(3)).steps for _ in range(2))
     np.testing.assert_array_equal(first, again)
 
 

@@ -183,7 +183,7 @@ def test_values_that_are_not_finite_are_refused(value):
     y[17, 3] = value
     with pytest.raises(ValueError, match="finite"):
         predict(x, y, schedule, spread)
-    with pytest.raises(AnalysisError, match="1 landings, the first in row 17"):
+    with pytest.raises(AnalysisError, match="found 1 others, the first in row 17"):
         bootstrap_subspaces(x, y, schedule, seed=1, bootstraps=5)
 
 

@@ -340,7 +340,7 @@ def test_a_job_asks_for_twice_as_much_at_a_retry(tmp_path):
         return np.array(sorted((int(time), int(memory)) for time, memory in found))
 
     first = asked(1)
-    assert first.shape == (12, 2)
+    assert first.shape == (10, 2)
     np.testing.assert_array_equal(asked(3), 4 * first)
 
 

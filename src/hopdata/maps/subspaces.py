@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hopdata.arrays import FloatArray, IntArray, one_blas_thread, pd
+from hopdata.errors import AnalysisError
 from hopdata.maps.draws import Notes, distinct_draws, named_generator, rare_notes
 
 #: Arc lengths below this need the sines: an error e in each cosine moves a length d by k e / d.
@@ -188,9 +189,13 @@ def bootstrap_subspaces(
     Raises
     ------
     AnalysisError
-        If there are fewer than two landings.
+        If there are fewer than two landings, or if one has a value that is not finite.
     """
     x, y = np.asarray(x, float), np.asarray(y, float)
+    unknown = np.flatnonzero(~np.isfinite(np.hstack([x, y])).all(axis=1))
+    if len(x) < 2 or unknown.size:
+        found = f"{unknown.size} others, the first in row {unknown[0]}" if unknown.size else len(x)
+        raise AnalysisError(f"subspaces: expected at least 2 landings, all finite, found {found}")
     names = np.asarray(schedule, str)
     frame = pooled_frame(x, y)
     k = components or min(x.shape[1] - 1, samples - 1)
