@@ -330,7 +330,7 @@ def main() -> None:
     geometry = calibrate(recording)
     done = Rehearsal(geometry, identified(recording, geometry), arguments.seed)
     begun = time.monotonic()
-    for hops in range(min(1000, arguments.hops), arguments.hops + 1, 1000):
+    for hops in (*range(1000, arguments.hops, 1000), arguments.hops):
         done.run(hops)
         table = pd.DataFrame(rows(done, time.monotonic() - begun))
         write_table(arguments.out, table)
