@@ -194,8 +194,8 @@ def bootstrap_subspaces(
     x, y = np.asarray(x, float), np.asarray(y, float)
     unknown = np.flatnonzero(~np.isfinite(np.hstack([x, y])).all(axis=1))
     if len(x) < 2 or unknown.size:
-        found = f"{unknown.size} others, the first in row {unknown[0]}" if unknown.size else len(x)
-        raise AnalysisError(f"subspaces: expected at least 2 landings, all finite, found {found}")
+        there = f"{unknown.size} others, the first in row {unknown[0]}" if unknown.size else len(x)
+        raise AnalysisError(f"subspaces: expected at least 2 landings, all finite, found {there}")
     names = np.asarray(schedule, str)
     frame = pooled_frame(x, y)
     k = components or min(x.shape[1] - 1, samples - 1)
