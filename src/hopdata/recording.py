@@ -121,7 +121,9 @@ class Recording(Shown):
         try:
             from xarray import DataArray
         except ImportError:
-            raise RecordingError("to_xarray: expected the package xarray, found none") from None
+            raise RecordingError(
+                "to_xarray: expected the package xarray, found none: pip install xarray"
+            ) from None
         roles = ("marker", list(self.roles))
         axes: Any = {"time": self.time, "marker": list(self.markers), "axis": list("xyz")}
         attributes = {"units": "m", "rate_hz": self.rate_hz, "source": self.source}

@@ -58,6 +58,20 @@ def test_a_rate_that_is_not_sure_is_asked_for_by_the_key_that_answers(check, tmp
     assert note == f"note: {file}: frame rate: 100 Hz as in input.rate_hz; the file states 50"
 
 
+@pytest.mark.parametrize(
+    ("wrong", "hint"),
+    [("toe1 toe2", "is a comma missing?"), ("toe11", "did you mean 'toe1'?")],
+)
+def test_a_wrong_marker_is_told_with_the_configuration_s_line(tmp_path, capsys, wrong, hint):
+    config = tmp_path / "study.yaml"
+    study = STUDY.format(file=export(tmp_path), unit="auto")
+    config.write_text(study.replace("[toe1, toe2,", f"[{wrong},"))
+    assert main(["check", str(config)]) == 1
+    told = capsys.readouterr().err
+    assert f"{config}, line 5: " in told
+    assert f"found '{wrong}'; {hint}" in told
+
+
 def test_whole_millimetres_are_noted(check, tmp_path):
     (note,) = check(export(tmp_path, np.round(hopping(1)[1], 3)))
     assert "coordinates are rounded to 1 mm, which adds noise of 0.29 mm" in note

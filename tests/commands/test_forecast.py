@@ -52,9 +52,9 @@ def test_few_landings_are_counted_and_more_are_asked_for(check):
     assert re.search(r"will be used, \d+ % of their orders unsure; contacts timed: ", landings)
     assert landings.endswith("toe1 100 %, toe2 100 %, toe3 100 %")
     assert verdict.startswith("out of reach: ")
-    assert "contact order has 20 touchdowns or more" in verdict
+    assert "at least two contact orders need 20 touchdowns each: " in verdict
     (more,) = starting(lines, "change")
-    assert more.startswith("record more: about 150 landings")
+    assert more.startswith("record more: at least 150 landings before anything can be compared")
 
 
 @pytest.mark.parametrize(("orders", "varies"), [(("1>2>3",), 1), (("1>2>3", "3>2>1"), 0)])
@@ -71,6 +71,25 @@ def test_only_landings_that_are_alike_are_to_be_varied(orders, varies):
     assert forecast.Forecast(touchdowns, 1.0, 0.1).vain == ""
     changes = starting([line.strip() for line in lines], "change")
     assert sum(one.startswith("vary how the body lands") for one in changes) == varies
+
+
+def test_the_foot_that_makes_orders_unsure_is_named():
+    feet = ["a", "b", "c"]
+    columns = {"schedule": "1>2>3", "class": "ambiguous", "excluded": False, "reason": ""}
+    instants = {"contact_a_s": 0.0, "contact_b_s": 1e-4, "contact_c_s": 0.02}
+    errors = {f"se_{foot}_s": 1e-3 for foot in feet}
+    touchdowns = pd.DataFrame(columns | instants | errors, index=range(30))
+    found = forecast.Forecast(touchdowns, 1.0, reason="no order is sure")
+    shares = [found.unsure_without(foot, feet, 0.9) for foot in feet]
+    assert shares == [0.0, 0.0, 1.0]
+    config = {
+        "markers": {"body": [], "feet": feet}, "verdict": {"margin": 0.2}, "feet": [],
+        "touchdowns": {"ambiguous_below": 0.9},
+    }  # fmt: skip
+    changes = starting([line.strip() for line in forecast.told(found, config, [])], "change")
+    assert changes[0] == "take a off markers.feet: of the others' orders 0 % are unsure"
+    sure = forecast.Forecast(touchdowns.assign(**{"class": "1>2>3"}), 1.0, reason="none")
+    assert not any("take a off" in line for line in forecast.told(sure, config, []))
 
 
 def test_a_foot_that_is_hidden_where_it_lands_is_named(check):

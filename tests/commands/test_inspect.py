@@ -105,10 +105,17 @@ def test_a_page_that_cannot_be_written(clean, tmp_path, capsys):
 
 
 def test_what_the_user_knows_is_taken(clean, capsys):
-    assert main(["inspect", str(clean), "--unit", "m", "--vertical-axis", "x"]) in (0, 1)
+    assert main(["inspect", str(clean), "--unit", "mm", "--vertical-axis", "x"]) in (0, 1)
     out = capsys.readouterr().out
-    assert "m: as given" in out
+    assert "mm: as given" in out
     assert "x: as given" in out
+
+
+def test_a_unit_that_cannot_be_is_refused(clean, capsys):
+    assert main(["inspect", str(clean), "--unit", "m"]) == 1
+    told = capsys.readouterr().err
+    assert "--unit: expected mm, in which the markers span" in told
+    assert "found m" in told
 
 
 def test_a_rate_that_the_file_does_not_state(tmp_path, capsys):

@@ -82,6 +82,18 @@ def test_clean_removes_one_study_and_says_so(folder, capsys):
     assert [one.name for one in Path("results").iterdir()] == ["other"]
 
 
+def test_clean_spares_the_results_of_other_recordings(folder, capsys):
+    record = Path("results/trial/provenance.json")
+    record.write_text(json.dumps({"config": {"recordings": [{"name": "one", "file": "one.tsv"}]}}))
+    for file, code in (("two.tsv", 1), ("one.tsv", 0)):
+        Path("config.yaml").write_text(f"study: trial\nrecordings: [{{name: a, file: {file}}}]\n")
+        assert main(["clean", "config.yaml"]) == code
+        assert record.exists() == bool(code)
+    assert "expected the recordings of results/trial (one.tsv), found two.tsv" in (
+        capsys.readouterr().err
+    )
+
+
 @pytest.mark.parametrize("study", ["..", "", "../trial", ".", "/tmp"])
 def test_clean_stays_within_the_results(folder, study):
     Path("config.yaml").write_text(f"study: '{study}'\n")

@@ -1,10 +1,11 @@
 """Mistakes in the blocks `contacts` and `forces` of a recording."""
 
 import copy
+from pathlib import Path
 
 import pytest
 
-from hopdata.config.consistency import feet_of
+from hopdata.config.consistency import feet_of, nearest_file
 from hopdata.config.loading import load_config
 from hopdata.errors import ConfigError
 
@@ -185,3 +186,17 @@ def test_missing_files_are_told(tmp_path, monkeypatch):
         (tmp_path / name).touch()
     with pytest.raises(ConfigError, match=r"recordings\[0\].forces.file: .*mean 'plates.txt'"):
         load_config(SOUND)
+
+
+def test_a_file_or_a_configuration_that_is_nearby_is_named(tmp_path, monkeypatch):
+    inner = tmp_path / "study" / "config"
+    inner.mkdir(parents=True)
+    (inner.parent / "one.tsv").touch()
+    (inner / "one.yaml").touch()
+    for place in (inner, tmp_path):
+        monkeypatch.chdir(place)
+        told = nearest_file(Path("one.tsv"))
+        assert told.startswith(f"; it is in {inner.parent}: ")
+    monkeypatch.chdir(inner)
+    assert nearest_file(Path("two.tsv")) == f" in {inner}"
+    assert nearest_file(Path("ones.yaml")) == "; did you mean 'one.yaml'?"

@@ -83,8 +83,12 @@ def test_the_check_foretells_what_the_study_found(sample, monkeypatch):
     recording, _ = import_recording(
         ["data/sample/hopper.h5"], name="hopper", markers=config["markers"], **config["input"]
     )
-    forecast = foretell(config, [recording])
     verdict = json.loads((sample / "results/sample/verdict.json").read_text())
+    part = foretell(config, [recording])
+    assert part.frames_share < 1
+    assert part.used == pytest.approx(verdict["n_landings"], rel=0.02)
+    monkeypatch.setattr("hopdata.commands.forecast.MOST_FRAMES", len(recording.time))
+    forecast = foretell(config, [recording])
     assert (forecast.used, forecast.stops) == (verdict["n_landings"], False)
     assert forecast.detectable == pytest.approx(verdict["effect"]["detectable"], rel=0.01)
     table = pd.read_csv(sample / "results/sample/tables/touchdowns.csv", keep_default_na=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 def check(options: argparse.Namespace) -> int:
     """Check a configuration and read all its recordings."""
     from hopdata.config.consistency import feet_of, files_of, simulation_of
-    from hopdata.config.loading import load_config
+    from hopdata.config.loading import load_config, place_of
     from hopdata.recording import extent, require_distinct
     from hopdata.recordings.importing import import_recording
     from hopdata.recordings.plausibility import check_plausible, notes
@@ -54,7 +55,9 @@ def check(options: argparse.Namespace) -> int:
                 extent_m=extent(recording.positions),
             )
         except RecordingError as error:
-            mistakes.append(str(error))
+            key = re.search(r"markers\.\w+: expected .*", str(error))
+            place = place_of(key[0], [options.config], "") if key else ""
+            mistakes.append(f"{place}: {error}" if place else str(error))
             continue
         print("\n".join([_summary(recording, config), *known]))
         remarks += [*notes(recording), *_suspects(recording, config["input"]["rate_hz"])]
@@ -108,17 +111,22 @@ def _summary(recording: Recording, config: dict[str, Any]) -> str:
     from hopdata.recording import body_over_feet, fraction_seen
 
     duration = recording.time[-1] - recording.time[0]
-    seen = 100 * fraction_seen(recording)
+    seen = fraction_seen(recording)
     worst = int(seen.argmin())
     lines = [
         f"{recording.name}: {recording.source}",
         f"  frames  {len(recording.time)} at {recording.rate_hz:g} Hz, {duration:.1f} s",
         *(f"  {key:6}  {', '.join(names)}" for key, names in config["markers"].items() if names),
         f"  height  body {body_over_feet(recording)[2]:.3f} m above the feet (median)",
-        f"  seen    {seen.mean():.1f} % of all markers and frames; "
-        f"least {recording.markers[worst]}, {seen[worst]:.1f} %",
+        f"  seen    {_percent(seen.mean())} of all markers and frames; "
+        f"least {recording.markers[worst]}, {_percent(seen[worst])}",
     ]
     return "\n".join(lines)
+
+
+def _percent(share: float) -> str:
+    """Write a share in per cent, rounded down: 100 is all."""
+    return f"{np.floor(1e4 * share) / 100:g} %"
 
 
 # What the external files of a recording hold, in a few lines.

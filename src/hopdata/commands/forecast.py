@@ -19,12 +19,12 @@ from hopdata.arrays import pd
 from hopdata.config.consistency import feet_of
 from hopdata.errors import AnalysisError
 from hopdata.landings.filling import TOO_MUCH_FILLED
-from hopdata.landings.schedules import AMBIGUOUS
+from hopdata.landings.schedules import AMBIGUOUS, order_probability
 from hopdata.landings.states.assemble import STATELESS
 from hopdata.landings.touchdowns import HIDDEN_PRE, LOW_FLIGHT, NO_FOOT_LANDED
 from hopdata.maps.verdict.effect import landings_needed
 from hopdata.recording import Recording, fraction_seen
-from hopdata.recordings.plausibility import MIN_BODY_MARKERS
+from hopdata.recordings.plausibility import MIN_BODY_MARKERS, MIN_FEET
 
 FOOT = r"foot (\d+)"  # in a reason of the table, counted from 1
 MOST_FRAMES = 60_000  # looked at; of longer studies the middle of each recording
@@ -106,6 +106,12 @@ class Forecast:
         used = self.touchdowns[~self.touchdowns["excluded"]]
         return float((used["class"] == AMBIGUOUS).mean()) if len(used) else 0.0
 
+    def unsure_without(self, foot: str, feet: Sequence[str], below: float) -> float:
+        """Share of the landings used whose order would be less probable if a foot were left out."""
+        used, others = self.touchdowns[~self.touchdowns["excluded"]], [f for f in feet if f != foot]
+        of = [used[[f"{what}_{f}_s" for f in others]].to_numpy() for what in ("contact", "se")]
+        return float((order_probability(*of) < below).mean())
+
     @property
     def vain(self) -> str:
         """Why little is to be learned from the study; empty if there is much."""
@@ -173,7 +179,7 @@ def told(
     about = "about " if forecast.frames_share < 1 else ""
     timed = ", ".join(f"{foot} {100 * forecast.timed(foot):.0f} %" for foot in feet)
     out = [
-        f"{count} {re.sub(FOOT, lambda number: feet[int(number[1]) - 1], reason)}"
+        f"{re.sub(FOOT, lambda number: feet[int(number[1]) - 1], reason)}: {count}"
         for reason, count in forecast.left_out().items()
     ]
     lines = [
@@ -219,15 +225,21 @@ def _changes(
             or_else = ", or take it off markers.body" * (len(body) > MIN_BODY_MARKERS)
             hidden = min(seen, key=lambda name: seen[name])
             changes.append(texts[0].format(foot=foot, body=hidden, or_else=or_else))
+    if len(feet) > MIN_FEET and forecast.unsure > MOST_UNSURE:
+        below = config["touchdowns"]["ambiguous_below"]
+        share, foot = min((forecast.unsure_without(foot, feet, below), foot) for foot in feet)
+        if share < forecast.unsure / 2:
+            left = f"of the others' orders {100 * share:.0f} % are unsure"
+            changes.append(f"take {foot} off markers.feet: {left}")
     margin = config["verdict"]["margin"]
     enough = forecast.detectable is not None and forecast.detectable <= margin
     needed = landings_needed(forecast.used, forecast.detectable or 0.0, margin, len(feet))
     if needed > forecast.used and not enough:
-        minutes = sum(float(r.time[-1] - r.time[0]) for r in recordings) / 60
-        minutes *= needed / max(forecast.used, 1) - 1
         changes.append(
-            f"record more: about {needed} landings are wanted for verdict.margin, some "
-            f"{minutes:.2g} minutes more at this pace"
+            f"record more: at least {needed} landings before anything can be compared; "
+            "verdict.margin typically takes more than 1000"
+            if forecast.detectable is None
+            else f"record more: some {float(f'{needed:.2g}'):g} landings for verdict.margin"
         )
     orders = forecast.touchdowns.loc[~forecast.touchdowns["excluded"], "schedule"]
     alike = orders.value_counts(normalize=True).max() > MOST_ALIKE

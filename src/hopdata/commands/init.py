@@ -58,7 +58,9 @@ class Draft:
         Values of further sections that differ from the defaults, such as
         ``{"input": {"vertical_axis": "y"}}``.
     remarks : sequence of str
-        What the user should know or do first; stands on top.
+        What the user should do first; stands on top.
+    notes : sequence of str
+        What the reader of the file had to say, with which nothing is to be done.
     all_markers : sequence of str
         All names in the file.
     home : str
@@ -72,6 +74,7 @@ class Draft:
     reasons: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     remarks: Sequence[str] = ()
+    notes: Sequence[str] = ()
     all_markers: Sequence[str] = ()
     home: str = ""
 
@@ -93,6 +96,7 @@ def draft_config(draft: Draft, *, path: str) -> str:
         *_comment(f"Check: hopdata check {shlex.quote(path)}"),
         *_comment(f"Run:   hopdata run {shlex.quote(path)}"),
         *(line for remark in draft.remarks for line in _comment(f"TO DO: {remark}")),
+        *(line for note in draft.notes for line in _comment(f"Note: {note}")),
         "",
         f"study: {scalar(draft.study)}  # results go to results/{draft.study}",
         "",
@@ -251,7 +255,8 @@ def _draft(
         markers={"body": roles.body, "feet": roles.feet, "boom": roles.boom},
         reasons=reasons,
         settings={section: values for section, values in settings.items() if values},
-        remarks=remarks,
+        remarks=[remark for remark in remarks if remark not in inspection.remarks],
+        notes=inspection.remarks,
         all_markers=inspection.markers,
         home=roles.home,
     )

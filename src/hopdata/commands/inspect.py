@@ -11,7 +11,7 @@ import numpy as np
 
 from hopdata import __version__
 from hopdata.commands import terminal
-from hopdata.errors import RecordingError
+from hopdata.errors import RecordingError, counted
 from hopdata.report.formatting import Table
 from hopdata.report.inputs import ReportFigure, picture_of, rendered
 
@@ -62,9 +62,10 @@ def view(options: argparse.Namespace) -> int:
 
 def inspected(options: argparse.Namespace) -> Inspection:
     """Read and measure the file of ``file``, ``unit``, ``vertical_axis``, ``rate`` ...."""
+    from hopdata.recording import extent
     from hopdata.recordings.quality.inspection import inspect_recording
     from hopdata.recordings.quality.orientation import choose_unit, guess_rate
-    from hopdata.recordings.raw import RateUnknownError
+    from hopdata.recordings.raw import METRES_PER_UNIT, RateUnknownError
     from hopdata.recordings.readers.formats import read_raw
 
     with terminal.progress_line() as progress:
@@ -78,6 +79,13 @@ def inspected(options: argparse.Namespace) -> Inspection:
             rate = guess_rate(raw, unit, is_stated=False)
             try_it = f": --rate {rate.value} or {rate.other}?" if rate.value else ""
             raise RecordingError(f"{error}; {rate.reason}{try_it}") from None
+        likely = choose_unit(raw.positions, unit="auto", nominal=options.unit or raw.unit)
+        if likely != (options.unit or likely):
+            size = METRES_PER_UNIT[likely] * extent(raw.positions)
+            raise RecordingError(
+                f"{options.file}: --unit: expected {likely}, in which the markers span "
+                f"{size:.3g} m, found {options.unit}"
+            )
         guessed = {"unit": options.unit, "up": options.vertical_axis, "rate_hz": options.rate}
         return inspect_recording(raw, **guessed, progress=progress)
 
@@ -117,7 +125,7 @@ def _highlights(inspection: Inspection) -> list[tuple[str, str, str]]:
     noise = f"{1e3 * inspection.typical_noise_m:.2f} mm"
     return [
         ("Frames", f"{len(inspection.time)}", f"{inspection.duration_s:.1f} s"),
-        ("Rate", f"{inspection.rate_hz:g} Hz", f"{timing.n_dropped} frames dropped"),
+        ("Rate", f"{inspection.rate_hz:g} Hz", f"{counted(timing.n_dropped, 'frame')} dropped"),
         ("Markers", f"{len(inspection.markers)}", ", ".join(inspection.markers)),
         ("Unit", unit.value, unit.reason),
         ("Up", up.value, up.reason),

@@ -50,6 +50,8 @@ def run(options: argparse.Namespace) -> int:
         answer, page = (Path("results", study, name) for name in ("verdict.json", "report.html"))
     chosen = {"--dry-run": options.dry_run, "--forceall": options.force}
     passed = [*(flag for flag, is_set in chosen.items() if is_set), *options.passed_on]
+    if options.dry_run:  # which jobs, not all their files
+        passed += ["--quiet", "rules", "host", "reason"]
     if run_workflow(config, study, "--cores", options.cores, *passed, snakefile=snakefile):
         return PROBLEM
     is_dry = {"-n", "--dry-run", "--dryrun"} & set(passed)
@@ -228,10 +230,22 @@ def clean(options: argparse.Namespace) -> int:
     if options.all:
         found = [Path("results"), Path(".snakemake")]
     else:
-        study = str((read_yaml(options.config) or {}).get("study") or "")
+        config = read_yaml(options.config) or {}
+        study = str(config.get("study") or "")
         if not study or Path(study).name != study or study.startswith("."):
             raise ConfigError(f"{options.config}: study: expected a name, found '{study}'")
         found = [Path("results", study)]
+        record = found[0] / "provenance.json"  # another study may have the same name by mistake
+        known = json.loads(record.read_text(encoding="utf-8"))["config"] if record.exists() else {}
+        own, others = (
+            ", ".join(str(entry.get("file")) for entry in one.get("recordings") or ())
+            for one in (config, known)
+        )
+        if others and own != others:
+            raise ConfigError(
+                f"{options.config}: expected the recordings of {found[0]} ({others}), found {own}; "
+                f"to remove it all the same: rm -r {found[0]}"
+            )
     for folder in (one for one in found if one.is_dir()):
         print(f"{folder}: " + ("would be removed" if options.dry_run else "removed"))
         if not options.dry_run:

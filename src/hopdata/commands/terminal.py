@@ -74,7 +74,7 @@ def _facts(inspection: Inspection) -> list[str]:
     timing = inspection.timing
     stamps = f"time stamps regular to {1e3 * timing.jitter_s:.3f} ms"
     if timing.n_dropped:
-        stamps = f"{timing.n_dropped} frames dropped"
+        stamps = f"{counted(timing.n_dropped, 'frame')} dropped"
     rate = f"{len(inspection.time)} at {inspection.rate_hz:g} Hz, {inspection.duration_s:.1f} s"
     unit, up = inspection.unit, inspection.up
     names = ", ".join(inspection.markers)
@@ -98,8 +98,8 @@ def notes(inspection: Inspection) -> list[str]:
     }
     questions = [one for key, guess in guesses.items() for one in question(key, guess)]
     lost = [
-        f"{gaps.marker} is unseen in {100 * gaps.share:.0f} % of the frames; on a foot it would "
-        "lose landings, and those of other legs would count in their place: take one that is seen"
+        f"{gaps.marker} is unseen in {100 * gaps.share:.0f} % of the frames and may lose landings; "
+        "on a foot, those of other legs would count in their place: take one that is seen"
         for gaps in inspection.gaps
         if LONG_UNSEEN < gaps.share < 1
     ]

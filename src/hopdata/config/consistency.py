@@ -122,6 +122,8 @@ def expected_noise_m(config: Mapping[str, Any]) -> float:
 
 # The files that a configuration names, and whether they are there.
 
+YAML = (".yaml", ".yml")  # what is no recording, and the only configuration
+
 
 def recording_files(config: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield key and file of each recording's files."""
@@ -137,16 +139,20 @@ def missing_files(config: dict[str, Any]) -> Iterator[str]:
         file = Path(name)
         if file.is_file():
             continue
-        found = f"the folder '{file}'" if file.is_dir() else f"no '{file}'{_near(file)}"
+        found = f"the folder '{file}'" if file.is_dir() else f"no '{file}'{nearest_file(file)}"
         yield f"{key}: expected a file, found {found}"
 
 
-def _near(file: Path) -> str:
-    """Say what there is instead: the nearest name, other recordings, or not even the folder."""
+def nearest_file(file: Path) -> str:
+    """Say what there is instead: it is nearby, the nearest name, others, or not even the folder."""
+    for folder in (*Path.cwd().parents[:2], *sorted(Path.cwd().glob("*/"))):
+        if os.path.isfile(folder / file):
+            return f"; it is in {folder}: paths hold from where hopdata runs, so go there (cd)"
     folder = file.parent
     if not folder.is_dir():
         return f"; there is no folder '{folder}' in {Path.cwd()}"
-    names = sorted(p.name for p in folder.iterdir() if p.is_file())
+    files = (p for p in sorted(folder.iterdir()) if p.is_file())
+    names = [p.name for p in files if (p.suffix in YAML) == (file.suffix in YAML)]
     if near := did_you_mean(file.name, names):
         return near
     same = [name for name in names if name.endswith(file.suffix)][:3]

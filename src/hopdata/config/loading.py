@@ -8,7 +8,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from hopdata.config.consistency import CHECKS, missing_files
+from hopdata.config.consistency import CHECKS, missing_files, nearest_file
 from hopdata.config.schema import describe, dotted, load_schema
 from hopdata.errors import ConfigError
 from hopdata.scenes import SCENES, STANDARD
@@ -89,6 +89,7 @@ def read_yaml(path: str | Path) -> Any:
     except OSError as error:
         raise ConfigError(
             f"{path}: expected a readable configuration, found: {error.strerror or error}"
+            + nearest_file(path) * isinstance(error, FileNotFoundError)
         ) from None
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: expected YAML in UTF-8, found other bytes") from None

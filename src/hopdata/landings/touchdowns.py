@@ -10,15 +10,7 @@ import numpy as np
 from hopdata.arrays import BoolArray, FloatArray, one_blas_thread, pd
 from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings import schedules
-from hopdata.landings.contacts import descents
-from hopdata.landings.contacts.find import (
-    METHODS,
-    Contacts,
-    contacts_of,
-    find_contacts,
-    find_landings,
-    usual_down_height,
-)
+from hopdata.landings.contacts import descents, find
 from hopdata.landings.filling import mark_filled
 from hopdata.recording import Recording
 
@@ -29,7 +21,7 @@ NO_FOOT_LANDED = "no foot landed"
 
 
 def exclusion_reasons(
-    transitions: descents.Transitions, contacts: Contacts, *, longest_gap_s: float
+    transitions: descents.Transitions, contacts: find.Contacts, *, longest_gap_s: float
 ) -> list[str]:
     """Say of each touchdown why it is left out, the weightiest reason first; empty if it is used.
 
@@ -131,17 +123,17 @@ def touchdown_table(
         If `method`, `gravity` or `ambiguous` is unknown.
     """
     require_choice("touchdowns.ambiguous", ambiguous, schedules.TREATMENTS)
-    printed = chosen("touchdowns.method", method, METHODS) is not None
+    printed = chosen("touchdowns.method", method, find.METHODS) is not None
     if landings is None:
-        landings = find_landings(recording, **options)
+        landings = find.find_landings(recording, **options)
     heights, spans = recording.feet[:, :, 2], landings[["begin_s", "end_s"]].to_numpy(float)
     transitions = _transitions(
         recording, spans, landings["hidden"].to_numpy(bool), (pre_height_m, post_height_m)
     )
-    contacts = contacts_of(landings)
+    contacts = find.contacts_of(landings)
     if printed:
-        down_m = options.get("down_height_m") or usual_down_height(recording, spans)
-        contacts = find_contacts(
+        down_m = options.get("down_height_m") or find.usual_down_height(recording, spans)
+        contacts = find.find_contacts(
             recording.time, heights, transitions, down_height_m=down_m, method=method
         )
     table = _table(recording, transitions, contacts, ambiguous_below, ambiguous)
@@ -252,7 +244,7 @@ def _seen(recording: Recording) -> tuple[FloatArray, FloatArray]:
 def _table(
     recording: Recording,
     transitions: descents.Transitions,
-    contacts: Contacts,
+    contacts: find.Contacts,
     ambiguous_below: float,
     ambiguous: str,
 ) -> pd.DataFrame:

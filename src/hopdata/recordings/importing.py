@@ -257,9 +257,11 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
     for key in ROLE_OF_KEY:
         for marker in wanted.get(key) or ():
             if marker not in raw.markers:
+                several = set(marker.split()) <= set(raw.markers)
+                near = "; is a comma missing?" if several else did_you_mean(marker, raw.markers)
                 raise RecordingError(
                     f"{path}: markers.{key}: expected a marker of the file "
-                    f"({listed(raw.markers)}), found {marker!r}{did_you_mean(marker, raw.markers)}"
+                    f"({listed(raw.markers)}), found {marker!r}{near}"
                     + "".join(f"; {told}" for told in raw.remarks if f"'{marker}' twice" in told)
                     + _of_another_session(raw, wanted)
                 )
@@ -269,12 +271,7 @@ def _chosen(path: Path, raw: RawRecording, wanted: Mapping[str, Sequence[str]]) 
                 )
             chosen.append(marker)
     order = [raw.markers.index(marker) for marker in chosen]
-    return replace(
-        raw,
-        markers=tuple(chosen),
-        positions=_only(raw.positions, order),
-        roles=(),
-    )
+    return replace(raw, markers=tuple(chosen), positions=_only(raw.positions, order), roles=())
 
 
 def _of_another_session(raw: RawRecording, wanted: Mapping[str, Sequence[str]]) -> str:

@@ -182,7 +182,10 @@ BAD = {
     "one landing": (lambda: landings(n=1), "at least 10, found 1"),
     "nine landings": (lambda: landings(n=9), "at least 10, found 9"),
     "too few for curvature": (lambda: landings(n=100), "too few"),
-    "one schedule only": (_one_order, "only one contact order has"),
+    "one schedule only": (
+        _one_order,
+        "two contact orders need 20 touchdowns each: 1 → 2 → 3 has 86",
+    ),
     "two markers": (_two_markers, "3 body markers"),
     "all contacts in one frame": (_one_frame, "same instant"),
     "constant columns": (_constant, "do not vary"),

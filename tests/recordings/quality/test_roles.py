@@ -209,6 +209,29 @@ def test_a_runner_s_right_foot_and_pelvis(external_recording):
     assert found.other_feet == (("L_heel", "L_mt1", "L_mt5"),)
 
 
+def test_of_the_heel_of_a_shoe_one_marker_is_taken(quick_runner):
+    from hopdata.recordings.readers.formats import read_raw
+
+    found = guess_roles(inspect_recording(read_raw(quick_runner)))
+    assert found.feet == ("R.Heel.Bottom", "R.MT1", "R.MT5")
+    left = "R.Heel.Top, R.Heel.Lateral, R.ASY (of a shoe's heel one marker is enough)"
+    assert f"left out: {left}" in found.reasons["feet"]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("on_heel", [True, False])
+def test_a_second_marker_of_a_heel_is_left_out_and_a_toe_s_is_not(seed, on_heel):
+    positions, names = jumping(seed, jumps=2), STYLES["opensim"]
+    place = "Heel" if on_heel else "Midfoot.Lat"
+    extra = positions[:, [4, 10]] + [0.0, 0.03, 0.01]
+    extra += np.random.default_rng(seed).normal(0, 5e-4, extra.shape)
+    added = [f"L.{place}.Second", f"R.{place}.Second"]
+    assert {part_by_name(name) for name in added} == ({"foot"} if on_heel else {""})
+    found = roles(np.concatenate([positions, extra], axis=1), (*names, *added))
+    assert not set(found.feet) & set(added)
+    assert {names[4], names[10]} <= set(found.feet)
+
+
 def test_without_feet_it_says_what_is_missing():
     found = roles(hopping(2)[1][:, [0, 1, 2, 6]], ("hip1", "hip2", "hip3", "post"))
     assert found.feet == ()

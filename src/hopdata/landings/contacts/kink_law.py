@@ -39,12 +39,7 @@ def pooled_noise(fits: KinkFits) -> float:
 
 
 def learn(
-    fits: KinkFits,
-    *,
-    noise_m: float,
-    prior: FlightPriors,
-    own: bool = True,
-    sharpen: bool = False,
+    fits: KinkFits, *, noise_m: float, prior: FlightPriors, own: bool = True, sharpen: bool = False
 ) -> FlightPriors:
     """Take one step towards the distributions behind the laws of flight and stance.
 
@@ -147,11 +142,7 @@ def _restricted(value: FloatArray, variance: FloatArray, *, wider: bool) -> Dist
 
 FLAT_SD, SHARP_SD = 1e4, 1e-3  # m/s^2: as good as no prior, and as good as known
 # Mean and standard deviation of a foot's acceleration before the recording has been asked, m/s^2.
-GRAVITIES = {
-    "learned": (0.0, FLAT_SD),
-    "free": (0.0, FLAT_SD),
-    "known": (-GRAVITY_M_S2, SHARP_SD),
-}
+GRAVITIES = {"learned": (0.0, FLAT_SD), "free": (0.0, FLAT_SD), "known": (-GRAVITY_M_S2, SHARP_SD)}
 WEAK_CHANGE_SD, WEAK_JERK_SD = 30.0, 500.0  # m/s^2, m/s^3: pushes not yet learned
 WEAK_CREEP_SD = 0.1  # m/s
 LEARNING_STEPS = 6

@@ -13,13 +13,7 @@ from hopdata.errors import AnalysisError, chosen, require_choice
 from hopdata.landings.contacts.descents import CONTINUED_S, HIDDEN_S, LANDED, descents
 from hopdata.landings.contacts.find import contacts_of, find_landings
 from hopdata.landings.sections.frames import Frames, Heights, heights_of, pool_frames, pooled
-from hopdata.landings.sections.modes import (
-    GroundMode,
-    finite,
-    ground_mode,
-    kde,
-    normal_bandwidth,
-)
+from hopdata.landings.sections.modes import GroundMode, finite, ground_mode, kde, normal_bandwidth
 from hopdata.recording import Recording
 
 FRAMES = {"all": False, "landings": True}  # whether those of landings alone count

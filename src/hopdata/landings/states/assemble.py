@@ -59,12 +59,7 @@ class HomeFrames:
 
 
 def home_frames(
-    time: FloatArray,
-    body: FloatArray,
-    t_pre: FloatArray,
-    t_post: FloatArray,
-    *,
-    marker: int,
+    time: FloatArray, body: FloatArray, t_pre: FloatArray, t_post: FloatArray, *, marker: int
 ) -> HomeFrames:
     """Find the home frame of each touchdown (Sec. 2.2.4 of the dissertation).
 
@@ -238,10 +233,7 @@ def _why_few(recording: Recording, table: pd.DataFrame) -> str:
 
 
 def _states(
-    recording: Recording,
-    used: pd.DataFrame,
-    sections: tuple[float, float],
-    **options: Any,
+    recording: Recording, used: pd.DataFrame, sections: tuple[float, float], **options: Any
 ) -> tuple[SectionStates, SectionStates]:
     """States of the used touchdowns at the pre and at the post section, in the world."""
     contacts = used[[f"contact_{foot}_s" for foot in recording.names("foot")]].to_numpy()

@@ -204,11 +204,7 @@ def _improved(sums: Moments, population: Population) -> Population:
 
 
 def _in_powers(
-    sums: Moments,
-    enough: BoolArray,
-    mean: FloatArray,
-    covariance: FloatArray,
-    variance: FloatArray,
+    sums: Moments, enough: BoolArray, mean: FloatArray, covariance: FloatArray, variance: FloatArray
 ) -> Coefficients:
     powers, mean = sums.powers, mean @ sums.powers.T
     for first in range(0, len(mean), BLOCK):  # in no second memory of that size

@@ -100,12 +100,7 @@ _ARRAYS = ("gram", "product", "square", "frames", "centre", "direction")
 
 
 def moments(
-    time: FloatArray,
-    body: FloatArray,
-    windows: Windows,
-    *,
-    degree: int,
-    gravity_m_s2: float = 0.0,
+    time: FloatArray, body: FloatArray, windows: Windows, *, degree: int, gravity_m_s2: float = 0.0
 ) -> Moments:
     """Sum up the frames of the windows.
 

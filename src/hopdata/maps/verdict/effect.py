@@ -22,6 +22,7 @@ import numpy as np
 
 from hopdata.arrays import FloatArray, IntArray
 from hopdata.errors import AnalysisError
+from hopdata.landings.schedules import order_names
 from hopdata.maps.coordinates import (
     ALL_SETS_UP_TO,
     LANDINGS_PER_TERM,
@@ -135,9 +136,9 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
     orders, counts = contact_orders(landings.expected, LEAST_CLASS if feet <= ALL_SETS_UP_TO else 1)
     differences, mean = contrasts(orders, counts)
     if not len(differences):
+        two = f"at least two contact orders need {LEAST_CLASS} touchdowns each: "
         raise AnalysisError(
-            f"{'only one' if len(orders) else 'no'} contact order has {LEAST_CLASS} touchdowns or "
-            "more, and two are compared"
+            two + _commonest(landings)
             if feet <= ALL_SETS_UP_TO
             else f"no two feet each come first in {LEAST_CLASS} touchdowns"
         )
@@ -148,6 +149,13 @@ def compared(landings: SectionLandings) -> tuple[FloatArray, FloatArray, str]:
         else f"landings with one or the other of two feet first ({len(differences)} pairs of feet)"
     )
     return (np.tensordot(differences, slopes, axes=1), np.tensordot(mean, slopes, axes=1), what)
+
+
+def _commonest(landings: SectionLandings, most: int = 3) -> str:
+    """Say how many landings the commonest contact orders have."""
+    orders, counts = contact_orders(landings.expected, 1)
+    names, common = order_names(orders), np.argsort(-counts, kind="stable")[:most]
+    return ", ".join(f"{names[k].replace('>', ' → ')} has {counts[k]}" for k in common)
 
 
 def squared_size(

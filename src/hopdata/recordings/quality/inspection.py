@@ -245,7 +245,7 @@ def inspect_recording(
         jumps=find_jumps(missed, raw.markers, explained=explained),
         frozen=frozen,
     )
-    rate = guess_rate(raw, unit_guess.value)
+    rate = guess_rate(raw, unit_guess.value, up=up_guess.value)
     rate = rate if rate_hz is None else Guess(f"{raw.rate_hz:g}", "as given")
     return Inspection(
         raw.markers, raw.time, positions, raw.rate_hz, unit_guess, up_guess, rate, gaps,

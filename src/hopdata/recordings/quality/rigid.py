@@ -145,11 +145,7 @@ NEAR = 3  # frames within which both markers must jump, or be unseen, where a st
 
 
 def exchanged_stretches(
-    positions: FloatArray,
-    pairs: PairDistances,
-    clusters: tuple[Cluster, ...],
-    *,
-    breaks: BoolArray,
+    positions: FloatArray, pairs: PairDistances, clusters: tuple[Cluster, ...], *, breaks: BoolArray
 ) -> Iterator[tuple[int, int, int, int]]:
     """Yield both markers, the first frame of a stretch, and the frame after its last.
 
@@ -237,12 +233,7 @@ def _away(
 
 
 def _exchanged(
-    positions: FloatArray,
-    pairs: PairDistances,
-    inside: set[int],
-    known: list[int],
-    a: int,
-    b: int,
+    positions: FloatArray, pairs: PairDistances, inside: set[int], known: list[int], a: int, b: int
 ) -> BoolArray:
     """Frames (N,) in which the exchanged names fit the cluster's distances, the own do not."""
     others = [c for c in known if c not in (a, b)]

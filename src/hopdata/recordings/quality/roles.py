@@ -133,11 +133,14 @@ def guess_roles(inspection: Inspection) -> Roles:
     if boom:
         stays = fixed[[markers.index(name) for name in boom]].all()
         reasons["boom"] = "stays fixed in the world" if stays else "by name"
-    group = _chosen(groups, markers, positions)
+    group = _chosen(groups, inspection)
+    rivals = [tuple(markers[m] for m in g) for g in groups if not set(g) & set(group)]
     if len(group) >= LEAST_FEET:
         beyond = _beyond_most(group, groups, markers)
         group, on_one = _sole(group, inspection)
         reasons["feet"] = _feet_reason(group, rests) + on_one + beyond
+        between = "; ".join(", ".join(other) for other in rivals)
+        reasons["feet"] += f"; {between} land in between: a study of their own" * bool(between)
     else:
         problems.append(_no_feet(group, inspection))
     taken = {m for g in groups for m in g} | {markers.index(name) for name in boom} | others
@@ -153,7 +156,6 @@ def guess_roles(inspection: Inspection) -> Roles:
         )
     body = sorted(body)
     home, reasons["home"] = _home(body, inspection) if body else ("", "")
-    rivals = [tuple(markers[m] for m in g) for g in groups if not set(g) & set(group)]
     feet = tuple(markers[m] for m in sorted(group))
     body_names = tuple(markers[m] for m in body)
     unsure = {"body": other_body} if body and other_body else {}
@@ -257,17 +259,18 @@ def _overlap(one: BoolArray, other: BoolArray) -> bool:
     return bool((one & other).sum() > TOGETHER * min(one.sum(), other.sum()))
 
 
-def _chosen(groups: list[list[int]], markers: tuple[str, ...], positions: FloatArray) -> list[int]:
+def _chosen(groups: list[list[int]], inspection: Inspection) -> list[int]:
     """Choose the group to analyse: at most six markers of it, of both sides alike.
 
-    Heels come first, then toes, then low markers. Others than those named as feet are taken where
-    no two are, ankles where there is nothing else.
+    Heels come first, of each rigid part the lowest alone, since those of one shoe land as one; then
+    toes, then low markers. Others than those named as feet are taken where no two are, ankles where
+    there is nothing else.
     """
     if not groups:
         return []
     if len(groups[0]) == 1:  # one marker a foot, and no two land together
         groups = [[m for g in groups for m in g]]
-    low = lowest(positions[:, :, 2])
+    markers, low = inspection.markers, lowest(inspection.positions[:, :, 2])
     parts = {m: part_by_name(markers[m]) for m in groups[0]}
     kinds = (("foot",), ("foot", ""))
     named, others = ([m for m in groups[0] if parts[m] in known] for known in kinds)
@@ -280,9 +283,16 @@ def _chosen(groups: list[list[int]], markers: tuple[str, ...], positions: FloatA
     for m in sorted(group, key=rank):
         place = place_by_name(markers[m])[1]
         alike = [k for k in group if place_by_name(markers[k])[1] == place or k == m]
-        if m not in chosen and len(chosen) + len(alike) <= MOST_FEET:
-            chosen += alike
+        if len({m, *chosen, *alike}) <= MOST_FEET and not _heel_again(m, chosen, inspection):
+            chosen += [k for k in alike if k not in chosen]
     return sorted(chosen)
+
+
+def _heel_again(m: int, chosen: list[int], inspection: Inspection) -> bool:
+    """Say whether a marker is on a heel that has one already: on one rigid part with it."""
+    heels = [k for k in [m, *chosen] if place_by_name(inspection.markers[k])[0] == 0]
+    parts = [set(cluster.markers) for cluster in inspection.clusters]
+    return m in heels and any({m, k} <= part for k in heels[1:] for part in parts)
 
 
 def _home(body: list[int], inspection: Inspection) -> tuple[str, str]:
@@ -329,7 +339,6 @@ def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str, str]
     rigid.sort(key=lambda c: -float(np.nanmedian(inspection.positions[:, c, 2])))
     of_named = [c for c in rigid if len(set(c) & set(named)) >= LEAST_BODY]
     seen = np.isfinite(inspection.positions[:, :, 0]).mean(axis=0)
-    reason, other = "", ""
 
     def left_out(kept: list[int], of: list[int], why: str) -> str:
         left = [markers[m] for m in of if m not in kept]
@@ -341,12 +350,8 @@ def _body(inspection: Inspection, taken: set[int]) -> tuple[list[int], str, str]
         reason = f"rigid, {_strain(kept, inspection.pairs)}; never on the floor"
         reason += left_out(pool, of_named[0], "for their names")
         return kept, reason + left_out(kept, pool, "since they are seen less"), ""
-    if len(named) >= LEAST_BODY:
-        pool = _well_seen(named, seen)
-        kept = _stiffest(pool, inspection.pairs)
-        if not kept:
-            pool, kept = named, _stiffest(named, inspection.pairs)
-        if kept:
+    for pool in (_well_seen(named, seen), named):
+        if kept := _stiffest(pool, inspection.pairs):
             reason = f"by name; {_strain(kept, inspection.pairs)}"
             reason += left_out(pool, named, "since they are seen less")
             return kept, reason + left_out(kept, pool, "since they bend more"), ""
@@ -424,7 +429,9 @@ def _beyond_most(group: list[int], groups: list[list[int]], markers: tuple[str, 
     """Say which markers that land with the feet are not among them, since there are too many."""
     left = [markers[m] for g in groups if set(g) & set(group) for m in g if m not in group]
     most = f"{MOST_FEET} at most, " if len(group) + 1 >= MOST_FEET else ""
-    return f"; {most}left out: {', '.join(left)}" if left else ""
+    one = " (of a shoe's heel one marker is enough)"
+    why = one * any(place_by_name(name)[0] == 0 for name in left)
+    return f"; {most}left out: {', '.join(left)}{why}" if left else ""
 
 
 def _no_feet(group: list[int], inspection: Inspection) -> str:

@@ -342,11 +342,7 @@ def _last_seen(is_seen: BoolArray, frames: IntArray) -> IntArray:
 
 
 def _cycles_at(
-    frame: int,
-    positions: FloatArray,
-    is_taking: BoolArray,
-    last: IntArray,
-    limit: FloatArray,
+    frame: int, positions: FloatArray, is_taking: BoolArray, last: IntArray, limit: FloatArray
 ) -> Iterator[tuple[int, ...]]:
     """Yield the circles of markers that fit one another's tracks at a frame.
 

@@ -12,14 +12,7 @@ import numpy as np
 
 from hopdata.errors import RecordingError
 from hopdata.recordings import raw
-from hopdata.recordings.readers.text import (
-    Rows,
-    blank_unseen,
-    is_number,
-    open_table,
-    readable,
-    split_line,
-)
+from hopdata.recordings.readers import text
 
 ENDS = "_motion.tsv"
 _FOLDERS = 4  # of a dataset: motion, session, subject, dataset
@@ -44,7 +37,7 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
     """
     path = Path(path)
     channels = path.with_name(path.name.removesuffix(ENDS) + "_channels.tsv")
-    table = open_table(channels)
+    table = text.open_table(channels)
     columns = {key: table.texts(key) for key in ("component", "type", "tracked_point", "units")}
     kinds = [kind.upper() for kind in columns["type"]]
     places: dict[str, dict[str, int]] = {}
@@ -74,10 +67,10 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
     stamped = [kinds.index("LATENCY")] if "LATENCY" in kinds else []
     _, numbers, stamps = _rows(path, len(kinds)).numbers([], at.ravel().tolist(), stamped)
     missing = told.get("MissingValues")
-    if missing is not None and is_number(str(missing)):
+    if missing is not None and text.is_number(str(missing)):
         numbers[numbers == float(missing)] = np.nan
     positions = numbers.reshape(len(numbers), -1, 3)
-    blank_unseen(positions)
+    text.blank_unseen(positions)
     if np.isnan(stamps).any():
         row = int(np.argmax(np.isnan(stamps)))
         raise RecordingError(f"{path}, line {row + 1}: LATENCY: expected a time, found none")
@@ -97,12 +90,12 @@ def read_bids(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecor
     )
 
 
-def _rows(path: Path, width: int) -> Rows:
+def _rows(path: Path, width: int) -> text.Rows:
     """Rows of numbers: the standard has no row of names, some files do."""
-    with readable(path) as file:
+    with text.readable(path) as file:
         first = file.readline()
-    named = not any(map(is_number, split_line(path, first)))
-    return Rows(path, int(named), len(first) * named, width)
+    named = not any(map(text.is_number, text.split_line(path, first)))
+    return text.Rows(path, int(named), len(first) * named, width)
 
 
 def _rate(path: Path, told: dict[str, Any]) -> float | None:

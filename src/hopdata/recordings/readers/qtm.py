@@ -19,17 +19,7 @@ from hopdata.arrays import FloatArray
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recording import Event
 from hopdata.recordings import raw
-from hopdata.recordings.readers.text import (
-    TEXT_TABLE_MISSING,
-    Rows,
-    decoded,
-    is_number,
-    mark_between,
-    pointed,
-    readable,
-    split_line,
-    trimmed,
-)
+from hopdata.recordings.readers import text
 
 KEYS = (
     *("FILE_VERSION", "NO_OF_FRAMES", "NO_OF_CAMERAS", "NO_OF_MARKERS", "FREQUENCY"),
@@ -79,12 +69,12 @@ class QtmHeader:
         """
         if key not in self.values:
             return None
-        text = pointed((self.values[key] or [""])[0])
+        stated = text.pointed((self.values[key] or [""])[0])
         try:
-            return float(text)
+            return float(stated)
         except ValueError:
             raise RecordingError(
-                f"{self.place(key)}: {key}: expected a number, found '{text}'"
+                f"{self.place(key)}: {key}: expected a number, found '{stated}'"
             ) from None
 
 
@@ -98,11 +88,11 @@ def read_header(path: Path) -> QtmHeader:
         are no numbers.
     """
     header = QtmHeader(path)
-    with readable(path) as file:
-        header.mark = mark_between([decoded(line) for line in islice(file, 5)])
+    with text.readable(path) as file:
+        header.mark = text.mark_between([text.decoded(line) for line in islice(file, 5)])
         file.seek(0)
         for line in file:
-            fields = split_line(path, line, header.mark)
+            fields = text.split_line(path, line, header.mark)
             if _starts_the_numbers(header, fields):
                 header.first_row = fields
                 return header
@@ -118,12 +108,12 @@ def _starts_the_numbers(header: QtmHeader, fields: list[str]) -> bool:
     """Tell whether this row is the first of the numbers."""
     if fields == [""]:
         return False
-    first = next((f for f in fields if f not in TEXT_TABLE_MISSING), None)
-    if first is None or is_number(pointed(first)):
+    first = next((f for f in fields if f not in text.TEXT_TABLE_MISSING), None)
+    if first is None or text.is_number(text.pointed(first)):
         return first is not None or len(fields) > 1
     if header.columns and _units(fields):
         return False
-    is_key = _KEY.fullmatch(fields[0]) and fields[0] not in TEXT_TABLE_MISSING
+    is_key = _KEY.fullmatch(fields[0]) and fields[0] not in text.TEXT_TABLE_MISSING
     if is_key or is_column_row(fields):
         return False
     raise RecordingError(
@@ -151,7 +141,7 @@ def _take(header: QtmHeader, fields: list[str]) -> None:
         header.unit = (_units(fields) - _SECONDS).pop()
     elif is_column_row(fields):
         counters = {name.lower(): name for name in COUNTERS}
-        header.columns = [counters.get(name.lower(), name) for name in trimmed(fields)]
+        header.columns = [counters.get(name.lower(), name) for name in text.trimmed(fields)]
     elif key == "EVENT":
         event, frame = _event(header, fields[1:])
         header.events.append(event)
@@ -173,7 +163,7 @@ def _event(header: QtmHeader, fields: list[str]) -> tuple[Event, float]:
     """Read the rest of an ``EVENT`` row: label, frame, time."""
     place = f"{header.path}, line {header.n_lines}"
     try:
-        label, frame, seconds = trimmed(fields)
+        label, frame, seconds = text.trimmed(fields)
         event, number = Event(label, float(seconds)), float(frame)
         if not isfinite(event.time_s + number):
             raise ValueError
@@ -188,13 +178,13 @@ def columns_of(fields: list[str]) -> tuple[list[str], list[str] | None]:
     """Counters and names of markers of a row of columns; None if the others are no coordinates."""
     names = {name.lower(): name for name in COUNTERS}
     counters = [names[f.lower()] for f in fields[: len(COUNTERS)] if f.lower() in names]
-    return counters, coordinate_stems(trimmed(fields)[len(counters) :])
+    return counters, coordinate_stems(text.trimmed(fields)[len(counters) :])
 
 
 def is_known(fields: list[str]) -> bool:
     """Tell whether a first row is one of QTM's exports: a key, names of columns or numbers."""
     first = fields[0]
-    return first in KEYS or is_column_row(fields) or is_number(pointed(first))
+    return first in KEYS or is_column_row(fields) or text.is_number(text.pointed(first))
 
 
 def is_column_row(fields: list[str]) -> bool:
@@ -246,7 +236,7 @@ def layout(header: QtmHeader) -> tuple[str, list[str], list[str], tuple[str, ...
         )
     place, names = here, stems or []
     if "MARKER_NAMES" in header.values:
-        place, names = header.place("MARKER_NAMES"), trimmed(header.values["MARKER_NAMES"])
+        place, names = header.place("MARKER_NAMES"), text.trimmed(header.values["MARKER_NAMES"])
     elif not (header.columns or header.values):
         place, names = f"{header.path}, line 1", _numbered_names(header)
     if not names:
@@ -294,13 +284,13 @@ def _numbered_names(header: QtmHeader) -> list[str]:
 _FORMS = ("%Y-%m-%d, %H:%M:%S.%f", "%Y-%m-%d, %H:%M:%S")
 
 
-def moment(text: Any) -> datetime | None:
-    """Return when the measurement began; None if the text is no date, or in a form of its own."""
-    if not isinstance(text, str):
+def moment(stated: Any) -> datetime | None:
+    """Return when the measurement began; None if it is no date, or in a form of its own."""
+    if not isinstance(stated, str):
         return None
     for form in _FORMS:
         try:
-            return datetime.strptime(text.split("\t")[0].strip(), form)
+            return datetime.strptime(stated.split("\t")[0].strip(), form)
         except ValueError:
             continue
     return None
@@ -339,7 +329,7 @@ def read_qtm_tsv(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRe
     place, names, counters, wrong = layout(header)
     markers, renamed = raw.distinct_names(place, names, may_lack=True)
     n_columns, width = len(counters) + 3 * len(names), len(header.first_row)
-    rows = Rows(header.path, header.n_lines, header.offset, width, header.mark)
+    rows = text.Rows(header.path, header.n_lines, header.offset, width, header.mark)
     unit, factor = (
         raw.metric(str(header.path), header.unit) if header.unit else (raw.USUAL_UNIT, 1.0)
     )

@@ -24,6 +24,7 @@ TEXT_TABLE_MISSING = (
     *("", "NULL", "Null", "null", "n/a", "N/A", *_NAN, *(f"-{nan}" for nan in _NAN)),
     *("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),
 )
+CUT = "; the file ends here, was it cut short? export it again, or delete the last line"
 HELD = "\x1f"  # in place of a mark that belongs to its field
 
 
@@ -292,7 +293,7 @@ class Rows:
             return b""
         fields = [f.replace(self.mark, HELD) for f in fields_of(line.decode("latin-1"), self.mark)]
         if len(fields) > self.width or (len(fields) < self.width and not self.may_be_short):
-            cut = "; the file ends here, was it cut short?" if is_last else ""
+            cut = CUT if is_last else ""
             raise RecordingError(
                 f"{place}: expected {self.width} columns, found {len(fields)}{cut}"
             )
@@ -324,7 +325,7 @@ class Rows:
             fields = fields_of(decoded(row), self.mark)
             for c in wanted:
                 if fields[c] not in TEXT_TABLE_MISSING and (fault := no_number(fields[c])):
-                    cut = "; the file ends here, was it cut short?" * (is_last and row is rows[-1])
+                    cut = CUT * (is_last and row is rows[-1])
                     raise RecordingError(
                         f"{self.path}, line {number + k}, column {c + 1}: {fault}{cut}"
                     )

@@ -9,14 +9,7 @@ import numpy as np
 
 from hopdata.errors import RecordingError, did_you_mean
 from hopdata.recordings import raw
-from hopdata.recordings.readers.text import (
-    Rows,
-    is_number,
-    pointed,
-    readable,
-    split_line,
-    trimmed,
-)
+from hopdata.recordings.readers import text
 
 KEYS = (
     *("DataRate", "CameraRate", "NumFrames", "NumMarkers", "Units"),
@@ -34,19 +27,19 @@ class _Header:
     path: Path
     values: dict[str, str]
     markers: tuple[str, ...]
-    rows: Rows
+    rows: text.Rows
     remarks: tuple[str, ...] = ()
 
     def number(self, key: str) -> float | None:
         """Value of a key as a finite number; None if the key is absent."""
-        text = pointed(self.values.get(key, ""))
-        if not text:
+        stated = text.pointed(self.values.get(key, ""))
+        if not stated:
             return None
-        if not (is_number(text) and np.isfinite(float(text))):
+        if not (text.is_number(stated) and np.isfinite(float(stated))):
             raise RecordingError(
-                f"{self.path}, line 3: {key}: expected a number, found '{text[:40]}'"
+                f"{self.path}, line 3: {key}: expected a number, found '{stated[:40]}'"
             )
-        return float(text)
+        return float(stated)
 
 
 def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecording:
@@ -88,9 +81,9 @@ def read_trc(path: str | Path, *, rate_hz: float | None = None) -> raw.RawRecord
 def _read_header(path: Path) -> _Header:
     lines: list[list[str]] = []
     offset = 0
-    with readable(path) as file:
+    with text.readable(path) as file:
         for line in islice(file, _HEADER_LINES):
-            lines.append(split_line(path, line, _mark(line) if lines else "\t"))
+            lines.append(text.split_line(path, line, _mark(line) if lines else "\t"))
             offset += len(line)
         first = next(iter(file), b"")
         while first and not first.strip(b"\r\n\t "):
@@ -105,7 +98,7 @@ def _read_header(path: Path) -> _Header:
     values, unknown = _values(path, lines[1], lines[2])
     n_axes = _count_axes(path, lines[4])
     names = _names(path, lines[3], n_axes)
-    stated = _Header(path, values, (), Rows(path, 0, 0, 0)).number("NumMarkers")
+    stated = _Header(path, values, (), text.Rows(path, 0, 0, 0)).number("NumMarkers")
     if stated == n_axes // 3:  # the last may have no name
         names += [""] * (n_axes // 3 - len(names))
     told = f"{path}, line 4: expected {stated or 0:g} marker names (NumMarkers), found {len(names)}"
@@ -114,15 +107,15 @@ def _read_header(path: Path) -> _Header:
     markers, remarks = raw.distinct_names(f"{path}, line 4", names, may_lack=True)
     remarks += unknown + (f"{told}, which are taken",) * (stated not in (None, len(names)))
     mark = _mark(first)
-    fields = split_line(path, first, mark)
+    fields = text.split_line(path, first, mark)
     width = max(len(fields), 2 + 3 * len(markers))
     unused = sum(map(bool, fields[2 + 3 * len(markers) :]))
     if unused or n_axes > 3 * len(markers):
         remarks += (
             f"{path}: expected {3 * len(markers)} columns of {len(markers)} markers, found "
-            f"{max(n_axes, len(trimmed(fields)) - 2)}; the others are not read",
+            f"{max(n_axes, len(text.trimmed(fields)) - 2)}; the others are not read",
         )
-    return _Header(path, values, markers, Rows(path, len(lines), offset, width, mark), remarks)
+    return _Header(path, values, markers, text.Rows(path, len(lines), offset, width, mark), remarks)
 
 
 def _mark(line: bytes) -> str:
@@ -156,7 +149,7 @@ def _names(path: Path, fields: list[str], n_axes: int) -> list[str]:
     place = f"{path}, line 4"
     if not (len(fields) > 1 and all(map(re.fullmatch, _COUNTERS, (f.lower() for f in fields[:2])))):
         raise RecordingError(f"{place}: expected {' and '.join(COUNTERS)}, found {fields[:2]}")
-    cells = trimmed(fields[2:])
+    cells = text.trimmed(fields[2:])
     if len(cells) == n_axes and all(cells[k] == cells[k - k % 3] for k in range(n_axes)):
         cells = [name if k % 3 == 0 else "" for k, name in enumerate(cells)]  # each name thrice
     names = [name for name in cells if name]
